@@ -1,0 +1,31 @@
+//! The nouns of isv: what every other crate talks about, with no algorithm beyond indexing.
+//!
+//! A frame is a [`SparseVolume`]: a set of cubic blocks of voxels in Morton order, each voxel an integer code of the
+//! truncated signed distance to the surface (negative inside), [`CODES_PER_VOXEL`] codes to one voxel edge. A
+//! [`TriangleMesh`] is what goes in and what comes out.
+//!
+//! ```
+//! use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
+//!
+//! let grid = Grid {
+//!     voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+//!     edge: BlockEdge::E8,
+//!     truncation: Truncation::from_voxels(8).unwrap(),
+//! };
+//! let mut builder = VolumeBuilder::new(grid);
+//! builder.push(BlockCoord { x: 0, y: -1, z: 2 }, vec![-100; 512], None);
+//! let volume = builder.finish();
+//! assert_eq!(volume.block_count(), 1);
+//! ```
+
+mod coord;
+mod grid;
+mod mask;
+mod mesh;
+mod volume;
+
+pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
+pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSize};
+pub use mask::VoxelMask;
+pub use mesh::{MeshError, TriangleMesh};
+pub use volume::{BlockIndex, Neighbourhood, SparseVolume, VolumeBuilder};

@@ -1,0 +1,46 @@
+//! A set of voxels within one block.
+
+use crate::BlockEdge;
+
+/// One bit a voxel of a block, in voxel-index order (x fastest).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VoxelMask {
+    words: Box<[u64]>,
+}
+
+impl VoxelMask {
+    /// The empty set for a block of this edge.
+    #[must_use]
+    pub fn empty(edge: BlockEdge) -> Self {
+        Self { words: vec![0; edge.block_voxels() / 64].into() }
+    }
+
+    /// Whether a voxel is in the set.
+    #[must_use]
+    pub fn contains(&self, voxel: usize) -> bool {
+        self.words[voxel / 64] >> (voxel % 64) & 1 != 0
+    }
+
+    /// Adds a voxel.
+    pub fn insert(&mut self, voxel: usize) {
+        self.words[voxel / 64] |= 1 << (voxel % 64);
+    }
+
+    /// Whether no voxel is in the set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.words.iter().all(|w| *w == 0)
+    }
+
+    /// Number of voxels in the set.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.words.iter().map(|w| w.count_ones() as usize).sum()
+    }
+
+    /// Words of 64 voxels, lowest voxel index in the lowest bit.
+    #[must_use]
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+}

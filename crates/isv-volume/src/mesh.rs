@@ -1,0 +1,73 @@
+//! Triangle meshes.
+
+use glam::DVec3;
+use thiserror::Error;
+
+/// A mesh that cannot be worked with.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum MeshError {
+    /// A NaN or infinite coordinate.
+    #[error("vertex {vertex} is not finite")]
+    NotFinite {
+        /// Index of the vertex.
+        vertex: usize,
+    },
+    /// A triangle names a vertex that is not there.
+    #[error("face {face} names vertex {vertex} of {vertices}")]
+    IndexPastEnd {
+        /// Index of the triangle.
+        face: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// No triangles at all.
+    #[error("no faces")]
+    NoFaces,
+}
+
+/// An indexed triangle mesh: positions in metres, triangles counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// Positions in metres.
+    pub vertices: Vec<DVec3>,
+    /// Unit normals pointing outside, one a vertex; empty when the mesh has none.
+    pub normals: Vec<DVec3>,
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl TriangleMesh {
+    /// Corner positions of triangle `face`.
+    #[must_use]
+    pub fn corners(&self, face: usize) -> [DVec3; 3] {
+        self.triangles[face].map(|v| self.vertices[v as usize])
+    }
+
+    /// Checks what every consumer relies on: at least one face, finite vertices, indices in range.
+    ///
+    /// # Errors
+    /// The first violation found.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        if self.triangles.is_empty() {
+            return Err(MeshError::NoFaces);
+        }
+        if let Some(vertex) = self.vertices.iter().position(|v| !v.is_finite()) {
+            return Err(MeshError::NotFinite { vertex });
+        }
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            if let Some(&vertex) = triangle.iter().find(|v| **v as usize >= self.vertices.len()) {
+                return Err(MeshError::IndexPastEnd { face, vertex, vertices: self.vertices.len() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Smallest and largest corner of the bounding box of all vertices; `None` without vertices.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let first = *self.vertices.first()?;
+        Some(self.vertices.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+    }
+}
