@@ -1,1 +1,27 @@
-//! placeholder
+//! The `.isv` container: syntax only, no coding. `docs/spec/format.md`, sections 5 and 6, is the normative description.
+//!
+//! ```text
+//! stream = StreamHeader, packet ..., [index packet, trailer]
+//! packet = PacketHeader (length, type, keyframe flag, timestamp, checksum), payload
+//! frame payload = FrameHeader, block-set segment, mask segment, then a motion and a coefficient segment a slice
+//! ```
+//!
+//! Everything can be written to a pipe and read from one: no field is patched afterwards and nothing needs the index,
+//! which only saves a reader that can seek from walking the packets.
+
+mod bytes;
+mod error;
+mod frame;
+mod header;
+mod index;
+mod packet;
+mod reader;
+mod writer;
+
+pub use error::FormatError;
+pub use frame::{FrameHeader, FramePayload, Prediction, SliceLayout, SlicePayload};
+pub use header::{FORMAT_VERSION, FrameRate, Profile, StreamHeader};
+pub use index::{IndexEntry, StreamIndex};
+pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
+pub use reader::PacketReader;
+pub use writer::PacketWriter;

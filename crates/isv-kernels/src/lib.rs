@@ -1,1 +1,16 @@
-//! placeholder
+//! The codec's arithmetic on one block: pure integer functions on arrays, no allocation, no I/O, no clock.
+//!
+//! Whatever the decoder repeats is here and is exact: every intermediate is bounded inside `i32` and rounding is stated,
+//! so any machine, instruction set or GPU gives the same bits (`docs/spec/format.md`, section 7).
+//!
+//! | file | step of the paper |
+//! |---|---|
+//! | [`dct`] | 3-D DCT of a residual block and back (Sec. 3.3) |
+//! | [`scan`] | the K lowest frequencies, by index sum (Sec. 3.3) |
+//! | [`quant`] | fixed DC step, tunable AC step (Sec. 3.3) |
+//! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
+
+pub mod dct;
+pub mod quant;
+pub mod scan;
+pub mod warp;

@@ -1,0 +1,169 @@
+//! Binary range coder, encoder and decoder side by side.
+
+use crate::BitModel;
+
+/// Below this the range is scaled up by a byte.
+const RENORMALIZE_BELOW: u32 = 1 << 24;
+
+/// Writes bits into bytes.
+#[derive(Clone, Debug)]
+pub struct RangeEncoder {
+    /// Low end of the interval: 32 bits and a carry.
+    low: u64,
+    range: u32,
+    /// The last byte that a carry may still change, and how many 0xff bytes follow it.
+    pending: Option<u8>,
+    pending_ff: u64,
+    bytes: Vec<u8>,
+}
+
+impl Default for RangeEncoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RangeEncoder {
+    /// An encoder that has written nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { low: 0, range: u32::MAX, pending: None, pending_ff: 0, bytes: Vec::new() }
+    }
+
+    /// Codes a bit under an adaptive model, which learns from it.
+    pub fn encode(&mut self, model: &mut BitModel, bit: bool) {
+        let bound = (self.range >> 16) * model.probability_of_one();
+        if bit {
+            self.range = bound;
+        } else {
+            self.low += u64::from(bound);
+            self.range -= bound;
+        }
+        model.update(bit);
+        self.renormalize();
+    }
+
+    /// Codes the lowest `count` bits of `value`, highest first, each at a cost of one bit.
+    pub fn encode_raw(&mut self, value: u32, count: u32) {
+        for bit in (0..count).rev() {
+            self.range >>= 1;
+            if value >> bit & 1 != 0 {
+                self.low += u64::from(self.range);
+            }
+            self.renormalize();
+        }
+    }
+
+    /// The coded bytes. The decoder reads zeros past the end, so up to four zero bytes there are left off.
+    #[must_use]
+    pub fn finish(mut self) -> Vec<u8> {
+        // Any number in low .. low + range will do: take the one with the most trailing zero bits.
+        let high = self.low + u64::from(self.range) - 1;
+        let keep = (0..=32).rev().find(|zeros| high >> zeros << zeros >= self.low).unwrap_or(0);
+        self.low = high >> keep << keep;
+        for _ in 0..5 {
+            self.shift_low();
+        }
+        for _ in 0..4 {
+            self.bytes.pop_if(|last| *last == 0);
+        }
+        self.bytes
+    }
+
+    fn renormalize(&mut self) {
+        while self.range < RENORMALIZE_BELOW {
+            self.range <<= 8;
+            self.shift_low();
+        }
+    }
+
+    /// Moves the top byte of `low` out; a carry ripples through the bytes held back for it.
+    fn shift_low(&mut self) {
+        let byte = (self.low >> 24) as u8;
+        let carry = (self.low >> 32) as u8;
+        if byte == 0xff && carry == 0 {
+            self.pending_ff += 1;
+        } else {
+            if let Some(held) = self.pending {
+                self.bytes.push(held.wrapping_add(carry));
+            }
+            for _ in 0..self.pending_ff {
+                self.bytes.push(0xff_u8.wrapping_add(carry));
+            }
+            self.pending_ff = 0;
+            self.pending = Some(byte);
+        }
+        self.low = self.low << 8 & 0xffff_ffff;
+    }
+}
+
+/// Reads what [`RangeEncoder`] wrote. Any bytes decode to something; [`RangeDecoder::overran`] tells when that something
+/// was made up.
+#[derive(Clone, Debug)]
+pub struct RangeDecoder<'a> {
+    bytes: &'a [u8],
+    position: usize,
+    range: u32,
+    /// Distance of the coded number from the low end of the interval.
+    code: u32,
+}
+
+impl<'a> RangeDecoder<'a> {
+    /// Starts on the bytes of one [`RangeEncoder::finish`].
+    #[must_use]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let mut decoder = Self { bytes, position: 0, range: u32::MAX, code: 0 };
+        for _ in 0..4 {
+            decoder.code = decoder.code << 8 | decoder.next_byte();
+        }
+        decoder
+    }
+
+    /// Decodes a bit under an adaptive model, which learns from it.
+    pub fn decode(&mut self, model: &mut BitModel) -> bool {
+        let bound = (self.range >> 16) * model.probability_of_one();
+        let bit = self.code < bound;
+        if bit {
+            self.range = bound;
+        } else {
+            self.code -= bound;
+            self.range -= bound;
+        }
+        model.update(bit);
+        self.renormalize();
+        bit
+    }
+
+    /// Decodes `count` equally likely bits, highest first.
+    pub fn decode_raw(&mut self, count: u32) -> u32 {
+        let mut value = 0;
+        for _ in 0..count {
+            self.range >>= 1;
+            let bit = u32::from(self.code >= self.range);
+            self.code -= self.range * bit;
+            value = value << 1 | bit;
+            self.renormalize();
+        }
+        value
+    }
+
+    /// Whether more was decoded than the bytes can hold: past the end by more than the four
+    /// zeros that an encoder may leave off.
+    #[must_use]
+    pub fn overran(&self) -> bool {
+        self.position > self.bytes.len() + 4
+    }
+
+    fn renormalize(&mut self) {
+        while self.range < RENORMALIZE_BELOW {
+            self.range <<= 8;
+            self.code = self.code << 8 | self.next_byte();
+        }
+    }
+
+    fn next_byte(&mut self) -> u32 {
+        let byte = self.bytes.get(self.position).copied().unwrap_or(0);
+        self.position += 1;
+        u32::from(byte)
+    }
+}

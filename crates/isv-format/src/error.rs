@@ -1,0 +1,66 @@
+//! What can be wrong with bytes that claim to be an `.isv` stream.
+
+use thiserror::Error;
+
+/// A stream that cannot be read further. Offsets count bytes from the start of the stream.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum FormatError {
+    /// The first bytes are not the magic.
+    #[error("not an .isv stream: it does not begin with the .isv magic")]
+    NotIsv,
+    /// A format version that this build does not know.
+    #[error("format version {found}, but this build reads version {supported}: use a matching isv")]
+    Version {
+        /// The version the stream states.
+        found: u16,
+        /// The version this build reads.
+        supported: u16,
+    },
+    /// The bytes break the format.
+    #[error("{what} at byte {at}")]
+    Malformed {
+        /// Where the offending structure begins.
+        at: u64,
+        /// What is wrong.
+        what: String,
+    },
+    /// The bytes end inside a structure.
+    #[error("cut off at byte {at}, inside {inside}")]
+    Truncated {
+        /// Where the bytes end.
+        at: u64,
+        /// What was being read.
+        inside: &'static str,
+    },
+    /// A checksum does not match: the bytes were damaged.
+    #[error("damaged: checksum of {what} at byte {at} does not match")]
+    Checksum {
+        /// Where the structure begins.
+        at: u64,
+        /// What was checked.
+        what: &'static str,
+    },
+    /// Valid, but above a bound on memory.
+    #[error("{what}: {asked}, above the limit of {allowed}, at byte {at}")]
+    LimitExceeded {
+        /// Where the structure begins.
+        at: u64,
+        /// What is too large.
+        what: &'static str,
+        /// What the stream asks for.
+        asked: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// The source could not be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+impl FormatError {
+    /// A [`FormatError::Malformed`].
+    pub(crate) fn malformed(at: u64, what: impl Into<String>) -> Self {
+        Self::Malformed { at, what: what.into() }
+    }
+}

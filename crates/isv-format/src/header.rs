@@ -1,0 +1,228 @@
+//! The stream header: what holds for every frame.
+
+use crate::FormatError;
+use crate::bytes::ByteReader;
+use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
+
+/// First bytes of a stream. As in PNG, the first is not ASCII, so no text begins so, and the line ends show a transfer that
+/// rewrote them.
+pub(crate) const MAGIC: [u8; 8] = *b"\x89ISV\r\n\x1a\n";
+/// The version this build writes and reads.
+pub const FORMAT_VERSION: u16 = 1;
+
+/// Largest quantizer step, in sixteenths of a code.
+const STEP_LIMIT: u32 = 1 << 20;
+
+/// Which of the codec's two sets of tools a stream uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// The paper as written.
+    Paper,
+}
+
+/// Frames a second as a fraction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameRate {
+    /// Frames in `denominator` seconds; not 0.
+    pub numerator: u32,
+    /// Seconds; not 0.
+    pub denominator: u32,
+}
+
+impl FrameRate {
+    /// Frames a second.
+    #[must_use]
+    pub fn per_second(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+
+    /// Start of a frame in nanoseconds, rounded down.
+    #[must_use]
+    pub fn timestamp_ns(self, frame: u64) -> u64 {
+        (u128::from(frame) * u128::from(self.denominator) * 1_000_000_000 / u128::from(self.numerator)) as u64
+    }
+}
+
+/// What holds for every frame of a stream. 48 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamHeader {
+    /// The set of tools.
+    pub profile: Profile,
+    /// Voxel size, block edge and truncation.
+    pub grid: Grid,
+    /// Nominal frame rate.
+    pub frame_rate: FrameRate,
+    /// How many coefficients of a block are coded: K in Sec. 3.3, 1 up to a block's voxels.
+    pub coefficients: u16,
+    /// DC step in sixteenths of a code, `1 ..= 2^20`.
+    pub dc_step: u32,
+    /// AC step in sixteenths of a code, `1 ..= 2^20`.
+    pub ac_step: u32,
+}
+
+impl StreamHeader {
+    /// Size in bytes.
+    pub const BYTES: usize = 48;
+
+    /// The header as bytes.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; Self::BYTES] {
+        let mut out = Vec::with_capacity(Self::BYTES);
+        out.extend(MAGIC);
+        out.extend(FORMAT_VERSION.to_le_bytes());
+        out.extend((Self::BYTES as u16).to_le_bytes());
+        out.push(match self.profile {
+            Profile::Paper => 0,
+        });
+        out.push(self.grid.edge.log2() as u8);
+        out.push(self.grid.truncation.voxels() as u8);
+        out.push(0);
+        out.extend(self.grid.voxel_size.nanometres().to_le_bytes());
+        out.extend(self.frame_rate.numerator.to_le_bytes());
+        out.extend(self.frame_rate.denominator.to_le_bytes());
+        out.extend(self.coefficients.to_le_bytes());
+        out.extend([0; 2]);
+        out.extend(self.dc_step.to_le_bytes());
+        out.extend(self.ac_step.to_le_bytes());
+        out.extend(crc32fast::hash(&out).to_le_bytes());
+        out.try_into().expect("the fields above fill the header")
+    }
+
+    /// Parses and checks a header.
+    ///
+    /// # Errors
+    /// Any of the format errors; the version is looked at before anything else may be judged.
+    pub fn parse(bytes: &[u8; Self::BYTES]) -> Result<Self, FormatError> {
+        let mut fields = ByteReader::new(bytes, 0, "the stream header");
+        if fields.take(8)? != MAGIC {
+            return Err(FormatError::NotIsv);
+        }
+        let version = fields.u16()?;
+        if version != FORMAT_VERSION {
+            return Err(FormatError::Version { found: version, supported: FORMAT_VERSION });
+        }
+        let (body, checksum) = bytes.split_at(Self::BYTES - 4);
+        if crc32fast::hash(body).to_le_bytes() != checksum {
+            return Err(FormatError::Checksum { at: 0, what: "the stream header" });
+        }
+        let length = fields.u16()?;
+        require(usize::from(length) == Self::BYTES, 10, || format!("header length {length}"))?;
+        let header = Self::parse_fields(&mut fields)?;
+        header.check()?;
+        Ok(header)
+    }
+
+    /// The fields after the length, in order.
+    fn parse_fields(fields: &mut ByteReader) -> Result<Self, FormatError> {
+        let profile = fields.u8()?;
+        require(profile == 0, 12, || format!("profile {profile} is not known"))?;
+        let edge_log2 = fields.u8()?;
+        let edge = BlockEdge::from_voxels(1u32.checked_shl(u32::from(edge_log2)).unwrap_or(0));
+        let truncation = Truncation::from_voxels(u32::from(fields.u8()?));
+        let reserved = fields.u8()?;
+        require(reserved == 0, 15, || format!("reserved byte is {reserved}"))?;
+        let voxel_size = VoxelSize::from_nanometres(fields.u64()?);
+        let frame_rate = FrameRate { numerator: fields.u32()?, denominator: fields.u32()? };
+        let coefficients = fields.u16()?;
+        let reserved = fields.u16()?;
+        require(reserved == 0, 34, || format!("reserved field is {reserved}"))?;
+        let malformed = |at, error: isv_volume::GridError| FormatError::malformed(at, error.to_string());
+        Ok(Self {
+            profile: Profile::Paper,
+            grid: Grid {
+                edge: edge.map_err(|e| malformed(13, e))?,
+                truncation: truncation.map_err(|e| malformed(14, e))?,
+                voxel_size: voxel_size.map_err(|e| malformed(16, e))?,
+            },
+            frame_rate,
+            coefficients,
+            dc_step: fields.u32()?,
+            ac_step: fields.u32()?,
+        })
+    }
+
+    /// Ranges of the fields that no type checks.
+    fn check(&self) -> Result<(), FormatError> {
+        let rate = self.frame_rate;
+        require(rate.numerator > 0 && rate.denominator > 0, 24, || {
+            format!("frame rate {}/{}", rate.numerator, rate.denominator)
+        })?;
+        let voxels = self.grid.edge.block_voxels();
+        require((1..=voxels).contains(&usize::from(self.coefficients)), 32, || {
+            format!("{} coefficients in a block of {voxels} voxels", self.coefficients)
+        })?;
+        for (at, step) in [(36, self.dc_step), (40, self.ac_step)] {
+            require((1..=STEP_LIMIT).contains(&step), at, || format!("quantizer step {step}"))?;
+        }
+        Ok(())
+    }
+}
+
+fn require(condition: bool, at: u64, what: impl FnOnce() -> String) -> Result<(), FormatError> {
+    if condition { Ok(()) } else { Err(FormatError::malformed(at, what())) }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn header() -> StreamHeader {
+        StreamHeader {
+            profile: Profile::Paper,
+            grid: Grid {
+                voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+                edge: BlockEdge::E8,
+                truncation: Truncation::from_voxels(8).unwrap(),
+            },
+            frame_rate: FrameRate { numerator: 30, denominator: 1 },
+            coefficients: 64,
+            dc_step: 819,
+            ac_step: 8192,
+        }
+    }
+
+    #[test]
+    fn header_roundtrips() {
+        assert_eq!(StreamHeader::parse(&header().to_bytes()).unwrap(), header());
+    }
+
+    #[test]
+    fn every_flipped_bit_is_noticed() {
+        let bytes = header().to_bytes();
+        for bit in 0..bytes.len() * 8 {
+            let mut damaged = bytes;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(StreamHeader::parse(&damaged).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn fields_out_of_range_are_refused_by_place() {
+        let mut wrong: Vec<(u64, StreamHeader)> = vec![];
+        wrong.push((24, StreamHeader { frame_rate: FrameRate { numerator: 0, denominator: 1 }, ..header() }));
+        wrong.push((32, StreamHeader { coefficients: 513, ..header() }));
+        wrong.push((36, StreamHeader { dc_step: 0, ..header() }));
+        wrong.push((40, StreamHeader { ac_step: STEP_LIMIT + 1, ..header() }));
+        for (place, header) in wrong {
+            match StreamHeader::parse(&header.to_bytes()) {
+                Err(FormatError::Malformed { at, .. }) => assert_eq!(at, place),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_newer_version_is_named_before_its_checksum_is_judged() {
+        let mut bytes = header().to_bytes();
+        bytes[8] = 2;
+        let error = StreamHeader::parse(&bytes).unwrap_err();
+        assert!(matches!(error, FormatError::Version { found: 2, supported: 1 }), "{error}");
+    }
+
+    #[test]
+    fn timestamps_do_not_drift() {
+        let rate = FrameRate { numerator: 30_000, denominator: 1001 };
+        assert_eq!(rate.timestamp_ns(30_000), 1_001_000_000_000);
+        assert_eq!(rate.timestamp_ns(1), 33_366_666);
+    }
+}

@@ -1,0 +1,129 @@
+//! The index: byte offset and keyframe flag of every frame.
+
+use crate::bytes::ByteReader;
+use crate::packet::{PacketHeader, PacketKind};
+use crate::{FormatError, PacketReader, StreamHeader};
+use std::io::{Read, Seek, SeekFrom};
+
+const TRAILER_MAGIC: [u8; 4] = *b"ISVX";
+
+/// Where one frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IndexEntry {
+    /// Where its packet header begins in the stream.
+    pub at: u64,
+    /// Whether decoding can begin here.
+    pub keyframe: bool,
+}
+
+/// Where every frame of a stream is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StreamIndex {
+    /// One entry a frame, in order.
+    pub frames: Vec<IndexEntry>,
+}
+
+impl StreamIndex {
+    /// Size in bytes of the trailer that follows the index packet: where that packet begins (8), magic (4), CRC-32 of the
+    /// 12 bytes before it (4).
+    pub const TRAILER_BYTES: usize = 16;
+
+    /// Payload of the index packet: 8 bytes a frame, twice the offset plus the keyframe flag.
+    #[must_use]
+    pub fn to_payload(&self) -> Vec<u8> {
+        self.frames.iter().flat_map(|f| (f.at << 1 | u64::from(f.keyframe)).to_le_bytes()).collect()
+    }
+
+    /// Parses the payload of an index packet that begins at byte `at`.
+    ///
+    /// # Errors
+    /// Offsets that do not ascend, or point past the index.
+    pub fn parse(payload: &[u8], at: u64) -> Result<Self, FormatError> {
+        let mut fields = ByteReader::new(payload, at, "the index");
+        let mut frames = Vec::with_capacity(payload.len() / 8);
+        let mut least = StreamHeader::BYTES as u64;
+        while !fields.is_empty() {
+            let entry_at = fields.at();
+            let value = fields.u64()?;
+            let entry = IndexEntry { at: value >> 1, keyframe: value & 1 != 0 };
+            if entry.at < least || entry.at >= at {
+                return Err(FormatError::malformed(
+                    entry_at,
+                    format!("index entry points to byte {}", entry.at),
+                ));
+            }
+            least = entry.at + PacketHeader::BYTES as u64;
+            frames.push(entry);
+        }
+        Ok(Self { frames })
+    }
+
+    /// The trailer of an index packet that begins at byte `at`.
+    #[must_use]
+    pub fn trailer(at: u64) -> [u8; Self::TRAILER_BYTES] {
+        let mut out = Vec::with_capacity(Self::TRAILER_BYTES);
+        out.extend(at.to_le_bytes());
+        out.extend(TRAILER_MAGIC);
+        out.extend(crc32fast::hash(&out).to_le_bytes());
+        out.try_into().expect("the fields above fill the trailer")
+    }
+
+    /// Where the trailer says that the index packet begins; `None` if these are not the bytes of a trailer.
+    pub(crate) fn parse_trailer(bytes: &[u8; Self::TRAILER_BYTES]) -> Option<u64> {
+        let at = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes"));
+        (*bytes == Self::trailer(at)).then_some(at)
+    }
+
+    /// Index of a stream that can seek: read from its end, or made by walking the packets where the end is missing, as
+    /// after a crash of the writer. Whole frames before a cut are found; the cut itself is no error here.
+    ///
+    /// # Errors
+    /// I/O errors, and a stream that is damaged before its end.
+    pub fn load(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
+        match Self::load_from_end(source)? {
+            Some(index) => Ok(index),
+            None => Self::walk(source),
+        }
+    }
+
+    fn load_from_end(source: &mut (impl Read + Seek)) -> Result<Option<Self>, FormatError> {
+        let length = source.seek(SeekFrom::End(0))?;
+        let smallest = StreamHeader::BYTES + PacketHeader::BYTES + Self::TRAILER_BYTES;
+        if length < smallest as u64 {
+            return Ok(None);
+        }
+        source.seek(SeekFrom::End(-(Self::TRAILER_BYTES as i64)))?;
+        let mut trailer = [0; Self::TRAILER_BYTES];
+        source.read_exact(&mut trailer)?;
+        let Some(at) = Self::parse_trailer(&trailer).filter(|at| *at < length) else {
+            return Ok(None);
+        };
+        source.seek(SeekFrom::Start(at))?;
+        let packet = PacketReader::at_packet(source, at).next_packet()?;
+        match packet {
+            Some(p) if p.header.kind == PacketKind::Index => Ok(Some(Self::parse(&p.payload, at)?)),
+            _ => Err(FormatError::malformed(at, "the trailer points to no index")),
+        }
+    }
+
+    fn walk(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
+        source.seek(SeekFrom::Start(0))?;
+        let mut reader = PacketReader::new(source)?;
+        let mut index = Self::default();
+        loop {
+            match reader.next_frame() {
+                Ok(Some(packet)) => {
+                    index.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
+                }
+                Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(index),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// Number of the last keyframe at or before a frame; `None` if there is none or the frame does not exist.
+    #[must_use]
+    pub fn keyframe_before(&self, frame: usize) -> Option<usize> {
+        self.frames.get(..=frame)?.iter().rposition(|f| f.keyframe)
+    }
+}

@@ -1,0 +1,134 @@
+//! Packets: one a frame, each whole in itself.
+
+use crate::FormatError;
+use crate::bytes::ByteReader;
+
+const MAGIC: [u8; 4] = *b"ISVP";
+/// Largest payload of a packet. A frame of a million blocks is a few tens of megabytes.
+pub const MAX_PAYLOAD: u32 = 1 << 30;
+
+/// What a packet holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PacketKind {
+    /// A frame.
+    Frame {
+        /// Whether the frame can be decoded without any before it.
+        keyframe: bool,
+        /// Whether the frame header carries a hash of the decoded volume.
+        hashed: bool,
+    },
+    /// The index: where the frames are. Comes last.
+    Index,
+}
+
+/// The 24 bytes before a payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PacketHeader {
+    /// What the payload is.
+    pub kind: PacketKind,
+    /// Bytes of payload, at most [`MAX_PAYLOAD`].
+    pub payload_bytes: u32,
+    /// When the frame is shown, in nanoseconds; 0 for an index.
+    pub timestamp_ns: u64,
+    /// CRC-32 of the header's first 20 bytes and the payload.
+    pub(crate) checksum: u32,
+}
+
+const TYPE_FRAME: u8 = 1;
+const TYPE_INDEX: u8 = 2;
+const FLAG_KEYFRAME: u8 = 1;
+const FLAG_HASHED: u8 = 2;
+
+impl PacketHeader {
+    /// Size in bytes.
+    pub const BYTES: usize = 24;
+
+    /// The packet's header and payload as bytes, with the checksum of both.
+    ///
+    /// # Panics
+    /// If the payload is larger than [`MAX_PAYLOAD`].
+    #[must_use]
+    pub fn seal(kind: PacketKind, timestamp_ns: u64, payload: &[u8]) -> [u8; Self::BYTES] {
+        assert!(payload.len() <= MAX_PAYLOAD as usize, "packet of {} bytes", payload.len());
+        let (code, flags) = match kind {
+            PacketKind::Frame { keyframe, hashed } => {
+                (TYPE_FRAME, (u8::from(keyframe) * FLAG_KEYFRAME) | (u8::from(hashed) * FLAG_HASHED))
+            }
+            PacketKind::Index => (TYPE_INDEX, 0),
+        };
+        let mut out = Vec::with_capacity(Self::BYTES);
+        out.extend(MAGIC);
+        out.extend([code, flags, 0, 0]);
+        out.extend((payload.len() as u32).to_le_bytes());
+        out.extend(timestamp_ns.to_le_bytes());
+        out.extend(checksum(&out, payload).to_le_bytes());
+        out.try_into().expect("the fields above fill the header")
+    }
+
+    /// Parses a header that begins at byte `at` of the stream. The checksum waits for the payload.
+    ///
+    /// # Errors
+    /// A wrong magic, an unknown type, a reserved bit set, or a payload above the limit.
+    pub fn parse(bytes: &[u8; Self::BYTES], at: u64) -> Result<Self, FormatError> {
+        let mut fields = ByteReader::new(bytes, at, "a packet header");
+        if fields.take(4)? != MAGIC {
+            return Err(FormatError::malformed(at, "no packet begins where one should"));
+        }
+        let (code, flags, reserved) = (fields.u8()?, fields.u8()?, fields.u16()?);
+        let kind = match code {
+            TYPE_FRAME if flags & !(FLAG_KEYFRAME | FLAG_HASHED) == 0 => {
+                PacketKind::Frame { keyframe: flags & FLAG_KEYFRAME != 0, hashed: flags & FLAG_HASHED != 0 }
+            }
+            TYPE_INDEX if flags == 0 => PacketKind::Index,
+            _ => return Err(FormatError::malformed(at, format!("packet type {code} with flags {flags:#x}"))),
+        };
+        if reserved != 0 {
+            return Err(FormatError::malformed(at, "reserved field of a packet is not 0"));
+        }
+        let payload_bytes = fields.u32()?;
+        if payload_bytes > MAX_PAYLOAD {
+            let (asked, allowed) = (u64::from(payload_bytes), u64::from(MAX_PAYLOAD));
+            return Err(FormatError::LimitExceeded { at, what: "packet payload bytes", asked, allowed });
+        }
+        Ok(Self { kind, payload_bytes, timestamp_ns: fields.u64()?, checksum: fields.u32()? })
+    }
+}
+
+/// CRC-32 (IEEE 802.3) of the fields before the checksum and the payload after it.
+pub(crate) fn checksum(fields: &[u8], payload: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(fields);
+    hasher.update(payload);
+    hasher.finalize()
+}
+
+/// A whole packet, checksum verified.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Packet {
+    /// Its header.
+    pub header: PacketHeader,
+    /// Where the header begins in the stream.
+    pub at: u64,
+    /// Its payload.
+    pub payload: Vec<u8>,
+}
+
+impl Packet {
+    /// Whether this is a frame that can be decoded without any before it.
+    #[must_use]
+    pub fn is_keyframe(&self) -> bool {
+        matches!(self.header.kind, PacketKind::Frame { keyframe: true, .. })
+    }
+
+    /// Where the payload begins in the stream.
+    #[must_use]
+    pub fn payload_at(&self) -> u64 {
+        self.at + PacketHeader::BYTES as u64
+    }
+
+    /// Header and payload together.
+    #[must_use]
+    pub fn total_bytes(&self) -> usize {
+        PacketHeader::BYTES + self.payload.len()
+    }
+}

@@ -1,0 +1,127 @@
+//! Packets off a byte source, one after the other.
+
+use crate::packet::checksum;
+use crate::{FormatError, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use std::io::Read;
+
+/// Reads packets from anything that gives bytes, a pipe or a socket included. Never seeks.
+#[derive(Debug)]
+pub struct PacketReader<R> {
+    source: R,
+    header: Option<StreamHeader>,
+    at: u64,
+    saw_index: bool,
+}
+
+impl<R: Read> PacketReader<R> {
+    /// Reads the stream header.
+    ///
+    /// # Errors
+    /// Bytes that are not a stream header of this version.
+    pub fn new(mut source: R) -> Result<Self, FormatError> {
+        let mut bytes = [0; StreamHeader::BYTES];
+        let length = read_up_to(&mut source, &mut bytes)?;
+        if length < bytes.len() {
+            // A file too short for a header is more likely something else than a cut stream.
+            let is_prefix = length > 0 && bytes[..length.min(8)] == crate::header::MAGIC[..length.min(8)];
+            let cut = FormatError::Truncated { at: length as u64, inside: "the stream header" };
+            return Err(if is_prefix { cut } else { FormatError::NotIsv });
+        }
+        let header = StreamHeader::parse(&bytes)?;
+        Ok(Self { source, header: Some(header), at: bytes.len() as u64, saw_index: false })
+    }
+
+    /// Continues at a packet that begins at byte `at`, to which `source` has been brought.
+    pub fn at_packet(source: R, at: u64) -> Self {
+        Self { source, header: None, at, saw_index: false }
+    }
+
+    /// The stream header, if this reader began at it.
+    pub fn header(&self) -> Option<&StreamHeader> {
+        self.header.as_ref()
+    }
+
+    /// Whether the index has been read: the stream ended as its writer meant it to.
+    pub fn complete(&self) -> bool {
+        self.saw_index
+    }
+
+    /// The next packet, its checksum verified; `None` at the end of the bytes or after the index.
+    ///
+    /// # Errors
+    /// Bytes that end inside a packet, or are none.
+    pub fn next_packet(&mut self) -> Result<Option<Packet>, FormatError> {
+        if self.saw_index {
+            return Ok(None);
+        }
+        let mut bytes = [0; PacketHeader::BYTES];
+        let length = read_up_to(&mut self.source, &mut bytes)?;
+        if length == 0 {
+            return Ok(None);
+        }
+        if length < bytes.len() {
+            return Err(FormatError::Truncated { at: self.at + length as u64, inside: "a packet header" });
+        }
+        let header = PacketHeader::parse(&bytes, self.at)?;
+        let payload = self.read_payload(header.payload_bytes)?;
+        if checksum(&bytes[..PacketHeader::BYTES - 4], &payload) != header.checksum {
+            return Err(FormatError::Checksum { at: self.at, what: "the packet" });
+        }
+        let packet = Packet { header, at: self.at, payload };
+        self.at += packet.total_bytes() as u64;
+        self.saw_index = header.kind == PacketKind::Index;
+        Ok(Some(packet))
+    }
+
+    /// The next frame packet; `None` at the end of the stream. The index, when it comes, is checked and passed over.
+    ///
+    /// # Errors
+    /// As [`Self::next_packet`]; and an index that is wrong.
+    pub fn next_frame(&mut self) -> Result<Option<Packet>, FormatError> {
+        match self.next_packet()? {
+            Some(packet) if packet.header.kind == PacketKind::Index => {
+                StreamIndex::parse(&packet.payload, packet.at)?;
+                self.check_trailer(packet.at)?;
+                Ok(None)
+            }
+            other => Ok(other),
+        }
+    }
+
+    /// Reads as many bytes as there are, so that a false length takes no memory.
+    fn read_payload(&mut self, length: u32) -> Result<Vec<u8>, FormatError> {
+        let mut payload = Vec::new();
+        self.source.by_ref().take(u64::from(length)).read_to_end(&mut payload)?;
+        if payload.len() < length as usize {
+            let at = self.at + (PacketHeader::BYTES + payload.len()) as u64;
+            return Err(FormatError::Truncated { at, inside: "a packet" });
+        }
+        Ok(payload)
+    }
+
+    fn check_trailer(&mut self, index_at: u64) -> Result<(), FormatError> {
+        let mut bytes = [0; StreamIndex::TRAILER_BYTES];
+        let length = read_up_to(&mut self.source, &mut bytes)?;
+        if length < bytes.len() {
+            return Err(FormatError::Truncated { at: self.at + length as u64, inside: "the trailer" });
+        }
+        if StreamIndex::parse_trailer(&bytes) != Some(index_at) {
+            return Err(FormatError::malformed(self.at, "the trailer does not match the index"));
+        }
+        Ok(())
+    }
+}
+
+/// Fills as much of `buffer` as the source has.
+fn read_up_to(source: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
+    let mut filled = 0;
+    while filled < buffer.len() {
+        match source.read(&mut buffer[filled..]) {
+            Ok(0) => break,
+            Ok(count) => filled += count,
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(filled)
+}

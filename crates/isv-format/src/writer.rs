@@ -1,0 +1,158 @@
+//! Packets into a byte sink, one after the other.
+
+use crate::packet::{PacketHeader, PacketKind};
+use crate::{FormatError, FramePayload, IndexEntry, StreamHeader, StreamIndex};
+use std::io::Write;
+
+/// Writes a stream to anything that takes bytes. Never seeks, patches nothing.
+#[derive(Debug)]
+pub struct PacketWriter<W> {
+    sink: W,
+    at: u64,
+    index: StreamIndex,
+}
+
+impl<W: Write> PacketWriter<W> {
+    /// Writes the stream header.
+    ///
+    /// # Errors
+    /// I/O errors of the sink.
+    pub fn new(mut sink: W, header: &StreamHeader) -> Result<Self, FormatError> {
+        sink.write_all(&header.to_bytes())?;
+        Ok(Self { sink, at: StreamHeader::BYTES as u64, index: StreamIndex::default() })
+    }
+
+    /// Writes a frame packet and returns its size in bytes.
+    ///
+    /// # Errors
+    /// I/O errors of the sink.
+    pub fn write_frame(
+        &mut self,
+        keyframe: bool,
+        timestamp_ns: u64,
+        frame: &FramePayload,
+    ) -> Result<usize, FormatError> {
+        let hashed = frame.header.volume_hash.is_some();
+        let at = self.at;
+        let bytes =
+            self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
+        self.index.frames.push(IndexEntry { at, keyframe });
+        Ok(bytes)
+    }
+
+    /// Writes the index and the trailer, and gives the sink back.
+    ///
+    /// # Errors
+    /// I/O errors of the sink.
+    pub fn finish(mut self) -> Result<W, FormatError> {
+        let at = self.at;
+        self.write_packet(PacketKind::Index, 0, &self.index.to_payload())?;
+        self.sink.write_all(&StreamIndex::trailer(at))?;
+        self.sink.flush()?;
+        Ok(self.sink)
+    }
+
+    fn write_packet(
+        &mut self,
+        kind: PacketKind,
+        timestamp_ns: u64,
+        payload: &[u8],
+    ) -> Result<usize, FormatError> {
+        self.sink.write_all(&PacketHeader::seal(kind, timestamp_ns, payload))?;
+        self.sink.write_all(payload)?;
+        let bytes = PacketHeader::BYTES + payload.len();
+        self.at += bytes as u64;
+        Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::header::tests::header;
+    use crate::{FrameHeader, PacketReader, Prediction, SlicePayload};
+    use std::io::Cursor;
+
+    fn stream() -> Vec<u8> {
+        let mut writer = PacketWriter::new(Vec::new(), &header()).unwrap();
+        for frame in 0..3u64 {
+            let coefficients = [frame as u8; 30];
+            let payload = FramePayload {
+                header: FrameHeader { prediction: Prediction::None, blocks: 1, slices: 1, volume_hash: None },
+                block_set: &[7],
+                masks: &[],
+                slices: vec![SlicePayload { motion: &[], coefficients: &coefficients }],
+            };
+            writer.write_frame(frame != 1, frame * 1000, &payload).unwrap();
+        }
+        writer.finish().unwrap()
+    }
+
+    /// Frames read before the end or the first error.
+    fn frames(bytes: &[u8]) -> (usize, Result<(), FormatError>) {
+        let mut reader = match PacketReader::new(bytes) {
+            Ok(reader) => reader,
+            Err(error) => return (0, Err(error)),
+        };
+        let mut count = 0;
+        loop {
+            match reader.next_frame() {
+                Ok(Some(packet)) => {
+                    assert_eq!(packet.header.timestamp_ns, count as u64 * 1000);
+                    count += 1;
+                }
+                Ok(None) => return (count, Ok(())),
+                Err(error) => return (count, Err(error)),
+            }
+        }
+    }
+
+    #[test]
+    fn stream_roundtrips_with_its_index() {
+        let bytes = stream();
+        let (count, end) = frames(&bytes);
+        assert_eq!(count, 3);
+        end.unwrap();
+        let index = StreamIndex::load(&mut Cursor::new(&bytes)).unwrap();
+        assert_eq!(index.frames.iter().map(|f| f.keyframe).collect::<Vec<_>>(), [true, false, true]);
+        assert_eq!(index.keyframe_before(1), Some(0));
+        assert_eq!(index.keyframe_before(2), Some(2));
+        assert_eq!(index.keyframe_before(3), None);
+        for entry in &index.frames {
+            let packet = PacketReader::at_packet(&bytes[entry.at as usize..], entry.at)
+                .next_packet()
+                .unwrap()
+                .unwrap();
+            assert_eq!((packet.at, packet.is_keyframe()), (entry.at, entry.keyframe));
+        }
+    }
+
+    #[test]
+    fn every_prefix_yields_its_whole_frames_and_then_fails_or_ends_at_a_packet() {
+        let bytes = stream();
+        let index = StreamIndex::load(&mut Cursor::new(&bytes)).unwrap();
+        let ends: Vec<u64> = index.frames.iter().skip(1).map(|f| f.at).collect();
+        for length in 0..bytes.len() {
+            let (count, end) = frames(&bytes[..length]);
+            let whole = ends.iter().filter(|e| **e <= length as u64).count();
+            assert!(count >= whole && count <= whole + 1, "{length} bytes: {count} frames");
+            if length > StreamHeader::BYTES {
+                let walked = StreamIndex::load(&mut Cursor::new(&bytes[..length])).unwrap();
+                assert_eq!(walked.frames.len(), count, "{length} bytes");
+                assert_eq!(walked.frames, index.frames[..count]);
+            } else if length < StreamHeader::BYTES {
+                assert!(end.is_err(), "{length} bytes");
+            }
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_is_noticed() {
+        let bytes = stream();
+        for bit in 0..bytes.len() * 8 {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(frames(&damaged).1.is_err(), "bit {bit}");
+        }
+    }
+}
