@@ -1,1 +1,27 @@
-//! placeholder
+//! Packets in, sparse volumes out.
+//!
+//! ```text
+//! Packet ─ FramePayload ─ syntax: range decoder ─> FrameSymbols ─ reconstruct: prediction + inverse DCT ─> SparseVolume
+//!                                                                      ▲ Reference: the volume before ────────┘
+//! ```
+//!
+//! [`Decoder`] is the whole of it. The encoder uses the parts: it fills a [`FrameSymbols`], writes it with the mirror image
+//! of [`syntax`], and calls the same [`reconstruct`] for its own reference, so the two cannot drift apart (Eq. 11).
+//!
+//! This crate does not read files and does not extract surfaces.
+
+mod decoder;
+mod error;
+mod hash;
+mod parameters;
+pub mod reconstruct;
+mod reference;
+mod symbols;
+pub mod syntax;
+
+pub use decoder::{DecodedFrame, Decoder, Limits};
+pub use error::DecodeError;
+pub use hash::volume_hash;
+pub use parameters::CodingParameters;
+pub use reference::Reference;
+pub use symbols::FrameSymbols;

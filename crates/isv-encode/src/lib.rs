@@ -1,1 +1,20 @@
-//! placeholder
+//! Sparse volumes in, frame payloads out.
+//!
+//! ```text
+//! SparseVolume ─ motion_search ─ predict ─ residual ─ DCT ─ quantizer ─> FrameSymbols ─ syntax: range coder ─> EncodedFrame
+//!                     ▲                                                       └─ reconstruct ─> Reference ─┐
+//!                     └────────────────────────────────────────────────────────────────────────────────────┘
+//! ```
+//!
+//! [`Encoder`] is the whole of it. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
+//! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
+//! bytes on any number of threads.
+
+mod distortion;
+mod encoder;
+mod motion_search;
+mod residual;
+mod syntax;
+
+pub use distortion::surface_rms_voxels;
+pub use encoder::{EncodedFrame, Encoder, EncoderSettings, MotionMode};

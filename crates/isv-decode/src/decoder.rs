@@ -1,0 +1,155 @@
+//! The decoder: one packet, one volume.
+
+use crate::reconstruct::{predict, reconstruct};
+use crate::syntax::{self, EntropyState, SyntaxError};
+use crate::{CodingParameters, DecodeError, FrameSymbols, Reference, volume_hash};
+use isv_format::{FrameHeader, FramePayload, Packet, PacketKind, Prediction, SliceLayout, StreamHeader};
+use isv_volume::SparseVolume;
+use rayon::prelude::*;
+
+/// Bounds on what a stream may ask of its decoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Most voxels in a frame, blocks times voxels a block. A voxel takes about four bytes at the peak of decoding.
+    pub frame_voxels: usize,
+}
+
+impl Default for Limits {
+    /// `2^31` voxels, four million blocks of 8: a building at 5 mm.
+    fn default() -> Self {
+        Self { frame_voxels: 1 << 31 }
+    }
+}
+
+/// A frame as decoded.
+#[derive(Clone, Debug)]
+pub struct DecodedFrame<'a> {
+    /// The volume; it is also the reference for the next frame.
+    pub volume: &'a SparseVolume,
+    /// When it is shown, in nanoseconds.
+    pub timestamp_ns: u64,
+    /// Whether decoding could have begun here.
+    pub keyframe: bool,
+    /// Hash that the stream states, if any.
+    pub stated_hash: Option<u64>,
+}
+
+/// Decodes the packets of a stream in order, from any keyframe on.
+#[derive(Debug)]
+pub struct Decoder {
+    parameters: CodingParameters,
+    limits: Limits,
+    entropy: EntropyState,
+    reference: Option<Reference>,
+    frames: u64,
+}
+
+impl Decoder {
+    /// A decoder for the frames of a stream.
+    #[must_use]
+    pub fn new(header: &StreamHeader, limits: Limits) -> Self {
+        let parameters = CodingParameters::new(header);
+        let entropy = EntropyState::new(parameters.coefficients());
+        Self { parameters, limits, entropy, reference: None, frames: 0 }
+    }
+
+    /// Decodes a frame packet.
+    ///
+    /// After an error the decoder waits for a keyframe.
+    ///
+    /// # Errors
+    /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
+    pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+        // Taken out, so that an error leaves no reference behind.
+        let reference = self.reference.take();
+        let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
+            return Err(self.malformed(packet, "an index where a frame should be"));
+        };
+        if keyframe {
+            self.entropy = EntropyState::new(self.parameters.coefficients());
+        } else if reference.is_none() {
+            return Err(DecodeError::NoReference { at: packet.at });
+        }
+        let reference = reference.filter(|_| !keyframe);
+        let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed)?;
+        self.check_limits(packet, &payload.header)?;
+        if keyframe && payload.header.prediction != Prediction::None {
+            return Err(self.malformed(packet, "a keyframe that predicts from another frame"));
+        }
+        let symbols = self
+            .read_symbols(&payload, reference.as_ref())
+            .map_err(|SyntaxError(what)| self.malformed(packet, what))?;
+        let prediction = predict(&self.parameters, &symbols, reference.as_ref());
+        let volume = reconstruct(&self.parameters, symbols, prediction);
+        self.frames += 1;
+        Ok(DecodedFrame {
+            volume: self.reference.insert(Reference::new(volume)).volume(),
+            timestamp_ns: packet.header.timestamp_ns,
+            keyframe,
+            stated_hash: payload.header.volume_hash,
+        })
+    }
+
+    /// Decodes a frame packet and compares the hash that it states, if it states one.
+    ///
+    /// # Errors
+    /// As [`Self::decode`], and [`DecodeError::HashMismatch`].
+    pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+        let frame = self.frames;
+        let decoded = self.decode(packet)?;
+        if let Some(stated) = decoded.stated_hash {
+            let found = volume_hash(decoded.volume);
+            if stated != found {
+                return Err(DecodeError::HashMismatch { frame, stated, found });
+            }
+        }
+        Ok(decoded)
+    }
+
+    fn malformed(&self, packet: &Packet, what: &'static str) -> DecodeError {
+        DecodeError::Malformed { frame: self.frames, at: packet.at, what }
+    }
+
+    fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {
+        let limit = self.limits.frame_voxels / self.parameters.grid.edge.block_voxels();
+        if header.blocks as usize > limit {
+            return Err(DecodeError::TooManyBlocks { at: packet.at, blocks: header.blocks as usize, limit });
+        }
+        if usize::from(header.slices) > syntax::most_slices(self.parameters.coefficients()) {
+            return Err(self.malformed(packet, "more slices than this many coefficients allow"));
+        }
+        Ok(())
+    }
+
+    /// The mirror image of the encoder's `write_symbols`.
+    fn read_symbols(
+        &mut self,
+        payload: &FramePayload,
+        reference: Option<&Reference>,
+    ) -> Result<FrameSymbols, SyntaxError> {
+        let header = &payload.header;
+        let edge = self.parameters.grid.edge;
+        let blocks = header.blocks as usize;
+        let coords = self.entropy.block_set.read(payload.block_set, blocks, reference)?;
+        let unobserved = self.entropy.masks.read(payload.masks, edge, &coords, reference)?;
+        let references = FrameSymbols::find_references(&coords, header.prediction, reference);
+        let neighbours = syntax::CausalNeighbours::new(&coords, header.prediction.has_motion());
+        let layout = SliceLayout::new(blocks, usize::from(header.slices));
+        let slices = self.entropy.slices(usize::from(header.slices));
+        let decoded: Vec<_> = slices
+            .par_iter_mut()
+            .zip(layout.ranges().collect::<Vec<_>>())
+            .zip(&payload.slices)
+            .map(|((models, range), bytes)| {
+                let sources = &references[range.clone()];
+                let motion =
+                    models.motion.read(bytes.motion, header.prediction, edge, range, sources, &neighbours)?;
+                let levels = models.coefficients.read(bytes.coefficients, sources)?;
+                Ok((motion, levels))
+            })
+            .collect::<Result<_, SyntaxError>>()?;
+        let (motion, levels): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
+        let (motion, levels) = (motion.concat(), levels.concat());
+        Ok(FrameSymbols { prediction: header.prediction, coords, unobserved, references, motion, levels })
+    }
+}

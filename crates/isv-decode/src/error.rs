@@ -1,0 +1,49 @@
+//! What can stop a decoder.
+
+use isv_format::FormatError;
+use thiserror::Error;
+
+/// A frame that cannot be decoded.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// The container is at fault.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// The packet's checksum is right, yet its contents break the format.
+    #[error("frame {frame}, packet at byte {at}: {what}")]
+    Malformed {
+        /// Frames decoded before this one.
+        frame: u64,
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// The frame predicts from one that was not decoded.
+    #[error("packet at byte {at} predicts from a frame that was not decoded: begin at a keyframe")]
+    NoReference {
+        /// Where the packet begins in the stream.
+        at: u64,
+    },
+    /// More blocks than the caller allows.
+    #[error("packet at byte {at} has {blocks} blocks, above the limit of {limit}")]
+    TooManyBlocks {
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// Blocks the frame states.
+        blocks: usize,
+        /// The caller's limit.
+        limit: usize,
+    },
+    /// The decoded volume is not the one that was encoded.
+    #[error("frame {frame}: the decoded volume's hash is {found:016x}, but the stream says {stated:016x}")]
+    HashMismatch {
+        /// Frames decoded before this one.
+        frame: u64,
+        /// Hash in the stream.
+        stated: u64,
+        /// Hash of what was decoded.
+        found: u64,
+    },
+}

@@ -1,0 +1,23 @@
+//! The hash by which a reconstruction can be checked on any machine.
+
+use isv_volume::{SparseVolume, VoxelMask};
+use xxhash_rust::xxh64::Xxh64;
+
+/// XXH64, seed 0, of the blocks in Morton order: each as its coordinate (3 `i32`), its samples (`i16`, x fastest), the
+/// number of its unobserved voxels (`u32`) and, if that is not 0, its mask (one bit a voxel, lowest voxel in the lowest
+/// bit of the first byte). All little-endian.
+#[must_use]
+pub fn volume_hash(volume: &SparseVolume) -> u64 {
+    let mut hasher = Xxh64::new(0);
+    let mut bytes = Vec::with_capacity(2 * volume.grid().edge.block_voxels());
+    for (index, coord) in volume.coords().iter().enumerate() {
+        bytes.clear();
+        coord.to_array().iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+        volume.block(index).iter().for_each(|s| bytes.extend(s.to_le_bytes()));
+        let mask = volume.unobserved(index);
+        bytes.extend((mask.map_or(0, VoxelMask::count) as u32).to_le_bytes());
+        mask.iter().flat_map(|m| m.words()).for_each(|w| bytes.extend(w.to_le_bytes()));
+        hasher.update(&bytes);
+    }
+    hasher.digest()
+}

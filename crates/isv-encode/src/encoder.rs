@@ -1,0 +1,209 @@
+//! The encoder: one volume, one frame payload.
+
+use crate::motion_search::search_motion;
+use crate::residual::quantized_residual;
+use crate::syntax::{self, SymbolSegments};
+use isv_decode::reconstruct::{predict, reconstruct};
+use isv_decode::syntax::{EntropyState, most_slices};
+use isv_decode::{CodingParameters, FrameSymbols, Reference, volume_hash};
+use isv_format::{FrameHeader, FramePayload, Prediction, SlicePayload, StreamHeader};
+use isv_kernels::warp::MotionVector;
+use isv_volume::SparseVolume;
+
+/// Blocks a slice holds at most, unless the number of slices is given or has reached its limit. A person at 5 mm is one
+/// slice; the models of more would have to learn everything again.
+const BLOCKS_PER_SLICE: usize = 1 << 14;
+
+/// How frames that are not keyframes are predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionMode {
+    /// Always so.
+    Fixed(Prediction),
+    /// For each frame, whichever of zero-motion, 3-DoF and 6-DoF takes the fewest bytes.
+    Auto,
+}
+
+/// Choices that a stream's header does not record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EncoderSettings {
+    /// Prediction of frames that are not keyframes.
+    pub motion: MotionMode,
+    /// A keyframe every this many frames; not 0.
+    pub gop: u32,
+    /// Whether frames carry a hash of the decoded volume (8 bytes).
+    pub checksums: bool,
+    /// Number of slices; `None` for one to every 16,384 blocks.
+    pub slices: Option<u16>,
+}
+
+impl Default for EncoderSettings {
+    fn default() -> Self {
+        Self { motion: MotionMode::Fixed(Prediction::ThreeDof), gop: 30, checksums: false, slices: None }
+    }
+}
+
+/// A frame as coded.
+#[derive(Clone, Debug)]
+pub struct EncodedFrame {
+    /// Whether decoding can begin here.
+    pub keyframe: bool,
+    header: FrameHeader,
+    segments: SymbolSegments,
+}
+
+impl EncodedFrame {
+    /// The payload for a [`isv_format::PacketWriter`].
+    #[must_use]
+    pub fn payload(&self) -> FramePayload<'_> {
+        let slices = self.segments.slices.iter();
+        FramePayload {
+            header: self.header,
+            block_set: &self.segments.block_set,
+            masks: &self.segments.masks,
+            slices: slices
+                .map(|s| SlicePayload { motion: &s.motion, coefficients: &s.coefficients })
+                .collect(),
+        }
+    }
+
+    /// How the frame's blocks are predicted.
+    #[must_use]
+    pub fn prediction(&self) -> Prediction {
+        self.header.prediction
+    }
+
+    /// Bytes of the block set and the masks of unobserved voxels.
+    #[must_use]
+    pub fn bytes_blocks(&self) -> usize {
+        self.segments.block_set.len() + self.segments.masks.len()
+    }
+
+    /// Bytes of motion vectors.
+    #[must_use]
+    pub fn bytes_motion(&self) -> usize {
+        self.segments.slices.iter().map(|s| s.motion.len()).sum()
+    }
+
+    /// Bytes of quantized coefficients.
+    #[must_use]
+    pub fn bytes_coefficients(&self) -> usize {
+        self.segments.slices.iter().map(|s| s.coefficients.len()).sum()
+    }
+
+    fn segment_bytes(&self) -> usize {
+        self.bytes_blocks() + self.bytes_motion() + self.bytes_coefficients()
+    }
+}
+
+/// Codes the frames of a stream in order.
+#[derive(Debug)]
+pub struct Encoder {
+    parameters: CodingParameters,
+    settings: EncoderSettings,
+    state: State,
+    frames: u64,
+}
+
+/// What one frame leaves behind for the next.
+#[derive(Debug)]
+struct State {
+    entropy: EntropyState,
+    reference: Option<Reference>,
+}
+
+impl Encoder {
+    /// An encoder for the frames of a stream.
+    ///
+    /// # Panics
+    /// If `settings.gop` is 0.
+    #[must_use]
+    pub fn new(header: &StreamHeader, settings: EncoderSettings) -> Self {
+        assert!(settings.gop > 0, "a GOP has at least one frame");
+        let parameters = CodingParameters::new(header);
+        let state = State { entropy: EntropyState::new(parameters.coefficients()), reference: None };
+        Self { parameters, settings, state, frames: 0 }
+    }
+
+    /// Codes the next frame.
+    ///
+    /// # Panics
+    /// If the volume is not on the stream's grid.
+    pub fn encode(&mut self, volume: &SparseVolume) -> EncodedFrame {
+        assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
+        let keyframe = self.frames.is_multiple_of(u64::from(self.settings.gop));
+        if keyframe {
+            self.state =
+                State { entropy: EntropyState::new(self.parameters.coefficients()), reference: None };
+        }
+        let candidates = match self.settings.motion {
+            _ if keyframe => vec![Prediction::None],
+            MotionMode::Fixed(prediction) => vec![prediction],
+            MotionMode::Auto => vec![Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof],
+        };
+        let coded =
+            candidates.into_iter().map(|prediction| self.encode_predicted(volume, keyframe, prediction));
+        let (frame, state) =
+            coded.min_by_key(|(frame, _)| frame.segment_bytes()).expect("at least one candidate");
+        self.state = state;
+        self.frames += 1;
+        frame
+    }
+
+    /// What the decoder will have after the last frame; `None` before the first.
+    #[must_use]
+    pub fn reconstruction(&self) -> Option<&SparseVolume> {
+        self.state.reference.as_ref().map(Reference::volume)
+    }
+
+    /// Codes a frame under one kind of prediction, leaving the encoder as it is.
+    fn encode_predicted(
+        &self,
+        volume: &SparseVolume,
+        keyframe: bool,
+        prediction: Prediction,
+    ) -> (EncodedFrame, State) {
+        let parameters = &self.parameters;
+        let reference = self.state.reference.as_ref();
+        let references = FrameSymbols::find_references(volume.coords(), prediction, reference);
+        let motion = match reference {
+            Some(reference) if prediction.has_motion() => {
+                search_motion(prediction, volume, reference, &references)
+            }
+            _ => vec![MotionVector::ZERO; volume.block_count()],
+        };
+        let mut symbols = FrameSymbols {
+            prediction,
+            coords: volume.coords().to_vec(),
+            unobserved: volume.unobserved_masks().clone(),
+            references,
+            motion,
+            levels: Vec::new(),
+        };
+        let predicted = predict(parameters, &symbols, reference);
+        symbols.levels = quantized_residual(parameters, volume, &predicted);
+
+        let slices = self.slice_count(volume.block_count());
+        let mut entropy = self.state.entropy.clone();
+        let segments = syntax::write_symbols(
+            &mut entropy,
+            parameters.grid.edge,
+            &symbols,
+            usize::from(slices),
+            reference,
+        );
+        let decoded = reconstruct(parameters, symbols, predicted);
+        let header = FrameHeader {
+            prediction,
+            blocks: volume.block_count() as u32,
+            slices,
+            volume_hash: self.settings.checksums.then(|| volume_hash(&decoded)),
+        };
+        let state = State { entropy, reference: Some(Reference::new(decoded)) };
+        (EncodedFrame { keyframe, header, segments }, state)
+    }
+
+    fn slice_count(&self, blocks: usize) -> u16 {
+        let wanted = self.settings.slices.map_or(blocks.div_ceil(BLOCKS_PER_SLICE), usize::from);
+        wanted.clamp(1, most_slices(self.parameters.coefficients())) as u16
+    }
+}

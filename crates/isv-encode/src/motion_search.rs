@@ -1,0 +1,297 @@
+//! Motion of each block by damped Gauss-Newton on the trilinear reference (Sec. 3.5, Eq. 12-14).
+//!
+//! All of it is the encoder's choice, in floating point; the decoder only ever sees the quantized vectors. Units here are
+//! voxels, both for positions and for signed distances.
+
+use isv_decode::Reference;
+use isv_format::Prediction;
+use isv_kernels::warp::{MotionVector, ROTATION_LIMIT, STEPS_PER_RADIAN, STEPS_PER_VOXEL, StitchedReference};
+use isv_volume::{BlockEdge, CODES_PER_VOXEL, SparseVolume};
+use rayon::prelude::*;
+
+/// Gauss-Newton steps at most.
+const ITERATIONS: usize = 10;
+/// Stop when a step leaves more than this share of the squared error.
+const LEAST_IMPROVEMENT: f32 = 0.995;
+/// Damping of Eq. 14: absolute, in squared voxels of gradient summed over the block, and relative to the diagonal.
+const DAMPING: f32 = 0.5;
+const RELATIVE_DAMPING: f32 = 0.01;
+/// Largest translation in one step, in voxels, and largest rotation, in radians (5 degrees).
+const TRANSLATION_STEP: f32 = 1.0;
+const ROTATION_STEP: f32 = 5.0 * std::f32::consts::PI / 180.0;
+/// Fewest voxels of a block inside the truncation band that say anything about motion.
+const FEWEST_RELIABLE: usize = 32;
+
+/// One vector a block; zero for blocks without a reference.
+pub(crate) fn search_motion(
+    prediction: Prediction,
+    volume: &SparseVolume,
+    reference: &Reference,
+    references: &[Option<u32>],
+) -> Vec<MotionVector> {
+    let edge = volume.grid().edge;
+    let scratch = || (StitchedReference::new(edge), vec![0; edge.block_voxels()]);
+    let search = |(stitched, warped): &mut (StitchedReference, Vec<i16>),
+                  (block, source): (usize, &Option<u32>)| {
+        let Some(source) = source else { return MotionVector::ZERO };
+        let target = volume.block(block);
+        let limit = volume.grid().truncation.codes();
+        if target.iter().filter(|s| s.abs() < limit).count() < FEWEST_RELIABLE {
+            return MotionVector::ZERO;
+        }
+        reference.stitch(*source, stitched);
+        let motion = match prediction {
+            Prediction::SixDof => align::<6>(stitched, target),
+            _ => align::<3>(stitched, target),
+        };
+        better_than_standing_still(motion, stitched, target, warped)
+    };
+    references.par_iter().enumerate().map_init(scratch, search).collect()
+}
+
+/// The vector, or zero if zero predicts the block as well.
+fn better_than_standing_still(
+    motion: MotionVector,
+    stitched: &StitchedReference,
+    target: &[i16],
+    warped: &mut [i16],
+) -> MotionVector {
+    let mut squared_error = |motion| {
+        stitched.warp(motion, warped);
+        target
+            .iter()
+            .zip(warped.iter())
+            .map(|(t, w)| i64::from(i32::from(*t) - i32::from(*w)).pow(2))
+            .sum::<i64>()
+    };
+    if squared_error(motion) < squared_error(MotionVector::ZERO) { motion } else { MotionVector::ZERO }
+}
+
+/// Rigid motion in `D` unknowns (3: translation; 6: translation, then Euler angles) that best maps a block into the
+/// stitched reference, quantized.
+fn align<const D: usize>(stitched: &StitchedReference, target: &[i16]) -> MotionVector {
+    let mut motion = [0f32; 6];
+    let mut best = (f32::INFINITY, motion);
+    for _ in 0..ITERATIONS {
+        let system = NormalEquations::<D>::build(stitched, target, &motion);
+        let improved = system.squared_error < best.0 * LEAST_IMPROVEMENT;
+        if system.squared_error < best.0 {
+            best = (system.squared_error, motion);
+        }
+        if !improved {
+            break;
+        }
+        let Some(step) = system.solve() else { break };
+        let scale = step_scale(&step);
+        for (value, delta) in motion.iter_mut().zip(step) {
+            *value += scale * delta;
+        }
+    }
+    quantize(&best.1, stitched.edge())
+}
+
+/// Factor that brings a step within the clamps on translation and rotation.
+fn step_scale(step: &[f32]) -> f32 {
+    let largest = |values: &[f32], limit: f32| values.iter().fold(limit, |m, v| m.max(v.abs())) / limit;
+    let (translation, rotation) = step.split_at(3);
+    1.0 / largest(translation, TRANSLATION_STEP).max(largest(rotation, ROTATION_STEP))
+}
+
+fn quantize(motion: &[f32; 6], edge: BlockEdge) -> MotionVector {
+    let component = |value: f32, steps: i32, limit: i32| {
+        (value * steps as f32).round().clamp(-limit as f32, limit as f32) as i8
+    };
+    let (translation, rotation) = (&motion[..3], &motion[3..]);
+    MotionVector {
+        translation: std::array::from_fn(|c| {
+            component(translation[c], STEPS_PER_VOXEL, MotionVector::translation_limit(edge))
+        }),
+        rotation: std::array::from_fn(|c| component(rotation[c], STEPS_PER_RADIAN, ROTATION_LIMIT)),
+    }
+}
+
+/// `J^T J` and `J^T e` of Eq. 14 at one motion.
+struct NormalEquations<const D: usize> {
+    /// Upper triangle.
+    matrix: [[f32; D]; D],
+    gradient: [f32; D],
+    squared_error: f32,
+}
+
+impl<const D: usize> NormalEquations<D> {
+    fn build(stitched: &StitchedReference, target: &[i16], motion: &[f32; 6]) -> Self {
+        let n = stitched.edge().voxels();
+        let centre = (n as f32 - 1.0) / 2.0;
+        let rotation = rotation_matrix(motion);
+        let origin: [f32; 3] = std::array::from_fn(|axis| n as f32 + centre + motion[axis]);
+        let mut sums = Self { matrix: [[0.0; D]; D], gradient: [0.0; D], squared_error: 0.0 };
+        for (voxel, sample) in target.iter().enumerate() {
+            let p = [voxel % n, voxel / n % n, voxel / n / n].map(|v| v as f32 - centre);
+            let q: [f32; 3] = if D == 3 { p } else { rotation.map(|row| dot(row, p)) };
+            let (value, slope) =
+                sample_with_gradient(stitched, std::array::from_fn(|axis| origin[axis] + q[axis]));
+            let error = value - f32::from(*sample) / CODES_PER_VOXEL as f32;
+            sums.add(&jacobian(slope, q), error);
+        }
+        sums
+    }
+
+    fn add(&mut self, jacobian: &[f32; 6], error: f32) {
+        self.squared_error += error * error;
+        for i in 0..D {
+            self.gradient[i] += jacobian[i] * error;
+            for j in i..D {
+                self.matrix[i][j] += jacobian[i] * jacobian[j];
+            }
+        }
+    }
+
+    /// The damped step `-(J^T J + lambda I)^-1 J^T e`, by Cholesky; `None` if the matrix is not positive.
+    fn solve(&self) -> Option<[f32; D]> {
+        let mut factor = [[0f32; D]; D];
+        for i in 0..D {
+            for j in 0..=i {
+                let mut sum = self.matrix[j][i];
+                if i == j {
+                    sum += DAMPING + RELATIVE_DAMPING * sum;
+                }
+                for k in 0..j {
+                    sum -= factor[i][k] * factor[j][k];
+                }
+                factor[i][j] = if i == j {
+                    if sum <= 0.0 {
+                        return None;
+                    }
+                    sum.sqrt()
+                } else {
+                    sum / factor[j][j]
+                };
+            }
+        }
+        let mut step = self.gradient.map(|g| -g);
+        for i in 0..D {
+            for k in 0..i {
+                step[i] -= factor[i][k] * step[k];
+            }
+            step[i] /= factor[i][i];
+        }
+        for i in (0..D).rev() {
+            for k in i + 1..D {
+                step[i] -= factor[k][i] * step[k];
+            }
+            step[i] /= factor[i][i];
+        }
+        Some(step)
+    }
+}
+
+/// Derivative of the sampled value by translation, and by a further rotation of the offset `q` from the centre.
+fn jacobian([gx, gy, gz]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 6] {
+    [gx, gy, gz, gz * y - gy * z, gx * z - gz * x, gy * x - gx * y]
+}
+
+/// `Rz Ry Rx`, as the decoder composes it.
+fn rotation_matrix(motion: &[f32; 6]) -> [[f32; 3]; 3] {
+    let [(sx, cx), (sy, cy), (sz, cz)] = [motion[3].sin_cos(), motion[4].sin_cos(), motion[5].sin_cos()];
+    [
+        [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+        [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+        [-sy, cy * sx, cy * cx],
+    ]
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Trilinear value and gradient at a position in voxels from the cube's first voxel, clamped into the cube.
+fn sample_with_gradient(stitched: &StitchedReference, position: [f32; 3]) -> (f32, [f32; 3]) {
+    let side = stitched.side();
+    let clamped = position.map(|p| p.clamp(0.0, side as f32 - 1.001));
+    let [x, y, z] = clamped.map(|p| p as usize);
+    let [a, b, c] = [clamped[0] - x as f32, clamped[1] - y as f32, clamped[2] - z as f32];
+    let start = (z * side + y) * side + x;
+    let row = |offset: usize| {
+        let pair = &stitched.samples()[start + offset..][..2];
+        let near = f32::from(pair[0]);
+        let slope = f32::from(pair[1]) - near;
+        (near + a * slope, slope)
+    };
+    let [(v00, s00), (v10, s10)] = [row(0), row(side)];
+    let [(v01, s01), (v11, s11)] = [row(side * side), row(side * side + side)];
+    let (v0, v1) = (v00 + b * (v10 - v00), v01 + b * (v11 - v01));
+    let (s0, s1) = (s00 + b * (s10 - s00), s01 + b * (s11 - s01));
+    let (d0, d1) = (v10 - v00, v11 - v01);
+    let scale = 1.0 / CODES_PER_VOXEL as f32;
+    ((v0 + c * (v1 - v0)) * scale, [s0 + c * (s1 - s0), d0 + c * (d1 - d0), v1 - v0].map(|g| g * scale))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Neighbourhood of a sphere's distance field, its centre `offset` voxels from the block's.
+    fn sphere(offset: [f32; 3], radius: f32) -> StitchedReference {
+        let edge = BlockEdge::E8;
+        let mut stitched = StitchedReference::new(edge);
+        for slot in 0..27 {
+            let origin = [slot % 3, slot / 3 % 3, slot / 9].map(|s| (8 * s) as f32 - 8.0 - 3.5);
+            let block: Vec<i16> = (0..512)
+                .map(|i| {
+                    let p = [i % 8, i / 8 % 8, i / 64].map(|v| v as f32);
+                    let d: [f32; 3] = std::array::from_fn(|a| origin[a] + p[a] - offset[a]);
+                    ((dot(d, d).sqrt() - radius) * 256.0).round().clamp(-2048.0, 2048.0) as i16
+                })
+                .collect();
+            stitched.put_block(slot, &block);
+        }
+        stitched
+    }
+
+    fn own_block(stitched: &StitchedReference) -> Vec<i16> {
+        let mut block = vec![0; 512];
+        stitched.warp(MotionVector::ZERO, &mut block);
+        block
+    }
+
+    #[test]
+    fn translation_of_a_sphere_is_found() {
+        let reference = sphere([1.5, 2.0, -1.0], 4.0);
+        let target = own_block(&sphere([0.25, 0.5, 1.0], 4.0));
+        let motion = align::<3>(&reference, &target);
+        assert_eq!(motion.translation, [5, 6, -8], "from the target into the reference, in quarter voxels");
+    }
+
+    #[test]
+    fn rotation_of_a_rough_field_is_found() {
+        // The target is the reference itself, warped; the search must find its way back to the same motion.
+        let reference = {
+            let mut stitched = StitchedReference::new(BlockEdge::E8);
+            for slot in 0..27 {
+                let origin = [slot % 3, slot / 3 % 3, slot / 9].map(|s| (8 * s) as f32);
+                let block: Vec<i16> = (0..512)
+                    .map(|i| {
+                        let p: [f32; 3] =
+                            std::array::from_fn(|a| origin[a] + [i % 8, i / 8 % 8, i / 64][a] as f32);
+                        (900.0
+                            * ((0.31 * p[0]).sin() + (0.23 * p[1]).cos() + (0.27 * p[2] + 0.1 * p[0]).sin()))
+                            as i16
+                    })
+                    .collect();
+                stitched.put_block(slot, &block);
+            }
+            stitched
+        };
+        let motion = MotionVector { translation: [3, -2, 1], rotation: [4, -3, 2] };
+        let mut target = vec![0; 512];
+        reference.warp(motion, &mut target);
+        assert_eq!(align::<6>(&reference, &target), motion);
+    }
+
+    #[test]
+    fn a_flat_field_gives_no_motion() {
+        let mut stitched = StitchedReference::new(BlockEdge::E8);
+        (0..27).for_each(|slot| stitched.fill_block(slot, 700));
+        assert_eq!(align::<6>(&stitched, &[300; 512]), MotionVector::ZERO);
+    }
+}

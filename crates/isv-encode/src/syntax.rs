@@ -1,0 +1,65 @@
+//! The writing side of the entropy-coded syntax: each file mirrors the one of the same name in `isv-decode`.
+
+mod block_set;
+mod coefficients;
+mod masks;
+mod motion;
+
+use isv_decode::syntax::{CausalNeighbours, EntropyState};
+use isv_decode::{FrameSymbols, Reference};
+use isv_format::SliceLayout;
+use isv_volume::BlockEdge;
+use rayon::prelude::*;
+
+/// The entropy-coded segments of a frame.
+#[derive(Clone, Debug)]
+pub(crate) struct SymbolSegments {
+    pub(crate) block_set: Vec<u8>,
+    pub(crate) masks: Vec<u8>,
+    pub(crate) slices: Vec<SliceSegments>,
+}
+
+/// The entropy-coded segments of a slice.
+#[derive(Clone, Debug)]
+pub(crate) struct SliceSegments {
+    pub(crate) motion: Vec<u8>,
+    pub(crate) coefficients: Vec<u8>,
+}
+
+/// The mirror image of the decoder's `read_symbols`.
+pub(crate) fn write_symbols(
+    entropy: &mut EntropyState,
+    edge: BlockEdge,
+    symbols: &FrameSymbols,
+    slices: usize,
+    reference: Option<&Reference>,
+) -> SymbolSegments {
+    let coords = &symbols.coords;
+    let block_set = block_set::write(&mut entropy.block_set, coords, reference);
+    let masks = masks::write(&mut entropy.masks, edge, coords, &symbols.unobserved, reference);
+    let neighbours = CausalNeighbours::new(coords, symbols.prediction.has_motion());
+    let layout = SliceLayout::new(coords.len(), slices);
+    let coefficients = if coords.is_empty() { 0 } else { symbols.levels.len() / coords.len() };
+    let slices = entropy.slices(slices);
+    let slices = slices
+        .par_iter_mut()
+        .zip(layout.ranges().collect::<Vec<_>>())
+        .map(|(models, range)| {
+            let sources = &symbols.references[range.clone()];
+            let vectors = &symbols.motion[range.clone()];
+            let levels = &symbols.levels[range.start * coefficients..range.end * coefficients];
+            SliceSegments {
+                motion: motion::write(
+                    &mut models.motion,
+                    symbols.prediction,
+                    &range,
+                    sources,
+                    vectors,
+                    &neighbours,
+                ),
+                coefficients: coefficients::write(&mut models.coefficients, sources, levels),
+            }
+        })
+        .collect();
+    SymbolSegments { block_set, masks, slices }
+}

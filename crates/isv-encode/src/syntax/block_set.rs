@@ -1,0 +1,50 @@
+//! The set of blocks: an octree over block coordinates, coded level by level.
+
+use isv_decode::Reference;
+use isv_decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
+use isv_entropy::RangeEncoder;
+use isv_volume::BlockCoord;
+
+/// Writes a set of blocks given in Morton order.
+pub(super) fn write(
+    models: &mut BlockSetModels,
+    coords: &[BlockCoord],
+    reference: Option<&Reference>,
+) -> Vec<u8> {
+    let [Some(first), Some(last)] = [coords.first(), coords.last()] else {
+        return Vec::new();
+    };
+    let [first, last] = [first, last].map(|c| c.morton().0);
+    let mut encoder = RangeEncoder::new();
+    // The smallest cell that holds them all: blocks in Morton order differ most at the ends.
+    let depth = (64 - (first ^ last).leading_zeros()).div_ceil(3);
+    encoder.encode_raw(depth, DEPTH_BITS);
+    let root = first >> (3 * depth);
+    for bit in (0..3 * (MAX_DEPTH - depth)).rev() {
+        encoder.encode_raw((root >> bit & 1) as u32, 1);
+    }
+    let mut cells = vec![root];
+    for level in (0..depth).rev() {
+        let mut context = CellContext::new(level, &cells, reference);
+        let mut present = coords.iter().map(|c| c.morton().0 >> (3 * level)).collect::<Vec<_>>();
+        present.dedup();
+        let mut next = present.iter().copied().peekable();
+        for parent in cells {
+            let mut occupied = 0;
+            for octant in 0..8 {
+                let cell = parent << 3 | octant;
+                let holds_blocks = next.next_if_eq(&cell).is_some();
+                let certain = octant == 7 && occupied == 0;
+                if !certain {
+                    encoder.encode(&mut models.cell[context.model(cell)], holds_blocks);
+                }
+                if holds_blocks {
+                    context.occupy(cell);
+                    occupied += 1;
+                }
+            }
+        }
+        cells = present;
+    }
+    encoder.finish()
+}

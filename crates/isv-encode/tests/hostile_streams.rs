@@ -1,0 +1,114 @@
+//! Cut, damaged and forged streams: whole frames or an error, never a panic, a hang or a false frame.
+
+mod support;
+
+use isv_decode::{DecodeError, Decoder, Limits};
+use isv_encode::{EncoderSettings, MotionMode};
+use isv_format::{FrameHeader, FramePayload, Packet, PacketKind, PacketReader, Prediction, SlicePayload};
+use proptest::prelude::*;
+use support::{ball, decode, encode, header};
+
+fn stream() -> Vec<u8> {
+    let header = header(8, 4, 30);
+    let volumes: Vec<_> = (0..4).map(|t| ball(header.grid, f64::from(t))).collect();
+    let motion = MotionMode::Fixed(Prediction::SixDof);
+    encode(&header, EncoderSettings { motion, gop: 2, checksums: true, slices: Some(2) }, &volumes).0
+}
+
+fn packets(bytes: &[u8]) -> Vec<Packet> {
+    let mut reader = PacketReader::new(bytes).unwrap();
+    std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
+}
+
+/// The packet with another payload, its header made to fit.
+fn forged(packet: &Packet, payload: Vec<u8>) -> Packet {
+    let mut packet = packet.clone();
+    packet.header.payload_bytes = payload.len() as u32;
+    packet.payload = payload;
+    packet
+}
+
+#[test]
+fn every_prefix_fails_cleanly_or_yields_whole_frames() {
+    let bytes = stream();
+    let (whole, _) = decode(&bytes);
+    let lengths = (0..200).chain((200..bytes.len()).step_by(101)).chain(bytes.len() - 100..bytes.len());
+    for length in lengths {
+        let (frames, end) = decode(&bytes[..length]);
+        assert_eq!(frames, whole[..frames.len()], "{length} bytes");
+        assert!(end.is_err() || packets(&bytes[..length]).len() == frames.len());
+    }
+}
+
+#[test]
+fn flipped_bits_are_noticed_by_the_checksums() {
+    let bytes = stream();
+    let (whole, _) = decode(&bytes);
+    for bit in (0..bytes.len() * 8).step_by(1009) {
+        let mut damaged = bytes.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        let (frames, end) = decode(&damaged);
+        assert!(end.is_err(), "bit {bit}");
+        assert_eq!(frames, whole[..frames.len()]);
+    }
+}
+
+#[test]
+fn an_inter_frame_without_its_reference_is_refused() {
+    let bytes = stream();
+    let reader = PacketReader::new(&bytes[..]).unwrap();
+    let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+    let packets = packets(&bytes);
+    assert!(matches!(decoder.decode(&packets[1]), Err(DecodeError::NoReference { .. })));
+    assert!(decoder.decode(&packets[2]).is_ok(), "and the next keyframe decodes");
+}
+
+#[test]
+fn too_many_blocks_are_refused_before_memory_is_taken() {
+    let bytes = stream();
+    let reader = PacketReader::new(&bytes[..]).unwrap();
+    let mut decoder = Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000 });
+    let payload = FramePayload {
+        header: FrameHeader { prediction: Prediction::None, blocks: u32::MAX, slices: 1, volume_hash: None },
+        block_set: &[],
+        masks: &[],
+        slices: vec![SlicePayload::default()],
+    };
+    let mut packet = forged(&packets(&bytes)[0], payload.to_bytes());
+    packet.header.kind = PacketKind::Frame { keyframe: true, hashed: false };
+    let error = decoder.decode(&packet).unwrap_err();
+    assert!(matches!(error, DecodeError::TooManyBlocks { limit: 1000, .. }), "{error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Past the checksum, any bytes at all: the decoder returns, with a volume or an error.
+    #[test]
+    fn forged_payloads_never_panic(
+        frame in 0..4usize,
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let bytes = stream_once();
+        let mut decoder = Decoder::new(PacketReader::new(bytes).unwrap().header().unwrap(), Limits { frame_voxels: 1 << 22 });
+        let packets = packets(bytes);
+        for packet in &packets[frame / 2 * 2..frame] {
+            decoder.decode(packet).unwrap();
+        }
+        let mut payload = packets[frame].payload.clone();
+        for (place, value) in edits {
+            let place = place.index(payload.len());
+            payload[place] = value;
+        }
+        if let Some(cut) = cut {
+            payload.truncate(cut.index(payload.len()));
+        }
+        let _ = decoder.decode(&forged(&packets[frame], payload));
+    }
+}
+
+fn stream_once() -> &'static [u8] {
+    static STREAM: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();
+    STREAM.get_or_init(stream)
+}

@@ -1,0 +1,178 @@
+//! Output that appears whole or not at all.
+
+use crate::WriteError;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// A buffered file that takes its name only when [committed](Self::commit).
+///
+/// Bytes go to a hidden file beside the final name, which is renamed at the end and removed if the value is dropped
+/// before. A file that had the name stays untouched until then. This guards against jobs that fail, not against power
+/// cuts: nothing is forced to the disk.
+///
+/// What is no regular file (a pipe, `/dev/null`) is written straight through, as a rename would replace it. A link to a
+/// file stays a link.
+#[derive(Debug)]
+pub struct AtomicFile {
+    /// As given, for messages.
+    path: PathBuf,
+    writer: BufWriter<File>,
+    pending: Option<Rename>,
+}
+
+/// The rename that is still to be done.
+#[derive(Debug)]
+struct Rename {
+    from: PathBuf,
+    to: PathBuf,
+}
+
+impl AtomicFile {
+    /// Opens a file to be known as `path`, whose folder must exist.
+    ///
+    /// # Errors
+    /// [`WriteError`] if the folder is missing or not writable, or `path` is a folder.
+    pub fn create(path: &Path) -> Result<Self, WriteError> {
+        let (file, pending) = open(path).map_err(|cause| WriteError::new(path, cause))?;
+        Ok(Self { path: path.to_owned(), writer: BufWriter::new(file), pending })
+    }
+
+    /// Writes out what is buffered and gives the file its name, replacing a file that had it.
+    ///
+    /// # Errors
+    /// [`WriteError`]; the file that had the name is then still there and untouched.
+    pub fn commit(mut self) -> Result<(), WriteError> {
+        self.flush().map_err(|cause| WriteError::new(&self.path, cause))?;
+        if let Some(rename) = &self.pending {
+            fs::rename(&rename.from, &rename.to).map_err(|cause| WriteError::new(&self.path, cause))?;
+            self.pending = None;
+        }
+        Ok(())
+    }
+
+    /// Names the file in an error.
+    fn named<T>(&self, result: io::Result<T>) -> io::Result<T> {
+        result.map_err(|cause| WriteError::new(&self.path, cause).into())
+    }
+}
+
+impl Drop for AtomicFile {
+    fn drop(&mut self) {
+        if let Some(rename) = &self.pending {
+            // Nobody is left to tell; the worst that can happen is a hidden file that stays.
+            let _ = fs::remove_file(&rename.from);
+        }
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.writer.write(bytes);
+        self.named(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.writer.flush();
+        self.named(flushed)
+    }
+}
+
+impl Seek for AtomicFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = self.writer.seek(to);
+        self.named(at)
+    }
+}
+
+fn open(path: &Path) -> io::Result<(File, Option<Rename>)> {
+    let to = match fs::metadata(path) {
+        Ok(existing) if existing.is_file() => fs::canonicalize(path)?,
+        Ok(existing) if existing.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+        Ok(_) => return Ok((OpenOptions::new().write(true).open(path)?, None)),
+        Err(_) => path.to_owned(),
+    };
+    let name = to.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    // Another process, or a job that was killed, may hold the first name tried.
+    for attempt in 0..1000 {
+        let mut hidden = OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(".{}-{attempt}.partial", std::process::id()));
+        let from = to.with_file_name(hidden);
+        match OpenOptions::new().write(true).create_new(true).open(&from) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            opened => return Ok((opened?, Some(Rename { from, to }))),
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<OsString> {
+        let mut names: Vec<_> = folder.read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_dropped_file_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.isv");
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(&[7; 100_000]).unwrap();
+        assert_eq!(names(folder.path()).len(), 1);
+        assert!(!path.exists());
+        drop(file);
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn the_old_file_stays_until_the_new_one_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.isv");
+        fs::write(&path, "old").unwrap();
+        let mut abandoned = AtomicFile::create(&path).unwrap();
+        abandoned.write_all(b"half").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"nEW").unwrap();
+        file.seek(SeekFrom::Start(0)).unwrap();
+        file.write_all(b"n").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        file.commit().unwrap();
+        drop(abandoned);
+        assert_eq!(fs::read(&path).unwrap(), b"nEW");
+        assert_eq!(names(folder.path()), ["out.isv"]);
+    }
+
+    #[test]
+    fn errors_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing").join("out.isv");
+        let message = AtomicFile::create(&path).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("{}: cannot write: ", path.display())), "{message}");
+        assert!(AtomicFile::create(folder.path()).unwrap_err().to_string().contains("directory"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link_and_a_device_a_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, link) = (folder.path().join("target"), folder.path().join("link"));
+        fs::write(&target, "old").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        let mut file = AtomicFile::create(&link).unwrap();
+        file.write_all(b"new").unwrap();
+        file.commit().unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&target).unwrap(), b"new");
+
+        let mut null = AtomicFile::create(Path::new("/dev/null")).unwrap();
+        null.write_all(b"gone").unwrap();
+        null.commit().unwrap();
+        assert!(!fs::metadata("/dev/null").unwrap().is_file());
+    }
+}

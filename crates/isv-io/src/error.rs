@@ -1,0 +1,221 @@
+//! What can go wrong with a file. Every message is one sentence that starts with the file's name.
+
+use isv_volume::MeshError;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A mesh that could not be read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The operating system refused.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        cause: io::Error,
+    },
+    /// The bytes break the file format.
+    #[error("{}: {why} ({at})", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file.
+        at: Position,
+        /// What is wrong there.
+        why: Malformation,
+    },
+    /// The file is well-formed, the mesh in it is not usable.
+    #[error("{}: {cause}", path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the mesh; its face numbers count triangles after polygons were split.
+        cause: MeshError,
+    },
+    /// A coordinate beyond [`MAX_COORDINATE_M`](crate::MAX_COORDINATE_M): almost always a wrong unit or a damaged file.
+    #[error(
+        "{}: vertex {vertex} lies {metres:e} m from the origin along an axis, the limit is {:e} m; check --units",
+        path.display(), crate::MAX_COORDINATE_M
+    )]
+    OutOfRange {
+        /// The file.
+        path: PathBuf,
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its coordinate of largest magnitude, in metres.
+        metres: f64,
+    },
+    /// No reader for files of this name.
+    #[error("{}: not a mesh file that can be read: the extension must be .ply or .obj", path.display())]
+    UnsupportedExtension {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// A place in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Position {
+    /// Bytes from the start of the file.
+    Byte(u64),
+    /// Line of a text file, counted from 1.
+    Line(u64),
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(at) => write!(f, "byte {at}"),
+            Self::Line(at) => write!(f, "line {at}"),
+        }
+    }
+}
+
+/// How bytes break a mesh file format. Texts quoted from the file are shortened.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Malformation {
+    /// The file does not start with the line `ply`.
+    #[error("not a PLY file: its first line is not `ply`")]
+    NotPly,
+    /// The file ends inside its header.
+    #[error("truncated: the header has no end_header line")]
+    HeaderEnd,
+    /// A header line that is none of PLY's, or stands in a wrong place.
+    #[error("header line not understood: `{text}`")]
+    HeaderLine {
+        /// The line.
+        text: String,
+    },
+    /// The format line is missing, or names an encoding or version that is not PLY 1.0's.
+    #[error("no format line with ascii, binary_little_endian or binary_big_endian and version 1.0")]
+    NoFormat,
+    /// A property of a type that PLY does not know, or that does not fit its place.
+    #[error("property type `{text}` cannot be used here")]
+    PropertyType {
+        /// The type as written.
+        text: String,
+    },
+    /// An element or property was declared twice.
+    #[error("`{name}` is declared twice")]
+    Duplicate {
+        /// Its name.
+        name: String,
+    },
+    /// More elements, or more properties in one element, than any real file has.
+    #[error("the header declares more than {limit} elements or properties")]
+    HeaderSize {
+        /// The most that is accepted.
+        limit: usize,
+    },
+    /// An element or property that a mesh needs.
+    #[error("the header declares no {what}")]
+    Missing {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// The file ends before everything the header promised.
+    #[error("truncated: header promises {promised} {rows}, data ends after {found}")]
+    Truncated {
+        /// What the rows are: `vertices`, `faces` or, say, `camera rows`.
+        rows: String,
+        /// How many the header declares.
+        promised: u64,
+        /// How many are there whole.
+        found: u64,
+    },
+    /// A line of a text file with fewer or more values than its kind has.
+    #[error("line has too {} values", if *.too_many { "many" } else { "few" })]
+    LineLength {
+        /// Whether there are more values than declared, not fewer.
+        too_many: bool,
+    },
+    /// A text that is no number, or no number of the declared type.
+    #[error("`{text}` is not a number that fits here")]
+    Number {
+        /// The text.
+        text: String,
+    },
+    /// A list with a negative length.
+    #[error("a list has length {length}")]
+    ListLength {
+        /// The length.
+        length: i64,
+    },
+    /// A vertex index that cannot name any vertex.
+    #[error("`{text}` does not name a vertex")]
+    Index {
+        /// The index as written.
+        text: String,
+    },
+}
+
+/// A text from a file, fit for a message: control characters escaped, at most 40 characters.
+pub(crate) fn quote(text: &[u8]) -> String {
+    const LONGEST: usize = 40;
+    let text = String::from_utf8_lossy(&text[..text.len().min(4 * LONGEST)]);
+    let mut quoted: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();
+    if text.chars().count() > LONGEST {
+        quoted.push_str("...");
+    }
+    quoted
+}
+
+/// A malformation and its place, before the file's name is known.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Flaw {
+    pub(crate) at: Position,
+    pub(crate) why: Malformation,
+}
+
+impl Flaw {
+    pub(crate) fn at_line(line: usize, why: Malformation) -> Self {
+        Self { at: Position::Line(line as u64), why }
+    }
+
+    pub(crate) fn at_byte(byte: usize, why: Malformation) -> Self {
+        Self { at: Position::Byte(byte as u64), why }
+    }
+
+    pub(crate) fn in_file(self, path: &Path) -> ReadError {
+        ReadError::Malformed { path: path.to_owned(), at: self.at, why: self.why }
+    }
+}
+
+/// A file that could not be written.
+#[derive(Debug, Error)]
+#[error("{}: cannot write: {cause}", path.display())]
+pub struct WriteError {
+    /// The file, by its final name.
+    pub path: PathBuf,
+    /// What the operating system said.
+    pub cause: io::Error,
+}
+
+impl WriteError {
+    /// Names the file of an error; an error that is a `WriteError` inside already does.
+    pub(crate) fn new(path: &Path, cause: io::Error) -> Self {
+        cause.downcast::<Self>().unwrap_or_else(|cause| Self { path: path.to_owned(), cause })
+    }
+}
+
+impl From<WriteError> for io::Error {
+    fn from(error: WriteError) -> Self {
+        Self::new(error.cause.kind(), error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quoted_text_is_short_and_printable() {
+        assert_eq!(quote(b"a\tb\xff"), "a\\tb\u{fffd}");
+        assert_eq!(quote(&[b'x'; 1000]), format!("{}...", "x".repeat(40)));
+    }
+}

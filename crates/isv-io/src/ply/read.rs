@@ -1,0 +1,203 @@
+//! The mesh in a PLY file: the `vertex` and `face` elements; all others are skipped.
+
+use super::header::{Element, Encoding, Header, Kind, Scalar};
+use super::values::{Ascii, Binary, Fault, Values};
+use crate::error::{Flaw, Malformation};
+use crate::polygon::push_fan;
+use glam::DVec3;
+use isv_volume::TriangleMesh;
+
+/// Parses a PLY file in memory. Bytes after the last element are ignored, as other readers do.
+pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
+    let header = Header::parse(bytes)?;
+    match header.encoding {
+        Encoding::Ascii => read_body(&header, Ascii::new(bytes, &header)),
+        Encoding::BinaryLittleEndian => read_body(&header, Binary::new(bytes, &header, false)),
+        Encoding::BinaryBigEndian => read_body(&header, Binary::new(bytes, &header, true)),
+    }
+}
+
+fn read_body(header: &Header, mut values: impl Values) -> Result<TriangleMesh, Flaw> {
+    let in_header = |why| Flaw::at_line(header.lines, why);
+    let mut vertices = Vertices::new(header).map_err(in_header)?;
+    let mut faces = Faces::new(header).map_err(in_header)?;
+    for element in &header.elements {
+        match element.name.as_slice() {
+            b"vertex" => {
+                vertices.reserve(values.rows_to_reserve(element));
+                read_rows(&mut values, element, &mut vertices)?;
+            }
+            b"face" => {
+                faces.triangles.reserve(values.rows_to_reserve(element));
+                read_rows(&mut values, element, &mut faces)?;
+            }
+            _ => read_rows(&mut values, element, &mut Skip)?,
+        }
+    }
+    let normals = vertices.unit_normals();
+    Ok(TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles })
+}
+
+/// Takes the values of rows as they come.
+trait Sink {
+    /// A scalar, or one item of a list, of the row's property at an index.
+    fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation>;
+    fn end_row(&mut self);
+}
+
+fn read_rows(values: &mut impl Values, element: &Element, sink: &mut impl Sink) -> Result<(), Flaw> {
+    // Rows of nothing take no bytes, so that the file's length would not bound how many of them a header can claim.
+    if element.properties.is_empty() {
+        return Ok(());
+    }
+    for row in 0..element.count {
+        read_row(values, element, sink).map_err(|fault| {
+            let why = match fault {
+                Fault::Malformed(why) => why,
+                Fault::End => {
+                    Malformation::Truncated { rows: element.rows(), promised: element.count, found: row }
+                }
+            };
+            Flaw { at: values.position(), why }
+        })?;
+    }
+    Ok(())
+}
+
+fn read_row(values: &mut impl Values, element: &Element, sink: &mut impl Sink) -> Result<(), Fault> {
+    values.begin_row()?;
+    for (index, property) in element.properties.iter().enumerate() {
+        match property.kind {
+            Kind::Scalar(scalar) => sink.value(index, values.value(scalar)?)?,
+            Kind::List { length, item } => {
+                let length = values.value(length)? as i64;
+                if length < 0 {
+                    return Err(Malformation::ListLength { length }.into());
+                }
+                for _ in 0..length {
+                    sink.value(index, values.value(item)?)?;
+                }
+            }
+        }
+    }
+    values.end_row()?;
+    sink.end_row();
+    Ok(())
+}
+
+/// Sink for elements that no mesh needs.
+struct Skip;
+
+impl Sink for Skip {
+    fn value(&mut self, _: usize, _: f64) -> Result<(), Malformation> {
+        Ok(())
+    }
+
+    fn end_row(&mut self) {}
+}
+
+/// Sink for the `vertex` element.
+struct Vertices {
+    /// For each property, its place in `row`.
+    slots: Vec<Option<usize>>,
+    /// x, y, z, nx, ny, nz of the current row.
+    row: [f64; 6],
+    has_normals: bool,
+    positions: Vec<DVec3>,
+    /// As in the file, of any length; empty without nx, ny and nz.
+    normals: Vec<DVec3>,
+}
+
+impl Vertices {
+    fn new(header: &Header) -> Result<Self, Malformation> {
+        let element = header.find("vertex").ok_or(Malformation::Missing { what: "vertex element" })?;
+        let scalar =
+            |name| element.find(name).filter(|i| matches!(element.properties[*i].kind, Kind::Scalar(_)));
+        let columns = ["x", "y", "z", "nx", "ny", "nz"].map(scalar);
+        if columns[..3].contains(&None) {
+            return Err(Malformation::Missing { what: "vertex properties x, y and z" });
+        }
+        let mut slots = vec![None; element.properties.len()];
+        for (slot, column) in columns.iter().enumerate() {
+            if let Some(column) = *column {
+                slots[column] = Some(slot);
+            }
+        }
+        let has_normals = !columns[3..].contains(&None);
+        Ok(Self { slots, row: [0.0; 6], has_normals, positions: Vec::new(), normals: Vec::new() })
+    }
+
+    fn reserve(&mut self, rows: usize) {
+        self.positions.reserve(rows);
+        if self.has_normals {
+            self.normals.reserve(rows);
+        }
+    }
+
+    /// The normals at length 1; none at all if one of them has no direction, since a mesh has all or none.
+    fn unit_normals(&self) -> Vec<DVec3> {
+        self.normals.iter().map(|n| n.try_normalize()).collect::<Option<_>>().unwrap_or_default()
+    }
+}
+
+impl Sink for Vertices {
+    fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
+        if let Some(slot) = self.slots[property] {
+            self.row[slot] = value;
+        }
+        Ok(())
+    }
+
+    fn end_row(&mut self) {
+        let [x, y, z, nx, ny, nz] = self.row;
+        self.positions.push(DVec3::new(x, y, z));
+        if self.has_normals {
+            self.normals.push(DVec3::new(nx, ny, nz));
+        }
+    }
+}
+
+/// Sink for the `face` element.
+struct Faces {
+    /// The property that lists a face's vertices; `None` without a face element, as in a point cloud.
+    indices: Option<usize>,
+    polygon: Vec<u32>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Faces {
+    fn new(header: &Header) -> Result<Self, Malformation> {
+        let indices = header.find("face").map(Self::find_indices).transpose()?;
+        Ok(Self { indices, polygon: Vec::new(), triangles: Vec::new() })
+    }
+
+    fn find_indices(face: &Element) -> Result<usize, Malformation> {
+        let index = face
+            .find("vertex_indices")
+            .or_else(|| face.find("vertex_index"))
+            .ok_or(Malformation::Missing { what: "face property vertex_indices" })?;
+        match face.properties[index].kind {
+            Kind::List { item, .. } if item.is_integer() => Ok(index),
+            Kind::List { item: Scalar::F32, .. } => Err(Malformation::PropertyType { text: "float".into() }),
+            Kind::List { .. } => Err(Malformation::PropertyType { text: "double".into() }),
+            Kind::Scalar(_) => Err(Malformation::Missing { what: "list of vertices in its face element" }),
+        }
+    }
+}
+
+impl Sink for Faces {
+    fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
+        if self.indices == Some(property) {
+            if value < 0.0 {
+                return Err(Malformation::Index { text: value.to_string() });
+            }
+            self.polygon.push(value as u32);
+        }
+        Ok(())
+    }
+
+    fn end_row(&mut self) {
+        push_fan(&self.polygon, &mut self.triangles);
+        self.polygon.clear();
+    }
+}

@@ -1,0 +1,164 @@
+//! The frames that an input names.
+
+use crate::wildcard::{has_wildcard, matches};
+use crate::{Format, natural_cmp};
+use std::ffi::OsStr;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// The mesh files of a sequence, in frame order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameSequence {
+    input: String,
+    paths: Vec<PathBuf>,
+}
+
+/// An input that names no sequence of frames.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SequenceError {
+    /// Nothing of that name.
+    #[error("{input}: no such file or folder")]
+    NotFound {
+        /// The input as given.
+        input: String,
+    },
+    /// The operating system refused.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        cause: io::Error,
+    },
+    /// A `*` or `?` before the last part of the path.
+    #[error("{input}: wildcards are understood in the last part of a path only")]
+    WildcardInFolder {
+        /// The input as given.
+        input: String,
+    },
+    /// A folder or pattern without a mesh file, or a file that is none.
+    #[error("{input}: no mesh files here; frames must be .ply or .obj")]
+    NoMeshFiles {
+        /// The input as given.
+        input: String,
+    },
+    /// More than one kind of mesh file.
+    #[error(
+        "{input}: both .{} and .{} files ({} and {}); name one kind with a pattern such as *.{}",
+        Format::Ply, Format::Obj, ply.display(), obj.display(), Format::Ply
+    )]
+    MixedFormats {
+        /// The input as given.
+        input: String,
+        /// One of the PLY files.
+        ply: PathBuf,
+        /// One of the OBJ files.
+        obj: PathBuf,
+    },
+    /// A range of frames that is empty or leaves the sequence.
+    #[error(
+        "{input}: frames {}..{} asked for, but there are {frames} (0..{frames}) and a range holds at least one",
+        asked.start, asked.end
+    )]
+    OutOfRange {
+        /// The input as given.
+        input: String,
+        /// The range asked for.
+        asked: Range<usize>,
+        /// How many frames there are.
+        frames: usize,
+    },
+}
+
+impl FrameSequence {
+    /// Finds the frames that an input names:
+    ///
+    /// - a folder: all mesh files in it, by extension;
+    /// - a pattern, `*` and `?` in the last part of the path: the mesh files whose names match;
+    /// - a file: itself.
+    ///
+    /// Files of other kinds, sub-folders and names that start with a dot are passed over. Frames come in
+    /// [natural order](natural_cmp). A name that exists is never taken for a pattern.
+    ///
+    /// # Errors
+    /// See [`SequenceError`]. Files are listed, not opened.
+    pub fn open(input: &str) -> Result<Self, SequenceError> {
+        let path = Path::new(input);
+        let paths = if path.is_dir() {
+            mesh_files(path, |_| true)?
+        } else if path.exists() {
+            Format::of_path(path).map(|_| path.to_owned()).into_iter().collect()
+        } else if has_wildcard(input.as_bytes()) {
+            matching_files(input)?
+        } else {
+            return Err(SequenceError::NotFound { input: input.to_owned() });
+        };
+        Self::of_one_format(input.to_owned(), paths)
+    }
+
+    /// Refuses lists that are empty or mixed.
+    fn of_one_format(input: String, paths: Vec<PathBuf>) -> Result<Self, SequenceError> {
+        let first_of = |format| paths.iter().find(|path| Format::of_path(path) == Some(format)).cloned();
+        match (first_of(Format::Ply), first_of(Format::Obj)) {
+            (None, None) => Err(SequenceError::NoMeshFiles { input }),
+            (Some(ply), Some(obj)) => Err(SequenceError::MixedFormats { input, ply, obj }),
+            _ => Ok(Self { input, paths }),
+        }
+    }
+
+    /// The files in frame order; at least one.
+    #[must_use]
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// Frames `range.start` up to but not including `range.end`, counted from 0.
+    ///
+    /// # Errors
+    /// [`SequenceError::OutOfRange`] if the range is empty or ends past the last frame.
+    pub fn select(&self, range: Range<usize>) -> Result<Self, SequenceError> {
+        match self.paths.get(range.clone()) {
+            Some(paths) if !paths.is_empty() => Ok(Self { input: self.input.clone(), paths: paths.to_vec() }),
+            _ => Err(SequenceError::OutOfRange {
+                input: self.input.clone(),
+                asked: range,
+                frames: self.paths.len(),
+            }),
+        }
+    }
+}
+
+fn matching_files(input: &str) -> Result<Vec<PathBuf>, SequenceError> {
+    let path = Path::new(input);
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| has_wildcard(folder.as_os_str().as_encoded_bytes())) {
+        return Err(SequenceError::WildcardInFolder { input: input.to_owned() });
+    }
+    let pattern = path.file_name().unwrap_or_default().as_encoded_bytes();
+    let mut files =
+        mesh_files(folder.unwrap_or(Path::new(".")), |name| matches(pattern, name.as_encoded_bytes()))?;
+    if folder.is_none() {
+        // Messages name files as the user would: without the "./" of the folder that was listed.
+        files.iter_mut().for_each(|file| *file = file.file_name().map(PathBuf::from).unwrap_or_default());
+    }
+    Ok(files)
+}
+
+/// The mesh files of a folder whose names are wanted, in natural order.
+fn mesh_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<PathBuf>, SequenceError> {
+    let io_error = |cause| SequenceError::Io { path: folder.to_owned(), cause };
+    let mut names = Vec::new();
+    for entry in folder.read_dir().map_err(io_error)? {
+        let name = entry.map_err(io_error)?.file_name();
+        let hidden = name.as_encoded_bytes().starts_with(b".");
+        let path = folder.join(&name);
+        if !hidden && Format::of_path(&path).is_some() && wanted(&name) && path.is_file() {
+            names.push(name);
+        }
+    }
+    names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
+    Ok(names.iter().map(|name| folder.join(name)).collect())
+}

@@ -1,0 +1,167 @@
+//! Meshes and sequences on a real file system.
+
+use glam::DVec3;
+use isv_io::{Format, FrameSequence, ReadError, SequenceError, Unit, parse_mesh, read_mesh, write_mesh};
+use isv_volume::TriangleMesh;
+use proptest::prelude::*;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn tetrahedron() -> TriangleMesh {
+    TriangleMesh {
+        vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.0, 0.0, 0.1)],
+        normals: Vec::new(),
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    }
+}
+
+#[test]
+fn both_formats_read_back_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in Format::ALL {
+        let path = folder.path().join("frame").with_extension(format.extension().to_uppercase());
+        let mut mesh = tetrahedron();
+        for normals in [vec![], vec![DVec3::Y; 4]] {
+            mesh.normals = normals;
+            write_mesh(&path, &mesh, format).unwrap();
+            let read = read_mesh(&path, Unit::Metre).unwrap();
+            for (read, written) in read.vertices.iter().zip(&mesh.vertices) {
+                assert_eq!(read.as_vec3(), written.as_vec3(), "equal as f32");
+            }
+            assert_eq!(read.triangles, mesh.triangles);
+            // OBJ keeps normals by face corner, where they are not read.
+            assert_eq!(read.normals, if format == Format::Ply { mesh.normals.clone() } else { vec![] });
+        }
+    }
+}
+
+#[test]
+fn written_obj_is_text_that_never_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    write_mesh(&path, &tetrahedron(), Format::Obj).unwrap();
+    let expected = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    assert_eq!(fs::read_to_string(&path).unwrap(), expected);
+}
+
+#[test]
+fn errors_start_with_the_name_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("missing.ply");
+    let error = read_mesh(&missing, Unit::Metre).unwrap_err();
+    assert!(matches!(error, ReadError::Io { .. }));
+    assert!(error.to_string().starts_with(missing.to_str().unwrap()));
+    let error = read_mesh(Path::new("scan.stl"), Unit::Metre).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "scan.stl: not a mesh file that can be read: the extension must be .ply or .obj"
+    );
+    let error = parse_mesh(Path::new("a.obj"), b"v 0 0 0\nf 1 1 0\n", Unit::Metre).unwrap_err();
+    assert_eq!(error.to_string(), "a.obj: `0` does not name a vertex (line 2)");
+    let error = parse_mesh(Path::new("a.obj"), b"v 0 0 0\nf 1 1 2\n", Unit::Metre).unwrap_err();
+    assert_eq!(error.to_string(), "a.obj: face 0 names vertex 1 of 1");
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_obj_text_never_panics(
+        words in prop::collection::vec(prop::sample::select(vec![
+            "v", "f", "vn", "1", "-1", "0", "2/3/4", "//", "1e400", "nan", "\\", "#", "\n", "\n", "\r\n", "\u{ff}",
+        ]), 0..80),
+    ) {
+        let _ = parse_mesh(Path::new("a.obj"), words.join(" ").as_bytes(), Unit::Metre);
+    }
+}
+
+/// A folder of empty files.
+fn folder_of(names: &[&str]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for name in names {
+        fs::write(folder.path().join(name), "").unwrap();
+    }
+    folder
+}
+
+fn names(sequence: &FrameSequence) -> Vec<&str> {
+    sequence.paths().iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect()
+}
+
+fn open(folder: &tempfile::TempDir, name: &str) -> Result<FrameSequence, SequenceError> {
+    FrameSequence::open(folder.path().join(name).to_str().unwrap())
+}
+
+#[test]
+fn a_folder_is_its_mesh_files_in_natural_order() {
+    let folder =
+        folder_of(&["f_10.ply", "f_2.PLY", "f_1.ply", "notes.txt", ".f_0.ply.1-0.partial", "._f_1.ply"]);
+    fs::create_dir(folder.path().join("f_3.ply")).unwrap();
+    assert_eq!(names(&open(&folder, "").unwrap()), ["f_1.ply", "f_2.PLY", "f_10.ply"]);
+}
+
+#[test]
+fn a_pattern_matches_in_the_last_part_of_a_path() {
+    let folder = folder_of(&["a_10.ply", "a_9.ply", "b_1.ply", "a_1.obj", "a_[1].ply", "a*.ply"]);
+    assert_eq!(names(&open(&folder, "a_?.ply").unwrap()), ["a_9.ply"]);
+    assert_eq!(names(&open(&folder, "a_*.ply").unwrap()), ["a_9.ply", "a_10.ply", "a_[1].ply"]);
+    // Files whose names look like patterns are themselves.
+    assert_eq!(names(&open(&folder, "a_[1].ply").unwrap()), ["a_[1].ply"]);
+    assert_eq!(names(&open(&folder, "a*.ply").unwrap()), ["a*.ply"]);
+    assert!(matches!(open(&folder, "c*.ply"), Err(SequenceError::NoMeshFiles { .. })));
+    assert!(matches!(open(&folder, "x*/a_1.ply"), Err(SequenceError::WildcardInFolder { .. })));
+    assert!(matches!(open(&folder, "x/*.ply"), Err(SequenceError::Io { .. })));
+}
+
+#[test]
+fn inputs_without_one_clear_sequence_are_refused() {
+    let mixed = folder_of(&["a.ply", "a.obj"]);
+    let message = open(&mixed, "").unwrap_err().to_string();
+    assert!(message.contains("both .ply and .obj files"), "{message}");
+    assert!(matches!(open(&mixed, "*"), Err(SequenceError::MixedFormats { .. })));
+    assert_eq!(names(&open(&mixed, "a.obj").unwrap()), ["a.obj"]);
+    let none = folder_of(&["readme.md"]);
+    assert!(matches!(open(&none, ""), Err(SequenceError::NoMeshFiles { .. })));
+    assert!(matches!(open(&none, "readme.md"), Err(SequenceError::NoMeshFiles { .. })));
+    assert!(matches!(open(&none, "gone.ply"), Err(SequenceError::NotFound { .. })));
+}
+
+#[test]
+fn ranges_select_frames_or_say_how_many_there_are() {
+    let folder = folder_of(&["0.ply", "1.ply", "2.ply"]);
+    let all = open(&folder, "").unwrap();
+    assert_eq!(names(&all.select(1..3).unwrap()), ["1.ply", "2.ply"]);
+    assert_eq!(all.select(0..3).unwrap(), all);
+    #[expect(clippy::reversed_empty_ranges)]
+    for bad in [0..4, 3..3, 2..1, 7..9, 0..usize::MAX] {
+        let message = all.select(bad.clone()).unwrap_err().to_string();
+        let expected = format!("frames {}..{} asked for, but there are 3 (0..3)", bad.start, bad.end);
+        assert!(message.contains(&expected), "{message}");
+    }
+}
+
+/// The folder of captured sequences, if there is one here.
+fn data(sequence: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("ISV_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let folder = root.join(sequence);
+    if !folder.is_dir() {
+        println!("skipped: no data at {}", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn captured_frames_read_whole() {
+    for (sequence, frames, vertices, faces) in [("dancer", 16, 19_724, 39_372), ("flag", 30, 6_945, 13_678)] {
+        let Some(folder) = data(sequence) else { continue };
+        let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+        assert_eq!(paths.paths().len(), frames);
+        let mesh = read_mesh(&paths.paths()[0], Unit::Metre).unwrap();
+        assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (vertices, faces));
+        let mut bytes = Vec::new();
+        isv_io::write_mesh_to(&mut bytes, &mesh, Format::Ply).unwrap();
+        assert_eq!(parse_mesh(Path::new("again.ply"), &bytes, Unit::Metre).unwrap(), mesh);
+    }
+}

@@ -1,0 +1,93 @@
+//! Connected parts of a mesh.
+
+use glam::DVec3;
+use isv_volume::TriangleMesh;
+use rustc_hash::FxHashMap;
+
+/// Number of parts of a mesh that share no point: triangles hang together where they share a vertex or have vertices
+/// at exactly the same position. Vertices without a triangle do not count. Stray specks show here first.
+#[must_use]
+pub fn connected_components(mesh: &TriangleMesh) -> usize {
+    let (welded, count) = weld(&mesh.vertices);
+    let mut sets = DisjointSets::new(count);
+    let mut used = vec![false; count as usize];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|v| welded[v as usize]);
+        sets.join(a, b);
+        sets.join(b, c);
+        [a, b, c].into_iter().for_each(|v| used[v as usize] = true);
+    }
+    (0..count).filter(|v| used[*v as usize] && sets.find(*v) == *v).count()
+}
+
+/// For each vertex the number of its position, and how many positions there are.
+fn weld(vertices: &[DVec3]) -> (Vec<u32>, u32) {
+    let mut numbers = FxHashMap::default();
+    let welded = vertices
+        .iter()
+        .map(|v| {
+            // Adding zero turns -0 into +0, which is the same place.
+            let key = v.to_array().map(|x| (x + 0.0).to_bits());
+            let next = numbers.len() as u32;
+            *numbers.entry(key).or_insert(next)
+        })
+        .collect();
+    (welded, numbers.len() as u32)
+}
+
+/// Union-find with path halving.
+struct DisjointSets {
+    parent: Vec<u32>,
+}
+
+impl DisjointSets {
+    fn new(count: u32) -> Self {
+        Self { parent: (0..count).collect() }
+    }
+
+    /// The representative of a member's set: its smallest member.
+    fn find(&mut self, mut v: u32) -> u32 {
+        while self.parent[v as usize] != v {
+            let grandparent = self.parent[self.parent[v as usize] as usize];
+            self.parent[v as usize] = grandparent;
+            v = grandparent;
+        }
+        v
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.parent[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seams_hold_parts_together_and_loose_vertices_do_not_count() {
+        let mut mesh = TriangleMesh {
+            vertices: vec![
+                DVec3::ZERO,
+                DVec3::X,
+                DVec3::Y,
+                DVec3::X,
+                DVec3::Y,
+                DVec3::ONE,
+                DVec3::splat(9.0),
+            ],
+            normals: Vec::new(),
+            triangles: vec![[0, 1, 2]],
+        };
+        assert_eq!(connected_components(&mesh), 1);
+        mesh.triangles.push([3, 5, 4]);
+        assert_eq!(connected_components(&mesh), 1);
+        mesh.vertices[3..5].copy_from_slice(&[DVec3::X * 2.0, DVec3::Y * 2.0]);
+        assert_eq!(connected_components(&mesh), 2);
+        mesh.vertices[0] = DVec3::ZERO;
+        mesh.vertices[3] = DVec3::new(-0.0, 0.0, -0.0);
+        assert_eq!(connected_components(&mesh), 1);
+        assert_eq!(connected_components(&TriangleMesh::default()), 0);
+    }
+}

@@ -1,0 +1,269 @@
+//! Whole comparisons: against values worked out by hand, against a slow independent measure, on captured frames.
+
+use glam::DVec3;
+use isv_io::{FrameSequence, Unit, read_mesh};
+use isv_metrics::{
+    CompareError, CompareOptions, GeometryError, Side, SplitMix64, chamfer, chamfer_floor, compare,
+    sample_surface, summary,
+};
+use isv_volume::TriangleMesh;
+use std::path::PathBuf;
+use std::time::Instant;
+
+fn options(spacing_m: f64) -> CompareOptions {
+    CompareOptions { spacing_m, ..CompareOptions::default() }
+}
+
+/// A unit square facing up at a height.
+fn square(z: f64) -> TriangleMesh {
+    TriangleMesh {
+        vertices: [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]].map(DVec3::from).to_vec(),
+        normals: Vec::new(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+    }
+}
+
+/// The unit cube, closed, shifted.
+fn cube(shift: DVec3) -> TriangleMesh {
+    let corner = |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    TriangleMesh {
+        vertices: (0..8).map(|i| corner(i) + shift).collect(),
+        normals: Vec::new(),
+        triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+    }
+}
+
+/// Random triangles in the unit cube.
+fn soup(seed: u64, faces: u32) -> TriangleMesh {
+    let mut random = SplitMix64::new(seed);
+    let mut point = || DVec3::new(random.next_f64(), random.next_f64(), random.next_f64());
+    TriangleMesh {
+        vertices: (0..3 * faces).map(|_| point()).collect(),
+        normals: Vec::new(),
+        triangles: (0..faces).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect(),
+    }
+}
+
+fn assert_near(actual: f64, expected: f64, tolerance: f64, what: &str) {
+    assert!((actual - expected).abs() <= tolerance, "{what}: {actual}, expected {expected} +- {tolerance}");
+}
+
+#[test]
+fn parallel_squares_are_their_gap_apart_in_every_measure() {
+    let error = compare(&square(0.0), &square(0.25), &options(0.01)).unwrap();
+    for (what, value) in [
+        ("mean", error.p2s_mean_mm),
+        ("rms", error.p2s_rms_mm),
+        ("p99", error.p2s_p99_mm),
+        ("hausdorff", error.hausdorff_mm),
+        ("there", error.ref_to_test_mean_mm),
+        ("back", error.test_to_ref_mean_mm),
+    ] {
+        assert_near(value, 250.0, 1e-9, what);
+    }
+    // The nearest of the other samples lies a fraction of the spacing aside: sqrt(250^2 + 5^2) = 250.05.
+    assert!((250.0..250.2).contains(&error.chamfer_mm), "{}", error.chamfer_mm);
+    assert_eq!((error.area_ratio, error.components_ref, error.components_test), (1.0, 1.0, 1.0));
+}
+
+/// Of a unit cube moved by `d` along x, one of the two x faces lies outside the other cube, `d` from it everywhere.
+/// The other lies inside: at `t` from its outline it is `min(t, d)` from the surface. The four side faces coincide but
+/// for a strip of width `d`, whose points are evenly 0 to `d` away.
+#[test]
+fn a_moved_cube_has_the_distances_of_its_faces() {
+    let d = 0.1;
+    let error = compare(&cube(DVec3::ZERO), &cube(DVec3::X * d), &options(0.006)).unwrap();
+    let outer = d;
+    // Mean of min(t, d) over the unit square, t the distance to its outline: d - (integral over the rim of d - t),
+    // where the outline at t is 4 (1 - 2 t) long: d - (2 d^2 - 4/3 d^3).
+    let inner = d - (2.0 * d * d - 4.0 / 3.0 * d * d * d);
+    let side = d * d / 2.0;
+    let mean = (outer + inner + 4.0 * side) / 6.0;
+    assert_near(error.p2s_mean_mm, mean * 1e3, 0.15, "mean");
+    assert_near(error.ref_to_test_mean_mm, mean * 1e3, 0.25, "there");
+    assert_near(error.test_to_ref_mean_mm, mean * 1e3, 0.25, "back");
+    assert_near(error.hausdorff_mm, d * 1e3, 1e-9, "hausdorff");
+    assert_near(error.p2s_p99_mm, d * 1e3, 1e-9, "p99");
+    // Mean squares: d^2; d^2 - integral of (d^2 - t^2) 4 (1 - 2 t) = d^2 - (8/3 d^3 - 2 d^4); a strip's d^3 / 3.
+    let squares = d * d + (d * d - (8.0 / 3.0 * d.powi(3) - 2.0 * d.powi(4))) + 4.0 * d.powi(3) / 3.0;
+    assert_near(error.p2s_rms_mm, (squares / 6.0).sqrt() * 1e3, 0.15, "rms");
+}
+
+#[test]
+fn what_is_missing_and_what_is_stray_show_in_their_own_direction() {
+    let mut stray = square(0.0);
+    let speck =
+        square(0.0).vertices.iter().map(|v| DVec3::new(0.5, 0.5, 0.1) + *v * 0.01).collect::<Vec<_>>();
+    stray.vertices.extend(speck);
+    stray.triangles.extend([[4, 5, 6], [4, 6, 7]]);
+    let error = compare(&square(0.0), &stray, &options(0.002)).unwrap();
+    assert!(error.ref_to_test_mean_mm < 1e-9);
+    assert_near(error.test_to_ref_mean_mm, 100.0 * 1e-4 / (1.0 + 1e-4), 0.004, "share of the speck");
+    assert_near(error.hausdorff_mm, 100.0, 1e-9, "hausdorff");
+    assert_eq!((error.components_ref, error.components_test), (1.0, 2.0));
+    assert_near(error.area_ratio, 1.0001, 1e-12, "area");
+    let swapped = compare(&stray, &square(0.0), &options(0.002)).unwrap();
+    assert!(swapped.test_to_ref_mean_mm < 1e-9 && swapped.ref_to_test_mean_mm > 0.005);
+}
+
+/// Distance to a triangle by trial: the foot on the plane if inside, else the nearest of many points of the outline,
+/// refined by bisection. Shares no code or formula with the measure it checks.
+fn slow_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let normal = (b - a).cross(c - a).normalize();
+    let foot = p - normal * normal.dot(p - a);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(foot - *s).dot(normal) >= 0.0);
+    if inside {
+        return foot.distance(p);
+    }
+    let along = |s: DVec3, e: DVec3| {
+        let (mut lo, mut hi) = (0.0, 1.0);
+        for _ in 0..100 {
+            let (left, right) = (lo + (hi - lo) / 3.0, hi - (hi - lo) / 3.0);
+            if s.lerp(e, left).distance(p) < s.lerp(e, right).distance(p) { hi = right } else { lo = left }
+        }
+        s.lerp(e, lo).distance(p)
+    };
+    along(a, b).min(along(b, c)).min(along(c, a))
+}
+
+fn slow_nearest(p: DVec3, points: &[DVec3]) -> f64 {
+    points.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[test]
+fn random_meshes_agree_with_brute_force() {
+    for seed in 0..6 {
+        let (reference, test) = (soup(seed, 12), soup(seed + 100, 9));
+        let options = CompareOptions { spacing_m: 0.1, seed };
+        let error = compare(&reference, &test, &options).unwrap();
+        let points = |mesh, seed| sample_surface(mesh, 0.1, seed).iter().map(|s| s.point).collect::<Vec<_>>();
+        let (p, q) = (points(&reference, seed), points(&test, SplitMix64::new(seed).next_u64()));
+
+        let slow = |from: &[DVec3], to: &[DVec3]| {
+            mean(&from.iter().map(|x| slow_nearest(*x, to)).collect::<Vec<_>>())
+        };
+        let expected = 500.0 * (slow(&p, &q) + slow(&q, &p));
+        assert_near(error.chamfer_mm, expected, 1e-9, "chamfer");
+        assert_near(chamfer(&p, &q) * 1e3, expected, 1e-9, "chamfer of points");
+
+        let distances = |from: &[DVec3], to: &TriangleMesh| -> Vec<f64> {
+            from.iter()
+                .map(|x| {
+                    (0..to.triangles.len())
+                        .map(|f| slow_distance(*x, to.corners(f)))
+                        .fold(f64::INFINITY, f64::min)
+                        * 1e3
+                })
+                .collect()
+        };
+        let (there, back) = (distances(&p, &test), distances(&q, &reference));
+        let squares = |d: &[f64]| mean(&d.iter().map(|x| x * x).collect::<Vec<_>>());
+        assert_near(error.ref_to_test_mean_mm, mean(&there), 1e-6, "there");
+        assert_near(error.test_to_ref_mean_mm, mean(&back), 1e-6, "back");
+        assert_near(error.p2s_mean_mm, (mean(&there) + mean(&back)) / 2.0, 1e-6, "mean");
+        assert_near(error.p2s_rms_mm, ((squares(&there) + squares(&back)) / 2.0).sqrt(), 1e-6, "rms");
+        let largest = there.iter().chain(&back).copied().fold(0.0, f64::max);
+        assert_near(error.hausdorff_mm, largest, 1e-6, "hausdorff");
+        let share = |limit: f64| {
+            let below = |d: &[f64]| d.iter().filter(|x| **x <= limit).count() as f64 / d.len() as f64;
+            (below(&there) + below(&back)) / 2.0
+        };
+        assert!(share(error.p2s_p99_mm + 1e-6) >= 0.99 && share(error.p2s_p99_mm - 1e-6) < 0.99);
+    }
+}
+
+#[test]
+fn a_copy_has_no_distance_but_the_floor() {
+    for mesh in [cube(DVec3::splat(7.0)), soup(3, 40)] {
+        let error = compare(&mesh, &mesh, &options(0.02)).unwrap();
+        assert!(error.hausdorff_mm < 1e-9 && error.p2s_mean_mm < 1e-12 * 1e3, "{error:?}");
+        assert_eq!(error.chamfer_mm, error.chamfer_floor_mm);
+        assert_eq!(error.chamfer_floor_mm, chamfer_floor(&mesh, 0.02, 0) * 1e3);
+        assert_eq!(error.area_ratio, 1.0);
+    }
+}
+
+/// Uniform random points, one a spacing squared, have their nearest neighbour half a spacing away on average.
+#[test]
+fn the_floor_on_a_plane_is_half_the_spacing() {
+    assert_near(chamfer_floor(&square(0.0), 0.005, 1), 0.0025, 0.00004, "floor");
+}
+
+#[test]
+fn figures_are_the_same_on_any_number_of_threads() {
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| compare(&cube(DVec3::ZERO), &soup(1, 30), &options(0.03)).unwrap())
+    };
+    assert_eq!(run(1), run(2));
+    assert_eq!(run(1), run(5));
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused() {
+    let empty = TriangleMesh::default();
+    let flat = TriangleMesh { triangles: vec![[0, 1, 1]], ..square(0.0) };
+    for nothing in [&empty, &flat] {
+        let refused = |side| Err(CompareError::NoSurface { side });
+        assert_eq!(compare(nothing, &square(0.0), &options(0.1)), refused(Side::Reference));
+        assert_eq!(compare(&square(0.0), nothing, &options(0.1)), refused(Side::Test));
+    }
+    for metres in [0.0, -1.0, f64::INFINITY] {
+        let refused = Err(CompareError::Spacing { metres });
+        assert_eq!(compare(&square(0.0), &square(0.0), &options(metres)), refused);
+    }
+    assert!(matches!(
+        compare(&square(0.0), &square(0.0), &options(1e-6)),
+        Err(CompareError::TooManySamples { side: Side::Reference, .. })
+    ));
+}
+
+#[test]
+fn the_summary_is_the_mean_of_each_figure() {
+    assert_eq!(summary(&[]), None);
+    let a = compare(&square(0.0), &square(0.1), &options(0.05)).unwrap();
+    let b = compare(&cube(DVec3::ZERO), &soup(1, 5), &options(0.05)).unwrap();
+    assert_eq!(summary(&[a]), Some(a));
+    let fields = |e: &GeometryError| serde_json::to_value(e).unwrap().as_object().unwrap().clone();
+    let (a_fields, b_fields, both) = (fields(&a), fields(&b), fields(&summary(&[a, b]).unwrap()));
+    assert_eq!(both.len(), 11);
+    for (key, value) in &both {
+        let expected = (a_fields[key].as_f64().unwrap() + b_fields[key].as_f64().unwrap()) / 2.0;
+        assert_near(value.as_f64().unwrap(), expected, 1e-12 * expected.abs(), key);
+    }
+}
+
+/// A frame of a captured human against itself, pushed out along its normals by a millimetre.
+#[test]
+fn captured_frames_are_measured() {
+    let root = std::env::var_os("ISV_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let folder = root.join("dancer");
+    if !folder.is_dir() {
+        println!("skipped: no data at {}", folder.display());
+        return;
+    }
+    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let frames: Vec<_> =
+        paths.paths()[..2].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
+    let start = Instant::now();
+    let shift = DVec3::new(0.0006, 0.0008, 0.0);
+    let mut moved = frames[0].clone();
+    moved.vertices.iter_mut().for_each(|v| *v += shift);
+    let error = compare(&frames[0], &moved, &CompareOptions::default()).unwrap();
+    println!("moved by 1 mm: {error:#?}");
+    assert!(error.hausdorff_mm <= 1.0 + 1e-9);
+    // A surface moved by 1 mm in a random direction is half a millimetre off on average.
+    assert!((0.3..0.7).contains(&error.p2s_mean_mm), "{}", error.p2s_mean_mm);
+    assert!((2.2..2.8).contains(&error.chamfer_floor_mm), "{}", error.chamfer_floor_mm);
+    let next = compare(&frames[0], &frames[1], &CompareOptions::default()).unwrap();
+    println!("next frame: {next:#?}\n{:.0} ms a frame", start.elapsed().as_secs_f64() * 500.0);
+    assert!(next.p2s_mean_mm > 1.0);
+}
