@@ -1,2 +1,19 @@
-//! placeholder
-fn main() {}
+//! Development commands.
+//!
+//! `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
+//! byte counted, and prints the table that the README quotes.
+
+mod paper_table;
+
+use anyhow::{Context, Result, bail};
+
+fn main() -> Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["paper-table", folder] => paper_table::run(folder, usize::MAX),
+        ["paper-table", folder, frames] => {
+            paper_table::run(folder, frames.parse().context("FRAMES is a number")?)
+        }
+        _ => bail!("usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES]"),
+    }
+}

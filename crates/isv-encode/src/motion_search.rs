@@ -120,30 +120,29 @@ struct NormalEquations<const D: usize> {
 
 impl<const D: usize> NormalEquations<D> {
     fn build(stitched: &StitchedReference, target: &[i16], motion: &[f32; 6]) -> Self {
-        let n = stitched.edge().voxels();
-        let centre = (n as f32 - 1.0) / 2.0;
-        let rotation = rotation_matrix(motion);
-        let origin: [f32; 3] = std::array::from_fn(|axis| n as f32 + centre + motion[axis]);
-        let mut sums = Self { matrix: [[0.0; D]; D], gradient: [0.0; D], squared_error: 0.0 };
-        for (voxel, sample) in target.iter().enumerate() {
-            let p = [voxel % n, voxel / n % n, voxel / n / n].map(|v| v as f32 - centre);
-            let q: [f32; 3] = if D == 3 { p } else { rotation.map(|row| dot(row, p)) };
-            let (value, slope) =
-                sample_with_gradient(stitched, std::array::from_fn(|axis| origin[axis] + q[axis]));
-            let error = value - f32::from(*sample) / CODES_PER_VOXEL as f32;
-            sums.add(&jacobian(slope, q), error);
+        match stitched.edge() {
+            BlockEdge::E4 => Self::build_sized::<4>(stitched, target, motion),
+            BlockEdge::E8 => Self::build_sized::<8>(stitched, target, motion),
+            BlockEdge::E16 => Self::build_sized::<16>(stitched, target, motion),
         }
-        sums
     }
 
-    fn add(&mut self, jacobian: &[f32; 6], error: f32) {
-        self.squared_error += error * error;
-        for i in 0..D {
-            self.gradient[i] += jacobian[i] * error;
-            for j in i..D {
-                self.matrix[i][j] += jacobian[i] * jacobian[j];
-            }
+    /// Sums over the block a row of N voxels at a time, each lane apart: arrays that compilers turn into vectors.
+    fn build_sized<const N: usize>(stitched: &StitchedReference, target: &[i16], motion: &[f32; 6]) -> Self {
+        let mut sums = LaneSums::<D, N>::zero();
+        let centre = (N as f32 - 1.0) / 2.0;
+        let rotation = rotation_matrix(motion);
+        let origin: [f32; 3] = std::array::from_fn(|axis| N as f32 + centre + motion[axis]);
+        for (row, target) in target.as_chunks::<N>().0.iter().enumerate() {
+            let first = [-centre, (row % N) as f32 - centre, (row / N) as f32 - centre];
+            let samples = if D == 3 {
+                RowSamples::translated(stitched, std::array::from_fn(|axis| origin[axis] + first[axis]))
+            } else {
+                RowSamples::rotated(stitched, origin, &rotation, first)
+            };
+            sums.add_row(&samples, target);
         }
+        sums.total()
     }
 
     /// The damped step `-(J^T J + lambda I)^-1 J^T e`, by Cholesky; `None` if the matrix is not positive.
@@ -185,9 +184,110 @@ impl<const D: usize> NormalEquations<D> {
     }
 }
 
-/// Derivative of the sampled value by translation, and by a further rotation of the offset `q` from the centre.
-fn jacobian([gx, gy, gz]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 6] {
-    [gx, gy, gz, gz * y - gy * z, gx * z - gz * x, gy * x - gx * y]
+/// [`NormalEquations`] of each lane of a row.
+struct LaneSums<const D: usize, const N: usize> {
+    matrix: [[[f32; N]; D]; D],
+    gradient: [[f32; N]; D],
+    squared_error: [f32; N],
+}
+
+impl<const D: usize, const N: usize> LaneSums<D, N> {
+    fn zero() -> Self {
+        Self { matrix: [[[0.0; N]; D]; D], gradient: [[0.0; N]; D], squared_error: [0.0; N] }
+    }
+
+    fn add_row(&mut self, row: &RowSamples<N>, target: &[i16; N]) {
+        let mut error = [0f32; N];
+        for lane in 0..N {
+            error[lane] = row.value[lane] - f32::from(target[lane]) / CODES_PER_VOXEL as f32;
+            self.squared_error[lane] += error[lane] * error[lane];
+        }
+        let jacobian = row.jacobian();
+        for i in 0..D {
+            for lane in 0..N {
+                self.gradient[i][lane] += jacobian[i][lane] * error[lane];
+            }
+            for j in i..D {
+                for lane in 0..N {
+                    self.matrix[i][j][lane] += jacobian[i][lane] * jacobian[j][lane];
+                }
+            }
+        }
+    }
+
+    fn total(&self) -> NormalEquations<D> {
+        let sum = |lanes: &[f32; N]| lanes.iter().sum();
+        NormalEquations {
+            matrix: std::array::from_fn(|i| std::array::from_fn(|j| sum(&self.matrix[i][j]))),
+            gradient: std::array::from_fn(|i| sum(&self.gradient[i])),
+            squared_error: sum(&self.squared_error),
+        }
+    }
+}
+
+/// Trilinear samples of the reference along a row of N voxels.
+struct RowSamples<const N: usize> {
+    value: [f32; N],
+    /// Gradient along x, y and z.
+    slope: [[f32; N]; 3],
+    /// Offsets from the block's centre, rotated.
+    offset: [[f32; N]; 3],
+}
+
+impl<const N: usize> RowSamples<N> {
+    /// A row that begins at `first`, along x: every voxel has the same fractions.
+    fn translated(stitched: &StitchedReference, first: [f32; 3]) -> Self {
+        let side = stitched.side();
+        // The last cell of the cube that still has its far corners.
+        let last = [side - N - 1, side - 2, side - 2];
+        let cell: [usize; 3] = std::array::from_fn(|axis| (first[axis].max(0.0) as usize).min(last[axis]));
+        let [a, b, c]: [f32; 3] =
+            std::array::from_fn(|axis| (first[axis] - cell[axis] as f32).clamp(0.0, 1.0));
+        let start = (cell[2] * side + cell[1]) * side + cell[0];
+        let rows = [0, side, side * side, side * side + side]
+            .map(|offset| &stitched.samples()[start + offset..][..=N]);
+        let mut samples = Self { value: [0.0; N], slope: [[0.0; N]; 3], offset: [[0.0; N]; 3] };
+        for lane in 0..N {
+            let ends = rows.map(|row| (f32::from(row[lane]), f32::from(row[lane + 1])));
+            let (value, slope) = trilinear(ends, [a, b, c]);
+            samples.value[lane] = value;
+            for axis in 0..3 {
+                samples.slope[axis][lane] = slope[axis];
+            }
+        }
+        samples
+    }
+
+    /// The row of voxels whose offsets from the block's centre begin at `first`, rotated about the centre at `origin`.
+    fn rotated(
+        stitched: &StitchedReference,
+        origin: [f32; 3],
+        rotation: &[[f32; 3]; 3],
+        first: [f32; 3],
+    ) -> Self {
+        let mut samples = Self { value: [0.0; N], slope: [[0.0; N]; 3], offset: [[0.0; N]; 3] };
+        for lane in 0..N {
+            let q = rotation.map(|row| dot(row, [first[0] + lane as f32, first[1], first[2]]));
+            let (value, slope) =
+                sample_with_gradient(stitched, std::array::from_fn(|axis| origin[axis] + q[axis]));
+            samples.value[lane] = value;
+            for axis in 0..3 {
+                samples.slope[axis][lane] = slope[axis];
+                samples.offset[axis][lane] = q[axis];
+            }
+        }
+        samples
+    }
+
+    /// Derivative of each value by translation, and by a further rotation about the block's centre.
+    fn jacobian(&self) -> [[f32; N]; 6] {
+        let [gx, gy, gz] = &self.slope;
+        let [x, y, z] = &self.offset;
+        let cross = |a: &[f32; N], p: &[f32; N], b: &[f32; N], q: &[f32; N]| {
+            std::array::from_fn(|lane| a[lane] * p[lane] - b[lane] * q[lane])
+        };
+        [*gx, *gy, *gz, cross(gz, y, gy, z), cross(gx, z, gz, x), cross(gy, x, gx, y)]
+    }
 }
 
 /// `Rz Ry Rx`, as the decoder composes it.
@@ -211,14 +311,17 @@ fn sample_with_gradient(stitched: &StitchedReference, position: [f32; 3]) -> (f3
     let [x, y, z] = clamped.map(|p| p as usize);
     let [a, b, c] = [clamped[0] - x as f32, clamped[1] - y as f32, clamped[2] - z as f32];
     let start = (z * side + y) * side + x;
-    let row = |offset: usize| {
+    let ends = [0, side, side * side, side * side + side].map(|offset| {
         let pair = &stitched.samples()[start + offset..][..2];
-        let near = f32::from(pair[0]);
-        let slope = f32::from(pair[1]) - near;
-        (near + a * slope, slope)
-    };
-    let [(v00, s00), (v10, s10)] = [row(0), row(side)];
-    let [(v01, s01), (v11, s11)] = [row(side * side), row(side * side + side)];
+        (f32::from(pair[0]), f32::from(pair[1]))
+    });
+    trilinear(ends, [a, b, c])
+}
+
+/// Value and gradient, in voxels, inside a cell: its four edges along x, at (y, z) = 00, 10, 01 and 11, and the fractions.
+fn trilinear(ends: [(f32, f32); 4], [a, b, c]: [f32; 3]) -> (f32, [f32; 3]) {
+    let [s00, s10, s01, s11] = ends.map(|(near, far)| far - near);
+    let [v00, v10, v01, v11] = ends.map(|(near, far)| near + a * (far - near));
     let (v0, v1) = (v00 + b * (v10 - v00), v01 + b * (v11 - v01));
     let (s0, s1) = (s00 + b * (s10 - s00), s01 + b * (s11 - s01));
     let (d0, d1) = (v10 - v00, v11 - v01);

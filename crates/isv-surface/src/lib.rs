@@ -1,1 +1,46 @@
-//! placeholder
+//! Sparse TSDF volumes to triangle meshes: marching cubes over the blocks of a
+//! [`SparseVolume`](isv_volume::SparseVolume).
+//!
+//! A *cell* is the cube between eight neighbouring voxel centres. Each cell whose corners do not all have one sign is
+//! crossed by the surface; a table derived by code (`cases`) tells which triangles to put into it. The mesh is indexed,
+//! with one vertex on each voxel edge the surface crosses, shared by all cells around that edge, inside blocks and
+//! across their borders. It is oriented and has no cracks: away from cells that could not be seen it is closed.
+//!
+//! ```
+//! use isv_surface::{SurfaceOptions, extract_surface};
+//! use isv_volume::{BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
+//!
+//! let grid = Grid {
+//!     voxel_size: VoxelSize::from_metres(0.01).unwrap(),
+//!     edge: BlockEdge::E8,
+//!     truncation: Truncation::from_voxels(8).unwrap(),
+//! };
+//! // One block, one voxel of it inside: an octahedron.
+//! let mut samples = vec![256; 512];
+//! samples[grid.edge.voxel_index(3, 3, 3)] = -256;
+//! let mut builder = VolumeBuilder::new(grid);
+//! builder.push([0, 0, 0].into(), samples, None);
+//! let mesh = extract_surface(&builder.finish(), &SurfaceOptions { normals: true });
+//! assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (6, 8));
+//! ```
+//!
+//! # How it works
+//!
+//! 1. The signs of each block become bits, one word a row of voxels (`bits`).
+//! 2. Each block, padded by one voxel of its neighbours, finds the crossing edges that start in it with a few word
+//!    operations a row, and keeps them as a bit set that also numbers them (`edges`). Triangles are counted.
+//! 3. Running sums give each block its place in the output, and the blocks fill it in parallel: vertices (`vertices`),
+//!    then triangles (`triangles`), whose corners are found by a population count in the owning block's bit set.
+//!
+//! Everything is in Morton order of blocks and voxel order within, so any number of threads gives the same mesh.
+//!
+//! What it does not do: place vertices by anything but linear interpolation, keep sharp edges, or simplify.
+
+mod bits;
+mod cases;
+mod edges;
+mod extract;
+mod triangles;
+mod vertices;
+
+pub use extract::{SurfaceOptions, extract_surface};

@@ -1,0 +1,131 @@
+//! Shapes joined into one field, in the order they are put on.
+
+use crate::shape::Shape;
+use crate::skeleton::Frame;
+use glam::Vec3;
+
+/// How much the field may change over a distance of centimetres, as a multiple of it: exact shapes and blends keep 1;
+/// relief and approximate shapes exceed it. The test `figure_is_closed` would see the holes if it were too small.
+pub(crate) const STEEPEST: f32 = 1.25;
+
+/// The figure so far.
+#[derive(Debug, Default)]
+pub(crate) struct Clay {
+    parts: Vec<Part>,
+}
+
+/// A shape and how it meets what was there before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Part {
+    shape: Shape,
+    join: Join,
+    /// Width, in metres, over which the seam is smoothed.
+    blend_m: f32,
+    ripple: Option<Ripple>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Join {
+    Add,
+    Carve,
+}
+
+/// Relief on a shape. Lengths in metres, to either side of the shape's own surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Ripple {
+    /// Creased cloth: a wave along a direction, bent by another wave so that no two creases are alike, and fading in and
+    /// out.
+    Creases {
+        /// Where the waves are anchored.
+        origin: Vec3,
+        /// Direction across the creases, times radians a metre.
+        wave: Vec3,
+        /// Direction in which creases wander, times radians a metre.
+        wander: Vec3,
+        height_m: f32,
+    },
+    /// Combed hair: ridges that run out from the z axis of a frame.
+    Strands {
+        frame: Frame,
+        /// Ridges all around; a whole number.
+        count: f32,
+        /// Turn of the ridges along the axis, in radians a metre.
+        twist: f32,
+        height_m: f32,
+    },
+}
+
+impl Clay {
+    /// Adds a shape.
+    pub(crate) fn add(&mut self, shape: impl Into<Shape>, blend_m: f32) {
+        self.parts.push(Part { shape: shape.into(), join: Join::Add, blend_m, ripple: None });
+    }
+
+    /// Adds a shape with creases.
+    pub(crate) fn add_rippled(&mut self, shape: impl Into<Shape>, blend_m: f32, ripple: Ripple) {
+        self.parts.push(Part { shape: shape.into(), join: Join::Add, blend_m, ripple: Some(ripple) });
+    }
+
+    /// Takes a shape away.
+    pub(crate) fn carve(&mut self, shape: impl Into<Shape>, blend_m: f32) {
+        self.parts.push(Part { shape: shape.into(), join: Join::Carve, blend_m, ripple: None });
+    }
+
+    /// Where a ray meets the figure so far; `from` lies outside.
+    pub(crate) fn surface_along(&self, from: Vec3, direction: Vec3) -> Vec3 {
+        let parts = self.parts();
+        (0..40).fold(from, |p, _| p + direction * distance(&parts, p) * 0.8)
+    }
+
+    /// All parts, in order.
+    pub(crate) fn parts(&self) -> Vec<&Part> {
+        self.parts.iter().collect()
+    }
+}
+
+impl Part {
+    fn distance(&self, p: Vec3) -> f32 {
+        self.shape.distance(p) - self.ripple.map_or(0.0, |ripple| ripple.height(p))
+    }
+
+    /// Whether the part can change field values below `band_m` within `radius_m` of a point.
+    pub(crate) fn matters(&self, centre: Vec3, radius_m: f32, band_m: f32) -> bool {
+        self.distance(centre) < STEEPEST * radius_m + band_m + self.blend_m
+    }
+}
+
+impl Ripple {
+    fn height(&self, p: Vec3) -> f32 {
+        match *self {
+            Self::Creases { origin, wave, wander, height_m } => {
+                let local = p - origin;
+                let [along, aside] = [wave.dot(local), wander.dot(local)];
+                let fade = 0.5 + 0.5 * (0.8 * aside + 0.31 * along).sin();
+                height_m * fade * (along + 1.6 * aside.sin()).sin()
+            }
+            Self::Strands { frame, count, twist, height_m } => {
+                let local = frame.axes.transpose() * (p - frame.origin);
+                let angle = local.x.atan2(local.y);
+                height_m * (count * angle + twist * local.z + 0.8 * (3.0 * angle).sin()).sin()
+            }
+        }
+    }
+}
+
+/// The field of some parts, in metres: negative inside. Nothing lies below the ground, y = 0.
+pub(crate) fn distance(parts: &[&Part], p: Vec3) -> f32 {
+    let joined = parts.iter().fold(f32::MAX, |so_far, part| {
+        let distance = part.distance(p);
+        match part.join {
+            Join::Add => smooth_min(so_far, distance, part.blend_m),
+            Join::Carve => -smooth_min(-so_far, distance, part.blend_m),
+        }
+    });
+    joined.max(-p.y)
+}
+
+/// The smaller value, rounded off where the two are closer than `blend`.
+fn smooth_min(a: f32, b: f32, blend: f32) -> f32 {
+    let overlap = (1.0 - (a - b).abs() / blend).max(0.0);
+    a.min(b) - overlap * overlap * blend / 4.0
+}

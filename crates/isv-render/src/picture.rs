@@ -1,0 +1,140 @@
+//! Pictures as pixels and files.
+
+use std::io::{self, Write};
+
+/// Pixels between and around the pictures of a contact sheet.
+const GAP: usize = 8;
+
+/// An image of RGBA pixels, 8 bits each, alpha not multiplied in; rows from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    size: [usize; 2],
+    rgba: Vec<u8>,
+}
+
+impl Picture {
+    /// A picture of one colour. `size` is width and height in pixels.
+    #[must_use]
+    pub fn filled(size: [usize; 2], rgba: [u8; 4]) -> Self {
+        Self { size, rgba: rgba.repeat(size[0] * size[1]) }
+    }
+
+    /// Width and height in pixels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// All pixels, four bytes each, row after row.
+    #[must_use]
+    pub fn rgba(&self) -> &[u8] {
+        &self.rgba
+    }
+
+    /// Mutable access to [`Self::rgba`].
+    pub fn rgba_mut(&mut self) -> &mut [u8] {
+        &mut self.rgba
+    }
+
+    /// The pixel in column x of row y.
+    ///
+    /// # Panics
+    /// Outside the picture.
+    #[must_use]
+    pub fn pixel(&self, x: usize, y: usize) -> [u8; 4] {
+        assert!(x < self.size[0] && y < self.size[1], "pixel ({x}, {y}) of {:?}", self.size);
+        let at = (y * self.size[0] + x) * 4;
+        [0, 1, 2, 3].map(|channel| self.rgba[at + channel])
+    }
+
+    /// Copies a picture into this one, its top left corner at `(x, y)`, alpha included.
+    ///
+    /// # Panics
+    /// If it does not fit.
+    pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {
+        let [width, height] = other.size;
+        assert!(x + width <= self.size[0] && y + height <= self.size[1], "a pasted picture must fit");
+        for row in 0..height {
+            let from = &other.rgba[row * width * 4..][..width * 4];
+            self.rgba[((y + row) * self.size[0] + x) * 4..][..width * 4].copy_from_slice(from);
+        }
+    }
+
+    /// Writes the picture as a PNG file.
+    ///
+    /// # Errors
+    /// What the writer returns, or [`io::ErrorKind::InvalidInput`] for a picture without pixels.
+    pub fn write_png(&self, to: impl Write) -> io::Result<()> {
+        let [width, height] = self.size.map(|s| s as u32);
+        let mut encoder = png::Encoder::new(to, width, height);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().map_err(into_io)?;
+        writer.write_image_data(&self.rgba).map_err(into_io)?;
+        writer.finish().map_err(into_io)
+    }
+}
+
+fn into_io(error: png::EncodingError) -> io::Error {
+    match error {
+        png::EncodingError::IoError(error) => error,
+        other => io::Error::new(io::ErrorKind::InvalidInput, other),
+    }
+}
+
+/// Pictures in rows of `columns`, each centred in a cell as large as the largest, with small gaps. The gaps take the
+/// colour of the first picture's top left pixel.
+///
+/// # Panics
+/// If there are no pictures or no columns.
+#[must_use]
+pub fn contact_sheet(pictures: &[Picture], columns: usize) -> Picture {
+    let cell = [0, 1].map(|axis| pictures.iter().map(|p| p.size[axis]).max().expect("at least one picture"));
+    let columns = columns.min(pictures.len());
+    let counts = [columns, pictures.len().div_ceil(columns)];
+    let size = [0, 1].map(|axis| counts[axis] * (cell[axis] + GAP) + GAP);
+    let mut sheet = Picture::filled(size, pictures[0].pixel(0, 0));
+    for (i, picture) in pictures.iter().enumerate() {
+        let place = [i % columns, i / columns];
+        let [x, y] =
+            [0, 1].map(|axis| GAP + place[axis] * (cell[axis] + GAP) + (cell[axis] - picture.size[axis]) / 2);
+        sheet.paste(picture, x, y);
+    }
+    sheet
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn png_decodes_back() {
+        let mut picture = Picture::filled([3, 2], [1, 2, 3, 255]);
+        picture.paste(&Picture::filled([1, 1], [200, 100, 50, 7]), 2, 1);
+        let mut file = Vec::new();
+        picture.write_png(&mut file).unwrap();
+        let mut reader = png::Decoder::new(io::Cursor::new(file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, picture.rgba());
+        assert_eq!(picture.pixel(2, 1), [200, 100, 50, 7]);
+    }
+
+    #[test]
+    fn a_picture_without_pixels_is_an_error() {
+        assert!(Picture::filled([0, 4], [0; 4]).write_png(io::sink()).is_err());
+    }
+
+    #[test]
+    fn contact_sheet_fills_rows() {
+        let colour = |c| [c, c, c, 255];
+        let pictures = [Picture::filled([10, 4], colour(1)), Picture::filled([10, 4], colour(2)), {
+            Picture::filled([4, 4], colour(3))
+        }];
+        let sheet = contact_sheet(&pictures, 2);
+        assert_eq!(sheet.size(), [2 * 10 + 3 * GAP, 2 * 4 + 3 * GAP]);
+        assert_eq!(sheet.pixel(GAP + 10 + GAP, GAP), colour(2));
+        assert_eq!(sheet.pixel(GAP + 3, 2 * GAP + 4), colour(3));
+        assert_eq!(sheet.pixel(GAP + 2, 2 * GAP + 4), colour(1));
+    }
+}

@@ -1,0 +1,200 @@
+//! The rasteriser: triangles to samples, samples to pixels.
+
+use crate::camera::{Camera, Projection};
+use crate::normals::{face_normal, vertex_normals};
+use crate::occlusion::{DepthMap, NO_SURFACE};
+use crate::picture::Picture;
+use crate::style::{Shading, Style, back_colour, front_colour};
+use glam::{DVec3, Vec3};
+use isv_volume::TriangleMesh;
+use rayon::prelude::*;
+
+/// Samples along each side of a pixel.
+const SAMPLES: usize = 3;
+
+/// Pixel rows drawn by one task.
+const BAND_ROWS: usize = 16;
+
+/// Draws a mesh. The same mesh, camera and style give the same picture with any number of threads.
+///
+/// # Panics
+/// If a triangle names a vertex that is not there.
+#[must_use]
+pub fn render(mesh: &TriangleMesh, camera: &Camera, style: &Style) -> Picture {
+    let projection = camera.projection(SAMPLES);
+    let scene = Scene::new(mesh, &projection, style.shading);
+    let [width, height] = camera.size;
+    let mut pixels = vec![Pixel::EMPTY; width * height];
+    let bands = scene.triangles_by_band(height);
+    pixels.par_chunks_mut((width * BAND_ROWS).max(1)).zip(&bands).enumerate().for_each(
+        |(band, (pixels, triangles))| {
+            let samples = scene.draw_band(triangles, band, [width, pixels.len() / width]);
+            resolve(pixels, &samples, width);
+        },
+    );
+    let depths: Vec<f32> = pixels.iter().map(|p| p.depth).collect();
+    let light = DepthMap {
+        size: camera.size,
+        depths: &depths,
+        pixels_a_metre: (projection.pixels_a_metre / SAMPLES as f64) as f32,
+        subject_m: (camera.bounds.1 - camera.bounds.0).length() as f32,
+    }
+    .light();
+    let mut picture = Picture::filled(camera.size, style.background.rgba());
+    for ((place, pixel), light) in picture.rgba_mut().chunks_exact_mut(4).zip(&pixels).zip(light) {
+        pixel.blend_over(place, light);
+    }
+    picture
+}
+
+/// What is seen through one sample.
+#[derive(Clone, Copy)]
+struct Sample {
+    depth: f32,
+    colour: Vec3,
+}
+
+/// The mean of a pixel's samples.
+#[derive(Clone, Copy)]
+struct Pixel {
+    /// Mean colour of the samples that show the surface.
+    colour: Vec3,
+    /// Mean depth of the samples that show the surface, or [`NO_SURFACE`].
+    depth: f32,
+    /// Part of the samples that show the surface.
+    coverage: f32,
+}
+
+/// A mesh ready to be drawn.
+struct Scene<'a> {
+    mesh: &'a TriangleMesh,
+    /// Position of each vertex in samples, and its depth.
+    projected: Vec<DVec3>,
+    /// Normals of the vertices; empty for flat shading.
+    normals: Vec<DVec3>,
+    to_camera: Vec3,
+}
+
+impl<'a> Scene<'a> {
+    fn new(mesh: &'a TriangleMesh, projection: &Projection, shading: Shading) -> Self {
+        Self {
+            mesh,
+            projected: mesh.vertices.par_iter().map(|v| projection.project(*v)).collect(),
+            normals: match shading {
+                Shading::Smooth => vertex_normals(mesh),
+                Shading::Flat => Vec::new(),
+            },
+            to_camera: projection.to_camera().as_vec3(),
+        }
+    }
+
+    /// For each band of pixel rows, the triangles that may reach into it, in order.
+    fn triangles_by_band(&self, height: usize) -> Vec<Vec<u32>> {
+        let mut bands = vec![Vec::new(); height.div_ceil(BAND_ROWS)];
+        let band_samples = (BAND_ROWS * SAMPLES) as f64;
+        for (face, triangle) in self.mesh.triangles.iter().enumerate() {
+            let rows = triangle.map(|v| self.projected[v as usize].y / band_samples);
+            let [from, to] = [rows[0].min(rows[1]).min(rows[2]), rows[0].max(rows[1]).max(rows[2])];
+            // Casts clamp below at 0, and turn NaN into 0.
+            let end = (to.floor() as usize + 1).min(bands.len());
+            for band in bands.get_mut(from.floor() as usize..end).unwrap_or_default() {
+                band.push(face as u32);
+            }
+        }
+        bands
+    }
+
+    /// Samples of a band, row after row; `size` is its width and height in pixels.
+    fn draw_band(&self, triangles: &[u32], band: usize, size: [usize; 2]) -> Vec<Sample> {
+        let [width, height] = size.map(|s| s * SAMPLES);
+        let mut samples = vec![Sample { depth: NO_SURFACE, colour: Vec3::ZERO }; width * height];
+        let top = (band * BAND_ROWS * SAMPLES) as f64;
+        for &face in triangles {
+            self.draw_triangle(face as usize, &mut samples, [width, height], top);
+        }
+        samples
+    }
+
+    fn draw_triangle(&self, face: usize, samples: &mut [Sample], [width, height]: [usize; 2], top: f64) {
+        let triangle = self.mesh.triangles[face];
+        let corners = triangle.map(|v| self.projected[v as usize] - DVec3::new(0.0, top, 0.0));
+        let [a, b, c] = corners;
+        // Twice the area in samples; rows run down, so counter-clockwise triangles come out negative.
+        let area = (b - a).cross(c - a).z;
+        if area == 0.0 || !area.is_finite() {
+            return;
+        }
+        let paint = self.paint(face, area < 0.0);
+        let span = |axis: usize, limit: usize| {
+            let [p, q, r] = corners.map(|v| v[axis]);
+            let first = (p.min(q).min(r) - 0.5).ceil().max(0.0) as usize;
+            let end = ((p.max(q).max(r) - 0.5).floor() + 1.0).clamp(0.0, limit as f64) as usize;
+            first..end
+        };
+        for y in span(1, height) {
+            for x in span(0, width) {
+                let at = DVec3::new(x as f64 + 0.5, y as f64 + 0.5, 0.0);
+                let weight = |p: DVec3, q: DVec3| ((q - p).cross(at - p).z / area) as f32;
+                let weights = Vec3::new(weight(b, c), weight(c, a), weight(a, b));
+                let depth = weights.dot(Vec3::new(a.z as f32, b.z as f32, c.z as f32));
+                let sample = &mut samples[y * width + x];
+                if weights.min_element() >= 0.0 && depth > sample.depth {
+                    *sample = Sample { depth, colour: paint(weights) };
+                }
+            }
+        }
+    }
+
+    /// The colour of a face as a function of the weights of its corners.
+    fn paint(&self, face: usize, front: bool) -> impl Fn(Vec3) -> Vec3 {
+        let normals = if self.normals.is_empty() {
+            [face_normal(self.mesh.corners(face)); 3]
+        } else {
+            self.mesh.triangles[face].map(|v| self.normals[v as usize])
+        };
+        let [a, b, c] = normals.map(DVec3::as_vec3);
+        let to_camera = self.to_camera;
+        move |weights| {
+            if !front {
+                return back_colour();
+            }
+            let normal = a * weights.x + b * weights.y + c * weights.z;
+            front_colour(normal.normalize_or(to_camera), to_camera)
+        }
+    }
+}
+
+/// Averages the samples of each pixel of a band.
+fn resolve(pixels: &mut [Pixel], samples: &[Sample], width: usize) {
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        let (x, y) = (i % width * SAMPLES, i / width * SAMPLES);
+        let rows = (y..y + SAMPLES).map(|row| &samples[row * width * SAMPLES + x..][..SAMPLES]);
+        let (mut colour, mut depth, mut count) = (Vec3::ZERO, 0.0, 0.0);
+        for sample in rows.flatten().filter(|s| s.depth != NO_SURFACE) {
+            colour += sample.colour;
+            depth += sample.depth;
+            count += 1.0;
+        }
+        if count > 0.0 {
+            let coverage = count / (SAMPLES * SAMPLES) as f32;
+            *pixel = Pixel { colour: colour / count, depth: depth / count, coverage };
+        }
+    }
+}
+
+impl Pixel {
+    const EMPTY: Self = Self { colour: Vec3::ZERO, depth: NO_SURFACE, coverage: 0.0 };
+
+    /// Mixes the pixel, under the given light, into an RGBA pixel that is opaque or empty.
+    fn blend_over(&self, rgba: &mut [u8], light: f32) {
+        let opaque = rgba[3] != 0;
+        for (place, channel) in rgba.iter_mut().zip(self.colour.to_array()) {
+            let own = channel * light * 255.0;
+            let behind = if opaque { f32::from(*place) } else { own };
+            *place = (own * self.coverage + behind * (1.0 - self.coverage)).round() as u8;
+        }
+        if !opaque {
+            rgba[3] = (self.coverage * 255.0).round() as u8;
+        }
+    }
+}

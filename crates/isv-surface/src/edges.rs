@@ -1,0 +1,78 @@
+//! The crossing edges of a row of voxels, and the numbers of the vertices on them.
+
+/// Position of the first-vertex number in the word.
+const FIRST_SHIFT: u32 = 48;
+
+/// The crossing edges that start in a row of up to 16 voxels, in one word: bit `3 x + axis` for the edge that starts in
+/// voxel x and runs along `axis`; the upper 16 bits hold the number, within the block, of the first vertex of the row.
+///
+/// A block has at most `3 * 16^3 = 12288` vertices, so the number fits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct EdgeRow(u64);
+
+impl EdgeRow {
+    /// From the crossing edges by axis, bit x for voxel x, and the number of vertices in the block before this row.
+    pub(crate) fn new([x, y, z]: [u32; 3], first: u32) -> Self {
+        let bits = spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2;
+        Self(bits | u64::from(first) << FIRST_SHIFT)
+    }
+
+    /// Number of crossing edges in the row.
+    pub(crate) fn count(self) -> u32 {
+        self.bits().count_ones()
+    }
+
+    /// Number, within the block, of the vertex on the edge that starts in voxel x and runs along an axis.
+    pub(crate) fn vertex(self, x: usize, axis: usize) -> u32 {
+        let below = (1u64 << (3 * x + axis)) - 1;
+        (self.0 >> FIRST_SHIFT) as u32 + (self.0 & below).count_ones()
+    }
+
+    /// The crossing edges as `(x, axis)`, in the order of their vertices.
+    pub(crate) fn iter(self) -> impl Iterator<Item = (usize, usize)> {
+        SetBits(self.bits()).map(|bit| (bit / 3, bit % 3))
+    }
+
+    fn bits(self) -> u64 {
+        self.0 & ((1 << FIRST_SHIFT) - 1)
+    }
+}
+
+/// Positions of the set bits of a word, lowest first.
+pub(crate) struct SetBits(pub(crate) u64);
+
+impl Iterator for SetBits {
+    type Item = usize;
+
+    fn next(&mut self) -> Option<usize> {
+        let bit = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (bit < u64::BITS).then_some(bit as usize)
+    }
+}
+
+/// Moves bit `i` of a 16-bit number to bit `3 i`.
+fn spread_by_three(v: u32) -> u64 {
+    let mut v = u64::from(v);
+    v = (v | v << 16) & 0x0000_0000_ff00_00ff;
+    v = (v | v << 8) & 0x0000_00f0_0f00_f00f;
+    v = (v | v << 4) & 0x0000_0c30_c30c_30c3;
+    (v | v << 2) & 0x0000_2492_4924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vertices_are_numbered_in_voxel_order() {
+        let axes = [0b1000_0000_0000_0001, 0b0101, 0b1000_0000_0000_0001];
+        let row = EdgeRow::new(axes, 12_000);
+        let listed: Vec<_> = row.iter().collect();
+        assert_eq!(listed, [(0, 0), (0, 1), (0, 2), (2, 1), (15, 0), (15, 2)]);
+        assert_eq!(row.count(), 6);
+        for (i, (x, axis)) in listed.into_iter().enumerate() {
+            assert_eq!(row.vertex(x, axis), 12_000 + i as u32);
+        }
+    }
+}
