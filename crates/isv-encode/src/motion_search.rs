@@ -40,10 +40,7 @@ pub(crate) fn search_motion(
             return MotionVector::ZERO;
         }
         reference.stitch(*source, stitched);
-        let motion = match prediction {
-            Prediction::SixDof => align::<6>(stitched, target),
-            _ => align::<3>(stitched, target),
-        };
+        let motion = align(prediction, stitched, target);
         better_than_standing_still(motion, stitched, target, warped)
     };
     references.par_iter().enumerate().map_init(scratch, search).collect()
@@ -67,10 +64,19 @@ fn better_than_standing_still(
     if squared_error(motion) < squared_error(MotionVector::ZERO) { motion } else { MotionVector::ZERO }
 }
 
-/// Rigid motion in `D` unknowns (3: translation; 6: translation, then Euler angles) that best maps a block into the
-/// stitched reference, quantized.
-fn align<const D: usize>(stitched: &StitchedReference, target: &[i16]) -> MotionVector {
-    let mut motion = [0f32; 6];
+/// Rigid motion that best maps a block into the stitched reference. Rotation is looked for where translation has led: its
+/// steps are the expensive ones, and few are left to take.
+fn align(prediction: Prediction, stitched: &StitchedReference, target: &[i16]) -> MotionVector {
+    let mut motion = descend::<3>(stitched, target, [0.0; 6]);
+    if prediction == Prediction::SixDof {
+        motion = descend::<6>(stitched, target, motion);
+    }
+    quantize(&motion, stitched.edge())
+}
+
+/// Gauss-Newton from a first guess in `D` unknowns: 3 for translation, 6 for translation and Euler angles.
+fn descend<const D: usize>(stitched: &StitchedReference, target: &[i16], start: [f32; 6]) -> [f32; 6] {
+    let mut motion = start;
     let mut best = (f32::INFINITY, motion);
     for _ in 0..ITERATIONS {
         let system = NormalEquations::<D>::build(stitched, target, &motion);
@@ -87,7 +93,7 @@ fn align<const D: usize>(stitched: &StitchedReference, target: &[i16]) -> Motion
             *value += scale * delta;
         }
     }
-    quantize(&best.1, stitched.edge())
+    best.1
 }
 
 /// Factor that brings a step within the clamps on translation and rotation.
@@ -361,7 +367,7 @@ mod tests {
     fn translation_of_a_sphere_is_found() {
         let reference = sphere([1.5, 2.0, -1.0], 4.0);
         let target = own_block(&sphere([0.25, 0.5, 1.0], 4.0));
-        let motion = align::<3>(&reference, &target);
+        let motion = align(Prediction::ThreeDof, &reference, &target);
         assert_eq!(motion.translation, [5, 6, -8], "from the target into the reference, in quarter voxels");
     }
 
@@ -388,13 +394,13 @@ mod tests {
         let motion = MotionVector { translation: [3, -2, 1], rotation: [4, -3, 2] };
         let mut target = vec![0; 512];
         reference.warp(motion, &mut target);
-        assert_eq!(align::<6>(&reference, &target), motion);
+        assert_eq!(align(Prediction::SixDof, &reference, &target), motion);
     }
 
     #[test]
     fn a_flat_field_gives_no_motion() {
         let mut stitched = StitchedReference::new(BlockEdge::E8);
         (0..27).for_each(|slot| stitched.fill_block(slot, 700));
-        assert_eq!(align::<6>(&stitched, &[300; 512]), MotionVector::ZERO);
+        assert_eq!(align(Prediction::SixDof, &stitched, &[300; 512]), MotionVector::ZERO);
     }
 }
