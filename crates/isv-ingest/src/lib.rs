@@ -24,9 +24,10 @@
 //! assert!(volume.samples().iter().any(|s| *s < 0));
 //! ```
 //!
-//! How it works: [`tiles`] lists the triangles that matter in each cube of 4 x 4 x 4 blocks, [`descent`] narrows the list
-//! down to cubes of 2 x 2 x 2 voxels, [`distance`] measures, and [`regions`] spreads each winding number over all voxels
-//! that are certain to share it. [`holes`] finds the openings that must stay open, [`sign`] tells open from closed.
+//! How it works, by private module: `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks, `descent`
+//! narrows the list down to cubes of 2 x 2 x 2 voxels, `distance` measures, and `regions` spreads each winding number over
+//! all voxels that are certain to share it. `holes` finds the openings that must stay open and `caps` removes what the
+//! winding number would still close there; `sign` tells open from closed surfaces, `limits` refuses what cannot be done.
 
 mod caps;
 mod descent;
@@ -118,8 +119,10 @@ pub fn ingest_mesh(
 fn sample(source: &Source, list: &TileList) -> SparseVolume {
     let mut blocks = Blocks::default();
     for tiles in list.tiles().chunks(TILES_AT_ONCE) {
-        let parts: Vec<_> =
-            tiles.par_iter().map_init(Workspace::default, |work, tile| sample_tile(source, tile, work)).collect();
+        let parts: Vec<_> = tiles
+            .par_iter()
+            .map_init(Workspace::default, |work, tile| sample_tile(source, tile, work))
+            .collect();
         for part in parts {
             let before = blocks.coords.len();
             blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));

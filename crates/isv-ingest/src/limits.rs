@@ -1,0 +1,104 @@
+//! Refusing what cannot be done, before it costs anything, and saying what could be.
+
+use crate::tiles::{Band, OverLimit, TileList, VoxelMesh, count_blocks};
+use crate::{IngestError, MeshIngest, SignDecision};
+use isv_volume::{COORD_LIMIT, Grid, TriangleMesh, VoxelSize};
+
+/// The offset in voxels: that of the settings for an open surface, zero for a closed one.
+pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<f64, IngestError> {
+    let truncation = settings.grid.truncation.voxels();
+    match sign {
+        SignDecision::Closed { .. } => Ok(0.0),
+        SignDecision::Offset if (0.0..=f64::from(truncation)).contains(&settings.offset_voxels) => {
+            Ok(settings.offset_voxels)
+        }
+        SignDecision::Offset => Err(IngestError::Offset { voxels: settings.offset_voxels, truncation }),
+    }
+}
+
+/// Refuses meshes that reach beyond the range of block coordinates.
+pub(crate) fn check_range(mesh: &TriangleMesh, grid: &Grid, offset: f64) -> Result<(), IngestError> {
+    let Some((lo, hi)) = mesh.bounds() else { return Ok(()) };
+    let voxel_m = grid.voxel_size.metres();
+    let farthest = lo.abs().max(hi.abs()).max_element();
+    let margin = f64::from(grid.truncation.voxels()) + offset;
+    // One tile is kept clear at the end of the range, so that no tile begins outside it.
+    let limit_voxels = f64::from(COORD_LIMIT - crate::tiles::TILE_BLOCKS) * grid.edge.voxels() as f64;
+    if farthest / voxel_m + margin <= limit_voxels {
+        return Ok(());
+    }
+    Err(IngestError::OutOfRange {
+        reach_m: farthest + margin * voxel_m,
+        limit_m: limit_voxels * voxel_m,
+        voxel_m,
+        voxel_that_fits_m: round_up(farthest / (limit_voxels - margin)),
+    })
+}
+
+/// The mesh with the voxel edge as unit.
+pub(crate) fn in_voxels(mesh: &TriangleMesh, voxel_m: f64) -> VoxelMesh<'_> {
+    VoxelMesh { vertices: mesh.vertices.iter().map(|v| *v / voxel_m).collect(), triangles: &mesh.triangles }
+}
+
+/// Lists the triangles of all tiles, or says which voxel size stays within the block limit.
+pub(crate) fn list_tiles(
+    mesh: &TriangleMesh,
+    voxel_mesh: &VoxelMesh,
+    settings: &MeshIngest,
+    offset: f64,
+) -> Result<TileList, IngestError> {
+    let band = Band::new(&settings.grid, offset);
+    let limit = settings.max_blocks;
+    if let Ok(list) = TileList::build(voxel_mesh, &band, limit)
+        && count_blocks(voxel_mesh, &band, &list.tiles(), limit) <= limit
+    {
+        return Ok(list);
+    }
+    let voxel_m = settings.grid.voxel_size.metres();
+    let count = |voxel_m: f64| count_at(mesh, voxel_m, &band, limit);
+    let (blocks, fits_m) = voxel_that_fits(voxel_m, count);
+    // The number of blocks goes with the inverse square of their edge.
+    let blocks = (blocks.max(1) as f64 * (fits_m / voxel_m).powi(2)).max(limit as f64 + 1.0) as u64;
+    Err(IngestError::TooManyBlocks {
+        blocks,
+        edge: settings.grid.edge,
+        limit,
+        voxel_m,
+        voxel_that_fits_m: fits_m,
+    })
+}
+
+/// Number of blocks at a voxel size, if within the limit.
+fn count_at(mesh: &TriangleMesh, voxel_m: f64, band: &Band, limit: usize) -> Option<usize> {
+    let mesh = in_voxels(mesh, voxel_m);
+    let list = TileList::build(&mesh, band, limit).map_err(|OverLimit| ()).ok()?;
+    Some(count_blocks(&mesh, band, &list.tiles(), 0)).filter(|blocks| *blocks <= limit)
+}
+
+/// A voxel size not much larger than needed, and the number of blocks there. `count` gives nothing above the limit.
+fn voxel_that_fits(voxel_m: f64, count: impl Fn(f64) -> Option<usize>) -> (usize, f64) {
+    let largest = *VoxelSize::RANGE_NM.end() as f64 * 1e-9;
+    let (mut too_fine, mut fits, mut blocks) = (voxel_m, voxel_m, None);
+    while blocks.is_none() && fits < largest {
+        too_fine = fits;
+        fits = (2.0 * fits).min(largest);
+        blocks = count(fits);
+    }
+    // Two halvings of the ratio leave at most a fifth to gain.
+    for _ in 0..2 {
+        let middle = round_up((too_fine * fits).sqrt());
+        match count(middle) {
+            Some(n) if middle < fits => (fits, blocks) = (middle, Some(n)),
+            _ => too_fine = middle,
+        }
+    }
+    (blocks.unwrap_or(0), fits)
+}
+
+/// Rounded up to two significant digits.
+fn round_up(value: f64) -> f64 {
+    let unit = 10f64.powi(value.log10().floor() as i32 - 1);
+    let digits = (value / unit).ceil();
+    // Dividing by the inverse gives the double closest to the decimal number where the unit is below one.
+    if unit < 1.0 { digits / (1.0 / unit).round() } else { digits * unit }
+}

@@ -1,0 +1,169 @@
+//! Whether a mesh has an inside.
+
+use glam::DVec3;
+use isv_spatial::WindingNumber;
+use isv_volume::TriangleMesh;
+use rayon::prelude::*;
+use std::fmt;
+
+/// Points on the surface that are looked at, spread evenly by area.
+const SAMPLES: usize = 1024;
+
+/// How far samples are moved off the surface, as a share of the mesh's diagonal.
+const NUDGE: f64 = 1e-5;
+
+/// How far a winding number may be from a whole one and still count as such.
+const NEAR: f64 = 0.15;
+
+/// Share of the area that must look closed; real sequences lie below 0.33 or above 0.96 (see [`decide_sign`]).
+const CLOSED_SHARE: f64 = 0.9;
+
+/// How the sign of the distance is asked to be found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SignMode {
+    /// Look at the mesh and choose.
+    #[default]
+    Auto,
+    /// As for a closed surface (Eq. 8): negative inside.
+    Closed,
+    /// As for a surface without inside (Eq. 9): unsigned distance less a constant.
+    Offset,
+}
+
+/// How the sign of the distance is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignDecision {
+    /// Negative where the winding number exceeds one half in magnitude.
+    Closed {
+        /// Whether most of the surface is oriented inside out, with -1 inside. Either way the inside becomes negative.
+        flipped: bool,
+    },
+    /// Unsigned distance less a constant offset: a thin closed shell around the surface.
+    Offset,
+}
+
+impl fmt::Display for SignDecision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Closed { flipped: false } => "closed surface: sign by winding number",
+            Self::Closed { flipped: true } => "closed surface, inside out: sign by winding number, reversed",
+            Self::Offset => "open surface: offset shell",
+        })
+    }
+}
+
+/// What a [`SignDecision`] rests on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SignEvidence {
+    /// Share of the area, 0 to 1, with near-integer winding numbers on both sides and an inside on one of them.
+    pub closed_share: f64,
+    /// Share of the area, 0 to 1, that is such and has a negative winding number inside.
+    pub inverted_share: f64,
+}
+
+/// Decides how to sign distances to a mesh: as `mode` says, or from the winding number on both sides of the surface.
+///
+/// Just off a closed surface the winding number is close to a whole number on both sides, and not zero on one of them;
+/// just off an open sheet it is far from whole. A surface is taken for closed when that holds for nine tenths of its
+/// area. Measured on the first frames of eight sequences:
+///
+/// | sequence | closed share | inverted share | decision |
+/// |---|---|---|---|
+/// | dancer (open soles, seams) | 0.961 | 0.000 | closed |
+/// | thomas, liam | 1.000 | 0.000 | closed |
+/// | xbot (94 overlapping parts) | 1.000 | 0.000 | closed |
+/// | cesium_man, collision | 1.000 | 0.000 | closed |
+/// | flag (thin sheet) | 0.013 | 0.013 | offset |
+/// | monastery (586 open parts) | 0.326 | 0.176 | offset |
+///
+/// The same mesh always gives the same answer. A mesh that [`TriangleMesh::validate`] refuses looks open here.
+#[must_use]
+pub fn decide_sign(mesh: &TriangleMesh, mode: SignMode) -> (SignDecision, SignEvidence) {
+    let evidence = if mesh.validate().is_ok() { gather_evidence(mesh) } else { SignEvidence::default() };
+    let closed = SignDecision::Closed { flipped: 2.0 * evidence.inverted_share > evidence.closed_share };
+    let decision = match mode {
+        SignMode::Closed => closed,
+        SignMode::Auto if evidence.closed_share >= CLOSED_SHARE => closed,
+        SignMode::Auto | SignMode::Offset => SignDecision::Offset,
+    };
+    (decision, evidence)
+}
+
+fn gather_evidence(mesh: &TriangleMesh) -> SignEvidence {
+    let winding = WindingNumber::new(mesh);
+    let nudge = mesh.bounds().map_or(0.0, |(lo, hi)| NUDGE * lo.distance(hi));
+    let (closed, inverted) = sample_faces(mesh)
+        .into_par_iter()
+        .map(|(face, weight)| {
+            let [a, b, c] = mesh.corners(face);
+            let (middle, normal) = ((a + b + c) / 3.0, vector_area([a, b, c]).normalize_or_zero());
+            let (front, back) = (winding.at(middle + nudge * normal), winding.at(middle - nudge * normal));
+            let whole = (front - front.round()).abs() < NEAR && (back - back.round()).abs() < NEAR;
+            let closed = whole && (front.round() != 0.0 || back.round() != 0.0);
+            (if closed { weight } else { 0 }, if closed && front + back < 0.0 { weight } else { 0 })
+        })
+        .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    SignEvidence {
+        closed_share: closed as f64 / SAMPLES as f64,
+        inverted_share: inverted as f64 / SAMPLES as f64,
+    }
+}
+
+/// Faces at [`SAMPLES`] evenly spaced steps of the running area, each with the number of steps it took.
+fn sample_faces(mesh: &TriangleMesh) -> Vec<(usize, usize)> {
+    let areas: Vec<f64> =
+        (0..mesh.triangles.len()).map(|face| vector_area(mesh.corners(face)).length()).collect();
+    let step = areas.iter().sum::<f64>() / SAMPLES as f64;
+    let (mut samples, mut taken, mut covered) = (Vec::new(), 0, 0.0);
+    for (face, area) in areas.into_iter().enumerate() {
+        covered += area;
+        let mut weight = 0;
+        while taken < SAMPLES && covered > (taken as f64 + 0.5) * step {
+            taken += 1;
+            weight += 1;
+        }
+        if weight > 0 {
+            samples.push((face, weight));
+        }
+    }
+    samples
+}
+
+fn vector_area([a, b, c]: [DVec3; 3]) -> DVec3 {
+    0.5 * (b - a).cross(c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{sheet, sphere};
+
+    #[test]
+    fn closed_inside_out_and_open_surfaces_are_told_apart() {
+        let mut mesh = sphere(0.4, 20);
+        assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Closed { flipped: false });
+        assert_eq!(decide_sign(&mesh, SignMode::Offset).0, SignDecision::Offset);
+        for triangle in &mut mesh.triangles {
+            triangle.swap(0, 1);
+        }
+        assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Closed { flipped: true });
+        assert_eq!(decide_sign(&sheet(1.0), SignMode::Auto).0, SignDecision::Offset);
+    }
+
+    #[test]
+    fn a_two_sided_sheet_has_no_inside() {
+        let mut mesh = sheet(1.0);
+        let back: Vec<_> = mesh.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        mesh.triangles.extend(back);
+        assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Offset);
+    }
+
+    #[test]
+    fn a_mesh_without_area_or_faces_is_open() {
+        let mut mesh = sheet(1.0);
+        mesh.triangles = vec![[0, 0, 1]];
+        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Offset, SignEvidence::default()));
+        mesh.triangles.clear();
+        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Offset, SignEvidence::default()));
+    }
+}

@@ -1,0 +1,244 @@
+//! Ingest of shapes whose distance field is known.
+
+use crate::testing::{cube, open_box, sheet, sphere};
+use crate::{IngestError, MeshIngest, SignDecision, ingest_mesh};
+use glam::DVec3;
+use isv_volume::{BlockCoord, BlockEdge, Grid, MeshError, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+
+const CLOSED: SignDecision = SignDecision::Closed { flipped: false };
+
+fn settings(voxel_m: f64, edge: BlockEdge) -> MeshIngest {
+    MeshIngest::new(Grid {
+        voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
+        edge,
+        truncation: Truncation::from_voxels(8).unwrap(),
+    })
+}
+
+/// Calls `check` with centre (voxels), sample (voxels) and whether it is observed, for every voxel of the volume.
+fn for_each_voxel(volume: &SparseVolume, mut check: impl FnMut(DVec3, f64, bool)) {
+    let (grid, n) = (volume.grid(), volume.grid().edge.voxels());
+    for (block, coord) in volume.coords().iter().enumerate() {
+        for (voxel, sample) in volume.block(block).iter().enumerate() {
+            let at = grid.voxel_centre_m(*coord, [voxel % n, voxel / n % n, voxel / (n * n)]);
+            let observed = !volume.unobserved(block).is_some_and(|mask| mask.contains(voxel));
+            check(at / grid.voxel_size.metres(), f64::from(*sample) / 256.0, observed);
+        }
+    }
+}
+
+/// Signed distance to the cube `-half..half`.
+fn cube_distance(p: DVec3, half: f64) -> f64 {
+    let q = p.abs() - half;
+    q.max(DVec3::ZERO).length() + q.max_element().min(0.0)
+}
+
+#[test]
+fn a_cube_is_sampled_exactly_at_every_block_edge() {
+    for edge in [BlockEdge::E4, BlockEdge::E8, BlockEdge::E16] {
+        let volume = ingest_mesh(&cube(0.213), &settings(0.01, edge), CLOSED).unwrap();
+        let mut in_band = 0;
+        for_each_voxel(&volume, |p, s, observed| {
+            let expected = cube_distance(p, 21.3).clamp(-8.0, 8.0);
+            assert!((s - expected).abs() < 0.503 / 256.0 && observed, "{p}: {s} against {expected}");
+            in_band += usize::from(expected.abs() < 8.0);
+        });
+        // Counted over the whole neighbourhood, no voxel of the band is missing.
+        let all = (-31..31).flat_map(|x| (-31..31).flat_map(move |y| (-31..31).map(move |z| [x, y, z])));
+        let expected = all
+            .filter(|v| cube_distance(DVec3::from_array(v.map(f64::from)) + 0.5, 21.3).abs() < 8.0)
+            .count();
+        assert_eq!(in_band, expected);
+    }
+}
+
+#[test]
+fn every_block_has_a_voxel_in_the_band() {
+    let volume = ingest_mesh(&sphere(0.3, 30), &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
+    for block in 0..volume.block_count() {
+        assert!(volume.block(block).iter().any(|s| s.abs() < 2048));
+    }
+}
+
+#[test]
+fn a_sphere_is_negative_inside_even_inside_out() {
+    let mut mesh = sphere(0.3, 60);
+    let volume = ingest_mesh(&mesh, &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
+    for_each_voxel(&volume, |p, s, _| {
+        let expected = (p.length() - 30.0).clamp(-8.0, 8.0);
+        // The facets cut in by up to 30 (1 - cos(pi / 120)) / cos(...) voxels.
+        assert!((s - expected).abs() < 0.06, "{p}: {s} against {expected}");
+    });
+    mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let flipped = SignDecision::Closed { flipped: true };
+    assert_eq!(ingest_mesh(&mesh, &settings(0.01, BlockEdge::E8), flipped).unwrap(), volume);
+}
+
+#[test]
+fn overlapping_parts_are_one_inside() {
+    let mut mesh = cube(0.1);
+    let shift = mesh.vertices.len() as u32;
+    mesh.vertices.extend(cube(0.1).vertices.iter().map(|v| *v + DVec3::new(0.1, 0.0, 0.0)));
+    mesh.triangles.extend(cube(0.1).triangles.iter().map(|t| t.map(|v| v + shift)));
+    let volume = ingest_mesh(&mesh, &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
+    for_each_voxel(&volume, |p, s, _| {
+        let inside = cube_distance(p, 10.0) < 0.0 || cube_distance(p - DVec3::X * 10.0, 10.0) < 0.0;
+        assert_eq!(s < 0.0, inside, "{p}: {s}");
+    });
+}
+
+#[test]
+fn a_wide_hole_stays_open_and_a_narrow_one_is_closed() {
+    let volume = ingest_mesh(&open_box(0.2), &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
+    let mut unobserved = 0;
+    for_each_voxel(&volume, |p, s, observed| {
+        let inside = p.abs().max_element() < 20.0;
+        unobserved += usize::from(!observed);
+        if observed && s.abs() < 8.0 {
+            assert_eq!(s < 0.0, inside, "{p}: {s}");
+        }
+        // Above the rim, and nowhere else, the closest point is on the rim.
+        let above = p.z > 20.0;
+        assert!(s.abs() >= 8.0 || observed != above, "{p}: {s} observed {observed}");
+    });
+    assert!(unobserved > 1000);
+    // At 20 cm a voxel the opening is two voxels wide.
+    let volume = ingest_mesh(&open_box(0.2), &settings(0.2, BlockEdge::E8), CLOSED).unwrap();
+    assert!(volume.unobserved_masks().is_empty());
+}
+
+#[test]
+fn a_seam_is_closed() {
+    let mut mesh = sphere(0.3, 30);
+    // A slit a tenth of a voxel wide along one meridian: its inner vertices are doubled for the faces on one side.
+    let shift = mesh.vertices.len() as u32;
+    mesh.vertices.extend_from_within(..);
+    mesh.vertices[shift as usize..].iter_mut().for_each(|v| v.y += 0.001);
+    for triangle in mesh.triangles.iter_mut().filter(|t| t.iter().any(|v| v % 60 == 1)) {
+        for vertex in triangle.iter_mut().filter(|v| **v % 60 == 0 && (60..1800).contains(*v)) {
+            *vertex += shift;
+        }
+    }
+    let volume = ingest_mesh(&mesh, &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
+    assert!(volume.unobserved_masks().is_empty());
+    for_each_voxel(&volume, |p, s, _| {
+        let expected = p.length() - 30.0;
+        assert!(expected.abs() < 0.3 || (s < 0.0) == (expected < 0.0), "{p}: {s}");
+    });
+}
+
+#[test]
+fn a_sheet_becomes_a_shell() {
+    let volume = ingest_mesh(&sheet(0.2), &settings(0.01, BlockEdge::E8), SignDecision::Offset).unwrap();
+    let mut in_band = 0;
+    for_each_voxel(&volume, |p, s, observed| {
+        let outside = (p.abs() - DVec3::new(20.0, 20.0, 0.0)).max(DVec3::ZERO);
+        let expected = (outside.length() - 1.5).min(8.0);
+        assert!((s - expected).abs() < 0.503 / 256.0 && observed, "{p}: {s} against {expected}");
+        in_band += usize::from(expected < 8.0);
+    });
+    assert!(in_band > 40 * 40 * 18);
+}
+
+#[test]
+fn moving_by_whole_blocks_moves_the_samples_unchanged() {
+    // A voxel of 2^-7 m and vertices on a lattice of 2^-20 m, so that moving is exact.
+    let settings = settings(0.007_812_5, BlockEdge::E8);
+    let mut mesh = sphere(0.2, 12);
+    mesh.vertices.iter_mut().for_each(|v| *v = (*v * 1_048_576.0).round() / 1_048_576.0);
+    let here = ingest_mesh(&mesh, &settings, CLOSED).unwrap();
+    for shift in [[1, -2, 3], [-100_003, 70_001, -5]] {
+        let mut moved = mesh.clone();
+        let metres = DVec3::from_array(shift.map(|s| f64::from(s) * 8.0 * 0.007_812_5));
+        moved.vertices.iter_mut().for_each(|v| *v += metres);
+        let there = ingest_mesh(&moved, &settings, CLOSED).unwrap();
+        assert_eq!(there.block_count(), here.block_count());
+        let index = there.index();
+        for (block, coord) in here.coords().iter().enumerate() {
+            let other =
+                index.get(BlockCoord::offset(*coord, shift)).expect("the block has moved along") as usize;
+            assert_eq!(here.block(block), there.block(other), "{coord:?} moved by {shift:?}");
+        }
+    }
+}
+
+#[test]
+fn a_huge_thin_triangle_costs_by_its_area_and_is_exact() {
+    let mesh = TriangleMesh {
+        vertices: vec![
+            [-300.0, -200.0, -250.0].into(),
+            [300.0, 210.0, 240.0].into(),
+            [300.0, 210.01, 240.0].into(),
+        ],
+        normals: Vec::new(),
+        triangles: vec![[0, 1, 2], [0, 0, 0]],
+    };
+    let settings = settings(0.1, BlockEdge::E8);
+    let volume = ingest_mesh(&mesh, &settings, SignDecision::Offset).unwrap();
+    assert!(volume.block_count() < 40_000);
+    let bvh = isv_spatial::Bvh::new(&mesh);
+    let mut voxel = 0;
+    for_each_voxel(&volume, |p, s, _| {
+        voxel += 1;
+        if voxel % 101 == 0 {
+            let expected = (bvh.closest_point(p * 0.1).distance_sq.sqrt() * 10.0 - 1.5).min(8.0);
+            assert!((s - expected).abs() < 0.503 / 256.0 + 1e-3, "{p}: {s} against {expected}");
+        }
+    });
+}
+
+#[test]
+fn threads_do_not_change_the_result() {
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| ingest_mesh(&open_box(0.3), &settings(0.01, BlockEdge::E8), CLOSED).unwrap())
+    };
+    assert_eq!(with(1), with(2));
+    assert_eq!(with(1), with(5));
+}
+
+#[test]
+fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
+    let mut small = settings(0.001, BlockEdge::E8);
+    small.max_blocks = 5000;
+    let error = ingest_mesh(&sphere(0.5, 40), &small, CLOSED).unwrap_err();
+    let IngestError::TooManyBlocks { blocks, limit: 5000, voxel_that_fits_m, .. } = error else {
+        panic!("{error}");
+    };
+    // A sphere of half a metre at 1 mm: pi square metres by 3 blocks of 64 square millimetres.
+    assert!((100_000..300_000).contains(&blocks), "{blocks}");
+    let coarse = MeshIngest { max_blocks: 5000, ..settings(voxel_that_fits_m, BlockEdge::E8) };
+    let volume = ingest_mesh(&sphere(0.5, 40), &coarse, CLOSED).unwrap();
+    assert!((2000..=5000).contains(&volume.block_count()), "{} blocks", volume.block_count());
+    assert!(error.to_string().contains("the limit is 5000; voxels of 0.0"), "{error}");
+}
+
+#[test]
+fn a_wrong_unit_is_refused_quickly() {
+    let mut mesh = sphere(0.5, 40);
+    mesh.vertices.iter_mut().for_each(|v| *v *= 1000.0);
+    let limited = MeshIngest { max_blocks: 100_000, ..settings(0.005, BlockEdge::E8) };
+    let error = ingest_mesh(&mesh, &limited, CLOSED).unwrap_err();
+    assert!(matches!(error, IngestError::TooManyBlocks { .. }), "{error}");
+}
+
+#[test]
+fn coordinates_out_of_range_are_refused_with_a_voxel_that_fits() {
+    let mut mesh = cube(0.1);
+    mesh.vertices.iter_mut().for_each(|v| v.x += 50_000.0);
+    let error = ingest_mesh(&mesh, &settings(0.005, BlockEdge::E8), CLOSED).unwrap_err();
+    let IngestError::OutOfRange { voxel_that_fits_m, .. } = error else { panic!("{error}") };
+    ingest_mesh(&mesh, &settings(voxel_that_fits_m, BlockEdge::E8), CLOSED).unwrap();
+}
+
+#[test]
+fn broken_meshes_and_offsets_are_refused() {
+    let good = settings(0.01, BlockEdge::E8);
+    let empty = ingest_mesh(&TriangleMesh::default(), &good, CLOSED);
+    assert_eq!(empty, Err(IngestError::Mesh(MeshError::NoFaces)));
+    for offset_voxels in [-0.1, 8.1, f64::NAN] {
+        let wrong = MeshIngest { offset_voxels, ..good };
+        let error = ingest_mesh(&sheet(0.1), &wrong, SignDecision::Offset).unwrap_err();
+        assert!(matches!(error, IngestError::Offset { truncation: 8, .. }), "{error}");
+    }
+}

@@ -1,0 +1,254 @@
+//! Which triangles matter where.
+//!
+//! Space is cut into tiles of 4 x 4 x 4 blocks. Every triangle is listed in each tile that it may bring a voxel of into
+//! the band; tiles no triangle reaches do not exist. A tile is the unit of parallel work, small enough that its
+//! triangles stay in cache and large enough that a triangle is listed only a few times (three on a human at 5 mm).
+
+use glam::{DVec3, IVec3};
+use isv_spatial::closest_on_triangle;
+use isv_volume::{BlockCoord, Grid, MortonCode};
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+
+/// Blocks along the edge of a tile.
+pub(crate) const TILE_BLOCKS: i32 = 4;
+
+/// Blocks in a tile.
+const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
+
+/// Triangles are taken in batches expected to make at most this many list entries (64 MB of them), between which the
+/// number of tiles is checked against the limit.
+const BATCH_ENTRIES: f64 = 4_194_304.0;
+
+/// A mesh in voxel units: positions divided by the voxel size.
+pub(crate) struct VoxelMesh<'a> {
+    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) triangles: &'a [[u32; 3]],
+}
+
+impl VoxelMesh<'_> {
+    pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
+        self.triangles[face as usize].map(|v| self.vertices[v as usize])
+    }
+}
+
+/// What decides the reach of a triangle, all in voxels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Band {
+    /// Unsigned distance up to which a voxel is in the band.
+    pub(crate) width: f64,
+    /// Edge of a block.
+    pub(crate) edge: i32,
+}
+
+impl Band {
+    pub(crate) fn new(grid: &Grid, offset_voxels: f64) -> Self {
+        Self { width: f64::from(grid.truncation.voxels()) + offset_voxels, edge: grid.edge.voxels() as i32 }
+    }
+
+    /// Edge of a tile.
+    pub(crate) fn tile_edge(&self) -> i32 {
+        TILE_BLOCKS * self.edge
+    }
+
+    /// A cube of `edge` voxels has a voxel in the band only if its centre is closer to the surface than this.
+    fn reach(&self, edge: f64) -> f64 {
+        self.width + 0.5 * (edge - 1.0) * 3f64.sqrt()
+    }
+
+    /// Bound on the number of tiles a triangle is listed in: the volume of the triangle grown by the reach and the half
+    /// diagonal of a tile (Steiner's formula), over the volume of a tile.
+    fn most_tiles(&self, [a, b, c]: &[DVec3; 3]) -> f64 {
+        let edge = f64::from(self.tile_edge());
+        let r = self.reach(edge) + 0.5 * edge * 3f64.sqrt();
+        let perimeter = a.distance(*b) + b.distance(*c) + c.distance(*a);
+        let area = 0.5 * (*b - *a).cross(*c - *a).length();
+        let pi = std::f64::consts::PI;
+        (2.0 * r * area + pi / 2.0 * r * r * perimeter + 4.0 / 3.0 * pi * r * r * r) / edge.powi(3)
+    }
+
+    /// Bound from below on the number of blocks a triangle needs: no plane cuts more than sqrt(2) of a unit cube, and every
+    /// tile that is cut has a voxel in the band.
+    fn fewest_blocks(&self, [a, b, c]: &[DVec3; 3]) -> f64 {
+        let area = 0.5 * (*b - *a).cross(*c - *a).length();
+        area / (2f64.sqrt() * f64::from(self.tile_edge()).powi(2))
+    }
+}
+
+/// The triangles of one tile.
+pub(crate) struct Tile<'a> {
+    /// Position on the grid of tiles.
+    pub(crate) coord: IVec3,
+    entries: &'a [(MortonCode, u32)],
+}
+
+impl Tile<'_> {
+    /// Indices of the triangles, ascending.
+    pub(crate) fn faces(&self) -> impl Iterator<Item = u32> {
+        self.entries.iter().map(|entry| entry.1)
+    }
+}
+
+/// All tiles, with their triangles.
+pub(crate) struct TileList {
+    /// Tile and triangle, sorted; the tile as the Morton code of its first block.
+    entries: Vec<(MortonCode, u32)>,
+}
+
+/// More blocks than allowed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OverLimit;
+
+impl TileList {
+    /// Lists the triangles of all tiles, unless that shows more than `limit` blocks to be needed.
+    ///
+    /// Every coordinate must be in the range of block coordinates.
+    pub(crate) fn build(mesh: &VoxelMesh, band: &Band, limit: usize) -> Result<Self, OverLimit> {
+        let mut entries = Vec::new();
+        let mut certain = FxHashSet::default();
+        let mut start = 0;
+        while start < mesh.triangles.len() {
+            let end = batch_end(mesh, band, start, limit)?;
+            let parts: Vec<Listing> = (start..end)
+                .into_par_iter()
+                .fold(Listing::default, |mut listing, face| {
+                    listing.add(mesh.corners(face as u32), face as u32, band);
+                    listing
+                })
+                .collect();
+            for part in parts {
+                entries.extend_from_slice(&part.entries);
+                certain.extend(part.certain);
+            }
+            if certain.len() > limit {
+                return Err(OverLimit);
+            }
+            start = end;
+        }
+        entries.par_sort_unstable();
+        Ok(Self { entries })
+    }
+
+    /// The tiles in Morton order.
+    pub(crate) fn tiles(&self) -> Vec<Tile<'_>> {
+        self.entries
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|entries| Tile {
+                coord: IVec3::from_array(entries[0].0.coord().to_array()) / TILE_BLOCKS,
+                entries,
+            })
+            .collect()
+    }
+}
+
+/// The end of the batch of triangles that begins at `start`.
+fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Result<usize, OverLimit> {
+    let mut expected = 0.0;
+    for face in start..mesh.triangles.len() {
+        let corners = mesh.corners(face as u32);
+        if band.fewest_blocks(&corners) > limit as f64 {
+            return Err(OverLimit);
+        }
+        expected += band.most_tiles(&corners);
+        if expected > BATCH_ENTRIES {
+            return Ok(face + 1);
+        }
+    }
+    Ok(mesh.triangles.len())
+}
+
+/// Tile entries of some triangles.
+#[derive(Default)]
+struct Listing {
+    entries: Vec<(MortonCode, u32)>,
+    /// Tiles that are sure to have a voxel in the band, each giving at least one block.
+    certain: FxHashSet<MortonCode>,
+}
+
+impl Listing {
+    fn add(&mut self, corners: [DVec3; 3], face: u32, band: &Band) {
+        let edge = f64::from(band.tile_edge());
+        let [a, b, c] = corners;
+        let lo = ((a.min(b).min(c) - band.width) / edge).floor().as_ivec3();
+        let hi = ((a.max(b).max(c) + band.width) / edge).floor().as_ivec3();
+        self.add_range(lo, hi, &corners, face, band);
+    }
+
+    /// Adds the tiles of the inclusive range `lo..=hi` that the triangle reaches. Ranges of more than a few tiles are
+    /// halved and culled as wholes, so a long diagonal triangle costs by its area, not by its bounding box. The
+    /// recursion halves 21-bit ranges and is at most 63 deep.
+    fn add_range(&mut self, lo: IVec3, hi: IVec3, corners: &[DVec3; 3], face: u32, band: &Band) {
+        let size = hi - lo + 1;
+        if size.max_element() <= 2 {
+            for z in lo.z..=hi.z {
+                for y in lo.y..=hi.y {
+                    for x in lo.x..=hi.x {
+                        self.add_tile(IVec3::new(x, y, z), corners, face, band);
+                    }
+                }
+            }
+            return;
+        }
+        let edge = f64::from(band.tile_edge());
+        let centre = (lo + hi + 1).as_dvec3() * (0.5 * edge);
+        let reach = band.width + 0.5 * edge * size.as_dvec3().length();
+        if distance(centre, corners) > reach {
+            return;
+        }
+        let axis = size.max_position();
+        let middle = lo[axis] + size[axis] / 2;
+        let (mut lower, mut upper) = (hi, lo);
+        lower[axis] = middle - 1;
+        upper[axis] = middle;
+        self.add_range(lo, lower, corners, face, band);
+        self.add_range(upper, hi, corners, face, band);
+    }
+
+    fn add_tile(&mut self, tile: IVec3, corners: &[DVec3; 3], face: u32, band: &Band) {
+        let edge = f64::from(band.tile_edge());
+        let d = distance((tile.as_dvec3() + 0.5) * edge, corners);
+        if d <= band.reach(edge) {
+            let code = BlockCoord::from((tile * TILE_BLOCKS).to_array()).morton();
+            self.entries.push((code, face));
+            // Walking half an edge towards the surface, less the distance to a voxel centre, stays inside the tile.
+            if d <= band.width + 0.5 * edge - 2.0 {
+                self.certain.insert(code);
+            }
+        }
+    }
+}
+
+fn distance(p: DVec3, corners: &[DVec3; 3]) -> f64 {
+    closest_on_triangle(p, corners).0.distance(p)
+}
+
+/// Bound on the number of active blocks, without evaluating a voxel: those whose centre is within reach of the surface.
+/// Where even all blocks of all tiles stay within `enough`, that number is good enough and returned instead.
+pub(crate) fn count_blocks(mesh: &VoxelMesh, band: &Band, tiles: &[Tile], enough: usize) -> usize {
+    let all = tiles.len() * TILE_VOLUME;
+    if all <= enough { all } else { tiles.par_iter().map(|tile| count_tile(mesh, band, tile)).sum() }
+}
+
+fn count_tile(mesh: &VoxelMesh, band: &Band, tile: &Tile) -> usize {
+    let edge = f64::from(band.edge);
+    let reach = band.reach(edge);
+    let first = tile.coord * TILE_BLOCKS;
+    let mut found = [false; TILE_VOLUME];
+    for face in tile.faces() {
+        let corners = mesh.corners(face);
+        let [a, b, c] = corners;
+        let block_of = |p: DVec3| (p / edge).floor().as_ivec3() - first;
+        let lo = block_of(a.min(b).min(c) - band.width).max(IVec3::ZERO);
+        let hi = block_of(a.max(b).max(c) + band.width).min(IVec3::splat(TILE_BLOCKS - 1));
+        for z in lo.z..=hi.z {
+            for y in lo.y..=hi.y {
+                for x in lo.x..=hi.x {
+                    let slot = &mut found[((z * TILE_BLOCKS + y) * TILE_BLOCKS + x) as usize];
+                    let centre = ((first + IVec3::new(x, y, z)).as_dvec3() + 0.5) * edge;
+                    *slot = *slot || distance(centre, &corners) <= reach;
+                }
+            }
+        }
+    }
+    found.iter().filter(|f| **f).count()
+}
