@@ -26,8 +26,8 @@
 //!
 //! How it works, by private module: `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks, `descent`
 //! narrows the list down to cubes of 2 x 2 x 2 voxels, `distance` measures, and `regions` spreads each winding number over
-//! all voxels that are certain to share it. `holes` finds the openings that must stay open and `caps` removes what the
-//! winding number would still close there; `sign` tells open from closed surfaces, `limits` refuses what cannot be done.
+//! all voxels that are certain to share it. `holes` finds the openings that must stay open, `caps` removes what the
+//! winding number would still close there, and `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, `limits` refuses what cannot be done.
 
 mod caps;
 mod descent;
@@ -36,6 +36,7 @@ mod error;
 mod holes;
 mod limits;
 mod regions;
+mod rim;
 mod sampler;
 mod sign;
 mod tiles;
@@ -131,5 +132,6 @@ fn sample(source: &Source, list: &TileList) -> SparseVolume {
         }
     }
     blocks.open_caps(source);
+    blocks.trim_rims(source.grid.edge);
     SparseVolume::from_parts(source.grid, blocks.coords, blocks.samples, blocks.masks)
 }

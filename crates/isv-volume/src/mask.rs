@@ -26,6 +26,11 @@ impl VoxelMask {
         self.words[voxel / 64] |= 1 << (voxel % 64);
     }
 
+    /// Takes a voxel out.
+    pub fn remove(&mut self, voxel: usize) {
+        self.words[voxel / 64] &= !(1 << (voxel % 64));
+    }
+
     /// Whether no voxel is in the set.
     #[must_use]
     pub fn is_empty(&self) -> bool {

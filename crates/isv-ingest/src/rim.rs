@@ -1,0 +1,109 @@
+//! Where exactly a surface ends at the rim of a hole.
+//!
+//! No surface is made in a cell with an unobserved corner. Which voxels have their closest surface point on the rim, though,
+//! is rough at the scale of a voxel, and would leave a surface ending in teeth and specks. So surface cells near the rim
+//! that hang on by less than two of their neighbours are unobserved as well, and in turn those that hung on by them.
+
+use crate::caps::Blocks;
+use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, VoxelMask};
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::collections::BTreeSet;
+
+/// Neighbours on the surface that a cell needs to stay.
+const HOLD: usize = 2;
+/// Rounds of removal: teeth up to this many cells long vanish.
+const ROUNDS: usize = 4;
+
+/// A voxel: its block, and its index there.
+type VoxelAt = (u32, u16);
+
+/// A cell that the surface passes through.
+struct SurfaceCell {
+    /// The corner with the lowest coordinates, in voxels of the whole grid.
+    base: [i32; 3],
+    /// Corners, x in the lowest bit of the corner's number.
+    corners: [VoxelAt; 8],
+    /// Bit `i`: corner `i` lies inside.
+    inside: u8,
+}
+
+impl Blocks {
+    /// Takes teeth and specks off the surface's ends.
+    pub(crate) fn trim_rims(&mut self, edge: BlockEdge) {
+        let cells = self.observed_cells_near_masks(edge);
+        let index: FxHashMap<[i32; 3], u32> =
+            cells.iter().enumerate().map(|(i, c)| (c.base, i as u32)).collect();
+        let mut stays = vec![true; cells.len()];
+        for _ in 0..ROUNDS {
+            let holds =
+                |i: usize| stays[i] && neighbours(&cells[i], &index).filter(|n| stays[*n]).count() >= HOLD;
+            stays = (0..cells.len()).into_par_iter().map(holds).collect();
+        }
+        self.remove(&cells, &stays, edge);
+    }
+
+    /// The surface cells that begin in a masked block or beside one and have no unobserved corner, in block order.
+    fn observed_cells_near_masks(&self, edge: BlockEdge) -> Vec<SurfaceCell> {
+        let index = BlockIndex::new(&self.coords);
+        let around = |block: &u32| index.neighbourhood(self.coords[*block as usize]);
+        let near: BTreeSet<u32> = self.masks.keys().flat_map(around).flatten().collect();
+        let near: Vec<u32> = near.into_iter().collect();
+        near.par_iter().flat_map_iter(|block| self.observed_cells(*block, &around(block), edge)).collect()
+    }
+
+    /// The surface cells that begin in a block and have all their corners, observed.
+    fn observed_cells(&self, block: u32, around: &Neighbourhood, edge: BlockEdge) -> Vec<SurfaceCell> {
+        let (n, size) = (edge.voxels(), edge.block_voxels());
+        let origin = self.coords[block as usize].to_array().map(|c| c * n as i32);
+        let voxel_at = |place: [usize; 3]| {
+            let [x, y, z] = place.map(|p| p / n);
+            let voxel = edge.voxel_index(place[0] % n, place[1] % n, place[2] % n);
+            around[(z + 1) * 9 + (y + 1) * 3 + x + 1].map(|neighbour| (neighbour, voxel as u16))
+        };
+        let cell = |voxel: usize| {
+            let place = [voxel % n, voxel / n % n, voxel / n / n];
+            let (mut corners, mut inside) = ([(0, 0); 8], 0);
+            for (corner, at) in corners.iter_mut().enumerate() {
+                *at = voxel_at(std::array::from_fn(|axis| place[axis] + (corner >> axis & 1)))?;
+                inside |= u8::from(self.samples[at.0 as usize * size + usize::from(at.1)] < 0) << corner;
+            }
+            let is_surface =
+                inside != 0 && inside != u8::MAX && !corners.iter().any(|at| self.is_unobserved(*at));
+            let base = std::array::from_fn(|axis| origin[axis] + place[axis] as i32);
+            is_surface.then_some(SurfaceCell { base, corners, inside })
+        };
+        (0..size).filter_map(cell).collect()
+    }
+
+    fn is_unobserved(&self, (block, voxel): VoxelAt) -> bool {
+        self.masks.get(&block).is_some_and(|mask| mask.contains(usize::from(voxel)))
+    }
+
+    /// Makes the corners of cells that do not stay unobserved, but for those that they share with cells that do.
+    fn remove(&mut self, cells: &[SurfaceCell], stays: &[bool], edge: BlockEdge) {
+        let corners = |staying: bool| {
+            let chosen = cells.iter().zip(stays).filter(move |(_, stays)| **stays == staying);
+            chosen.flat_map(|(cell, _)| cell.corners)
+        };
+        let needed: FxHashSet<VoxelAt> = corners(true).collect();
+        for at in corners(false).filter(|at| !needed.contains(at)) {
+            let mask = self.masks.entry(at.0).or_insert_with(|| VoxelMask::empty(edge));
+            mask.insert(usize::from(at.1));
+        }
+    }
+}
+
+/// The cells that the surface goes on to from a cell: those across its faces whose corners lie on both sides.
+fn neighbours(cell: &SurfaceCell, index: &FxHashMap<[i32; 3], u32>) -> impl Iterator<Item = usize> {
+    /// Corners of the face at the low end of each axis.
+    const LOW_FACE: [u8; 3] = [0b0101_0101, 0b0011_0011, 0b0000_1111];
+    (0..6).filter_map(|face| {
+        let (axis, high) = (face / 2, face % 2);
+        let corners = if high == 1 { !LOW_FACE[axis] } else { LOW_FACE[axis] };
+        let mixed = cell.inside & corners != 0 && cell.inside & corners != corners;
+        let mut base = cell.base;
+        base[axis] += if high == 1 { 1 } else { -1 };
+        if mixed { index.get(&base).map(|i| *i as usize) } else { None }
+    })
+}
