@@ -1,2 +1,61 @@
-//! placeholder
-fn main() {}
+//! The `isv` command line: files in and out, progress, tables and messages around the codec of the `isv` crate.
+//!
+//! One module a command in `commands`; what they share is beside this file. Exit status: 0 done, 1 the job failed, 2
+//! the command line was wrong; each failure is one sentence on stderr.
+
+mod commands;
+mod failure;
+mod frame_range;
+mod frame_rate;
+mod length;
+mod output;
+mod pipeline;
+mod progress;
+mod source;
+mod stats;
+mod stream;
+mod table;
+mod terms;
+
+use clap::{Parser, Subcommand};
+use commands::{decode, demo, encode, eval, info, render, verify};
+use std::process::ExitCode;
+
+/// Compress moving 3-D geometry: mesh sequences become sparse distance fields, coded like video.
+#[derive(Debug, Parser)]
+#[command(name = "isv", version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Encode(encode::Args),
+    Decode(decode::Args),
+    Info(info::Args),
+    Verify(verify::Args),
+    Eval(eval::Args),
+    Render(render::Args),
+}
+
+fn main() -> ExitCode {
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(error) => return failure::report_command_line(&error),
+    };
+    let done = match &command {
+        Command::Demo(args) => demo::run(args),
+        Command::Encode(args) => encode::run(args),
+        Command::Decode(args) => decode::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Verify(args) => verify::run(args),
+        Command::Eval(args) => eval::run(args),
+        Command::Render(args) => render::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => failure::report(&error),
+    }
+}

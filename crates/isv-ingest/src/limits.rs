@@ -9,7 +9,9 @@ pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<
     let truncation = settings.grid.truncation.voxels();
     match sign {
         SignDecision::Closed { .. } => Ok(0.0),
-        SignDecision::Offset if (0.0..=f64::from(truncation)).contains(&settings.offset_voxels) => {
+        SignDecision::Offset
+            if settings.offset_voxels > 0.0 && settings.offset_voxels <= f64::from(truncation) =>
+        {
             Ok(settings.offset_voxels)
         }
         SignDecision::Offset => Err(IngestError::Offset { voxels: settings.offset_voxels, truncation }),

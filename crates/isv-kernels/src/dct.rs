@@ -2,7 +2,7 @@
 //!
 //! Separable: an N-point DCT-II with a 13-bit matrix along x, then y, then z; the inverse runs z, y, x. Every pass reads
 //! and writes 16-bit values and accumulates in 32 bits: a row's absolute entries sum to at most `sqrt(N) * 2^13`, so an
-//! accumulator stays below `4 * 2^13 * 2^15 = 2^30`. Between passes values are rescaled by powers of two that keep the
+//! accumulator stays within `4 * 2^13 * 2^15 = 2^30`. Between passes values are rescaled by powers of two that keep the
 //! largest possible residual just inside 16 bits, and saturate (only a stream that no encoder makes reaches that).
 
 use isv_volume::{BlockEdge, Truncation};
@@ -41,7 +41,7 @@ const fn matrix<const N: usize>(cosines: &[i16]) -> [[i16; N]; N] {
 
 /// The transform of one block edge and truncation distance.
 ///
-/// Coefficients are `2^coefficient_exponent` times those of the orthonormal DCT-II; the exponent is zero or negative.
+/// Coefficients are `2^coefficient_exponent` times those of the orthonormal DCT-II.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockTransform {
     edge: BlockEdge,

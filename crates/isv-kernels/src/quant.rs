@@ -35,7 +35,7 @@ pub struct Quantizer {
 }
 
 impl Quantizer {
-    /// A quantizer for coefficients at `2^coefficient_exponent` of the orthonormal scale (zero or negative).
+    /// A quantizer for coefficients at `2^coefficient_exponent` of the orthonormal scale, -6 to 3.
     #[must_use]
     pub fn new(step: StepSize, coefficient_exponent: i32) -> Self {
         let step = step.0 as i32;

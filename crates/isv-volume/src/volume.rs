@@ -37,9 +37,16 @@ impl SparseVolume {
         samples: Vec<i16>,
         unobserved: BTreeMap<u32, VoxelMask>,
     ) -> Self {
-        assert_eq!(samples.len(), coords.len() * grid.edge.block_voxels(), "one block of samples a coordinate");
+        assert_eq!(
+            samples.len(),
+            coords.len() * grid.edge.block_voxels(),
+            "one block of samples a coordinate"
+        );
         debug_assert!(coords.windows(2).all(|w| w[0].morton() < w[1].morton()), "blocks in Morton order");
-        debug_assert!(samples.iter().all(|s| s.abs() <= grid.truncation.codes()), "samples within truncation");
+        debug_assert!(
+            samples.iter().all(|s| s.abs() <= grid.truncation.codes()),
+            "samples within truncation"
+        );
         debug_assert!(unobserved.values().all(|m| !m.is_empty()));
         Self { grid, coords, samples, unobserved }
     }

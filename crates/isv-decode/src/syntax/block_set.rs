@@ -41,7 +41,10 @@ impl BlockSetModels {
             return Ok(Vec::new());
         }
         let mut decoder = RangeDecoder::new(bytes);
-        let depth = decoder.decode_raw(DEPTH_BITS).min(MAX_DEPTH);
+        let depth = decoder.decode_raw(DEPTH_BITS);
+        if depth > MAX_DEPTH {
+            return Err(SyntaxError("the block set's root is larger than the coordinate range"));
+        }
         let root =
             (0..3 * (MAX_DEPTH - depth)).fold(0, |code, _| code << 1 | u64::from(decoder.decode_raw(1)));
         let mut cells = vec![root];

@@ -137,7 +137,8 @@ fn middle(values: &[i8]) -> i8 {
     }
 }
 
-/// 0 where at least two neighbours agree to within a step on every axis of translation, 1 within four, else 2.
+/// How far the neighbours are apart on the worst axis of translation: 0 within a step, 1 within four, else 2; and 2 if there
+/// is only one.
 fn spread_class(known: &[MotionVector]) -> usize {
     let apart = |axis: usize| {
         let values = known.iter().map(|v| i32::from(v.translation[axis]));

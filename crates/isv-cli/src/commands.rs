@@ -1,0 +1,9 @@
+//! The commands: arguments and a `run` each.
+
+pub(crate) mod decode;
+pub(crate) mod demo;
+pub(crate) mod encode;
+pub(crate) mod eval;
+pub(crate) mod info;
+pub(crate) mod render;
+pub(crate) mod verify;

@@ -1,0 +1,248 @@
+//! `isv demo`: the whole codec on a figure of its own.
+
+use crate::output::{Output, print};
+use crate::progress::Progress;
+use crate::stats::{megabits_per_second, timed};
+use crate::stream;
+use crate::table::table_of;
+use crate::terms;
+use anyhow::{Context, Result};
+use isv::decode::{Decoder, Limits};
+use isv::encode::{Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
+use isv::format::{FrameRate, PacketReader, PacketWriter, Prediction, Profile, StreamHeader};
+use isv::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
+use isv::io::{Format, write_mesh};
+use isv::metrics::{CompareOptions, compare};
+use isv::surface::{SurfaceOptions, extract_surface};
+use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv_figure::{BOUNDS_M, figure_mesh};
+use isv_render::{Camera, Style, contact_sheet, render};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Predictions that are tried, in the order of the table.
+const PREDICTIONS: [Prediction; 4] =
+    [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof];
+
+/// The prediction whose results are written to files.
+const KEPT: Prediction = Prediction::ThreeDof;
+
+/// Frames that are measured and drawn.
+const PICKS: usize = 4;
+
+/// Width and height in pixels of each picture.
+const PICTURE: [usize; 2] = [480, 540];
+
+/// Voxels that the figure itself is modelled with: not those it is coded with, as no capture would have those.
+const MODEL_VOXEL_M: f64 = 0.008;
+
+/// Try it without any input: animate a figure, encode and decode it, measure the error, draw it
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Folder for the stream, the pictures and the meshes; made if it is not there
+    #[arg(short, long, value_name = "DIR", default_value = "isv-demo")]
+    output: PathBuf,
+    /// How many frames, at 30 a second
+    #[arg(long, value_name = "N", default_value = "24", value_parser = clap::value_parser!(u16).range(1..=300))]
+    frames: u16,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let folder = args.output.display();
+    std::fs::create_dir_all(&args.output).with_context(|| format!("{folder}: cannot make this folder"))?;
+    let take = Take::film(usize::from(args.frames))?;
+    let mut table = table_of([
+        "motion",
+        "Mbps",
+        "bytes a frame",
+        "surface RMS mm",
+        "p2s mean mm",
+        "encode ms a frame",
+        "decode ms a frame",
+    ]);
+    for prediction in PREDICTIONS {
+        let coded = take.encode(prediction)?;
+        let decoded = take.decode(&coded.bytes)?;
+        table.add_row(take.row(prediction, &coded, &decoded)?);
+        if prediction == KEPT {
+            take.write_files(&args.output, &coded, &decoded)?;
+        }
+    }
+    print(&format!(
+        "A figure of {} triangles, {} frames, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
+         {folder}/figure.isv       the stream with motion {}; isv info, verify, decode and render read it\n\
+         {folder}/comparison.png   frames as they were, above the same frames decoded\n\
+         {folder}/decoded          these frames as PLY files",
+        take.shown[0].triangles.len(),
+        take.volumes.len(),
+        table.trim_fmt(),
+        terms::prediction(KEPT),
+    ))
+}
+
+/// The frames to be coded.
+struct Take {
+    header: StreamHeader,
+    volumes: Vec<SparseVolume>,
+    /// Numbers of the frames that are measured and drawn.
+    picks: Vec<usize>,
+    /// Their meshes.
+    shown: Vec<TriangleMesh>,
+}
+
+/// A take as coded under one kind of prediction.
+struct Coded {
+    bytes: Vec<u8>,
+    /// Mean over frames.
+    surface_rms_mm: f64,
+    /// All frames.
+    encode_ms: f64,
+}
+
+/// What came back from the bytes.
+struct Decoded {
+    /// The frames that are measured and drawn.
+    shown: Vec<TriangleMesh>,
+    /// All frames.
+    decode_ms: f64,
+}
+
+impl Take {
+    /// Animates the figure and samples its distance field.
+    fn film(frames: usize) -> Result<Self> {
+        let header = header()?;
+        let picks = picks(frames);
+        let progress = Progress::new(Some(frames), "animating");
+        let (mut volumes, mut shown) = (Vec::new(), Vec::new());
+        let ingest = MeshIngest::new(header.grid);
+        let mut sign: Option<SignDecision> = None;
+        for frame in 0..frames {
+            let time_s = frame as f64 / header.frame_rate.per_second();
+            let mesh = figure_mesh(time_s, VoxelSize::from_metres(MODEL_VOXEL_M)?);
+            let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
+            volumes.push(ingest_mesh(&mesh, &ingest, sign)?);
+            if picks.contains(&frame) {
+                shown.push(mesh);
+            }
+            progress.step();
+        }
+        Ok(Self { header, volumes, picks, shown })
+    }
+
+    fn encode(&self, prediction: Prediction) -> Result<Coded> {
+        let progress = Progress::new(Some(self.volumes.len()), "encoding");
+        let motion = MotionMode::Fixed(prediction);
+        let settings = EncoderSettings { motion, checksums: true, ..EncoderSettings::default() };
+        let mut encoder = Encoder::new(&self.header, settings);
+        let mut writer = PacketWriter::new(Vec::new(), &self.header)?;
+        let (mut surface_rms, mut encode_ms) = (0.0, 0.0);
+        for (frame, volume) in self.volumes.iter().enumerate() {
+            let (coded, ms) = timed(|| encoder.encode(volume));
+            let timestamp_ns = self.header.frame_rate.timestamp_ns(frame as u64);
+            writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
+            let decoded = encoder.reconstruction().expect("a frame was just encoded");
+            surface_rms += surface_rms_voxels(volume, decoded);
+            encode_ms += ms;
+            progress.step();
+        }
+        let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
+        let surface_rms_mm = surface_rms / self.volumes.len() as f64 * voxel_mm;
+        Ok(Coded { bytes: writer.finish()?, surface_rms_mm, encode_ms })
+    }
+
+    /// Decodes the bytes; every volume must have the hash of the encoder's.
+    fn decode(&self, bytes: &[u8]) -> Result<Decoded> {
+        let progress = Progress::new(Some(self.volumes.len()), "decoding");
+        let mut packets = PacketReader::new(bytes)?;
+        let mut decoder = Decoder::new(&self.header, Limits::default());
+        let mut decoded = Decoded { shown: Vec::new(), decode_ms: 0.0 };
+        let mut frame = 0;
+        while let Some(packet) = packets.next_frame()? {
+            let (result, ms) = timed(|| decoder.decode_and_verify(&packet));
+            let volume = result.map_err(|error| stream::fault("the figure's stream", 0, error))?.volume;
+            if self.picks.contains(&frame) {
+                decoded.shown.push(extract_surface(volume, &SurfaceOptions { normals: true }));
+            }
+            decoded.decode_ms += ms;
+            frame += 1;
+            progress.step();
+        }
+        Ok(decoded)
+    }
+
+    fn row(&self, prediction: Prediction, coded: &Coded, decoded: &Decoded) -> Result<Vec<String>> {
+        let frames = self.volumes.len();
+        let bytes = coded.bytes.len();
+        let mut p2s_mean_mm = 0.0;
+        for (original, decoded) in self.shown.iter().zip(&decoded.shown) {
+            p2s_mean_mm += compare(original, decoded, &CompareOptions::default())?.p2s_mean_mm;
+        }
+        Ok(vec![
+            terms::prediction(prediction).to_owned(),
+            format!("{:.2}", megabits_per_second(bytes as u64, frames, self.header.frame_rate.per_second())),
+            (bytes / frames).to_string(),
+            format!("{:.3}", coded.surface_rms_mm),
+            format!("{:.3}", p2s_mean_mm / self.shown.len() as f64),
+            format!("{:.0}", coded.encode_ms / frames as f64),
+            format!("{:.0}", decoded.decode_ms / frames as f64),
+        ])
+    }
+
+    fn write_files(&self, folder: &Path, coded: &Coded, decoded: &Decoded) -> Result<()> {
+        let mut stream = Output::create(&folder.join("figure.isv"))?;
+        stream.write_all(&coded.bytes)?;
+        stream.commit()?;
+
+        let camera = Camera::fitting(BOUNDS_M, PICTURE).from_direction(25.0, 5.0);
+        let rows = self.shown.iter().chain(&decoded.shown);
+        let pictures: Vec<_> = rows.map(|mesh| render(mesh, &camera, &Style::default())).collect();
+        let mut picture = Output::create(&folder.join("comparison.png"))?;
+        contact_sheet(&pictures, self.shown.len()).write_png(&mut picture)?;
+        picture.commit()?;
+
+        let meshes = folder.join("decoded");
+        let sentence = || format!("{}: cannot make this folder", meshes.display());
+        std::fs::create_dir_all(&meshes).with_context(sentence)?;
+        for (frame, mesh) in self.picks.iter().zip(&decoded.shown) {
+            write_mesh(&meshes.join(format!("frame_{frame:04}.ply")), mesh, Format::Ply)?;
+        }
+        Ok(())
+    }
+}
+
+/// What `isv encode` does by default.
+fn header() -> Result<StreamHeader> {
+    // A step is in sixteenths of a code, of which a voxel of 5 mm has 256: 1 mm and 10 mm.
+    let (dc_step, ac_step) = (16 * 256 / 5, 16 * 256 * 10 / 5);
+    Ok(StreamHeader {
+        profile: Profile::Paper,
+        grid: Grid {
+            voxel_size: VoxelSize::from_metres(0.005)?,
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(8)?,
+        },
+        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        coefficients: 64,
+        dc_step,
+        ac_step,
+    })
+}
+
+/// Numbers of up to [`PICKS`] frames, from the first to the last, evenly spaced.
+fn picks(frames: usize) -> Vec<usize> {
+    let count = PICKS.min(frames);
+    (0..count).map(|i| i * (frames - 1) / (count - 1).max(1)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn picks_are_spread_over_all_frames() {
+        assert_eq!(picks(24), [0, 7, 15, 23]);
+        assert_eq!(picks(3), [0, 1, 2]);
+        assert_eq!(picks(1), [0]);
+    }
+}

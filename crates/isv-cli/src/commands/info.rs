@@ -1,0 +1,187 @@
+//! `isv info`: what a stream says about itself.
+
+use crate::length::Length;
+use crate::output::{frames_in_words, print};
+use crate::stats::megabits_per_second;
+use crate::stream;
+use crate::terms;
+use anyhow::{Context, Result};
+use comfy_table::{Table, presets};
+use isv::format::{
+    FORMAT_VERSION, FormatError, FramePayload, Packet, PacketKind, PacketReader, Prediction, StreamHeader,
+};
+use isv::kernels::quant::STEP_FRACTION_BITS;
+use isv::volume::CODES_PER_VOXEL;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Describe an .isv file
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The file
+    #[arg(value_name = "IN.isv")]
+    input: PathBuf,
+    /// Print JSON, with every packet
+    #[arg(long)]
+    json: bool,
+}
+
+/// The names of the fields are the keys of `isv info --json`.
+#[derive(Debug, Serialize)]
+struct StreamInfo {
+    format_version: u16,
+    profile: &'static str,
+    frames: usize,
+    fps: f64,
+    voxel_size_m: f64,
+    truncation_voxels: u32,
+    block_edge: usize,
+    coefficients: u16,
+    dc_step_mm: f64,
+    ac_step_mm: f64,
+    /// The whole file.
+    bytes: u64,
+    bitrate_mbps: f64,
+    /// Whether the index is there, with which a writer ends.
+    complete: bool,
+    /// Frame numbers.
+    keyframes: Vec<usize>,
+    packets: Vec<PacketInfo>,
+}
+
+#[derive(Debug, Serialize)]
+struct PacketInfo {
+    /// Header and payload.
+    bytes: usize,
+    keyframe: bool,
+    blocks: u32,
+    prediction: &'static str,
+    timestamp_ns: u64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let info = StreamInfo::read(&args.input).with_context(|| stream::name(&args.input))?;
+    print(&if args.json { serde_json::to_string_pretty(&info)? } else { info.table() })
+}
+
+impl StreamInfo {
+    fn read(path: &Path) -> Result<Self> {
+        let source = stream::open_file(path)?;
+        let bytes = source.get_ref().metadata()?.len();
+        let mut reader = PacketReader::new(source)?;
+        let header = *reader.header().expect("a reader that began at the header has it");
+        let packets = read_packets(&mut reader)?;
+        let fps = header.frame_rate.per_second();
+        let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
+        Ok(Self {
+            format_version: FORMAT_VERSION,
+            profile: terms::profile(header.profile),
+            frames: packets.len(),
+            fps,
+            voxel_size_m: header.grid.voxel_size.metres(),
+            truncation_voxels: header.grid.truncation.voxels(),
+            block_edge: header.grid.edge.voxels(),
+            coefficients: header.coefficients,
+            dc_step_mm: step_mm(&header, header.dc_step),
+            ac_step_mm: step_mm(&header, header.ac_step),
+            bytes,
+            bitrate_mbps: megabits_per_second(bytes, packets.len(), fps),
+            complete: reader.complete(),
+            keyframes: keyframes.collect(),
+            packets,
+        })
+    }
+
+    fn table(&self) -> String {
+        let length = |metres| Length::from_metres(metres).to_string();
+        let seconds = self.frames as f64 / self.fps;
+        let mut table = Table::new();
+        table.load_style(presets::NOTHING);
+        let mut row = |name: &str, value: String| {
+            table.add_row([name, &value]);
+        };
+        row("format", format!("version {}, profile {}", self.format_version, self.profile));
+        row("frames", format!("{} at {} a second, {seconds:.2} s", self.frames, self.fps));
+        row("bytes", format!("{}, {:.3} Mbps", self.bytes, self.bitrate_mbps));
+        row(
+            "grid",
+            format!(
+                "voxels of {}, blocks of {}^3, truncation {} voxels",
+                length(self.voxel_size_m),
+                self.block_edge,
+                self.truncation_voxels
+            ),
+        );
+        row(
+            "quantizer",
+            format!(
+                "{} coefficients, DC step {}, AC step {}",
+                self.coefficients,
+                length(self.dc_step_mm / 1e3),
+                length(self.ac_step_mm / 1e3)
+            ),
+        );
+        for (kind, packets) in self.packets_by_kind() {
+            let bytes = packets.iter().map(|p| p.bytes).sum::<usize>() / packets.len();
+            let blocks = packets.iter().map(|p| p.blocks as usize).sum::<usize>() / packets.len();
+            row(
+                &kind,
+                format!("{}, on average {bytes} bytes and {blocks} blocks", frames_in_words(packets.len())),
+            );
+        }
+        if !self.complete {
+            row("end", "missing: the file has no index, so frames may be missing too".to_owned());
+        }
+        table.trim_fmt()
+    }
+
+    /// The packets of each kind that occurs.
+    fn packets_by_kind(&self) -> Vec<(String, Vec<&PacketInfo>)> {
+        let mut kinds = vec![("keyframes".to_owned(), true, None)];
+        for prediction in [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof]
+        {
+            let name = terms::prediction(prediction);
+            kinds.push((format!("motion {name}"), false, Some(name)));
+        }
+        let of_kind = |keyframe, prediction: Option<&str>| {
+            let matches =
+                |p: &&PacketInfo| p.keyframe == keyframe && prediction.is_none_or(|n| n == p.prediction);
+            self.packets.iter().filter(matches).collect::<Vec<_>>()
+        };
+        let counted =
+            kinds.into_iter().map(|(name, keyframe, prediction)| (name, of_kind(keyframe, prediction)));
+        counted.filter(|(_, packets)| !packets.is_empty()).collect()
+    }
+}
+
+/// Describes the packets up to the end, or up to a cut.
+fn read_packets(reader: &mut PacketReader<impl std::io::Read>) -> Result<Vec<PacketInfo>> {
+    let mut packets = Vec::new();
+    loop {
+        match reader.next_frame() {
+            Ok(Some(packet)) => packets.push(PacketInfo::of(&packet)?),
+            Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(packets),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+impl PacketInfo {
+    fn of(packet: &Packet) -> Result<Self> {
+        let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
+        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed)?.header;
+        Ok(Self {
+            bytes: packet.total_bytes(),
+            keyframe: packet.is_keyframe(),
+            blocks: frame.blocks,
+            prediction: terms::prediction(frame.prediction),
+            timestamp_ns: packet.header.timestamp_ns,
+        })
+    }
+}
+
+/// A step of a stream's header, which is in sixteenths of a code, in millimetres.
+fn step_mm(header: &StreamHeader, step: u32) -> f64 {
+    f64::from(step) / f64::from(CODES_PER_VOXEL << STEP_FRACTION_BITS) * header.grid.voxel_size.metres() * 1e3
+}

@@ -1,0 +1,55 @@
+//! `isv verify`: is a stream whole and sound?
+
+use crate::output::{frames_in_words, print};
+use crate::progress::Progress;
+use crate::stream;
+use anyhow::{Context, Result, anyhow, bail};
+use isv::decode::{Decoder, Limits};
+use std::path::PathBuf;
+
+/// Decode a whole stream and check it: packet checksums, frame hashes where it has them, and that its end is there
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The stream; - for standard input
+    #[arg(value_name = "IN.isv")]
+    input: PathBuf,
+}
+
+/// Frames that passed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Verified {
+    frames: usize,
+    /// Those that stated a hash.
+    hashed: usize,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let mut verified = Verified::default();
+    verify(args, &mut verified).map_err(|error| match verified.frames {
+        0 => error,
+        frames => {
+            anyhow!("{error:#}: the {frames} frames before are sound, and --frames 0..{frames} decodes them")
+        }
+    })?;
+    let Verified { frames, hashed } = verified;
+    let (name, frames) = (stream::name(&args.input), frames_in_words(frames));
+    print(&format!("{name}: {frames} verified, {hashed} of them by hash"))
+}
+
+fn verify(args: &Args, verified: &mut Verified) -> Result<()> {
+    let name = stream::name(&args.input);
+    let (mut packets, header) = stream::open(&args.input)?;
+    let mut decoder = Decoder::new(&header, Limits::default());
+    let progress = Progress::new(None, "verifying");
+    while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
+        let decoded = decoder.decode_and_verify(&packet).map_err(|error| stream::fault(&name, 0, error))?;
+        verified.frames += 1;
+        verified.hashed += usize::from(decoded.stated_hash.is_some());
+        progress.step();
+    }
+    if !packets.complete() {
+        bail!("{name}: ends without an index, so frames may be missing");
+    }
+    Ok(())
+}

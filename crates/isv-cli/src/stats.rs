@@ -1,0 +1,114 @@
+//! What `--stats` writes. The names of the fields are the keys of the JSON file.
+
+use anyhow::Result;
+use isv::io::{AtomicFile, WriteError};
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// One frame of `encode --stats`.
+#[derive(Debug, Serialize)]
+pub(crate) struct EncodedFrameStats {
+    /// Mesh to volume, reading the file not included. The frame before is being encoded meanwhile.
+    pub(crate) ingest_ms: f64,
+    /// Volume to packet. The next frame is being read and ingested meanwhile.
+    pub(crate) encode_ms: f64,
+    /// The packet, its header included.
+    pub(crate) bytes: usize,
+    pub(crate) bytes_blocks: usize,
+    pub(crate) bytes_motion: usize,
+    pub(crate) bytes_coefficients: usize,
+    /// Blocks within the truncation band.
+    pub(crate) blocks_band: usize,
+    /// Blocks in the stream: in the paper's profile, all of them.
+    pub(crate) blocks_coded: usize,
+    pub(crate) keyframe: bool,
+    /// Change of the field within 0.9 voxel of the surface.
+    pub(crate) surface_rms_mm: f64,
+}
+
+/// One frame of `decode --stats`.
+#[derive(Debug, Serialize)]
+pub(crate) struct DecodedFrameStats {
+    /// Packet to volume. The surface of the frame before is being extracted and written meanwhile.
+    pub(crate) decode_ms: f64,
+    pub(crate) surface_ms: f64,
+    pub(crate) write_ms: f64,
+}
+
+/// A whole run.
+#[derive(Debug, Serialize)]
+struct RunStats<'a, F> {
+    frames: &'a [F],
+    /// The most memory that was resident at a time; null where the system does not say.
+    peak_memory_bytes: Option<u64>,
+    wall_ms: f64,
+}
+
+/// Collects the statistics of a run, if they were asked for.
+#[derive(Debug)]
+pub(crate) struct StatsFile<F> {
+    file: Option<AtomicFile>,
+    frames: Vec<F>,
+    started: Instant,
+}
+
+impl<F: Serialize> StatsFile<F> {
+    /// Opens the file now, so that a path that cannot be written is refused before the work is done.
+    pub(crate) fn create(path: Option<&Path>) -> Result<Self, WriteError> {
+        let file = path.map(AtomicFile::create).transpose()?;
+        Ok(Self { file, frames: Vec::new(), started: Instant::now() })
+    }
+
+    /// Whether anyone will read them.
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.file.is_some()
+    }
+
+    /// Adds a frame.
+    pub(crate) fn push(&mut self, frame: F) {
+        self.frames.push(frame);
+    }
+
+    /// Milliseconds since the run began.
+    pub(crate) fn wall_ms(&self) -> f64 {
+        milliseconds(self.started.elapsed())
+    }
+
+    /// Writes the file.
+    pub(crate) fn commit(self) -> Result<()> {
+        let run = RunStats {
+            frames: &self.frames,
+            peak_memory_bytes: peak_memory_bytes(),
+            wall_ms: self.wall_ms(),
+        };
+        let Some(mut file) = self.file else { return Ok(()) };
+        file.write_all((serde_json::to_string_pretty(&run)? + "\n").as_bytes())?;
+        Ok(file.commit()?)
+    }
+}
+
+/// A duration in milliseconds.
+pub(crate) fn milliseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e3
+}
+
+/// Runs a step and measures it in milliseconds.
+pub(crate) fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = step();
+    (result, milliseconds(start.elapsed()))
+}
+
+/// Peak resident memory of this process; Linux only.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Megabits a second of `bytes` over `frames` at a rate; 0 without frames.
+pub(crate) fn megabits_per_second(bytes: u64, frames: usize, per_second: f64) -> f64 {
+    if frames == 0 { 0.0 } else { bytes as f64 * 8.0 * per_second / frames as f64 / 1e6 }
+}

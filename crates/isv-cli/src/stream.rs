@@ -1,0 +1,140 @@
+//! `.isv` streams from files and pipes, decoded frame by frame.
+
+use crate::frame_range::FrameRange;
+use crate::output::is_pipe;
+use crate::stats::timed;
+use anyhow::{Context, Result, anyhow, bail};
+use isv::decode::{DecodeError, Decoder, Limits};
+use isv::format::{PacketReader, StreamHeader, StreamIndex};
+use isv::volume::SparseVolume;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+type ByteSource = Box<dyn Read + Send>;
+
+/// The name of an input in messages.
+pub(crate) fn name(path: &Path) -> String {
+    if is_pipe(path) { "standard input".to_owned() } else { path.display().to_string() }
+}
+
+/// Opens a file.
+pub(crate) fn open_file(path: &Path) -> Result<BufReader<File>> {
+    let file = File::open(path).with_context(|| name(path))?;
+    if file.metadata().is_ok_and(|m| m.is_dir()) {
+        bail!("{}: a folder, where an .isv file should be", name(path));
+    }
+    Ok(BufReader::with_capacity(1 << 16, file))
+}
+
+/// Opens a stream, `-` being standard input, and reads its header.
+pub(crate) fn open(path: &Path) -> Result<(PacketReader<ByteSource>, StreamHeader)> {
+    let source: ByteSource = if is_pipe(path) { Box::new(io::stdin()) } else { Box::new(open_file(path)?) };
+    let packets = PacketReader::new(source).with_context(|| name(path))?;
+    let header = *packets.header().expect("a reader that began at the header has it");
+    Ok((packets, header))
+}
+
+/// Finds the frames of a stream in a file; what follows a cut is not there.
+pub(crate) fn load_index(path: &Path) -> Result<StreamIndex> {
+    StreamIndex::load(&mut open_file(path)?).with_context(|| name(path))
+}
+
+/// A frame of a stream.
+#[derive(Debug)]
+pub(crate) struct StreamFrame {
+    /// Its number in the stream.
+    pub(crate) number: usize,
+    /// What was decoded.
+    pub(crate) volume: SparseVolume,
+    /// How long that took.
+    pub(crate) decode_ms: f64,
+}
+
+/// Decodes the frames of a stream in order, all of them or a range.
+pub(crate) struct StreamFrames {
+    name: String,
+    packets: PacketReader<ByteSource>,
+    decoder: Decoder,
+    /// Number of the frame that the decoder began with.
+    first: usize,
+    /// Number of the next frame to decode.
+    next: usize,
+    range: Option<FrameRange>,
+}
+
+impl StreamFrames {
+    /// Opens a stream. In a file, decoding begins at the last keyframe before the range; on a pipe, at the start.
+    pub(crate) fn open(path: &Path, range: Option<FrameRange>) -> Result<Self> {
+        let (mut packets, header) = open(path)?;
+        let mut first = 0;
+        if let Some(range) = range.filter(|_| path.is_file()) {
+            (packets, first) = seek(path, range)?;
+        }
+        let decoder = Decoder::new(&header, Limits::default());
+        Ok(Self { name: name(path), packets, decoder, first, next: first, range })
+    }
+
+    /// Whether all was read that the writer meant to write. Says nothing before the last frame has been asked for, nor
+    /// where a range ended before the stream.
+    pub(crate) fn complete(&self) -> bool {
+        self.packets.complete()
+    }
+
+    /// Decodes up to the next frame inside the range.
+    fn advance(&mut self) -> Result<Option<StreamFrame>> {
+        loop {
+            if self.range.is_some_and(|range| self.next >= range.end) {
+                return Ok(None);
+            }
+            let Some(packet) = self.packets.next_frame().with_context(|| self.name.clone())? else {
+                self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name))?;
+                return Ok(None);
+            };
+            let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
+            let decoded = decoded.map_err(|error| fault(&self.name, self.first, error))?;
+            let number = self.next;
+            self.next += 1;
+            if self.range.is_none_or(|range| number >= range.start) {
+                return Ok(Some(StreamFrame { number, volume: decoded.volume.clone(), decode_ms }));
+            }
+        }
+    }
+}
+
+impl Iterator for StreamFrames {
+    type Item = Result<StreamFrame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.advance().transpose()
+    }
+}
+
+/// A reader at the last keyframe before a range, and the number of that frame.
+fn seek(path: &Path, range: FrameRange) -> Result<(PacketReader<ByteSource>, usize)> {
+    let index = load_index(path)?;
+    range.within(index.frames.len(), &name(path))?;
+    let keyframe = index
+        .keyframe_before(range.start)
+        .ok_or_else(|| anyhow!("{}: no keyframe at or before frame {}", name(path), range.start))?;
+    let at = index.frames[keyframe].at;
+    let mut file = open_file(path)?;
+    file.seek(SeekFrom::Start(at)).with_context(|| name(path))?;
+    Ok((PacketReader::at_packet(Box::new(file), at), keyframe))
+}
+
+/// A decoder's error with the name of the stream, and its frame counted from the stream's start. `first` is the number
+/// of the frame that the decoder began with.
+pub(crate) fn fault(name: &str, first: usize, error: DecodeError) -> anyhow::Error {
+    let first = first as u64;
+    let error = match error {
+        DecodeError::Malformed { frame, at, what } => {
+            DecodeError::Malformed { frame: first + frame, at, what }
+        }
+        DecodeError::HashMismatch { frame, stated, found } => {
+            DecodeError::HashMismatch { frame: first + frame, stated, found }
+        }
+        other => other,
+    };
+    anyhow::Error::from(error).context(name.to_owned())
+}

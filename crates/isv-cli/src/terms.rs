@@ -1,0 +1,88 @@
+//! Names that users write and read for the codec's choices.
+
+use clap::ValueEnum;
+use isv::encode::MotionMode;
+use isv::format::{Prediction, Profile};
+use isv::ingest::SignMode;
+
+/// `--profile`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ProfileName {
+    /// The codec as the paper describes it
+    Paper,
+}
+
+/// `--motion`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum MotionName {
+    /// Code every frame by itself
+    None,
+    /// Predict each block from the same place
+    Zero,
+    /// Predict each block from a shifted place
+    #[value(name = "3dof")]
+    ThreeDof,
+    /// Predict each block from a shifted and turned place
+    #[value(name = "6dof")]
+    SixDof,
+    /// Whichever takes the fewest bytes, frame by frame; takes as long as all of them
+    Auto,
+}
+
+/// `--sign`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum SignName {
+    /// Look at the first frame and choose
+    Auto,
+    /// The surface has an inside
+    Closed,
+    /// It has none: code a thin shell around it
+    Offset,
+}
+
+impl From<ProfileName> for Profile {
+    fn from(name: ProfileName) -> Self {
+        match name {
+            ProfileName::Paper => Self::Paper,
+        }
+    }
+}
+
+impl From<MotionName> for MotionMode {
+    fn from(name: MotionName) -> Self {
+        match name {
+            MotionName::None => Self::Fixed(Prediction::None),
+            MotionName::Zero => Self::Fixed(Prediction::ZeroMotion),
+            MotionName::ThreeDof => Self::Fixed(Prediction::ThreeDof),
+            MotionName::SixDof => Self::Fixed(Prediction::SixDof),
+            MotionName::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<SignName> for SignMode {
+    fn from(name: SignName) -> Self {
+        match name {
+            SignName::Auto => Self::Auto,
+            SignName::Closed => Self::Closed,
+            SignName::Offset => Self::Offset,
+        }
+    }
+}
+
+/// The name of a profile.
+pub(crate) fn profile(profile: Profile) -> &'static str {
+    match profile {
+        Profile::Paper => "paper",
+    }
+}
+
+/// The name of a kind of prediction.
+pub(crate) fn prediction(prediction: Prediction) -> &'static str {
+    match prediction {
+        Prediction::None => "none",
+        Prediction::ZeroMotion => "zero",
+        Prediction::ThreeDof => "3dof",
+        Prediction::SixDof => "6dof",
+    }
+}

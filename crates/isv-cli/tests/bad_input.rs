@@ -1,0 +1,279 @@
+//! Whatever is wrong: one sentence that says so, the right exit status, and nothing half-written.
+
+mod support;
+
+use isv::format::{FramePayload, PacketReader, PacketWriter};
+use std::fs;
+use support::{ENCODE, Run, Workspace};
+
+/// A tetrahedron as a text PLY whose lines after the header can be replaced.
+fn ply(vertices: &[&str], faces: &[&str]) -> String {
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        vertices.len(),
+        faces.len()
+    );
+    header + &[vertices, faces].concat().join("\n") + "\n"
+}
+
+const VERTICES: [&str; 4] = ["0 0 0", "0.1 0 0", "0 0.1 0", "0 0 0.1"];
+const FACES: [&str; 4] = ["3 0 2 1", "3 0 1 3", "3 0 3 2", "3 1 2 3"];
+
+/// Encodes a folder with a good frame and this one; whatever comes of it, nothing may be left behind.
+fn encode_with(frame: &str) -> Run {
+    let work = Workspace::new();
+    fs::create_dir(work.path("in")).unwrap();
+    work.write("in/frame.ply", frame);
+    let run = work.isv(&["encode", "in", "-o", "out.isv", "--stats", "stats.json"]);
+    assert_eq!(work.names(""), ["in"]);
+    run
+}
+
+#[test]
+fn a_good_tetrahedron_is_encoded() {
+    let work = Workspace::new();
+    work.write("frame.ply", ply(&VERTICES, &FACES));
+    work.isv(&["encode", "frame.ply", "-o", "out.isv"]).done();
+}
+
+#[test]
+fn an_empty_folder_and_a_missing_one() {
+    let work = Workspace::new();
+    fs::create_dir(work.path("in")).unwrap();
+    work.isv(&["encode", "in", "-o", "out.isv"]).fails(1, &["in: no mesh files here"]);
+    work.isv(&["encode", "gone", "-o", "out.isv"]).fails(1, &["gone: no such file or folder"]);
+    work.isv(&["decode", "gone.isv", "-o", "out"]).fails(1, &["gone.isv: "]);
+    assert_eq!(work.names(""), ["in"]);
+}
+
+#[test]
+fn a_truncated_frame() {
+    let whole = ply(&VERTICES, &FACES);
+    encode_with(&whole[..whole.len() - 9]).fails(1, &["frame.ply: truncated: header promises 4 faces"]);
+}
+
+#[test]
+fn a_coordinate_that_is_no_number() {
+    let mut vertices = VERTICES;
+    vertices[2] = "0 nan 0";
+    encode_with(&ply(&vertices, &FACES)).fails(1, &["frame.ply: vertex 2 is not finite"]);
+}
+
+#[test]
+fn an_index_past_the_end() {
+    let mut faces = FACES;
+    faces[1] = "3 0 1 4";
+    encode_with(&ply(&VERTICES, &faces)).fails(1, &["frame.ply: face 1 names vertex 4 of 4"]);
+}
+
+#[test]
+fn no_faces() {
+    encode_with(&ply(&VERTICES, &[])).fails(1, &["frame.ply: no faces"]);
+}
+
+#[test]
+fn frames_without_a_common_unit() {
+    let work = Workspace::new();
+    fs::create_dir(work.path("in")).unwrap();
+    work.write("in/a.ply", ply(&VERTICES, &FACES));
+    work.write("in/b.ply", ply(&["0 0 0", "100 0 0", "0 100 0", "0 0 100"], &FACES));
+    let run = work.isv(&["encode", "in", "-o", "out.isv"]);
+    assert_eq!(run.status(), Some(1));
+    let stderr = run.stderr();
+    // The first frame was good, and its sign had been announced.
+    let sentence = stderr.lines().last().unwrap();
+    assert!(sentence.starts_with("isv: in/b.ply: this frame is"), "{stderr}");
+    assert!(sentence.contains("one common unit") && sentence.contains("--units"), "{sentence}");
+    assert_eq!(work.names(""), ["in"]);
+}
+
+#[test]
+fn too_many_blocks_say_which_voxel_fits() {
+    let work = Workspace::with_figure(1);
+    let run = work.isv(&["encode", "frames", "-o", "out.isv", "--voxel", "1mm", "--max-blocks", "2000"]);
+    run.fails(1, &["frame_0.ply: the surface needs about ", "the limit is 2000", "try --voxel "]);
+    assert_eq!(work.names(""), ["frames"]);
+    let stderr = run.stderr();
+    let voxel = stderr.split("try --voxel ").nth(1).unwrap().split(',').next().unwrap();
+    work.isv(&["encode", "frames", "-o", "out.isv", "--voxel", voxel, "--max-blocks", "2000"]).done();
+}
+
+#[test]
+fn outputs_that_cannot_be_written() {
+    let (work, _) = Workspace::with_stream(1);
+    let before = work.names("");
+    let encode = |output: &str| work.isv(&["encode", "frames", "-o", output, "--voxel", "20mm"]);
+    encode("gone/out.isv").fails(1, &["gone/out.isv: cannot write: "]);
+    encode("frames").fails(1, &["frames: cannot write: "]);
+    work.isv(&[&ENCODE[..], &["--stats", "gone/stats.json"]].concat())
+        .fails(1, &["gone/stats.json: cannot write"]);
+    work.isv(&["decode", "take.isv", "-o", "gone/out"]).fails(1, &["gone/out: cannot make this folder"]);
+    work.isv(&["decode", "take.isv", "-o", "gone/out.ply"]).fails(1, &["gone/out.ply: cannot write"]);
+    work.isv(&["render", "take.isv", "-o", "gone/out.png"]).fails(1, &["gone/out.png: cannot write"]);
+    assert_eq!(work.names(""), before);
+}
+
+#[test]
+fn something_else_than_a_stream() {
+    let (work, bytes) = Workspace::with_stream(1);
+    work.write("not.isv", ply(&VERTICES, &FACES));
+    work.write("empty.isv", "");
+    work.write("head.isv", &bytes[..20]);
+    for command in [&["info"][..], &["verify"], &["decode", "-o", "out"], &["render", "-o", "out.png"]] {
+        let run = |name: &str| work.isv(&[command, &[name]].concat());
+        run("not.isv").fails(1, &["not.isv: not an .isv stream"]);
+        run("empty.isv").fails(1, &["empty.isv: not an .isv stream"]);
+        run("head.isv").fails(1, &["head.isv: cut off at byte 20, inside the stream header"]);
+    }
+    work.isv(&["verify", "frames"]).fails(1, &["frames: a folder, where an .isv file should be"]);
+    assert!(!work.path("out").exists() && !work.path("out.png").exists());
+}
+
+#[test]
+fn a_newer_version() {
+    let (work, mut bytes) = Workspace::with_stream(1);
+    bytes[8] = 200;
+    work.write("new.isv", bytes);
+    work.isv(&["info", "new.isv"]).fails(1, &["new.isv: format version 200, but this build reads version 1"]);
+    work.isv(&["decode", "new.isv", "-o", "out"]).fails(1, &["new.isv: format version 200"]);
+}
+
+/// Where each packet of a stream begins, and its size.
+fn packets(work: &Workspace) -> Vec<(usize, usize)> {
+    let info = work.isv(&["info", "take.isv", "--json"]).json();
+    let sizes = info["packets"].as_array().unwrap().iter().map(|p| p["bytes"].as_u64().unwrap() as usize);
+    let mut end = 48;
+    let place = |size| {
+        end += size;
+        (end - size, size)
+    };
+    sizes.map(place).collect()
+}
+
+#[test]
+fn a_stream_cut_inside_a_packet() {
+    let (work, bytes) = Workspace::with_stream(3);
+    let cut = packets(&work)[2].0 + 100;
+    work.write("cut.isv", &bytes[..cut]);
+    let place = format!("cut.isv: cut off at byte {cut}, inside a packet");
+    work.isv(&["verify", "cut.isv"]).fails(1, &[&place, "--frames 0..2"]);
+    work.isv(&["decode", "cut.isv", "-o", "out"]).fails(1, &[&place, "2 frames before this went to out"]);
+    assert_eq!(work.names("out"), ["frame_0000.ply", "frame_0001.ply"]);
+    work.isv(&["decode", "cut.isv", "-o", "saved", "--frames", "0..2"]).done();
+    let info = work.isv(&["info", "cut.isv", "--json"]).json();
+    assert_eq!((&info["frames"], &info["complete"]), (&2.into(), &false.into()));
+}
+
+#[test]
+fn a_stream_cut_between_packets() {
+    let (work, bytes) = Workspace::with_stream(3);
+    work.write("cut.isv", &bytes[..packets(&work)[2].0]);
+    work.isv(&["verify", "cut.isv"]).fails(1, &["cut.isv: ends without an index", "--frames 0..2"]);
+    let run = work.isv(&["decode", "cut.isv", "-o", "out"]).done();
+    assert!(run.stderr().contains("cut.isv: ends without an index"), "{}", run.stderr());
+    assert_eq!(work.names("out").len(), 2);
+}
+
+#[test]
+fn a_flipped_bit() {
+    let (work, mut bytes) = Workspace::with_stream(3);
+    let (at, size) = packets(&work)[1];
+    bytes[at + size / 2] ^= 1;
+    work.write("bad.isv", &bytes);
+    let place = format!("bad.isv: damaged: checksum of the packet at byte {at} does not match");
+    work.isv(&["verify", "bad.isv"]).fails(1, &[&place]);
+    work.isv(&["info", "bad.isv"]).fails(1, &[&place]);
+    work.isv(&["decode", "bad.isv", "-o", "out"]).fails(1, &[&place, "1 frame before this went to out"]);
+    work.isv(&["decode", "bad.isv", "-o", "one.ply", "--frames", "1..2"]).fails(1, &[&place]);
+    work.isv_with_input(&["decode", "-", "-o", "-"], &bytes).fails(1, &["standard input: damaged: "]);
+    assert!(!work.path("one.ply").exists());
+}
+
+#[test]
+fn a_hash_that_does_not_match() {
+    let (work, bytes) = Workspace::with_stream(3);
+    let mut reader = PacketReader::new(&bytes[..]).unwrap();
+    let mut writer = PacketWriter::new(Vec::new(), reader.header().unwrap()).unwrap();
+    for frame in 0..3 {
+        let packet = reader.next_frame().unwrap().unwrap();
+        let mut payload = FramePayload::parse(&packet.payload, packet.payload_at(), true).unwrap();
+        if frame == 1 {
+            payload.header.volume_hash = Some(7);
+        }
+        writer.write_frame(packet.is_keyframe(), packet.header.timestamp_ns, &payload).unwrap();
+    }
+    work.write("other.isv", writer.finish().unwrap());
+    let sentence = "but the stream says 0000000000000007";
+    work.isv(&["verify", "other.isv"]).fails(1, &["other.isv: frame 1: ", sentence, "--frames 0..1"]);
+}
+
+#[test]
+fn frames_that_are_not_there() {
+    let (work, bytes) = Workspace::with_stream(2);
+    let before = work.names("");
+    let sentence = "frames 1..3 asked for, but there are 2 (0..2)";
+    work.isv(&["encode", "frames", "-o", "out.isv", "--frames", "1..3"]).fails(1, &["frames: ", sentence]);
+    work.isv(&["decode", "take.isv", "-o", "out", "--frames", "1..3"]).fails(1, &["take.isv: ", sentence]);
+    work.isv(&["render", "take.isv", "-o", "out.png", "--frame", "2"]).fails(1, &["take.isv: frames 2..3"]);
+    work.isv(&["eval", "frames", "take.isv", "--frames", "1..3"]).fails(1, &["frames: ", sentence]);
+    assert_eq!(work.names(""), before);
+    let piped = work.isv_with_input(&["decode", "-", "-o", "out", "--frames", "1..3"], &bytes);
+    piped.fails(1, &["standard input: ", sentence, "1 frame before this went to out"]);
+    work.isv(&["decode", "take.isv", "-o", "out", "--frames", "2..2"]).fails(2, &["--frames", "no frame"]);
+    work.isv(&["decode", "take.isv", "-o", "out", "--frames", "2"]).fails(2, &["--frames", "A..B"]);
+}
+
+#[test]
+fn many_frames_where_one_fits() {
+    let (work, _) = Workspace::with_stream(2);
+    work.isv(&["decode", "take.isv", "-o", "one.ply"]).fails(1, &["one.ply: takes one frame", "--frames"]);
+    work.isv(&["decode", "take.isv", "-o", "-"]).fails(1, &["-: takes one frame"]);
+    assert!(!work.path("one.ply").exists());
+}
+
+#[test]
+fn sequences_of_different_length() {
+    let (work, _) = Workspace::with_stream(3);
+    work.isv(&["decode", "take.isv", "-o", "two", "--frames", "0..2"]).done();
+    let run = work.isv(&["eval", "frames", "two"]);
+    run.fails(1, &["two has 2 frames but frames has 3", "--frames"]);
+    work.isv(&["eval", "frames", "two", "--frames", "1..3"]).done();
+}
+
+#[test]
+fn wrong_command_lines() {
+    let work = Workspace::with_figure(1);
+    let encode = |more: &[&str]| work.isv(&[&["encode", "frames", "-o", "out.isv"], more].concat());
+    encode(&["--voxel", "5"]).fails(2, &["--voxel", "a length needs a unit"]);
+    encode(&["--voxel", "2km"]).fails(2, &["--voxel", "unit `km`"]);
+    encode(&["--voxel", "0.1mm", "--ac-step", "1m"]).fails(2, &["--ac-step 1000mm: at voxels of 0.1mm"]);
+    encode(&["--voxel", "5000m"]).fails(2, &["--voxel 5000000mm: voxel size 5000 m is outside"]);
+    encode(&["--block", "5"]).fails(2, &["--block: block edge 5"]);
+    encode(&["--truncation", "99"]).fails(2, &["--truncation: truncation of 99"]);
+    encode(&["--coefficients", "513"]).fails(2, &["--coefficients 513: a block of 8^3 voxels has 1 to 512"]);
+    encode(&["--offset", "9"]).fails(2, &["--offset 9: "]);
+    encode(&["--gop", "0"]).fails(2, &["--gop"]);
+    encode(&["--fps", "0"]).fails(2, &["--fps", "30000/1001"]);
+    encode(&["--motion", "4dof"]).fails(2, &["4dof", "6dof"]);
+    encode(&["--units", "furlong"]).fails(2, &["unit `furlong` is not one of"]);
+    encode(&["--no-such-flag"]).fails(2, &["--no-such-flag", "--help"]);
+    work.isv(&["encode", "frames"]).fails(2, &["--output"]);
+    work.isv(&["transcode"]).fails(2, &["transcode"]);
+    work.isv(&["decode", "a.isv", "-o", "a.obj", "--format", "ply"]).fails(2, &["--format ply", "a.obj"]);
+    work.isv(&["decode", "a.isv", "-o", "a", "--format", "stl"]).fails(2, &["`stl` is not one of ply, obj"]);
+    let many = ["render", "frames", "-o", "out.png", "--frames", "0..9", "--size", "9000"];
+    work.isv(&many).fails(2, &["9 pictures of 9000 x 9000 pixels are too many"]);
+    assert_eq!(work.isv(&[]).status(), Some(2));
+    assert_eq!(work.names(""), ["frames"]);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_news() {
+    let work = Workspace::with_figure(3);
+    let mut child = work.command(&["encode", "frames", "-o", "-", "--voxel", "20mm"]).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("isv: "));
+}

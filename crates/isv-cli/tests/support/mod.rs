@@ -1,0 +1,149 @@
+//! Running the program on small inputs of its own.
+#![allow(dead_code, reason = "each test program uses a part")]
+
+use isv::io::{Format, write_mesh};
+use isv::volume::VoxelSize;
+use isv_figure::figure_mesh;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+/// A folder that goes away with its tests' results.
+pub(crate) struct Workspace {
+    folder: TempDir,
+}
+
+impl Workspace {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    /// With a folder `frames` of the figure, coarse but moving.
+    pub(crate) fn with_figure(frames: usize) -> Self {
+        let workspace = Self::new();
+        fs::create_dir(workspace.path("frames")).unwrap();
+        for frame in 0..frames {
+            let mesh = figure_mesh(frame as f64 / 10.0, VoxelSize::from_metres(0.03).unwrap());
+            let path = workspace.path(&format!("frames/frame_{frame}.ply"));
+            write_mesh(&path, &mesh, Format::Ply).unwrap();
+        }
+        workspace
+    }
+
+    /// With `take.isv`, the figure at voxels of 20 mm; returns its bytes too. A keyframe every three frames.
+    pub(crate) fn with_stream(frames: usize) -> (Self, Vec<u8>) {
+        let workspace = Self::with_figure(frames);
+        workspace.isv(&ENCODE).done();
+        let bytes = workspace.read("take.isv");
+        (workspace, bytes)
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap()
+    }
+
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        fs::write(self.path(name), bytes).unwrap();
+    }
+
+    /// Names in a folder, hidden ones included, in order.
+    pub(crate) fn names(&self, folder: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.path(folder)).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    /// Runs `isv` in this folder.
+    pub(crate) fn isv(&self, args: &[&str]) -> Run {
+        self.isv_with_input(args, &[])
+    }
+
+    /// Runs `isv` in this folder with bytes on standard input.
+    pub(crate) fn isv_with_input(&self, args: &[&str], input: &[u8]) -> Run {
+        let mut child = self.command(args).spawn().unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        let input = input.to_vec();
+        // On a thread, and without minding a child that stops reading: both pipes may fill up.
+        let feeder = std::thread::spawn(move || drop(stdin.write_all(&input)));
+        let output = child.wait_with_output().unwrap();
+        feeder.join().unwrap();
+        Run { args: args.join(" "), output }
+    }
+
+    /// `isv` in this folder, all its channels piped.
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isv"));
+        command.args(args).current_dir(self.folder.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+}
+
+/// How [`Workspace::with_stream`] encodes.
+pub(crate) const ENCODE: [&str; 8] =
+    ["encode", "frames", "-o", "take.isv", "--voxel", "20mm", "--gop=3", "--checksums"];
+
+/// What a run left behind.
+pub(crate) struct Run {
+    args: String,
+    output: Output,
+}
+
+impl Run {
+    pub(crate) fn status(&self) -> Option<i32> {
+        self.output.status.code()
+    }
+
+    pub(crate) fn stdout(&self) -> &[u8] {
+        &self.output.stdout
+    }
+
+    pub(crate) fn stderr(&self) -> String {
+        String::from_utf8(self.output.stderr.clone()).unwrap()
+    }
+
+    /// The run must have succeeded.
+    #[track_caller]
+    pub(crate) fn done(self) -> Self {
+        assert_eq!(self.status(), Some(0), "isv {}: {}", self.args, self.stderr());
+        self
+    }
+
+    /// JSON on standard output of a run that succeeded.
+    #[track_caller]
+    pub(crate) fn json(self) -> serde_json::Value {
+        serde_json::from_slice(self.done().stdout()).unwrap()
+    }
+
+    /// The run must have failed with this status and one sentence, which holds all of `parts`.
+    #[track_caller]
+    pub(crate) fn fails(&self, status: i32, parts: &[&str]) {
+        let stderr = self.stderr();
+        assert_eq!(self.status(), Some(status), "isv {}: {stderr}", self.args);
+        assert!(stderr.starts_with("isv: ") && stderr.ends_with('\n'), "{stderr:?}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        assert!(self.stdout().is_empty());
+        for part in parts {
+            assert!(stderr.contains(part), "`{part}` is not in: {stderr}");
+        }
+    }
+}
+
+/// The folder of a real sequence, if the data is there; says so plainly if it is not.
+pub(crate) fn real_sequence(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("ISV_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let folder = root.join(name);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: no data at {}", folder.display());
+    None
+}
