@@ -7,6 +7,7 @@
 //! directions, and far from a flat surface it keeps few of the many triangles that are almost equally far.
 
 use crate::distance::{Gradient, LANES, LocalTriangle, Points};
+use fearless_simd::{Simd, dispatch};
 
 /// Slack of all comparisons, in voxels: well above `f32` rounding at the size of a tile (1e-5 voxels).
 const SLACK: f32 = 1e-3;
@@ -23,6 +24,7 @@ pub(crate) struct Level {
 }
 
 /// The eight points `centre +- half`, by octant.
+#[inline(always)]
 pub(crate) fn corners(centre: [f32; 3], half: f32) -> Points {
     let mut points = [[0.0; LANES]; 3];
     for axis in 0..3 {
@@ -34,6 +36,7 @@ pub(crate) fn corners(centre: [f32; 3], half: f32) -> Points {
 }
 
 /// The centre of an octant of the cube of `edge` voxels around `centre`.
+#[inline(always)]
 pub(crate) fn octant_centre(centre: [f32; 3], edge: usize, octant: usize) -> [f32; 3] {
     let quarter = edge as f32 / 4.0;
     [0, 1, 2].map(|axis| centre[axis] + if octant >> axis & 1 == 0 { -quarter } else { quarter })
@@ -43,6 +46,21 @@ impl Level {
     /// Sorts the triangles `list` of the cube of `edge` voxels (4 or more) around `centre` into its octants: those that
     /// may be closest to a voxel and within `band` voxels of it.
     pub(crate) fn split(
+        &mut self,
+        triangles: &[LocalTriangle],
+        list: &[u32],
+        centre: [f32; 3],
+        edge: usize,
+        band: f32,
+    ) {
+        dispatch!(fearless_simd::Level::new(), simd => simd.vectorize(
+            #[inline(always)]
+            || self.split_lanes(triangles, list, centre, edge, band)
+        ));
+    }
+
+    #[inline(always)]
+    fn split_lanes(
         &mut self,
         triangles: &[LocalTriangle],
         list: &[u32],
@@ -78,6 +96,7 @@ impl Level {
     }
 
     /// Gives each octant the triangles whose distance from its centre is within `reach`.
+    #[inline(always)]
     fn copy(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points, reach: f32) {
         for t in list {
             let distances_sq = triangles[*t as usize].distances_sq(centres);
@@ -90,6 +109,7 @@ impl Level {
     }
 
     /// Measures all triangles at the octants' centres; returns the position in the list of the closest to each.
+    #[inline(always)]
     fn measure(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points) -> [usize; LANES] {
         self.gradients.clear();
         let (mut closest, mut least) = ([0u32; LANES], [f32::INFINITY; LANES]);
@@ -133,6 +153,7 @@ fn may_matter(gradient: &Gradient, half: f32, bounds: &[[f32; LANES]; 8], band: 
 }
 
 /// Exchanges rows and columns.
+#[inline(always)]
 fn transpose(rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
     std::array::from_fn(|column| rows.map(|row| row[column]))
 }

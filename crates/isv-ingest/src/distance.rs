@@ -5,7 +5,11 @@
 //! coordinates in those directions, without division or branch. The describing numbers are found in `f64` relative to
 //! the cube at hand and only then rounded to `f32`, so they are small where they matter, and a triangle of a kilometre
 //! is as exact beside the cube as a small one.
+//!
+//! The loops over points are compiled once for each instruction set and chosen at run time; the arithmetic and so the bits
+//! are the same in all of them.
 
+use fearless_simd::{Level, Simd, dispatch};
 use glam::DVec3;
 
 /// Points evaluated together.
@@ -125,7 +129,7 @@ fn foot_inside(edges: [(f32, f32); 3]) -> bool {
 
 impl LocalTriangle {
     /// Squared distances of the points.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn distances_sq(&self, points: &Points) -> [f32; LANES] {
         let mut out = [0.0; LANES];
         for lane in 0..LANES {
@@ -146,7 +150,7 @@ impl LocalTriangle {
     }
 
     /// Distances of the points, and the ways there from their closest points.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn gradient(&self, points: &Points) -> Gradient {
         let mut out = Gradient { distance: [0.0; LANES], offset: [[0.0; LANES]; 3] };
         for lane in 0..LANES {
@@ -176,6 +180,24 @@ impl LocalTriangle {
         }
         out
     }
+}
+
+/// Distance of each point from the closest of the triangles that `list` names; infinite if it names none.
+pub(crate) fn nearest_distances(triangles: &[LocalTriangle], list: &[u32], points: &Points) -> [f32; LANES] {
+    dispatch!(Level::new(), simd => simd.vectorize(
+        #[inline(always)]
+        || {
+            let mut nearest = [f32::INFINITY; LANES];
+            for t in list {
+                let distances_sq = triangles[*t as usize].distances_sq(points);
+                for lane in 0..LANES {
+                    nearest[lane] =
+                        if distances_sq[lane] < nearest[lane] { distances_sq[lane] } else { nearest[lane] };
+                }
+            }
+            nearest.map(f32::sqrt)
+        }
+    ))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The samples of one tile.
 
 use crate::descent::{Level, corners, octant_centre};
-use crate::distance::{LANES, LocalTriangle, Points, TriangleFrame};
+use crate::distance::{LANES, LocalTriangle, Points, TriangleFrame, nearest_distances};
 use crate::holes::HoleMarks;
 use crate::regions::Regions;
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
@@ -222,15 +222,7 @@ impl BlockMeter<'_> {
     /// Measures a cube of 2 x 2 x 2 voxels.
     fn measure(&mut self, list: &[u32], centre: [f32; 3], first: [usize; 3]) {
         let points = corners(centre, 0.5);
-        let mut nearest = [f32::INFINITY; LANES];
-        for t in list {
-            let distances_sq = self.triangles.local[*t as usize].distances_sq(&points);
-            for lane in 0..LANES {
-                nearest[lane] =
-                    if distances_sq[lane] < nearest[lane] { distances_sq[lane] } else { nearest[lane] };
-            }
-        }
-        let nearest = nearest.map(f32::sqrt);
+        let nearest = nearest_distances(&self.triangles.local, list, &points);
         for lane in 0..LANES {
             let voxel = self.voxel(first, lane);
             if nearest[lane] <= self.source.band.width as f32 {

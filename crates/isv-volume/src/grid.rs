@@ -11,7 +11,7 @@ pub const CODES_PER_VOXEL: i32 = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum GridError {
     /// Voxel edges from 1 micrometre to 1 kilometre can be written into a stream.
-    #[error("voxel size {metres:e} m is outside 1e-6 m to 1000 m")]
+    #[error("voxel size {metres} m is outside 1e-6 m to 1000 m")]
     VoxelSize {
         /// The size asked for.
         metres: f64,
