@@ -1,10 +1,12 @@
 //! Motion of each block by damped Gauss-Newton on the trilinear reference (Sec. 3.5, Eq. 12-14).
 //!
 //! All of it is the encoder's choice, in floating point; the decoder only ever sees the quantized vectors. Units here are
-//! voxels, both for positions and for signed distances.
+//! voxels, both for positions and for signed distances. The loops over voxels are compiled once for each instruction set
+//! and chosen at run time; the arithmetic and so the vectors are the same in all of them.
 
 use isv_decode::Reference;
 use isv_format::Prediction;
+use isv_kernels::simd::vectorized;
 use isv_kernels::warp::{MotionVector, ROTATION_LIMIT, STEPS_PER_RADIAN, STEPS_PER_VOXEL, StitchedReference};
 use isv_volume::{BlockEdge, CODES_PER_VOXEL, SparseVolume};
 use rayon::prelude::*;
@@ -67,14 +69,21 @@ fn better_than_standing_still(
 /// Rigid motion that best maps a block into the stitched reference. Rotation is looked for where translation has led: its
 /// steps are the expensive ones, and few are left to take.
 fn align(prediction: Prediction, stitched: &StitchedReference, target: &[i16]) -> MotionVector {
-    let mut motion = descend::<3>(stitched, target, [0.0; 6]);
+    let mut motion = vectorized(
+        #[inline(always)]
+        || descend::<3>(stitched, target, [0.0; 6]),
+    );
     if prediction == Prediction::SixDof {
-        motion = descend::<6>(stitched, target, motion);
+        motion = vectorized(
+            #[inline(always)]
+            || descend::<6>(stitched, target, motion),
+        );
     }
     quantize(&motion, stitched.edge())
 }
 
 /// Gauss-Newton from a first guess in `D` unknowns: 3 for translation, 6 for translation and Euler angles.
+#[inline(always)]
 fn descend<const D: usize>(stitched: &StitchedReference, target: &[i16], start: [f32; 6]) -> [f32; 6] {
     let mut motion = start;
     let mut best = (f32::INFINITY, motion);
@@ -125,6 +134,7 @@ struct NormalEquations<const D: usize> {
 }
 
 impl<const D: usize> NormalEquations<D> {
+    #[inline(always)]
     fn build(stitched: &StitchedReference, target: &[i16], motion: &[f32; 6]) -> Self {
         match stitched.edge() {
             BlockEdge::E4 => Self::build_sized::<4>(stitched, target, motion),
@@ -134,15 +144,20 @@ impl<const D: usize> NormalEquations<D> {
     }
 
     /// Sums over the block a row of N voxels at a time, each lane apart: arrays that compilers turn into vectors.
+    #[inline(always)]
     fn build_sized<const N: usize>(stitched: &StitchedReference, target: &[i16], motion: &[f32; 6]) -> Self {
         let mut sums = LaneSums::<D, N>::zero();
         let centre = (N as f32 - 1.0) / 2.0;
         let rotation = rotation_matrix(motion);
-        let origin: [f32; 3] = std::array::from_fn(|axis| N as f32 + centre + motion[axis]);
+        let middle = N as f32 + centre;
+        let origin = [middle + motion[0], middle + motion[1], middle + motion[2]];
         for (row, target) in target.as_chunks::<N>().0.iter().enumerate() {
             let first = [-centre, (row % N) as f32 - centre, (row / N) as f32 - centre];
             let samples = if D == 3 {
-                RowSamples::translated(stitched, std::array::from_fn(|axis| origin[axis] + first[axis]))
+                RowSamples::translated(
+                    stitched,
+                    [origin[0] + first[0], origin[1] + first[1], origin[2] + first[2]],
+                )
             } else {
                 RowSamples::rotated(stitched, origin, &rotation, first)
             };
@@ -198,10 +213,12 @@ struct LaneSums<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LaneSums<D, N> {
+    #[inline(always)]
     fn zero() -> Self {
         Self { matrix: [[[0.0; N]; D]; D], gradient: [[0.0; N]; D], squared_error: [0.0; N] }
     }
 
+    #[inline(always)]
     fn add_row(&mut self, row: &RowSamples<N>, target: &[i16; N]) {
         let mut error = [0f32; N];
         for lane in 0..N {
@@ -221,14 +238,30 @@ impl<const D: usize, const N: usize> LaneSums<D, N> {
         }
     }
 
+    #[inline(always)]
     fn total(&self) -> NormalEquations<D> {
-        let sum = |lanes: &[f32; N]| lanes.iter().sum();
-        NormalEquations {
-            matrix: std::array::from_fn(|i| std::array::from_fn(|j| sum(&self.matrix[i][j]))),
-            gradient: std::array::from_fn(|i| sum(&self.gradient[i])),
+        let mut total = NormalEquations {
+            matrix: [[0.0; D]; D],
+            gradient: [0.0; D],
             squared_error: sum(&self.squared_error),
+        };
+        for i in 0..D {
+            total.gradient[i] = sum(&self.gradient[i]);
+            for j in i..D {
+                total.matrix[i][j] = sum(&self.matrix[i][j]);
+            }
         }
+        total
     }
+}
+
+#[inline(always)]
+fn sum<const N: usize>(lanes: &[f32; N]) -> f32 {
+    let mut sum = 0.0;
+    for lane in lanes {
+        sum += lane;
+    }
+    sum
 }
 
 /// Trilinear samples of the reference along a row of N voxels.
@@ -242,57 +275,95 @@ struct RowSamples<const N: usize> {
 
 impl<const N: usize> RowSamples<N> {
     /// A row that begins at `first`, along x: every voxel has the same fractions.
+    #[inline(always)]
     fn translated(stitched: &StitchedReference, first: [f32; 3]) -> Self {
         let side = stitched.side();
         // The last cell of the cube that still has its far corners.
         let last = [side - N - 1, side - 2, side - 2];
-        let cell: [usize; 3] = std::array::from_fn(|axis| (first[axis].max(0.0) as usize).min(last[axis]));
-        let [a, b, c]: [f32; 3] =
-            std::array::from_fn(|axis| (first[axis] - cell[axis] as f32).clamp(0.0, 1.0));
+        let (mut cell, mut fraction) = ([0; 3], [[0.0; N]; 3]);
+        for axis in 0..3 {
+            cell[axis] = (first[axis].max(0.0) as usize).min(last[axis]);
+            fraction[axis] = [(first[axis] - cell[axis] as f32).clamp(0.0, 1.0); N];
+        }
         let start = (cell[2] * side + cell[1]) * side + cell[0];
-        let rows = [0, side, side * side, side * side + side]
-            .map(|offset| &stitched.samples()[start + offset..][..=N]);
-        let mut samples = Self { value: [0.0; N], slope: [[0.0; N]; 3], offset: [[0.0; N]; 3] };
-        for lane in 0..N {
-            let ends = rows.map(|row| (f32::from(row[lane]), f32::from(row[lane + 1])));
-            let (value, slope) = trilinear(ends, [a, b, c]);
-            samples.value[lane] = value;
-            for axis in 0..3 {
-                samples.slope[axis][lane] = slope[axis];
+        let (mut near, mut far) = ([[0.0; N]; 4], [[0.0; N]; 4]);
+        for (edge, offset) in edge_starts(side).into_iter().enumerate() {
+            let row = &stitched.samples()[start + offset..][..=N];
+            for lane in 0..N {
+                near[edge][lane] = f32::from(row[lane]);
+                far[edge][lane] = f32::from(row[lane + 1]);
             }
         }
-        samples
+        Self::trilinear(near, far, fraction, [[0.0; N]; 3])
     }
 
     /// The row of voxels whose offsets from the block's centre begin at `first`, rotated about the centre at `origin`.
+    #[inline(always)]
     fn rotated(
         stitched: &StitchedReference,
         origin: [f32; 3],
         rotation: &[[f32; 3]; 3],
         first: [f32; 3],
     ) -> Self {
-        let mut samples = Self { value: [0.0; N], slope: [[0.0; N]; 3], offset: [[0.0; N]; 3] };
+        let side = stitched.side();
+        let (mut near, mut far) = ([[0.0; N]; 4], [[0.0; N]; 4]);
+        let (mut fraction, mut offset) = ([[0.0; N]; 3], [[0.0; N]; 3]);
         for lane in 0..N {
-            let q = rotation.map(|row| dot(row, [first[0] + lane as f32, first[1], first[2]]));
-            let (value, slope) =
-                sample_with_gradient(stitched, std::array::from_fn(|axis| origin[axis] + q[axis]));
-            samples.value[lane] = value;
+            let mut cell = [0; 3];
             for axis in 0..3 {
-                samples.slope[axis][lane] = slope[axis];
-                samples.offset[axis][lane] = q[axis];
+                let [rx, ry, rz] = rotation[axis];
+                offset[axis][lane] = rx * (first[0] + lane as f32) + ry * first[1] + rz * first[2];
+                let position = (origin[axis] + offset[axis][lane]).clamp(0.0, side as f32 - 1.001);
+                cell[axis] = position as usize;
+                fraction[axis][lane] = position - cell[axis] as f32;
+            }
+            let start = (cell[2] * side + cell[1]) * side + cell[0];
+            for (edge, step) in edge_starts(side).into_iter().enumerate() {
+                let ends = &stitched.samples()[start + step..][..2];
+                (near[edge][lane], far[edge][lane]) = (f32::from(ends[0]), f32::from(ends[1]));
             }
         }
-        samples
+        Self::trilinear(near, far, fraction, offset)
+    }
+
+    /// Value and gradient inside the cell of each voxel: the two ends of its four edges along x, which lie at
+    /// (y, z) = 00, 10, 01 and 11, and the fractions along x, y and z.
+    #[inline(always)]
+    fn trilinear(
+        near: [[f32; N]; 4],
+        far: [[f32; N]; 4],
+        [a, b, c]: [[f32; N]; 3],
+        offset: [[f32; N]; 3],
+    ) -> Self {
+        const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+        let mut row = Self { value: [0.0; N], slope: [[0.0; N]; 3], offset };
+        for i in 0..N {
+            let [n00, n10, n01, n11] = [near[0][i], near[1][i], near[2][i], near[3][i]];
+            let [s00, s10, s01, s11] = [far[0][i] - n00, far[1][i] - n10, far[2][i] - n01, far[3][i] - n11];
+            let [v00, v10] = [n00 + a[i] * s00, n10 + a[i] * s10];
+            let [v01, v11] = [n01 + a[i] * s01, n11 + a[i] * s11];
+            let [s0, s1] = [s00 + b[i] * (s10 - s00), s01 + b[i] * (s11 - s01)];
+            let [v0, v1] = [v00 + b[i] * (v10 - v00), v01 + b[i] * (v11 - v01)];
+            row.slope[0][i] = (s0 + c[i] * (s1 - s0)) * SCALE;
+            row.slope[1][i] = ((v10 - v00) + c[i] * ((v11 - v01) - (v10 - v00))) * SCALE;
+            row.slope[2][i] = (v1 - v0) * SCALE;
+            row.value[i] = (v0 + c[i] * (v1 - v0)) * SCALE;
+        }
+        row
     }
 
     /// Derivative of each value by translation, and by a further rotation about the block's centre.
+    #[inline(always)]
     fn jacobian(&self) -> [[f32; N]; 6] {
         let [gx, gy, gz] = &self.slope;
         let [x, y, z] = &self.offset;
-        let cross = |a: &[f32; N], p: &[f32; N], b: &[f32; N], q: &[f32; N]| {
-            std::array::from_fn(|lane| a[lane] * p[lane] - b[lane] * q[lane])
-        };
-        [*gx, *gy, *gz, cross(gz, y, gy, z), cross(gx, z, gz, x), cross(gy, x, gx, y)]
+        let mut out = [*gx, *gy, *gz, [0.0; N], [0.0; N], [0.0; N]];
+        for i in 0..N {
+            out[3][i] = gz[i] * y[i] - gy[i] * z[i];
+            out[4][i] = gx[i] * z[i] - gz[i] * x[i];
+            out[5][i] = gy[i] * x[i] - gx[i] * y[i];
+        }
+        out
     }
 }
 
@@ -306,33 +377,10 @@ fn rotation_matrix(motion: &[f32; 6]) -> [[f32; 3]; 3] {
     ]
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Trilinear value and gradient at a position in voxels from the cube's first voxel, clamped into the cube.
-fn sample_with_gradient(stitched: &StitchedReference, position: [f32; 3]) -> (f32, [f32; 3]) {
-    let side = stitched.side();
-    let clamped = position.map(|p| p.clamp(0.0, side as f32 - 1.001));
-    let [x, y, z] = clamped.map(|p| p as usize);
-    let [a, b, c] = [clamped[0] - x as f32, clamped[1] - y as f32, clamped[2] - z as f32];
-    let start = (z * side + y) * side + x;
-    let ends = [0, side, side * side, side * side + side].map(|offset| {
-        let pair = &stitched.samples()[start + offset..][..2];
-        (f32::from(pair[0]), f32::from(pair[1]))
-    });
-    trilinear(ends, [a, b, c])
-}
-
-/// Value and gradient, in voxels, inside a cell: its four edges along x, at (y, z) = 00, 10, 01 and 11, and the fractions.
-fn trilinear(ends: [(f32, f32); 4], [a, b, c]: [f32; 3]) -> (f32, [f32; 3]) {
-    let [s00, s10, s01, s11] = ends.map(|(near, far)| far - near);
-    let [v00, v10, v01, v11] = ends.map(|(near, far)| near + a * (far - near));
-    let (v0, v1) = (v00 + b * (v10 - v00), v01 + b * (v11 - v01));
-    let (s0, s1) = (s00 + b * (s10 - s00), s01 + b * (s11 - s01));
-    let (d0, d1) = (v10 - v00, v11 - v01);
-    let scale = 1.0 / CODES_PER_VOXEL as f32;
-    ((v0 + c * (v1 - v0)) * scale, [s0 + c * (s1 - s0), d0 + c * (d1 - d0), v1 - v0].map(|g| g * scale))
+/// Where a cell's four edges along x begin, relative to its first corner.
+#[inline(always)]
+fn edge_starts(side: usize) -> [usize; 4] {
+    [0, side, side * side, side * side + side]
 }
 
 #[cfg(test)]
@@ -349,7 +397,9 @@ mod tests {
                 .map(|i| {
                     let p = [i % 8, i / 8 % 8, i / 64].map(|v| v as f32);
                     let d: [f32; 3] = std::array::from_fn(|a| origin[a] + p[a] - offset[a]);
-                    ((dot(d, d).sqrt() - radius) * 256.0).round().clamp(-2048.0, 2048.0) as i16
+                    (((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - radius) * 256.0)
+                        .round()
+                        .clamp(-2048.0, 2048.0) as i16
                 })
                 .collect();
             stitched.put_block(slot, &block);

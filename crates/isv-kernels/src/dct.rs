@@ -5,6 +5,7 @@
 //! accumulator stays within `4 * 2^13 * 2^15 = 2^30`. Between passes values are rescaled by powers of two that keep the
 //! largest possible residual just inside 16 bits, and saturate (only a stream that no encoder makes reaches that).
 
+use crate::simd::vectorized;
 use isv_volume::{BlockEdge, Truncation};
 
 /// Fractional bits of the transform matrix.
@@ -93,9 +94,18 @@ impl BlockTransform {
         let shift = |pass: usize| (MATRIX_BITS - self.exponents[pass + 1] + self.exponents[pass]) as u32;
         let shifts = [shift(0), shift(1), shift(2)];
         match self.edge {
-            BlockEdge::E4 => forward(&MATRIX_4, block, shifts),
-            BlockEdge::E8 => forward(&MATRIX_8, block, shifts),
-            BlockEdge::E16 => forward(&MATRIX_16, block, shifts),
+            BlockEdge::E4 => vectorized(
+                #[inline(always)]
+                || forward(&MATRIX_4, block, shifts),
+            ),
+            BlockEdge::E8 => vectorized(
+                #[inline(always)]
+                || forward(&MATRIX_8, block, shifts),
+            ),
+            BlockEdge::E16 => vectorized(
+                #[inline(always)]
+                || forward(&MATRIX_16, block, shifts),
+            ),
         }
     }
 
@@ -109,18 +119,29 @@ impl BlockTransform {
         let shift = |pass: usize| (MATRIX_BITS - self.exponents[2 - pass] + self.exponents[3 - pass]) as u32;
         let shifts = [shift(0), shift(1), shift(2)];
         match self.edge {
-            BlockEdge::E4 => inverse(&MATRIX_4, block, shifts),
-            BlockEdge::E8 => inverse(&MATRIX_8, block, shifts),
-            BlockEdge::E16 => inverse(&MATRIX_16, block, shifts),
+            BlockEdge::E4 => vectorized(
+                #[inline(always)]
+                || inverse(&MATRIX_4, block, shifts),
+            ),
+            BlockEdge::E8 => vectorized(
+                #[inline(always)]
+                || inverse(&MATRIX_8, block, shifts),
+            ),
+            BlockEdge::E16 => vectorized(
+                #[inline(always)]
+                || inverse(&MATRIX_16, block, shifts),
+            ),
         }
     }
 }
 
 /// Rounds half up, drops `shift` bits and saturates to 16 bits.
+#[inline(always)]
 fn round_shift(sum: i32, shift: u32) -> i16 {
     ((sum + (1 << (shift - 1))) >> shift).clamp(i32::from(i16::MIN), i32::from(i16::MAX)) as i16
 }
 
+#[inline(always)]
 fn forward<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u32; 3]) {
     let transposed = transpose(matrix);
     rows_pass(&transposed, block, shifts[0]);
@@ -130,6 +151,7 @@ fn forward<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u
     columns_pass::<N>(matrix, block, N * N, shifts[2]);
 }
 
+#[inline(always)]
 fn inverse<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u32; 3]) {
     let transposed = transpose(matrix);
     columns_pass::<N>(&transposed, block, N * N, shifts[0]);
@@ -139,11 +161,13 @@ fn inverse<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u
     rows_pass(matrix, block, shifts[2]);
 }
 
+#[inline(always)]
 fn transpose<const N: usize>(matrix: &[[i16; N]; N]) -> [[i16; N]; N] {
     std::array::from_fn(|n| std::array::from_fn(|k| matrix[k][n]))
 }
 
 /// One pass along x: each run of N values `v` becomes `out[j] = sum_i v[i] * weights[i][j]`.
+#[inline(always)]
 fn rows_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], shift: u32) {
     for row in block.chunks_exact_mut(N) {
         let mut sums = [0i32; N];
@@ -162,6 +186,7 @@ fn rows_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], shift: 
 /// One pass across N layers of `layer` values each, lane by lane: `out[j] = sum_i weights[j][i] * layer_i`.
 ///
 /// Layers of zeros, which is most of what the inverse sees of high frequencies, cost nothing.
+#[inline(always)]
 fn columns_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], layer: usize, shift: u32) {
     let used =
         N - block.chunks_exact(layer).rev().take_while(|values| values.iter().all(|v| *v == 0)).count();

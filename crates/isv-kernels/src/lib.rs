@@ -13,4 +13,5 @@
 pub mod dct;
 pub mod quant;
 pub mod scan;
+pub mod simd;
 pub mod warp;

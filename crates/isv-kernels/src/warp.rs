@@ -3,10 +3,13 @@
 //! Positions are kept in 1/64 voxel, so trilinear interpolation of samples within +-4096 codes needs
 //! `12 + 3 * 6 = 30` bits and is exact up to one final rounding.
 
+use crate::simd::vectorized;
 use isv_volume::BlockEdge;
 
 /// Sample positions are whole multiples of 1/64 voxel.
 const POSITION_BITS: u32 = 6;
+/// Half of the weights' sum.
+const ROUNDING: i32 = 1 << (3 * POSITION_BITS - 1);
 /// One step of a translation component is a quarter voxel.
 pub const STEPS_PER_VOXEL: i32 = 4;
 /// One step of a rotation component is 1/32 radian.
@@ -140,29 +143,60 @@ impl StitchedReference {
     /// If `out` does not hold a block or `motion` is out of range.
     pub fn warp(&self, motion: MotionVector, out: &mut [i16]) {
         assert!(out.len() == self.edge.block_voxels() && motion.in_range(self.edge));
-        if motion.rotation == [0; 3] {
+        if motion == MotionVector::ZERO {
+            self.copy_centre(out);
+        } else if motion.rotation == [0; 3] {
             self.translate(motion.translation, out);
         } else {
             self.rotate_and_translate(motion, out);
         }
     }
 
+    /// [`Self::warp`] without motion: the block itself.
+    fn copy_centre(&self, out: &mut [i16]) {
+        let n = self.edge.voxels();
+        for (row, values) in out.chunks_exact_mut(n).enumerate() {
+            values.copy_from_slice(&self.samples[self.row_start(13, row)..][..n]);
+        }
+    }
+
     /// [`Self::warp`] with one fraction for all voxels.
     fn translate(&self, translation: [i8; 3], out: &mut [i16]) {
-        let n = self.edge.voxels();
+        match self.edge {
+            BlockEdge::E4 => vectorized(
+                #[inline(always)]
+                || self.translate_sized::<4>(translation, out),
+            ),
+            BlockEdge::E8 => vectorized(
+                #[inline(always)]
+                || self.translate_sized::<8>(translation, out),
+            ),
+            BlockEdge::E16 => vectorized(
+                #[inline(always)]
+                || self.translate_sized::<16>(translation, out),
+            ),
+        }
+    }
+
+    #[inline(always)]
+    fn translate_sized<const N: usize>(&self, translation: [i8; 3], out: &mut [i16]) {
         let quarter = (1 << POSITION_BITS) / STEPS_PER_VOXEL;
-        let origin = translation.map(|t| ((n as i32) << POSITION_BITS) + i32::from(t) * quarter);
+        let origin = translation.map(|t| ((N as i32) << POSITION_BITS) + i32::from(t) * quarter);
         let [x, y, z] = origin.map(|o| (o >> POSITION_BITS) as usize);
-        let fraction = origin.map(|o| o & ((1 << POSITION_BITS) - 1));
-        let weights = corner_weights(fraction);
+        let weights = corner_weights(origin.map(|o| o & ((1 << POSITION_BITS) - 1)));
         let side = self.side();
-        for (row, values) in out.chunks_exact_mut(n).enumerate() {
-            let start = ((z + row / n) * side + y + row % n) * side + x;
-            let rows = [0, side, side * side, side * side + side]
-                .map(|offset| &self.samples[start + offset..][..n + 1]);
-            for (i, value) in values.iter_mut().enumerate() {
-                let corners = std::array::from_fn(|c| rows[c / 2][i + c % 2]);
-                *value = interpolate(&corners, &weights);
+        for (row, values) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+            let start = ((z + row / N) * side + y + row % N) * side + x;
+            let mut sums = [ROUNDING; N];
+            for (edge, offset) in [0, side, side * side, side * side + side].into_iter().enumerate() {
+                let samples = &self.samples[start + offset..][..=N];
+                for lane in 0..N {
+                    sums[lane] += i32::from(samples[lane]) * weights[2 * edge];
+                    sums[lane] += i32::from(samples[lane + 1]) * weights[2 * edge + 1];
+                }
+            }
+            for lane in 0..N {
+                values[lane] = (sums[lane] >> (3 * POSITION_BITS)) as i16;
             }
         }
     }
@@ -219,7 +253,7 @@ fn corner_weights(fraction: [i32; 3]) -> [i32; 8] {
 /// Weighted mean of the corners, halves up. Corners within +-4096 keep the sum inside 31 bits.
 fn interpolate(corners: &[i16; 8], weights: &[i32; 8]) -> i16 {
     let sum: i32 = corners.iter().zip(weights).map(|(c, w)| i32::from(*c) * w).sum();
-    ((sum + (1 << (3 * POSITION_BITS - 1))) >> (3 * POSITION_BITS)) as i16
+    ((sum + ROUNDING) >> (3 * POSITION_BITS)) as i16
 }
 
 #[cfg(test)]
