@@ -9,13 +9,13 @@ mod frame_range;
 mod frame_rate;
 mod length;
 mod output;
-mod pipeline;
 mod progress;
 mod source;
 mod stats;
 mod stream;
 mod table;
 mod terms;
+mod threads;
 
 use clap::{Parser, Subcommand};
 use commands::{decode, demo, encode, eval, info, render, verify};

@@ -3,10 +3,10 @@
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::output::{Output, frames_in_words, is_pipe};
-use crate::pipeline::{overlap, use_threads};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrames};
+use crate::threads::use_threads;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::io::{Format, write_mesh, write_mesh_to};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -48,7 +48,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
     let options = SurfaceOptions { normals: args.normals };
-    let done = overlap(&mut frames, |frame| {
+    let done = frames.by_ref().try_for_each(|frame| {
+        let frame = frame?;
         let (mesh, surface_ms) = timed(|| extract_surface(&frame.volume, &options));
         let (written, write_ms) = timed(|| sink.take(frame.number, mesh));
         written?;

@@ -6,11 +6,11 @@ use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::length::Length;
 use crate::output::{Output, frames_in_words};
-use crate::pipeline::{overlap, use_threads};
 use crate::progress::Progress;
 use crate::source::MeshFrames;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::terms::{MotionName, SignName};
+use crate::threads::use_threads;
 use anyhow::{Context, Result};
 use header::HeaderArgs;
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
@@ -108,11 +108,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let progress = Progress::new(Some(sequence.paths().len()), "encoding");
     let volumes =
         Volumes { meshes: MeshFrames::new(&sequence, args.units), ingest, sign: None, progress: &progress };
-    overlap(volumes, |frame| {
-        job.encode(&frame)?;
+    for frame in volumes {
+        job.encode(&frame?)?;
         progress.step();
-        Ok(())
-    })?;
+    }
     drop(progress);
     job.finish()
 }
