@@ -31,29 +31,49 @@ struct SurfaceCell {
 impl Blocks {
     /// Takes teeth and specks off the surface's ends.
     pub(crate) fn trim_rims(&mut self, edge: BlockEdge) {
-        let cells = self.observed_cells_near_masks(edge);
+        let blocks = BlockIndex::new(&self.coords);
+        let masked: BTreeSet<u32> = self.masks.keys().copied().collect();
+        let near = self.with_neighbours(&masked, &blocks);
+        let around: BTreeSet<u32> = &self.with_neighbours(&near, &blocks) - &near;
+        let mut cells = self.observed_cells(&near, &blocks, edge);
+        let trimmed = cells.len();
+        // The surface goes on beyond the blocks that are looked at, and what holds on to that is no end.
+        cells.extend(self.observed_cells(&around, &blocks, edge));
         let index: FxHashMap<[i32; 3], u32> =
-            cells.iter().enumerate().map(|(i, c)| (c.base, i as u32)).collect();
+            cells.iter().enumerate().map(|(i, cell)| (cell.base, i as u32)).collect();
         let mut stays = vec![true; cells.len()];
         for _ in 0..ROUNDS {
-            let holds =
-                |i: usize| stays[i] && neighbours(&cells[i], &index).filter(|n| stays[*n]).count() >= HOLD;
+            let holds = |i: usize| {
+                let neighbours = neighbours(&cells[i], &index);
+                i >= trimmed || (stays[i] && neighbours.filter(|n| stays[*n]).count() >= HOLD)
+            };
             stays = (0..cells.len()).into_par_iter().map(holds).collect();
         }
         self.remove(&cells, &stays, edge);
     }
 
-    /// The surface cells that begin in a masked block or beside one and have no unobserved corner, in block order.
-    fn observed_cells_near_masks(&self, edge: BlockEdge) -> Vec<SurfaceCell> {
-        let index = BlockIndex::new(&self.coords);
-        let around = |block: &u32| index.neighbourhood(self.coords[*block as usize]);
-        let near: BTreeSet<u32> = self.masks.keys().flat_map(around).flatten().collect();
-        let near: Vec<u32> = near.into_iter().collect();
-        near.par_iter().flat_map_iter(|block| self.observed_cells(*block, &around(block), edge)).collect()
+    /// A set of blocks and all blocks that touch one of them.
+    fn with_neighbours(&self, blocks: &BTreeSet<u32>, index: &BlockIndex) -> BTreeSet<u32> {
+        blocks.iter().flat_map(|b| index.neighbourhood(self.coords[*b as usize])).flatten().collect()
+    }
+
+    /// The surface cells that begin in a set of blocks and have no unobserved corner, in block order.
+    fn observed_cells(
+        &self,
+        blocks: &BTreeSet<u32>,
+        index: &BlockIndex,
+        edge: BlockEdge,
+    ) -> Vec<SurfaceCell> {
+        let blocks: Vec<u32> = blocks.iter().copied().collect();
+        let around = |block: u32| index.neighbourhood(self.coords[block as usize]);
+        blocks
+            .par_iter()
+            .flat_map_iter(|block| self.observed_cells_of(*block, &around(*block), edge))
+            .collect()
     }
 
     /// The surface cells that begin in a block and have all their corners, observed.
-    fn observed_cells(&self, block: u32, around: &Neighbourhood, edge: BlockEdge) -> Vec<SurfaceCell> {
+    fn observed_cells_of(&self, block: u32, around: &Neighbourhood, edge: BlockEdge) -> Vec<SurfaceCell> {
         let (n, size) = (edge.voxels(), edge.block_voxels());
         let origin = self.coords[block as usize].to_array().map(|c| c * n as i32);
         let voxel_at = |place: [usize; 3]| {

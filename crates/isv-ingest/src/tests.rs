@@ -126,6 +126,23 @@ fn a_slanted_rim_ends_without_teeth_and_specks() {
     }
 }
 
+#[test]
+fn trimming_a_rim_leaves_the_rest_of_a_curved_surface_alone() {
+    let mut mesh = sphere(0.3, 40);
+    let heights: Vec<f64> =
+        (0..mesh.triangles.len()).map(|f| mesh.corners(f).iter().map(|c| c.z).sum()).collect();
+    let mut heights = heights.into_iter();
+    mesh.triangles.retain(|_| heights.next().unwrap() < 3.0 * 0.15);
+    for edge in [BlockEdge::E4, BlockEdge::E8] {
+        let volume = ingest_mesh(&mesh, &settings(0.01, edge), CLOSED).unwrap();
+        assert!(!volume.unobserved_masks().is_empty());
+        for_each_voxel(&volume, |p, s, observed| {
+            let far_below = p.z < 15.0 - 4.0 && p.length() > 25.0;
+            assert!(observed || !far_below, "{p}: {s}");
+        });
+    }
+}
+
 /// Connected components of a mesh, and the length of its border.
 fn components_and_rim(mesh: &TriangleMesh) -> (usize, f64) {
     let mut parents: Vec<usize> = (0..mesh.vertices.len()).collect();
