@@ -11,7 +11,7 @@ const EXPONENTS: usize = MAGNITUDE_LIMIT.ilog2() as usize + 1;
 const MODELLED_MANTISSA_BITS: u32 = 2;
 
 /// Adaptive model of a signed integer, zero most likely: zero or not, sign, exponent `e = ilog2(magnitude)` in unary,
-/// then the `e` bits below the leading one, the first [`MODELLED_MANTISSA_BITS`] of them under models of their own.
+/// then the `e` bits below the leading one, the first two of them under models of their own.
 ///
 /// This learns what a table of frequencies would learn about small values, and about large ones the shape only, so
 /// that a DC coefficient of a thousand levels needs no thousand-symbol alphabet.
