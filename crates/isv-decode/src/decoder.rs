@@ -41,6 +41,8 @@ pub struct Decoder {
     limits: Limits,
     entropy: EntropyState,
     reference: Option<Reference>,
+    /// Frames between the last keyframe and the reference, modulo `2^16`.
+    since_keyframe: u16,
     frames: u64,
 }
 
@@ -50,7 +52,7 @@ impl Decoder {
     pub fn new(header: &StreamHeader, limits: Limits) -> Self {
         let parameters = CodingParameters::new(header);
         let entropy = EntropyState::new(parameters.coefficients());
-        Self { parameters, limits, entropy, reference: None, frames: 0 }
+        Self { parameters, limits, entropy, reference: None, since_keyframe: 0, frames: 0 }
     }
 
     /// Decodes a frame packet.
@@ -67,8 +69,8 @@ impl Decoder {
         };
         if keyframe {
             self.entropy = EntropyState::new(self.parameters.coefficients());
-        } else if reference.is_none() {
-            return Err(DecodeError::NoReference { at: packet.at });
+        } else {
+            self.check_sequence(packet, reference.as_ref())?;
         }
         let reference = reference.filter(|_| !keyframe);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed)?;
@@ -82,6 +84,7 @@ impl Decoder {
         let prediction = predict(&self.parameters, &symbols, reference.as_ref());
         let volume = reconstruct(&self.parameters, symbols, prediction);
         self.frames += 1;
+        self.since_keyframe = packet.header.since_keyframe;
         Ok(DecodedFrame {
             volume: self.reference.insert(Reference::new(volume)).volume(),
             timestamp_ns: packet.header.timestamp_ns,
@@ -108,6 +111,18 @@ impl Decoder {
 
     fn malformed(&self, packet: &Packet, what: &'static str) -> DecodeError {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
+    }
+
+    /// Whether a frame that predicts follows the frame that it predicts from.
+    fn check_sequence(&self, packet: &Packet, reference: Option<&Reference>) -> Result<(), DecodeError> {
+        if reference.is_none() {
+            return Err(DecodeError::NoReference { at: packet.at });
+        }
+        let (expected, found) = (self.since_keyframe.wrapping_add(1), packet.header.since_keyframe);
+        if expected != found {
+            return Err(DecodeError::MissingFrame { at: packet.at, expected, found });
+        }
+        Ok(())
     }
 
     fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {

@@ -26,6 +26,18 @@ pub enum DecodeError {
         /// Where the packet begins in the stream.
         at: u64,
     },
+    /// A frame between this one and the last keyframe was not decoded.
+    #[error(
+        "packet at byte {at} is frame {found} of its GOP, where frame {expected} should be: a packet is missing"
+    )]
+    MissingFrame {
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// Frames since the keyframe that the next packet should have, modulo `2^16`.
+        expected: u16,
+        /// Frames since the keyframe that it has.
+        found: u16,
+    },
     /// More blocks than the caller allows.
     #[error("packet at byte {at} has {blocks} blocks, above the limit of {limit}")]
     TooManyBlocks {

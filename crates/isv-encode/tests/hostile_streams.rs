@@ -64,6 +64,21 @@ fn an_inter_frame_without_its_reference_is_refused() {
 }
 
 #[test]
+fn a_missing_packet_is_noticed_and_the_next_keyframe_decodes() {
+    let header = header(8, 4, 30);
+    let volumes: Vec<_> = (0..5).map(|t| ball(header.grid, f64::from(t))).collect();
+    let motion = MotionMode::Fixed(Prediction::ThreeDof);
+    let bytes = encode(&header, EncoderSettings { motion, gop: 4, ..EncoderSettings::default() }, &volumes).0;
+    let packets = packets(&bytes);
+    let mut decoder = Decoder::new(&header, Limits::default());
+    decoder.decode(&packets[0]).unwrap();
+    let error = decoder.decode(&packets[2]).unwrap_err();
+    assert!(matches!(error, DecodeError::MissingFrame { expected: 1, found: 2, .. }), "{error}");
+    assert!(matches!(decoder.decode(&packets[3]), Err(DecodeError::NoReference { .. })));
+    decoder.decode(&packets[4]).unwrap();
+}
+
+#[test]
 fn too_many_blocks_are_refused_before_memory_is_taken() {
     let bytes = stream();
     let reader = PacketReader::new(&bytes[..]).unwrap();

@@ -26,6 +26,8 @@ pub enum PacketKind {
 pub struct PacketHeader {
     /// What the payload is.
     pub kind: PacketKind,
+    /// Frames since the last keyframe, modulo `2^16`; 0 for a keyframe and for an index. Tells when a packet is missing.
+    pub since_keyframe: u16,
     /// Bytes of payload, at most [`MAX_PAYLOAD`].
     pub payload_bytes: u32,
     /// When the frame is shown, in nanoseconds; 0 for an index.
@@ -48,7 +50,12 @@ impl PacketHeader {
     /// # Panics
     /// If the payload is larger than [`MAX_PAYLOAD`].
     #[must_use]
-    pub fn seal(kind: PacketKind, timestamp_ns: u64, payload: &[u8]) -> [u8; Self::BYTES] {
+    pub fn seal(
+        kind: PacketKind,
+        since_keyframe: u16,
+        timestamp_ns: u64,
+        payload: &[u8],
+    ) -> [u8; Self::BYTES] {
         assert!(payload.len() <= MAX_PAYLOAD as usize, "packet of {} bytes", payload.len());
         let (code, flags) = match kind {
             PacketKind::Frame { keyframe, hashed } => {
@@ -58,7 +65,8 @@ impl PacketHeader {
         };
         let mut out = Vec::with_capacity(Self::BYTES);
         out.extend(MAGIC);
-        out.extend([code, flags, 0, 0]);
+        out.extend([code, flags]);
+        out.extend(since_keyframe.to_le_bytes());
         out.extend((payload.len() as u32).to_le_bytes());
         out.extend(timestamp_ns.to_le_bytes());
         out.extend(checksum(&out, payload).to_le_bytes());
@@ -74,7 +82,7 @@ impl PacketHeader {
         if fields.take(4)? != MAGIC {
             return Err(FormatError::malformed(at, "no packet begins where one should"));
         }
-        let (code, flags, reserved) = (fields.u8()?, fields.u8()?, fields.u16()?);
+        let (code, flags, since_keyframe) = (fields.u8()?, fields.u8()?, fields.u16()?);
         let kind = match code {
             TYPE_FRAME if flags & !(FLAG_KEYFRAME | FLAG_HASHED) == 0 => {
                 PacketKind::Frame { keyframe: flags & FLAG_KEYFRAME != 0, hashed: flags & FLAG_HASHED != 0 }
@@ -82,15 +90,15 @@ impl PacketHeader {
             TYPE_INDEX if flags == 0 => PacketKind::Index,
             _ => return Err(FormatError::malformed(at, format!("packet type {code} with flags {flags:#x}"))),
         };
-        if reserved != 0 {
-            return Err(FormatError::malformed(at, "reserved field of a packet is not 0"));
+        if since_keyframe != 0 && !matches!(kind, PacketKind::Frame { keyframe: false, .. }) {
+            return Err(FormatError::malformed(at, "a keyframe or an index counts frames since a keyframe"));
         }
         let payload_bytes = fields.u32()?;
         if payload_bytes > MAX_PAYLOAD {
             let (asked, allowed) = (u64::from(payload_bytes), u64::from(MAX_PAYLOAD));
             return Err(FormatError::LimitExceeded { at, what: "packet payload bytes", asked, allowed });
         }
-        Ok(Self { kind, payload_bytes, timestamp_ns: fields.u64()?, checksum: fields.u32()? })
+        Ok(Self { kind, since_keyframe, payload_bytes, timestamp_ns: fields.u64()?, checksum: fields.u32()? })
     }
 }
 

@@ -9,6 +9,7 @@ use std::io::Write;
 pub struct PacketWriter<W> {
     sink: W,
     at: u64,
+    since_keyframe: u16,
     index: StreamIndex,
 }
 
@@ -19,7 +20,7 @@ impl<W: Write> PacketWriter<W> {
     /// I/O errors of the sink.
     pub fn new(mut sink: W, header: &StreamHeader) -> Result<Self, FormatError> {
         sink.write_all(&header.to_bytes())?;
-        Ok(Self { sink, at: StreamHeader::BYTES as u64, index: StreamIndex::default() })
+        Ok(Self { sink, at: StreamHeader::BYTES as u64, since_keyframe: 0, index: StreamIndex::default() })
     }
 
     /// Writes a frame packet and returns its size in bytes.
@@ -34,6 +35,7 @@ impl<W: Write> PacketWriter<W> {
     ) -> Result<usize, FormatError> {
         let hashed = frame.header.volume_hash.is_some();
         let at = self.at;
+        self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
         let bytes =
             self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
         self.index.frames.push(IndexEntry { at, keyframe });
@@ -46,6 +48,7 @@ impl<W: Write> PacketWriter<W> {
     /// I/O errors of the sink.
     pub fn finish(mut self) -> Result<W, FormatError> {
         let at = self.at;
+        self.since_keyframe = 0;
         self.write_packet(PacketKind::Index, 0, &self.index.to_payload())?;
         self.sink.write_all(&StreamIndex::trailer(at))?;
         self.sink.flush()?;
@@ -58,7 +61,7 @@ impl<W: Write> PacketWriter<W> {
         timestamp_ns: u64,
         payload: &[u8],
     ) -> Result<usize, FormatError> {
-        self.sink.write_all(&PacketHeader::seal(kind, timestamp_ns, payload))?;
+        self.sink.write_all(&PacketHeader::seal(kind, self.since_keyframe, timestamp_ns, payload))?;
         self.sink.write_all(payload)?;
         let bytes = PacketHeader::BYTES + payload.len();
         self.at += bytes as u64;
