@@ -1,8 +1,11 @@
 //! Development commands.
 //!
-//! `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
-//! byte counted, and prints the table that the README quotes.
+//! - `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
+//!   byte counted, and prints the table that the README quotes.
+//! - `cargo run --release -p xtask -- conformance FOLDER` writes the conformance streams and their hashes, after a change
+//!   of the format.
 
+mod conformance;
 mod paper_table;
 
 use anyhow::{Context, Result, bail};
@@ -14,6 +17,7 @@ fn main() -> Result<()> {
         ["paper-table", folder, frames] => {
             paper_table::run(folder, frames.parse().context("FRAMES is a number")?)
         }
-        _ => bail!("usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES]"),
+        ["conformance", folder] => conformance::run(folder),
+        _ => bail!("usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | conformance FOLDER"),
     }
 }
