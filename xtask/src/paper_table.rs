@@ -109,14 +109,13 @@ fn measure(folder: &str, frames: usize) -> Result<Table> {
     }
     ensure!(volumes.len() > 1, "{folder}: one frame is not a sequence");
     let unobserved = |v: &SparseVolume| v.unobserved_masks().values().map(VoxelMask::count).sum::<usize>();
-    let predictions = [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof];
     Ok(Table {
         frames: volumes.len(),
         blocks: volumes.iter().map(SparseVolume::block_count).sum::<usize>() / volumes.len(),
         unobserved: volumes.iter().map(unobserved).sum::<usize>() / volumes.len(),
         ingest_ms: median(&mut ingest_ms),
         ingest_error_mm: distance_mm(&meshes, &volumes)?,
-        rows: predictions
+        rows: Prediction::ALL
             .into_iter()
             .map(|p| measure_row(&header, p, &meshes, &volumes))
             .collect::<Result<_>>()?,

@@ -12,6 +12,13 @@ pub(crate) enum ProfileName {
     Paper,
 }
 
+/// `--as`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FormName {
+    /// A triangle mesh of the surface
+    Mesh,
+}
+
 /// `--motion`
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum MotionName {

@@ -19,7 +19,7 @@ const BLOCKS_PER_SLICE: usize = 1 << 14;
 pub enum MotionMode {
     /// Always so.
     Fixed(Prediction),
-    /// For each frame, whichever of zero-motion, 3-DoF and 6-DoF takes the fewest bytes.
+    /// For each frame, whichever kind takes the fewest bytes: after a jump, that is no prediction at all.
     Auto,
 }
 
@@ -138,7 +138,7 @@ impl Encoder {
         let candidates = match self.settings.motion {
             _ if keyframe => vec![Prediction::None],
             MotionMode::Fixed(prediction) => vec![prediction],
-            MotionMode::Auto => vec![Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof],
+            MotionMode::Auto => Prediction::ALL.to_vec(),
         };
         let coded =
             candidates.into_iter().map(|prediction| self.encode_predicted(volume, keyframe, prediction));

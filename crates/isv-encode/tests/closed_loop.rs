@@ -7,9 +7,6 @@ use isv_encode::{EncoderSettings, MotionMode, surface_rms_voxels};
 use isv_format::Prediction;
 use support::{ball, decode, encode, header};
 
-const PREDICTIONS: [Prediction; 4] =
-    [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof];
-
 fn settings(motion: MotionMode) -> EncoderSettings {
     EncoderSettings { motion, gop: 4, checksums: true, slices: None }
 }
@@ -19,7 +16,7 @@ fn decoder_agrees_with_the_encoders_reconstruction() {
     for (edge, truncation, coefficients) in [(8, 8, 64), (4, 3, 20), (16, 16, 200), (8, 8, 512), (8, 2, 1)] {
         let header = header(edge, truncation, coefficients);
         let volumes: Vec<_> = (0..6).map(|t| ball(header.grid, f64::from(t))).collect();
-        for motion in PREDICTIONS.map(MotionMode::Fixed).into_iter().chain([MotionMode::Auto]) {
+        for motion in Prediction::ALL.map(MotionMode::Fixed).into_iter().chain([MotionMode::Auto]) {
             let (bytes, hashes) = encode(&header, settings(motion), &volumes);
             let (decoded, end) = decode(&bytes);
             end.unwrap();

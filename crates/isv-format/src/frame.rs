@@ -17,6 +17,9 @@ pub enum Prediction {
 }
 
 impl Prediction {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::None, Self::ZeroMotion, Self::ThreeDof, Self::SixDof];
+
     /// Whether blocks carry motion vectors.
     #[must_use]
     pub fn has_motion(self) -> bool {
@@ -28,7 +31,7 @@ impl Prediction {
     }
 
     fn from_code(code: u8) -> Option<Self> {
-        [Self::None, Self::ZeroMotion, Self::ThreeDof, Self::SixDof].into_iter().find(|p| p.code() == code)
+        Self::ALL.into_iter().find(|p| p.code() == code)
     }
 }
 

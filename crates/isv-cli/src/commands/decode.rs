@@ -6,6 +6,7 @@ use crate::output::{Output, frames_in_words, is_pipe};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrames};
+use crate::terms::FormName;
 use crate::threads::use_threads;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::io::{Format, write_mesh, write_mesh_to};
@@ -23,6 +24,9 @@ pub(crate) struct Args {
     /// A folder for frame_0000.ply and so on; for one frame, also a .ply or .obj file, or - for standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// What to make of each frame
+    #[arg(long = "as", value_enum, default_value = "mesh")]
+    form: FormName,
     /// Mesh format, ply or obj; without it, that of the output's name, or else ply
     #[arg(long)]
     format: Option<Format>,
@@ -48,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
     let options = SurfaceOptions { normals: args.normals };
+    let FormName::Mesh = args.form;
     let done = frames.by_ref().try_for_each(|frame| {
         let frame = frame?;
         let (mesh, surface_ms) = timed(|| extract_surface(&frame.volume, &options));

@@ -20,10 +20,6 @@ use isv_render::{Camera, Style, contact_sheet, render};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Predictions that are tried, in the order of the table.
-const PREDICTIONS: [Prediction; 4] =
-    [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof];
-
 /// The prediction whose results are written to files.
 const KEPT: Prediction = Prediction::ThreeDof;
 
@@ -61,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         "encode ms a frame",
         "decode ms a frame",
     ]);
-    for prediction in PREDICTIONS {
+    for prediction in Prediction::ALL {
         let coded = take.encode(prediction)?;
         let decoded = take.decode(&coded.bytes)?;
         table.add_row(take.row(prediction, &coded, &decoded)?);

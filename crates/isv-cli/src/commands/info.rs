@@ -139,8 +139,7 @@ impl StreamInfo {
     /// The packets of each kind that occurs.
     fn packets_by_kind(&self) -> Vec<(String, Vec<&PacketInfo>)> {
         let mut kinds = vec![("keyframes".to_owned(), true, None)];
-        for prediction in [Prediction::None, Prediction::ZeroMotion, Prediction::ThreeDof, Prediction::SixDof]
-        {
+        for prediction in Prediction::ALL {
             let name = terms::prediction(prediction);
             kinds.push((format!("motion {name}"), false, Some(name)));
         }
