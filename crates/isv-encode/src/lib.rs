@@ -13,6 +13,7 @@
 mod distortion;
 mod encoder;
 mod motion_search;
+mod normal_equations;
 mod residual;
 mod syntax;
 
