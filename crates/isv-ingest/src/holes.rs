@@ -143,7 +143,7 @@ fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{open_box, sphere};
+    use isv_testkit::{open_box, sphere};
 
     fn marked(mesh: &isv_volume::TriangleMesh, scale: f64) -> usize {
         let vertices = mesh.vertices.iter().map(|v| *v * scale).collect();

@@ -42,8 +42,6 @@ mod sign;
 mod tiles;
 
 #[cfg(test)]
-mod testing;
-#[cfg(test)]
 mod tests;
 
 pub use error::IngestError;

@@ -136,7 +136,7 @@ fn vector_area([a, b, c]: [DVec3; 3]) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{sheet, sphere};
+    use isv_testkit::{sheet, sphere};
 
     #[test]
     fn closed_inside_out_and_open_surfaces_are_told_apart() {

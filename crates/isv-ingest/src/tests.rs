@@ -1,9 +1,9 @@
 //! Ingest of shapes whose distance field is known.
 
-use crate::testing::{cube, open_box, sheet, sphere};
 use crate::{IngestError, MeshIngest, SignDecision, ingest_mesh};
 use glam::{DQuat, DVec3};
 use isv_surface::{SurfaceOptions, extract_surface};
+use isv_testkit::{cube, open_box, sheet, sphere};
 use isv_volume::{BlockCoord, BlockEdge, Grid, MeshError, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 
 const CLOSED: SignDecision = SignDecision::Closed { flipped: false };

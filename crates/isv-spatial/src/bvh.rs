@@ -124,7 +124,7 @@ fn box_distance_sq(node: &Node, p: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Random, soup, sphere};
+    use isv_testkit::{Random, soup, sphere};
 
     fn brute_force(mesh: &TriangleMesh, p: DVec3) -> f64 {
         (0..mesh.triangles.len())

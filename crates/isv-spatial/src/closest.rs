@@ -68,7 +68,7 @@ fn closest_on_edges(p: DVec3, corners: &[DVec3; 3]) -> (DVec3, Feature) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
+    use isv_testkit::Random;
 
     const RIGHT: [DVec3; 3] = [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 2.0, 0.0)];
 

@@ -159,8 +159,8 @@ fn cubic_at(&[xxx, yyy, zzz, xxy, xxz, xyy, yyz, xzz, yzz, xyz]: &Cubic, r: DVec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
     use crate::winding::solid_angle_sum;
+    use isv_testkit::Random;
 
     /// The first term left out falls with the fifth power of the distance: twice as far must gain a factor of about 32.
     #[test]

@@ -26,9 +26,6 @@ mod expansion;
 mod tree;
 mod winding;
 
-#[cfg(test)]
-mod testing;
-
 pub use bvh::{Bvh, Closest};
 pub use closest::{Feature, closest_on_triangle};
 pub use winding::{WindingNumber, exact_winding_number};

@@ -186,7 +186,7 @@ fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::soup;
+    use isv_testkit::soup;
 
     fn depth(tree: &Tree) -> usize {
         let (mut deepest, mut stack) = (0, vec![(0, 1)]);

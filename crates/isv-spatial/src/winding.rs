@@ -146,7 +146,7 @@ impl HalfAngle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Random, soup, sphere};
+    use isv_testkit::{Random, soup, sphere};
 
     #[test]
     fn one_inside_and_zero_outside_a_sphere() {

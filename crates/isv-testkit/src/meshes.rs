@@ -1,32 +1,12 @@
-//! Shapes and random numbers for this crate's tests.
+//! Meshes of simple shapes.
 
+use crate::Random;
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 
-/// SplitMix64: a small seeded generator, so that a failing case can be run again.
-pub(crate) struct Random(u64);
-
-impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    /// Uniform in -1..1.
-    pub(crate) fn signed(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-
-    pub(crate) fn point(&mut self) -> DVec3 {
-        DVec3::new(self.signed(), self.signed(), self.signed())
-    }
-}
-
 /// A sphere of `2 * rings * rings` quads around the origin, cut into triangles; the poles hold zero-area faces.
-pub(crate) fn sphere(radius: f64, rings: u32) -> TriangleMesh {
+#[must_use]
+pub fn sphere(radius: f64, rings: u32) -> TriangleMesh {
     let around = 2 * rings;
     let mut mesh = TriangleMesh::default();
     for ring in 0..=rings {
@@ -53,8 +33,43 @@ pub(crate) fn sphere(radius: f64, rings: u32) -> TriangleMesh {
     mesh
 }
 
+/// The cube `-half..half`.
+#[must_use]
+pub fn cube(half: f64) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for i in 0..8 {
+        let side = |bit: i32| if i >> bit & 1 == 0 { -half } else { half };
+        mesh.vertices.push(DVec3::new(side(0), side(1), side(2)));
+    }
+    for [a, b, c, d] in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        mesh.triangles.push([a, b, c]);
+        mesh.triangles.push([a, c, d]);
+    }
+    mesh
+}
+
+/// The same without its side at `+z`.
+#[must_use]
+pub fn open_box(half: f64) -> TriangleMesh {
+    let mut mesh = cube(half);
+    mesh.triangles.drain(2..4);
+    mesh
+}
+
+/// The square `-half..half` in the plane `z = 0`.
+#[must_use]
+pub fn sheet(half: f64) -> TriangleMesh {
+    let corner = |x: f64, y: f64| DVec3::new(x * half, y * half, 0.0);
+    TriangleMesh {
+        vertices: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        normals: Vec::new(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+    }
+}
+
 /// Random triangles, every fifth of them without area.
-pub(crate) fn soup(seed: u64, faces: u32) -> TriangleMesh {
+#[must_use]
+pub fn soup(seed: u64, faces: u32) -> TriangleMesh {
     let mut random = Random::new(seed);
     let mut mesh = TriangleMesh::default();
     for face in 0..faces {
