@@ -59,6 +59,7 @@ impl Level {
         ));
     }
 
+    /// [`Self::split`], to be compiled for one instruction set.
     #[inline(always)]
     fn split_lanes(
         &mut self,

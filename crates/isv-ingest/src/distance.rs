@@ -128,18 +128,20 @@ fn foot_inside(edges: [(f32, f32); 3]) -> bool {
 }
 
 impl LocalTriangle {
+    /// Height of a point above the plane, and its coordinates relative to each edge.
+    #[inline(always)]
+    fn coordinates(&self, p: [f32; 3]) -> (f32, [(f32, f32); 3]) {
+        let height = self.normal[0] * p[0] + self.normal[1] * p[1] + self.normal[2] * p[2] + self.height;
+        let [first, second, third] = &self.edges;
+        (height, [edge_coordinates(first, p), edge_coordinates(second, p), edge_coordinates(third, p)])
+    }
+
     /// Squared distances of the points.
     #[inline(always)]
     pub(crate) fn distances_sq(&self, points: &Points) -> [f32; LANES] {
         let mut out = [0.0; LANES];
         for lane in 0..LANES {
-            let p = [points[0][lane], points[1][lane], points[2][lane]];
-            let height = self.normal[0] * p[0] + self.normal[1] * p[1] + self.normal[2] * p[2] + self.height;
-            let edges = [
-                edge_coordinates(&self.edges[0], p),
-                edge_coordinates(&self.edges[1], p),
-                edge_coordinates(&self.edges[2], p),
-            ];
+            let (height, edges) = self.coordinates([points[0][lane], points[1][lane], points[2][lane]]);
             let to_edge = edges.map(|(inside, past)| inside * inside + past * past);
             let nearer = if to_edge[1] < to_edge[0] { to_edge[1] } else { to_edge[0] };
             let nearest = if to_edge[2] < nearer { to_edge[2] } else { nearer };
@@ -154,13 +156,7 @@ impl LocalTriangle {
     pub(crate) fn gradient(&self, points: &Points) -> Gradient {
         let mut out = Gradient { distance: [0.0; LANES], offset: [[0.0; LANES]; 3] };
         for lane in 0..LANES {
-            let p = [points[0][lane], points[1][lane], points[2][lane]];
-            let height = self.normal[0] * p[0] + self.normal[1] * p[1] + self.normal[2] * p[2] + self.height;
-            let edges = [
-                edge_coordinates(&self.edges[0], p),
-                edge_coordinates(&self.edges[1], p),
-                edge_coordinates(&self.edges[2], p),
-            ];
+            let (height, edges) = self.coordinates([points[0][lane], points[1][lane], points[2][lane]]);
             let (mut best, mut offset) = (f32::INFINITY, [0.0; 3]);
             for i in 0..3 {
                 let (inside, past) = edges[i];

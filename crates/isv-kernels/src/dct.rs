@@ -93,20 +93,14 @@ impl BlockTransform {
         assert_eq!(block.len(), self.edge.block_voxels());
         let shift = |pass: usize| (MATRIX_BITS - self.exponents[pass + 1] + self.exponents[pass]) as u32;
         let shifts = [shift(0), shift(1), shift(2)];
-        match self.edge {
-            BlockEdge::E4 => vectorized(
-                #[inline(always)]
-                || forward(&MATRIX_4, block, shifts),
-            ),
-            BlockEdge::E8 => vectorized(
-                #[inline(always)]
-                || forward(&MATRIX_8, block, shifts),
-            ),
-            BlockEdge::E16 => vectorized(
-                #[inline(always)]
-                || forward(&MATRIX_16, block, shifts),
-            ),
-        }
+        vectorized(
+            #[inline(always)]
+            || match self.edge {
+                BlockEdge::E4 => forward(&MATRIX_4, block, shifts),
+                BlockEdge::E8 => forward(&MATRIX_8, block, shifts),
+                BlockEdge::E16 => forward(&MATRIX_16, block, shifts),
+            },
+        );
     }
 
     /// Inverse transform in place: coefficients `[w][v][u]` become residuals `[z][y][x]`. Defined, by saturation, for
@@ -118,20 +112,14 @@ impl BlockTransform {
         assert_eq!(block.len(), self.edge.block_voxels());
         let shift = |pass: usize| (MATRIX_BITS - self.exponents[2 - pass] + self.exponents[3 - pass]) as u32;
         let shifts = [shift(0), shift(1), shift(2)];
-        match self.edge {
-            BlockEdge::E4 => vectorized(
-                #[inline(always)]
-                || inverse(&MATRIX_4, block, shifts),
-            ),
-            BlockEdge::E8 => vectorized(
-                #[inline(always)]
-                || inverse(&MATRIX_8, block, shifts),
-            ),
-            BlockEdge::E16 => vectorized(
-                #[inline(always)]
-                || inverse(&MATRIX_16, block, shifts),
-            ),
-        }
+        vectorized(
+            #[inline(always)]
+            || match self.edge {
+                BlockEdge::E4 => inverse(&MATRIX_4, block, shifts),
+                BlockEdge::E8 => inverse(&MATRIX_8, block, shifts),
+                BlockEdge::E16 => inverse(&MATRIX_16, block, shifts),
+            },
+        );
     }
 }
 

@@ -162,20 +162,14 @@ impl StitchedReference {
 
     /// [`Self::warp`] with one fraction for all voxels.
     fn translate(&self, translation: [i8; 3], out: &mut [i16]) {
-        match self.edge {
-            BlockEdge::E4 => vectorized(
-                #[inline(always)]
-                || self.translate_sized::<4>(translation, out),
-            ),
-            BlockEdge::E8 => vectorized(
-                #[inline(always)]
-                || self.translate_sized::<8>(translation, out),
-            ),
-            BlockEdge::E16 => vectorized(
-                #[inline(always)]
-                || self.translate_sized::<16>(translation, out),
-            ),
-        }
+        vectorized(
+            #[inline(always)]
+            || match self.edge {
+                BlockEdge::E4 => self.translate_sized::<4>(translation, out),
+                BlockEdge::E8 => self.translate_sized::<8>(translation, out),
+                BlockEdge::E16 => self.translate_sized::<16>(translation, out),
+            },
+        );
     }
 
     #[inline(always)]
