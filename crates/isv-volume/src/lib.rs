@@ -2,7 +2,7 @@
 //!
 //! A frame is a [`SparseVolume`]: a set of cubic blocks of voxels in Morton order, each voxel an integer code of the
 //! truncated signed distance to the surface (negative inside), [`CODES_PER_VOXEL`] codes to one voxel edge. A
-//! [`TriangleMesh`] is what goes in and what comes out.
+//! [`TriangleMesh`], a [`PointCloud`] or a [`DepthImage`] is what goes in, a mesh or points are what comes out.
 //!
 //! ```
 //! use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
@@ -19,13 +19,17 @@
 //! ```
 
 mod coord;
+mod depth;
 mod grid;
 mod mask;
 mod mesh;
+mod points;
 mod volume;
 
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
+pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
 pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSize};
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};
+pub use points::{PointCloud, PointsError};
 pub use volume::{BlockIndex, Neighbourhood, SparseVolume, VolumeBuilder};

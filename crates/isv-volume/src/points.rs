@@ -1,0 +1,66 @@
+//! Point clouds.
+
+use glam::DVec3;
+use thiserror::Error;
+
+/// A point cloud that cannot be worked with.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum PointsError {
+    /// A NaN or infinite coordinate or normal.
+    #[error("point {point} is not finite")]
+    NotFinite {
+        /// Index of the point.
+        point: usize,
+    },
+    /// Normals that are neither absent nor one a point.
+    #[error("{normals} normals for {points} points")]
+    NormalCount {
+        /// How many normals there are.
+        normals: usize,
+        /// How many points there are.
+        points: usize,
+    },
+    /// No points at all.
+    #[error("no points")]
+    NoPoints,
+}
+
+/// Points on a surface: positions in metres, with or without normals.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointCloud {
+    /// Positions in metres.
+    pub positions: Vec<DVec3>,
+    /// Unit normals pointing outside, one a point; empty when the cloud has none. A zero vector says that the normal of
+    /// its point is not known.
+    pub normals: Vec<DVec3>,
+    /// Where the points were seen from, in metres, if the capture tells.
+    pub viewpoint: Option<DVec3>,
+}
+
+impl PointCloud {
+    /// Checks what every consumer relies on: at least one point, all finite, normals for all points or for none.
+    ///
+    /// # Errors
+    /// The first violation found.
+    pub fn validate(&self) -> Result<(), PointsError> {
+        let (points, normals) = (self.positions.len(), self.normals.len());
+        if points == 0 {
+            return Err(PointsError::NoPoints);
+        }
+        if normals != 0 && normals != points {
+            return Err(PointsError::NormalCount { normals, points });
+        }
+        let broken = |vectors: &[DVec3]| vectors.iter().position(|v| !v.is_finite());
+        match broken(&self.positions).or_else(|| broken(&self.normals)) {
+            Some(point) => Err(PointsError::NotFinite { point }),
+            None => Ok(()),
+        }
+    }
+
+    /// Smallest and largest corner of the bounding box; `None` without points.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+    }
+}
