@@ -1,12 +1,13 @@
 //! What can go wrong with a file. Every message is one sentence that starts with the file's name.
 
-use isv_volume::MeshError;
+use crate::Format;
+use isv_volume::{MeshError, PointsError};
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// A mesh that could not be read.
+/// A frame that could not be read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReadError {
@@ -36,6 +37,20 @@ pub enum ReadError {
         /// What is wrong with the mesh; its face numbers count triangles after polygons were split.
         cause: MeshError,
     },
+    /// The file is well-formed, the points in it are not usable.
+    #[error("{}: {cause}", path.display())]
+    Points {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the points.
+        cause: PointsError,
+    },
+    /// Points, where only a mesh will do.
+    #[error("{}: points without faces, where a mesh is needed", path.display())]
+    NotAMesh {
+        /// The file.
+        path: PathBuf,
+    },
     /// A coordinate beyond [`MAX_COORDINATE_M`](crate::MAX_COORDINATE_M): almost always a wrong unit or a damaged file.
     #[error(
         "{}: vertex {vertex} lies {metres:e} m from the origin along an axis, the limit is {:e} m; check --units",
@@ -50,7 +65,10 @@ pub enum ReadError {
         metres: f64,
     },
     /// No reader for files of this name.
-    #[error("{}: not a mesh file that can be read: the extension must be .ply or .obj", path.display())]
+    #[error(
+        "{}: not a file of meshes or points that can be read: the extension must be one of {}",
+        path.display(), Format::names(Format::ALL, ".")
+    )]
     UnsupportedExtension {
         /// The file.
         path: PathBuf,
@@ -75,7 +93,7 @@ impl fmt::Display for Position {
     }
 }
 
-/// How bytes break a mesh file format. Texts quoted from the file are shortened.
+/// How bytes break a file format. Texts quoted from the file are shortened.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Malformation {

@@ -1,11 +1,11 @@
-//! The mesh file formats.
+//! The file formats of meshes and points.
 
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 use thiserror::Error;
 
-/// A mesh file format that is both read and written.
+/// A file format of frames. What it can hold differs: [`Self::writes_mesh`], [`Self::writes_points`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Stanford PLY; written as binary little-endian with `float` coordinates.
@@ -16,7 +16,7 @@ pub enum Format {
 
 /// A format name that is none of those in [`Format`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("mesh format `{}` is not one of ply, obj", name.escape_debug())]
+#[error("file format `{}` is not one of {}", name.escape_debug(), Format::names(Format::ALL, ""))]
 pub struct ParseFormatError {
     /// The name given.
     pub name: String,
@@ -24,7 +24,7 @@ pub struct ParseFormatError {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 2] = [Self::Ply, Self::Obj];
+    pub const ALL: &[Self] = &[Self::Ply, Self::Obj];
 
     /// The file extension, lower case and without the dot; also the name users write.
     #[must_use]
@@ -39,7 +39,31 @@ impl Format {
     #[must_use]
     pub fn of_path(path: &Path) -> Option<Self> {
         let extension = path.extension()?;
-        Self::ALL.into_iter().find(|format| extension.eq_ignore_ascii_case(format.extension()))
+        Self::ALL.iter().copied().find(|format| extension.eq_ignore_ascii_case(format.extension()))
+    }
+
+    /// Whether meshes can be written in this format.
+    #[must_use]
+    pub fn writes_mesh(self) -> bool {
+        match self {
+            Self::Ply | Self::Obj => true,
+        }
+    }
+
+    /// Whether points can be written in this format.
+    #[must_use]
+    pub fn writes_points(self) -> bool {
+        match self {
+            Self::Ply => true,
+            Self::Obj => false,
+        }
+    }
+
+    /// The names of formats for a message, each after `prefix`: `ply, obj`.
+    #[must_use]
+    pub fn names(formats: &[Self], prefix: &str) -> String {
+        let names: Vec<_> = formats.iter().map(|format| format!("{prefix}{format}")).collect();
+        names.join(", ")
     }
 }
 
@@ -54,7 +78,8 @@ impl FromStr for Format {
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
         Self::ALL
-            .into_iter()
+            .iter()
+            .copied()
             .find(|format| format.extension() == name)
             .ok_or_else(|| ParseFormatError { name: name.to_owned() })
     }
@@ -75,8 +100,8 @@ mod tests {
     #[test]
     fn names_parse_back_to_their_format() {
         for format in Format::ALL {
-            assert_eq!(format.to_string().parse(), Ok(format));
+            assert_eq!(format.to_string().parse(), Ok(*format));
         }
-        assert!("stl".parse::<Format>().is_err());
+        assert!("doc".parse::<Format>().is_err());
     }
 }

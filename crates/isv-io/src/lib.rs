@@ -1,6 +1,6 @@
-//! Files: meshes in and out, the frames of a sequence, output that appears whole or not at all.
+//! Files: meshes and points in and out, the frames of a sequence, output that appears whole or not at all.
 //!
-//! The only library of isv that knows paths. It does not know what is done with a mesh, nor the `.isv` format.
+//! The only library of isv that knows paths. It does not know what is done with a frame, nor the `.isv` format.
 //!
 //! ```
 //! use isv_io::{FrameSequence, Format, Unit, read_mesh, write_mesh};
@@ -22,7 +22,7 @@
 mod atomic;
 mod error;
 mod format;
-mod mesh_file;
+mod geometry;
 mod natural_order;
 mod obj;
 mod ply;
@@ -35,7 +35,10 @@ mod wildcard;
 pub use atomic::AtomicFile;
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
-pub use mesh_file::{MAX_COORDINATE_M, parse_mesh, read_mesh, write_mesh, write_mesh_to};
+pub use geometry::{
+    Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
+    write_mesh_to,
+};
 pub use natural_order::natural_cmp;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};

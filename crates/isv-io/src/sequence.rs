@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// The mesh files of a sequence, in frame order.
+/// The files of a sequence, one frame each, in frame order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameSequence {
     input: String,
@@ -39,24 +39,29 @@ pub enum SequenceError {
         /// The input as given.
         input: String,
     },
-    /// A folder or pattern without a mesh file, or a file that is none.
-    #[error("{input}: no mesh files here; frames must be .ply or .obj")]
-    NoMeshFiles {
+    /// A folder or pattern without a file of meshes or points, or a file that is none.
+    #[error(
+        "{input}: no files of meshes or points here; frames must be one of {}",
+        Format::names(Format::ALL, ".")
+    )]
+    NoFrames {
         /// The input as given.
         input: String,
     },
-    /// More than one kind of mesh file.
+    /// More than one kind of file.
     #[error(
-        "{input}: both .{} and .{} files ({} and {}); name one kind with a pattern such as *.{}",
-        Format::Ply, Format::Obj, ply.display(), obj.display(), Format::Ply
+        "{input}: files of more than one kind ({} and {}); name one kind with a pattern such as *.{extension}",
+        first.display(), other.display()
     )]
     MixedFormats {
         /// The input as given.
         input: String,
-        /// One of the PLY files.
-        ply: PathBuf,
-        /// One of the OBJ files.
-        obj: PathBuf,
+        /// The first file.
+        first: PathBuf,
+        /// One of another kind.
+        other: PathBuf,
+        /// Extension of the first file's format.
+        extension: &'static str,
     },
     /// A range of frames that is empty or leaves the sequence.
     #[error(
@@ -76,8 +81,8 @@ pub enum SequenceError {
 impl FrameSequence {
     /// Finds the frames that an input names:
     ///
-    /// - a folder: all mesh files in it, by extension;
-    /// - a pattern, `*` and `?` in the last part of the path: the mesh files whose names match;
+    /// - a folder: all files of meshes or points in it, by extension;
+    /// - a pattern, `*` and `?` in the last part of the path: those whose names match;
     /// - a file: itself.
     ///
     /// Files of other kinds, sub-folders and names that start with a dot are passed over. Frames come in
@@ -88,7 +93,7 @@ impl FrameSequence {
     pub fn open(input: &str) -> Result<Self, SequenceError> {
         let path = Path::new(input);
         let paths = if path.is_dir() {
-            mesh_files(path, |_| true)?
+            frame_files(path, |_| true)?
         } else if path.exists() {
             Format::of_path(path).map(|_| path.to_owned()).into_iter().collect()
         } else if has_wildcard(input.as_bytes()) {
@@ -101,12 +106,16 @@ impl FrameSequence {
 
     /// Refuses lists that are empty or mixed.
     fn of_one_format(input: String, paths: Vec<PathBuf>) -> Result<Self, SequenceError> {
-        let first_of = |format| paths.iter().find(|path| Format::of_path(path) == Some(format)).cloned();
-        match (first_of(Format::Ply), first_of(Format::Obj)) {
-            (None, None) => Err(SequenceError::NoMeshFiles { input }),
-            (Some(ply), Some(obj)) => Err(SequenceError::MixedFormats { input, ply, obj }),
-            _ => Ok(Self { input, paths }),
+        let Some(first) = paths.first() else {
+            return Err(SequenceError::NoFrames { input });
+        };
+        let format = Format::of_path(first);
+        if let Some(other) = paths.iter().find(|path| Format::of_path(path) != format) {
+            let (first, other) = (first.clone(), other.clone());
+            let extension = format.map_or("", Format::extension);
+            return Err(SequenceError::MixedFormats { input, first, other, extension });
         }
+        Ok(Self { input, paths })
     }
 
     /// The files in frame order; at least one.
@@ -139,7 +148,7 @@ fn matching_files(input: &str) -> Result<Vec<PathBuf>, SequenceError> {
     }
     let pattern = path.file_name().unwrap_or_default().as_encoded_bytes();
     let mut files =
-        mesh_files(folder.unwrap_or(Path::new(".")), |name| matches(pattern, name.as_encoded_bytes()))?;
+        frame_files(folder.unwrap_or(Path::new(".")), |name| matches(pattern, name.as_encoded_bytes()))?;
     if folder.is_none() {
         // Messages name files as the user would: without the "./" of the folder that was listed.
         files.iter_mut().for_each(|file| *file = file.file_name().map(PathBuf::from).unwrap_or_default());
@@ -147,8 +156,8 @@ fn matching_files(input: &str) -> Result<Vec<PathBuf>, SequenceError> {
     Ok(files)
 }
 
-/// The mesh files of a folder whose names are wanted, in natural order.
-fn mesh_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<PathBuf>, SequenceError> {
+/// The frames of a folder whose names are wanted, in natural order.
+fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<PathBuf>, SequenceError> {
     let io_error = |cause| SequenceError::Io { path: folder.to_owned(), cause };
     let mut names = Vec::new();
     for entry in folder.read_dir().map_err(io_error)? {

@@ -18,7 +18,7 @@ fn tetrahedron() -> TriangleMesh {
 #[test]
 fn both_formats_read_back_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
-    for format in Format::ALL {
+    for &format in Format::ALL {
         let path = folder.path().join("frame").with_extension(format.extension().to_uppercase());
         let mut mesh = tetrahedron();
         for normals in [vec![], vec![DVec3::Y; 4]] {
@@ -51,10 +51,10 @@ fn errors_start_with_the_name_of_the_file() {
     let error = read_mesh(&missing, Unit::Metre).unwrap_err();
     assert!(matches!(error, ReadError::Io { .. }));
     assert!(error.to_string().starts_with(missing.to_str().unwrap()));
-    let error = read_mesh(Path::new("scan.stl"), Unit::Metre).unwrap_err();
+    let error = read_mesh(Path::new("scan.doc"), Unit::Metre).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "scan.stl: not a mesh file that can be read: the extension must be .ply or .obj"
+        "scan.doc: not a file of meshes or points that can be read: the extension must be one of .ply, .obj"
     );
     let error = parse_mesh(Path::new("a.obj"), b"v 0 0 0\nf 1 1 0\n", Unit::Metre).unwrap_err();
     assert_eq!(error.to_string(), "a.obj: `0` does not name a vertex (line 2)");
@@ -106,7 +106,7 @@ fn a_pattern_matches_in_the_last_part_of_a_path() {
     // Files whose names look like patterns are themselves.
     assert_eq!(names(&open(&folder, "a_[1].ply").unwrap()), ["a_[1].ply"]);
     assert_eq!(names(&open(&folder, "a*.ply").unwrap()), ["a*.ply"]);
-    assert!(matches!(open(&folder, "c*.ply"), Err(SequenceError::NoMeshFiles { .. })));
+    assert!(matches!(open(&folder, "c*.ply"), Err(SequenceError::NoFrames { .. })));
     assert!(matches!(open(&folder, "x*/a_1.ply"), Err(SequenceError::WildcardInFolder { .. })));
     assert!(matches!(open(&folder, "x/*.ply"), Err(SequenceError::Io { .. })));
 }
@@ -115,12 +115,12 @@ fn a_pattern_matches_in_the_last_part_of_a_path() {
 fn inputs_without_one_clear_sequence_are_refused() {
     let mixed = folder_of(&["a.ply", "a.obj"]);
     let message = open(&mixed, "").unwrap_err().to_string();
-    assert!(message.contains("both .ply and .obj files"), "{message}");
+    assert!(message.contains("files of more than one kind"), "{message}");
     assert!(matches!(open(&mixed, "*"), Err(SequenceError::MixedFormats { .. })));
     assert_eq!(names(&open(&mixed, "a.obj").unwrap()), ["a.obj"]);
     let none = folder_of(&["readme.md"]);
-    assert!(matches!(open(&none, ""), Err(SequenceError::NoMeshFiles { .. })));
-    assert!(matches!(open(&none, "readme.md"), Err(SequenceError::NoMeshFiles { .. })));
+    assert!(matches!(open(&none, ""), Err(SequenceError::NoFrames { .. })));
+    assert!(matches!(open(&none, "readme.md"), Err(SequenceError::NoFrames { .. })));
     assert!(matches!(open(&none, "gone.ply"), Err(SequenceError::NotFound { .. })));
 }
 

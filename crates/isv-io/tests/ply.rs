@@ -1,7 +1,9 @@
 //! PLY in all its flavours, whole and broken.
 
 use glam::DVec3;
-use isv_io::{Format, Malformation, Position, ReadError, Unit, parse_mesh, write_mesh_to};
+use isv_io::{
+    Format, Geometry, Malformation, Position, ReadError, Unit, parse_geometry, parse_mesh, write_mesh_to,
+};
 use isv_volume::{MeshError, TriangleMesh};
 use proptest::prelude::*;
 use std::path::Path;
@@ -260,13 +262,30 @@ fn headers_without_a_mesh_are_refused() {
 }
 
 #[test]
+fn vertices_without_faces_are_points() {
+    let path = Path::new("scan.ply");
+    let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+                property float nx\nproperty float ny\nproperty float nz\nend_header\n1 2 3 0 0 2\n4 5 6 0 0 0\n";
+    let Geometry::Points(points) = parse_geometry(path, text.as_bytes(), Unit::Centimetre).unwrap() else {
+        panic!("a mesh without faces");
+    };
+    assert_eq!(points.positions, [DVec3::new(0.01, 0.02, 0.03), DVec3::new(0.04, 0.05, 0.06)]);
+    assert_eq!(points.normals, [DVec3::Z, DVec3::ZERO], "of unit length, or zero where there is none");
+    let message = parse_mesh(path, text.as_bytes(), Unit::Metre).unwrap_err().to_string();
+    assert_eq!(message, "scan.ply: points without faces, where a mesh is needed");
+    let none = triangle(0, 0, "");
+    let message = parse_geometry(path, &none, Unit::Metre).unwrap_err().to_string();
+    assert_eq!(message, "scan.ply: no points");
+}
+
+#[test]
 fn unusable_meshes_are_told_from_broken_files() {
     let mesh_error = |vertices, faces, rows: &str| match parse(&triangle(vertices, faces, rows)).unwrap_err()
     {
         ReadError::Mesh { cause, .. } => cause,
         other => panic!("{other}"),
     };
-    assert_eq!(mesh_error(1, 0, "0 0 0\n"), MeshError::NoFaces);
+    assert_eq!(mesh_error(0, 1, "0\n"), MeshError::NoFaces);
     assert_eq!(mesh_error(2, 1, "0 0 0\n1 1 1\n2 0 1\n"), MeshError::NoFaces);
     let corners = "0 0 0\n1 0 0\n0 1 0\n";
     assert_eq!(

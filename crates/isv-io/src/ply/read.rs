@@ -1,14 +1,15 @@
-//! The mesh in a PLY file: the `vertex` and `face` elements; all others are skipped.
+//! The mesh or points in a PLY file: the `vertex` and `face` elements; all others are skipped.
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use super::values::{Ascii, Binary, Fault, Values};
 use crate::error::{Flaw, Malformation};
+use crate::geometry::Geometry;
 use crate::polygon::push_fan;
 use glam::DVec3;
-use isv_volume::TriangleMesh;
+use isv_volume::{PointCloud, TriangleMesh};
 
-/// Parses a PLY file in memory. Bytes after the last element are ignored, as other readers do.
-pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
+/// Parses a PLY file in memory: points if it has no faces, else a mesh. Bytes after the last element are ignored, as other readers do.
+pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
     let header = Header::parse(bytes)?;
     match header.encoding {
         Encoding::Ascii => read_body(&header, Ascii::new(bytes, &header)),
@@ -17,7 +18,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
     }
 }
 
-fn read_body(header: &Header, mut values: impl Values) -> Result<TriangleMesh, Flaw> {
+fn read_body(header: &Header, mut values: impl Values) -> Result<Geometry, Flaw> {
     let in_header = |why| Flaw::at_line(header.lines, why);
     let mut vertices = Vertices::new(header).map_err(in_header)?;
     let mut faces = Faces::new(header).map_err(in_header)?;
@@ -34,8 +35,12 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<TriangleMesh, F
             _ => read_rows(&mut values, element, &mut Skip)?,
         }
     }
+    if header.find("face").is_none_or(|face| face.count == 0) {
+        let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
+        return Ok(Geometry::Points(PointCloud { positions: vertices.positions, normals, viewpoint: None }));
+    }
     let normals = vertices.unit_normals();
-    Ok(TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles })
+    Ok(Geometry::Mesh(TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles }))
 }
 
 /// Takes the values of rows as they come.

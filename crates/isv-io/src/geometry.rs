@@ -1,0 +1,156 @@
+//! Files of meshes or points, of any format, by extension.
+
+use crate::error::Flaw;
+use crate::{AtomicFile, Format, ReadError, Unit, WriteError, obj, ply};
+use glam::DVec3;
+use isv_volume::{PointCloud, TriangleMesh};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Largest magnitude of a coordinate, in metres: 78 times the diameter of the Earth, where `f64` still tells tenths of
+/// a micrometre apart. Beyond it lie damaged files and wrong units.
+pub const MAX_COORDINATE_M: f64 = 1e9;
+
+/// What a file of geometry holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Geometry {
+    /// Triangles.
+    Mesh(TriangleMesh),
+    /// Points alone.
+    Points(PointCloud),
+}
+
+impl Geometry {
+    /// Smallest and largest corner of the bounding box, in metres; `None` if nothing is there.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        match self {
+            Self::Mesh(mesh) => mesh.bounds(),
+            Self::Points(points) => points.bounds(),
+        }
+    }
+
+    /// Positions of vertices or points.
+    fn positions_mut(&mut self) -> &mut [DVec3] {
+        match self {
+            Self::Mesh(mesh) => &mut mesh.vertices,
+            Self::Points(points) => &mut points.positions,
+        }
+    }
+
+    /// The same in metres, from coordinates in `unit`.
+    fn in_metres(mut self, unit: Unit) -> Self {
+        self.positions_mut().iter_mut().for_each(|v| *v *= unit.metres());
+        if let Self::Points(PointCloud { viewpoint: Some(viewpoint), .. }) = &mut self {
+            *viewpoint *= unit.metres();
+        }
+        self
+    }
+
+    /// Checks what every consumer relies on.
+    fn validate(&self, path: &Path) -> Result<(), ReadError> {
+        let path = || path.to_owned();
+        let positions = match self {
+            Self::Mesh(mesh) => {
+                mesh.validate().map_err(|cause| ReadError::Mesh { path: path(), cause })?;
+                &mesh.vertices
+            }
+            Self::Points(points) => {
+                points.validate().map_err(|cause| ReadError::Points { path: path(), cause })?;
+                &points.positions
+            }
+        };
+        match positions.iter().position(|v| v.abs().max_element() > MAX_COORDINATE_M) {
+            Some(vertex) => {
+                let metres = positions[vertex].abs().max_element();
+                Err(ReadError::OutOfRange { path: path(), vertex, metres })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads a mesh or points; the extension, in either case, decides how. Coordinates in `unit` become metres.
+///
+/// Polygons are split into fans of triangles. What comes back passes [`TriangleMesh::validate`] or
+/// [`PointCloud::validate`]; normals of meshes are kept only where the file gives every vertex a usable one.
+///
+/// # Errors
+/// See [`ReadError`]; each names the file.
+pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
+    // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
+    Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
+    let bytes = std::fs::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
+    parse_geometry(path, &bytes, unit)
+}
+
+/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors.
+///
+/// # Errors
+/// As [`read_geometry`], without [`ReadError::Io`].
+pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry, ReadError> {
+    let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
+        Some(Format::Ply) => ply::parse,
+        Some(Format::Obj) => |bytes| obj::parse(bytes).map(Geometry::Mesh),
+        None => return Err(ReadError::UnsupportedExtension { path: path.to_owned() }),
+    };
+    let geometry = parse(bytes).map_err(|flaw| flaw.in_file(path))?.in_metres(unit);
+    geometry.validate(path)?;
+    Ok(geometry)
+}
+
+/// As [`read_geometry`], where only a mesh will do.
+///
+/// # Errors
+/// As [`read_geometry`], and [`ReadError::NotAMesh`].
+pub fn read_mesh(path: &Path, unit: Unit) -> Result<TriangleMesh, ReadError> {
+    mesh_of(path, read_geometry(path, unit)?)
+}
+
+/// As [`parse_geometry`], where only a mesh will do.
+///
+/// # Errors
+/// As [`parse_geometry`], and [`ReadError::NotAMesh`].
+pub fn parse_mesh(path: &Path, bytes: &[u8], unit: Unit) -> Result<TriangleMesh, ReadError> {
+    mesh_of(path, parse_geometry(path, bytes, unit)?)
+}
+
+fn mesh_of(path: &Path, geometry: Geometry) -> Result<TriangleMesh, ReadError> {
+    match geometry {
+        Geometry::Mesh(mesh) => Ok(mesh),
+        Geometry::Points(_) => Err(ReadError::NotAMesh { path: path.to_owned() }),
+    }
+}
+
+/// Writes a mesh to a file, in metres; the file appears whole or not at all. Same mesh, same bytes.
+///
+/// # Errors
+/// [`WriteError`], naming the file.
+///
+/// # Panics
+/// As [`write_mesh_to`].
+pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<(), WriteError> {
+    let mut file = AtomicFile::create(path)?;
+    write_mesh_to(&mut file, mesh, format).map_err(|cause| WriteError::new(path, cause))?;
+    file.commit()
+}
+
+/// Writes a mesh to anything that takes bytes, in many small pieces: give it a buffer.
+///
+/// Coordinates are rounded to `f32`. Normals are written when the mesh has them.
+///
+/// # Errors
+/// Whatever `out` says.
+///
+/// # Panics
+/// If the mesh has normals but not one a vertex.
+pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io::Result<()> {
+    assert!(
+        mesh.normals.is_empty() || mesh.normals.len() == mesh.vertices.len(),
+        "one normal a vertex or none"
+    );
+    match format {
+        Format::Ply => ply::write(out, mesh),
+        Format::Obj => obj::write(out, mesh),
+    }
+}
