@@ -3,14 +3,16 @@
 //! One module a command in `commands`; what they share is beside this file. Exit status: 0 done, 1 the job failed, 2
 //! the command line was wrong; each failure is one sentence on stderr.
 
+mod ahead;
+mod capture;
 mod commands;
 mod failure;
 mod frame_range;
 mod frame_rate;
+mod interrupt;
 mod length;
 mod output;
 mod progress;
-mod source;
 mod stats;
 mod stream;
 mod table;

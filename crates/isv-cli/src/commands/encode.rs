@@ -1,30 +1,31 @@
-//! `isv encode`: meshes to a stream.
+//! `isv encode`: a capture to a stream.
 
 mod header;
+mod volumes;
 
+use crate::ahead::Ahead;
+use crate::capture::{Capture, CapturedFrame, Frames};
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
-use crate::length::Length;
+use crate::interrupt;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
-use crate::source::MeshFrames;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::terms::{MotionName, SignName};
 use crate::threads::use_threads;
-use anyhow::{Context, Result};
+use anyhow::{Result, bail};
 use header::HeaderArgs;
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
 use isv::format::{PacketWriter, StreamHeader};
-use isv::ingest::{
-    DEFAULT_BLOCK_LIMIT, IngestError, MeshIngest, SignDecision, SignEvidence, SignMode, decide_sign,
-    ingest_mesh,
-};
-use isv::io::{FrameSequence, Unit};
-use isv::volume::{Grid, SparseVolume, TriangleMesh};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest};
+use isv::io::Unit;
+use isv::volume::Grid;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::Arc;
+use volumes::{IngestedFrame, VolumeMaker};
 
-/// Encode mesh frames into an .isv stream
+/// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Frames: a folder, a pattern such as 'take/*.obj', or one file; PLY or OBJ, in natural order of their names
@@ -55,13 +56,17 @@ pub(crate) struct Args {
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
+    /// Go on after a frame that cannot be read or used, and say at the end how many there were
+    #[arg(long)]
+    skip_bad_frames: bool,
     /// Put a hash of every decoded frame into the stream, for isv verify
     #[arg(long)]
     checksums: bool,
     /// Threads to work with; without it, one a core
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
-    /// Write times and sizes of every frame to this file
+    /// Write times and sizes of every frame to this file; ingest and encoding then take turns, so that the time of one
+    /// is not also that of the other
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 }
@@ -90,105 +95,42 @@ impl Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let header = args.header.header()?;
-    let ingest = args.ingest(header.grid)?;
+    let capture = Capture::open(&args.input, args.units)?;
+    let header = args.header.header(&capture)?;
+    let mesh = args.ingest(header.grid)?;
     use_threads(args.threads)?;
-    let mut sequence = FrameSequence::open(&args.input)?;
-    if let Some(range) = args.frames {
-        sequence = sequence.select(range.start..range.end)?;
-    }
-    let stats = StatsFile::create(args.stats.as_deref())?;
+    interrupt::listen()?;
+    let range = capture.range(args.frames)?;
     let mut job = Job {
         header,
         encoder: Encoder::new(&header, args.encoder_settings()),
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
-        stats,
+        stats: StatsFile::create(args.stats.as_deref())?,
+        skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
+        first: range.start,
         frames: 0,
+        skipped: 0,
     };
-    let progress = Progress::new(Some(sequence.paths().len()), "encoding");
-    let volumes =
-        Volumes { meshes: MeshFrames::new(&sequence, args.units), ingest, sign: None, progress: &progress };
-    for frame in volumes {
-        job.encode(&frame?)?;
+    let progress = Arc::new(Progress::new(Some(range.len()), "encoding"));
+    let maker = VolumeMaker { mesh, sign: None, progress: Arc::clone(&progress) };
+    let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
+    for frame in volumes(capture.read(range)?, maker, taking_turns) {
+        job.take(frame, &progress)?;
         progress.step();
     }
     drop(progress);
-    job.finish()
+    job.finish(args)
 }
 
-/// A frame ready to be encoded.
-struct IngestedFrame {
-    volume: SparseVolume,
-    ingest_ms: f64,
-}
-
-/// Reads and ingests frames.
-struct Volumes<'a> {
-    meshes: MeshFrames,
-    ingest: MeshIngest,
-    /// Made on the first frame.
-    sign: Option<SignDecision>,
-    progress: &'a Progress,
-}
-
-impl Volumes<'_> {
-    fn ingest(&mut self, path: &Path, mesh: &TriangleMesh) -> Result<IngestedFrame> {
-        let (sign, evidence) = match self.sign {
-            Some(sign) => (sign, None),
-            None => {
-                let (sign, evidence) = decide_sign(mesh, self.ingest.sign);
-                (sign, Some(evidence))
-            }
-        };
-        let (volume, ingest_ms) = timed(|| ingest_mesh(mesh, &self.ingest, sign));
-        let volume = volume.map_err(with_advice).with_context(|| path.display().to_string())?;
-        if let Some(evidence) = evidence {
-            self.sign = Some(sign);
-            self.progress.note(&sign_sentence(sign, evidence, self.ingest.sign));
-            self.warn_if_tiny(path, mesh);
-        }
-        Ok(IngestedFrame { volume, ingest_ms })
-    }
-
-    /// A wrong unit that makes the surface small is no error, but leaves little of it.
-    fn warn_if_tiny(&self, path: &Path, mesh: &TriangleMesh) {
-        let Grid { voxel_size, edge, .. } = self.ingest.grid;
-        let diagonal_m = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        if diagonal_m < voxel_size.metres() * edge.voxels() as f64 {
-            let (path, diagonal) = (path.display(), Length::from_metres(diagonal_m));
-            self.progress.note(&format!("{path}: only {diagonal} across, less than a block: check --units"));
-        }
-    }
-}
-
-impl Iterator for Volumes<'_> {
-    type Item = Result<IngestedFrame>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let frame = self.meshes.next()?;
-        Some(frame.and_then(|(path, mesh)| self.ingest(&path, &mesh)))
-    }
-}
-
-/// What was decided about the sign, and why.
-fn sign_sentence(decision: SignDecision, evidence: SignEvidence, mode: SignMode) -> String {
-    let why = match mode {
-        SignMode::Auto => format!("{:.0} % of the first frame looks closed", 100.0 * evidence.closed_share),
-        SignMode::Closed | SignMode::Offset => "as --sign asks".to_owned(),
-    };
-    format!("{decision} ({why})")
-}
-
-/// Names the option to change where a coarser voxel would do.
-fn with_advice(error: IngestError) -> anyhow::Error {
-    match error {
-        IngestError::TooManyBlocks { voxel_that_fits_m, .. }
-        | IngestError::OutOfRange { voxel_that_fits_m, .. } => {
-            let fits = Length::from_metres(voxel_that_fits_m);
-            anyhow::anyhow!("{error}: try --voxel {fits}, or check --units")
-        }
-        other => other.into(),
-    }
+/// The pipeline up to the encoder. Reading runs ahead of everything else, and making volumes runs ahead of encoding
+/// unless the two are to take turns.
+fn volumes(
+    frames: Frames<CapturedFrame>,
+    mut maker: VolumeMaker,
+    taking_turns: bool,
+) -> Box<dyn Iterator<Item = Result<IngestedFrame>>> {
+    let ingested = Ahead::new(frames).map(move |frame| maker.ingest(frame?));
+    if taking_turns { Box::new(ingested) } else { Box::new(Ahead::new(ingested)) }
 }
 
 /// The encoding side.
@@ -197,13 +139,31 @@ struct Job {
     encoder: Encoder,
     writer: PacketWriter<Output>,
     stats: StatsFile<EncodedFrameStats>,
+    skip_bad_frames: bool,
+    /// Number in the capture of the frame that the stream's time begins with.
+    first: usize,
     frames: usize,
+    skipped: usize,
 }
 
 impl Job {
+    /// Encodes a frame, or deals with what is wrong with it.
+    fn take(&mut self, frame: Result<IngestedFrame>, progress: &Progress) -> Result<()> {
+        match frame {
+            Ok(frame) => self.encode(&frame),
+            Err(error) if self.skip_bad_frames => {
+                self.skipped += 1;
+                progress.note(&format!("skipped: {error:#}"));
+                Ok(())
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// A frame keeps its time if frames before it were skipped.
     fn encode(&mut self, frame: &IngestedFrame) -> Result<()> {
         let (coded, encode_ms) = timed(|| self.encoder.encode(&frame.volume));
-        let timestamp_ns = self.header.frame_rate.timestamp_ns(self.frames as u64);
+        let timestamp_ns = self.header.frame_rate.timestamp_ns((frame.number - self.first) as u64);
         let bytes = self.writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {
@@ -237,15 +197,28 @@ impl Job {
         }
     }
 
-    fn finish(self) -> Result<()> {
+    /// Completes the stream, which is a shorter one after Ctrl-C.
+    fn finish(self, args: &Args) -> Result<()> {
+        let (input, output) = (&args.input, args.output.display());
+        let frames = frames_in_words(self.frames);
+        let skipped = frames_in_words(self.skipped);
+        if self.frames == 0 {
+            match interrupt::requested() {
+                true => bail!("interrupted before the first frame"),
+                false => bail!("{input}: no frame could be used, {skipped} skipped"),
+            }
+        }
         let bytes = self.writer.finish()?.commit()?;
-        let rate = self.header.frame_rate.per_second();
-        eprintln!(
-            "{}, {bytes} bytes, {:.3} Mbps, {:.0} ms a frame",
-            frames_in_words(self.frames),
-            megabits_per_second(bytes, self.frames, rate),
-            self.stats.wall_ms() / self.frames as f64,
-        );
-        self.stats.commit()
+        let mbps = megabits_per_second(bytes, self.frames, self.header.frame_rate.per_second());
+        let ms = self.stats.wall_ms() / self.frames as f64;
+        eprintln!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame");
+        if self.skipped > 0 {
+            eprintln!("{input}: {skipped} skipped");
+        }
+        self.stats.commit()?;
+        if interrupt::requested() {
+            bail!("interrupted: {output} is whole and holds the first {frames}");
+        }
+        Ok(())
     }
 }

@@ -1,10 +1,10 @@
 //! `isv eval`: how far frames are from a reference.
 
+use crate::capture::Capture;
 use crate::frame_range::FrameRange;
 use crate::length::Length;
 use crate::output::print;
 use crate::progress::Progress;
-use crate::source::Source;
 use crate::table::table_of;
 use anyhow::{Context, Result, bail};
 use comfy_table::Table;
@@ -48,8 +48,8 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let reference = Source::open(&args.reference, args.units)?;
-    let test = Source::open(&args.test, args.test_units)?;
+    let reference = Capture::open(&args.reference, args.units)?;
+    let test = Capture::open(&args.test, args.test_units)?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let frames = measure(args, reference.meshes(reference_range)?.zip(test.meshes(test_range)?), first)?;
@@ -63,8 +63,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
 /// Which frames of the two are compared with each other.
 fn matching_ranges(
-    reference: &Source,
-    test: &Source,
+    reference: &Capture,
+    test: &Capture,
     frames: Option<FrameRange>,
 ) -> Result<[Range<usize>; 2]> {
     let reference_range = reference.range(frames)?;

@@ -1,10 +1,10 @@
 //! `isv render`: pictures of frames.
 
+use crate::capture::Capture;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::output::Output;
 use crate::progress::Progress;
-use crate::source::Source;
 use anyhow::{Result, bail};
 use isv::io::Unit;
 use isv::volume::TriangleMesh;
@@ -54,7 +54,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let source = Source::open(&args.input, args.units)?;
+    let source = Capture::open(&args.input, args.units)?;
     let one = args.frame.unwrap_or(0);
     let range = args.frames.unwrap_or(FrameRange { start: one, end: one.saturating_add(1) });
     let size = args.picture_size(range.count())?;

@@ -1,5 +1,6 @@
 //! The part of the command line that goes into the stream's header.
 
+use crate::capture::Capture;
 use crate::failure::usage;
 use crate::frame_rate;
 use crate::length::Length;
@@ -9,23 +10,29 @@ use isv::format::{FrameRate, StreamHeader};
 use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, Truncation, VoxelSize};
 
+const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+const DEFAULT_VOXEL_M: f64 = 0.005;
+const DEFAULT_BLOCK: u32 = 8;
+const DEFAULT_TRUNCATION: u32 = 8;
+
 #[derive(Debug, clap::Args)]
 pub(super) struct HeaderArgs {
     /// The codec's set of tools
     #[arg(long, value_enum, default_value = "paper")]
     profile: ProfileName,
-    /// Frames a second, such as 30, 29.97 or 30000/1001
-    #[arg(long, default_value = "30", value_parser = frame_rate::parse)]
-    fps: FrameRate,
-    /// Edge of a voxel, with a unit
-    #[arg(long, value_name = "LENGTH", default_value = "5mm")]
-    voxel: Length,
-    /// Edge of a block in voxels: 4, 8 or 16
-    #[arg(long, value_name = "VOXELS", default_value = "8")]
-    block: u32,
-    /// How far from the surface distances are kept, in voxels: 2 to 16
-    #[arg(long, value_name = "VOXELS", default_value = "8")]
-    truncation: u32,
+    /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
+    #[arg(long, value_parser = frame_rate::parse)]
+    fps: Option<FrameRate>,
+    /// Edge of a voxel, with a unit; without it, that of the input if it is volumes, or else 5mm
+    #[arg(long, value_name = "LENGTH")]
+    voxel: Option<Length>,
+    /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8
+    #[arg(long, value_name = "VOXELS")]
+    block: Option<u32>,
+    /// How far from the surface distances are kept, in voxels, 2 to 16; without it, as the input if it is volumes, or
+    /// else 8
+    #[arg(long, value_name = "VOXELS")]
+    truncation: Option<u32>,
     /// Transform coefficients coded of each block
     #[arg(long, value_name = "K", default_value = "64")]
     coefficients: u16,
@@ -38,27 +45,33 @@ pub(super) struct HeaderArgs {
 }
 
 impl HeaderArgs {
-    /// The header, every field checked.
-    pub(super) fn header(&self) -> Result<StreamHeader> {
-        let grid = self.grid()?;
+    /// The header, every field checked; the capture has a say in what was not asked for.
+    pub(super) fn header(&self, capture: &Capture) -> Result<StreamHeader> {
+        let grid = self.grid(capture.grid())?;
         Ok(StreamHeader {
             profile: self.profile.into(),
             grid,
-            frame_rate: self.fps,
+            frame_rate: self.fps.or(capture.frame_rate()).unwrap_or(DEFAULT_FRAME_RATE),
             coefficients: self.coefficients(grid.edge)?,
             dc_step: step("--dc-step", self.dc_step, grid.voxel_size)?,
             ac_step: step("--ac-step", self.ac_step, grid.voxel_size)?,
         })
     }
 
-    fn grid(&self) -> Result<Grid> {
-        let voxel_size = VoxelSize::from_metres(self.voxel.metres());
-        let edge = BlockEdge::from_voxels(self.block);
-        let truncation = Truncation::from_voxels(self.truncation);
+    fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
+        let voxel = match (self.voxel, captured) {
+            (None, Some(grid)) => Length::from_metres(grid.voxel_size.metres()),
+            (asked, _) => asked.unwrap_or(Length::from_metres(DEFAULT_VOXEL_M)),
+        };
+        let block = self.block.or(captured.map(|grid| grid.edge.voxels() as u32)).unwrap_or(DEFAULT_BLOCK);
+        let truncation =
+            self.truncation.or(captured.map(|grid| grid.truncation.voxels())).unwrap_or(DEFAULT_TRUNCATION);
         Ok(Grid {
-            voxel_size: voxel_size.map_err(|error| usage(format!("--voxel {}: {error}", self.voxel)))?,
-            edge: edge.map_err(|error| usage(format!("--block: {error}")))?,
-            truncation: truncation.map_err(|error| usage(format!("--truncation: {error}")))?,
+            voxel_size: VoxelSize::from_metres(voxel.metres())
+                .map_err(|error| usage(format!("--voxel {voxel}: {error}")))?,
+            edge: BlockEdge::from_voxels(block).map_err(|error| usage(format!("--block: {error}")))?,
+            truncation: Truncation::from_voxels(truncation)
+                .map_err(|error| usage(format!("--truncation: {error}")))?,
         })
     }
 
