@@ -36,6 +36,7 @@
 //!
 //! What it does not do: place vertices by anything but linear interpolation, keep sharp edges, or simplify.
 
+mod band;
 mod bits;
 mod cases;
 mod edges;
@@ -43,4 +44,5 @@ mod extract;
 mod triangles;
 mod vertices;
 
+pub use band::surface_band;
 pub use extract::{SurfaceOptions, extract_surface};
