@@ -41,8 +41,10 @@ mod bits;
 mod cases;
 mod edges;
 mod extract;
+mod sampling;
 mod triangles;
 mod vertices;
 
 pub use band::surface_band;
 pub use extract::{SurfaceOptions, extract_surface};
+pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};
