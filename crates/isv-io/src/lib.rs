@@ -30,6 +30,7 @@ mod polygon;
 mod scale_check;
 mod sequence;
 mod unit;
+mod volume;
 mod wildcard;
 
 pub use atomic::AtomicFile;
@@ -43,3 +44,6 @@ pub use natural_order::natural_cmp;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
+pub use volume::{
+    ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_volume,
+};

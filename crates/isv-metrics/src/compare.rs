@@ -2,7 +2,7 @@
 
 use crate::chamfer::{chamfer_of_trees, second_seed};
 use crate::point_tree::PointTree;
-use crate::sampling::{sample_count, sample_points, surface_area};
+use crate::sampling::{sample_count, sample_points};
 use crate::{SurfaceDistances, connected_components, distances_to_surface};
 use isv_spatial::Bvh;
 use isv_volume::TriangleMesh;
@@ -152,7 +152,7 @@ fn checked_area(mesh: &TriangleMesh, side: Side, options: &CompareOptions) -> Re
     if !(spacing_m.is_finite() && spacing_m > 0.0) {
         return Err(CompareError::Spacing { metres: spacing_m });
     }
-    let area_m2 = surface_area(mesh);
+    let area_m2 = mesh.area();
     if area_m2 <= 0.0 {
         return Err(CompareError::NoSurface { side });
     }

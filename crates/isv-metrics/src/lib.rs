@@ -33,4 +33,4 @@ pub use compare::{CompareError, CompareOptions, GeometryError, MAX_SAMPLES, Side
 pub use components::connected_components;
 pub use point_to_surface::{SurfaceDistances, distances_to_surface};
 pub use random::SplitMix64;
-pub use sampling::{SurfaceSample, sample_surface, surface_area};
+pub use sampling::{SurfaceSample, sample_surface};

@@ -13,18 +13,6 @@ pub struct SurfaceSample {
     pub normal: DVec3,
 }
 
-/// Area of all triangles in square metres.
-#[must_use]
-pub fn surface_area(mesh: &TriangleMesh) -> f64 {
-    (0..mesh.triangles.len()).map(|face| area_vector(mesh, face).length()).sum()
-}
-
-/// Normal of a triangle, as long as the triangle's area.
-fn area_vector(mesh: &TriangleMesh, face: usize) -> DVec3 {
-    let [a, b, c] = mesh.corners(face);
-    (b - a).cross(c - a) / 2.0
-}
-
 /// Number of samples for an area, in square metres: one a spacing squared, at least one.
 pub(crate) fn sample_count(area: f64, spacing_m: f64) -> f64 {
     (area / (spacing_m * spacing_m)).round().max(1.0)
@@ -41,7 +29,7 @@ pub(crate) fn sample_count(area: f64, spacing_m: f64) -> f64 {
 #[must_use]
 pub fn sample_surface(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<SurfaceSample> {
     let normals: Vec<DVec3> =
-        (0..mesh.triangles.len()).map(|face| area_vector(mesh, face).normalize_or_zero()).collect();
+        (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
     draw(mesh, spacing_m, seed).map(|(face, point)| SurfaceSample { point, normal: normals[face] }).collect()
 }
 
@@ -57,7 +45,7 @@ fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl ExactSizeIterato
     let mut area = 0.0;
     let area_up_to: Vec<f64> = (0..mesh.triangles.len())
         .map(|face| {
-            area += area_vector(mesh, face).length();
+            area += mesh.area_vector(face).length();
             area
         })
         .collect();
@@ -123,7 +111,7 @@ mod tests {
     #[test]
     fn samples_lie_on_their_triangle_with_its_normal() {
         let mesh = two_triangles();
-        assert!((surface_area(&mesh) - 2.0).abs() < 1e-15);
+        assert!((mesh.area() - 2.0).abs() < 1e-15);
         for SurfaceSample { point, normal } in sample_surface(&mesh, 0.05, 9) {
             assert!(normal == DVec3::Z || normal == DVec3::NEG_Y);
             assert!(point.dot(normal).abs() < 1e-15 && point.min_element() >= 0.0);

@@ -36,11 +36,15 @@
 //!
 //! What it does not do: place vertices by anything but linear interpolation, keep sharp edges, or simplify.
 
+mod band;
 mod bits;
 mod cases;
 mod edges;
 mod extract;
+mod sampling;
 mod triangles;
 mod vertices;
 
+pub use band::surface_band;
 pub use extract::{SurfaceOptions, extract_surface};
+pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};

@@ -1,13 +1,15 @@
 //! The extracted surface against shapes that are known exactly, and against noise.
 
-mod common;
+mod meshes;
+mod volumes;
 
-use common::{border, check_mesh, cube, euler_number, grid, measures, sample, voxels};
 use glam::DVec3;
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{SparseVolume, TriangleMesh, VolumeBuilder, VoxelMask};
+use meshes::{border, check_mesh, euler_number, measures};
 use proptest::prelude::*;
 use std::f64::consts::PI;
+use volumes::{cube, grid, sample, voxels};
 
 const EDGES: [u32; 3] = [4, 8, 16];
 const RADIUS_M: f64 = 0.2;

@@ -45,6 +45,19 @@ impl TriangleMesh {
         self.triangles[face].map(|v| self.vertices[v as usize])
     }
 
+    /// Normal of triangle `face` by the right-hand rule, as long as the triangle's area in square metres.
+    #[must_use]
+    pub fn area_vector(&self, face: usize) -> DVec3 {
+        let [a, b, c] = self.corners(face);
+        (b - a).cross(c - a) / 2.0
+    }
+
+    /// Area of all triangles in square metres.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len()).map(|face| self.area_vector(face).length()).sum()
+    }
+
     /// Checks what every consumer relies on: at least one face, finite vertices, indices in range.
     ///
     /// # Errors

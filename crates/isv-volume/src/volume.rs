@@ -94,6 +94,20 @@ impl SparseVolume {
         &self.unobserved
     }
 
+    /// The volume of those blocks, by index, that are wanted.
+    #[must_use]
+    pub fn select(&self, wanted: impl Fn(usize) -> bool) -> Self {
+        let mut part = Self::empty(self.grid);
+        for block in (0..self.block_count()).filter(|block| wanted(*block)) {
+            if let Some(mask) = self.unobserved(block) {
+                part.unobserved.insert(part.coords.len() as u32, mask.clone());
+            }
+            part.coords.push(self.coords[block]);
+            part.samples.extend_from_slice(self.block(block));
+        }
+        part
+    }
+
     /// A look-up from coordinate to block index.
     #[must_use]
     pub fn index(&self) -> BlockIndex {
@@ -206,6 +220,20 @@ mod tests {
         assert_eq!([0, 1, 2].map(|i| volume.block(i)[0]), [1, 2, 3]);
         assert_eq!(volume.unobserved(2), Some(&mask));
         assert_eq!(volume.unobserved_masks().len(), 1);
+    }
+
+    #[test]
+    fn a_selection_keeps_masks_with_their_blocks() {
+        let mut builder = VolumeBuilder::new(grid());
+        let mut mask = VoxelMask::empty(BlockEdge::E4);
+        mask.insert(5);
+        for x in 0..4 {
+            builder.push([x, 0, 0].into(), vec![x as i16; 64], (x >= 2).then(|| mask.clone()));
+        }
+        let part = builder.finish().select(|block| block % 2 == 1);
+        assert_eq!(part.coords(), [[1, 0, 0], [3, 0, 0]].map(BlockCoord::from));
+        assert_eq!([0, 1].map(|i| part.block(i)[63]), [1, 3]);
+        assert_eq!([0, 1].map(|i| part.unobserved(i)), [None, Some(&mask)]);
     }
 
     #[test]

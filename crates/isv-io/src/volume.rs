@@ -1,0 +1,23 @@
+//! Volumes as files: a folder of NumPy arrays. `docs/formats/volume.md` describes it.
+
+mod description;
+mod error;
+mod fill;
+mod npy;
+mod read;
+mod sequence;
+mod write;
+
+pub use error::{ArrayFlaw, VolumeError};
+pub use read::{read_volume, volume_grid};
+pub use sequence::{VolumeSequence, is_volume_folder};
+pub use write::write_volume;
+
+/// Block coordinates: integers `(n, 3)`, in the order x, y, z.
+const COORDS: &str = "coords.npy";
+/// Signed distances: floats `(n, edge, edge, edge)`, in the order z, y, x.
+const TSDF: &str = "tsdf.npy";
+/// Weights, in the shape of the distances; 0 is unobserved.
+const WEIGHT: &str = "weight.npy";
+/// Voxel size, truncation and unit.
+const DESCRIPTION: &str = "grid.json";

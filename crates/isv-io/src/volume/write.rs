@@ -1,0 +1,58 @@
+//! From a volume to arrays.
+
+use super::description::{Description, TsdfUnit};
+use super::{COORDS, DESCRIPTION, TSDF, WEIGHT, npy};
+use crate::{AtomicFile, WriteError};
+use isv_volume::SparseVolume;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Writes a volume as a folder of arrays, which is made if it is not there: distances as `float32` in truncation distances,
+/// weights as `uint8`, 1 where observed and 0 elsewhere, and `grid.json`. Reading it back gives the same volume, but for the
+/// samples of unobserved voxels, which have no meaning.
+///
+/// # Errors
+/// [`WriteError`]; each file is replaced whole or not at all.
+pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteError> {
+    std::fs::create_dir_all(folder).map_err(|cause| WriteError::new(folder, cause))?;
+    let n = volume.grid().edge.voxels();
+    let shape = [volume.block_count(), n, n, n];
+    write_file(&folder.join(COORDS), |file| {
+        file.write_all(&npy::header("<i4", &[volume.block_count(), 3]))?;
+        let axes = volume.coords().iter().flat_map(|coord| coord.to_array());
+        axes.into_iter().try_for_each(|axis| file.write_all(&axis.to_le_bytes()))
+    })?;
+    write_file(&folder.join(TSDF), |file| {
+        file.write_all(&npy::header("<f4", &shape))?;
+        let limit = f32::from(volume.grid().truncation.codes());
+        let distances = volume.samples().iter().map(|code| f32::from(*code) / limit);
+        distances.into_iter().try_for_each(|distance| file.write_all(&distance.to_le_bytes()))
+    })?;
+    write_file(&folder.join(WEIGHT), |file| {
+        file.write_all(&npy::header("|u1", &shape))?;
+        (0..volume.block_count()).try_for_each(|block| file.write_all(&weights(volume, block)))
+    })?;
+    let grid = volume.grid();
+    let description = Description {
+        voxel_size_m: Some(grid.voxel_size.metres()),
+        truncation_m: Some(grid.voxel_size.metres() * f64::from(grid.truncation.voxels())),
+        tsdf_unit: TsdfUnit::Truncation,
+    };
+    write_file(&folder.join(DESCRIPTION), |file| {
+        serde_json::to_writer_pretty(&mut *file, &description)?;
+        writeln!(file)
+    })
+}
+
+/// Weights of a block's voxels.
+fn weights(volume: &SparseVolume, block: usize) -> Vec<u8> {
+    let unobserved = volume.unobserved(block);
+    let observed = |voxel| unobserved.is_none_or(|mask| !mask.contains(voxel));
+    (0..volume.grid().edge.block_voxels()).map(|voxel| u8::from(observed(voxel))).collect()
+}
+
+fn write_file(path: &Path, fill: impl FnOnce(&mut AtomicFile) -> io::Result<()>) -> Result<(), WriteError> {
+    let mut file = AtomicFile::create(path)?;
+    fill(&mut file).map_err(|cause| WriteError::new(path, cause))?;
+    file.commit()
+}
