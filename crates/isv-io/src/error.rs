@@ -100,6 +100,36 @@ pub enum Malformation {
     /// The file does not start with the line `ply`.
     #[error("not a PLY file: its first line is not `ply`")]
     NotPly,
+    /// The first bytes are not those that every file of its format starts with.
+    #[error("not a {format} file: it does not start with `{magic}`")]
+    Magic {
+        /// The name of the format.
+        format: &'static str,
+        /// What such files start with.
+        magic: &'static str,
+    },
+    /// What a format's own library, or a reader of a library's files, says of a file that it cannot read.
+    #[error("not a readable {format} file: {why}")]
+    Unreadable {
+        /// The name of the format.
+        format: &'static str,
+        /// The reason, in one line.
+        why: String,
+    },
+    /// The file ends before something that every whole file has.
+    #[error("truncated: the file ends before its {what}")]
+    EndsBefore {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// Two places of a file tell the number of points differently.
+    #[error("one place says {said} points, another {found}")]
+    PointCount {
+        /// The number declared first.
+        said: u64,
+        /// The number declared later, or found.
+        found: u64,
+    },
     /// The file ends inside its header.
     #[error("truncated: the header has no end_header line")]
     HeaderEnd,
@@ -183,6 +213,14 @@ pub(crate) fn quote(text: &[u8]) -> String {
     quoted
 }
 
+/// What a library says of a file, fit for the end of a message: one line, at most 160 characters, no full stop.
+pub(crate) fn library_text(error: &dyn fmt::Display) -> String {
+    const LONGEST: usize = 160;
+    let text = error.to_string();
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    line.trim_end_matches('.').chars().take(LONGEST).flat_map(char::escape_debug).collect()
+}
+
 /// A malformation and its place, before the file's name is known.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Flaw {
@@ -197,6 +235,11 @@ impl Flaw {
 
     pub(crate) fn at_byte(byte: usize, why: Malformation) -> Self {
         Self { at: Position::Byte(byte as u64), why }
+    }
+
+    /// What a format's own library says of a file; `byte` is where the part that it read starts.
+    pub(crate) fn unreadable(format: &'static str, byte: usize, why: &dyn fmt::Display) -> Self {
+        Self::at_byte(byte, Malformation::Unreadable { format, why: library_text(why) })
     }
 
     pub(crate) fn in_file(self, path: &Path) -> ReadError {

@@ -12,6 +12,16 @@ pub enum Format {
     Ply,
     /// Wavefront OBJ.
     Obj,
+    /// Points of the Point Cloud Library; written as version 0.7, binary.
+    Pcd,
+    /// Points as text, `x y z` or `x y z nx ny nz` a line.
+    Xyz,
+    /// Lidar points, ASPRS LAS 1.0 to 1.4; read only.
+    Las,
+    /// LAS, compressed by LASzip; read only.
+    Laz,
+    /// Scans, ASTM E2807; read only.
+    E57,
 }
 
 /// A format name that is none of those in [`Format`].
@@ -24,7 +34,7 @@ pub struct ParseFormatError {
 
 impl Format {
     /// All formats.
-    pub const ALL: &[Self] = &[Self::Ply, Self::Obj];
+    pub const ALL: &[Self] = &[Self::Ply, Self::Obj, Self::Pcd, Self::Xyz, Self::Las, Self::Laz, Self::E57];
 
     /// The file extension, lower case and without the dot; also the name users write.
     #[must_use]
@@ -32,6 +42,11 @@ impl Format {
         match self {
             Self::Ply => "ply",
             Self::Obj => "obj",
+            Self::Pcd => "pcd",
+            Self::Xyz => "xyz",
+            Self::Las => "las",
+            Self::Laz => "laz",
+            Self::E57 => "e57",
         }
     }
 
@@ -46,7 +61,13 @@ impl Format {
     #[must_use]
     pub fn writes_mesh(self) -> bool {
         match self {
-            Self::Ply | Self::Obj => true,
+            Self::Ply => true,
+            Self::Obj => true,
+            Self::Pcd => false,
+            Self::Xyz => false,
+            Self::Las => false,
+            Self::Laz => false,
+            Self::E57 => false,
         }
     }
 
@@ -56,6 +77,11 @@ impl Format {
         match self {
             Self::Ply => true,
             Self::Obj => false,
+            Self::Pcd => true,
+            Self::Xyz => true,
+            Self::Las => false,
+            Self::Laz => false,
+            Self::E57 => false,
         }
     }
 

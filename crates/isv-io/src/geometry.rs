@@ -1,7 +1,7 @@
 //! Files of meshes or points, of any format, by extension.
 
 use crate::error::Flaw;
-use crate::{AtomicFile, Format, ReadError, Unit, WriteError, obj, ply};
+use crate::{AtomicFile, Format, ReadError, Unit, WriteError, e57, las, obj, pcd, ply, xyz};
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
@@ -45,6 +45,13 @@ impl Geometry {
             *viewpoint *= unit.metres();
         }
         self
+    }
+
+    /// The same in metres, as [`read_geometry`] promises it.
+    pub(crate) fn checked(self, path: &Path, unit: Unit) -> Result<Self, ReadError> {
+        let geometry = self.in_metres(unit);
+        geometry.validate(path)?;
+        Ok(geometry)
     }
 
     /// Checks what every consumer relies on.
@@ -92,11 +99,13 @@ pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry,
     let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
         Some(Format::Ply) => ply::parse,
         Some(Format::Obj) => |bytes| obj::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Pcd) => |bytes| pcd::parse(bytes).map(Geometry::Points),
+        Some(Format::Xyz) => |bytes| xyz::parse(bytes).map(Geometry::Points),
+        Some(Format::Las | Format::Laz) => |bytes| las::parse(bytes).map(Geometry::Points),
+        Some(Format::E57) => |bytes| e57::parse(bytes).map(Geometry::Points),
         None => return Err(ReadError::UnsupportedExtension { path: path.to_owned() }),
     };
-    let geometry = parse(bytes).map_err(|flaw| flaw.in_file(path))?.in_metres(unit);
-    geometry.validate(path)?;
-    Ok(geometry)
+    parse(bytes).map_err(|flaw| flaw.in_file(path))?.checked(path, unit)
 }
 
 /// As [`read_geometry`], where only a mesh will do.
@@ -140,7 +149,7 @@ pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<()
 /// Coordinates are rounded to `f32`. Normals are written when the mesh has them.
 ///
 /// # Errors
-/// Whatever `out` says.
+/// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_mesh).
 ///
 /// # Panics
 /// If the mesh has normals but not one a vertex.
@@ -152,5 +161,48 @@ pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io
     match format {
         Format::Ply => ply::write(out, mesh),
         Format::Obj => obj::write(out, mesh),
+        Format::Pcd | Format::Xyz | Format::Las | Format::Laz | Format::E57 => {
+            Err(not_written(format, "meshes"))
+        }
     }
+}
+
+/// Writes points to a file, in metres; the file appears whole or not at all. Same points, same bytes.
+///
+/// # Errors
+/// [`WriteError`], naming the file.
+///
+/// # Panics
+/// As [`write_points_to`].
+pub fn write_points(path: &Path, points: &PointCloud, format: Format) -> Result<(), WriteError> {
+    let mut file = AtomicFile::create(path)?;
+    write_points_to(&mut file, points, format).map_err(|cause| WriteError::new(path, cause))?;
+    file.commit()
+}
+
+/// Writes points to anything that takes bytes, in many small pieces: give it a buffer.
+///
+/// Coordinates are rounded to `f32`, except in XYZ, which keeps them as they are. Normals are written when the points
+/// have them; an unknown one is zero there too. Only PCD keeps the viewpoint.
+///
+/// # Errors
+/// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_points).
+///
+/// # Panics
+/// If the points have normals but not one each.
+pub fn write_points_to(out: impl Write, points: &PointCloud, format: Format) -> io::Result<()> {
+    assert!(
+        points.normals.is_empty() || points.normals.len() == points.positions.len(),
+        "one normal a point or none"
+    );
+    match format {
+        Format::Ply => ply::write_points(out, points),
+        Format::Pcd => pcd::write(out, points),
+        Format::Xyz => xyz::write(out, points),
+        Format::Obj | Format::Las | Format::Laz | Format::E57 => Err(not_written(format, "points")),
+    }
+}
+
+fn not_written(format: Format, what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::Unsupported, format!("{what} cannot be written as {format}"))
 }

@@ -20,11 +20,17 @@
 //! ```
 
 mod atomic;
+mod cloud_builder;
+mod e57;
 mod error;
+mod foreign;
 mod format;
+mod frame_stream;
 mod geometry;
+mod las;
 mod natural_order;
 mod obj;
+mod pcd;
 mod ply;
 mod polygon;
 mod scale_check;
@@ -32,13 +38,15 @@ mod sequence;
 mod unit;
 mod volume;
 mod wildcard;
+mod xyz;
 
 pub use atomic::AtomicFile;
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
+pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use geometry::{
     Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
-    write_mesh_to,
+    write_mesh_to, write_points, write_points_to,
 };
 pub use natural_order::natural_cmp;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};

@@ -6,5 +6,5 @@ mod read;
 mod values;
 mod write;
 
-pub(crate) use read::parse;
-pub(crate) use write::write;
+pub(crate) use read::{parse, parse_next};
+pub(crate) use write::{write, write_points};

@@ -8,17 +8,36 @@ use crate::polygon::push_fan;
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 
-/// Parses a PLY file in memory: points if it has no faces, else a mesh. Bytes after the last element are ignored, as other readers do.
+/// Parses a PLY file in memory: points if it has no faces, else a mesh. Bytes after the last element are ignored, as
+/// other readers do.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
-    let header = Header::parse(bytes)?;
-    match header.encoding {
-        Encoding::Ascii => read_body(&header, Ascii::new(bytes, &header)),
-        Encoding::BinaryLittleEndian => read_body(&header, Binary::new(bytes, &header, false)),
-        Encoding::BinaryBigEndian => read_body(&header, Binary::new(bytes, &header, true)),
+    parse_header_and_body(bytes, true).map(|(geometry, _)| geometry)
+}
+
+/// Parses the PLY file that `bytes` start with, and says how many bytes it takes. `None` if it ends later than `bytes`
+/// do and more bytes will come: if not `ended`. An ASCII file ends with the line of its last row.
+pub(crate) fn parse_next(bytes: &[u8], ended: bool) -> Result<Option<(Geometry, usize)>, Flaw> {
+    if !ended && !bytes.contains(&b'\n') {
+        return Ok(None);
+    }
+    match parse_header_and_body(bytes, ended) {
+        Err(Flaw { why: Malformation::HeaderEnd | Malformation::Truncated { .. }, .. }) if !ended => Ok(None),
+        other => other.map(Some),
     }
 }
 
-fn read_body(header: &Header, mut values: impl Values) -> Result<Geometry, Flaw> {
+fn parse_header_and_body(bytes: &[u8], ended: bool) -> Result<(Geometry, usize), Flaw> {
+    let header = Header::parse(bytes)?;
+    match header.encoding {
+        Encoding::Ascii => read_body(&header, Ascii::new(bytes, &header, ended)),
+        Encoding::BinaryLittleEndian => read_body(&header, Binary::new(bytes, &header, false)),
+        Encoding::BinaryBigEndian => read_body(&header, Binary::new(bytes, &header, true)),
+    }
+    .map(|(geometry, remaining)| (geometry, bytes.len() - remaining))
+}
+
+/// What the body holds, and how many bytes follow it.
+fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usize), Flaw> {
     let in_header = |why| Flaw::at_line(header.lines, why);
     let mut vertices = Vertices::new(header).map_err(in_header)?;
     let mut faces = Faces::new(header).map_err(in_header)?;
@@ -37,10 +56,12 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<Geometry, Flaw>
     }
     if header.find("face").is_none_or(|face| face.count == 0) {
         let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
-        return Ok(Geometry::Points(PointCloud { positions: vertices.positions, normals, viewpoint: None }));
+        let points = PointCloud { positions: vertices.positions, normals, viewpoint: None };
+        return Ok((Geometry::Points(points), values.remaining()));
     }
     let normals = vertices.unit_normals();
-    Ok(Geometry::Mesh(TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles }))
+    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles };
+    Ok((Geometry::Mesh(mesh), values.remaining()))
 }
 
 /// Takes the values of rows as they come.

@@ -114,12 +114,15 @@ pub(super) struct Ascii<'a> {
     line: &'a [u8],
     /// Whether the current line is whole; the last one of a cut file is not.
     terminated: bool,
+    /// Whether no more bytes will come, so that the last line needs no end.
+    ended: bool,
     line_number: usize,
 }
 
 impl<'a> Ascii<'a> {
-    pub(super) fn new(bytes: &'a [u8], header: &Header) -> Self {
-        Self { rest: &bytes[header.body_offset..], line: &[], terminated: true, line_number: header.lines }
+    pub(super) fn new(bytes: &'a [u8], header: &Header, ended: bool) -> Self {
+        let rest = &bytes[header.body_offset..];
+        Self { rest, line: &[], terminated: true, ended, line_number: header.lines }
     }
 }
 
@@ -128,6 +131,9 @@ impl Values for Ascii<'_> {
         while !self.rest.is_empty() {
             let end = self.rest.iter().position(|b| *b == b'\n');
             let (line, rest) = self.rest.split_at(end.map_or(self.rest.len(), |end| end + 1));
+            if end.is_none() && !self.ended {
+                break;
+            }
             (self.line, self.rest, self.terminated) = (line.trim_ascii(), rest, end.is_some());
             self.line_number += 1;
             if !self.line.is_empty() {

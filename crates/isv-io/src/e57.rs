@@ -1,0 +1,208 @@
+//! E57, the files of laser scanners of ASTM E2807, by the crate `e57`: scans of points, each with a pose, described in
+//! XML.
+//!
+//! The crate checks the checksum of every page of the file and reports what is wrong; but it believes the lengths and
+//! counts that the file declares, and those are held against the file's length here, before they cost memory or time.
+
+use crate::cloud_builder::CloudBuilder;
+use crate::error::{Flaw, Malformation};
+use crate::foreign::catch_panic;
+use e57::{E57Reader, Record, RecordDataType, RecordName as Name, RecordValue};
+use glam::{DQuat, DVec3};
+use isv_volume::PointCloud;
+use std::fmt::Display;
+use std::io::Cursor;
+
+/// Bytes of the file's header.
+const HEADER_BYTES: usize = 48;
+
+/// Most attributes of a point. The standard has 21, normals are 3 more. A packet of 64 KiB unpacks to at most 8 MiB an
+/// attribute, of one bit or none.
+const MAX_ATTRIBUTES: usize = 64;
+
+/// Most namespaces that the XML declares. Every element in their reach costs the XML parser memory for each.
+const MAX_NAMESPACES: usize = 64;
+
+/// How far the length of a pose's quaternion may be from 1.
+const LENGTH_TOLERANCE: f64 = 1e-3;
+
+type Reader<'a> = E57Reader<Cursor<&'a [u8]>>;
+
+/// Parses an E57 file in memory: the points of all scans, each moved by its scan's pose. Cartesian coordinates are
+/// taken where they are valid, else spherical ones; a point with neither is dropped. Normals of the extension `nor`
+/// (`normalX`, `normalY`, `normalZ`) are read; they are unknown, zero, in scans without. The viewpoint is the
+/// scanner's place if there is one scan and it has a pose.
+pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    if !bytes.starts_with(b"ASTM-E57") {
+        return Err(Flaw::at_byte(0, Malformation::Magic { format: "E57", magic: "ASTM-E57" }));
+    }
+    let damaged = || Flaw::unreadable("E57", 0, &"its XML or its packets are damaged");
+    catch_panic(|| read(bytes)).unwrap_or_else(|| Err(damaged()))
+}
+
+fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    check_xml(bytes)?;
+    let mut reader = Reader::new(Cursor::new(bytes)).map_err(|why| Flaw::unreadable("E57", 0, &why))?;
+    let scans = reader.pointclouds();
+    check_sizes(bytes, &scans)?;
+    let normals = scans.iter().any(|scan| Attributes::of(scan).normal.is_some());
+    let mut cloud = CloudBuilder::new(normals, 0);
+    for scan in &scans {
+        read_scan(&mut reader, scan, &mut cloud)?;
+    }
+    let viewpoint = match &scans[..] {
+        [scan] => scan.transform.as_ref().map(|pose| {
+            let e57::Translation { x, y, z } = pose.translation;
+            DVec3::new(x, y, z)
+        }),
+        _ => None,
+    };
+    Ok(cloud.finish(viewpoint.filter(|place| place.is_finite())))
+}
+
+/// Makes sure that the XML is no longer than the file and declares few namespaces.
+fn check_xml(bytes: &[u8]) -> Result<(), Flaw> {
+    let header = bytes.first_chunk::<HEADER_BYTES>();
+    let header =
+        header.ok_or(Flaw::at_byte(bytes.len(), Malformation::EndsBefore { what: "XML section" }))?;
+    let length = u64::from_le_bytes(std::array::from_fn(|byte| header[32 + byte]));
+    if length > bytes.len() as u64 {
+        let why = format!("its XML section has {length} bytes, the file only {}", bytes.len());
+        return Err(Flaw::unreadable("E57", 32, &why));
+    }
+    let xml = Reader::raw_xml(Cursor::new(bytes)).map_err(|why| Flaw::unreadable("E57", 24, &why))?;
+    let namespaces = xml.windows(5).filter(|word| word == b"xmlns").count();
+    if namespaces > MAX_NAMESPACES {
+        return Err(Flaw::unreadable("E57", 24, &format!("its XML declares {namespaces} namespaces")));
+    }
+    Ok(())
+}
+
+/// Makes sure that the points of all scans together have room in the file, by the bits that a point takes in each, and
+/// that points take any bits at all.
+fn check_sizes(bytes: &[u8], scans: &[e57::PointCloud]) -> Result<(), Flaw> {
+    let mut room = 8 * bytes.len() as u64;
+    for scan in scans {
+        let flaw = |why: &dyn Display| Flaw::unreadable("E57", scan.file_offset as usize, why);
+        if scan.prototype.len() > MAX_ATTRIBUTES {
+            return Err(flaw(&format!("a point has {} attributes", scan.prototype.len())));
+        }
+        let bits: u64 = scan.prototype.iter().map(|record| bits_of(&record.data_type)).sum();
+        if bits == 0 && scan.records > 0 {
+            return Err(flaw(&"its points take no bits"));
+        }
+        room = scan.records.checked_mul(bits).and_then(|taken| room.checked_sub(taken)).ok_or_else(|| {
+            flaw(&format!("it declares {} points of {bits} bits, more than the file holds", scan.records))
+        })?;
+    }
+    Ok(())
+}
+
+/// Bits that a value takes in the file.
+fn bits_of(data_type: &RecordDataType) -> u64 {
+    match *data_type {
+        RecordDataType::Single { .. } => 32,
+        RecordDataType::Double { .. } => 64,
+        RecordDataType::ScaledInteger { min, max, .. } | RecordDataType::Integer { min, max } => {
+            u64::from((i128::from(max) - i128::from(min)).checked_ilog2().map_or(0, |log| log + 1))
+        }
+    }
+}
+
+fn read_scan(reader: &mut Reader, scan: &e57::PointCloud, cloud: &mut CloudBuilder) -> Result<(), Flaw> {
+    let flaw = |why: &dyn Display| Flaw::unreadable("E57", scan.file_offset as usize, why);
+    let attributes = Attributes::of(scan);
+    if attributes.cartesian.is_none() && attributes.spherical.is_none() {
+        return Err(flaw(&"a scan has neither Cartesian nor spherical coordinates"));
+    }
+    let (rotation, translation) = pose_of(scan).ok_or_else(|| flaw(&"the pose of a scan is no rotation"))?;
+    for point in reader.pointcloud_raw(scan).map_err(|why| flaw(&why))? {
+        let point = Values { values: &point.map_err(|why| flaw(&why))?, prototype: &scan.prototype };
+        if let Some(position) = attributes.position(&point).map_err(|why| flaw(&why))? {
+            let normal = attributes.normal.map_or(Ok(DVec3::ZERO), |columns| point.vector(columns));
+            let normal = normal.map_err(|why| flaw(&why))?;
+            cloud.push(rotation * position + translation, rotation * normal);
+        }
+    }
+    Ok(())
+}
+
+/// Rotation and translation that take a scan's points into the file's coordinates; none if it is no rotation.
+fn pose_of(scan: &e57::PointCloud) -> Option<(DQuat, DVec3)> {
+    let Some(pose) = &scan.transform else { return Some((DQuat::IDENTITY, DVec3::ZERO)) };
+    let e57::Quaternion { w, x, y, z } = pose.rotation;
+    let rotation = DQuat::from_xyzw(x, y, z, w);
+    let e57::Translation { x, y, z } = pose.translation;
+    let is_rotation = (rotation.length() - 1.0).abs() <= LENGTH_TOLERANCE;
+    is_rotation.then(|| (rotation.normalize(), DVec3::new(x, y, z)))
+}
+
+/// Where the values of a point are.
+struct Attributes {
+    cartesian: Option<[usize; 3]>,
+    cartesian_state: Option<usize>,
+    /// Range, azimuth, elevation.
+    spherical: Option<[usize; 3]>,
+    spherical_state: Option<usize>,
+    normal: Option<[usize; 3]>,
+}
+
+impl Attributes {
+    fn of(scan: &e57::PointCloud) -> Self {
+        let find = |name| scan.prototype.iter().position(|record| record.name == name);
+        // Any prefix may stand for the extension.
+        let find_normal = |wanted: &str| {
+            let is = |name: &Name| matches!(name, Name::Unknown { name, .. } if name == wanted);
+            scan.prototype.iter().position(|record| is(&record.name))
+        };
+        let all = |columns: [Option<usize>; 3]| match columns {
+            [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+            _ => None,
+        };
+        Self {
+            cartesian: all([Name::CartesianX, Name::CartesianY, Name::CartesianZ].map(find)),
+            cartesian_state: find(Name::CartesianInvalidState),
+            spherical: all([Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation].map(find)),
+            spherical_state: find(Name::SphericalInvalidState),
+            normal: all(["normalX", "normalY", "normalZ"].map(find_normal)),
+        }
+    }
+
+    /// A point's place in its scan; none if the file says that it has none.
+    fn position(&self, point: &Values) -> e57::Result<Option<DVec3>> {
+        if let Some(columns) = self.cartesian
+            && point.is_valid(self.cartesian_state)?
+        {
+            return point.vector(columns).map(Some);
+        }
+        if let Some(columns) = self.spherical
+            && point.is_valid(self.spherical_state)?
+        {
+            let [range, azimuth, elevation] = point.vector(columns)?.to_array();
+            let (sin, cos) = elevation.sin_cos();
+            let direction = DVec3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
+            return Ok(Some(range * direction));
+        }
+        Ok(None)
+    }
+}
+
+/// What the file holds of one point.
+struct Values<'a> {
+    values: &'a [RecordValue],
+    prototype: &'a [Record],
+}
+
+impl Values<'_> {
+    fn vector(&self, columns: [usize; 3]) -> e57::Result<DVec3> {
+        let [x, y, z] = columns.map(|column| self.values[column].to_f64(&self.prototype[column].data_type));
+        Ok(DVec3::new(x?, y?, z?))
+    }
+
+    /// Whether a state is 0, "valid"; 1 says that there is a direction only, 2 that there is nothing.
+    fn is_valid(&self, state: Option<usize>) -> e57::Result<bool> {
+        state.map_or(Ok(true), |column| {
+            Ok(self.values[column].to_i64(&self.prototype[column].data_type)? == 0)
+        })
+    }
+}

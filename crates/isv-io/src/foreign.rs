@@ -1,0 +1,42 @@
+//! Calls into parsers that are not ours.
+
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
+thread_local! {
+    static INSIDE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs a parser of a foreign library; `None` if it panics.
+///
+/// The last resort, after everything that can be checked before the call has been: libraries index their tables with
+/// what the file says, and one damaged file must not end a run over thousands. The message of such a panic is kept off
+/// standard error, where it would read as a fault of ours. Nothing that the parser touched is used after a panic.
+pub(crate) fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let previous = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !INSIDE.get() {
+                previous(info);
+            }
+        }));
+    });
+    let outer = INSIDE.replace(true);
+    let result = panic::catch_unwind(AssertUnwindSafe(parse));
+    INSIDE.set(outer);
+    result.ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_ends_at_the_call() {
+        assert_eq!(catch_panic(|| 7), Some(7));
+        assert_eq!(catch_panic(|| -> i32 { panic!("never shown") }), None);
+        assert!(!INSIDE.get());
+    }
+}

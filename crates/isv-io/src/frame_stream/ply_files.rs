@@ -1,0 +1,62 @@
+//! PLY files one after another. Each says how long it is, but only to who reads all of it.
+
+use super::{FrameStreamError, MAX_FRAME_BYTES};
+use crate::{Geometry, ply};
+use std::io::{self, Read};
+use std::path::PathBuf;
+
+/// Bytes read at least before a file is looked for in them.
+const LEAST_READ: usize = 1 << 16;
+
+pub(super) struct PlyFiles<R> {
+    reader: R,
+    /// What was read; the next file starts at `start`.
+    buffer: Vec<u8>,
+    start: usize,
+    /// Whether the reader has no more.
+    ended: bool,
+    frames: usize,
+}
+
+impl<R: Read> PlyFiles<R> {
+    pub(super) fn new(reader: R) -> Self {
+        Self { reader, buffer: Vec::new(), start: 0, ended: false, frames: 0 }
+    }
+
+    /// The next frame as it is in its file; none at the end. A file that is not whole yet is looked at again when twice as much of it is
+    /// there, so that the time for all attempts is at most twice that of the last.
+    pub(super) fn next_frame(&mut self) -> Result<Option<(PathBuf, Geometry)>, FrameStreamError> {
+        let path = PathBuf::from(format!("frame_{:06}.ply", self.frames));
+        loop {
+            self.skip_space();
+            let file = &self.buffer[self.start..];
+            if file.is_empty() && self.ended {
+                return Ok(None);
+            }
+            if let Some((geometry, length)) =
+                ply::parse_next(file, self.ended).map_err(|flaw| flaw.in_file(&path))?
+            {
+                self.start += length;
+                self.frames += 1;
+                return Ok(Some((path, geometry)));
+            }
+            if file.len() as u64 > MAX_FRAME_BYTES {
+                return Err(FrameStreamError::TooLarge { path });
+            }
+            self.read_more(file.len().max(LEAST_READ))?;
+        }
+    }
+
+    fn skip_space(&mut self) {
+        let file = &self.buffer[self.start..];
+        self.start += file.len() - file.trim_ascii_start().len();
+    }
+
+    fn read_more(&mut self, bytes: usize) -> io::Result<()> {
+        self.buffer.drain(..self.start);
+        self.start = 0;
+        let read = self.reader.by_ref().take(bytes as u64).read_to_end(&mut self.buffer)?;
+        self.ended = read < bytes;
+        Ok(())
+    }
+}

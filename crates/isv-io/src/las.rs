@@ -1,0 +1,53 @@
+//! LAS and LAZ, the lidar files of the ASPRS "LAS Specification 1.4 - R15" and its predecessors back to 1.0.
+//!
+//! A header says how many records there are, how long they are and how their integers become coordinates; a record is
+//! a point. In LAZ the records are compressed, as a variable length record of the header says; that is left to the
+//! crate `laz`. The header is read here: what is needed of it are twelve numbers, and every count among them is held
+//! against the length of the file before it is believed.
+
+mod header;
+mod laszip;
+
+use crate::cloud_builder::CloudBuilder;
+use crate::error::{Flaw, Malformation};
+use glam::DVec3;
+use header::Header;
+use isv_volume::PointCloud;
+
+/// Parses a LAS or LAZ file in memory; which of the two, its header tells. Points marked as withheld, which the
+/// specification calls synonymous with deleted, are dropped. There are no normals and no viewpoint.
+pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    let header = Header::parse(bytes)?;
+    let mut points = Points { cloud: CloudBuilder::new(false, 0), header: &header };
+    if header.compressed {
+        laszip::decompress(bytes, &header, |record| points.push(record))?;
+    } else {
+        let records = &bytes[header.points_offset..];
+        let found = (records.len() / header.record_bytes) as u64;
+        if found < header.points {
+            let (rows, promised) = ("points".to_owned(), header.points);
+            let why = Malformation::Truncated { rows, promised, found };
+            return Err(Flaw::at_byte(bytes.len(), why));
+        }
+        let records = records.chunks_exact(header.record_bytes).take(header.points as usize);
+        records.for_each(|record| points.push(record));
+    }
+    Ok(points.cloud.finish(None))
+}
+
+struct Points<'a> {
+    header: &'a Header,
+    cloud: CloudBuilder,
+}
+
+impl Points<'_> {
+    /// Takes a record: X, Y and Z are its first twelve bytes in every point format, the mark its sixteenth.
+    fn push(&mut self, record: &[u8]) {
+        let withheld = if self.header.format < 6 { 1 << 7 } else { 1 << 2 };
+        if record[15] & withheld == 0 {
+            let raw = [0, 4, 8].map(|at| i32::from_le_bytes([0, 1, 2, 3].map(|byte| record[at + byte])));
+            let raw = DVec3::from(raw.map(f64::from));
+            self.cloud.push(raw * self.header.scale + self.header.offset, DVec3::ZERO);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! XYZ, points as text. The format has no document; what is read is this:
+//!
+//! - A point a line. `#` and `//` start comments; empty lines mean nothing.
+//! - Blanks, tabs, commas and semicolons separate values, any run of them once. A decimal comma is not understood.
+//! - The first line may be the number of points, which must then be right, or the names of the columns.
+//! - With names, columns `x y z` are the position and `nx ny nz`, or `normal_x normal_y normal_z`, the normal, in
+//!   either case.
+//! - Without names, the first three columns are the position. The last three of six are the normal if in each of the
+//!   first 100 lines they have length 1, within 2 %, or are all 0, and not all 0 in every one.
+//! - All other columns, such as intensity or colour, are ignored. All lines have as many as the first.
+
+use crate::cloud_builder::CloudBuilder;
+use crate::error::{Flaw, Malformation, quote};
+use glam::DVec3;
+use isv_volume::PointCloud;
+use std::io::{self, Write};
+use std::str::FromStr;
+
+/// Lines that decide whether columns are normals.
+const LINES_ASKED: usize = 100;
+
+/// How far the length of a normal as written may be from 1.
+const LENGTH_TOLERANCE: f64 = 0.02;
+
+/// Most columns that are looked at; real files stay below twenty.
+const MAX_COLUMNS: usize = 1024;
+
+/// Which columns are the position and the normal.
+struct Columns {
+    slots: [Option<usize>; 6],
+    /// Values a line; not known before the first one of a file with neither names nor points.
+    count: usize,
+}
+
+/// Parses a file in memory.
+pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    let mut lines = lines(bytes).peekable();
+    let mut promised = None;
+    let mut named = None;
+    if let Some(&(at, first)) = lines.peek() {
+        let words: Vec<_> = words(first).take(MAX_COLUMNS + 1).collect();
+        if let [word] = words[..] {
+            promised = Some(number::<u64>(word).map_err(|why| Flaw::at_line(at, why))?);
+        } else if words.first().is_some_and(|word| number::<f64>(word).is_err()) {
+            named = Some(Columns::named(&words).map_err(|why| Flaw::at_line(at, why))?);
+        }
+        if promised.is_some() || named.is_some() {
+            lines.next();
+        }
+    }
+    let columns = named.unwrap_or_else(|| Columns::guessed(lines.clone().map(|(_, line)| line)));
+    let mut cloud = CloudBuilder::new(columns.slots[3].is_some(), 0);
+    let mut found = 0;
+    let mut last = 1;
+    for (at, line) in lines {
+        let [x, y, z, nx, ny, nz] = columns.values(line).map_err(|why| Flaw::at_line(at, why))?;
+        cloud.push(DVec3::new(x, y, z), DVec3::new(nx, ny, nz));
+        (found, last) = (found + 1, at);
+    }
+    match promised {
+        Some(said) if said != found => Err(Flaw::at_line(last, Malformation::PointCount { said, found })),
+        _ => Ok(cloud.finish(None)),
+    }
+}
+
+impl Columns {
+    fn named(names: &[&[u8]]) -> Result<Self, Malformation> {
+        if names.len() > MAX_COLUMNS {
+            return Err(Malformation::HeaderSize { limit: MAX_COLUMNS });
+        }
+        let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted.as_bytes()));
+        let mut slots = ["x", "y", "z", "nx", "ny", "nz"].map(find);
+        for (slot, name) in slots[3..].iter_mut().zip(["normal_x", "normal_y", "normal_z"]) {
+            *slot = slot.or_else(|| find(name));
+        }
+        if slots[..3].contains(&None) {
+            return Err(Malformation::Missing { what: "columns named x, y and z" });
+        }
+        if slots[3..].contains(&None) {
+            slots[3..].fill(None);
+        }
+        Ok(Self { slots, count: names.len() })
+    }
+
+    /// Columns without names, from what the first lines hold.
+    fn guessed<'a>(lines: impl Iterator<Item = &'a [u8]> + Clone) -> Self {
+        let count = lines.clone().next().map_or(3, |line| words(line).count().max(3));
+        let slots = |used: usize| std::array::from_fn(|slot| (slot < used).then_some(slot));
+        let six = Self { slots: slots(6), count };
+        let lengths = lines.take(LINES_ASKED).map(|line| match six.values(line) {
+            Ok([_, _, _, nx, ny, nz]) => DVec3::new(nx, ny, nz).length(),
+            Err(_) => f64::NAN,
+        });
+        let is_unit = |length: f64| (length - 1.0).abs() <= LENGTH_TOLERANCE;
+        let normals =
+            count == 6 && lengths.clone().all(|l| l == 0.0 || is_unit(l)) && lengths.clone().any(is_unit);
+        Self { slots: slots(if normals { 6 } else { 3 }), count }
+    }
+
+    /// The position and the normal of a line.
+    fn values(&self, line: &[u8]) -> Result<[f64; 6], Malformation> {
+        let mut values = [0.0; 6];
+        let mut found = 0;
+        for word in words(line) {
+            if let Some(slot) = self.slots.iter().position(|slot| *slot == Some(found)) {
+                values[slot] = number(word)?;
+            }
+            found += 1;
+        }
+        if found == self.count {
+            Ok(values)
+        } else {
+            Err(Malformation::LineLength { too_many: found > self.count })
+        }
+    }
+}
+
+/// The lines that say something, without their comments, and their numbers from 1.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> + Clone {
+    let told = |line: &'_ [u8]| {
+        let comment = (0..line.len()).find(|at| line[*at] == b'#' || line[*at..].starts_with(b"//"));
+        comment.unwrap_or(line.len())
+    };
+    // Some editors start a text with the byte order mark of UTF-8.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let lines = bytes.split(|b| *b == b'\n').enumerate();
+    lines
+        .map(move |(at, line)| (at + 1, &line[..told(line)]))
+        .filter(|(_, line)| words(line).next().is_some())
+}
+
+fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b';')).filter(|word| !word.is_empty())
+}
+
+fn number<T: FromStr>(word: &[u8]) -> Result<T, Malformation> {
+    let parsed = str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+    parsed.ok_or_else(|| Malformation::Number { text: quote(word) })
+}
+
+/// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number.
+pub(crate) fn write(mut out: impl Write, points: &PointCloud) -> io::Result<()> {
+    for (index, DVec3 { x, y, z }) in points.positions.iter().enumerate() {
+        write!(out, "{x} {y} {z}")?;
+        if let Some(DVec3 { x, y, z }) = points.normals.get(index) {
+            write!(out, " {x} {y} {z}")?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
