@@ -12,6 +12,14 @@ pub enum Format {
     Ply,
     /// Wavefront OBJ.
     Obj,
+    /// STL, text or binary; written as binary.
+    Stl,
+    /// OFF as text; read only.
+    Off,
+    /// Binary glTF 2.0, one file.
+    Glb,
+    /// glTF 2.0 as JSON, with its buffers beside it or inside; read only.
+    Gltf,
 }
 
 /// A format name that is none of those in [`Format`].
@@ -24,7 +32,7 @@ pub struct ParseFormatError {
 
 impl Format {
     /// All formats.
-    pub const ALL: &[Self] = &[Self::Ply, Self::Obj];
+    pub const ALL: &[Self] = &[Self::Ply, Self::Obj, Self::Stl, Self::Off, Self::Glb, Self::Gltf];
 
     /// The file extension, lower case and without the dot; also the name users write.
     #[must_use]
@@ -32,6 +40,10 @@ impl Format {
         match self {
             Self::Ply => "ply",
             Self::Obj => "obj",
+            Self::Stl => "stl",
+            Self::Off => "off",
+            Self::Glb => "glb",
+            Self::Gltf => "gltf",
         }
     }
 
@@ -46,7 +58,12 @@ impl Format {
     #[must_use]
     pub fn writes_mesh(self) -> bool {
         match self {
-            Self::Ply | Self::Obj => true,
+            Self::Ply => true,
+            Self::Obj => true,
+            Self::Stl => true,
+            Self::Off => false,
+            Self::Glb => true,
+            Self::Gltf => false,
         }
     }
 
@@ -56,7 +73,17 @@ impl Format {
         match self {
             Self::Ply => true,
             Self::Obj => false,
+            Self::Stl => false,
+            Self::Off => false,
+            Self::Glb => false,
+            Self::Gltf => false,
         }
+    }
+
+    /// Whether one file of this format may hold a whole [`Animation`](crate::Animation).
+    #[must_use]
+    pub fn may_be_animated(self) -> bool {
+        matches!(self, Self::Glb | Self::Gltf)
     }
 
     /// The names of formats for a message, each after `prefix`: `ply, obj`.

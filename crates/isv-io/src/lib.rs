@@ -23,14 +23,18 @@ mod atomic;
 mod error;
 mod format;
 mod geometry;
+mod gltf;
 mod natural_order;
 mod obj;
+mod off;
 mod ply;
 mod polygon;
 mod scale_check;
 mod sequence;
+mod stl;
 mod unit;
 mod wildcard;
+mod words;
 
 pub use atomic::AtomicFile;
 pub use error::{Malformation, Position, ReadError, WriteError};
@@ -39,6 +43,7 @@ pub use geometry::{
     Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
     write_mesh_to,
 };
+pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
 pub use natural_order::natural_cmp;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
