@@ -1,6 +1,6 @@
 //! What can go wrong with a file. Every message is one sentence that starts with the file's name.
 
-use crate::Format;
+use crate::{Format, GltfFault};
 use isv_volume::{MeshError, PointsError};
 use std::fmt;
 use std::io;
@@ -82,6 +82,13 @@ pub enum Position {
     Byte(u64),
     /// Line of a text file, counted from 1.
     Line(u64),
+    /// An object of a glTF file, such as `node 3`.
+    Object {
+        /// Its kind.
+        kind: &'static str,
+        /// Its place among those of its kind, from 0.
+        index: usize,
+    },
 }
 
 impl fmt::Display for Position {
@@ -89,6 +96,7 @@ impl fmt::Display for Position {
         match self {
             Self::Byte(at) => write!(f, "byte {at}"),
             Self::Line(at) => write!(f, "line {at}"),
+            Self::Object { kind, index } => write!(f, "{kind} {index}"),
         }
     }
 }
@@ -116,6 +124,23 @@ pub enum Malformation {
         /// The reason, in one line.
         why: String,
     },
+    /// Neither text that starts with `solid` nor a binary header of 84 bytes.
+    #[error("not an STL file: it neither starts with `solid` nor has a binary header")]
+    NotStl,
+    /// A facet that is not a triangle.
+    #[error("an STL facet has {corners} vertices, not 3")]
+    FacetCorners {
+        /// Its number of vertices.
+        corners: usize,
+    },
+    /// A word where a keyword of the format should be, or a keyword out of place.
+    #[error("`{text}` is not what {format} has here")]
+    Keyword {
+        /// The name of the format.
+        format: &'static str,
+        /// The word.
+        text: String,
+    },
     /// The file ends before something that every whole file has.
     #[error("truncated: the file ends before its {what}")]
     EndsBefore {
@@ -130,6 +155,20 @@ pub enum Malformation {
         /// The number declared later, or found.
         found: u64,
     },
+    /// The file does not start with `OFF`.
+    #[error("not an OFF file: it does not start with `OFF`")]
+    NotOff,
+    /// A kind of OFF that is not read: binary, or of other than three dimensions.
+    #[error(
+        "`{text}` cannot be read: only OFF as text and in three dimensions can, so convert the file to that"
+    )]
+    OffVariant {
+        /// How the file names its kind.
+        text: String,
+    },
+    /// What only a glTF file can get wrong.
+    #[error(transparent)]
+    Gltf(#[from] GltfFault),
     /// The file ends inside its header.
     #[error("truncated: the header has no end_header line")]
     HeaderEnd,
@@ -240,6 +279,11 @@ impl Flaw {
     /// What a format's own library says of a file; `byte` is where the part that it read starts.
     pub(crate) fn unreadable(format: &'static str, byte: usize, why: &dyn fmt::Display) -> Self {
         Self::at_byte(byte, Malformation::Unreadable { format, why: library_text(why) })
+    }
+
+    /// A flaw of an object of a glTF file.
+    pub(crate) fn in_object(kind: &'static str, index: usize, why: impl Into<Malformation>) -> Self {
+        Self { at: Position::Object { kind, index }, why: why.into() }
     }
 
     pub(crate) fn in_file(self, path: &Path) -> ReadError {

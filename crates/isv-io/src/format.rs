@@ -12,6 +12,14 @@ pub enum Format {
     Ply,
     /// Wavefront OBJ.
     Obj,
+    /// STL, text or binary; written as binary.
+    Stl,
+    /// OFF as text; read only.
+    Off,
+    /// Binary glTF 2.0, one file.
+    Glb,
+    /// glTF 2.0 as JSON, with its buffers beside it or inside; read only.
+    Gltf,
     /// Points of the Point Cloud Library; written as version 0.7, binary.
     Pcd,
     /// Points as text, `x y z` or `x y z nx ny nz` a line.
@@ -34,7 +42,19 @@ pub struct ParseFormatError {
 
 impl Format {
     /// All formats.
-    pub const ALL: &[Self] = &[Self::Ply, Self::Obj, Self::Pcd, Self::Xyz, Self::Las, Self::Laz, Self::E57];
+    pub const ALL: &[Self] = &[
+        Self::Ply,
+        Self::Obj,
+        Self::Stl,
+        Self::Off,
+        Self::Glb,
+        Self::Gltf,
+        Self::Pcd,
+        Self::Xyz,
+        Self::Las,
+        Self::Laz,
+        Self::E57,
+    ];
 
     /// The file extension, lower case and without the dot; also the name users write.
     #[must_use]
@@ -42,6 +62,10 @@ impl Format {
         match self {
             Self::Ply => "ply",
             Self::Obj => "obj",
+            Self::Stl => "stl",
+            Self::Off => "off",
+            Self::Glb => "glb",
+            Self::Gltf => "gltf",
             Self::Pcd => "pcd",
             Self::Xyz => "xyz",
             Self::Las => "las",
@@ -63,6 +87,10 @@ impl Format {
         match self {
             Self::Ply => true,
             Self::Obj => true,
+            Self::Stl => true,
+            Self::Off => false,
+            Self::Glb => true,
+            Self::Gltf => false,
             Self::Pcd => false,
             Self::Xyz => false,
             Self::Las => false,
@@ -77,12 +105,22 @@ impl Format {
         match self {
             Self::Ply => true,
             Self::Obj => false,
+            Self::Stl => false,
+            Self::Off => false,
+            Self::Glb => false,
+            Self::Gltf => false,
             Self::Pcd => true,
             Self::Xyz => true,
             Self::Las => false,
             Self::Laz => false,
             Self::E57 => false,
         }
+    }
+
+    /// Whether one file of this format may hold a whole [`Animation`](crate::Animation).
+    #[must_use]
+    pub fn may_be_animated(self) -> bool {
+        matches!(self, Self::Glb | Self::Gltf)
     }
 
     /// The names of formats for a message, each after `prefix`: `ply, obj`.

@@ -1,7 +1,7 @@
 //! Files of meshes or points, of any format, by extension.
 
 use crate::error::Flaw;
-use crate::{AtomicFile, Format, ReadError, Unit, WriteError, e57, las, obj, pcd, ply, xyz};
+use crate::{AtomicFile, Format, ReadError, Unit, WriteError, e57, gltf, las, obj, off, pcd, ply, stl, xyz};
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
@@ -39,7 +39,7 @@ impl Geometry {
     }
 
     /// The same in metres, from coordinates in `unit`.
-    fn in_metres(mut self, unit: Unit) -> Self {
+    pub(crate) fn in_metres(mut self, unit: Unit) -> Self {
         self.positions_mut().iter_mut().for_each(|v| *v *= unit.metres());
         if let Self::Points(PointCloud { viewpoint: Some(viewpoint), .. }) = &mut self {
             *viewpoint *= unit.metres();
@@ -55,7 +55,7 @@ impl Geometry {
     }
 
     /// Checks what every consumer relies on.
-    fn validate(&self, path: &Path) -> Result<(), ReadError> {
+    pub(crate) fn validate(&self, path: &Path) -> Result<(), ReadError> {
         let path = || path.to_owned();
         let positions = match self {
             Self::Mesh(mesh) => {
@@ -79,7 +79,8 @@ impl Geometry {
 
 /// Reads a mesh or points; the extension, in either case, decides how. Coordinates in `unit` become metres.
 ///
-/// Polygons are split into fans of triangles. What comes back passes [`TriangleMesh::validate`] or
+/// Polygons are split into triangles. An animated file gives its pose at time 0; see [`Animation`](crate::Animation) for
+/// the others. What comes back passes [`TriangleMesh::validate`] or
 /// [`PointCloud::validate`]; normals of meshes are kept only where the file gives every vertex a usable one.
 ///
 /// # Errors
@@ -99,6 +100,11 @@ pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry,
     let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
         Some(Format::Ply) => ply::parse,
         Some(Format::Obj) => |bytes| obj::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Stl) => |bytes| stl::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Off) => |bytes| off::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Glb | Format::Gltf) => {
+            return gltf::Animation::parse(path, bytes, unit)?.mesh_at(0.0).map(Geometry::Mesh);
+        }
         Some(Format::Pcd) => |bytes| pcd::parse(bytes).map(Geometry::Points),
         Some(Format::Xyz) => |bytes| xyz::parse(bytes).map(Geometry::Points),
         Some(Format::Las | Format::Laz) => |bytes| las::parse(bytes).map(Geometry::Points),
@@ -146,10 +152,11 @@ pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<()
 
 /// Writes a mesh to anything that takes bytes, in many small pieces: give it a buffer.
 ///
-/// Coordinates are rounded to `f32`. Normals are written when the mesh has them.
+/// Coordinates are rounded to `f32`. Normals are written when the mesh has them; STL gives facets their own.
 ///
 /// # Errors
-/// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_mesh).
+/// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_mesh), and others
+/// for a mesh that the format cannot hold.
 ///
 /// # Panics
 /// If the mesh has normals but not one a vertex.
@@ -161,7 +168,9 @@ pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io
     match format {
         Format::Ply => ply::write(out, mesh),
         Format::Obj => obj::write(out, mesh),
-        Format::Pcd | Format::Xyz | Format::Las | Format::Laz | Format::E57 => {
+        Format::Stl => stl::write(out, mesh),
+        Format::Glb => gltf::write(out, mesh),
+        Format::Off | Format::Gltf | Format::Pcd | Format::Xyz | Format::Las | Format::Laz | Format::E57 => {
             Err(not_written(format, "meshes"))
         }
     }
@@ -199,7 +208,14 @@ pub fn write_points_to(out: impl Write, points: &PointCloud, format: Format) -> 
         Format::Ply => ply::write_points(out, points),
         Format::Pcd => pcd::write(out, points),
         Format::Xyz => xyz::write(out, points),
-        Format::Obj | Format::Las | Format::Laz | Format::E57 => Err(not_written(format, "points")),
+        Format::Obj
+        | Format::Stl
+        | Format::Off
+        | Format::Glb
+        | Format::Gltf
+        | Format::Las
+        | Format::Laz
+        | Format::E57 => Err(not_written(format, "points")),
     }
 }
 

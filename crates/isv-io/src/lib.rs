@@ -27,17 +27,21 @@ mod foreign;
 mod format;
 mod frame_stream;
 mod geometry;
+mod gltf;
 mod las;
 mod natural_order;
 mod obj;
+mod off;
 mod pcd;
 mod ply;
 mod polygon;
 mod scale_check;
 mod sequence;
+mod stl;
 mod unit;
 mod volume;
 mod wildcard;
+mod words;
 mod xyz;
 
 pub use atomic::AtomicFile;
@@ -48,6 +52,7 @@ pub use geometry::{
     Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
     write_mesh_to, write_points, write_points_to,
 };
+pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
 pub use natural_order::natural_cmp;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};

@@ -3,7 +3,8 @@
 //! `vn` records are ignored on reading too: OBJ gives normals to the corners of faces, a mesh here to its vertices.
 
 use crate::error::{Flaw, Malformation, quote};
-use crate::polygon::push_fan;
+use crate::polygon::Polygons;
+use crate::words::{coordinates, parse_word, words};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 use std::io::{self, Write};
@@ -11,6 +12,7 @@ use std::io::{self, Write};
 /// Parses an OBJ file in memory.
 pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
     let mut mesh = TriangleMesh::default();
+    let mut polygons = Polygons::default();
     let mut polygon = Vec::new();
     let mut lines = bytes.split(|b| *b == b'\n').enumerate();
     let mut joined = Vec::new();
@@ -23,30 +25,31 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
             joined.push(b' ');
             joined.extend_from_slice(lines.next().map_or(&[][..], |(_, next)| next).trim_ascii_end());
         }
-        parse_record(&joined, &mut mesh, &mut polygon).map_err(|why| Flaw::at_line(index + 1, why))?;
+        parse_record(&joined, &mut mesh.vertices, &mut polygons, &mut polygon)
+            .map_err(|why| Flaw::at_line(index + 1, why))?;
     }
+    mesh.triangles = polygons.into_triangles(&mesh.vertices);
     Ok(mesh)
 }
 
 /// Parses a line; `polygon` is scratch space.
-fn parse_record(line: &[u8], mesh: &mut TriangleMesh, polygon: &mut Vec<u32>) -> Result<(), Malformation> {
+fn parse_record(
+    line: &[u8],
+    vertices: &mut Vec<DVec3>,
+    polygons: &mut Polygons,
+    polygon: &mut Vec<u32>,
+) -> Result<(), Malformation> {
     let line = line.split(|b| *b == b'#').next().unwrap_or_default();
-    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let mut words = words(line);
     match words.next() {
-        Some(b"v") => {
-            // A weight or a colour may follow.
-            let mut coordinate = || {
-                let word = words.next().ok_or(Malformation::LineLength { too_many: false })?;
-                parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })
-            };
-            mesh.vertices.push(DVec3::new(coordinate()?, coordinate()?, coordinate()?));
-        }
+        // A weight or a colour may follow.
+        Some(b"v") => vertices.push(coordinates(&mut words)?),
         Some(b"f") => {
             polygon.clear();
             for corner in words {
-                polygon.push(vertex_of_corner(corner, mesh.vertices.len())?);
+                polygon.push(vertex_of_corner(corner, vertices.len())?);
             }
-            push_fan(polygon, &mut mesh.triangles);
+            polygons.push(polygon);
         }
         _ => {}
     }
@@ -64,10 +67,6 @@ fn vertex_of_corner(corner: &[u8], vertices_so_far: usize) -> Result<u32, Malfor
         _ => None,
     };
     index.and_then(|i| u32::try_from(i).ok()).ok_or_else(|| Malformation::Index { text: quote(corner) })
-}
-
-fn parse_word<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
-    str::from_utf8(word).ok()?.parse().ok()
 }
 
 /// Writes a mesh. Coordinates are rounded to `f32` and written with as many digits as identify it.

@@ -262,6 +262,25 @@ fn headers_without_a_mesh_are_refused() {
 }
 
 #[test]
+fn strips_of_triangles_are_faces() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                element tristrips 2\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n\
+                2 2 2\n9 0 1 2 3 -1 4 2 3 -1\n3 2 1 4\n";
+    assert_eq!(parse(text.as_bytes()).unwrap().triangles, [[0, 1, 2], [2, 1, 3], [4, 2, 3], [2, 1, 4]]);
+    let wrong = text.replace("3 2 1 4", "3 2 1 -2");
+    assert_eq!(why(wrong.as_bytes()), (Position::Line(16), Malformation::Index { text: "-2".into() }));
+}
+
+#[test]
+fn quads_with_a_reflex_corner_are_split_there() {
+    let rows = "0 0 0\n4 1 0\n0 2 0\n1 1 0\n4 0 1 2 3\n";
+    let mut triangles = parse(&triangle(4, 1, rows)).unwrap().triangles;
+    triangles.iter_mut().for_each(|t| t.sort_unstable());
+    triangles.sort_unstable();
+    assert_eq!(triangles, [[0, 1, 3], [1, 2, 3]]);
+}
+
+#[test]
 fn vertices_without_faces_are_points() {
     let path = Path::new("scan.ply");
     let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\

@@ -245,6 +245,7 @@ mod tests {
         match Header::parse(header.as_bytes()).unwrap_err() {
             Flaw { at: crate::Position::Line(line), why } => (line, why),
             Flaw { at: crate::Position::Byte(at), why } => (at, why),
+            other => panic!("{other:?}"),
         }
     }
 

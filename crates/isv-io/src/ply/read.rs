@@ -1,14 +1,14 @@
-//! The mesh or points in a PLY file: the `vertex` and `face` elements; all others are skipped.
+//! The mesh or points in a PLY file: the `vertex`, `face` and `tristrips` elements; all others are skipped.
 
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use super::values::{Ascii, Binary, Fault, Values};
 use crate::error::{Flaw, Malformation};
 use crate::geometry::Geometry;
-use crate::polygon::push_fan;
+use crate::polygon::{Polygons, strip};
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 
-/// Parses a PLY file in memory: points if it has no faces, else a mesh. Bytes after the last element are ignored, as
+/// Parses a PLY file in memory: points if it has no faces or strips, else a mesh. Bytes after the last element are ignored, as
 /// other readers do.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
     parse_header_and_body(bytes, true).map(|(geometry, _)| geometry)
@@ -40,7 +40,8 @@ fn parse_header_and_body(bytes: &[u8], ended: bool) -> Result<(Geometry, usize),
 fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usize), Flaw> {
     let in_header = |why| Flaw::at_line(header.lines, why);
     let mut vertices = Vertices::new(header).map_err(in_header)?;
-    let mut faces = Faces::new(header).map_err(in_header)?;
+    let mut faces = Faces::new(header, "face").map_err(in_header)?;
+    let mut strips = Faces::new(header, "tristrips").map_err(in_header)?;
     for element in &header.elements {
         match element.name.as_slice() {
             b"vertex" => {
@@ -48,19 +49,23 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
                 read_rows(&mut values, element, &mut vertices)?;
             }
             b"face" => {
-                faces.triangles.reserve(values.rows_to_reserve(element));
+                faces.polygons.reserve(values.rows_to_reserve(element));
                 read_rows(&mut values, element, &mut faces)?;
             }
+            b"tristrips" => read_rows(&mut values, element, &mut Strips(&mut strips))?,
             _ => read_rows(&mut values, element, &mut Skip)?,
         }
     }
-    if header.find("face").is_none_or(|face| face.count == 0) {
+    let none_of = |name| header.find(name).is_none_or(|element| element.count == 0);
+    if none_of("face") && none_of("tristrips") {
         let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
         let points = PointCloud { positions: vertices.positions, normals, viewpoint: None };
         return Ok((Geometry::Points(points), values.remaining()));
     }
     let normals = vertices.unit_normals();
-    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles: faces.triangles };
+    let mut triangles = faces.polygons.into_triangles(&vertices.positions);
+    triangles.append(&mut strips.polygons.into_triangles(&vertices.positions));
+    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles };
     Ok((Geometry::Mesh(mesh), values.remaining()))
 }
 
@@ -185,24 +190,24 @@ impl Sink for Vertices {
 
 /// Sink for the `face` element.
 struct Faces {
-    /// The property that lists a face's vertices; `None` without a face element, as in a point cloud.
+    /// The property that lists a row's vertices; `None` without the element, as in a point cloud.
     indices: Option<usize>,
     polygon: Vec<u32>,
-    triangles: Vec<[u32; 3]>,
+    polygons: Polygons,
 }
 
 impl Faces {
-    fn new(header: &Header) -> Result<Self, Malformation> {
-        let indices = header.find("face").map(Self::find_indices).transpose()?;
-        Ok(Self { indices, polygon: Vec::new(), triangles: Vec::new() })
+    fn new(header: &Header, element: &str) -> Result<Self, Malformation> {
+        let indices = header.find(element).map(Self::find_indices).transpose()?;
+        Ok(Self { indices, polygon: Vec::new(), polygons: Polygons::default() })
     }
 
-    fn find_indices(face: &Element) -> Result<usize, Malformation> {
-        let index = face
+    fn find_indices(element: &Element) -> Result<usize, Malformation> {
+        let index = element
             .find("vertex_indices")
-            .or_else(|| face.find("vertex_index"))
+            .or_else(|| element.find("vertex_index"))
             .ok_or(Malformation::Missing { what: "face property vertex_indices" })?;
-        match face.properties[index].kind {
+        match element.properties[index].kind {
             Kind::List { item, .. } if item.is_integer() => Ok(index),
             Kind::List { item: Scalar::F32, .. } => Err(Malformation::PropertyType { text: "float".into() }),
             Kind::List { .. } => Err(Malformation::PropertyType { text: "double".into() }),
@@ -223,7 +228,25 @@ impl Sink for Faces {
     }
 
     fn end_row(&mut self) {
-        push_fan(&self.polygon, &mut self.triangles);
+        self.polygons.push(&self.polygon);
         self.polygon.clear();
+    }
+}
+
+/// Sink for the `tristrips` element of the Stanford scans: lists of strips, each ended by -1. `polygon` holds the strip so far.
+struct Strips<'a>(&'a mut Faces);
+
+impl Sink for Strips<'_> {
+    fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
+        if self.0.indices == Some(property) && value == -1.0 {
+            self.end_row();
+            return Ok(());
+        }
+        self.0.value(property, value)
+    }
+
+    fn end_row(&mut self) {
+        strip(&self.0.polygon).for_each(|triangle| self.0.polygons.push(&triangle));
+        self.0.polygon.clear();
     }
 }

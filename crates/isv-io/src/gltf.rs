@@ -1,0 +1,23 @@
+//! glTF 2.0 (Khronos, ISO/IEC 12113), as `.glb` in one file and as `.gltf` with its buffers beside it: the triangles of the
+//! default scene in and out, moving ones too. Materials, textures, cameras and lights are not looked at.
+//!
+//! Read by our own code on top of a JSON parser: see docs/design/014-animated-glb.md.
+
+mod accessor;
+mod animation;
+mod buffers;
+mod container;
+mod fault;
+mod hierarchy;
+mod keyframes;
+mod limit;
+mod parts;
+mod scene;
+mod schema;
+mod sequence_writer;
+mod write;
+
+pub use animation::{Animation, MAX_DURATION_S};
+pub use fault::GltfFault;
+pub use sequence_writer::GlbAnimationWriter;
+pub(crate) use write::write;

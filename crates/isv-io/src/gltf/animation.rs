@@ -1,0 +1,147 @@
+//! A glTF file as a mesh over time.
+
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::container::Container;
+use super::fault::GltfFault;
+use super::limit::Limit;
+use super::scene::{Channel, Scene};
+use super::schema::Document;
+use crate::error::Flaw;
+use crate::{Geometry, ReadError, Unit};
+use isv_volume::TriangleMesh;
+use std::path::{Path, PathBuf};
+
+/// Longest animation, in seconds: a day. Keyframes beyond it are damage, and would be sampled for ever.
+pub const MAX_DURATION_S: f64 = 86_400.0;
+
+/// The triangles of a glTF file's default scene, at rest or moving.
+///
+/// Nodes that move, skins (any number of sets of four joints) and morph targets are played back, by linear, stepped and
+/// cubic keyframes. A node scaled to zero is hidden. Points and lines are left out, normals are not kept. Buffers of a
+/// `.gltf` must lie in its folder or below. Everything is held in memory, which is bounded by the size of the file and its
+/// buffers.
+///
+/// ```no_run
+/// # fn main() -> Result<(), isv_io::ReadError> {
+/// let animation = isv_io::Animation::open("walk.glb".as_ref(), isv_io::Unit::Metre)?;
+/// for frame in 0..animation.frame_count(30.0) {
+///     let mesh = animation.mesh_at(frame as f64 / 30.0)?;
+/// }
+/// # Ok(())
+/// # }
+/// ```
+pub struct Animation {
+    path: PathBuf,
+    unit: Unit,
+    scene: Scene,
+    clips: Vec<Clip>,
+    /// The clip that plays.
+    playing: usize,
+}
+
+/// One of the animations of a file.
+struct Clip {
+    name: String,
+    channels: Vec<Channel>,
+}
+
+impl Animation {
+    /// Reads a `.glb` or `.gltf` file and the buffers that it names; coordinates in `unit` (glTF itself asks for metres). Its
+    /// first animation is the one that plays.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`], and [`ReadError::Malformed`] with a [`GltfFault`].
+    pub fn open(path: &Path, unit: Unit) -> Result<Self, ReadError> {
+        let bytes = std::fs::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
+        Self::parse(path, &bytes, unit)
+    }
+
+    /// As [`Self::open`], from bytes; `path` names the file in errors, and its folder is where other buffers are.
+    ///
+    /// # Errors
+    /// As [`Self::open`], without [`ReadError::Io`].
+    pub fn parse(path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
+        let (scene, clips) = load(path, bytes).map_err(|flaw| flaw.in_file(path))?;
+        Ok(Self { path: path.to_owned(), unit, scene, clips, playing: 0 })
+    }
+
+    /// The names of the file's animations; many have none.
+    pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.clips.iter().map(|clip| clip.name.as_str())
+    }
+
+    /// Chooses the animation that plays, counted from 0.
+    ///
+    /// # Errors
+    /// [`GltfFault::NoSuchAnimation`].
+    pub fn select(&mut self, index: usize) -> Result<(), ReadError> {
+        let count = self.clips.len();
+        if index >= count {
+            let fault = GltfFault::NoSuchAnimation { index, count };
+            return Err(Flaw::in_object("animation", index, fault).in_file(&self.path));
+        }
+        self.playing = index;
+        Ok(())
+    }
+
+    /// Whether time makes a difference.
+    #[must_use]
+    pub fn is_animated(&self) -> bool {
+        self.duration_s() > 0.0
+    }
+
+    /// Time of the last keyframe that moves a triangle, in seconds; at most [`MAX_DURATION_S`], 0 at rest.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.channels().iter().fold(0.0, |end, channel| channel.curve.end_s().max(end))
+    }
+
+    /// How many frames there are at `fps` frames a second, the first at time 0, frame `i` at `i / fps`: those that start
+    /// before the end; one if nothing moves. The pose of the very end is not among them if it falls on a frame: where an animation
+    /// is made to repeat it is the first again.
+    ///
+    /// # Panics
+    /// If `fps` is not a positive number.
+    #[must_use]
+    pub fn frame_count(&self, fps: f64) -> u64 {
+        assert!(fps > 0.0 && fps.is_finite(), "frames a second are a positive number");
+        // Times are stored as f32: an end at a frame may be rounded to just behind it.
+        const ROUNDING: f64 = 1e-6;
+        ((self.duration_s() * fps * (1.0 - ROUNDING)).ceil() as u64).max(1)
+    }
+
+    /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe.
+    ///
+    /// # Errors
+    /// [`ReadError::Mesh`] if nothing is to be seen then or a vertex is nowhere, [`ReadError::OutOfRange`].
+    pub fn mesh_at(&self, seconds: f64) -> Result<TriangleMesh, ReadError> {
+        let mesh = self.scene.pose(self.channels(), seconds);
+        let geometry = Geometry::Mesh(mesh).in_metres(self.unit);
+        geometry.validate(&self.path)?;
+        match geometry {
+            Geometry::Mesh(mesh) => Ok(mesh),
+            Geometry::Points(_) => Err(ReadError::NotAMesh { path: self.path.clone() }),
+        }
+    }
+
+    fn channels(&self) -> &[Channel] {
+        self.clips.get(self.playing).map_or(&[], |clip| &clip.channels)
+    }
+}
+
+fn load(path: &Path, bytes: &[u8]) -> Result<(Scene, Vec<Clip>), Flaw> {
+    let container = Container::parse(bytes)?;
+    let document = Document::parse(container.json, container.json_offset)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let buffers = Buffers::load(&document.buffers, folder, container.binary)?;
+    let limit = Limit::for_bytes(bytes.len().saturating_add(buffers.total_bytes()));
+    let accessors = Accessors::new(&document, buffers, limit);
+    let scene = Scene::load(&document, &accessors)?;
+    let mut clips = Vec::new();
+    for (index, animation) in document.animations.iter().enumerate() {
+        let channels = scene.load_channels(&accessors, animation, index)?;
+        clips.push(Clip { name: animation.name.clone(), channels });
+    }
+    Ok((scene, clips))
+}

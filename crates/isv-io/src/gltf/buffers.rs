@@ -1,0 +1,151 @@
+//! The bytes of buffers: of the binary chunk, of `data:` addresses, of files beside the glTF file.
+
+use super::fault::GltfFault;
+use super::schema::Buffer;
+use crate::error::{Flaw, quote};
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use percent_encoding::percent_decode_str;
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+/// Padding at the end of base64 is often forgotten.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// The buffers of a file. Those of the same address share their bytes, so that memory is bounded by what is on the disk.
+pub(super) struct Buffers<'a> {
+    sources: Vec<Cow<'a, [u8]>>,
+    /// For each buffer, its place in `sources` and its length.
+    buffers: Vec<(usize, usize)>,
+}
+
+impl<'a> Buffers<'a> {
+    /// Loads all buffers; addresses are relative to `folder`, `binary` is the chunk of a binary file.
+    pub(super) fn load(list: &'a [Buffer], folder: &Path, binary: Option<&'a [u8]>) -> Result<Self, Flaw> {
+        let mut loaded =
+            Self { sources: vec![Cow::Borrowed(binary.unwrap_or_default())], buffers: Vec::new() };
+        let mut places: HashMap<&str, usize> = HashMap::new();
+        for (index, buffer) in list.iter().enumerate() {
+            let flaw = |fault: GltfFault| Flaw::in_object("buffer", index, fault);
+            let place = match buffer.uri.as_deref() {
+                None => 0,
+                Some(uri) => match places.get(uri) {
+                    Some(place) => *place,
+                    None => {
+                        let bytes = fetch(uri, folder, buffer.byte_length).map_err(flaw)?;
+                        loaded.sources.push(Cow::Owned(bytes));
+                        places.insert(uri, loaded.sources.len() - 1);
+                        loaded.sources.len() - 1
+                    }
+                },
+            };
+            let found = loaded.sources[place].len();
+            if found < buffer.byte_length {
+                let promised = buffer.byte_length as u64;
+                return Err(flaw(GltfFault::Truncated { part: "bytes", promised, found: found as u64 }));
+            }
+            loaded.buffers.push((place, buffer.byte_length));
+        }
+        Ok(loaded)
+    }
+
+    /// The bytes of a buffer, if there is one of the index.
+    pub(super) fn get(&self, index: usize) -> Option<&[u8]> {
+        self.buffers.get(index).map(|(place, length)| &self.sources[*place][..*length])
+    }
+
+    /// How many buffers there are.
+    pub(super) fn len(&self) -> usize {
+        self.buffers.len()
+    }
+
+    /// Bytes of all of them, each counted once.
+    pub(super) fn total_bytes(&self) -> usize {
+        self.sources.iter().map(|source| source.len()).sum()
+    }
+}
+
+fn fetch(uri: &str, folder: &Path, least_bytes: usize) -> Result<Vec<u8>, GltfFault> {
+    let refused = |why| GltfFault::Uri { uri: quote(uri.as_bytes()), why };
+    if let Some(data) = uri.strip_prefix("data:") {
+        let text = data.split_once(";base64,").ok_or(refused("is data, but not base64"))?.1;
+        return BASE64.decode(text).map_err(|_| refused("is broken base64"));
+    }
+    let path = folder.join(relative_path(uri).map_err(refused)?);
+    read_file(&path, least_bytes)
+        .map_err(|cause| GltfFault::File { uri: quote(uri.as_bytes()), cause: cause.to_string() })
+}
+
+/// The path that an address means. What does not lie in the folder of the glTF file or below is refused, so that opening a
+/// file from elsewhere reads nothing else.
+fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+    let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "is not UTF-8")?;
+    let scheme = decoded
+        .split_once(':')
+        .is_some_and(|(scheme, _)| scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b)));
+    if scheme {
+        return Err("is absolute or remote; buffers must lie beside the file");
+    }
+    let path = PathBuf::from(decoded.as_ref());
+    if path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        Ok(path)
+    } else {
+        Err("leaves the folder of the file; buffers must lie beside it")
+    }
+}
+
+/// Reads a regular file that has at least the bytes that are wanted; a pipe might never end.
+fn read_file(path: &Path, least_bytes: usize) -> io::Result<Vec<u8>> {
+    let length = match fs::metadata(path)? {
+        file if file.is_file() => file.len(),
+        _ => return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file")),
+    };
+    if length < least_bytes as u64 {
+        let message = format!("it has {length} bytes where {least_bytes} are needed");
+        return Err(io::Error::new(io::ErrorKind::UnexpectedEof, message));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_stay_in_the_folder() {
+        assert_eq!(relative_path("a%20b/c.bin"), Ok(PathBuf::from("a b/c.bin")));
+        assert!(relative_path("./c.bin").is_ok());
+        for bad in [
+            "/etc/passwd",
+            "../c.bin",
+            "a/../../c.bin",
+            "%2e%2e/c.bin",
+            "http://host/c.bin",
+            "file:///c",
+            "C:\\c",
+            "%ff",
+        ] {
+            assert!(relative_path(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn buffers_of_one_address_share_their_bytes() {
+        let uri = Some("data:application/octet-stream;base64,AQIDBA".to_owned());
+        let list = [3, 4, 1].map(|byte_length| Buffer { uri: uri.clone(), byte_length });
+        let buffers = Buffers::load(&list, Path::new(""), Some(&[9; 10])).unwrap();
+        assert_eq!((buffers.get(0).unwrap(), buffers.get(2).unwrap()), (&[1, 2, 3][..], &[1][..]));
+        assert_eq!(buffers.total_bytes(), 14);
+        let long = [Buffer { uri, byte_length: 5 }];
+        assert!(Buffers::load(&long, Path::new(""), None).is_err());
+    }
+}

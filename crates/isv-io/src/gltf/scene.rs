@@ -1,0 +1,300 @@
+//! The shapes of the default scene, and their pose at an instant.
+
+use super::accessor::Accessors;
+use super::fault::GltfFault;
+use super::hierarchy::{Hierarchy, Transform, affine_of_columns, rest_transform};
+use super::keyframes::{Curve, Moved};
+use super::parts::{Part, Shape};
+use super::schema::{self, Document, object};
+use crate::error::Flaw;
+use glam::{DAffine3, DMat3, DVec3};
+use isv_volume::TriangleMesh;
+
+/// What of a scene can be seen.
+pub(super) struct Scene {
+    hierarchy: Hierarchy,
+    /// Transforms of all nodes at rest, to the space of their parents; and the same in parts, for those that move.
+    rest: Vec<DAffine3>,
+    rest_parts: Vec<Transform>,
+    shapes: Vec<Shape>,
+    skins: Vec<Skin>,
+    instances: Vec<Instance>,
+    /// Whether a node has a part in where a vertex is.
+    matters: Vec<bool>,
+}
+
+/// A shape in its place.
+struct Instance {
+    node: usize,
+    shape: usize,
+    skin: Option<usize>,
+    /// Weights of its morph targets at rest.
+    weights: Vec<f64>,
+}
+
+struct Skin {
+    joints: Vec<usize>,
+    /// From the space of the shape to that of each joint at rest.
+    inverse_bind: Vec<DAffine3>,
+}
+
+/// A curve, and what it moves.
+pub(super) struct Channel {
+    node: usize,
+    moved: Moved,
+    pub(super) curve: Curve,
+}
+
+impl Scene {
+    /// Loads the default scene: the one that the file names, else the first, else all nodes.
+    pub(super) fn load(document: &Document, accessors: &Accessors) -> Result<Self, Flaw> {
+        let hierarchy = Hierarchy::new(&document.nodes)?;
+        let mut shown = vec![false; document.nodes.len()];
+        let default = document.scene.unwrap_or(0);
+        if document.scene.is_none() && document.scenes.is_empty() {
+            hierarchy.roots().for_each(|node| shown[node] = true);
+        } else {
+            for &node in &object(&document.scenes, "scene", default, ("scene", default))?.nodes {
+                object(&document.nodes, "node", node, ("scene", default))?;
+                shown[node] = true;
+            }
+        }
+        hierarchy.mark_descendants(&mut shown);
+        let mut scene = Self {
+            hierarchy,
+            rest: document.nodes.iter().map(rest_transform).collect(),
+            rest_parts: document.nodes.iter().map(Transform::of_node).collect(),
+            shapes: Vec::new(),
+            skins: Vec::new(),
+            instances: Vec::new(),
+            matters: vec![false; document.nodes.len()],
+        };
+        for skin in 0..document.skins.len() {
+            scene.skins.push(Skin::load(document, accessors, skin)?);
+        }
+        scene.load_instances(document, accessors, &shown)?;
+        if scene.instances.is_empty() {
+            return Err(Flaw::in_object("scene", default, GltfFault::NoMeshes));
+        }
+        Ok(scene)
+    }
+
+    fn load_instances(
+        &mut self,
+        document: &Document,
+        accessors: &Accessors,
+        shown: &[bool],
+    ) -> Result<(), Flaw> {
+        let mut places = vec![None; document.meshes.len()];
+        for (index, node) in document.nodes.iter().enumerate() {
+            let Some(mesh) = node.mesh.filter(|_| shown[index]) else { continue };
+            let loaded = places.get(mesh).copied().flatten();
+            let shape = match loaded {
+                Some(shape) => shape,
+                None => {
+                    self.shapes.push(Shape::load(document, accessors, mesh, index)?);
+                    places[mesh] = Some(self.shapes.len() - 1);
+                    self.shapes.len() - 1
+                }
+            };
+            if self.shapes[shape].parts.is_empty() {
+                continue;
+            }
+            let weights = self.shapes[shape].weights_at_rest(&document.meshes[mesh], node);
+            let instance = Instance { node: index, shape, skin: node.skin, weights };
+            self.check_instance(&instance, accessors)?;
+            self.matters[index] = true;
+            if let Some(skin) = instance.skin {
+                self.skins[skin].joints.iter().for_each(|joint| self.matters[*joint] = true);
+            }
+            self.instances.push(instance);
+        }
+        self.hierarchy.mark_ancestors(&mut self.matters);
+        Ok(())
+    }
+
+    /// Checks that the memory and the work which the pose of an instance takes are within the limit, and that it has all
+    /// its joints.
+    fn check_instance(&self, instance: &Instance, accessors: &Accessors) -> Result<(), Flaw> {
+        let flaw = |fault: GltfFault| Flaw::in_object("node", instance.node, fault);
+        let skin = instance.skin.map(|skin| object(&self.skins, "skin", skin, ("node", instance.node)));
+        let skin = skin.transpose()?;
+        let joints = skin.map_or(0, |skin| skin.joints.len());
+        accessors.limit.take(instance.weights.len() + joints, 1).map_err(flaw)?;
+        for part in &self.shapes[instance.shape].parts {
+            let per_vertex = 1 + part.influences.len() + part.targets.len();
+            accessors.limit.take(part.positions.len(), 3 * per_vertex).map_err(flaw)?;
+            accessors.limit.take(part.triangles.len(), 3).map_err(flaw)?;
+            let Some(skin) = skin else { continue };
+            let influences = part.influences.iter().flat_map(|set| set.joints.iter().zip(&set.weights));
+            let used = influences.flat_map(|(joints, weights)| joints.iter().zip(weights));
+            let worst = used.filter(|(_, weight)| **weight != 0.0).map(|(joint, _)| *joint).max();
+            if let Some(index) = worst.filter(|joint| *joint as usize >= skin.joints.len()) {
+                let last = (skin.joints.len() as u32).saturating_sub(1);
+                return Err(flaw(GltfFault::Index { kind: "joint", index, last }));
+            }
+        }
+        Ok(())
+    }
+
+    /// The channels of an animation that move anything to be seen, those of a node in a row.
+    pub(super) fn load_channels(
+        &self,
+        accessors: &Accessors,
+        animation: &schema::Animation,
+        index: usize,
+    ) -> Result<Vec<Channel>, Flaw> {
+        let mut channels = Vec::new();
+        for channel in &animation.channels {
+            let sampler = object(&animation.samplers, "sampler", channel.sampler, ("animation", index))?;
+            let Some(node) = channel.target.node else { continue };
+            object(&self.rest, "node", node, ("animation", index))?;
+            if let Some(moved) = self.moved(node, &channel.target.path) {
+                let curve = Curve::load(accessors, sampler, moved, index)?;
+                channels.push(Channel { node, moved, curve });
+            }
+        }
+        channels.sort_by_key(|channel| channel.node);
+        Ok(channels)
+    }
+
+    /// What a channel of a path moves at a node; `None` if that changes nothing.
+    fn moved(&self, node: usize, path: &str) -> Option<Moved> {
+        if !self.matters[node] {
+            return None;
+        }
+        match path {
+            "translation" => Some(Moved::Translation),
+            "rotation" => Some(Moved::Rotation),
+            "scale" => Some(Moved::Scale),
+            "weights" => {
+                let weights = self.instances[self.instance_of(node)?].weights.len();
+                (weights > 0).then_some(Moved::Weights(weights))
+            }
+            _ => None,
+        }
+    }
+
+    /// The instance at a node; they are in the order of their nodes.
+    fn instance_of(&self, node: usize) -> Option<usize> {
+        self.instances.binary_search_by_key(&node, |instance| instance.node).ok()
+    }
+
+    /// The mesh at an instant. A shape that is scaled to nothing is hidden and gives no triangles.
+    pub(super) fn pose(&self, channels: &[Channel], seconds: f64) -> TriangleMesh {
+        let mut transforms = self.rest.clone();
+        let mut weights: Vec<_> = self.instances.iter().map(|instance| instance.weights.clone()).collect();
+        for of_node in channels.chunk_by(|a, b| a.node == b.node) {
+            let node = of_node[0].node;
+            let mut parts = self.rest_parts[node];
+            for channel in of_node {
+                match channel.moved {
+                    Moved::Translation => parts.translation = channel.curve.vector(seconds),
+                    Moved::Rotation => parts.rotation = channel.curve.rotation(seconds),
+                    Moved::Scale => parts.scale = channel.curve.vector(seconds),
+                    Moved::Weights(_) => {
+                        if let Some(instance) = self.instance_of(node) {
+                            weights[instance] = channel.curve.value(seconds);
+                        }
+                    }
+                }
+            }
+            if of_node.iter().any(|channel| !matches!(channel.moved, Moved::Weights(_))) {
+                transforms[node] = parts.affine();
+            }
+        }
+        let transforms = self.hierarchy.to_scene(transforms);
+        let mut mesh = TriangleMesh::default();
+        for (instance, weights) in self.instances.iter().zip(&weights) {
+            self.append(instance, &transforms, weights, &mut mesh);
+        }
+        mesh
+    }
+
+    /// Appends an instance, given the transforms of all nodes to the scene.
+    fn append(&self, instance: &Instance, transforms: &[DAffine3], weights: &[f64], mesh: &mut TriangleMesh) {
+        let own = [transforms[instance.node]];
+        let joints: Option<Vec<_>> = instance.skin.map(|skin| self.skins[skin].transforms(transforms));
+        for part in &self.shapes[instance.shape].parts {
+            // Joints place a skinned shape in the scene by themselves: its node's own transform has no part in it.
+            let joints = joints.as_deref().filter(|_| !part.influences.is_empty());
+            let placing = joints.unwrap_or(&own);
+            if placing.iter().all(|transform| transform.matrix3 == DMat3::ZERO) {
+                continue;
+            }
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend((0..part.positions.len()).map(|vertex| {
+                let position = part.morphed(vertex, weights);
+                match joints {
+                    Some(joints) => part.skinned(vertex, position, joints),
+                    None => own[0].transform_point3(position),
+                }
+            }));
+            let mirrors = placing.iter().filter(|transform| transform.matrix3.determinant() < 0.0).count();
+            let mirrored = 2 * mirrors > placing.len();
+            mesh.triangles.extend(part.triangles.iter().map(|triangle| {
+                let [a, b, c] = triangle.map(|vertex| first + vertex);
+                if mirrored { [a, c, b] } else { [a, b, c] }
+            }));
+        }
+    }
+}
+
+impl Part {
+    /// Where the morph targets put a vertex.
+    fn morphed(&self, vertex: usize, weights: &[f64]) -> DVec3 {
+        let displacements =
+            self.targets.iter().zip(weights).filter(|(target, weight)| **weight != 0.0 && !target.is_empty());
+        let position = glam::Vec3::from(self.positions[vertex]).as_dvec3();
+        displacements
+            .fold(position, |p, (target, weight)| p + *weight * glam::Vec3::from(target[vertex]).as_dvec3())
+    }
+
+    /// Where the joints put a vertex: the mean of where each would, by their weights. One without weights follows the
+    /// first of its joints.
+    fn skinned(&self, vertex: usize, position: DVec3, joints: &[DAffine3]) -> DVec3 {
+        let (mut sum, mut total) = (DVec3::ZERO, 0.0);
+        for set in &self.influences {
+            for (joint, weight) in set.joints[vertex].iter().zip(set.weights[vertex]) {
+                if weight != 0.0 {
+                    sum += f64::from(weight) * joints[*joint as usize].transform_point3(position);
+                    total += f64::from(weight);
+                }
+            }
+        }
+        if total != 0.0 {
+            return sum / total;
+        }
+        let first = self.influences[0].joints[vertex][0] as usize;
+        joints.get(first).map_or(position, |joint| joint.transform_point3(position))
+    }
+}
+
+impl Skin {
+    fn load(document: &Document, accessors: &Accessors, index: usize) -> Result<Self, Flaw> {
+        let skin = &document.skins[index];
+        for &joint in &skin.joints {
+            object(&document.nodes, "node", joint, ("skin", index))?;
+        }
+        let Some(matrices) = skin.inverse_bind_matrices else {
+            let inverse_bind = vec![DAffine3::IDENTITY; skin.joints.len()];
+            return Ok(Self { joints: skin.joints.clone(), inverse_bind });
+        };
+        let matrices = accessors.floats::<16>(matrices, "MAT4", ("skin", index))?;
+        if matrices.len() < skin.joints.len() {
+            let (wanted, found) = (skin.joints.len() as u64, matrices.len() as u64);
+            return Err(Flaw::in_object("skin", index, GltfFault::Count { wanted, found }));
+        }
+        let inverse_bind = matrices.iter().map(|m| affine_of_columns(&m.map(f64::from))).collect();
+        Ok(Self { joints: skin.joints.clone(), inverse_bind })
+    }
+
+    /// From the space of the shape to the scene, for each joint.
+    fn transforms(&self, of_nodes: &[DAffine3]) -> Vec<DAffine3> {
+        self.joints
+            .iter()
+            .zip(&self.inverse_bind)
+            .map(|(joint, inverse)| of_nodes[*joint] * *inverse)
+            .collect()
+    }
+}

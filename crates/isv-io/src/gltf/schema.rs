@@ -1,0 +1,234 @@
+//! The JSON of glTF 2.0, as far as geometry needs it. All names are the specification's.
+
+use super::fault::GltfFault;
+use crate::error::{Flaw, quote};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
+
+/// Kind and index of an object, for messages.
+pub(super) type ObjectName = (&'static str, usize);
+
+/// Names of the extensions of an object; what they say is not read.
+pub(super) type Extensions = BTreeMap<String, IgnoredAny>;
+
+/// Beginnings of names of required extensions that do not change where triangles are, or that are read.
+const HARMLESS: &[&str] = &[
+    "KHR_mesh_quantization",
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_",
+    "EXT_lights_",
+    "KHR_xmp",
+];
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Document {
+    pub(super) extensions_required: Vec<String>,
+    pub(super) scene: Option<usize>,
+    pub(super) scenes: Vec<Scene>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) meshes: Vec<Mesh>,
+    pub(super) skins: Vec<Skin>,
+    pub(super) animations: Vec<Animation>,
+    pub(super) accessors: Vec<Accessor>,
+    pub(super) buffer_views: Vec<BufferView>,
+    pub(super) buffers: Vec<Buffer>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Scene {
+    #[serde(default)]
+    pub(super) nodes: Vec<usize>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Node {
+    pub(super) children: Vec<usize>,
+    pub(super) mesh: Option<usize>,
+    pub(super) skin: Option<usize>,
+    /// Column by column. Stands instead of the three below, which are rarely left out.
+    pub(super) matrix: Option<Box<[f64; 16]>>,
+    pub(super) translation: Option<[f64; 3]>,
+    /// A quaternion x, y, z, w.
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
+    pub(super) weights: Vec<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Mesh {
+    pub(super) primitives: Vec<Primitive>,
+    #[serde(default)]
+    pub(super) weights: Vec<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Primitive {
+    pub(super) attributes: BTreeMap<String, usize>,
+    pub(super) indices: Option<usize>,
+    #[serde(default = "Primitive::triangles")]
+    pub(super) mode: u32,
+    #[serde(default)]
+    pub(super) targets: Vec<BTreeMap<String, usize>>,
+    #[serde(default)]
+    pub(super) extensions: Extensions,
+}
+
+impl Primitive {
+    pub(super) const TRIANGLES: u32 = 4;
+    pub(super) const TRIANGLE_STRIP: u32 = 5;
+    pub(super) const TRIANGLE_FAN: u32 = 6;
+
+    fn triangles() -> u32 {
+        Self::TRIANGLES
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub(super) joints: Vec<usize>,
+    pub(super) inverse_bind_matrices: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Animation {
+    #[serde(default)]
+    pub(super) name: String,
+    pub(super) channels: Vec<Channel>,
+    pub(super) samplers: Vec<Sampler>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Channel {
+    pub(super) sampler: usize,
+    pub(super) target: Target,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Target {
+    pub(super) node: Option<usize>,
+    pub(super) path: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Sampler {
+    pub(super) input: usize,
+    pub(super) output: usize,
+    #[serde(default)]
+    pub(super) interpolation: Interpolation,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub(super) enum Interpolation {
+    #[default]
+    Linear,
+    Step,
+    CubicSpline,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Accessor {
+    pub(super) buffer_view: Option<usize>,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+    pub(super) component_type: u32,
+    #[serde(default)]
+    pub(super) normalized: bool,
+    pub(super) count: usize,
+    /// `SCALAR`, `VEC3` and so on.
+    #[serde(rename = "type")]
+    pub(super) shape: String,
+    pub(super) sparse: Option<Box<Sparse>>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Sparse {
+    pub(super) count: usize,
+    pub(super) indices: SparseIndices,
+    pub(super) values: SparseValues,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseIndices {
+    pub(super) buffer_view: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+    pub(super) component_type: u32,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseValues {
+    pub(super) buffer_view: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct BufferView {
+    pub(super) buffer: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+    pub(super) byte_length: usize,
+    pub(super) byte_stride: Option<usize>,
+    #[serde(default)]
+    pub(super) extensions: Extensions,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Buffer {
+    pub(super) uri: Option<String>,
+    pub(super) byte_length: usize,
+}
+
+impl Document {
+    /// Parses the JSON of a file, which starts at `offset` in it.
+    pub(super) fn parse(json: &[u8], offset: usize) -> Result<Self, Flaw> {
+        let document: Self = serde_json::from_slice(json).map_err(|error| json_flaw(json, offset, &error))?;
+        let known = |name: &String| HARMLESS.iter().any(|harmless| name.starts_with(harmless));
+        match document.extensions_required.iter().find(|name| !known(name)) {
+            Some(name) => {
+                let extension = quote(name.as_bytes());
+                Err(Flaw::at_byte(offset, GltfFault::Extension { extension }.into()))
+            }
+            None => Ok(document),
+        }
+    }
+}
+
+fn json_flaw(json: &[u8], offset: usize, error: &serde_json::Error) -> Flaw {
+    let lines = json.split_inclusive(|b| *b == b'\n').take(error.line().saturating_sub(1));
+    let at = lines.map(<[u8]>::len).sum::<usize>() + error.column();
+    // The parser ends its sentence with a line and a column, for which we have the byte.
+    let text = error.to_string();
+    let text = text.rsplit_once(" at line ").map_or(text.as_str(), |(text, _)| text);
+    Flaw::at_byte(offset + at, GltfFault::Json { text: quote_long(text) }.into())
+}
+
+/// As [`quote`], with room for a sentence of the parser's.
+fn quote_long(text: &str) -> String {
+    text.chars().take(120).flat_map(char::escape_debug).collect()
+}
+
+/// The object of an index, or a flaw of the object that names it.
+pub(super) fn object<'a, T>(
+    list: &'a [T],
+    kind: &'static str,
+    index: usize,
+    named_by: ObjectName,
+) -> Result<&'a T, Flaw> {
+    list.get(index).ok_or_else(|| {
+        Flaw::in_object(named_by.0, named_by.1, GltfFault::NoSuch { kind, index, count: list.len() })
+    })
+}

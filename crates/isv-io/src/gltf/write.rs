@@ -1,0 +1,232 @@
+//! Writing binary glTF: meshes as `f32` positions, normals where there are any, and the shortest indices that do.
+
+use super::container::{BIN_CHUNK, CHUNK_HEADER_BYTES, HEADER_BYTES, JSON_CHUNK, MAGIC, VERSION};
+use glam::Vec3;
+use isv_volume::TriangleMesh;
+use serde_json::{Value, json};
+use std::io::{self, Write};
+
+/// Codes of the specification.
+const UNSIGNED_SHORT: u32 = 5123;
+const UNSIGNED_INT: u32 = 5125;
+pub(super) const FLOAT: u32 = 5126;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
+/// Most vertices that 16-bit indices reach; the last index of a type is reserved.
+const MOST_SHORT_VERTICES: usize = u16::MAX as usize;
+
+/// Chunks and buffer views start at multiples of this.
+const ALIGNMENT: u64 = 4;
+
+/// Writes a mesh as a file of one node.
+pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+    let mut document = Document::new(Vec::new());
+    let mesh = document.push_mesh(mesh)?;
+    document.nodes.push(&mesh.map_or(json!({}), |mesh| json!({ "mesh": mesh })));
+    let json = document.json();
+    write_head(&mut out, &json, document.binary_bytes)?;
+    out.write_all(&document.binary)
+}
+
+/// The JSON of a file that grows, and its binary chunk on the way to `binary`.
+pub(super) struct Document<W> {
+    pub(super) binary: W,
+    pub(super) binary_bytes: u64,
+    pub(super) nodes: List,
+    pub(super) channels: List,
+    pub(super) samplers: List,
+    meshes: List,
+    accessors: List,
+    views: List,
+}
+
+impl<W: Write> Document<W> {
+    pub(super) fn new(binary: W) -> Self {
+        let list = List::default;
+        let (nodes, channels, samplers) = (list(), list(), list());
+        let (meshes, accessors, views) = (list(), list(), list());
+        Self { binary, binary_bytes: 0, nodes, channels, samplers, meshes, accessors, views }
+    }
+
+    /// Adds a mesh and gives its index; nothing for one without triangles, as glTF has no empty ones. Nothing is written of a
+    /// mesh that is refused.
+    pub(super) fn push_mesh(&mut self, mesh: &TriangleMesh) -> io::Result<Option<usize>> {
+        if mesh.triangles.is_empty() {
+            return Ok(None);
+        }
+        let positions: Vec<Vec3> = mesh.vertices.iter().map(|v| v.as_vec3()).collect();
+        if let Some(vertex) = positions.iter().position(|v| !v.is_finite()) {
+            let message = format!("vertex {vertex} has no finite position in single precision");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
+        }
+        let (low, high) = positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let mut attributes = json!({ "POSITION": self.push_vectors(&positions, Some((low, high)))? });
+        // Normals must have length 1, so that a mesh with one that has none cannot have any.
+        let normals: Option<Vec<Vec3>> =
+            mesh.normals.iter().map(|n| n.normalize_or_zero().as_vec3().try_normalize()).collect();
+        if let Some(normals) = normals.filter(|normals| !normals.is_empty()) {
+            attributes["NORMAL"] = self.push_vectors(&normals, None)?.into();
+        }
+        let indices = self.push_indices(mesh)?;
+        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+        Ok(Some(self.meshes.push(&json!({ "primitives": [primitive] }))))
+    }
+
+    /// Most bytes of the binary chunk that [`Self::push_mesh`] takes.
+    pub(super) fn bytes_of_mesh(mesh: &TriangleMesh) -> u64 {
+        let vectors = (mesh.vertices.len() + mesh.normals.len()) as u64;
+        12 * (vectors + mesh.triangles.len() as u64) + ALIGNMENT
+    }
+
+    fn push_vectors(&mut self, vectors: &[Vec3], bounds: Option<(Vec3, Vec3)>) -> io::Result<usize> {
+        let bytes = vectors.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes);
+        let view = self.push_view(bytes, Some(ARRAY_BUFFER))?;
+        let mut accessor = accessor(view, FLOAT, "VEC3", vectors.len());
+        if let Some((low, high)) = bounds {
+            accessor["min"] = numbers(&low.to_array());
+            accessor["max"] = numbers(&high.to_array());
+        }
+        Ok(self.accessors.push(&accessor))
+    }
+
+    fn push_indices(&mut self, mesh: &TriangleMesh) -> io::Result<usize> {
+        let corners = mesh.triangles.iter().flatten();
+        let (view, component) = if mesh.vertices.len() <= MOST_SHORT_VERTICES {
+            let bytes = corners.flat_map(|corner| (*corner as u16).to_le_bytes());
+            (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_SHORT)
+        } else {
+            let bytes = corners.flat_map(|corner| corner.to_le_bytes());
+            (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_INT)
+        };
+        Ok(self.accessors.push(&accessor(view, component, "SCALAR", 3 * mesh.triangles.len())))
+    }
+
+    /// Adds bytes to the binary chunk and gives the index of their view; `target` says what of a mesh they are.
+    pub(super) fn push_view(
+        &mut self,
+        bytes: impl Iterator<Item = u8>,
+        target: Option<u32>,
+    ) -> io::Result<usize> {
+        const PIECE: usize = 1 << 16;
+        let start = self.binary_bytes;
+        let mut piece = Vec::with_capacity(PIECE);
+        for byte in bytes {
+            piece.push(byte);
+            if piece.len() == PIECE {
+                self.binary.write_all(&piece)?;
+                self.binary_bytes += PIECE as u64;
+                piece.clear();
+            }
+        }
+        let length = self.binary_bytes - start + piece.len() as u64;
+        piece.resize(piece.len().next_multiple_of(ALIGNMENT as usize), 0);
+        self.binary.write_all(&piece)?;
+        self.binary_bytes += piece.len() as u64;
+        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
+        Ok(self.views.push(&view))
+    }
+
+    /// Adds an accessor and gives its index.
+    pub(super) fn push_accessor(&mut self, accessor: &Value) -> usize {
+        self.accessors.push(accessor)
+    }
+
+    /// Bytes of the JSON so far, nearly.
+    pub(super) fn json_bytes(&self) -> u64 {
+        let Self { nodes, channels, samplers, meshes, accessors, views, .. } = self;
+        [nodes, channels, samplers, meshes, accessors, views].map(|list| list.text.len() as u64).iter().sum()
+    }
+
+    /// The JSON, with all nodes in the scene. Lists without objects are left out, as glTF has it.
+    pub(super) fn json(&self) -> String {
+        let mut json = String::from(r#"{"asset":{"version":"2.0","generator":"isv"},"scene":0"#);
+        let scene: Vec<_> = (0..self.nodes.len).map(|node| node.to_string()).collect();
+        json += &format!(r#","scenes":[{{"nodes":[{}]}}],"nodes":[{}]"#, scene.join(","), self.nodes.text);
+        if self.meshes.len > 0 {
+            let (meshes, accessors, views) = (&self.meshes.text, &self.accessors.text, &self.views.text);
+            json += &format!(r#","meshes":[{meshes}],"materials":[{}]"#, material());
+            json += &format!(r#","accessors":[{accessors}],"bufferViews":[{views}]"#);
+            json += &format!(r#","buffers":[{{"byteLength":{}}}]"#, self.binary_bytes);
+        }
+        if self.channels.len > 0 {
+            let (channels, samplers) = (&self.channels.text, &self.samplers.text);
+            json += &format!(
+                r#","animations":[{{"name":"frames","channels":[{channels}],"samplers":[{samplers}]}}]"#
+            );
+        }
+        json.push('}');
+        json
+    }
+}
+
+/// Matt, and seen from both sides, as captured surfaces may be open.
+fn material() -> Value {
+    json!({ "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0.8 }, "doubleSided": true })
+}
+
+pub(super) fn accessor(view: usize, component: u32, shape: &str, count: usize) -> Value {
+    json!({ "bufferView": view, "componentType": component, "type": shape, "count": count })
+}
+
+/// The numbers as they are in single precision, to the last bit.
+pub(super) fn numbers(values: &[f32]) -> Value {
+    values.iter().map(|value| f64::from(*value)).collect()
+}
+
+/// Objects of the JSON as text, with commas between them: a fraction of what the objects would take.
+#[derive(Default)]
+pub(super) struct List {
+    text: String,
+    len: usize,
+}
+
+impl List {
+    /// Appends an object and gives its index.
+    pub(super) fn push(&mut self, object: &Value) -> usize {
+        if self.len > 0 {
+            self.text.push(',');
+        }
+        self.text += &object.to_string();
+        self.len += 1;
+        self.len - 1
+    }
+}
+
+/// Bytes of a file around a JSON and a binary chunk, each as long as given.
+pub(super) fn file_bytes(json: u64, binary: u64) -> u64 {
+    let chunk = |length: u64| CHUNK_HEADER_BYTES as u64 + length.next_multiple_of(ALIGNMENT);
+    HEADER_BYTES as u64 + chunk(json) + if binary > 0 { chunk(binary) } else { 0 }
+}
+
+/// Writes all of a file that comes before the bytes of its binary chunk.
+pub(super) fn write_head(out: &mut impl Write, json: &str, binary: u64) -> io::Result<()> {
+    let length = u32::try_from(file_bytes(json.len() as u64, binary)).map_err(|_| too_large())?;
+    // Within the length of the file, both fit.
+    let (json_bytes, binary_bytes) = ((json.len() as u32).next_multiple_of(ALIGNMENT as u32), binary as u32);
+    out.write_all(MAGIC)?;
+    out.write_all(&VERSION.to_le_bytes())?;
+    out.write_all(&length.to_le_bytes())?;
+    out.write_all(&json_bytes.to_le_bytes())?;
+    out.write_all(JSON_CHUNK)?;
+    out.write_all(json.as_bytes())?;
+    for _ in json.len()..json_bytes as usize {
+        out.write_all(b" ")?;
+    }
+    if binary > 0 {
+        out.write_all(&binary_bytes.to_le_bytes())?;
+        out.write_all(BIN_CHUNK)?;
+    }
+    Ok(())
+}
+
+pub(super) fn too_large() -> io::Error {
+    let message =
+        "a GLB file holds at most 4 GiB, which this would exceed; write fewer frames or one file a frame";
+    io::Error::new(io::ErrorKind::FileTooLarge, message)
+}

@@ -1,0 +1,164 @@
+//! What is written as GLB, read back.
+
+use glam::{DVec3, Vec3};
+use isv_io::{Animation, Format, GlbAnimationWriter, ReadError, Unit, WriteError, parse_mesh, write_mesh_to};
+use isv_volume::{MeshError, TriangleMesh};
+use serde_json::Value;
+use std::path::Path;
+
+/// A zigzag band of `triangles` triangles at a height.
+fn band(triangles: u32, height: f64) -> TriangleMesh {
+    let vertex = |i: u32| DVec3::new(f64::from(i) * 0.1, f64::from(i % 2), height);
+    TriangleMesh {
+        vertices: (0..triangles + 2).map(vertex).collect(),
+        normals: Vec::new(),
+        triangles: (0..triangles).map(|i| [i, i + 1, i + 2]).collect(),
+    }
+}
+
+fn glb(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_mesh_to(&mut bytes, mesh, Format::Glb).unwrap();
+    bytes
+}
+
+/// The JSON of a file whose lengths are right.
+fn json(glb: &[u8]) -> Value {
+    let word = |at: usize| u32::from_le_bytes(*glb[at..].first_chunk().unwrap()) as usize;
+    assert_eq!((&glb[..4], word(4), word(8)), (&b"glTF"[..], 2, glb.len()));
+    let json_bytes = word(12);
+    assert_eq!(&glb[16..20], b"JSON");
+    let binary = 20 + json_bytes;
+    if binary < glb.len() {
+        assert_eq!((word(binary), &glb[binary + 4..binary + 8]), (glb.len() - binary - 8, &b"BIN\0"[..]));
+    }
+    assert!(binary.is_multiple_of(4) && glb.len().is_multiple_of(4));
+    serde_json::from_slice(&glb[20..binary]).unwrap()
+}
+
+fn single(mesh: &TriangleMesh) -> Vec<Vec3> {
+    mesh.vertices.iter().map(|v| v.as_vec3()).collect()
+}
+
+#[test]
+fn indices_are_as_short_as_they_can_be_and_bounds_exact() {
+    // The index 65535 is reserved, so that 65535 vertices are the most of the short ones.
+    for (triangles, component) in [(3, 5123), (65_533, 5123), (65_534, 5125)] {
+        let mesh = band(triangles, 0.3);
+        let bytes = glb(&mesh);
+        let json = json(&bytes);
+        assert_eq!(json["accessors"][1]["componentType"], component);
+        assert_eq!(json["accessors"][0]["min"][2], f64::from(0.3f32), "to the last bit");
+        assert_eq!(json["accessors"][0]["max"][1], 1.0);
+        let read = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
+        assert_eq!((single(&read), &read.triangles), (single(&mesh), &mesh.triangles));
+    }
+}
+
+#[test]
+fn normals_are_written_at_length_one_or_not_at_all() {
+    let mut mesh = band(1, 0.0);
+    mesh.normals = vec![DVec3::new(0.0, 0.0, 3.0); 3];
+    let bytes = glb(&mesh);
+    let normals = json(&bytes)["meshes"][0]["primitives"][0]["attributes"]["NORMAL"].as_u64();
+    assert_eq!(normals, Some(1));
+    let start = bytes.len() - 8 - 36;
+    let z = f32::from_le_bytes(*bytes[start + 8..].first_chunk().unwrap());
+    assert_eq!(z, 1.0);
+    mesh.normals[1] = DVec3::ZERO;
+    assert!(json(&glb(&mesh))["meshes"][0]["primitives"][0]["attributes"]["NORMAL"].is_null());
+}
+
+#[test]
+fn a_mesh_without_triangles_is_a_node_that_shows_nothing() {
+    let json = json(&glb(&TriangleMesh::default()));
+    assert_eq!((json["nodes"].as_array().unwrap().len(), &json["meshes"]), (1, &Value::Null));
+}
+
+#[test]
+fn positions_beyond_single_precision_are_refused() {
+    let error = write_mesh_to(Vec::new(), &band(1, 1e300), Format::Glb).unwrap_err();
+    assert_eq!(error.to_string(), "vertex 0 has no finite position in single precision");
+}
+
+/// Writes a sequence and reads it.
+fn sequence(frames: &[TriangleMesh], fps: f64) -> (Vec<u8>, Animation) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.glb");
+    let mut writer = GlbAnimationWriter::create(&path, fps).unwrap();
+    frames.iter().for_each(|frame| writer.push(frame).unwrap());
+    assert!(!path.exists());
+    writer.finish().unwrap();
+    assert_eq!(folder.path().read_dir().unwrap().count(), 1, "no other file is left");
+    (std::fs::read(&path).unwrap(), Animation::open(&path, Unit::Metre).unwrap())
+}
+
+#[test]
+fn a_sequence_reads_back_frame_by_frame() {
+    for (count, fps) in [(1, 30.0), (2, 24.0), (7, 29.97), (240, 120.0)] {
+        let frames: Vec<_> = (0..count).map(|i| band(1 + i % 5, f64::from(i))).collect();
+        let (bytes, film) = sequence(&frames, fps);
+        json(&bytes);
+        assert_eq!(film.frame_count(fps), u64::from(count));
+        assert!((film.duration_s() - f64::from(count) / fps).abs() < 1e-6);
+        for (i, frame) in frames.iter().enumerate() {
+            for within in [0.0, 0.5, 0.99] {
+                let read = film.mesh_at((i as f64 + within) / fps).unwrap();
+                assert_eq!(
+                    (single(&read), &read.triangles),
+                    (single(frame), &frame.triangles),
+                    "frame {i} of {count}"
+                );
+            }
+        }
+        let still = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
+        assert_eq!(single(&still), single(&frames[0]));
+    }
+}
+
+#[test]
+fn frames_without_triangles_keep_their_place() {
+    let frames = [band(1, 0.0), TriangleMesh::default(), band(2, 1.0)];
+    let (_, film) = sequence(&frames, 10.0);
+    assert_eq!(film.frame_count(10.0), 3);
+    assert!(matches!(film.mesh_at(0.1), Err(ReadError::Mesh { cause: MeshError::NoFaces, .. })));
+    assert_eq!(film.mesh_at(0.2).unwrap().triangles.len(), 2);
+}
+
+#[test]
+fn viewers_without_animation_show_the_first_frame() {
+    let (bytes, _) = sequence(&[band(1, 0.0), band(1, 1.0), band(1, 2.0)], 30.0);
+    let scales: Vec<_> =
+        json(&bytes)["nodes"].as_array().unwrap().iter().map(|n| n["scale"][0].clone()).collect();
+    assert_eq!(scales, [1, 0, 0]);
+}
+
+#[test]
+fn sequences_that_cannot_be_are_refused_and_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.glb");
+    let text = |error: WriteError| error.to_string().replace(path.to_str().unwrap(), "film.glb");
+    let error = GlbAnimationWriter::create(&path, 0.0).err().unwrap();
+    assert_eq!(text(error), "film.glb: cannot write: 0 frames a second is not a positive number");
+    let empty = GlbAnimationWriter::create(&path, 30.0).unwrap();
+    assert_eq!(
+        text(empty.finish().unwrap_err()),
+        "film.glb: cannot write: a sequence needs at least one frame"
+    );
+    let mut broken = GlbAnimationWriter::create(&path, 30.0).unwrap();
+    assert!(broken.push(&band(1, f64::NAN)).is_err());
+    drop(broken);
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+}
+
+#[test]
+fn a_refused_frame_leaves_those_before_it_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.glb");
+    let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
+    writer.push(&band(1, 0.0)).unwrap();
+    assert!(writer.push(&band(1, f64::NAN)).is_err());
+    writer.push(&band(2, 1.0)).unwrap();
+    writer.finish().unwrap();
+    assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 2);
+}
