@@ -92,7 +92,8 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     parse_geometry(path, &bytes, unit)
 }
 
-/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors.
+/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Only a `.gltf` that names buffers in
+/// other files has them read, from the folder of `path` or below.
 ///
 /// # Errors
 /// As [`read_geometry`], without [`ReadError::Io`].

@@ -7,6 +7,7 @@ mod accessor;
 mod animation;
 mod buffers;
 mod container;
+mod deform;
 mod fault;
 mod hierarchy;
 mod keyframes;

@@ -31,6 +31,7 @@ pub const MAX_DURATION_S: f64 = 86_400.0;
 /// # Ok(())
 /// # }
 /// ```
+#[derive(Debug)]
 pub struct Animation {
     path: PathBuf,
     unit: Unit,
@@ -41,6 +42,7 @@ pub struct Animation {
 }
 
 /// One of the animations of a file.
+#[derive(Debug)]
 struct Clip {
     name: String,
     channels: Vec<Channel>,
@@ -57,7 +59,7 @@ impl Animation {
         Self::parse(path, &bytes, unit)
     }
 
-    /// As [`Self::open`], from bytes; `path` names the file in errors, and its folder is where other buffers are.
+    /// As [`Self::open`], from bytes; `path` names the file in errors, and its folder is where buffers are looked for.
     ///
     /// # Errors
     /// As [`Self::open`], without [`ReadError::Io`].

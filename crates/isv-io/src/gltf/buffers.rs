@@ -34,18 +34,13 @@ impl<'a> Buffers<'a> {
         let mut places: HashMap<&str, usize> = HashMap::new();
         for (index, buffer) in list.iter().enumerate() {
             let flaw = |fault: GltfFault| Flaw::in_object("buffer", index, fault);
-            let place = match buffer.uri.as_deref() {
-                None => 0,
-                Some(uri) => match places.get(uri) {
-                    Some(place) => *place,
-                    None => {
-                        let bytes = fetch(uri, folder, buffer.byte_length).map_err(flaw)?;
-                        loaded.sources.push(Cow::Owned(bytes));
-                        places.insert(uri, loaded.sources.len() - 1);
-                        loaded.sources.len() - 1
-                    }
-                },
-            };
+            let known = buffer.uri.as_deref().map_or(Some(0), |uri| places.get(uri).copied());
+            let place = known.unwrap_or(loaded.sources.len());
+            if let (None, Some(uri)) = (known, buffer.uri.as_deref()) {
+                let bytes = fetch(uri, folder, buffer.byte_length).map_err(flaw)?;
+                loaded.sources.push(Cow::Owned(bytes));
+                places.insert(uri, place);
+            }
             let found = loaded.sources[place].len();
             if found < buffer.byte_length {
                 let promised = buffer.byte_length as u64;

@@ -55,6 +55,7 @@ pub(super) fn affine_of_columns(m: &[f64; 16]) -> DAffine3 {
 }
 
 /// The forest of nodes.
+#[derive(Debug)]
 pub(super) struct Hierarchy {
     parents: Vec<Option<usize>>,
     /// All nodes, each after its parent.

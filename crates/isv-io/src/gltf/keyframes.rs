@@ -23,6 +23,7 @@ pub(super) enum Moved {
 }
 
 /// Values at rising times, and how to get from one to the next.
+#[derive(Debug)]
 pub(super) struct Curve {
     times: Vec<f32>,
     /// A value has `width` numbers; of a cubic spline each key has three: the tangent in, the value, the tangent out.

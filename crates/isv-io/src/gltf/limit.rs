@@ -7,7 +7,8 @@ use std::cell::Cell;
 const LEAST_LIMIT: u64 = 1 << 24;
 
 /// Counts numbers before memory is taken for them. A file of `n` bytes may ask for 4 `n`, and for [`LEAST_LIMIT`] if that is
-/// more: its own bytes hold at most `n`, but objects may share them, and an accessor may be zeros without any bytes.
+/// more: its own bytes hold at most `n`, but objects may share them, and an accessor may be zeros without any bytes. Never
+/// more than 2^32, so that vertices can be counted in 32 bits.
 #[derive(Debug)]
 pub(super) struct Limit {
     limit: u64,
@@ -16,7 +17,8 @@ pub(super) struct Limit {
 
 impl Limit {
     pub(super) fn for_bytes(bytes: usize) -> Self {
-        Self { limit: LEAST_LIMIT.max((bytes as u64).saturating_mul(4)), taken: Cell::new(0) }
+        let limit = (bytes as u64).saturating_mul(4).clamp(LEAST_LIMIT, u32::MAX.into());
+        Self { limit, taken: Cell::new(0) }
     }
 
     /// Asks for `count` elements of `size` numbers.

@@ -8,6 +8,7 @@ use crate::polygon::strip;
 use std::collections::BTreeMap;
 
 /// A mesh of the file: vertices and triangles in the space of the node that shows it.
+#[derive(Debug)]
 pub(super) struct Shape {
     pub(super) parts: Vec<Part>,
     /// How many weights its morph targets take.
@@ -15,6 +16,7 @@ pub(super) struct Shape {
 }
 
 /// All triangles of a mesh that share their vertices, from one primitive or several.
+#[derive(Debug)]
 pub(super) struct Part {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -25,6 +27,7 @@ pub(super) struct Part {
 }
 
 /// A set of four joints for each vertex.
+#[derive(Debug)]
 pub(super) struct Influences {
     pub(super) joints: Vec<[u32; 4]>,
     pub(super) weights: Vec<[f32; 4]>,

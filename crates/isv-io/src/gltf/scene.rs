@@ -1,16 +1,18 @@
 //! The shapes of the default scene, and their pose at an instant.
 
 use super::accessor::Accessors;
+use super::deform::Skin;
 use super::fault::GltfFault;
-use super::hierarchy::{Hierarchy, Transform, affine_of_columns, rest_transform};
+use super::hierarchy::{Hierarchy, Transform, rest_transform};
 use super::keyframes::{Curve, Moved};
-use super::parts::{Part, Shape};
+use super::parts::Shape;
 use super::schema::{self, Document, object};
 use crate::error::Flaw;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3};
 use isv_volume::TriangleMesh;
 
 /// What of a scene can be seen.
+#[derive(Debug)]
 pub(super) struct Scene {
     hierarchy: Hierarchy,
     /// Transforms of all nodes at rest, to the space of their parents; and the same in parts, for those that move.
@@ -24,6 +26,7 @@ pub(super) struct Scene {
 }
 
 /// A shape in its place.
+#[derive(Debug)]
 struct Instance {
     node: usize,
     shape: usize,
@@ -32,13 +35,8 @@ struct Instance {
     weights: Vec<f64>,
 }
 
-struct Skin {
-    joints: Vec<usize>,
-    /// From the space of the shape to that of each joint at rest.
-    inverse_bind: Vec<DAffine3>,
-}
-
 /// A curve, and what it moves.
+#[derive(Debug)]
 pub(super) struct Channel {
     node: usize,
     moved: Moved,
@@ -237,64 +235,5 @@ impl Scene {
                 if mirrored { [a, c, b] } else { [a, b, c] }
             }));
         }
-    }
-}
-
-impl Part {
-    /// Where the morph targets put a vertex.
-    fn morphed(&self, vertex: usize, weights: &[f64]) -> DVec3 {
-        let displacements =
-            self.targets.iter().zip(weights).filter(|(target, weight)| **weight != 0.0 && !target.is_empty());
-        let position = glam::Vec3::from(self.positions[vertex]).as_dvec3();
-        displacements
-            .fold(position, |p, (target, weight)| p + *weight * glam::Vec3::from(target[vertex]).as_dvec3())
-    }
-
-    /// Where the joints put a vertex: the mean of where each would, by their weights. One without weights follows the
-    /// first of its joints.
-    fn skinned(&self, vertex: usize, position: DVec3, joints: &[DAffine3]) -> DVec3 {
-        let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-        for set in &self.influences {
-            for (joint, weight) in set.joints[vertex].iter().zip(set.weights[vertex]) {
-                if weight != 0.0 {
-                    sum += f64::from(weight) * joints[*joint as usize].transform_point3(position);
-                    total += f64::from(weight);
-                }
-            }
-        }
-        if total != 0.0 {
-            return sum / total;
-        }
-        let first = self.influences[0].joints[vertex][0] as usize;
-        joints.get(first).map_or(position, |joint| joint.transform_point3(position))
-    }
-}
-
-impl Skin {
-    fn load(document: &Document, accessors: &Accessors, index: usize) -> Result<Self, Flaw> {
-        let skin = &document.skins[index];
-        for &joint in &skin.joints {
-            object(&document.nodes, "node", joint, ("skin", index))?;
-        }
-        let Some(matrices) = skin.inverse_bind_matrices else {
-            let inverse_bind = vec![DAffine3::IDENTITY; skin.joints.len()];
-            return Ok(Self { joints: skin.joints.clone(), inverse_bind });
-        };
-        let matrices = accessors.floats::<16>(matrices, "MAT4", ("skin", index))?;
-        if matrices.len() < skin.joints.len() {
-            let (wanted, found) = (skin.joints.len() as u64, matrices.len() as u64);
-            return Err(Flaw::in_object("skin", index, GltfFault::Count { wanted, found }));
-        }
-        let inverse_bind = matrices.iter().map(|m| affine_of_columns(&m.map(f64::from))).collect();
-        Ok(Self { joints: skin.joints.clone(), inverse_bind })
-    }
-
-    /// From the space of the shape to the scene, for each joint.
-    fn transforms(&self, of_nodes: &[DAffine3]) -> Vec<DAffine3> {
-        self.joints
-            .iter()
-            .zip(&self.inverse_bind)
-            .map(|(joint, inverse)| of_nodes[*joint] * *inverse)
-            .collect()
     }
 }

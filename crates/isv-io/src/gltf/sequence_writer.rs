@@ -23,6 +23,7 @@ const SCALES: [f32; 5] = [0.0, 1.0, 0.0, 1.0, 1.0];
 ///
 /// Memory is bounded by the largest frame, and about 1 KB for each frame: bytes go to a nameless file beside the output, and
 /// behind the JSON when its length is known. The file appears whole or not at all.
+#[derive(Debug)]
 pub struct GlbAnimationWriter {
     path: PathBuf,
     output: AtomicFile,
@@ -151,4 +152,40 @@ fn assemble(document: Document<BufWriter<File>>, output: &mut AtomicFile) -> io:
         return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "its temporary file was cut"));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Animation, Unit};
+    use glam::DVec3;
+
+    #[test]
+    fn a_frame_that_would_pass_four_gibibytes_is_refused_and_the_others_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.glb");
+        let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mesh = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
+        let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
+        writer.push(&mesh).unwrap();
+        let written = writer.document.binary_bytes;
+        writer.document.binary_bytes = u64::from(u32::MAX) - 1000;
+        let error = writer.push(&mesh).unwrap_err();
+        assert_eq!(error.cause.kind(), io::ErrorKind::FileTooLarge);
+        assert!(error.to_string().contains("at most 4 GiB"), "{error}");
+        writer.document.binary_bytes = written;
+        writer.finish().unwrap();
+        assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 1);
+    }
+
+    #[test]
+    fn the_reserve_for_a_frame_holds_what_it_takes() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = GlbAnimationWriter::create(&folder.path().join("film.glb"), 1e-30).unwrap();
+        let vertices = vec![DVec3::splat(-1.234_567_8e-30); 3];
+        let mesh = TriangleMesh { vertices, normals: vec![DVec3::X; 3], triangles: vec![[0, 1, 2]] };
+        (0..50).for_each(|_| writer.push(&mesh).unwrap());
+        push_animation(&mut writer.document, &writer.frames, writer.fps).unwrap();
+        assert!((writer.document.json().len() as u64) < 50 * JSON_BYTES_OF_FRAME);
+    }
 }

@@ -30,6 +30,7 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> 
 }
 
 /// The JSON of a file that grows, and its binary chunk on the way to `binary`.
+#[derive(Debug)]
 pub(super) struct Document<W> {
     pub(super) binary: W,
     pub(super) binary_bytes: u64,
@@ -180,7 +181,7 @@ pub(super) fn numbers(values: &[f32]) -> Value {
 }
 
 /// Objects of the JSON as text, with commas between them: a fraction of what the objects would take.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct List {
     text: String,
     len: usize,
