@@ -109,7 +109,7 @@ pub enum Malformation {
     #[error("not a PLY file: its first line is not `ply`")]
     NotPly,
     /// The first bytes are not those that every file of its format starts with.
-    #[error("not a {format} file: it does not start with `{magic}`")]
+    #[error("no {format} file, as it does not start with `{magic}`")]
     Magic {
         /// The name of the format.
         format: &'static str,

@@ -1,0 +1,248 @@
+//! E57, whole and broken, written by the crate `e57`.
+
+use e57::{
+    E57Writer, Extension, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation,
+};
+use glam::DVec3;
+use isv_io::{Geometry, ReadError, Unit, parse_geometry};
+use isv_volume::PointCloud;
+use proptest::prelude::*;
+use std::io::Cursor;
+use std::path::Path;
+
+fn parse(bytes: &[u8]) -> Result<PointCloud, ReadError> {
+    parse_geometry(Path::new("scan.e57"), bytes, Unit::Metre).map(|geometry| match geometry {
+        Geometry::Points(points) => points,
+        Geometry::Mesh(_) => panic!("a mesh"),
+    })
+}
+
+struct Scan {
+    prototype: Vec<Record>,
+    points: Vec<Vec<RecordValue>>,
+    pose: Option<Transform>,
+}
+
+fn file(scans: Vec<Scan>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "file").unwrap();
+    writer
+        .register_extension(Extension::new("nor", "http://www.libe57.org/E57_NOR_surface_normals.txt"))
+        .unwrap();
+    for (index, scan) in scans.into_iter().enumerate() {
+        let mut cloud = writer.add_pointcloud(&format!("scan {index}"), scan.prototype).unwrap();
+        cloud.set_transform(scan.pose);
+        scan.points.into_iter().for_each(|point| cloud.add_point(point).unwrap());
+        cloud.finalize().unwrap();
+    }
+    writer.finalize().unwrap();
+    drop(writer);
+    bytes.into_inner()
+}
+
+fn double(name: RecordName) -> Record {
+    Record { name, data_type: RecordDataType::Double { min: None, max: None } }
+}
+
+fn state(name: RecordName) -> Record {
+    Record { name, data_type: RecordDataType::Integer { min: 0, max: 2 } }
+}
+
+/// A quarter turn about z, then 10 m along x.
+fn quarter_turn() -> Transform {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    Transform {
+        rotation: Quaternion { w: half, x: 0.0, y: 0.0, z: half },
+        translation: Translation { x: 10.0, y: 0.0, z: 0.0 },
+    }
+}
+
+/// Three Cartesian points with normals, the second one invalid.
+fn cartesian(pose: Option<Transform>) -> Scan {
+    let scaled = RecordDataType::ScaledInteger { min: -100_000, max: 100_000, scale: 0.001, offset: 1.0 };
+    let normal = |name: &str| Record {
+        name: RecordName::Unknown { namespace: "nor".to_owned(), name: name.to_owned() },
+        data_type: RecordDataType::Single { min: Some(-1.0), max: Some(1.0) },
+    };
+    let mut prototype = vec![
+        Record { name: RecordName::CartesianX, data_type: scaled },
+        double(RecordName::CartesianY),
+        double(RecordName::CartesianZ),
+        state(RecordName::CartesianInvalidState),
+        normal("normalX"),
+        normal("normalY"),
+        normal("normalZ"),
+    ];
+    // A value that is always the same takes no bits.
+    prototype
+        .push(Record { name: RecordName::RowIndex, data_type: RecordDataType::Integer { min: 4, max: 4 } });
+    let point = |x: i64, y: f64, z: f64, state: i64| {
+        let [nx, ny, nz] = [0.0, 1.0, 0.0].map(RecordValue::Single);
+        let (x, y, z) = (RecordValue::ScaledInteger(x), RecordValue::Double(y), RecordValue::Double(z));
+        vec![x, y, z, RecordValue::Integer(state), nx, ny, nz, RecordValue::Integer(4)]
+    };
+    Scan {
+        prototype,
+        points: vec![point(0, 2.0, 3.0, 0), point(7, 7.0, 7.0, 2), point(-3500, 0.0, 0.5, 0)],
+        pose,
+    }
+}
+
+/// Points on a sphere of 2 m, the last one a direction only.
+fn spherical() -> Scan {
+    let prototype = vec![
+        double(RecordName::SphericalRange),
+        double(RecordName::SphericalAzimuth),
+        double(RecordName::SphericalElevation),
+        state(RecordName::SphericalInvalidState),
+    ];
+    let half = std::f64::consts::FRAC_PI_2;
+    let point = |azimuth: f64, elevation: f64, state: i64| {
+        let [range, azimuth, elevation] = [2.0, azimuth, elevation].map(RecordValue::Double);
+        vec![range, azimuth, elevation, RecordValue::Integer(state)]
+    };
+    let points = vec![point(0.0, 0.0, 0), point(half, 0.0, 0), point(1.0, half, 0), point(1.0, 1.0, 1)];
+    Scan { prototype, points, pose: None }
+}
+
+fn assert_close(found: &[DVec3], expected: &[[f64; 3]]) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        assert!(a.distance(DVec3::from(*b)) < 1e-9, "{a} is not {b:?}");
+    }
+}
+
+#[test]
+fn one_scan_is_moved_by_its_pose_and_seen_from_its_scanner() {
+    let points = parse(&file(vec![cartesian(Some(quarter_turn()))])).unwrap();
+    assert_close(&points.positions, &[[8.0, 1.0, 3.0], [10.0, -2.5, 0.5]]);
+    assert_close(&points.normals, &[[-1.0, 0.0, 0.0]; 2]);
+    assert_eq!(points.viewpoint, Some(DVec3::new(10.0, 0.0, 0.0)));
+}
+
+#[test]
+fn several_scans_are_joined() {
+    let points = parse(&file(vec![cartesian(None), spherical()])).unwrap();
+    assert_close(
+        &points.positions,
+        &[[1.0, 2.0, 3.0], [-2.5, 0.0, 0.5], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]],
+    );
+    assert_close(&points.normals, &[[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3], [0.0; 3], [0.0; 3]]);
+    assert_eq!(points.viewpoint, None);
+    let alone = parse(&file(vec![spherical()])).unwrap();
+    assert_eq!((alone.normals.len(), alone.viewpoint), (0, None));
+}
+
+/// A file of many pages, both kinds of scans in it.
+fn large() -> Vec<u8> {
+    let mut scans = vec![cartesian(Some(quarter_turn())), spherical()];
+    scans.iter_mut().for_each(|scan| scan.points = vec![scan.points.clone(); 40].concat());
+    file(scans)
+}
+
+#[test]
+fn every_truncation_fails() {
+    let file = large();
+    assert!(parse(&file).is_ok());
+    for length in 0..file.len() {
+        let error = parse(&file[..length]).unwrap_err();
+        assert!(matches!(error, ReadError::Malformed { .. }), "cut at {length}: {error}");
+    }
+}
+
+#[test]
+fn a_changed_byte_is_noticed_by_its_page() {
+    let mut file = large();
+    let at = file.len() / 3;
+    file[at] ^= 1;
+    let message = parse(&file).unwrap_err().to_string();
+    assert!(message.starts_with("scan.e57: not a readable E57 file: "), "{message}");
+    let message = parse(b"PK").unwrap_err().to_string();
+    assert_eq!(message, "scan.e57: no E57 file, as it does not start with `ASTM-E57` (byte 0)");
+}
+
+/// The Castagnoli CRC-32 of the standard.
+fn crc32c(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x82f6_3b78 } else { 0 })
+    })
+}
+
+/// Gives every page its checksum, so that a changed file is read further.
+fn seal(file: &mut [u8]) {
+    for page in file.chunks_exact_mut(1024) {
+        let (data, checksum) = page.split_at_mut(1020);
+        checksum.copy_from_slice(&crc32c(data).to_be_bytes());
+    }
+}
+
+/// A file with something in its XML replaced, and the pages filled up with blanks.
+fn with_xml(file: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let data: Vec<u8> = file.chunks(1024).flat_map(|page| page[..1020].to_vec()).collect();
+    let at = data.windows(from.len()).position(|window| window == from.as_bytes()).expect("it is there");
+    let mut changed = data.clone();
+    changed.splice(at..at + from.len(), to.bytes());
+    changed.resize(changed.len().max(data.len()).next_multiple_of(1020), b' ');
+    let changed: Vec<u8> = changed.chunks_exact(1020).flat_map(|data| [data, &[0; 4]].concat()).collect();
+    let mut file = changed;
+    let length = u64::from_le_bytes(file[32..40].try_into().unwrap()) + to.len() as u64 - from.len() as u64;
+    file[32..40].copy_from_slice(&length.to_le_bytes());
+    let bytes = file.len() as u64;
+    file[16..24].copy_from_slice(&bytes.to_le_bytes());
+    seal(&mut file);
+    file
+}
+
+#[test]
+fn what_the_xml_claims_is_held_against_the_file() {
+    let whole = large();
+    let same = with_xml(&whole, "recordCount=\"120\"", "recordCount=\"120\"");
+    assert_eq!(parse(&same).unwrap(), parse(&whole).unwrap());
+    let refused = |from: &str, to: &str, expected: &str| {
+        let message = parse(&with_xml(&whole, from, to)).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    };
+    let count = |count: &str| format!("recordCount=\"{count}\"");
+    refused(&count("120"), &count("99999999999"), "more than the file holds");
+    refused(&count("120"), &count("18446744073709551615"), "more than the file holds");
+    refused(&count("120"), &count("121"), "not a readable E57 file");
+    let many = "<rowIndex type=\"Integer\" minimum=\"1\" maximum=\"1\"/>".repeat(64);
+    refused("<rowIndex type", &(many + "<rowIndex type"), "attributes");
+    refused(
+        "<rotation type=\"Structure\">\n<w type=\"Float\">0.7",
+        "<rotation type=\"Structure\">\n<w type=\"Float\">7.7",
+        "no rotation",
+    );
+    let namespaces: String = (0..99).map(|i| format!(" xmlns:a{i}=\"b{i}\"")).collect();
+    refused("<e57Root", &format!("<e57Root{namespaces}"), "its XML declares 101 namespaces");
+    let deep = "<a>".repeat(200_000);
+    refused("<e57Root", &format!("{deep}<e57Root"), "not a readable E57 file");
+    let mut length = whole.clone();
+    length[32..40].copy_from_slice(&40_000_000u64.to_le_bytes());
+    seal(&mut length);
+    let message = parse(&length).unwrap_err().to_string();
+    assert!(message.contains("its XML section has 40000000 bytes"), "{message}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    #[test]
+    fn changed_bytes_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
+        sealed in prop::bool::weighted(0.9),
+    ) {
+        thread_local! {
+            static WHOLE: Vec<u8> = file(vec![cartesian(Some(quarter_turn())), spherical()]);
+        }
+        let mut file = WHOLE.with(Clone::clone);
+        for (at, byte) in changes {
+            let at = at.index(file.len());
+            file[at] = byte;
+        }
+        if sealed {
+            seal(&mut file);
+        }
+        let _ = parse(&file);
+    }
+}
