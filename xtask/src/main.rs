@@ -2,10 +2,12 @@
 //!
 //! - `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
 //!   byte counted, and prints the table that the README quotes.
+//! - `cargo run --release -p xtask -- lod-table FOLDER [FRAMES]` measures decoding at reduced resolution on a mesh sequence.
 //! - `cargo run --release -p xtask -- conformance FOLDER` writes the conformance streams and their hashes, after a change
 //!   of the format.
 
 mod conformance;
+mod lod_table;
 mod paper_table;
 
 use anyhow::{Context, Result, bail};
@@ -17,7 +19,13 @@ fn main() -> Result<()> {
         ["paper-table", folder, frames] => {
             paper_table::run(folder, frames.parse().context("FRAMES is a number")?)
         }
+        ["lod-table", folder] => lod_table::run(folder, usize::MAX, &paper_table::header()?),
+        ["lod-table", folder, frames] => {
+            lod_table::run(folder, frames.parse().context("FRAMES is a number")?, &paper_table::header()?)
+        }
         ["conformance", folder] => conformance::run(folder),
-        _ => bail!("usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | conformance FOLDER"),
+        _ => bail!(
+            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | conformance FOLDER"
+        ),
     }
 }

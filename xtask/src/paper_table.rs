@@ -12,7 +12,7 @@ use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, Voxel
 use std::time::Instant;
 
 /// The settings of the paper's Fig. 12: 5 mm voxels, K = 64, DC step 1 mm, AC step 10 mm.
-fn header() -> Result<StreamHeader> {
+pub(crate) fn header() -> Result<StreamHeader> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.005)?,
         edge: BlockEdge::E8,

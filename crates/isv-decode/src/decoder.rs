@@ -1,10 +1,11 @@
 //! The decoder: one packet, one volume.
 
 use crate::reconstruct::{predict, reconstruct};
+use crate::reduced::{Lod, ReducedFrame, ReducedParameters};
 use crate::syntax::{self, EntropyState, SyntaxError};
-use crate::{CodingParameters, DecodeError, FrameSymbols, Reference, volume_hash};
+use crate::{CodingParameters, DecodeError, FrameSymbols, Reference, ReferenceBlocks, volume_hash};
 use isv_format::{FrameHeader, FramePayload, Packet, PacketKind, Prediction, SliceLayout, StreamHeader};
-use isv_volume::SparseVolume;
+use isv_volume::{GridError, SparseVolume};
 use rayon::prelude::*;
 
 /// Bounds on what a stream may ask of its decoder.
@@ -30,7 +31,7 @@ pub struct DecodedFrame<'a> {
     pub timestamp_ns: u64,
     /// Whether decoding could have begun here.
     pub keyframe: bool,
-    /// Hash that the stream states, if any.
+    /// Hash that the stream states, if any; `None` at reduced resolution, where it cannot be compared.
     pub stated_hash: Option<u64>,
 }
 
@@ -40,10 +41,35 @@ pub struct Decoder {
     parameters: CodingParameters,
     limits: Limits,
     entropy: EntropyState,
-    reference: Option<Reference>,
+    /// At reduced resolution, what the coding parameters become there.
+    reduced: Option<ReducedParameters>,
+    reference: Option<DecodedReference>,
     /// Frames between the last keyframe and the reference, modulo `2^16`.
     since_keyframe: u16,
     frames: u64,
+}
+
+/// The last frame, at the resolution that is decoded.
+#[derive(Debug)]
+enum DecodedReference {
+    Full(Reference),
+    Reduced(ReducedFrame),
+}
+
+impl DecodedReference {
+    fn blocks(&self) -> ReferenceBlocks<'_> {
+        match self {
+            Self::Full(reference) => reference.blocks(),
+            Self::Reduced(frame) => frame.blocks(),
+        }
+    }
+
+    fn volume(&self) -> &SparseVolume {
+        match self {
+            Self::Full(reference) => reference.volume(),
+            Self::Reduced(frame) => frame.volume(),
+        }
+    }
 }
 
 impl Decoder {
@@ -52,7 +78,25 @@ impl Decoder {
     pub fn new(header: &StreamHeader, limits: Limits) -> Self {
         let parameters = CodingParameters::new(header);
         let entropy = EntropyState::new(parameters.coefficients());
-        Self { parameters, limits, entropy, reference: None, since_keyframe: 0, frames: 0 }
+        Self { parameters, limits, entropy, reduced: None, reference: None, since_keyframe: 0, frames: 0 }
+    }
+
+    /// A decoder that decodes at reduced resolution, for previews and weak devices: voxels of twice or four times the edge,
+    /// straight from the lowest coefficients, in blocks of as many voxels as the stream's.
+    ///
+    /// The truncation has as many times fewer voxels, rounded up, and no fewer than 2. A voxel is unobserved if half of the
+    /// stream's voxels in it or more are. What is decoded is exact integers too, but not the full decode sampled down:
+    /// between keyframes it drifts from that (`docs/design/013-lod.md`), and hashes that the stream states are skipped.
+    ///
+    /// # Errors
+    /// [`GridError::VoxelSize`] if voxels would be larger than a kilometre.
+    pub fn with_lod(header: &StreamHeader, limits: Limits, lod: Lod) -> Result<Self, GridError> {
+        let decoder = Self::new(header, limits);
+        let reduced = match lod {
+            Lod::Full => None,
+            _ => Some(ReducedParameters::new(&decoder.parameters, lod)?),
+        };
+        Ok(Self { reduced, ..decoder })
     }
 
     /// Decodes a frame packet.
@@ -79,17 +123,16 @@ impl Decoder {
             return Err(self.malformed(packet, "a keyframe that predicts from another frame"));
         }
         let symbols = self
-            .read_symbols(&payload, reference.as_ref())
+            .read_symbols(&payload, reference.as_ref().map(DecodedReference::blocks))
             .map_err(|SyntaxError(what)| self.malformed(packet, what))?;
-        let prediction = predict(&self.parameters, &symbols, reference.as_ref());
-        let volume = reconstruct(&self.parameters, symbols, prediction);
+        let decoded = self.reconstruct(symbols, reference);
         self.frames += 1;
         self.since_keyframe = packet.header.since_keyframe;
         Ok(DecodedFrame {
-            volume: self.reference.insert(Reference::new(volume)).volume(),
+            volume: self.reference.insert(decoded).volume(),
             timestamp_ns: packet.header.timestamp_ns,
             keyframe,
-            stated_hash: payload.header.volume_hash,
+            stated_hash: payload.header.volume_hash.filter(|_| self.reduced.is_none()),
         })
     }
 
@@ -109,12 +152,34 @@ impl Decoder {
         Ok(decoded)
     }
 
+    /// The frame of some symbols, at the resolution that is decoded.
+    fn reconstruct(&self, symbols: FrameSymbols, reference: Option<DecodedReference>) -> DecodedReference {
+        let parameters = &self.parameters;
+        if let Some(reduced) = &self.reduced {
+            let before = match &reference {
+                Some(DecodedReference::Reduced(frame)) => Some(frame),
+                _ => None,
+            };
+            return DecodedReference::Reduced(reduced.reconstruct(parameters, symbols, before));
+        }
+        let before = match &reference {
+            Some(DecodedReference::Full(reference)) => Some(reference),
+            _ => None,
+        };
+        let prediction = predict(parameters, &symbols, before);
+        DecodedReference::Full(Reference::new(reconstruct(parameters, symbols, prediction)))
+    }
+
     fn malformed(&self, packet: &Packet, what: &'static str) -> DecodeError {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
     }
 
     /// Whether a frame that predicts follows the frame that it predicts from.
-    fn check_sequence(&self, packet: &Packet, reference: Option<&Reference>) -> Result<(), DecodeError> {
+    fn check_sequence(
+        &self,
+        packet: &Packet,
+        reference: Option<&DecodedReference>,
+    ) -> Result<(), DecodeError> {
         if reference.is_none() {
             return Err(DecodeError::NoReference { at: packet.at });
         }
@@ -140,7 +205,7 @@ impl Decoder {
     fn read_symbols(
         &mut self,
         payload: &FramePayload,
-        reference: Option<&Reference>,
+        reference: Option<ReferenceBlocks>,
     ) -> Result<FrameSymbols, SyntaxError> {
         let header = &payload.header;
         let edge = self.parameters.grid.edge;

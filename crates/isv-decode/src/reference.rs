@@ -1,7 +1,19 @@
 //! The frame that the next one is predicted from.
 
 use isv_kernels::warp::StitchedReference;
-use isv_volume::{BlockIndex, SparseVolume};
+use isv_volume::{BlockCoord, BlockIndex, SparseVolume, VoxelMask};
+use std::collections::BTreeMap;
+
+/// The blocks of a reference, without their samples: what the syntax of the next frame needs of it.
+#[derive(Clone, Copy, Debug)]
+pub struct ReferenceBlocks<'a> {
+    /// Blocks in Morton order.
+    pub coords: &'a [BlockCoord],
+    /// Their look-up.
+    pub index: &'a BlockIndex,
+    /// Unobserved voxels by block index; no empty masks.
+    pub unobserved: &'a BTreeMap<u32, VoxelMask>,
+}
 
 /// A reconstructed volume with its block look-up.
 #[derive(Clone, Debug)]
@@ -30,24 +42,44 @@ impl Reference {
         &self.index
     }
 
+    /// Its blocks.
+    #[must_use]
+    pub fn blocks(&self) -> ReferenceBlocks<'_> {
+        ReferenceBlocks {
+            coords: self.volume.coords(),
+            index: &self.index,
+            unobserved: self.volume.unobserved_masks(),
+        }
+    }
+
     /// Stitches the 3x3x3 neighbourhood of a reference block (Fig. 7).
     ///
     /// A block that is not there lies wholly beyond the truncation band, so its samples are the truncation distance, with
     /// the sign of the centre block's voxel nearest to it (the middle one along an axis on which neither is ahead).
     pub fn stitch(&self, centre: u32, out: &mut StitchedReference) {
-        let grid = self.volume.grid();
-        let (edge, limit) = (grid.edge, grid.truncation.codes());
-        let block = self.volume.block(centre as usize);
-        let nearest = |offset: usize| [0, edge.voxels() / 2, edge.voxels() - 1][offset];
-        let neighbourhood = self.index.neighbourhood(self.volume.coords()[centre as usize]);
-        for (slot, neighbour) in neighbourhood.into_iter().enumerate() {
-            match neighbour {
-                Some(index) => out.put_block(slot, self.volume.block(index as usize)),
-                None => {
-                    let [x, y, z] = [slot % 3, slot / 3 % 3, slot / 9].map(nearest);
-                    let inside = block[edge.voxel_index(x, y, z)] < 0;
-                    out.fill_block(slot, if inside { -limit } else { limit });
-                }
+        let limit = self.volume.grid().truncation.codes();
+        stitch(self.blocks(), centre, limit, |block| self.volume.block(block as usize), out);
+    }
+}
+
+/// [`Reference::stitch`] of blocks whose samples are had by index, at any resolution.
+pub(crate) fn stitch<'a>(
+    blocks: ReferenceBlocks,
+    centre: u32,
+    limit: i16,
+    samples: impl Fn(u32) -> &'a [i16],
+    out: &mut StitchedReference,
+) {
+    let side = out.block_side();
+    let nearest = |offset: usize| [0, side / 2, side - 1][offset];
+    let neighbourhood = blocks.index.neighbourhood(blocks.coords[centre as usize]);
+    for (slot, neighbour) in neighbourhood.into_iter().enumerate() {
+        match neighbour {
+            Some(block) => out.put_block(slot, samples(block)),
+            None => {
+                let [x, y, z] = [slot % 3, slot / 3 % 3, slot / 9].map(nearest);
+                let inside = samples(centre)[(z * side + y) * side + x] < 0;
+                out.fill_block(slot, if inside { -limit } else { limit });
             }
         }
     }

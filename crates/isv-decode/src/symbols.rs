@@ -1,6 +1,6 @@
 //! What a frame's bytes say, before any arithmetic on samples.
 
-use crate::Reference;
+use crate::ReferenceBlocks;
 use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
 use isv_volume::{BlockCoord, VoxelMask};
@@ -31,11 +31,11 @@ impl FrameSymbols {
     pub fn find_references(
         coords: &[BlockCoord],
         prediction: Prediction,
-        reference: Option<&Reference>,
+        reference: Option<ReferenceBlocks>,
     ) -> Vec<Option<u32>> {
         match reference {
             Some(reference) if prediction != Prediction::None => {
-                coords.iter().map(|c| reference.index().get(*c)).collect()
+                coords.iter().map(|c| reference.index.get(*c)).collect()
             }
             _ => vec![None; coords.len()],
         }

@@ -164,7 +164,8 @@ impl Encoder {
     ) -> (EncodedFrame, State) {
         let parameters = &self.parameters;
         let reference = self.state.reference.as_ref();
-        let references = FrameSymbols::find_references(volume.coords(), prediction, reference);
+        let before = reference.map(Reference::blocks);
+        let references = FrameSymbols::find_references(volume.coords(), prediction, before);
         let motion = match reference {
             Some(reference) if prediction.has_motion() => {
                 search_motion(prediction, volume, reference, &references)
@@ -184,13 +185,8 @@ impl Encoder {
 
         let slices = self.slice_count(volume.block_count());
         let mut entropy = self.state.entropy.clone();
-        let segments = syntax::write_symbols(
-            &mut entropy,
-            parameters.grid.edge,
-            &symbols,
-            usize::from(slices),
-            reference,
-        );
+        let segments =
+            syntax::write_symbols(&mut entropy, parameters.grid.edge, &symbols, usize::from(slices), before);
         let decoded = reconstruct(parameters, symbols, predicted);
         let header = FrameHeader {
             prediction,

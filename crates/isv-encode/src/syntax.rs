@@ -6,7 +6,7 @@ mod masks;
 mod motion;
 
 use isv_decode::syntax::{CausalNeighbours, EntropyState};
-use isv_decode::{FrameSymbols, Reference};
+use isv_decode::{FrameSymbols, ReferenceBlocks};
 use isv_format::SliceLayout;
 use isv_volume::BlockEdge;
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ pub(crate) fn write_symbols(
     edge: BlockEdge,
     symbols: &FrameSymbols,
     slices: usize,
-    reference: Option<&Reference>,
+    reference: Option<ReferenceBlocks>,
 ) -> SymbolSegments {
     let coords = &symbols.coords;
     let block_set = block_set::write(&mut entropy.block_set, coords, reference);

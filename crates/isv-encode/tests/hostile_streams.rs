@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv_decode::{DecodeError, Decoder, Limits};
+use isv_decode::{DecodeError, Decoder, Limits, Lod};
 use isv_encode::{EncoderSettings, MotionMode};
 use isv_format::{FrameHeader, FramePayload, Packet, PacketKind, PacketReader, Prediction, SlicePayload};
 use proptest::prelude::*;
@@ -50,6 +50,22 @@ fn flipped_bits_are_noticed_by_the_checksums() {
         let (frames, end) = decode(&damaged);
         assert!(end.is_err(), "bit {bit}");
         assert_eq!(frames, whole[..frames.len()]);
+    }
+}
+
+#[test]
+fn prefixes_decode_at_reduced_resolution_too() {
+    let bytes = stream();
+    for (lod, length) in [Lod::Half, Lod::Quarter].into_iter().flat_map(|l| [(l, 2000), (l, bytes.len())]) {
+        let length = length.min(bytes.len());
+        let mut reader = PacketReader::new(&bytes[..length]).unwrap();
+        let mut decoder = Decoder::with_lod(reader.header().unwrap(), Limits::default(), lod).unwrap();
+        let mut frames = 0;
+        while let Ok(Some(packet)) = reader.next_frame() {
+            decoder.decode(&packet).unwrap();
+            frames += 1;
+        }
+        assert!(frames <= 4 && (length < bytes.len() || frames == 4), "{frames} frames");
     }
 }
 
@@ -104,9 +120,12 @@ proptest! {
         frame in 0..4usize,
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::of(any::<prop::sample::Index>()),
+        lod in prop::sample::select(&[Lod::Full, Lod::Half, Lod::Quarter][..]),
     ) {
         let bytes = stream_once();
-        let mut decoder = Decoder::new(PacketReader::new(bytes).unwrap().header().unwrap(), Limits { frame_voxels: 1 << 22 });
+        let reader = PacketReader::new(bytes).unwrap();
+        let limits = Limits { frame_voxels: 1 << 22 };
+        let mut decoder = Decoder::with_lod(reader.header().unwrap(), limits, lod).unwrap();
         let packets = packets(bytes);
         for packet in &packets[frame / 2 * 2..frame] {
             decoder.decode(packet).unwrap();

@@ -22,17 +22,21 @@ const MATRIX_4: [[i16; 4]; 4] = matrix(&COSINES_4);
 const MATRIX_8: [[i16; 8]; 8] = matrix(&COSINES_8);
 const MATRIX_16: [[i16; 16]; 16] = matrix(&COSINES_16);
 
-/// Unfolds the cosine table: entry `(k, n)` is `cos((2n + 1) k pi / 2N)`, and row 0 is `cos(pi / 4)`.
-const fn matrix<const N: usize>(cosines: &[i16]) -> [[i16; N]; N] {
-    let mut rows = [[0; N]; N];
+/// Unfolds the cosine table of the N-point matrix: entry `(k, n)` is `cos((2n + 1) k pi / 2N)`, and row 0 is `cos(pi / 4)`.
+///
+/// With M below N these are the first M rows, taken not at N voxels but at the centres of M groups of N / M voxels:
+/// `cos((2n + 1) k pi / 2M)`, of which the table has every value.
+const fn matrix<const M: usize>(cosines: &[i16]) -> [[i16; M]; M] {
+    let points = cosines.len() - 1;
+    let mut rows = [[0; M]; M];
     let mut n = 0;
-    while n < N {
-        rows[0][n] = cosines[N / 2];
+    while n < M {
+        rows[0][n] = cosines[points / 2];
         let mut k = 1;
-        while k < N {
-            let angle = (2 * n + 1) * k % (4 * N);
-            let folded = if angle > 2 * N { 4 * N - angle } else { angle };
-            rows[k][n] = if folded > N { -cosines[2 * N - folded] } else { cosines[folded] };
+        while k < M {
+            let angle = (2 * n + 1) * k * (points / M) % (4 * points);
+            let folded = if angle > 2 * points { 4 * points - angle } else { angle };
+            rows[k][n] = if folded > points { -cosines[2 * points - folded] } else { cosines[folded] };
             k += 1;
         }
         n += 1;
@@ -110,14 +114,73 @@ impl BlockTransform {
     /// If `block` does not hold `edge^3` values.
     pub fn inverse(&self, block: &mut [i16]) {
         assert_eq!(block.len(), self.edge.block_voxels());
-        let shift = |pass: usize| (MATRIX_BITS - self.exponents[2 - pass] + self.exponents[3 - pass]) as u32;
-        let shifts = [shift(0), shift(1), shift(2)];
+        let shifts = self.inverse_shifts();
         vectorized(
             #[inline(always)]
             || match self.edge {
                 BlockEdge::E4 => inverse(&MATRIX_4, block, shifts),
                 BlockEdge::E8 => inverse(&MATRIX_8, block, shifts),
                 BlockEdge::E16 => inverse(&MATRIX_16, block, shifts),
+            },
+        );
+    }
+
+    /// Bits to drop after each inverse pass.
+    fn inverse_shifts(&self) -> [u32; 3] {
+        [0, 1, 2].map(|pass| (MATRIX_BITS - self.exponents[2 - pass] + self.exponents[3 - pass]) as u32)
+    }
+}
+
+/// The inverse transform at reduced resolution: the lowest `(edge >> reduction)^3` coefficients of a block give its samples
+/// at the centres of cubes of `2^reduction` voxels a side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReducedTransform {
+    full: BlockTransform,
+    reduction: u32,
+}
+
+impl ReducedTransform {
+    /// Largest reduction: blocks of 4 come down to one sample.
+    pub const MAX_REDUCTION: u32 = 2;
+
+    /// The reduced inverse of a transform.
+    ///
+    /// # Panics
+    /// If `reduction` is above [`Self::MAX_REDUCTION`].
+    #[must_use]
+    pub fn new(full: BlockTransform, reduction: u32) -> Self {
+        assert!(reduction <= Self::MAX_REDUCTION, "reduction by 2^{reduction}");
+        Self { full, reduction }
+    }
+
+    /// Samples along an edge of a reduced block: 1, 2, 4, 8 or 16.
+    #[must_use]
+    pub fn side(&self) -> usize {
+        self.full.edge.voxels() >> self.reduction
+    }
+
+    /// Inverse transform in place: coefficients `[w][v][u]`, as many along each axis as [`Self::side`], become residuals
+    /// `[z][y][x]` in codes of the larger voxel. Defined, by saturation, for any coefficients whatever.
+    ///
+    /// # Panics
+    /// If `block` does not hold `side^3` values.
+    pub fn inverse(&self, block: &mut [i16]) {
+        assert_eq!(block.len(), self.side().pow(3));
+        let [first, second, third] = self.full.inverse_shifts();
+        // A larger voxel has as many codes as a small one, so the same distance has fewer.
+        let shifts = [first, second, third + self.reduction];
+        vectorized(
+            #[inline(always)]
+            || match (self.full.edge, self.reduction) {
+                (BlockEdge::E4, 0) => inverse(&MATRIX_4, block, shifts),
+                (BlockEdge::E4, 1) => inverse(&const { matrix::<2>(&COSINES_4) }, block, shifts),
+                (BlockEdge::E4, _) => inverse(&const { matrix::<1>(&COSINES_4) }, block, shifts),
+                (BlockEdge::E8, 0) => inverse(&MATRIX_8, block, shifts),
+                (BlockEdge::E8, 1) => inverse(&const { matrix::<4>(&COSINES_8) }, block, shifts),
+                (BlockEdge::E8, _) => inverse(&const { matrix::<2>(&COSINES_8) }, block, shifts),
+                (BlockEdge::E16, 0) => inverse(&MATRIX_16, block, shifts),
+                (BlockEdge::E16, 1) => inverse(&const { matrix::<8>(&COSINES_16) }, block, shifts),
+                (BlockEdge::E16, _) => inverse(&const { matrix::<4>(&COSINES_16) }, block, shifts),
             },
         );
     }
@@ -338,12 +401,46 @@ mod tests {
         }
     }
 
+    /// The cosine series of a block's lowest coefficients, at the centres of cubes of voxels, from the definition.
+    #[test]
+    fn the_reduced_inverse_is_the_series_at_the_centres() {
+        for (edge, reduction) in EDGES.into_iter().flat_map(|edge| [0, 1, 2].map(|r| (edge, r))) {
+            let full = transform(edge, 8);
+            let reduced = ReducedTransform::new(full, reduction);
+            let (n, m) = (edge.voxels(), reduced.side());
+            let unit = 2f64.powi(-full.coefficient_exponent());
+            let mut state = 5;
+            let coefficients: Vec<i16> = (0..m.pow(3)).map(|_| noise(&mut state, 1000 / m as i32)).collect();
+            let mut samples = coefficients.clone();
+            reduced.inverse(&mut samples);
+            let at = |k: usize, j: usize| {
+                let centre = (j as f64 + 0.5) * f64::from(1 << reduction) - 0.5;
+                let scale = if k == 0 { 1.0 / n as f64 } else { 2.0 / n as f64 }.sqrt();
+                scale * ((2.0 * centre + 1.0) * k as f64 * PI / (2 * n) as f64).cos()
+            };
+            for (i, sample) in samples.iter().enumerate() {
+                let [x, y, z] = [i % m, i / m % m, i / m / m];
+                let term = |(j, c): (usize, &i16)| {
+                    f64::from(*c) * at(j % m, x) * at(j / m % m, y) * at(j / m / m, z)
+                };
+                let exact =
+                    coefficients.iter().enumerate().map(term).sum::<f64>() * unit / f64::from(1 << reduction);
+                let bound = if edge == BlockEdge::E16 { 12.0 } else { 3.0 };
+                assert!((exact - f64::from(*sample)).abs() < bound, "{edge:?} / {m}: {sample} for {exact}");
+            }
+        }
+    }
+
     #[test]
     fn inverse_saturates_on_hostile_coefficients() {
         for edge in EDGES {
             for value in [i16::MIN, i16::MAX] {
                 let mut block = vec![value; edge.block_voxels()];
                 transform(edge, 16).inverse(&mut block);
+                for reduction in 0..=ReducedTransform::MAX_REDUCTION {
+                    let reduced = ReducedTransform::new(transform(edge, 16), reduction);
+                    reduced.inverse(&mut vec![value; reduced.side().pow(3)]);
+                }
             }
         }
     }

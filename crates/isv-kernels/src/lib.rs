@@ -12,6 +12,7 @@
 
 pub mod dct;
 pub mod quant;
+mod reduced_warp;
 pub mod scan;
 pub mod simd;
 pub mod warp;

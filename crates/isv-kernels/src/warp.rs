@@ -3,6 +3,7 @@
 //! Positions are kept in 1/64 voxel, so trilinear interpolation of samples within +-4096 codes needs
 //! `12 + 3 * 6 = 30` bits and is exact up to one final rounding.
 
+use crate::reduced_warp::Cube;
 use crate::simd::vectorized;
 use isv_volume::BlockEdge;
 
@@ -78,9 +79,13 @@ impl MotionVector {
 
 /// A block's 3x3x3 neighbourhood in the reference, stitched into one cube of `3 * edge` voxels a side, x fastest.
 /// The block itself begins at `(edge, edge, edge)`.
+///
+/// At a reduced resolution the edge counts larger voxels, and may be 1 or 2; motion vectors still count the stream's.
 #[derive(Clone, Debug)]
 pub struct StitchedReference {
     edge: BlockEdge,
+    /// Base-2 logarithm of the stream's voxels to one here.
+    reduction: u32,
     samples: Vec<i16>,
 }
 
@@ -88,19 +93,35 @@ impl StitchedReference {
     /// A neighbourhood of zeros.
     #[must_use]
     pub fn new(edge: BlockEdge) -> Self {
-        Self { edge, samples: vec![0; 27 * edge.block_voxels()] }
+        Self::reduced(edge, 0)
     }
 
-    /// Edge of the blocks.
+    /// A neighbourhood of zeros in voxels of `2^reduction` times the size.
+    ///
+    /// # Panics
+    /// If a block has no such voxel.
+    #[must_use]
+    pub fn reduced(edge: BlockEdge, reduction: u32) -> Self {
+        assert!(reduction <= edge.log2(), "a block of {} has no voxel of 2^{reduction}", edge.voxels());
+        Self { edge, reduction, samples: vec![0; 27 * (edge.voxels() >> reduction).pow(3)] }
+    }
+
+    /// Edge of the stream's blocks, which bounds motion vectors.
     #[must_use]
     pub fn edge(&self) -> BlockEdge {
         self.edge
     }
 
+    /// Voxels along an edge of a block.
+    #[must_use]
+    pub fn block_side(&self) -> usize {
+        self.edge.voxels() >> self.reduction
+    }
+
     /// Edge of the cube in voxels.
     #[must_use]
     pub fn side(&self) -> usize {
-        3 * self.edge.voxels()
+        3 * self.block_side()
     }
 
     /// All samples, x fastest.
@@ -111,7 +132,7 @@ impl StitchedReference {
 
     /// Copies a block into slot `(dz + 1) * 9 + (dy + 1) * 3 + (dx + 1)` of the neighbourhood.
     pub fn put_block(&mut self, slot: usize, block: &[i16]) {
-        let n = self.edge.voxels();
+        let n = self.block_side();
         for (row, values) in block.chunks_exact(n).enumerate() {
             let start = self.row_start(slot, row);
             self.samples[start..start + n].copy_from_slice(values);
@@ -120,7 +141,7 @@ impl StitchedReference {
 
     /// Fills a slot with one value.
     pub fn fill_block(&mut self, slot: usize, value: i16) {
-        let n = self.edge.voxels();
+        let n = self.block_side();
         for row in 0..n * n {
             let start = self.row_start(slot, row);
             self.samples[start..start + n].fill(value);
@@ -129,7 +150,7 @@ impl StitchedReference {
 
     /// Index of the first sample of row `row = z * edge + y` of a slot.
     fn row_start(&self, slot: usize, row: usize) -> usize {
-        let (n, side) = (self.edge.voxels(), self.side());
+        let (n, side) = (self.block_side(), self.side());
         let (sx, sy, sz) = (slot % 3, slot / 3 % 3, slot / 9);
         ((sz * n + row / n) * side + sy * n + row % n) * side + sx * n
     }
@@ -137,12 +158,14 @@ impl StitchedReference {
     /// The block's motion-compensated prediction: its `edge^3` samples, x fastest, taken at the moved positions.
     ///
     /// Position of voxel `p` in 1/64 voxel, from the cube's first voxel: `64 (edge + c) + 16 t + R (p - c) * 64`, with `c`
-    /// the block's centre `(edge - 1) / 2` and the rotated part rounded half up; clamped into the cube.
+    /// the block's centre `(edge - 1) / 2` and the rotated part rounded half up; clamped into the cube. In voxels of
+    /// `2^reduction` times the size `16 t` is as many times less, which is still whole. Samples there can exceed those of the
+    /// reference, by a quarter along each axis.
     ///
     /// # Panics
     /// If `out` does not hold a block or `motion` is out of range.
     pub fn warp(&self, motion: MotionVector, out: &mut [i16]) {
-        assert!(out.len() == self.edge.block_voxels() && motion.in_range(self.edge));
+        assert!(out.len() == self.block_side().pow(3) && motion.in_range(self.edge));
         if motion == MotionVector::ZERO {
             self.copy_centre(out);
         } else if motion.rotation == [0; 3] {
@@ -152,9 +175,14 @@ impl StitchedReference {
         }
     }
 
+    /// A step of a translation in 1/64 voxel: a quarter of the stream's voxel.
+    fn step(&self) -> i32 {
+        ((1 << POSITION_BITS) / STEPS_PER_VOXEL) >> self.reduction
+    }
+
     /// [`Self::warp`] without motion: the block itself.
     fn copy_centre(&self, out: &mut [i16]) {
-        let n = self.edge.voxels();
+        let n = self.block_side();
         for (row, values) in out.chunks_exact_mut(n).enumerate() {
             values.copy_from_slice(&self.samples[self.row_start(13, row)..][..n]);
         }
@@ -162,6 +190,11 @@ impl StitchedReference {
 
     /// [`Self::warp`] with one fraction for all voxels.
     fn translate(&self, translation: [i8; 3], out: &mut [i16]) {
+        if let Some(cube) = self.reduced_cube() {
+            let side = self.block_side();
+            let origin = translation.map(|t| ((side as i32) << POSITION_BITS) + i32::from(t) * self.step());
+            return cube.translate(origin, side, out);
+        }
         vectorized(
             #[inline(always)]
             || match self.edge {
@@ -196,10 +229,9 @@ impl StitchedReference {
     }
 
     fn rotate_and_translate(&self, motion: MotionVector, out: &mut [i16]) {
-        let n = self.edge.voxels() as i32;
+        let n = self.block_side() as i32;
         let rotation = motion.rotation_matrix();
-        let quarter = (1 << POSITION_BITS) / STEPS_PER_VOXEL;
-        let centre = motion.translation.map(|t| n * 64 + (n - 1) * 32 + i32::from(t) * quarter);
+        let centre = motion.translation.map(|t| n * 64 + (n - 1) * 32 + i32::from(t) * self.step());
         let limit = ((self.side() as i32 - 1) << POSITION_BITS) - 1;
         let mut voxel = 0;
         for z in 0..n {
@@ -219,8 +251,17 @@ impl StitchedReference {
         }
     }
 
-    /// Trilinear sample at a position in 1/64 voxel inside the cube.
+    /// The cube, if it is one of larger voxels.
+    fn reduced_cube(&self) -> Option<Cube<'_>> {
+        let cube = Cube { samples: &self.samples, side: self.side(), reduction: self.reduction };
+        (self.reduction > 0).then_some(cube)
+    }
+
+    /// Trilinear sample at a position in 1/64 voxel inside the cube; at reduced resolution, what stands for it there.
     fn sample(&self, position: [i32; 3]) -> i16 {
+        if let Some(cube) = self.reduced_cube() {
+            return cube.at(position);
+        }
         let side = self.side();
         let [x, y, z] = position.map(|p| (p >> POSITION_BITS) as usize);
         let start = (z * side + y) * side + x;
@@ -258,11 +299,19 @@ mod tests {
 
     /// A neighbourhood whose samples are `field(x, y, z)`, coordinates in voxels from the block's own first voxel.
     fn stitched(edge: BlockEdge, field: impl Fn(f64, f64, f64) -> f64) -> StitchedReference {
-        let mut reference = StitchedReference::new(edge);
-        let n = edge.voxels();
+        stitched_reduced(edge, 0, field)
+    }
+
+    fn stitched_reduced(
+        edge: BlockEdge,
+        reduction: u32,
+        field: impl Fn(f64, f64, f64) -> f64,
+    ) -> StitchedReference {
+        let mut reference = StitchedReference::reduced(edge, reduction);
+        let n = reference.block_side();
         for slot in 0..27 {
             let origin = [slot % 3, slot / 3 % 3, slot / 9].map(|s| (s * n) as f64 - n as f64);
-            let block: Vec<i16> = (0..edge.block_voxels())
+            let block: Vec<i16> = (0..n.pow(3))
                 .map(|i| {
                     let [x, y, z] = [i % n, i / n % n, i / n / n].map(|v| v as f64);
                     field(origin[0] + x, origin[1] + y, origin[2] + z).round() as i16
@@ -279,18 +328,22 @@ mod tests {
 
     /// The warp in f64: exact angles, positions and interpolation of the integer samples.
     fn slow_warp(reference: &StitchedReference, motion: MotionVector) -> Vec<f64> {
-        let n = reference.edge().voxels();
+        slow_positions(reference, motion).iter().map(|position| slow_sample(reference, position)).collect()
+    }
+
+    /// Where the warp samples, in voxels from the cube's first.
+    fn slow_positions(reference: &StitchedReference, motion: MotionVector) -> Vec<[f64; 3]> {
+        let n = reference.block_side();
         let c = (n as f64 - 1.0) / 2.0;
         let [rx, ry, rz] = motion.rotation.map(|r| f64::from(r) / 32.0);
-        let t = motion.translation.map(|t| f64::from(t) / 4.0);
+        let t = motion.translation.map(|t| f64::from(t) / f64::from(4 << reference.reduction));
         let mut out = Vec::new();
         for i in 0..n * n * n {
             let [x, y, z] = [i % n, i / n % n, i / n / n].map(|v| v as f64 - c);
             let (y, z) = (y * rx.cos() - z * rx.sin(), y * rx.sin() + z * rx.cos());
             let (x, z) = (x * ry.cos() + z * ry.sin(), -x * ry.sin() + z * ry.cos());
             let (x, y) = (x * rz.cos() - y * rz.sin(), x * rz.sin() + y * rz.cos());
-            let position = [x, y, z].iter().zip(t).map(|(p, t)| p + t + c + n as f64).collect::<Vec<_>>();
-            out.push(slow_sample(reference, &position));
+            out.push([x + t[0], y + t[1], z + t[2]].map(|p| p + c + n as f64));
         }
         out
     }
@@ -369,6 +422,35 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    /// On a field without curvature the cubic interpolation of larger voxels is the linear one.
+    #[test]
+    fn reduced_blocks_move_by_the_same_lengths() {
+        for (edge, reduction) in EDGES.into_iter().flat_map(|edge| [1, 2].map(|r| (edge, r))) {
+            let reference = stitched_reduced(edge, reduction, |x, y, z| 100.0 * (x + 1.4 * y - z));
+            let (side, third) = (reference.side(), reference.block_side());
+            // The filter reaches a voxel farther than the cube where a block moves by its whole edge.
+            let inner = |v: f64| v >= 1.0 && v <= side as f64 - 3.0;
+            let mut compared = 0;
+            for translation in [[1, -2, 3], [-3, 3, 2]] {
+                for rotation in [[0; 3], [4, -7, 2], [-32, 32, -32]] {
+                    let motion = MotionVector { translation, rotation };
+                    let mut out = vec![0; third.pow(3)];
+                    reference.warp(motion, &mut out);
+                    let slow = slow_warp(&reference, motion);
+                    for (fast, (slow, position)) in
+                        out.iter().zip(slow.iter().zip(slow_positions(&reference, motion)))
+                    {
+                        if position.into_iter().all(inner) {
+                            assert!((f64::from(*fast) - slow).abs() < 6.0, "{edge:?} {reduction} {motion:?}");
+                            compared += 1;
+                        }
+                    }
+                }
+            }
+            assert!(compared > 0 || third == 1, "{edge:?} {reduction}");
         }
     }
 

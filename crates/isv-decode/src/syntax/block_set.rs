@@ -2,7 +2,7 @@
 //! and of the same cell in the frame before. Newly active and removed blocks (Sec. 3.4) need nothing more.
 
 use super::{SyntaxError, check_overrun};
-use crate::Reference;
+use crate::ReferenceBlocks;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCoord, MortonCode};
 use std::collections::HashSet;
@@ -35,7 +35,7 @@ impl BlockSetModels {
         &mut self,
         bytes: &[u8],
         count: usize,
-        reference: Option<&Reference>,
+        reference: Option<ReferenceBlocks>,
     ) -> Result<Vec<BlockCoord>, SyntaxError> {
         if count == 0 {
             return Ok(Vec::new());
@@ -94,9 +94,8 @@ pub struct CellContext {
 impl CellContext {
     /// Context for the children of `parents`, which lie on `level`.
     #[must_use]
-    pub fn new(level: u32, parents: &[u64], reference: Option<&Reference>) -> Self {
-        let before =
-            reference.map(|r| r.volume().coords().iter().map(|c| c.morton().0 >> (3 * level)).collect());
+    pub fn new(level: u32, parents: &[u64], reference: Option<ReferenceBlocks>) -> Self {
+        let before = reference.map(|r| r.coords.iter().map(|c| c.morton().0 >> (3 * level)).collect());
         Self { level, current: CellSet::default(), parents: parents.iter().copied().collect(), before }
     }
 

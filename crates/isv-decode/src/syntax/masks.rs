@@ -1,7 +1,7 @@
 //! Unobserved voxels (W = 0 in Eq. 2): a flag a block, and a bit a voxel in the blocks that have some.
 
 use super::{SyntaxError, check_overrun};
-use crate::Reference;
+use crate::ReferenceBlocks;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCoord, BlockEdge, BlockIndex, VoxelMask};
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ impl MaskModels {
         bytes: &[u8],
         edge: BlockEdge,
         coords: &[BlockCoord],
-        reference: Option<&Reference>,
+        reference: Option<ReferenceBlocks>,
     ) -> Result<BTreeMap<u32, VoxelMask>, SyntaxError> {
         let mut masks = BTreeMap::new();
         let mut decoder = RangeDecoder::new(bytes);
@@ -101,18 +101,16 @@ impl<'a> MaskContext<'a> {
         coord: BlockCoord,
         index: &BlockIndex,
         masks: &'a BTreeMap<u32, VoxelMask>,
-        reference: Option<&'a Reference>,
+        reference: Option<ReferenceBlocks<'a>>,
     ) -> Self {
         let before =
             [[-1, 0, 0], [0, -1, 0], [0, 0, -1]].map(|offset| match index.get(coord.offset(offset)) {
                 None => Neighbour::Absent,
                 Some(block) => masks.get(&block).map_or(Neighbour::Observed, Neighbour::Masked),
             });
-        let reference = match reference.and_then(|r| Some((r, r.index().get(coord)?))) {
+        let reference = match reference.and_then(|r| Some((r, r.index.get(coord)?))) {
             None => Neighbour::Absent,
-            Some((r, block)) => {
-                r.volume().unobserved(block as usize).map_or(Neighbour::Observed, Neighbour::Masked)
-            }
+            Some((r, block)) => r.unobserved.get(&block).map_or(Neighbour::Observed, Neighbour::Masked),
         };
         Self { before, reference }
     }

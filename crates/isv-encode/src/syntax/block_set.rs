@@ -1,6 +1,6 @@
 //! The set of blocks: an octree over block coordinates, coded level by level.
 
-use isv_decode::Reference;
+use isv_decode::ReferenceBlocks;
 use isv_decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
 use isv_entropy::RangeEncoder;
 use isv_volume::BlockCoord;
@@ -9,7 +9,7 @@ use isv_volume::BlockCoord;
 pub(super) fn write(
     models: &mut BlockSetModels,
     coords: &[BlockCoord],
-    reference: Option<&Reference>,
+    reference: Option<ReferenceBlocks>,
 ) -> Vec<u8> {
     let [Some(first), Some(last)] = [coords.first(), coords.last()] else {
         return Vec::new();

@@ -1,6 +1,6 @@
 //! Unobserved voxels: a flag a block, and a bit a voxel in the blocks that have some.
 
-use isv_decode::Reference;
+use isv_decode::ReferenceBlocks;
 use isv_decode::syntax::masks::{MaskContext, MaskModels};
 use isv_entropy::RangeEncoder;
 use isv_volume::{BlockCoord, BlockEdge, BlockIndex, VoxelMask};
@@ -12,7 +12,7 @@ pub(super) fn write(
     edge: BlockEdge,
     coords: &[BlockCoord],
     masks: &BTreeMap<u32, VoxelMask>,
-    reference: Option<&Reference>,
+    reference: Option<ReferenceBlocks>,
 ) -> Vec<u8> {
     let mut encoder = RangeEncoder::new();
     encoder.encode(&mut models.any, !masks.is_empty());

@@ -1,0 +1,92 @@
+//! From the stream's blocks at reduced resolution to whole blocks of larger voxels.
+
+use super::frame::ReducedParameters;
+use isv_volume::{BlockCoord, SparseVolume, VoxelMask};
+use std::collections::BTreeMap;
+
+/// Puts the `2^3` (`4^3`) blocks of the stream that a block of larger voxels covers together.
+///
+/// A larger voxel is unobserved if half of its voxels or more are, and where no block of the stream is; samples are the
+/// truncation distance there.
+pub(super) fn regroup(
+    parameters: &ReducedParameters,
+    coords: &[BlockCoord],
+    samples: &[i16],
+    unobserved: &BTreeMap<u32, VoxelMask>,
+) -> SparseVolume {
+    let edge = parameters.grid.edge;
+    let voxels = parameters.side().pow(3);
+    let group_of = |coord: &BlockCoord| coord.to_array().map(|c| c >> parameters.lod.reduction());
+    let (mut groups, mut grouped, mut masks) = (Vec::new(), Vec::new(), BTreeMap::new());
+    let mut block = 0;
+    // The blocks of a group follow each other in Morton order.
+    for members in coords.chunk_by(|a, b| group_of(a) == group_of(b)) {
+        let start = grouped.len();
+        grouped.resize(start + edge.block_voxels(), parameters.limit);
+        let mut hidden = VoxelMask::empty(edge);
+        (0..edge.block_voxels()).for_each(|voxel| hidden.insert(voxel));
+        for coord in members {
+            let place = Place::new(parameters, coord);
+            place.copy_samples(&samples[block * voxels..][..voxels], &mut grouped[start..]);
+            place.mark_observed(unobserved.get(&(block as u32)), &mut hidden);
+            block += 1;
+        }
+        if !hidden.is_empty() {
+            masks.insert(groups.len() as u32, hidden);
+        }
+        groups.push(BlockCoord::from(group_of(&members[0])));
+    }
+    SparseVolume::from_parts(parameters.grid, groups, grouped, masks)
+}
+
+/// Where a block of the stream lies in its group.
+struct Place<'a> {
+    parameters: &'a ReducedParameters,
+    /// Its first voxel.
+    corner: [usize; 3],
+}
+
+impl<'a> Place<'a> {
+    fn new(parameters: &'a ReducedParameters, coord: &BlockCoord) -> Self {
+        let in_group = coord.to_array().map(|c| c & (parameters.lod.voxels() as i32 - 1));
+        Self { parameters, corner: in_group.map(|c| c as usize * parameters.side()) }
+    }
+
+    /// Index in the group of voxel `(x, y, z)` of the block.
+    fn voxel(&self, [x, y, z]: [usize; 3]) -> usize {
+        let [cx, cy, cz] = self.corner;
+        self.parameters.grid.edge.voxel_index(cx + x, cy + y, cz + z)
+    }
+
+    fn copy_samples(&self, samples: &[i16], group: &mut [i16]) {
+        let side = self.parameters.side();
+        for (row, values) in samples.chunks_exact(side).enumerate() {
+            let to = self.voxel([0, row % side, row / side]);
+            group[to..to + side].copy_from_slice(values);
+        }
+    }
+
+    /// Takes the voxels that were observed out of the group's mask; `unobserved` is the block's mask in the stream.
+    fn mark_observed(&self, unobserved: Option<&VoxelMask>, hidden: &mut VoxelMask) {
+        let side = self.parameters.side();
+        for voxel in 0..side.pow(3) {
+            let at = [voxel % side, voxel / side % side, voxel / side / side];
+            if unobserved.is_none_or(|mask| self.mostly_observed(mask, at)) {
+                hidden.remove(self.voxel(at));
+            }
+        }
+    }
+
+    /// Whether more than half of the stream's voxels in a larger one are observed.
+    fn mostly_observed(&self, unobserved: &VoxelMask, at: [usize; 3]) -> bool {
+        let (edge, size) = (self.parameters.grid.edge, self.parameters.lod.voxels() as usize);
+        let count = (0..size.pow(3))
+            .filter(|i| {
+                let by = [i % size, i / size % size, i / size / size];
+                let [x, y, z] = [0, 1, 2].map(|axis| size * at[axis] + by[axis]);
+                unobserved.contains(edge.voxel_index(x, y, z))
+            })
+            .count();
+        2 * count < size.pow(3)
+    }
+}
