@@ -35,6 +35,7 @@ mod distance;
 mod error;
 mod holes;
 mod limits;
+mod points;
 mod regions;
 mod rim;
 mod sampler;
@@ -45,6 +46,7 @@ mod tiles;
 mod tests;
 
 pub use error::IngestError;
+pub use points::{PointIngest, PointSign, ingest_points};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;

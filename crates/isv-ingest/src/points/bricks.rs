@@ -1,0 +1,112 @@
+//! Things sorted into cubes of 8 voxels.
+
+use glam::{DVec3, IVec3};
+use isv_volume::{BlockCoord, BlockIndex, MortonCode};
+use rayon::prelude::*;
+
+/// Edge of a brick in voxels, whatever the edge of the grid's blocks.
+pub(crate) const BRICK: usize = 8;
+
+/// Voxels in a brick.
+pub(crate) const BRICK_VOXELS: usize = BRICK * BRICK * BRICK;
+
+/// Coordinate of the first voxel's centre relative to the centre of its brick.
+pub(crate) const FIRST: f32 = -3.5;
+
+/// Things by brick, bricks in Morton order.
+pub(crate) struct Bricks<T> {
+    pub(crate) coords: Vec<BlockCoord>,
+    index: BlockIndex,
+    /// Where the things of each brick start, and where the last ones end.
+    starts: Vec<usize>,
+    pub(crate) items: Vec<T>,
+}
+
+impl<T> Bricks<T> {
+    /// From lists of things in Morton order of their bricks; empty lists are left out.
+    pub(crate) fn new(lists: Vec<(BlockCoord, Vec<T>)>) -> Self {
+        let (mut coords, mut starts, mut items) = (Vec::new(), vec![0], Vec::new());
+        for (coord, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+            coords.push(coord);
+            items.extend(list);
+            starts.push(items.len());
+        }
+        Self { index: BlockIndex::new(&coords), coords, starts, items }
+    }
+
+    /// The things of the brick at a position in [`Self::coords`].
+    pub(crate) fn list(&self, brick: usize) -> &[T] {
+        &self.items[self.starts[brick]..self.starts[brick + 1]]
+    }
+
+    /// Bricks up to `reach` bricks away from a coordinate that are there: their steps from it, and their positions.
+    pub(crate) fn around(&self, coord: BlockCoord, reach: i32) -> impl Iterator<Item = (IVec3, usize)> {
+        let steps = move || -reach..=reach;
+        let all = steps().flat_map(move |z| steps().flat_map(move |y| steps().map(move |x| [x, y, z])));
+        all.filter_map(move |step| Some((step.into(), self.index.get(coord.offset(step))? as usize)))
+    }
+
+    /// Position of a brick.
+    pub(crate) fn position(&self, coord: BlockCoord) -> Option<usize> {
+        self.index.get(coord).map(|i| i as usize)
+    }
+}
+
+/// The brick that a point, in voxels, lies in.
+pub(crate) fn brick_of(p: DVec3) -> BlockCoord {
+    BlockCoord::from((p / BRICK as f64).floor().as_ivec3().to_array())
+}
+
+/// Centre of a brick in voxels.
+pub(crate) fn brick_centre(coord: BlockCoord) -> DVec3 {
+    (IVec3::from_array(coord.to_array()).as_dvec3() + 0.5) * BRICK as f64
+}
+
+/// Cubes of `edge` voxels, and the bounding box of what is in each.
+pub(crate) type Boxes = Vec<(BlockCoord, [DVec3; 2])>;
+
+/// The bounding box of the points of each cube of `edge` voxels that has any, in Morton order of the cubes.
+pub(crate) fn boxes(points: &[DVec3], edge: usize) -> Boxes {
+    let mut keys: Vec<(MortonCode, u32)> = points
+        .par_iter()
+        .zip(0..points.len() as u32)
+        .map(|(p, i)| (BlockCoord::from((*p / edge as f64).floor().as_ivec3().to_array()).morton(), i))
+        .collect();
+    keys.par_sort_unstable();
+    let bounds = |run: &[(MortonCode, u32)]| {
+        let first = points[run[0].1 as usize];
+        run.iter().fold([first; 2], |[lo, hi], key| {
+            let p = points[key.1 as usize];
+            [lo.min(p), hi.max(p)]
+        })
+    };
+    keys.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0.coord(), bounds(run))).collect()
+}
+
+/// The cubes of `edge` voxels with a voxel centre within `width` voxels of a box, in Morton order; `None` where they are
+/// more than `limit`.
+pub(crate) fn reached(boxes: &Boxes, edge: usize, width: f64, limit: usize) -> Option<Vec<BlockCoord>> {
+    let steps = (width / edge as f64).ceil() as i32;
+    let mut found = rustc_hash::FxHashSet::default();
+    for (coord, [lo, hi]) in boxes {
+        for z in -steps..=steps {
+            for y in -steps..=steps {
+                for x in -steps..=steps {
+                    let cube = coord.offset([x, y, z]);
+                    let first = IVec3::from_array(cube.to_array()).as_dvec3() * edge as f64 + 0.5;
+                    let last = first + (edge - 1) as f64;
+                    let gap = (first - *hi).max(*lo - last).max(DVec3::ZERO);
+                    if gap.length_squared() <= width * width {
+                        found.insert(cube.morton());
+                    }
+                }
+            }
+        }
+        if found.len() > limit {
+            return None;
+        }
+    }
+    let mut codes: Vec<MortonCode> = found.into_iter().collect();
+    codes.sort_unstable();
+    Some(codes.into_iter().map(MortonCode::coord).collect())
+}
