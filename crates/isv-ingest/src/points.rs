@@ -5,6 +5,7 @@ mod closest;
 mod ends;
 mod near;
 mod samples;
+mod sides;
 mod sites;
 mod surfels;
 
@@ -101,6 +102,8 @@ pub fn ingest_points(
     let source = Source { grid, width: width as f32, sites, sign };
     let mut blocks = sample(&source, &active);
     tick("sampled");
+    blocks.settle_sides(grid.edge);
+    tick("settled");
     blocks.trim_rims(grid.edge);
     tick("trimmed");
     Ok(SparseVolume::from_parts(grid, blocks.coords, blocks.samples, blocks.masks))

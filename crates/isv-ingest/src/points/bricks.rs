@@ -1,7 +1,7 @@
 //! Things sorted into cubes of 8 voxels.
 
 use glam::{DVec3, IVec3};
-use isv_volume::{BlockCoord, BlockIndex, MortonCode};
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex, MortonCode};
 use rayon::prelude::*;
 
 /// Edge of a brick in voxels, whatever the edge of the grid's blocks.
@@ -109,4 +109,21 @@ pub(crate) fn reached(boxes: &Boxes, edge: usize, width: f64, limit: usize) -> O
     let mut codes: Vec<MortonCode> = found.into_iter().collect();
     codes.sort_unstable();
     Some(codes.into_iter().map(MortonCode::coord).collect())
+}
+
+/// The neighbour of a voxel of a cube along axis `side / 2`, down if `side` is even: its index in its own cube, and the step
+/// to that cube if it is another one.
+pub(crate) fn step(edge: BlockEdge, voxel: usize, side: usize) -> (usize, Option<[i32; 3]>) {
+    let (axis, up, n) = (side / 2, side % 2 == 1, edge.voxels());
+    let stride = n.pow(axis as u32);
+    let place = voxel / stride % n;
+    let across = (n - 1) * stride;
+    let mut by = [0; 3];
+    by[axis] = if up { 1 } else { -1 };
+    match (up, place) {
+        (true, place) if place == n - 1 => (voxel - across, Some(by)),
+        (true, _) => (voxel + stride, None),
+        (false, 0) => (voxel + across, Some(by)),
+        (false, _) => (voxel - stride, None),
+    }
 }

@@ -4,14 +4,21 @@
 //! side, it has to be taken back: from the voxels where the field ends beside the surface, all voxels that can be
 //! reached through uncertain ones are unobserved. A gap that has certain surface all around it stays closed.
 
-use crate::points::bricks::{BRICK, BRICK_VOXELS, Bricks};
+use crate::points::bricks::{BRICK_VOXELS, Bricks, step};
 use crate::points::near::{HEIGHT, NearBrick};
+use crate::points::sites::EXPLAINED;
 use isv_volume::{BlockEdge, VoxelMask};
 use rayon::prelude::*;
 
 /// Voxels this close to the surface, in voxels, are looked at; the field reaches a voxel higher, so that a neighbour without
 /// a distance is beside the surface and not above it.
 const LEVEL: f32 = HEIGHT - 1.05;
+
+/// A border has at least this many voxels; a hole of three voxels has more.
+const BORDER: usize = 12;
+
+/// A voxel that this many neighbours contradict is wrong.
+const CONTRADICTION: usize = 3;
 
 /// The field around surfels, without what it makes up beyond its ends.
 pub(crate) struct NearField {
@@ -28,32 +35,77 @@ impl NearField {
     pub(crate) fn new(bricks: Bricks<NearBrick>) -> Self {
         let beyond = vec![VoxelMask::empty(BlockEdge::E8); bricks.coords.len()];
         let mut field = Self { bricks, beyond };
-        let mut front: Vec<VoxelAt> =
+        field.repair();
+        let ends: Vec<VoxelAt> =
             (0..field.beyond.len()).into_par_iter().flat_map_iter(|brick| field.ends(brick)).collect();
-        if std::env::var_os("SEEDS").is_some() { eprintln!("seeds {}", front.len()); for at in front.iter().step_by(7) { let c = field.bricks.coords[at.0 as usize]; let v = at.1 as usize;
-            let ns: Vec<f32> = (0..6).map(|s| field.neighbour(*at, s).map_or(99.0, |n| field.distance(n))).collect();
-            eprintln!("{:?} s {:.2} n {:?} around {ns:.1?}", [c.x*8+(v%8) as i32, c.y*8+(v/8%8) as i32, c.z*8+(v/64) as i32], field.distance(*at), field.bricks.items[at.0 as usize].normal(v)); } }
-        for (brick, voxel) in &front {
-            field.beyond[*brick as usize].insert(usize::from(*voxel));
-        }
-        while let Some(at) = front.pop() {
-            for side in 0..6 {
-                let Some(next) = field.neighbour(at, side) else { continue };
-                if field.is_open(next) && !field.is_beyond(next) {
-                    field.beyond[next.0 as usize].insert(usize::from(next.1));
-                    front.push(next);
-                }
-            }
+        for end in &ends {
+            field.take_back(*end);
         }
         field
     }
 
-    /// The uncertain voxels of a brick from which the surface leads nowhere.
+    /// Takes back the surface that can be reached from an end through uncertain voxels, if it is a border and not a spot.
+    fn take_back(&mut self, end: VoxelAt) {
+        let (mut found, mut next, mut ends) = (vec![end], 0, 0);
+        if self.is_beyond(end) {
+            return;
+        }
+        self.beyond[end.0 as usize].insert(usize::from(end.1));
+        while next < found.len() {
+            ends += usize::from(self.is_end(found[next]));
+            for side in 0..6 {
+                let Some(at) = self.neighbour(found[next], side) else { continue };
+                if self.is_open(at) && !self.is_beyond(at) {
+                    self.beyond[at.0 as usize].insert(usize::from(at.1));
+                    found.push(at);
+                }
+            }
+            next += 1;
+        }
+        if ends < BORDER {
+            for (brick, voxel) in found {
+                self.beyond[brick as usize].remove(usize::from(voxel));
+            }
+        }
+    }
+
+    /// Gives voxels that most of their neighbours contradict the mean of these.
+    fn repair(&mut self) {
+        let changes: Vec<(VoxelAt, f32)> = (0..self.beyond.len())
+            .into_par_iter()
+            .flat_map_iter(|brick| (0..BRICK_VOXELS).map(move |voxel| (brick as u32, voxel as u16)))
+            .filter_map(|at| Some((at, self.contradicted(at)?)))
+            .collect();
+        for ((brick, voxel), value) in changes {
+            self.bricks.items[brick as usize].distances[usize::from(voxel)] = value;
+        }
+    }
+
+    /// The mean of a voxel's neighbours, if three of them are on the other side of a surface that cannot be there.
+    fn contradicted(&self, at: VoxelAt) -> Option<f32> {
+        let s = self.distance(at);
+        if s.abs() < 0.25 || s.is_infinite() {
+            return None;
+        }
+        let (mut against, mut sum, mut count) = (0, 0.0, 0.0);
+        for t in (0..6).filter_map(|side| self.neighbour(at, side)).map(|n| self.distance(n)) {
+            if t.is_finite() {
+                sum += t;
+                count += 1.0;
+                against += usize::from((t < 0.0) != (s < 0.0) && s.abs() + t.abs() > EXPLAINED);
+            }
+        }
+        (against >= CONTRADICTION).then(|| sum / count)
+    }
+
+    /// The voxels of a brick at which uncertain surface leads nowhere.
     fn ends(&self, brick: usize) -> impl Iterator<Item = VoxelAt> {
-        let open = (0..BRICK_VOXELS).map(move |voxel| (brick as u32, voxel as u16)).filter(|at| self.is_open(*at));
-        open.filter(|at| {
-            (0..6).any(|side| self.neighbour(*at, side).is_none_or(|next| self.distance(next).is_infinite()))
-        })
+        (0..BRICK_VOXELS).map(move |voxel| (brick as u32, voxel as u16)).filter(|at| self.is_end(*at))
+    }
+
+    fn is_end(&self, at: VoxelAt) -> bool {
+        self.is_open(at)
+            && (0..6).any(|side| self.neighbour(at, side).is_none_or(|n| self.distance(n).is_infinite()))
     }
 
     /// Whether uncertain surface passes a voxel.
@@ -62,10 +114,13 @@ impl NearField {
         let s = near.distances[usize::from(at.1)];
         near.uncertain.contains(usize::from(at.1))
             && s.abs() <= LEVEL
-            && (0..6).any(|side| self.neighbour(at, side).is_some_and(|n| (self.distance(n) < 0.0) != (s < 0.0)))
+            && (0..6).any(|side| self.neighbour(at, side).is_some_and(|n| {
+                let t = self.distance(n);
+                (t < 0.0) != (s < 0.0) && s.abs() + t.abs() <= EXPLAINED
+            }))
     }
 
-    fn is_beyond(&self, (brick, voxel): VoxelAt) -> bool {
+    pub(crate) fn is_beyond(&self, (brick, voxel): VoxelAt) -> bool {
         self.beyond[brick as usize].contains(usize::from(voxel))
     }
 
@@ -81,17 +136,11 @@ impl NearField {
 
     /// The neighbour of a voxel: along axis `side / 2`, down if `side` is even. `None` where there is no brick.
     pub(crate) fn neighbour(&self, (brick, voxel): VoxelAt, side: usize) -> Option<VoxelAt> {
-        let (axis, up) = (side / 2, side % 2 == 1);
-        let stride = BRICK.pow(axis as u32);
-        let voxel = usize::from(voxel);
-        let place = voxel / stride % BRICK;
-        if place != if up { BRICK - 1 } else { 0 } {
-            return Some((brick, (if up { voxel + stride } else { voxel - stride }) as u16));
-        }
-        let mut step = [0; 3];
-        step[axis] = if up { 1 } else { -1 };
-        let next = self.bricks.position(self.bricks.coords[brick as usize].offset(step))?;
-        let across = (BRICK - 1) * stride;
-        Some((next as u32, (if up { voxel - across } else { voxel + across }) as u16))
+        let (to, leaves) = step(BlockEdge::E8, usize::from(voxel), side);
+        let brick = match leaves {
+            None => brick,
+            Some(by) => self.bricks.position(self.bricks.coords[brick as usize].offset(by))? as u32,
+        };
+        Some((brick, to as u16))
     }
 }

@@ -55,7 +55,7 @@ fn crossing(field: &NearField, at: VoxelAt, side: usize) -> Option<Site> {
     let (n, m) = (normal(field, at), normal(field, next));
     let blend = glam::Vec3::from(n).lerp(m.into(), share).normalize_or_zero();
     let beside = |at| (0..6).filter(move |s| s / 2 != side / 2).map(move |s| field.neighbour(at, s));
-    let is_end = beside(at).chain(beside(next)).any(|n| n.is_none_or(|n| !field.is_seen(n)));
+    let is_end = beside(at).chain(beside(next)).flatten().any(|n| field.is_beyond(n));
     Some(Site { at: position, normal: blend.to_array(), is_end })
 }
 
