@@ -1,8 +1,7 @@
 //! Things sorted into cubes of 8 voxels.
 
 use glam::{DVec3, IVec3};
-use isv_volume::{BlockCoord, BlockEdge, BlockIndex, MortonCode};
-use rayon::prelude::*;
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex};
 
 /// Edge of a brick in voxels, whatever the edge of the grid's blocks.
 pub(crate) const BRICK: usize = 8;
@@ -46,6 +45,12 @@ impl<T> Bricks<T> {
         all.filter_map(move |step| Some((step.into(), self.index.get(coord.offset(step))? as usize)))
     }
 
+    /// All things with the coordinate of their brick, in order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (BlockCoord, &T)> {
+        let list = move |brick| self.list(brick).iter().map(move |item| (self.coords[brick], item));
+        (0..self.coords.len()).flat_map(list)
+    }
+
     /// Position of a brick.
     pub(crate) fn position(&self, coord: BlockCoord) -> Option<usize> {
         self.index.get(coord).map(|i| i as usize)
@@ -60,55 +65,6 @@ pub(crate) fn brick_of(p: DVec3) -> BlockCoord {
 /// Centre of a brick in voxels.
 pub(crate) fn brick_centre(coord: BlockCoord) -> DVec3 {
     (IVec3::from_array(coord.to_array()).as_dvec3() + 0.5) * BRICK as f64
-}
-
-/// Cubes of `edge` voxels, and the bounding box of what is in each.
-pub(crate) type Boxes = Vec<(BlockCoord, [DVec3; 2])>;
-
-/// The bounding box of the points of each cube of `edge` voxels that has any, in Morton order of the cubes.
-pub(crate) fn boxes(points: &[DVec3], edge: usize) -> Boxes {
-    let mut keys: Vec<(MortonCode, u32)> = points
-        .par_iter()
-        .zip(0..points.len() as u32)
-        .map(|(p, i)| (BlockCoord::from((*p / edge as f64).floor().as_ivec3().to_array()).morton(), i))
-        .collect();
-    keys.par_sort_unstable();
-    let bounds = |run: &[(MortonCode, u32)]| {
-        let first = points[run[0].1 as usize];
-        run.iter().fold([first; 2], |[lo, hi], key| {
-            let p = points[key.1 as usize];
-            [lo.min(p), hi.max(p)]
-        })
-    };
-    keys.chunk_by(|a, b| a.0 == b.0).map(|run| (run[0].0.coord(), bounds(run))).collect()
-}
-
-/// The cubes of `edge` voxels with a voxel centre within `width` voxels of a box, in Morton order; `None` where they are
-/// more than `limit`.
-pub(crate) fn reached(boxes: &Boxes, edge: usize, width: f64, limit: usize) -> Option<Vec<BlockCoord>> {
-    let steps = (width / edge as f64).ceil() as i32;
-    let mut found = rustc_hash::FxHashSet::default();
-    for (coord, [lo, hi]) in boxes {
-        for z in -steps..=steps {
-            for y in -steps..=steps {
-                for x in -steps..=steps {
-                    let cube = coord.offset([x, y, z]);
-                    let first = IVec3::from_array(cube.to_array()).as_dvec3() * edge as f64 + 0.5;
-                    let last = first + (edge - 1) as f64;
-                    let gap = (first - *hi).max(*lo - last).max(DVec3::ZERO);
-                    if gap.length_squared() <= width * width {
-                        found.insert(cube.morton());
-                    }
-                }
-            }
-        }
-        if found.len() > limit {
-            return None;
-        }
-    }
-    let mut codes: Vec<MortonCode> = found.into_iter().collect();
-    codes.sort_unstable();
-    Some(codes.into_iter().map(MortonCode::coord).collect())
 }
 
 /// The neighbour of a voxel of a cube along axis `side / 2`, down if `side` is even: its index in its own cube, and the step

@@ -1,6 +1,7 @@
 //! Points with normals as surfels: small discs whose size follows from how far apart the points are.
 
 use crate::points::bricks::{Bricks, brick_centre, brick_of};
+use crate::points::sign::{SPACING_NEIGHBOURS, spacing};
 use glam::{DVec3, IVec3};
 use isv_spatial::PointTree;
 use isv_volume::{BlockCoord, MortonCode};
@@ -10,8 +11,6 @@ use rayon::prelude::*;
 const CELL: f64 = 0.5;
 /// Bits of a cell's number that tell cells of one cube of 2 voxels apart; all surfels there have one spacing.
 const SPACING_BITS: u32 = 6;
-/// Neighbours that the spacing is found from.
-const NEIGHBOURS: usize = 12;
 /// Surfels farther apart than this, in voxels, are no surface.
 pub(crate) const WIDEST_SPACING: f64 = 3.0;
 
@@ -94,10 +93,8 @@ pub(crate) fn surfels(merged: &[Merged]) -> (Bricks<Surfel>, f64) {
     let spacings: Vec<f64> = runs
         .par_iter()
         .map_init(Vec::new, |found, run| {
-            tree.k_nearest(run[run.len() / 2].at, NEIGHBOURS + 1, found);
-            // A point is its own first neighbour.
-            let radius = found.last().map_or(0.0, |n| n.distance_sq.sqrt());
-            radius * (std::f64::consts::PI / (found.len() - 1).max(1) as f64).sqrt()
+            tree.k_nearest(run[run.len() / 2].at, SPACING_NEIGHBOURS + 1, found);
+            spacing(found)
         })
         .collect();
     let mut lists: Vec<(BlockCoord, Vec<Surfel>)> = Vec::new();
