@@ -23,8 +23,8 @@ use rayon::prelude::*;
 pub(crate) const HEIGHT: f32 = 1.9;
 const HEIGHT_SQ: f32 = HEIGHT * HEIGHT;
 
-/// Surfels this high, in voxels, would have no weight.
-const LEVEL_SQ: f32 = 1.1 * HEIGHT_SQ;
+/// One over the square of the height, in voxels, at which surfels would have no weight.
+const INVERSE_LEVEL_SQ: f32 = 1.0 / (1.1 * HEIGHT_SQ);
 
 /// Sheets whose heights over each other add up to less than this, in voxels, are the same.
 const SAME_SHEET: f32 = 0.5;
@@ -60,10 +60,13 @@ pub(crate) fn near_field(surfels: &Bricks<Surfel>, bricks: &[BlockCoord]) -> Bri
     Bricks::new(lists)
 }
 
-/// A value a voxel.
-type Values = [f32; BRICK_VOXELS];
+/// A value a voxel of a row along x.
+type RowValues = [f32; BRICK];
 
-const ZERO: Values = [0.0; BRICK_VOXELS];
+/// A value a voxel, by rows.
+type Values = [RowValues; BRICK * BRICK];
+
+const ZERO: Values = [[0.0; BRICK]; BRICK * BRICK];
 
 /// Sums over surfels, for each voxel.
 #[derive(Clone)]
@@ -125,7 +128,7 @@ impl Workspace {
         if self.surfels.is_empty() {
             return None;
         }
-        self.closest_sq = [f32::INFINITY; BRICK_VOXELS];
+        self.closest_sq = [[f32::INFINITY; BRICK]; BRICK * BRICK];
         self.facing = Moments::ZERO;
         self.opposing.clear();
         vectorized(
@@ -163,7 +166,7 @@ impl Workspace {
         let mut any = false;
         for voxel in 0..BRICK_VOXELS {
             let mut sheet = self.facing.sheet(voxel);
-            if !self.opposing.is_empty() && self.other.weights[voxel] > 0.0 {
+            if !self.opposing.is_empty() && self.other.weights[voxel / BRICK][voxel % BRICK] > 0.0 {
                 sheet = sheet.join(self.other.sheet(voxel));
             }
             if sheet.weight > 0.0 {
@@ -187,17 +190,22 @@ fn find_closest(closest_sq: &mut Values, normals: &mut [Values; 3], surfel: &Sur
     let reach_sq = surfel.reach * surfel.reach;
     let free_sq = DISC_SHARE * DISC_SHARE * reach_sq;
     for row in Rows::of(surfel) {
+        let place = row.place(surfel);
+        let old_sq = closest_sq[row.index];
+        let mut distances_sq = old_sq;
         for x in 0..BRICK {
-            let (voxel, place) = (row.first + x, row.place(surfel, x));
-            let height_sq = place.height * place.height;
-            let distance_sq = height_sq + (place.beside_sq - free_sq).max(0.0);
-            let closer = (height_sq <= HEIGHT_SQ)
-                & (place.beside_sq <= reach_sq)
-                & (distance_sq < closest_sq[voxel]);
-            let pick = |new: f32, old: f32| if closer { new } else { old };
-            closest_sq[voxel] = pick(distance_sq, closest_sq[voxel]);
-            for axis in 0..3 {
-                normals[axis][voxel] = pick(surfel.normal[axis], normals[axis][voxel]);
+            let height_sq = place.height[x] * place.height[x];
+            let distance_sq = height_sq + (place.beside_sq[x] - free_sq).max(0.0);
+            let closer =
+                (height_sq <= HEIGHT_SQ) & (place.beside_sq[x] <= reach_sq) & (distance_sq < old_sq[x]);
+            distances_sq[x] = if closer { distance_sq } else { old_sq[x] };
+        }
+        closest_sq[row.index] = distances_sq;
+        for axis in 0..3 {
+            let normals = &mut normals[axis][row.index];
+            for x in 0..BRICK {
+                let closer = distances_sq[x] < old_sq[x];
+                normals[x] = if closer { surfel.normal[axis] } else { normals[x] };
             }
         }
     }
@@ -209,7 +217,7 @@ impl Moments {
         heights: ZERO,
         normals: [ZERO; 3],
         offsets: [ZERO; 3],
-        beside: [f32::INFINITY; BRICK_VOXELS],
+        beside: [[f32::INFINITY; BRICK]; BRICK * BRICK],
     };
 
     /// Adds a surfel, with a share of its weight by the cosine between its normal and the closest one's. Returns whether
@@ -218,47 +226,51 @@ impl Moments {
     fn add(&mut self, surfel: &Surfel, closest: &[Values; 3], share: impl Fn(f32) -> f32) -> bool {
         let inverse_reach_sq = 1.0 / (surfel.reach * surfel.reach);
         let inverse_certain_sq = 1.0 / (surfel.certain * surfel.certain);
-        let mut least = 1f32;
+        let mut least = [1f32; BRICK];
         for row in Rows::of(surfel) {
+            let place = row.place(surfel);
+            let [a, b, c] = [closest[0][row.index], closest[1][row.index], closest[2][row.index]];
+            let mut weights = [0.0; BRICK];
             for x in 0..BRICK {
-                let (voxel, place) = (row.first + x, row.place(surfel, x));
-                let agreement = closest[0][voxel] * surfel.normal[0]
-                    + closest[1][voxel] * surfel.normal[1]
-                    + closest[2][voxel] * surfel.normal[2];
-                let share = share(agreement);
-                let near = (1.0 - place.beside_sq * inverse_reach_sq).max(0.0);
-                let height_sq = place.height * place.height;
-                let level = if height_sq <= HEIGHT_SQ { 1.0 - height_sq / LEVEL_SQ } else { 0.0 };
+                let share =
+                    share(a[x] * surfel.normal[0] + b[x] * surfel.normal[1] + c[x] * surfel.normal[2]);
+                let near = (1.0 - place.beside_sq[x] * inverse_reach_sq).max(0.0);
+                let height_sq = place.height[x] * place.height[x];
+                let level = if height_sq <= HEIGHT_SQ { 1.0 - height_sq * INVERSE_LEVEL_SQ } else { 0.0 };
                 let weight = near * near * near * near * level;
-                least = if weight > 0.0 { least.min(share) } else { least };
-                let weight = weight * share;
-                self.weights[voxel] += weight;
-                self.heights[voxel] += weight * place.height;
-                for axis in 0..3 {
-                    self.normals[axis][voxel] += weight * surfel.normal[axis];
-                    self.offsets[axis][voxel] += weight * place.offset[axis];
-                }
-                let beside = place.beside_sq * inverse_certain_sq;
-                let counts = (weight > 0.0) & (beside < self.beside[voxel]);
-                self.beside[voxel] = if counts { beside } else { self.beside[voxel] };
+                least[x] = if weight > 0.0 { least[x].min(share) } else { least[x] };
+                weights[x] = weight * share;
+            }
+            let beside = &mut self.beside[row.index];
+            for x in 0..BRICK {
+                let share = place.beside_sq[x] * inverse_certain_sq;
+                let counts = (weights[x] > 0.0) & (share < beside[x]);
+                beside[x] = if counts { share } else { beside[x] };
+            }
+            add_rows(&mut self.weights[row.index], &weights, &[1.0; BRICK]);
+            add_rows(&mut self.heights[row.index], &weights, &place.height);
+            for axis in 0..3 {
+                add_rows(&mut self.normals[axis][row.index], &weights, &[surfel.normal[axis]; BRICK]);
+                add_rows(&mut self.offsets[axis][row.index], &weights, &place.offset[axis]);
             }
         }
-        least < 1.0
+        least.iter().any(|share| *share < 1.0)
     }
 
     /// The sheet that the surfels of a voxel make.
     #[inline(always)]
     fn sheet(&self, voxel: usize) -> Sheet {
-        let weight = self.weights[voxel];
-        let sum = [self.normals[0][voxel], self.normals[1][voxel], self.normals[2][voxel]];
-        let offset = [self.offsets[0][voxel], self.offsets[1][voxel], self.offsets[2][voxel]];
+        let (row, x) = (voxel / BRICK, voxel % BRICK);
+        let weight = self.weights[row][x];
+        let sum = [self.normals[0][row][x], self.normals[1][row][x], self.normals[2][row][x]];
+        let offset = [self.offsets[0][row][x], self.offsets[1][row][x], self.offsets[2][row][x]];
         let length = dot(sum, sum).sqrt().max(f32::MIN_POSITIVE);
         Sheet {
             weight,
-            distance: (self.heights[voxel] + dot(sum, offset) / length) / (weight + length),
+            distance: (self.heights[row][x] + dot(sum, offset) / length) / (weight + length),
             normal: [sum[0] / length, sum[1] / length, sum[2] / length],
             offset: [offset[0] / weight, offset[1] / weight, offset[2] / weight],
-            beside: self.beside[voxel],
+            beside: self.beside[row][x],
         }
     }
 }
@@ -296,6 +308,14 @@ impl Sheet {
     }
 }
 
+/// Adds the products of two rows to a third.
+#[inline(always)]
+fn add_rows(sums: &mut RowValues, weights: &RowValues, values: &RowValues) {
+    for x in 0..BRICK {
+        sums[x] += weights[x] * values[x];
+    }
+}
+
 #[inline(always)]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -303,34 +323,34 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// A row of voxels along x.
 struct Row {
-    /// Index of its first voxel.
-    first: usize,
+    index: usize,
     /// Offset from the surfel to the first voxel.
     offset: [f32; 3],
-    /// The parts of the height and of the squared distance that are the same in all of the row.
-    height: f32,
-    distance_sq: f32,
 }
 
-/// Where a voxel is, seen from a surfel.
+/// Where the voxels of a row are, seen from a surfel.
 struct Place {
-    offset: [f32; 3],
-    height: f32,
+    offset: [RowValues; 3],
+    height: RowValues,
     /// Squared distance from the surfel's normal line.
-    beside_sq: f32,
+    beside_sq: RowValues,
 }
 
 impl Row {
     #[inline(always)]
-    fn place(&self, surfel: &Surfel, x: usize) -> Place {
-        let along = self.offset[0] + x as f32;
-        let height = self.height + surfel.normal[0] * along;
-        let distance_sq = self.distance_sq + along * along;
-        Place {
-            offset: [along, self.offset[1], self.offset[2]],
-            height,
-            beside_sq: distance_sq - height * height,
+    fn place(&self, surfel: &Surfel) -> Place {
+        let [_, y, z] = self.offset;
+        let height = y * surfel.normal[1] + z * surfel.normal[2];
+        let distance_sq = y * y + z * z;
+        let zero = [0.0; BRICK];
+        let mut place = Place { offset: [zero, [y; BRICK], [z; BRICK]], height: zero, beside_sq: zero };
+        for x in 0..BRICK {
+            let along = self.offset[0] + x as f32;
+            place.offset[0][x] = along;
+            place.height[x] = height + surfel.normal[0] * along;
+            place.beside_sq[x] = distance_sq + along * along - place.height[x] * place.height[x];
         }
+        place
     }
 }
 
@@ -369,12 +389,11 @@ impl Iterator for Rows<'_> {
                 return None;
             }
             self.next[0] += 1;
-            let Surfel { at, normal, .. } = self.surfel;
+            let at = self.surfel.at;
             let offset = [FIRST - at[0], FIRST - at[1] + y as f32, FIRST - at[2] + z as f32];
             let distance_sq = offset[1] * offset[1] + offset[2] * offset[2];
             if distance_sq <= self.reach_sq {
-                let height = normal[1] * offset[1] + normal[2] * offset[2];
-                return Some(Row { first: (z * BRICK + y) * BRICK, offset, height, distance_sq });
+                return Some(Row { index: z * BRICK + y, offset });
             }
         }
     }
