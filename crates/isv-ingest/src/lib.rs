@@ -1,4 +1,4 @@
-//! Meshes to sparse TSDF volumes (paper Sec. 3.2, explicit surface conversion).
+//! Meshes and point clouds to sparse TSDF volumes (paper Sec. 3.2, explicit surface conversion).
 //!
 //! Every voxel within the truncation band of a triangle gets the exact distance to the closest triangle (Eq. 7), signed
 //! by the generalized winding number where the surface is closed (Eq. 8) or lowered by a constant where it is not
@@ -28,6 +28,8 @@
 //! narrows the list down to cubes of 2 x 2 x 2 voxels, `distance` measures, and `regions` spreads each winding number over
 //! all voxels that are certain to share it. `holes` finds the openings that must stay open, `caps` removes what the
 //! winding number would still close there, and `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, `limits` refuses what cannot be done.
+//! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
+//! [`ingest_points`].
 
 mod caps;
 mod descent;
@@ -35,6 +37,7 @@ mod distance;
 mod error;
 mod holes;
 mod limits;
+mod points;
 mod regions;
 mod rim;
 mod sampler;
@@ -45,6 +48,9 @@ mod tiles;
 mod tests;
 
 pub use error::IngestError;
+pub use points::{
+    PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points,
+};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;

@@ -1,31 +1,62 @@
 //! Refusing what cannot be done, before it costs anything, and saying what could be.
 
+use crate::points::cubes::{boxes, reached};
 use crate::tiles::{Band, OverLimit, TileList, VoxelMesh, count_blocks};
-use crate::{IngestError, MeshIngest, SignDecision};
-use isv_volume::{COORD_LIMIT, Grid, TriangleMesh, VoxelSize};
+use crate::{IngestError, MeshIngest, PointIngest, PointSign, SignDecision};
+use glam::DVec3;
+use isv_volume::{COORD_LIMIT, Grid, PointCloud, TriangleMesh, VoxelSize};
 
 /// The offset in voxels: that of the settings for an open surface, zero for a closed one.
 pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<f64, IngestError> {
-    let truncation = settings.grid.truncation.voxels();
     match sign {
         SignDecision::Closed { .. } => Ok(0.0),
-        SignDecision::Offset
-            if settings.offset_voxels > 0.0 && settings.offset_voxels <= f64::from(truncation) =>
-        {
-            Ok(settings.offset_voxels)
-        }
-        SignDecision::Offset => Err(IngestError::Offset { voxels: settings.offset_voxels, truncation }),
+        SignDecision::Offset => offset_in_band(settings.offset_voxels, &settings.grid),
     }
+}
+
+/// The same for points.
+pub(crate) fn check_points_offset(settings: &PointIngest, sign: PointSign) -> Result<f64, IngestError> {
+    match sign {
+        PointSign::Oriented => Ok(0.0),
+        PointSign::Offset => offset_in_band(settings.offset_voxels, &settings.grid),
+    }
+}
+
+/// An offset, if both sides of the shell are inside the truncation band.
+fn offset_in_band(voxels: f64, grid: &Grid) -> Result<f64, IngestError> {
+    let truncation = grid.truncation.voxels();
+    let fits = voxels > 0.0 && voxels <= f64::from(truncation);
+    if fits { Ok(voxels) } else { Err(IngestError::Offset { voxels, truncation }) }
 }
 
 /// Refuses meshes that reach beyond the range of block coordinates.
 pub(crate) fn check_range(mesh: &TriangleMesh, grid: &Grid, offset: f64) -> Result<(), IngestError> {
-    let Some((lo, hi)) = mesh.bounds() else { return Ok(()) };
+    check_bounds(mesh.bounds(), grid, offset, grid.edge.voxels())
+}
+
+/// The same for points, which are also sorted into `cubes` of that many voxels.
+pub(crate) fn check_points_range(
+    cloud: &PointCloud,
+    grid: &Grid,
+    offset: f64,
+    cubes: usize,
+) -> Result<(), IngestError> {
+    check_bounds(cloud.bounds(), grid, offset, cubes.min(grid.edge.voxels()))
+}
+
+/// Refuses bounds that reach beyond what coordinates of cubes of that many voxels can address.
+fn check_bounds(
+    bounds: Option<(DVec3, DVec3)>,
+    grid: &Grid,
+    offset: f64,
+    cube: usize,
+) -> Result<(), IngestError> {
+    let Some((lo, hi)) = bounds else { return Ok(()) };
     let voxel_m = grid.voxel_size.metres();
     let farthest = lo.abs().max(hi.abs()).max_element();
     let margin = f64::from(grid.truncation.voxels()) + offset;
     // One tile is kept clear at the end of the range, so that no tile begins outside it.
-    let limit_voxels = f64::from(COORD_LIMIT - crate::tiles::TILE_BLOCKS) * grid.edge.voxels() as f64;
+    let limit_voxels = f64::from(COORD_LIMIT - crate::tiles::TILE_BLOCKS) * cube as f64;
     if farthest / voxel_m + margin <= limit_voxels {
         return Ok(());
     }
@@ -56,18 +87,33 @@ pub(crate) fn list_tiles(
     {
         return Ok(list);
     }
-    let voxel_m = settings.grid.voxel_size.metres();
-    let count = |voxel_m: f64| count_at(mesh, voxel_m, &band, limit);
+    Err(too_many_blocks(&settings.grid, limit, |voxel_m| count_at(mesh, voxel_m, &band, limit)))
+}
+
+/// Refuses points around which more blocks than allowed have voxels within `width` voxels.
+pub(crate) fn check_points_blocks(
+    cloud: &PointCloud,
+    settings: &PointIngest,
+    width: f64,
+) -> Result<(), IngestError> {
+    let (edge, limit) = (settings.grid.edge.voxels(), settings.max_blocks);
+    let count = |voxel_m: f64| {
+        let points: Vec<DVec3> = cloud.positions.iter().map(|p| *p / voxel_m).collect();
+        reached(&boxes(&points, edge), edge, width, limit).map(|blocks| blocks.len())
+    };
+    match count(settings.grid.voxel_size.metres()) {
+        Some(_) => Ok(()),
+        None => Err(too_many_blocks(&settings.grid, limit, count)),
+    }
+}
+
+/// Says that there are too many blocks, and which voxel size fits. `count` gives nothing above the limit.
+fn too_many_blocks(grid: &Grid, limit: usize, count: impl Fn(f64) -> Option<usize>) -> IngestError {
+    let voxel_m = grid.voxel_size.metres();
     let (blocks, fits_m) = voxel_that_fits(voxel_m, count);
     // The number of blocks goes with the inverse square of their edge.
     let blocks = (blocks.max(1) as f64 * (fits_m / voxel_m).powi(2)).max(limit as f64 + 1.0) as u64;
-    Err(IngestError::TooManyBlocks {
-        blocks,
-        edge: settings.grid.edge,
-        limit,
-        voxel_m,
-        voxel_that_fits_m: fits_m,
-    })
+    IngestError::TooManyBlocks { blocks, edge: grid.edge, limit, voxel_m, voxel_that_fits_m: fits_m }
 }
 
 /// Number of blocks at a voxel size, if within the limit.
@@ -98,7 +144,7 @@ fn voxel_that_fits(voxel_m: f64, count: impl Fn(f64) -> Option<usize>) -> (usize
 }
 
 /// Rounded up to two significant digits.
-fn round_up(value: f64) -> f64 {
+pub(crate) fn round_up(value: f64) -> f64 {
     let unit = 10f64.powi(value.log10().floor() as i32 - 1);
     let digits = (value / unit).ceil();
     // Dividing by the inverse gives the double closest to the decimal number where the unit is below one.

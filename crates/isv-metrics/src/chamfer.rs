@@ -1,9 +1,9 @@
 //! The symmetric Chamfer distance of Eq. 15.
 
 use crate::SplitMix64;
-use crate::point_tree::PointTree;
 use crate::sampling::sample_points;
 use glam::DVec3;
+use isv_spatial::PointTree;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 

@@ -1,10 +1,9 @@
 //! All measures of one mesh against another.
 
 use crate::chamfer::{chamfer_of_trees, second_seed};
-use crate::point_tree::PointTree;
 use crate::sampling::{sample_count, sample_points};
 use crate::{SurfaceDistances, connected_components, distances_to_surface};
-use isv_spatial::Bvh;
+use isv_spatial::{Bvh, PointTree};
 use isv_volume::TriangleMesh;
 use serde::Serialize;
 use std::fmt;

@@ -24,7 +24,6 @@ mod chamfer;
 mod compare;
 mod components;
 mod point_to_surface;
-mod point_tree;
 mod random;
 mod sampling;
 

@@ -1,6 +1,6 @@
-//! Spatial queries on triangle meshes: closest point and generalized winding number.
+//! Spatial queries: closest point and generalized winding number of triangle meshes, nearest neighbours in point sets.
 //!
-//! Both queries stand on one bounding-volume hierarchy and copy the triangles into its order, so a query object
+//! Both queries on meshes stand on one bounding-volume hierarchy and copy the triangles into its order, so a query object
 //! borrows nothing. Triangles may be degenerate, duplicated or non-manifold; nothing here asks for a closed surface.
 //! All arithmetic is `f64`, and every result is the same for any number of threads.
 //!
@@ -23,9 +23,11 @@
 mod bvh;
 mod closest;
 mod expansion;
+mod point_tree;
 mod tree;
 mod winding;
 
 pub use bvh::{Bvh, Closest};
 pub use closest::{Feature, closest_on_triangle};
+pub use point_tree::{Neighbour, PointTree};
 pub use winding::{WindingNumber, exact_winding_number};

@@ -1,0 +1,163 @@
+//! Signs that neighbours agree on.
+//!
+//! Beside sharp creases the closest point can tell the wrong side. Two neighbouring voxels whose distances add up to more
+//! than a surface between them could explain are on one side of it. Where their signs differ all the same, the regions that
+//! hang together with either in this way are followed side by side, and the smaller one, which ends first, was wrong. Where
+//! neither ends, there is surface with two sides and an end that nobody saw: both voxels are unobserved.
+
+use crate::caps::Blocks;
+use crate::points::bricks::step;
+use isv_volume::{BlockEdge, BlockIndex, CODES_PER_VOXEL, VoxelMask};
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+
+/// Neighbours whose distances add up to more codes than this have no surface between them.
+const APART: u32 = CODES_PER_VOXEL as u32 * 3 / 2;
+
+/// A region of this many voxels is not wrong.
+const LARGE: usize = 8192;
+
+/// A voxel: its block, and its index there.
+type VoxelAt = (u32, u16);
+
+/// The samples of all blocks with their neighbours.
+struct Sides<'a> {
+    blocks: &'a mut Blocks,
+    index: BlockIndex,
+    edge: BlockEdge,
+    /// Voxels of regions that are large.
+    large: FxHashSet<VoxelAt>,
+}
+
+/// Voxels on one side, as far as they have been followed.
+struct Region {
+    voxels: Vec<VoxelAt>,
+    found: FxHashSet<VoxelAt>,
+    followed: usize,
+}
+
+impl Blocks {
+    /// Settles signs that contradict each other.
+    pub(crate) fn settle_sides(&mut self, edge: BlockEdge) {
+        let index = BlockIndex::new(&self.coords);
+        let mut sides = Sides { blocks: self, index, edge, large: FxHashSet::default() };
+        let conflicts: Vec<[VoxelAt; 2]> = (0..sides.blocks.coords.len() as u32)
+            .into_par_iter()
+            .flat_map_iter(|block| sides.conflicts(block))
+            .collect();
+        for pair in conflicts {
+            sides.settle(pair);
+        }
+    }
+}
+
+impl Sides<'_> {
+    /// The pairs of a voxel of a block and its upper neighbour that contradict each other.
+    fn conflicts(&self, block: u32) -> Vec<[VoxelAt; 2]> {
+        let size = self.edge.block_voxels();
+        let samples = &self.blocks.samples[block as usize * size..][..size];
+        let mut found = Vec::new();
+        for (voxel, s) in samples.iter().enumerate() {
+            for side in [1, 3, 5] {
+                let (to, leaves) = step(self.edge, voxel, side);
+                if leaves.is_none() && !conflict(*s, samples[to]) {
+                    continue;
+                }
+                let at = (block, voxel as u16);
+                found.extend(self.neighbour(at, side).map(|next| [at, next]).filter(|pair| self.is_conflict(*pair)));
+            }
+        }
+        found
+    }
+
+    fn sample(&self, (block, voxel): VoxelAt) -> i16 {
+        self.blocks.samples[block as usize * self.edge.block_voxels() + usize::from(voxel)]
+    }
+
+    fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
+        !self.blocks.masks.get(&block).is_some_and(|mask| mask.contains(usize::from(voxel)))
+    }
+
+    fn is_conflict(&self, [a, b]: [VoxelAt; 2]) -> bool {
+        conflict(self.sample(a), self.sample(b)) && self.is_observed(a) && self.is_observed(b)
+    }
+
+    fn neighbour(&self, (block, voxel): VoxelAt, side: usize) -> Option<VoxelAt> {
+        let (to, leaves) = step(self.edge, usize::from(voxel), side);
+        let block = match leaves {
+            None => block,
+            Some(by) => self.index.get(self.blocks.coords[block as usize].offset(by))?,
+        };
+        Some((block, to as u16))
+    }
+
+    /// Finds out which of two voxels is on the wrong side.
+    fn settle(&mut self, pair: [VoxelAt; 2]) {
+        if !self.is_conflict(pair) {
+            return;
+        }
+        let mut regions = pair.map(|at| Region {
+            voxels: vec![at],
+            found: FxHashSet::from_iter([at]),
+            followed: 0,
+        });
+        while regions.iter().any(|region| !self.is_large(region)) {
+            for region in &mut regions {
+                if self.is_large(region) {
+                    continue;
+                }
+                if region.followed == region.voxels.len() {
+                    self.reverse(&region.voxels);
+                    return;
+                }
+                self.follow(region);
+            }
+        }
+        for region in regions {
+            self.large.extend(region.voxels);
+        }
+        for (block, voxel) in pair {
+            let mask = self.blocks.masks.entry(block).or_insert_with(|| VoxelMask::empty(self.edge));
+            mask.insert(usize::from(voxel));
+        }
+    }
+
+    /// Whether a region is known to be large.
+    fn is_large(&self, region: &Region) -> bool {
+        region.voxels.len() >= LARGE || region.voxels.last().is_some_and(|at| self.large.contains(at))
+    }
+
+    /// Adds the neighbours of the next voxel of a region that are on its side.
+    fn follow(&self, region: &mut Region) {
+        let at = region.voxels[region.followed];
+        region.followed += 1;
+        let s = self.sample(at);
+        for next in (0..6).filter_map(|side| self.neighbour(at, side)) {
+            let t = self.sample(next);
+            let same = (s < 0) == (t < 0) && sum(s, t) > APART && self.is_observed(next);
+            if same && region.found.insert(next) {
+                region.voxels.push(next);
+                if self.large.contains(&next) {
+                    return;
+                }
+            }
+        }
+    }
+
+    fn reverse(&mut self, voxels: &[VoxelAt]) {
+        let size = self.edge.block_voxels();
+        for (block, voxel) in voxels {
+            let sample = &mut self.blocks.samples[*block as usize * size + usize::from(*voxel)];
+            *sample = -*sample;
+        }
+    }
+}
+
+/// Whether two neighbouring samples are on different sides of a surface that cannot be there.
+fn conflict(s: i16, t: i16) -> bool {
+    (s < 0) != (t < 0) && sum(s, t) > APART
+}
+
+fn sum(s: i16, t: i16) -> u32 {
+    u32::from(s.unsigned_abs()) + u32::from(t.unsigned_abs())
+}

@@ -1,0 +1,179 @@
+//! Nearest neighbours in a fixed set of points.
+
+use glam::DVec3;
+
+/// Ranges of at most this many points are searched one by one.
+const LEAF_SIZE: usize = 8;
+
+/// Ranges of at least this many points are built by two threads.
+const PARALLEL_SIZE: usize = 8192;
+
+/// A balanced k-d tree without pointers: the middle point of a range splits it along an axis, the points before it
+/// make one child and those behind it the other, down to [`LEAF_SIZE`].
+///
+/// Our own and not a crate's, because samples of flat walls share one coordinate by the thousand, which bucket trees
+/// refuse or degenerate on; splitting by rank does not mind.
+#[derive(Clone, Debug)]
+pub struct PointTree {
+    points: Vec<DVec3>,
+    /// For each point its place in the list that the tree was made from.
+    origins: Vec<u32>,
+    /// For the middle point of a range, the axis it splits along; unused elsewhere.
+    axes: Vec<u8>,
+}
+
+/// A neighbour found by [`PointTree::k_nearest`].
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Neighbour {
+    /// Square of the distance.
+    pub distance_sq: f64,
+    /// Place of the point in the list that the tree was made from.
+    pub index: u32,
+}
+
+impl PointTree {
+    /// A tree of finite points, at most `u32::MAX` of them.
+    #[must_use]
+    pub fn new(points: Vec<DVec3>) -> Self {
+        let mut nodes: Vec<Node> = points.into_iter().zip(0..).collect();
+        let mut axes = vec![0; nodes.len()];
+        build(&mut nodes, &mut axes);
+        let (points, origins) = nodes.into_iter().unzip();
+        Self { points, origins, axes }
+    }
+
+    /// The points, in an order in which neighbours in the list lie near each other.
+    #[must_use]
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Square of the distance from `p` to the nearest point; infinite in an empty tree.
+    #[must_use]
+    pub fn nearest_sq(&self, p: DVec3) -> f64 {
+        let mut best_sq = f64::INFINITY;
+        self.visit(0, self.points.len(), p, &mut |point, _| {
+            best_sq = best_sq.min(point.distance_squared(p));
+            best_sq
+        });
+        best_sq
+    }
+
+    /// The `k` points nearest to `p` (all points if there are fewer), nearest first; among equals the one that came first
+    /// in the list that the tree was made from. `found` is cleared and filled.
+    pub fn k_nearest(&self, p: DVec3, k: usize, found: &mut Vec<Neighbour>) {
+        found.clear();
+        if k == 0 {
+            return;
+        }
+        self.visit(0, self.points.len(), p, &mut |point, at| {
+            let new = Neighbour { distance_sq: point.distance_squared(p), index: self.origins[at] };
+            let is_before = |n: &Neighbour| (n.distance_sq, n.index) < (new.distance_sq, new.index);
+            if found.len() < k || !found.last().is_some_and(is_before) {
+                found.truncate(k - 1);
+                found.insert(found.partition_point(is_before), new);
+            }
+            if found.len() < k { f64::INFINITY } else { found[k - 1].distance_sq }
+        });
+    }
+
+    /// Shows `look` each point of a range, with its place in the tree's order, that may lie within the squared radius that
+    /// `look` returned last.
+    fn visit(&self, start: usize, end: usize, p: DVec3, look: &mut impl FnMut(DVec3, usize) -> f64) -> f64 {
+        let mut within_sq = f64::INFINITY;
+        if end - start <= LEAF_SIZE {
+            for at in start..end {
+                within_sq = look(self.points[at], at);
+            }
+            return within_sq;
+        }
+        let middle = start.midpoint(end);
+        let pivot = self.points[middle];
+        let axis = usize::from(self.axes[middle]);
+        let beyond = p[axis] - pivot[axis];
+        let (before, behind) = ((start, middle), (middle + 1, end));
+        let (near, far) = if beyond < 0.0 { (before, behind) } else { (behind, before) };
+        self.visit(near.0, near.1, p, look);
+        within_sq = look(pivot, middle);
+        if beyond * beyond <= within_sq {
+            within_sq = self.visit(far.0, far.1, p, look);
+        }
+        within_sq
+    }
+}
+
+/// A point and its place in the list that the tree is made from.
+type Node = (DVec3, u32);
+
+/// Sorts a range into tree order. The depth is the logarithm of its length, whatever the points.
+fn build(nodes: &mut [Node], axes: &mut [u8]) {
+    if nodes.len() <= LEAF_SIZE {
+        return;
+    }
+    let first = nodes[0].0;
+    let (lo, hi) = nodes.iter().fold((first, first), |(lo, hi), (p, _)| (lo.min(*p), hi.max(*p)));
+    let axis = (hi - lo).max_position();
+    let middle = nodes.len() / 2;
+    let (before, _, behind) = nodes.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
+    let (axes_before, rest) = axes.split_at_mut(middle);
+    let (here, axes_behind) = rest.split_at_mut(1);
+    here[0] = axis as u8;
+    if before.len() >= PARALLEL_SIZE {
+        rayon::join(|| build(before, axes_before), || build(behind, axes_behind));
+    } else {
+        build(before, axes_before);
+        build(behind, axes_behind);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_testkit::Random;
+
+    fn cloud(seed: u64, count: usize, scale: DVec3) -> Vec<DVec3> {
+        let mut random = Random::new(seed);
+        (0..count).map(|_| random.point() * scale).collect()
+    }
+
+    #[test]
+    fn finds_exactly_what_brute_force_finds() {
+        for (count, scale) in
+            [(1, DVec3::ONE), (9, DVec3::ONE), (300, DVec3::ONE), (20_000, DVec3::new(1.0, 0.0, 3.0))]
+        {
+            let points = cloud(4, count, scale);
+            let tree = PointTree::new(points.clone());
+            let mut found = Vec::new();
+            for p in cloud(5, 200, DVec3::splat(1.5)) {
+                let mut all: Vec<Neighbour> = points
+                    .iter()
+                    .zip(0..)
+                    .map(|(q, index)| Neighbour { distance_sq: q.distance_squared(p), index })
+                    .collect();
+                all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+                tree.k_nearest(p, 7, &mut found);
+                assert_eq!(found, all[..count.min(7)], "{count} points, {p}");
+                assert_eq!(tree.nearest_sq(p), all[0].distance_sq);
+            }
+        }
+    }
+
+    #[test]
+    fn equal_points_make_no_deep_tree_and_come_in_order() {
+        let tree = PointTree::new(vec![DVec3::ONE; 100_000]);
+        assert_eq!(tree.nearest_sq(DVec3::ZERO), 3.0);
+        assert_eq!(tree.points().len(), 100_000);
+        let mut found = Vec::new();
+        tree.k_nearest(DVec3::ZERO, 3, &mut found);
+        assert_eq!(found, [0, 1, 2].map(|index| Neighbour { distance_sq: 3.0, index }));
+    }
+
+    #[test]
+    fn an_empty_tree_is_infinitely_far() {
+        let tree = PointTree::new(Vec::new());
+        assert_eq!(tree.nearest_sq(DVec3::ZERO), f64::INFINITY);
+        let mut found = Vec::new();
+        tree.k_nearest(DVec3::ZERO, 3, &mut found);
+        assert!(found.is_empty());
+    }
+}
