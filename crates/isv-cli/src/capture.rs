@@ -1,14 +1,20 @@
 //! Inputs: everything that frames can come from.
 
+mod files;
+mod kinds;
+mod pipe;
+
 use crate::frame_range::FrameRange;
-use crate::stream::{self, StreamFrames, load_index};
-use anyhow::{Result, bail};
-use isv::format::{FrameRate, StreamHeader};
-use isv::io::{FrameSequence, Geometry, ScaleCheck, Unit, read_geometry};
+use crate::output::is_pipe;
+use crate::stream;
+use anyhow::{Result, anyhow, bail};
+use isv::format::FrameRate;
+use isv::io::{Geometry, Unit};
 use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{Grid, SparseVolume, TriangleMesh};
+use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, VoxelSize};
+use kinds::Kind;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Frames, one after the other, each of them or what is wrong with it.
 pub(crate) type Frames<T> = Box<dyn Iterator<Item = Result<T>> + Send>;
@@ -18,6 +24,8 @@ pub(crate) type Frames<T> = Box<dyn Iterator<Item = Result<T>> + Send>;
 pub(crate) enum Content {
     /// A mesh or points.
     Geometry(Geometry),
+    /// What depth cameras saw at one time.
+    Depth(Vec<DepthImage>),
     /// A volume already.
     Volume(SparseVolume),
 }
@@ -32,40 +40,46 @@ pub(crate) struct CapturedFrame {
     pub(crate) content: Content,
 }
 
+/// What a user says of a capture that does not say so itself.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hints {
+    /// Unit of coordinates.
+    pub(crate) unit: Unit,
+    pub(crate) voxel_size: Option<VoxelSize>,
+    /// Frames a second, at which an animation is sampled.
+    pub(crate) frame_rate: FrameRate,
+}
+
+impl Hints {
+    /// Those of a capture in a unit, with nothing else said.
+    pub(crate) fn in_unit(unit: Unit) -> Self {
+        Self { unit, voxel_size: None, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
+    }
+}
+
 /// An input of frames.
-#[derive(Debug)]
 pub(crate) struct Capture {
     name: String,
-    frames: usize,
+    /// How many, if that is known before they came.
+    frames: Option<usize>,
     kind: Kind,
 }
 
-#[derive(Debug)]
-enum Kind {
-    /// Files of meshes or points, one a frame.
-    Files(FrameSequence, Unit),
-    /// An `.isv` file.
-    Stream(StreamHeader),
-}
-
 impl Capture {
-    /// Finds the frames of a folder, a pattern or a file. `unit` is that of the coordinates in files that do not say.
-    pub(crate) fn open(input: &str, unit: Unit) -> Result<Self> {
-        let path = Path::new(input);
-        let is_stream = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("isv"));
-        let (frames, kind) = if is_stream {
-            let (_, header) = stream::open(path)?;
-            (load_index(path)?.frames.len(), Kind::Stream(header))
-        } else {
-            let sequence = FrameSequence::open(input)?;
-            (sequence.paths().len(), Kind::Files(sequence, unit))
-        };
-        Ok(Self { name: input.to_owned(), frames, kind })
+    /// Finds the frames of a folder, a pattern, a file or (`-`) standard input.
+    pub(crate) fn open(input: &str, hints: &Hints) -> Result<Self> {
+        let (frames, kind) = Kind::open(input, hints)?;
+        Ok(Self { name: stream::name(Path::new(input)), frames, kind })
     }
 
-    /// How many frames there are.
-    pub(crate) fn frames(&self) -> usize {
+    /// How many frames there are, unless they come from a pipe.
+    pub(crate) fn frames(&self) -> Option<usize> {
         self.frames
+    }
+
+    /// How many frames there are, where that must be known.
+    pub(crate) fn counted(&self) -> Result<usize> {
+        self.frames.ok_or_else(|| anyhow!("{}: a pipe cannot be used here: name a file or folder", self.name))
     }
 
     /// The input as given.
@@ -75,97 +89,56 @@ impl Capture {
 
     /// Frames a second, where the capture says.
     pub(crate) fn frame_rate(&self) -> Option<FrameRate> {
-        match &self.kind {
-            Kind::Files(..) => None,
-            Kind::Stream(header) => Some(header.frame_rate),
-        }
+        self.kind.frame_rate()
     }
 
     /// The grid that the frames are on already, if they are volumes.
     pub(crate) fn grid(&self) -> Option<Grid> {
-        match &self.kind {
-            Kind::Files(..) => None,
-            Kind::Stream(header) => Some(header.grid),
-        }
+        self.kind.grid()
     }
 
     /// Whether a frame can be read after one that cannot.
     pub(crate) fn frames_stand_alone(&self) -> bool {
-        match &self.kind {
-            Kind::Files(..) => true,
-            Kind::Stream(_) => false,
-        }
+        self.kind.frames_stand_alone()
     }
 
-    /// The frames of a range, or all, counted from 0.
+    /// The frames of a range, or all, counted from 0. Of a pipe, which may hold fewer, no more is known here.
     pub(crate) fn range(&self, range: Option<FrameRange>) -> Result<Range<usize>> {
-        range.map_or(Ok(0..self.frames), |range| range.within(self.frames, &self.name))
-    }
-
-    /// Reads frames that are there.
-    pub(crate) fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
-        match self.kind {
-            Kind::Files(sequence, unit) => {
-                Ok(Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, unit)))
-            }
-            Kind::Stream(_) => {
-                let range = FrameRange { start: range.start, end: range.end };
-                let frames = StreamFrames::open(Path::new(&self.name), Some(range))?;
-                Ok(Box::new(frames.map(move |frame| {
-                    let frame = frame?;
-                    let (number, content) = (frame.number, Content::Volume(frame.volume));
-                    Ok(CapturedFrame { number, name: format!("{}, frame {number}", self.name), content })
-                })))
-            }
+        match (range, self.frames) {
+            (Some(range), Some(frames)) => range.within(frames, &self.name),
+            (Some(range), None) => Ok(range.start..range.end),
+            (None, frames) => Ok(0..frames.unwrap_or(usize::MAX)),
         }
     }
 
-    /// Reads the surfaces of frames that are there: meshes as they are, volumes by their zero crossing.
+    /// Reads the frames of a range that [`Self::range`] gave.
+    pub(crate) fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
+        self.kind.read(self.name, range)
+    }
+
+    /// Reads the surfaces of such frames: meshes as they are, volumes by their zero crossing.
     pub(crate) fn meshes(self, range: Range<usize>) -> Result<Frames<TriangleMesh>> {
         Ok(Box::new(self.read(range)?.map(|frame| surface_of(frame?))))
     }
+}
+
+impl std::fmt::Debug for Capture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Capture").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+/// Whether an input is `-`.
+fn is_standard_input(input: &str) -> bool {
+    is_pipe(Path::new(input))
 }
 
 fn surface_of(frame: CapturedFrame) -> Result<TriangleMesh> {
     match frame.content {
         Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
         Content::Volume(volume) => Ok(extract_surface(&volume, &SurfaceOptions { normals: true })),
-        Content::Geometry(Geometry::Points(_)) => {
-            bail!("{}: points, where a surface is needed: isv encode makes one of them", frame.name)
+        Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => {
+            bail!("{}: no surface yet: isv encode makes one of points and depth images", frame.name)
         }
-    }
-}
-
-/// Reads files in order.
-struct FileFrames {
-    paths: std::vec::IntoIter<PathBuf>,
-    /// Number of the next frame.
-    number: usize,
-    unit: Unit,
-    scale: ScaleCheck,
-}
-
-impl FileFrames {
-    fn new(sequence: &FrameSequence, first: usize, unit: Unit) -> Self {
-        let paths = sequence.paths().to_vec().into_iter();
-        Self { paths, number: first, unit, scale: ScaleCheck::new() }
-    }
-
-    fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame> {
-        let geometry = read_geometry(path, self.unit)?;
-        let diagonal_m = geometry.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        self.scale.check(path, diagonal_m)?;
-        Ok(CapturedFrame { number, name: path.display().to_string(), content: Content::Geometry(geometry) })
-    }
-}
-
-impl Iterator for FileFrames {
-    type Item = Result<CapturedFrame>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let path = self.paths.next()?;
-        let number = self.number;
-        self.number += 1;
-        Some(self.read(number, &path))
     }
 }

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 /// One frame of `encode --stats`.
 #[derive(Debug, Serialize)]
 pub(crate) struct EncodedFrameStats {
-    /// Mesh to volume, reading the file not included. The frame before is being encoded meanwhile.
+    /// Capture to volume, reading the file not included.
     pub(crate) ingest_ms: f64,
-    /// Volume to packet. The next frame is being read and ingested meanwhile.
+    /// Volume to packet.
     pub(crate) encode_ms: f64,
     /// The packet, its header included.
     pub(crate) bytes: usize,
@@ -21,7 +21,7 @@ pub(crate) struct EncodedFrameStats {
     pub(crate) bytes_coefficients: usize,
     /// Blocks within the truncation band.
     pub(crate) blocks_band: usize,
-    /// Blocks in the stream: in the paper's profile, all of them.
+    /// Blocks in the stream.
     pub(crate) blocks_coded: usize,
     pub(crate) keyframe: bool,
     /// Change of the field within 0.9 voxel of the surface.
@@ -31,8 +31,9 @@ pub(crate) struct EncodedFrameStats {
 /// One frame of `decode --stats`.
 #[derive(Debug, Serialize)]
 pub(crate) struct DecodedFrameStats {
-    /// Packet to volume. The surface of the frame before is being extracted and written meanwhile.
+    /// Packet to volume.
     pub(crate) decode_ms: f64,
+    /// Volume to mesh or points; nothing for volumes.
     pub(crate) surface_ms: f64,
     pub(crate) write_ms: f64,
 }

@@ -64,7 +64,7 @@ pub(crate) struct StreamFrames {
 }
 
 impl StreamFrames {
-    /// Opens a stream. In a file, decoding begins at the last keyframe before the range; on a pipe, at the start.
+    /// Opens a stream, to be decoded at a level of detail. In a file, decoding begins at the last keyframe before the range; on a pipe, at the start.
     pub(crate) fn open(path: &Path, range: Option<FrameRange>) -> Result<Self> {
         let (mut packets, header) = open(path)?;
         let mut first = 0;
@@ -75,10 +75,10 @@ impl StreamFrames {
         Ok(Self { name: name(path), packets, decoder, first, next: first, range })
     }
 
-    /// Whether all was read that the writer meant to write. Says nothing before the last frame has been asked for, nor
+    /// Tells, once the last frame has been asked for, whether all was read that the writer meant to write. Says nothing
     /// where a range ended before the stream.
-    pub(crate) fn complete(&self) -> bool {
-        self.packets.complete()
+    pub(crate) fn whole(&self) -> Whole {
+        self.whole.clone()
     }
 
     /// Decodes up to the next frame inside the range.

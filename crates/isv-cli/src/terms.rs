@@ -13,10 +13,28 @@ pub(crate) enum ProfileName {
 }
 
 /// `--as`
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FormName {
     /// A triangle mesh of the surface
     Mesh,
+    /// Points spread evenly over the surface
+    Points,
+    /// The truncated signed distances themselves
+    Volume,
+}
+
+/// `--lod`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum LodName {
+    /// Full resolution
+    #[value(name = "1")]
+    Full,
+    /// Voxels twice as large
+    #[value(name = "2")]
+    Half,
+    /// Voxels four times as large
+    #[value(name = "4")]
+    Quarter,
 }
 
 /// `--motion`
@@ -34,6 +52,15 @@ pub(crate) enum MotionName {
     SixDof,
     /// Whichever takes the fewest bytes, frame by frame; takes as long as all of them
     Auto,
+}
+
+/// `--band`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BandName {
+    /// Only the blocks that the surface needs: the mesh is the same, the volume ends close to it
+    Surface,
+    /// All blocks within the truncation of the surface, as the paper has it
+    Full,
 }
 
 /// `--sign`
@@ -73,6 +100,17 @@ impl From<SignName> for SignMode {
             SignName::Auto => Self::Auto,
             SignName::Closed => Self::Closed,
             SignName::Offset => Self::Offset,
+        }
+    }
+}
+
+impl FormName {
+    /// The form in a sentence.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Mesh => "meshes",
+            Self::Points => "points",
+            Self::Volume => "volumes",
         }
     }
 }

@@ -1,38 +1,54 @@
-//! `isv decode`: a stream to meshes.
+//! `isv decode`: a stream to meshes, points or volumes.
 
+mod product;
+mod sink;
+
+use crate::ahead::Ahead;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
-use crate::output::{Output, frames_in_words, is_pipe};
+use crate::interrupt;
+use crate::length::Length;
+use crate::output::frames_in_words;
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
-use crate::stream::{self, StreamFrames};
-use crate::terms::FormName;
+use crate::stream::{self, StreamFrame, StreamFrames};
+use crate::terms::{FormName, LodName};
 use crate::threads::use_threads;
-use anyhow::{Context, Result, anyhow, bail};
-use isv::io::{Format, write_mesh, write_mesh_to};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::TriangleMesh;
+use anyhow::{Context, Result, bail};
+use product::{OutputFormat, Product, Recipe};
+use sink::Sink;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Decode an .isv stream into mesh files
+/// Decode an .isv stream into meshes, points or volumes
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The stream; - for standard input
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
-    /// A folder for frame_0000.ply and so on; for one frame, also a .ply or .obj file, or - for standard output
+    /// A folder for frame_0000.ply and so on; or a file for one frame, or a .glb file for an animation of all; - for
+    /// standard output: one frame, or any number as PLY
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// What to make of each frame
-    #[arg(long = "as", value_enum, default_value = "mesh")]
-    form: FormName,
-    /// Mesh format, ply or obj; without it, that of the output's name, or else ply
+    /// What to make of each frame; without it, what the format is for, or else a mesh
+    #[arg(long = "as", value_enum)]
+    form: Option<FormName>,
+    /// File format: ply, obj, stl or glb of meshes; ply, pcd or xyz of points; npy or vdb of volumes. Without it, that of
+    /// the output's name, or else ply or npy
     #[arg(long)]
-    format: Option<Format>,
-    /// Write vertex normals
+    format: Option<OutputFormat>,
+    /// Write vertex normals with meshes; points always have theirs
     #[arg(long)]
     normals: bool,
+    /// Points a frame
+    #[arg(long, value_name = "N", conflicts_with = "spacing")]
+    points: Option<NonZero<usize>>,
+    /// Distance between neighbouring points, with a unit; without it, a voxel
+    #[arg(long, value_name = "LENGTH")]
+    spacing: Option<Length>,
+    /// Level of detail: 2 or 4 decode at half or a quarter of the resolution, faster and smaller
+    #[arg(long, value_enum, default_value = "1")]
+    lod: LodName,
     /// Only these frames, counted from 0, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
@@ -46,101 +62,71 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let mut sink = MeshSink::new(&args.output, args.format)?;
+    let (form, format) = Recipe::settle(args.form, args.format, &args.output)?;
+    if form != FormName::Points && (args.points.is_some() || args.spacing.is_some()) {
+        return Err(usage("--points and --spacing need --as points"));
+    }
     use_threads(args.threads)?;
-    let mut frames = StreamFrames::open(&args.input, args.frames)?;
+    interrupt::listen()?;
+    let frames = StreamFrames::open(&args.input, args.frames, args.lod.into())?;
+    let whole = frames.whole();
+    let density = product::density(args.points, args.spacing, frames.voxel_m());
+    let recipe = Recipe { form, format, normals: args.normals, density };
+    let mut sink = Sink::new(&args.output, format, frames.frame_rate().per_second())?;
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
-    let options = SurfaceOptions { normals: args.normals };
-    let FormName::Mesh = args.form;
-    let done = frames.by_ref().try_for_each(|frame| {
-        let frame = frame?;
-        let (mesh, surface_ms) = timed(|| extract_surface(&frame.volume, &options));
-        let (written, write_ms) = timed(|| sink.take(frame.number, mesh));
+    let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
+        let DecodedFrame { number, product, decode_ms, surface_ms } = frame?;
+        let (written, write_ms) = timed(|| sink.take(number, product));
         written?;
-        stats.push(DecodedFrameStats { decode_ms: frame.decode_ms, surface_ms, write_ms });
+        stats.push(DecodedFrameStats { decode_ms, surface_ms, write_ms });
         progress.step();
         Ok(())
     });
     drop(progress);
     done.map_err(|error| sink.account_for(error))?;
-    if args.frames.is_none() && !frames.complete() {
+    if args.frames.is_none() && !whole.get() && !interrupt::requested() {
         let name = stream::name(&args.input);
         eprintln!("{name}: ends without an index: it may have been cut after its last whole frame");
     }
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
     eprintln!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64);
-    stats.commit()
+    stats.commit()?;
+    if interrupt::requested() {
+        bail!("interrupted: {} holds the first {}", args.output.display(), frames_in_words(count));
+    }
+    Ok(())
 }
 
-/// Where meshes go.
-#[derive(Debug)]
-struct MeshSink {
-    path: PathBuf,
-    format: Format,
-    /// Whether the path is a folder of many frames, not the one mesh.
-    is_folder: bool,
-    /// The one mesh, kept until it is sure that there is no other.
-    single: Option<TriangleMesh>,
-    taken: usize,
+impl Args {
+    /// Whether each frame is finished before the next is decoded.
+    fn taking_turns(&self) -> bool {
+        self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1)
+    }
 }
 
-impl MeshSink {
-    fn new(path: &Path, format: Option<Format>) -> Result<Self> {
-        let of_name = Format::of_path(path).filter(|_| !path.is_dir());
-        if let (Some(asked), Some(named)) = (format, of_name)
-            && asked != named
-        {
-            let path = path.display();
-            return Err(usage(format!("--format {asked} does not fit the output's name, {path}")));
-        }
-        Ok(Self {
-            path: path.to_owned(),
-            format: format.or(of_name).unwrap_or(Format::Ply),
-            is_folder: of_name.is_none() && !is_pipe(path),
-            single: None,
-            taken: 0,
-        })
-    }
+/// A frame ready to be written.
+struct DecodedFrame {
+    number: usize,
+    product: Product,
+    decode_ms: f64,
+    surface_ms: f64,
+}
 
-    /// Takes the next frame. The folder is made for the first one, so that a stream that cannot be decoded leaves none.
-    fn take(&mut self, number: usize, mesh: TriangleMesh) -> Result<()> {
-        let path = self.path.display();
-        if self.is_folder {
-            if self.taken == 0 && !self.path.is_dir() {
-                std::fs::create_dir(&self.path)
-                    .with_context(|| format!("{path}: cannot make this folder"))?;
-            }
-            let file = self.path.join(format!("frame_{number:04}.{}", self.format));
-            write_mesh(&file, &mesh, self.format)?;
-        } else if self.single.replace(mesh).is_some() {
-            bail!(
-                "{path}: takes one frame, but there are more: name a folder, or one frame as in --frames 0..1"
-            );
-        }
-        self.taken += 1;
-        Ok(())
-    }
-
-    /// Writes the one mesh; returns how many frames were written in all.
-    fn finish(self) -> Result<usize> {
-        if self.taken == 0 {
-            bail!("no frames in this stream");
-        }
-        if let Some(mesh) = &self.single {
-            let mut output = Output::create(&self.path)?;
-            write_mesh_to(&mut output, mesh, self.format)?;
-            output.commit()?;
-        }
-        Ok(self.taken)
-    }
-
-    /// Adds to an error what has been written in spite of it.
-    fn account_for(&self, error: anyhow::Error) -> anyhow::Error {
-        if !self.is_folder || self.taken == 0 {
-            return error;
-        }
-        let before = frames_in_words(self.taken);
-        anyhow!("{error:#}: {before} before this went to {}", self.path.display())
+/// The pipeline up to writing: the next frame is decoded while the surface of one is extracted and one is written.
+fn products(
+    frames: StreamFrames,
+    recipe: Recipe,
+    taking_turns: bool,
+) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
+    let make = move |frame: Result<StreamFrame>| {
+        let StreamFrame { number, volume, decode_ms } = frame?;
+        let (product, surface_ms) = timed(|| recipe.make(volume));
+        Ok(DecodedFrame { number, product: product?, decode_ms, surface_ms })
+    };
+    if taking_turns {
+        Box::new(frames.take_while(|_| !interrupt::requested()).map(make))
+    } else {
+        Box::new(Ahead::new(Ahead::new(frames).map(make)))
     }
 }

@@ -11,7 +11,7 @@ use crate::interrupt;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
-use crate::terms::{MotionName, SignName};
+use crate::terms::{BandName, MotionName, SignName};
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
@@ -28,7 +28,8 @@ use volumes::{IngestedFrame, VolumeMaker};
 /// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Frames: a folder, a pattern such as 'take/*.obj', or one file; PLY or OBJ, in natural order of their names
+    /// A folder of frames, a pattern such as 'take/*.obj' or one file, in natural order of their names; a folder of depth
+    /// images and calibration; an .isv file; - for frames on a pipe
     input: String,
     /// The stream to write; - for standard output
     #[arg(short, long, value_name = "OUT.isv")]
@@ -53,6 +54,9 @@ pub(crate) struct Args {
     /// Half the thickness of the shell around a surface without inside, in voxels
     #[arg(long, value_name = "VOXELS", default_value = "1.5")]
     offset: f64,
+    /// How much of the volume to code
+    #[arg(long, value_enum, default_value = "full")]
+    band: BandName,
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
@@ -95,7 +99,7 @@ impl Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let capture = Capture::open(&args.input, args.units)?;
+    let capture = Capture::open(&args.input, args.units, args.header.voxel_size()?)?;
     let header = args.header.header(&capture)?;
     let mesh = args.ingest(header.grid)?;
     use_threads(args.threads)?;
@@ -112,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         skipped: 0,
     };
     let progress = Arc::new(Progress::new(Some(range.len()), "encoding"));
-    let maker = VolumeMaker { mesh, sign: None, progress: Arc::clone(&progress) };
+    let maker = VolumeMaker { mesh, sign: None, band: args.band, progress: Arc::clone(&progress) };
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
     for frame in volumes(capture.read(range)?, maker, taking_turns) {
         job.take(frame, &progress)?;
@@ -180,7 +184,6 @@ impl Job {
         encode_ms: f64,
         bytes: usize,
     ) -> EncodedFrameStats {
-        let blocks = frame.volume.block_count();
         let decoded = self.encoder.reconstruction().expect("a frame was just encoded");
         let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
         EncodedFrameStats {
@@ -190,8 +193,8 @@ impl Job {
             bytes_blocks: coded.bytes_blocks(),
             bytes_motion: coded.bytes_motion(),
             bytes_coefficients: coded.bytes_coefficients(),
-            blocks_band: blocks,
-            blocks_coded: blocks,
+            blocks_band: frame.blocks_band,
+            blocks_coded: frame.volume.block_count(),
             keyframe: coded.keyframe,
             surface_rms_mm: surface_rms_voxels(&frame.volume, decoded) * voxel_mm,
         }

@@ -48,8 +48,8 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let reference = Capture::open(&args.reference, args.units)?;
-    let test = Capture::open(&args.test, args.test_units)?;
+    let reference = Capture::open(&args.reference, args.units, None)?;
+    let test = Capture::open(&args.test, args.test_units, None)?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let frames = measure(args, reference.meshes(reference_range)?.zip(test.meshes(test_range)?), first)?;

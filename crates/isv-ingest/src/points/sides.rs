@@ -64,7 +64,9 @@ impl Sides<'_> {
                     continue;
                 }
                 let at = (block, voxel as u16);
-                found.extend(self.neighbour(at, side).map(|next| [at, next]).filter(|pair| self.is_conflict(*pair)));
+                found.extend(
+                    self.neighbour(at, side).map(|next| [at, next]).filter(|pair| self.is_conflict(*pair)),
+                );
             }
         }
         found
@@ -96,11 +98,8 @@ impl Sides<'_> {
         if !self.is_conflict(pair) {
             return;
         }
-        let mut regions = pair.map(|at| Region {
-            voxels: vec![at],
-            found: FxHashSet::from_iter([at]),
-            followed: 0,
-        });
+        let mut regions =
+            pair.map(|at| Region { voxels: vec![at], found: FxHashSet::from_iter([at]), followed: 0 });
         while regions.iter().any(|region| !self.is_large(region)) {
             for region in &mut regions {
                 if self.is_large(region) {

@@ -11,9 +11,15 @@ use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, Truncation, VoxelSize};
 
 const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
-const DEFAULT_VOXEL_M: f64 = 0.005;
-const DEFAULT_BLOCK: u32 = 8;
-const DEFAULT_TRUNCATION: u32 = 8;
+/// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
+fn default_grid() -> Grid {
+    let valid = "these are in range";
+    Grid {
+        voxel_size: VoxelSize::from_nanometres(5_000_000).expect(valid),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8).expect(valid),
+    }
+}
 
 #[derive(Debug, clap::Args)]
 pub(super) struct HeaderArgs {
@@ -58,20 +64,23 @@ impl HeaderArgs {
         })
     }
 
-    fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
-        let voxel = match (self.voxel, captured) {
-            (None, Some(grid)) => Length::from_metres(grid.voxel_size.metres()),
-            (asked, _) => asked.unwrap_or(Length::from_metres(DEFAULT_VOXEL_M)),
+    /// The voxel size asked for, if any.
+    pub(super) fn voxel_size(&self) -> Result<Option<VoxelSize>> {
+        let checked = |voxel: Length| {
+            VoxelSize::from_metres(voxel.metres()).map_err(|error| usage(format!("--voxel {voxel}: {error}")))
         };
-        let block = self.block.or(captured.map(|grid| grid.edge.voxels() as u32)).unwrap_or(DEFAULT_BLOCK);
-        let truncation =
-            self.truncation.or(captured.map(|grid| grid.truncation.voxels())).unwrap_or(DEFAULT_TRUNCATION);
+        self.voxel.map(checked).transpose()
+    }
+
+    /// The grid: what was asked for, else what the capture has, else the defaults.
+    fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
+        let default = captured.unwrap_or(default_grid());
+        let edge = self.block.map_or(Ok(default.edge), BlockEdge::from_voxels);
+        let truncation = self.truncation.map_or(Ok(default.truncation), Truncation::from_voxels);
         Ok(Grid {
-            voxel_size: VoxelSize::from_metres(voxel.metres())
-                .map_err(|error| usage(format!("--voxel {voxel}: {error}")))?,
-            edge: BlockEdge::from_voxels(block).map_err(|error| usage(format!("--block: {error}")))?,
-            truncation: Truncation::from_voxels(truncation)
-                .map_err(|error| usage(format!("--truncation: {error}")))?,
+            voxel_size: self.voxel_size()?.unwrap_or(default.voxel_size),
+            edge: edge.map_err(|error| usage(format!("--block: {error}")))?,
+            truncation: truncation.map_err(|error| usage(format!("--truncation: {error}")))?,
         })
     }
 

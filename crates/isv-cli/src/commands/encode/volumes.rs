@@ -4,10 +4,11 @@ use crate::capture::{CapturedFrame, Content};
 use crate::length::Length;
 use crate::progress::Progress;
 use crate::stats::timed;
+use crate::terms::BandName;
 use anyhow::{Context, Result};
 use isv::ingest::{IngestError, MeshIngest, SignDecision, SignEvidence, SignMode, decide_sign, ingest_mesh};
 use isv::io::Geometry;
-use isv::surface::{SurfaceOptions, extract_surface};
+use isv::surface::{SurfaceOptions, extract_surface, surface_band};
 use isv::volume::{Grid, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 
@@ -16,6 +17,8 @@ pub(super) struct IngestedFrame {
     /// Its number in the capture.
     pub(super) number: usize,
     pub(super) volume: SparseVolume,
+    /// Blocks within the truncation band, before any were left out.
+    pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,
 }
 
@@ -23,6 +26,7 @@ pub(super) struct IngestedFrame {
 pub(super) struct VolumeMaker {
     pub(super) mesh: MeshIngest,
     pub(super) sign: Option<SignDecision>,
+    pub(super) band: BandName,
     pub(super) progress: Arc<Progress>,
 }
 
@@ -35,7 +39,13 @@ impl VolumeMaker {
             Content::Geometry(Geometry::Points(_)) => todo!(),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
         });
-        Ok(IngestedFrame { number, volume: volume.with_context(|| name)?, ingest_ms })
+        let volume = volume.with_context(|| name)?;
+        let blocks_band = volume.block_count();
+        let volume = match self.band {
+            BandName::Full => volume,
+            BandName::Surface => surface_band(&volume),
+        };
+        Ok(IngestedFrame { number, volume, blocks_band, ingest_ms })
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {

@@ -1,0 +1,152 @@
+//! The kinds of captures.
+
+use super::files::FileFrames;
+use super::pipe::{self, PipedGeometry};
+use super::{CapturedFrame, Content, Frames, Hints, is_standard_input};
+use crate::frame_range::FrameRange;
+use crate::frame_rate;
+use crate::stream::{self, StreamFrames, load_index};
+use anyhow::Result;
+use isv::decode::Lod;
+use isv::format::{FrameRate, StreamHeader};
+use isv::io::{
+    Animation, DepthSequence, FrameSequence, Geometry, Unit, VolumeError, VolumeSequence, is_depth_folder,
+};
+use isv::volume::Grid;
+use std::ops::Range;
+use std::path::Path;
+
+/// What frames come from.
+pub(super) enum Kind {
+    /// Files of meshes or points, one a frame.
+    Files(FrameSequence, Unit),
+    /// A glTF file that moves.
+    Animation(Box<Animation>, FrameRate),
+    /// Depth images and the cameras that took them.
+    Depth(DepthSequence),
+    /// Folders of arrays, one a frame.
+    Volumes(VolumeSequence, Grid),
+    /// An `.isv` file.
+    Stream(StreamHeader),
+    /// An `.isv` stream on standard input.
+    PipedStream(Box<StreamFrames>),
+    /// Meshes or points on standard input.
+    PipedGeometry(Box<PipedGeometry>),
+}
+
+impl Kind {
+    /// Finds out what an input is, and how many frames it has if that can be known.
+    pub(super) fn open(input: &str, hints: &Hints) -> Result<(Option<usize>, Self)> {
+        let path = Path::new(input);
+        if is_standard_input(input) {
+            return Ok((None, pipe::open(hints.unit)?));
+        }
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
+            let (_, header) = stream::open(path)?;
+            return Ok((Some(load_index(path)?.frames.len()), Self::Stream(header)));
+        }
+        if is_depth_folder(path) {
+            let depth = DepthSequence::open(path)?;
+            return Ok((Some(depth.frames()), Self::Depth(depth)));
+        }
+        match FrameSequence::open(input) {
+            Ok(sequence) => Self::files(sequence, hints),
+            Err(error) => match VolumeSequence::open(path) {
+                Ok(volumes) => Self::volumes(volumes, hints),
+                Err(_) => Err(error.into()),
+            },
+        }
+    }
+
+    /// Files of geometry, one a frame; but one glTF file that moves is as many frames as it lasts.
+    fn files(sequence: FrameSequence, hints: &Hints) -> Result<(Option<usize>, Self)> {
+        if let [path] = sequence.paths()
+            && path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
+        {
+            let animation = Animation::open(path, hints.unit)?;
+            if animation.is_animated() {
+                let frames = animation.frame_count(hints.frame_rate.per_second()) as usize;
+                return Ok((Some(frames), Self::Animation(Box::new(animation), hints.frame_rate)));
+            }
+        }
+        Ok((Some(sequence.paths().len()), Self::Files(sequence, hints.unit)))
+    }
+
+    /// Volumes on their own grid.
+    fn volumes(volumes: VolumeSequence, hints: &Hints) -> Result<(Option<usize>, Self)> {
+        let grid = match volumes.grid(0, None, None) {
+            Err(VolumeError::NoVoxelSize { .. }) => volumes.grid(0, hints.voxel_size, None),
+            grid => grid,
+        };
+        Ok((Some(volumes.len()), Self::Volumes(volumes, grid?)))
+    }
+
+    pub(super) fn frame_rate(&self) -> Option<FrameRate> {
+        match self {
+            Self::Files(..) | Self::Volumes(..) | Self::PipedGeometry(_) => None,
+            Self::Animation(_, rate) => Some(*rate),
+            Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
+            Self::Stream(header) => Some(header.frame_rate),
+            Self::PipedStream(frames) => Some(frames.frame_rate()),
+        }
+    }
+
+    pub(super) fn grid(&self) -> Option<Grid> {
+        match self {
+            Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
+            Self::Volumes(_, grid) => Some(*grid),
+            Self::Stream(header) => Some(header.grid),
+            Self::PipedStream(frames) => Some(frames.grid()),
+        }
+    }
+
+    pub(super) fn frames_stand_alone(&self) -> bool {
+        match self {
+            Self::Files(..)
+            | Self::Animation(..)
+            | Self::Depth(_)
+            | Self::Volumes(..)
+            | Self::PipedGeometry(_) => true,
+            Self::Stream(_) | Self::PipedStream(_) => false,
+        }
+    }
+
+    /// Reads a range of frames of the capture called `name`.
+    pub(super) fn read(self, name: String, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
+        Ok(match self {
+            Self::Files(sequence, unit) => {
+                Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, unit))
+            }
+            Self::Animation(animation, rate) => Box::new(range.map(move |number| {
+                let mesh = animation.mesh_at(number as f64 / rate.per_second())?;
+                let name = format!("{name}, frame {number}");
+                Ok(CapturedFrame { number, name, content: Content::Geometry(Geometry::Mesh(mesh)) })
+            })),
+            Self::Depth(depth) => Box::new(range.map(move |number| {
+                let content = Content::Depth(depth.read(number)?);
+                Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
+            })),
+            Self::Volumes(volumes, grid) => Box::new(range.map(move |number| {
+                let content = Content::Volume(volumes.read(number, &grid)?);
+                Ok(CapturedFrame { number, name: volumes.folders()[number].display().to_string(), content })
+            })),
+            Self::Stream(_) => {
+                let range = FrameRange { start: range.start, end: range.end };
+                let frames = StreamFrames::open(Path::new(&name), Some(range), Lod::Full)?;
+                Box::new(volumes_of(frames, name))
+            }
+            Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),
+            Self::PipedGeometry(frames) => Box::new(frames.limited_to(range)),
+        })
+    }
+}
+
+fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
+    frames.map(move |frame| {
+        let frame = frame?;
+        let (number, content) = (frame.number, Content::Volume(frame.volume));
+        Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
+    })
+}

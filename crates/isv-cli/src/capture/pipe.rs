@@ -1,0 +1,69 @@
+//! Frames from standard input.
+
+use super::kinds::Kind;
+use super::{CapturedFrame, Content};
+use crate::frame_range::FrameRange;
+use crate::stream::StreamFrames;
+use anyhow::{Context, Result};
+use isv::decode::Lod;
+use isv::format::MAGIC;
+use isv::io::{FrameStream, Unit};
+use std::io::{BufRead, Stdin, stdin};
+use std::ops::Range;
+use std::path::Path;
+
+const NAME: &str = "standard input";
+
+/// Finds out what comes by its first bytes: an `.isv` stream, or files of geometry.
+pub(super) fn open(unit: Unit) -> Result<Kind> {
+    let is_stream = stdin().lock().fill_buf().context(NAME)?.starts_with(&MAGIC);
+    Ok(if is_stream {
+        Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full)?))
+    } else {
+        let frames = FrameStream::new(stdin(), unit).context(NAME)?;
+        Kind::PipedGeometry(Box::new(PipedGeometry { frames, number: 0, range: 0..usize::MAX }))
+    })
+}
+
+/// Meshes or points as they come.
+pub(super) struct PipedGeometry {
+    frames: FrameStream<Stdin>,
+    /// Number of the next frame.
+    number: usize,
+    range: Range<usize>,
+}
+
+impl PipedGeometry {
+    /// Passes over what is before a range, and ends behind it.
+    pub(super) fn limited_to(mut self, range: Range<usize>) -> Self {
+        self.range = range;
+        self
+    }
+
+    fn advance(&mut self) -> Result<Option<CapturedFrame>> {
+        while self.number < self.range.end {
+            let Some(frame) = self.frames.next() else {
+                if self.range.end < usize::MAX {
+                    FrameRange { start: self.range.start, end: self.range.end }.within(self.number, NAME)?;
+                }
+                return Ok(None);
+            };
+            let number = self.number;
+            self.number += 1;
+            if number >= self.range.start {
+                let (path, geometry) = frame.context(NAME)?;
+                let name = format!("{NAME}: {}", path.display());
+                return Ok(Some(CapturedFrame { number, name, content: Content::Geometry(geometry) }));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl Iterator for PipedGeometry {
+    type Item = Result<CapturedFrame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.advance().transpose()
+    }
+}

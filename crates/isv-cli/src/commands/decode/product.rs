@@ -1,0 +1,155 @@
+//! What a decoded frame is turned into.
+
+use crate::failure::usage;
+use crate::length::Length;
+use crate::terms::FormName;
+use anyhow::Result;
+use isv::io::Format;
+use isv::surface::{PointDensity, SamplingError, SurfaceOptions, extract_surface, sample_evenly};
+use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
+use std::fmt;
+use std::num::NonZero;
+use std::path::Path;
+use std::str::FromStr;
+
+/// A frame in the form that the user wants.
+#[derive(Debug)]
+pub(super) enum Product {
+    Mesh(TriangleMesh),
+    Points(PointCloud),
+    Volume(SparseVolume),
+}
+
+/// A file format of any form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OutputFormat {
+    /// Of meshes or points.
+    Geometry(Format),
+    /// A volume as a folder of NumPy arrays.
+    Npy,
+    /// A volume as OpenVDB has it.
+    Vdb,
+}
+
+impl OutputFormat {
+    const VOLUMES: [(&'static str, Self); 2] = [("npy", Self::Npy), ("vdb", Self::Vdb)];
+
+    /// The extension of its files, and its name on the command line.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Self::Geometry(format) => format.extension(),
+            Self::Npy => "npy",
+            Self::Vdb => "vdb",
+        }
+    }
+
+    /// The format that a file of this name has.
+    pub(super) fn of_path(path: &Path) -> Option<Self> {
+        let vdb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"));
+        if vdb { Some(Self::Vdb) } else { Format::of_path(path).map(Self::Geometry) }
+    }
+
+    /// The form that goes without saying with a format.
+    fn usual_form(self) -> FormName {
+        match self {
+            Self::Geometry(format) if format.writes_mesh() => FormName::Mesh,
+            Self::Geometry(_) => FormName::Points,
+            Self::Npy | Self::Vdb => FormName::Volume,
+        }
+    }
+
+    fn holds(self, form: FormName) -> bool {
+        match (self, form) {
+            (Self::Geometry(format), FormName::Mesh) => format.writes_mesh(),
+            (Self::Geometry(format), FormName::Points) => format.writes_points(),
+            (Self::Npy | Self::Vdb, FormName::Volume) => true,
+            _ => false,
+        }
+    }
+
+    /// All formats that hold a form.
+    fn names_for(form: FormName) -> String {
+        let geometry = Format::ALL.iter().map(|format| Self::Geometry(*format));
+        let volumes = Self::VOLUMES.map(|(_, format)| format);
+        let all = geometry.chain(volumes).filter(|format| format.holds(form));
+        all.map(Self::extension).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl fmt::Display for OutputFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.extension())
+    }
+}
+
+impl FromStr for OutputFormat {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let forms = [FormName::Mesh, FormName::Points, FormName::Volume];
+        let volume = Self::VOLUMES.into_iter().find(|(own, _)| *own == name).map(|(_, format)| format);
+        let known = volume.or_else(|| name.parse().ok().map(Self::Geometry));
+        known.filter(|format| forms.into_iter().any(|form| format.holds(form))).ok_or_else(|| {
+            let [meshes, points, volumes] = forms.map(Self::names_for);
+            format!("`{name}` is not one of {meshes} (meshes), {points} (points), {volumes} (volumes)")
+        })
+    }
+}
+
+/// How to make products.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Recipe {
+    pub(super) form: FormName,
+    pub(super) format: OutputFormat,
+    /// Whether meshes get normals; points always do.
+    pub(super) normals: bool,
+    pub(super) density: PointDensity,
+}
+
+impl Recipe {
+    /// Settles what was left open: the name of the output tells the format, the format tells the form.
+    pub(super) fn settle(
+        form: Option<FormName>,
+        format: Option<OutputFormat>,
+        output: &Path,
+    ) -> Result<(FormName, OutputFormat)> {
+        let named = OutputFormat::of_path(output).filter(|_| !output.is_dir());
+        if let (Some(asked), Some(named)) = (format, named)
+            && asked != named
+        {
+            let output = output.display();
+            return Err(usage(format!("--format {asked} does not fit the output's name, {output}")));
+        }
+        let known = format.or(named);
+        let form = form.or(known.map(OutputFormat::usual_form)).unwrap_or(FormName::Mesh);
+        let format = known.unwrap_or(match form {
+            FormName::Mesh | FormName::Points => OutputFormat::Geometry(Format::Ply),
+            FormName::Volume => OutputFormat::Npy,
+        });
+        if !format.holds(form) {
+            let (form_name, formats) = (form.name(), OutputFormat::names_for(form));
+            return Err(usage(format!(
+                "{format} files are not written of {form_name}: use one of {formats}"
+            )));
+        }
+        Ok((form, format))
+    }
+
+    /// Makes the product of a volume.
+    pub(super) fn make(&self, volume: SparseVolume) -> Result<Product, SamplingError> {
+        let surface = |normals| extract_surface(&volume, &SurfaceOptions { normals });
+        Ok(match self.form {
+            FormName::Mesh => Product::Mesh(surface(self.normals)),
+            FormName::Points => Product::Points(sample_evenly(&surface(true), self.density)?),
+            FormName::Volume => Product::Volume(volume),
+        })
+    }
+}
+
+/// How many points to take, or else how far apart: by default a voxel.
+pub(super) fn density(points: Option<NonZero<usize>>, spacing: Option<Length>, voxel_m: f64) -> PointDensity {
+    match points {
+        Some(count) => PointDensity::Count(count.get()),
+        None => PointDensity::Spacing(spacing.map_or(voxel_m, Length::metres)),
+    }
+}

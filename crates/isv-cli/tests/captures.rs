@@ -1,0 +1,231 @@
+//! Every kind of capture goes in, every form comes out.
+
+mod support;
+
+use serde_json::Value;
+use std::fs;
+use std::io::Write;
+use std::time::Duration;
+use support::{ENCODE, Workspace};
+
+/// Mean distance between two inputs of `isv eval`, in millimetres.
+fn distance_mm(work: &Workspace, reference: &str, test: &str) -> f64 {
+    work.isv(&["eval", reference, test, "--json"]).json()["p2s_mean_mm"].as_f64().unwrap()
+}
+
+fn frames_in(work: &Workspace, stream: &str) -> Value {
+    work.isv(&["info", stream, "--json"]).json()["frames"].clone()
+}
+
+#[test]
+fn every_mesh_format_comes_out_and_goes_in_again() {
+    let (work, _) = Workspace::with_stream(2);
+    work.isv(&["decode", "take.isv", "-o", "ply"]).done();
+    for format in ["obj", "stl", "glb"] {
+        work.isv(&["decode", "take.isv", "-o", format, "--format", format, "--normals"]).done();
+        assert_eq!(work.names(format), [format!("frame_0000.{format}"), format!("frame_0001.{format}")]);
+        let distance = distance_mm(&work, "ply", format);
+        assert!(distance < 1e-3, "{format}: {distance} mm");
+        let output = format!("{format}.isv");
+        work.isv(&["encode", format, "-o", &output, "--voxel", "20mm"]).done();
+        assert_eq!(frames_in(&work, &output), 2);
+    }
+}
+
+#[test]
+fn one_glb_holds_an_animation() {
+    let (work, _) = Workspace::with_stream(4);
+    work.isv(&["decode", "take.isv", "-o", "take.glb"]).done();
+    let run = work.isv(&["encode", "take.glb", "-o", "again.isv", "--voxel", "20mm", "--fps", "30"]).done();
+    assert!(run.stderr().contains("4 frames"), "{}", run.stderr());
+    work.isv(&["decode", "again.isv", "-o", "again"]).done();
+    work.isv(&["decode", "take.isv", "-o", "first"]).done();
+    let distance = distance_mm(&work, "first", "again");
+    assert!(distance < 3.0, "{distance} mm after being coded twice");
+}
+
+#[test]
+fn points_come_out_and_go_in_again() {
+    let (work, _) = Workspace::with_stream(2);
+    work.isv(&["decode", "take.isv", "-o", "meshes"]).done();
+    for format in ["ply", "pcd", "xyz"] {
+        let more = ["--as", "points", "--format", format, "--spacing", "8mm"];
+        work.isv(&[&["decode", "take.isv", "-o", format], &more[..]].concat()).done();
+        let output = format!("{format}.isv");
+        let run = work.isv(&["encode", format, "-o", &output, "--voxel", "20mm"]).done();
+        assert!(run.stderr().contains("oriented points"), "{}", run.stderr());
+        let distance = distance_mm(&work, "meshes", &output);
+        assert!(distance < 4.0, "{format}: {distance} mm");
+    }
+    work.isv(&["decode", "take.isv", "-o", "few.xyz", "--points", "100", "--frames", "0..1"]).done();
+    assert_eq!(String::from_utf8(work.read("few.xyz")).unwrap().lines().count(), 100);
+}
+
+#[test]
+fn volumes_come_out_and_go_in_again_as_they_are() {
+    let (work, _) = Workspace::with_stream(2);
+    work.isv(&["decode", "take.isv", "-o", "arrays", "--as", "volume"]).done();
+    assert_eq!(work.names("arrays"), ["frame_0000", "frame_0001"]);
+    assert_eq!(work.names("arrays/frame_0000"), ["coords.npy", "grid.json", "tsdf.npy", "weight.npy"]);
+    // Voxel size, block edge and truncation come from the arrays; steps as fine as these change next to nothing.
+    let fine = ["--dc-step", "0.1mm", "--ac-step", "0.1mm", "--coefficients", "512"];
+    work.isv(&[&["encode", "arrays", "-o", "arrays.isv"], &fine[..]].concat()).done();
+    assert!(distance_mm(&work, "take.isv", "arrays.isv") < 0.05);
+
+    work.isv(&["decode", "take.isv", "-o", "one.vdb", "--frames", "0..1"]).done();
+    work.isv(&["decode", "take.isv", "-o", "vdb", "--format", "vdb"]).done();
+    assert_eq!(work.read("one.vdb"), work.read("vdb/frame_0000.vdb"));
+}
+
+#[test]
+fn a_stream_can_be_coded_anew() {
+    let (work, _) = Workspace::with_stream(3);
+    work.isv(&["encode", "take.isv", "-o", "again.isv", "--motion", "6dof", "--frames", "1..3"]).done();
+    let info = work.isv(&["info", "again.isv", "--json"]).json();
+    assert_eq!((&info["frames"], &info["voxel_size_m"]), (&2.into(), &0.02.into()));
+    assert_eq!(info["packets"][1]["prediction"], "6dof");
+    work.isv(&["encode", "take.isv", "-o", "coarse.isv", "--voxel", "30mm"]).done();
+    assert_eq!(work.isv(&["info", "coarse.isv", "--json"]).json()["voxel_size_m"], 0.03);
+    assert!(distance_mm(&work, "take.isv", "coarse.isv") < 5.0);
+}
+
+#[test]
+fn lower_levels_of_detail_are_coarser_and_close() {
+    let (work, _) = Workspace::with_stream(3);
+    work.isv(&["decode", "take.isv", "-o", "1"]).done();
+    let mut size = work.read("1/frame_0002.ply").len();
+    for lod in ["2", "4"] {
+        work.isv(&["decode", "take.isv", "-o", lod, "--lod", lod]).done();
+        let smaller = work.read(&format!("{lod}/frame_0002.ply")).len();
+        assert!(smaller * 2 < size, "{lod}: {smaller} bytes after {size}");
+        size = smaller;
+    }
+    let distance = distance_mm(&work, "1", "2");
+    assert!(distance < 10.0, "{distance} mm at twice a voxel of 20 mm");
+}
+
+#[test]
+fn the_surface_needs_only_a_part_of_the_band() {
+    let work = Workspace::with_figure(1);
+    let encode = |band: &str| {
+        let more = ["--band", band, "--stats", "stats.json"];
+        work.isv(&[&ENCODE[..], &more].concat()).done();
+        let stats: Value = serde_json::from_slice(&work.read("stats.json")).unwrap();
+        let [band, coded] =
+            ["blocks_band", "blocks_coded"].map(|key| stats["frames"][0][key].as_u64().unwrap());
+        (band, coded)
+    };
+    let (full, surface) = (encode("full"), encode("surface"));
+    assert_eq!(full.0, full.1);
+    assert_eq!(full.0, surface.0);
+    assert!(surface.1 * 3 < surface.0 * 2, "{surface:?}");
+    assert!(distance_mm(&work, "frames", "take.isv") < 4.0);
+}
+
+#[test]
+fn bad_frames_can_be_skipped() {
+    let work = Workspace::with_figure(4);
+    let whole = work.read("frames/frame_1.ply");
+    work.write("frames/frame_1.ply", &whole[..whole.len() / 2]);
+    work.isv(&ENCODE).fails(1, &["frames/frame_1.ply: truncated"]);
+    let run = work.isv(&[&ENCODE[..], &["--skip-bad-frames"]].concat()).done();
+    assert!(run.stderr().contains("skipped: frames/frame_1.ply: truncated"), "{}", run.stderr());
+    assert!(run.stderr().contains("frames: 1 frame skipped"), "{}", run.stderr());
+    let info = work.isv(&["info", "take.isv", "--json"]).json();
+    assert_eq!(info["frames"], 3);
+    assert_eq!(info["packets"][1]["timestamp_ns"], 66_666_667, "the frame keeps its time");
+    for frame in 0..4 {
+        work.write(&format!("frames/frame_{frame}.ply"), "ply\n");
+    }
+    fs::remove_file(work.path("take.isv")).unwrap();
+    let run = work.isv(&[&ENCODE[..], &["--skip-bad-frames"]].concat());
+    assert_eq!(run.status(), Some(1));
+    assert!(
+        run.stderr().ends_with("isv: frames: no frame could be used, 4 frames skipped\n"),
+        "{}",
+        run.stderr()
+    );
+    assert_eq!(work.names(""), ["frames"]);
+}
+
+#[test]
+fn frames_come_through_a_pipe() {
+    let (work, bytes) = Workspace::with_stream(3);
+    let mut from_pipe = ENCODE;
+    from_pipe[1] = "-";
+    from_pipe[3] = "piped.isv";
+    let all: Vec<u8> =
+        work.names("frames").iter().flat_map(|name| work.read(&format!("frames/{name}"))).collect();
+    work.isv_with_input(&from_pipe, &all).done();
+    assert_eq!(work.read("piped.isv"), bytes);
+
+    // And out again, one PLY after the other.
+    let meshes = work.isv_with_input(&["decode", "-", "-o", "-"], &bytes).done();
+    work.isv_with_input(&["encode", "-", "-o", "again.isv", "--voxel", "20mm"], meshes.stdout()).done();
+    assert_eq!(frames_in(&work, "again.isv"), 3);
+    work.isv_with_input(&["encode", "-", "-o", "coded.isv"], &bytes).done();
+    assert_eq!(frames_in(&work, "coded.isv"), 3);
+
+    work.isv_with_input(&from_pipe, b"what is this?").fails(1, &["standard input"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_a_whole_shorter_stream() {
+    let work = Workspace::with_figure(2);
+    let mut child = work.command(&["encode", "-", "-o", "live.isv", "--voxel", "20mm"]).spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    for name in work.names("frames") {
+        stdin.write_all(&work.read(&format!("frames/{name}"))).unwrap();
+    }
+    stdin.flush().unwrap();
+    // The pipe stays open, as that of a live capture does; give the two frames the time to be read.
+    std::thread::sleep(Duration::from_secs(3));
+    let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+    let output = child.wait_with_output().unwrap();
+    drop(stdin);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("interrupted: live.isv is whole and holds the first "), "{stderr}");
+    assert_eq!(work.names(""), ["frames", "live.isv"]);
+    work.isv(&["verify", "live.isv"]).done();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_does_not_grow_with_the_number_of_frames() {
+    let work = Workspace::with_figure(10);
+    let peak = |frames: usize| {
+        let folder = format!("take_{frames}");
+        fs::create_dir(work.path(&folder)).unwrap();
+        for frame in 0..frames {
+            let source = work.path(&format!("frames/frame_{}.ply", frame % 10));
+            std::os::unix::fs::symlink(source, work.path(&format!("{folder}/frame_{frame}.ply"))).unwrap();
+        }
+        let more = ["--voxel", "30mm", "--stats", "stats.json"];
+        work.isv(&[&["encode", &folder, "-o", "long.isv"], &more[..]].concat()).done();
+        let stats: Value = serde_json::from_slice(&work.read("stats.json")).unwrap();
+        stats["peak_memory_bytes"].as_f64().unwrap()
+    };
+    let (short, long) = (peak(30), peak(300));
+    println!("30 frames: {short} bytes, 300 frames: {long} bytes");
+    assert!(long <= 1.1 * short, "{short} bytes for 30 frames, {long} for 300");
+}
+
+#[test]
+fn a_real_depth_camera_goes_in_both_ways() {
+    let Some(room) = support::real_sequence("room_rgbd") else { return };
+    let room = room.to_str().unwrap();
+    let work = Workspace::new();
+    let mut area = Vec::new();
+    for mode in ["per-frame", "accumulate"] {
+        let output = format!("{mode}.isv");
+        let more = ["--voxel", "2cm", "--frames", "0..3", "--fusion", mode];
+        work.isv(&[&["encode", room, "-o", &output], &more[..]].concat()).done();
+        let info = work.isv(&["info", &output, "--json"]).json();
+        assert_eq!((&info["frames"], &info["fps"]), (&3.into(), &30.0.into()));
+        area.push(info["packets"][2]["blocks"].as_u64().unwrap());
+    }
+    assert!(area[1] > area[0], "what is accumulated is more than one frame: {area:?}");
+}
