@@ -113,6 +113,12 @@ mod tests {
     }
 
     #[test]
+    fn a_face_may_be_no_convex_polygon_and_come_before_its_vertices() {
+        let mesh = parse(b"f 1 2 3 4\nv 0 0 0\nv 4 1 0\nv 0 2 0\nv 1 1 0\n").unwrap();
+        assert!(mesh.triangles.iter().all(|t| t.contains(&1) && t.contains(&3)), "{:?}", mesh.triangles);
+    }
+
+    #[test]
     fn faults_name_their_line() {
         let text = "1e".to_owned();
         assert_eq!(flaw("v 0 0 0\n\nv 1e 0 0"), Flaw::at_line(3, Malformation::Number { text }));

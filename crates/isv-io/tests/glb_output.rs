@@ -1,10 +1,13 @@
 //! What is written as GLB, read back.
 
 use glam::{DVec3, Vec3};
-use isv_io::{Animation, Format, GlbAnimationWriter, ReadError, Unit, WriteError, parse_mesh, write_mesh_to};
+use isv_io::{
+    Animation, Format, FrameSequence, GlbAnimationWriter, ReadError, Unit, WriteError, parse_mesh, read_mesh,
+    write_mesh_to,
+};
 use isv_volume::{MeshError, TriangleMesh};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A zigzag band of `triangles` triangles at a height.
 fn band(triangles: u32, height: f64) -> TriangleMesh {
@@ -161,4 +164,26 @@ fn a_refused_frame_leaves_those_before_it_whole() {
     writer.push(&band(2, 1.0)).unwrap();
     writer.finish().unwrap();
     assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 2);
+}
+
+#[test]
+fn captured_frames_survive_a_sequence() {
+    let root = std::env::var_os("ISV_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let folder = root.join("flag");
+    if !folder.is_dir() {
+        println!("skipped: no data at {}", folder.display());
+        return;
+    }
+    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let frames: Vec<_> = paths.paths().iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
+    let (_, film) = sequence(&frames, 30.0);
+    assert_eq!(film.frame_count(30.0), frames.len() as u64);
+    for (i, frame) in frames.iter().enumerate() {
+        let read = film.mesh_at(i as f64 / 30.0).unwrap();
+        // Captured positions are single precision already.
+        assert_eq!((&read.vertices, &read.triangles), (&frame.vertices, &frame.triangles), "frame {i}");
+    }
 }

@@ -92,11 +92,6 @@ impl Hierarchy {
         Ok(Self { parents, order })
     }
 
-    /// The nodes without parents.
-    pub(super) fn roots(&self) -> impl Iterator<Item = usize> {
-        self.order.iter().copied().filter(|node| self.parents[*node].is_none())
-    }
-
     /// Marks what is below marked nodes.
     pub(super) fn mark_descendants(&self, marks: &mut [bool]) {
         for &node in &self.order {
@@ -139,7 +134,7 @@ mod tests {
             .map(|i| Node { children: (i > 0).then(|| i - 1).into_iter().collect(), ..Node::default() })
             .collect();
         let hierarchy = Hierarchy::new(&chain).unwrap();
-        assert_eq!(hierarchy.roots().collect::<Vec<_>>(), [n - 1]);
+        assert_eq!((hierarchy.order[0], hierarchy.order[n - 1]), (n - 1, 0));
         let moved = hierarchy.to_scene(vec![DAffine3::from_translation(DVec3::X); n]);
         assert_eq!(moved[0].translation.x, n as f64);
         let mut marks = vec![false; n];

@@ -47,17 +47,8 @@ impl Scene {
     /// Loads the default scene: the one that the file names, else the first, else all nodes.
     pub(super) fn load(document: &Document, accessors: &Accessors) -> Result<Self, Flaw> {
         let hierarchy = Hierarchy::new(&document.nodes)?;
-        let mut shown = vec![false; document.nodes.len()];
         let default = document.scene.unwrap_or(0);
-        if document.scene.is_none() && document.scenes.is_empty() {
-            hierarchy.roots().for_each(|node| shown[node] = true);
-        } else {
-            for &node in &object(&document.scenes, "scene", default, ("scene", default))?.nodes {
-                object(&document.nodes, "node", node, ("scene", default))?;
-                shown[node] = true;
-            }
-        }
-        hierarchy.mark_descendants(&mut shown);
+        let shown = shown_nodes(document, &hierarchy, default)?;
         let mut scene = Self {
             hierarchy,
             rest: document.nodes.iter().map(rest_transform).collect(),
@@ -236,4 +227,18 @@ impl Scene {
             }));
         }
     }
+}
+
+/// Marks the nodes of a scene; all of them in a file without scenes.
+fn shown_nodes(document: &Document, hierarchy: &Hierarchy, scene: usize) -> Result<Vec<bool>, Flaw> {
+    if document.scene.is_none() && document.scenes.is_empty() {
+        return Ok(vec![true; document.nodes.len()]);
+    }
+    let mut shown = vec![false; document.nodes.len()];
+    for &node in &object(&document.scenes, "scene", scene, ("scene", scene))?.nodes {
+        object(&document.nodes, "node", node, ("scene", scene))?;
+        shown[node] = true;
+    }
+    hierarchy.mark_descendants(&mut shown);
+    Ok(shown)
 }

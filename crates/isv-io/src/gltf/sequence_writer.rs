@@ -105,8 +105,8 @@ fn push_animation(
 ) -> io::Result<()> {
     let time = |frame: usize| (frame as f64 / fps) as f32;
     let bytes_of = |values: f32| values.to_le_bytes();
-    let times = document.push_view((0..=frames.len()).map(time).flat_map(bytes_of), None)?;
-    let scales = document.push_view(SCALES.iter().flat_map(|s| [*s; 3]).flat_map(bytes_of), None)?;
+    let times = document.push_view((0..=frames.len()).map(time).map(bytes_of), None)?;
+    let scales = document.push_view(SCALES.iter().flat_map(|s| [*s; 3]).map(bytes_of), None)?;
     let mut scale_accessors = [None; SCALES.len()];
     for (frame, mesh) in frames.iter().enumerate() {
         let last = frame + 1 == frames.len();

@@ -83,7 +83,7 @@ impl<W: Write> Document<W> {
     }
 
     fn push_vectors(&mut self, vectors: &[Vec3], bounds: Option<(Vec3, Vec3)>) -> io::Result<usize> {
-        let bytes = vectors.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes);
+        let bytes = vectors.iter().flat_map(Vec3::to_array).map(f32::to_le_bytes);
         let view = self.push_view(bytes, Some(ARRAY_BUFFER))?;
         let mut accessor = accessor(view, FLOAT, "VEC3", vectors.len());
         if let Some((low, high)) = bounds {
@@ -96,26 +96,27 @@ impl<W: Write> Document<W> {
     fn push_indices(&mut self, mesh: &TriangleMesh) -> io::Result<usize> {
         let corners = mesh.triangles.iter().flatten();
         let (view, component) = if mesh.vertices.len() <= MOST_SHORT_VERTICES {
-            let bytes = corners.flat_map(|corner| (*corner as u16).to_le_bytes());
+            let bytes = corners.map(|corner| (*corner as u16).to_le_bytes());
             (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_SHORT)
         } else {
-            let bytes = corners.flat_map(|corner| corner.to_le_bytes());
+            let bytes = corners.map(|corner| corner.to_le_bytes());
             (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_INT)
         };
         Ok(self.accessors.push(&accessor(view, component, "SCALAR", 3 * mesh.triangles.len())))
     }
 
-    /// Adds bytes to the binary chunk and gives the index of their view; `target` says what of a mesh they are.
-    pub(super) fn push_view(
+    /// Adds numbers to the binary chunk and gives the index of their view; `target` says what of a mesh they are.
+    pub(super) fn push_view<const N: usize>(
         &mut self,
-        bytes: impl Iterator<Item = u8>,
+        numbers: impl Iterator<Item = [u8; N]>,
         target: Option<u32>,
     ) -> io::Result<usize> {
         const PIECE: usize = 1 << 16;
         let start = self.binary_bytes;
         let mut piece = Vec::with_capacity(PIECE);
-        for byte in bytes {
-            piece.push(byte);
+        for number in numbers {
+            piece.extend(number);
+            // Sizes of numbers divide that of a piece.
             if piece.len() == PIECE {
                 self.binary.write_all(&piece)?;
                 self.binary_bytes += PIECE as u64;
