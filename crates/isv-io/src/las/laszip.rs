@@ -15,8 +15,8 @@ use laz::{
 };
 use std::io::Cursor;
 
-/// Most points that a byte of a file may stand for. Captured points take 2 to 5 bytes each; without a limit, models
-/// that have learnt that nothing changes would give millions of points for a byte.
+/// Most points that a byte of a file may stand for. Without a limit, models that have learnt that nothing changes would
+/// give millions of points for a byte.
 const MOST_POINTS_A_BYTE: u64 = 32;
 
 /// Bytes of the record before its items.
