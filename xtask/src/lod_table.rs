@@ -19,11 +19,7 @@ const RUNS: usize = 5;
 pub(crate) fn run(folder: &str, frames: usize, header: &StreamHeader) -> Result<()> {
     let (meshes, packets) = encode(folder, frames, header)?;
     let full = decode(header, Lod::Full, &packets)?;
-    println!(
-        "{folder}: {} frames, decode and surface at full resolution {:.1} ms a frame",
-        meshes.len(),
-        full.ms()
-    );
+    println!("{folder}: {} frames; full resolution: {}", meshes.len(), full.times());
     for lod in [Lod::Half, Lod::Quarter] {
         let reduced = decode(header, lod, &packets)?;
         let start = Instant::now();
@@ -34,12 +30,8 @@ pub(crate) fn run(folder: &str, frames: usize, header: &StreamHeader) -> Result<
             .map(|(volume, like)| average(volume, like.grid()))
             .collect();
         let averaging = start.elapsed();
-        println!(
-            "\n1/{}: decode and surface {:.1} ms a frame; to average a full decode down takes {:.1} ms by itself\n",
-            lod.voxels(),
-            reduced.ms(),
-            averaging.as_secs_f64() * 1e3 / meshes.len() as f64
-        );
+        let averaging_ms = averaging.as_secs_f64() * 1e3 / meshes.len() as f64;
+        println!("\n1/{}: {}; averaging down {averaging_ms:.1} ms\n", lod.voxels(), reduced.times());
         println!(
             "| frame | drift, rms, voxels | drift, mean | point to surface, mm | the same, averaged down |"
         );
@@ -75,32 +67,33 @@ fn encode(folder: &str, frames: usize, header: &StreamHeader) -> Result<(Vec<Tri
 
 struct Decoded {
     volumes: Vec<SparseVolume>,
-    time: Duration,
+    decode: Duration,
+    surface: Duration,
 }
 
 impl Decoded {
-    /// Milliseconds a frame.
-    fn ms(&self) -> f64 {
-        self.time.as_secs_f64() * 1e3 / self.volumes.len() as f64
+    fn times(&self) -> String {
+        let ms = |time: Duration| time.as_secs_f64() * 1e3 / self.volumes.len() as f64;
+        format!("decode {:.1} ms a frame, surface {:.1} ms", ms(self.decode), ms(self.surface))
     }
 }
 
-/// Decodes all packets and extracts the surfaces; the time is that of decoding and extraction.
+/// Decodes all packets and extracts the surfaces.
 fn decode(header: &StreamHeader, lod: Lod, packets: &[Packet]) -> Result<Decoded> {
-    let mut best = Decoded { volumes: Vec::new(), time: Duration::MAX };
+    let mut best = Decoded { volumes: Vec::new(), decode: Duration::MAX, surface: Duration::MAX };
     for _ in 0..RUNS {
         let mut decoder = Decoder::with_lod(header, Limits::default(), lod)?;
-        let mut decoded = Decoded { volumes: Vec::new(), time: Duration::ZERO };
+        let (mut volumes, mut decode, mut surface) = (Vec::new(), Duration::ZERO, Duration::ZERO);
         for packet in packets {
             let start = Instant::now();
             let volume = decoder.decode(packet)?.volume;
+            decode += start.elapsed();
+            let start = Instant::now();
             std::hint::black_box(extract_surface(volume, &SurfaceOptions::default()));
-            decoded.time += start.elapsed();
-            decoded.volumes.push(volume.clone());
+            surface += start.elapsed();
+            volumes.push(volume.clone());
         }
-        if decoded.time < best.time {
-            best = decoded;
-        }
+        best = Decoded { volumes, decode: best.decode.min(decode), surface: best.surface.min(surface) };
     }
     Ok(best)
 }

@@ -58,5 +58,6 @@ pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{
-    ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_volume,
+    ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_vdb,
+    write_volume,
 };

@@ -6,11 +6,13 @@ mod fill;
 mod npy;
 mod read;
 mod sequence;
+mod vdb;
 mod write;
 
 pub use error::{ArrayFlaw, VolumeError};
 pub use read::{read_volume, volume_grid};
 pub use sequence::{VolumeSequence, is_volume_folder};
+pub use vdb::write_vdb;
 pub use write::write_volume;
 
 /// Block coordinates: integers `(n, 3)`, in the order x, y, z.
