@@ -48,9 +48,7 @@ mod tiles;
 mod tests;
 
 pub use error::IngestError;
-pub use points::{
-    PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points,
-};
+pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;

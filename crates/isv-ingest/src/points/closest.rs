@@ -92,8 +92,7 @@ impl ClosestSites {
         self.whole.clear();
         let reach = (BRICK - 1) as f32;
         for (i, p) in self.positions.iter().enumerate() {
-            let apart =
-                (p[0] - nearest[0]).abs() + (p[1] - nearest[1]).abs() + (p[2] - nearest[2]).abs();
+            let apart = (p[0] - nearest[0]).abs() + (p[1] - nearest[1]).abs() + (p[2] - nearest[2]).abs();
             if from_centre(p) - least <= reach * apart + SLACK {
                 self.whole.push(i as u32);
             }

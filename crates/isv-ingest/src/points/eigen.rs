@@ -48,11 +48,7 @@ mod tests {
         let mut random = Random::new(5);
         for _ in 0..100 {
             let [a, b] = [random.point(), random.point()];
-            let m = [
-                [a.x, b.x, b.y],
-                [b.x, a.y, b.z],
-                [b.y, b.z, a.z],
-            ];
+            let m = [[a.x, b.x, b.y], [b.x, a.y, b.z], [b.y, b.z, a.z]];
             let pairs = eigen(m);
             assert!(pairs[0].0 <= pairs[1].0 && pairs[1].0 <= pairs[2].0);
             for (value, vector) in pairs {

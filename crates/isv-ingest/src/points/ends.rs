@@ -114,10 +114,12 @@ impl NearField {
         let s = near.distances[usize::from(at.1)];
         near.uncertain.contains(usize::from(at.1))
             && s.abs() <= LEVEL
-            && (0..6).any(|side| self.neighbour(at, side).is_some_and(|n| {
-                let t = self.distance(n);
-                (t < 0.0) != (s < 0.0) && s.abs() + t.abs() <= EXPLAINED
-            }))
+            && (0..6).any(|side| {
+                self.neighbour(at, side).is_some_and(|n| {
+                    let t = self.distance(n);
+                    (t < 0.0) != (s < 0.0) && s.abs() + t.abs() <= EXPLAINED
+                })
+            })
     }
 
     pub(crate) fn is_beyond(&self, (brick, voxel): VoxelAt) -> bool {

@@ -144,7 +144,10 @@ fn side(field: &NearField, work: &ClosestSites, coord: BlockCoord, voxel: usize)
     let cell = (p - FIRST + 0.5).floor().as_ivec3();
     let brick = coord.offset((cell.div_euclid(glam::IVec3::splat(BRICK as i32))).to_array());
     let local = cell.rem_euclid(glam::IVec3::splat(BRICK as i32)).to_array().map(|x| x as usize);
-    let at = field.bricks.position(brick).map(|b| (b as u32, BlockEdge::E8.voxel_index(local[0], local[1], local[2]) as u16));
+    let at = field
+        .bricks
+        .position(brick)
+        .map(|b| (b as u32, BlockEdge::E8.voxel_index(local[0], local[1], local[2]) as u16));
     let near = at.map_or(f32::INFINITY, |at| field.distance(at));
     Side { height: if near.is_finite() { height.abs().copysign(near) } else { height }, is_beyond }
 }
@@ -179,7 +182,11 @@ fn push_octants(blocks: &mut Blocks, part: &BrickSamples) {
             continue;
         }
         let mut mask = VoxelMask::empty(BlockEdge::E4);
-        voxels.clone().enumerate().filter(|(_, v)| part.unobserved.contains(*v)).for_each(|(i, _)| mask.insert(i));
+        voxels
+            .clone()
+            .enumerate()
+            .filter(|(_, v)| part.unobserved.contains(*v))
+            .for_each(|(i, _)| mask.insert(i));
         if !mask.is_empty() {
             blocks.masks.insert(blocks.coords.len() as u32, mask);
         }

@@ -60,7 +60,10 @@ impl fmt::Display for PointEvidence {
         let Self { with_normal, agreement, spacing_m, wide_spacing_m } = self;
         if *with_normal > 0.0 {
             let (normals, agreement) = (100.0 * with_normal, 100.0 * agreement);
-            write!(f, "{normals:.0} % of the points have a normal, {agreement:.0} % of neighbours agree on the side")?;
+            write!(
+                f,
+                "{normals:.0} % of the points have a normal, {agreement:.0} % of neighbours agree on the side"
+            )?;
         } else {
             f.write_str("no point has a normal")?;
         }
@@ -87,8 +90,7 @@ pub fn decide_point_sign(cloud: &PointCloud, mode: SignMode) -> (PointSign, Poin
 
 fn gather_evidence(cloud: &PointCloud) -> PointEvidence {
     let known = |i: usize| cloud.normals.get(i).copied().filter(|n| n.is_finite() && *n != DVec3::ZERO);
-    let finite: Vec<usize> =
-        (0..cloud.positions.len()).filter(|i| cloud.positions[*i].is_finite()).collect();
+    let finite: Vec<usize> = (0..cloud.positions.len()).filter(|i| cloud.positions[*i].is_finite()).collect();
     if finite.is_empty() {
         return PointEvidence::default();
     }
