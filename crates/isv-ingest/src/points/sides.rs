@@ -54,19 +54,17 @@ impl Blocks {
 impl Sides<'_> {
     /// The pairs of a voxel of a block and its upper neighbour that contradict each other.
     fn conflicts(&self, block: u32) -> Vec<[VoxelAt; 2]> {
-        let size = self.edge.block_voxels();
-        let samples = &self.blocks.samples[block as usize * size..][..size];
         let mut found = Vec::new();
-        for (voxel, s) in samples.iter().enumerate() {
-            for side in [1, 3, 5] {
+        for side in [1, 3, 5] {
+            let (_, up) = step(self.edge, self.edge.block_voxels() - 1, side);
+            let above = up.and_then(|up| self.index.get(self.blocks.coords[block as usize].offset(up)));
+            for voxel in 0..self.edge.block_voxels() {
                 let (to, leaves) = step(self.edge, voxel, side);
-                if leaves.is_none() && !conflict(*s, samples[to]) {
-                    continue;
+                let Some(next) = (if leaves.is_some() { above } else { Some(block) }) else { continue };
+                let pair = [(block, voxel as u16), (next, to as u16)];
+                if self.is_conflict(pair) {
+                    found.push(pair);
                 }
-                let at = (block, voxel as u16);
-                found.extend(
-                    self.neighbour(at, side).map(|next| [at, next]).filter(|pair| self.is_conflict(*pair)),
-                );
             }
         }
         found

@@ -72,7 +72,7 @@ pub(crate) fn merge(points: &[DVec3], normals: &[DVec3]) -> Vec<Merged> {
                 let (brick, cell) = (run[0].0.coord(), run[0].1);
                 let merged =
                     Merged { at: at / f64::from(count), normal: sum.normalize_or_zero(), brick, cell };
-                (count > 0).then_some(merged)
+                (count > 0 && (normals.is_empty() || merged.normal != DVec3::ZERO)).then_some(merged)
             })
         })
         .collect()

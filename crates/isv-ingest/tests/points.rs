@@ -1,0 +1,275 @@
+//! Points of real captures: rates and errors beside those of the mesh path. Prints what it measured: run with `--nocapture`
+//! to see it.
+
+mod support;
+
+use glam::DVec3;
+use isv_encode::{Encoder, EncoderSettings, MotionMode};
+use isv_format::{FrameRate, Prediction, Profile, StreamHeader};
+use isv_ingest::{
+    MeshIngest, PointIngest, PointSign, SignMode, decide_point_sign, decide_sign, estimate_normals,
+    ingest_mesh, ingest_points,
+};
+use isv_metrics::{CompareOptions, GeometryError, compare, sample_surface};
+use isv_spatial::PointTree;
+use isv_surface::{SurfaceOptions, extract_surface};
+use isv_testkit::Random;
+use isv_volume::{BlockEdge, Grid, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
+
+fn grid(voxel_m: f64) -> Grid {
+    Grid {
+        voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8).unwrap(),
+    }
+}
+
+/// One point with the normal of its triangle a square of 3 mm, drawn at random.
+fn points_of(mesh: &TriangleMesh) -> PointCloud {
+    let samples = sample_surface(mesh, 0.003, 7);
+    PointCloud {
+        positions: samples.iter().map(|s| s.point).collect(),
+        normals: samples.iter().map(|s| s.normal).collect(),
+        viewpoint: None,
+    }
+}
+
+fn surface(volume: &SparseVolume) -> TriangleMesh {
+    extract_surface(volume, &SurfaceOptions { normals: false })
+}
+
+/// Error against the source, without coding.
+fn error(mesh: &TriangleMesh, volume: &SparseVolume) -> GeometryError {
+    compare(mesh, &surface(volume), &CompareOptions { spacing_m: 0.005, seed: 1 }).unwrap()
+}
+
+fn unobserved(volume: &SparseVolume) -> usize {
+    volume.unobserved_masks().values().map(VoxelMask::count).sum()
+}
+
+/// Bytes of all frames coded with the paper's profile and 3-DoF motion, and the mean error of what is decoded.
+fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
+    let header = StreamHeader {
+        profile: Profile::Paper,
+        grid: *volumes[0].grid(),
+        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        coefficients: 64,
+        dc_step: 819,
+        ac_step: 8192,
+    };
+    let settings = EncoderSettings { motion: MotionMode::Fixed(Prediction::ThreeDof), ..Default::default() };
+    let mut encoder = Encoder::new(&header, settings);
+    let (mut bytes, mut error_mm) = (0, 0.0);
+    for (mesh, volume) in meshes.iter().zip(volumes) {
+        let frame = encoder.encode(volume);
+        bytes += frame.bytes_blocks() + frame.bytes_motion() + frame.bytes_coefficients();
+        error_mm += error(mesh, encoder.reconstruction().unwrap()).p2s_mean_mm / meshes.len() as f64;
+    }
+    (bytes, error_mm)
+}
+
+/// Prints how far the samples of two volumes are apart by distance from the surface, and returns the mean over the band
+/// and the number of voxels more than half a voxel from the surface on different sides, both where observed.
+fn compare_samples(reference: &SparseVolume, volume: &SparseVolume) -> (f64, usize) {
+    let index = volume.index();
+    let (mut bins, mut wrong) = ([(0usize, 0.0f64, 0.0f64); 9], 0);
+    for (block, coord) in reference.coords().iter().enumerate() {
+        let Some(other) = index.get(*coord).map(|i| i as usize) else { continue };
+        let hidden = |v: usize| {
+            [reference.unobserved(block), volume.unobserved(other)].iter().flatten().any(|m| m.contains(v))
+        };
+        let pairs = reference.block(block).iter().zip(volume.block(other)).enumerate();
+        for (_, (s, t)) in pairs.filter(|(v, _)| !hidden(*v)) {
+            let (s, t) = (f64::from(*s) / 256.0, f64::from(*t) / 256.0);
+            let bin = &mut bins[s.abs() as usize];
+            *bin = (bin.0 + 1, bin.1 + (s - t).abs(), bin.2.max((s - t).abs()));
+            wrong += usize::from(s.abs() > 0.5 && (s < 0.0) != (t < 0.0));
+        }
+    }
+    for (distance, (count, sum, most)) in bins.iter().enumerate() {
+        println!("  {distance} voxels: mean {:.3}, largest {most:.2} voxels", sum / *count as f64);
+    }
+    let (count, sum) = bins[..8].iter().fold((0, 0.0), |total, bin| (total.0 + bin.0, total.1 + bin.1));
+    (sum / count as f64, wrong)
+}
+
+#[test]
+fn points_code_like_the_mesh_that_they_are_from() {
+    let (mut meshes, mut from_mesh, mut from_points) = (Vec::new(), Vec::new(), Vec::new());
+    for frame in 0..3 {
+        let Some(mesh) = support::load("thomas", frame) else { return };
+        let cloud = points_of(&mesh);
+        let (sign, evidence) = decide_point_sign(&cloud, SignMode::Auto);
+        println!("thomas {frame}: {} points, {sign} ({evidence})", cloud.positions.len());
+        assert_eq!(sign, PointSign::Oriented);
+        let settings = MeshIngest::new(grid(0.005));
+        from_mesh.push(ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap());
+        from_points.push(ingest_points(&cloud, &PointIngest::new(grid(0.005)), sign).unwrap());
+        let (apart, wrong) = compare_samples(&from_mesh[frame], &from_points[frame]);
+        assert!(apart < 0.04 && wrong < 50, "samples {apart:.3} voxels apart, {wrong} on the wrong side");
+        assert!(unobserved(&from_points[frame]) < 50);
+        let (mesh_mm, points_mm) = (error(&mesh, &from_mesh[frame]), error(&mesh, &from_points[frame]));
+        println!(
+            "  before coding: mesh {:.3} mm (largest {:.1}), points {:.3} mm (largest {:.1})",
+            mesh_mm.p2s_mean_mm, mesh_mm.hausdorff_mm, points_mm.p2s_mean_mm, points_mm.hausdorff_mm
+        );
+        assert!(points_mm.hausdorff_mm < 20.0, "specks or pits: {points_mm:?}");
+        meshes.push(mesh);
+    }
+    let ((mesh_bytes, mesh_mm), (bytes, mm)) = (code(&meshes, &from_mesh), code(&meshes, &from_points));
+    println!("coded: mesh {mesh_bytes} bytes, {mesh_mm:.3} mm; points {bytes} bytes, {mm:.3} mm");
+    assert!((bytes as f64) < 1.25 * mesh_bytes as f64);
+    assert!((mm - mesh_mm).abs() < 0.2);
+}
+
+#[test]
+fn open_soles_of_dancer_stay_open() {
+    for frame in [0, 7] {
+        let Some(mesh) = support::load("dancer", frame) else { return };
+        let volume =
+            ingest_points(&points_of(&mesh), &PointIngest::new(grid(0.005)), PointSign::Oriented).unwrap();
+        let error = error(&mesh, &volume);
+        let (lo, hi) = mesh.bounds().unwrap();
+        let height = |block: &u32| f64::from(volume.coords()[*block as usize].y) * 0.04;
+        let low = volume.unobserved_masks().iter().filter(|(b, _)| height(b) < lo.y + 0.25 * (hi.y - lo.y));
+        let low: usize = low.map(|(_, mask)| mask.count()).sum();
+        println!(
+            "dancer {frame}: {:.3} mm, largest {:.1} mm; {} unobserved voxels, {low} at the feet",
+            error.p2s_mean_mm,
+            error.hausdorff_mm,
+            unobserved(&volume)
+        );
+        assert!(error.p2s_mean_mm < 0.2 && error.hausdorff_mm < 20.0, "{error:?}");
+        assert!(low > 10_000);
+    }
+}
+
+#[test]
+fn an_open_sheet_of_oriented_points_is_one_sheet() {
+    let Some(mesh) = support::load("flag", 5) else { return };
+    let cloud = points_of(&mesh);
+    let volume = ingest_points(&cloud, &PointIngest::new(grid(0.01)), PointSign::Oriented).unwrap();
+    let error = error(&mesh, &volume);
+    println!(
+        "flag 5: {:.3} mm, largest {:.1} mm, area {:.3} of the source",
+        error.p2s_mean_mm, error.hausdorff_mm, error.area_ratio
+    );
+    assert!(error.p2s_mean_mm < 0.4 && error.hausdorff_mm < 40.0);
+    assert!((0.95..1.03).contains(&error.area_ratio));
+}
+
+#[test]
+fn tilted_normals_are_used_and_reversed_ones_are_not() {
+    let Some(mesh) = support::load("thomas", 0) else { return };
+    let mut random = Random::new(3);
+    let mut cloud = points_of(&mesh);
+    for normal in &mut cloud.normals {
+        let across = random.point().cross(*normal).normalize();
+        *normal = *normal * 20f64.to_radians().cos() + across * 20f64.to_radians().sin();
+    }
+    let (sign, evidence) = decide_point_sign(&cloud, SignMode::Auto);
+    assert_eq!(sign, PointSign::Oriented, "{evidence}");
+    let settings = PointIngest::new(grid(0.005));
+    let tilted = error(&mesh, &ingest_points(&cloud, &settings, sign).unwrap());
+    cloud.normals.iter_mut().for_each(|n| *n = if random.signed() < -0.8 { -*n } else { *n });
+    let (sign, evidence) = decide_point_sign(&cloud, SignMode::Auto);
+    println!("one in ten reversed: {sign} ({evidence})");
+    assert_eq!(sign, PointSign::Offset);
+    let reversed = error(&mesh, &ingest_points(&cloud, &settings, PointSign::Oriented).unwrap());
+    for (name, error) in [("tilted by 20 degrees", &tilted), ("one in ten reversed as well", &reversed)] {
+        println!("{name}: {:.3} mm, largest {:.1} mm", error.p2s_mean_mm, error.hausdorff_mm);
+    }
+    assert!(tilted.p2s_mean_mm < 0.2 && tilted.hausdorff_mm < 20.0);
+    assert!(reversed.p2s_mean_mm < 1.0);
+}
+
+#[test]
+fn estimated_normals_are_those_of_the_surface() {
+    let Some(mesh) = support::load("thomas", 0) else { return };
+    let given = points_of(&mesh);
+    let cloud = PointCloud { normals: Vec::new(), ..given.clone() };
+    let estimated = estimate_normals(&cloud).unwrap();
+    let cosines = || estimated.normals.iter().zip(&given.normals).map(|(n, m)| n.dot(*m));
+    let outward = cosines().filter(|c| *c > 0.0).count() as f64 / given.normals.len() as f64;
+    let mean = cosines().map(f64::abs).sum::<f64>() / given.normals.len() as f64;
+    let volume = ingest_points(&estimated, &PointIngest::new(grid(0.005)), PointSign::Oriented).unwrap();
+    let error = error(&mesh, &volume);
+    println!(
+        "thomas 0: {:.2} % outward, mean cosine {mean:.4}, {:.3} mm, largest {:.1} mm",
+        100.0 * outward,
+        error.p2s_mean_mm,
+        error.hausdorff_mm
+    );
+    assert!(outward > 0.995 && mean > 0.98);
+    assert!(error.p2s_mean_mm < 0.2 && error.hausdorff_mm < 20.0);
+}
+
+/// A sweep of `street_lidar`: binary little-endian, four floats a point; the sensor is at the origin.
+fn sweep(frame: usize) -> Option<PointCloud> {
+    let root = std::env::var_os("ISV_DATA").map_or_else(
+        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        std::path::PathBuf::from,
+    );
+    let path = root.join(format!("street_lidar/frame_{frame:04}.ply"));
+    let Ok(bytes) = std::fs::read(&path) else {
+        println!("skipped: no data at {}", path.display());
+        return None;
+    };
+    let body = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    let axis = |p: &[u8], i: usize| f64::from(f32::from_le_bytes(p[4 * i..4 * i + 4].try_into().unwrap()));
+    let positions =
+        bytes[body..].chunks_exact(16).map(|p| DVec3::new(axis(p, 0), axis(p, 1), axis(p, 2))).collect();
+    Some(PointCloud { positions, normals: Vec::new(), viewpoint: Some(DVec3::ZERO) })
+}
+
+/// Share of the points within a distance of the surface's vertices, and of the vertices within it of a point.
+fn coverage(cloud: &PointCloud, surface: &TriangleMesh, within_m: f64) -> [f64; 2] {
+    let share = |from: &[DVec3], to: &[DVec3]| {
+        let tree = PointTree::new(to.to_vec());
+        let near = from.iter().filter(|p| tree.nearest_sq(**p) <= within_m * within_m).count();
+        near as f64 / from.len() as f64
+    };
+    [share(&cloud.positions, &surface.vertices), share(&surface.vertices, &cloud.positions)]
+}
+
+#[test]
+fn a_lidar_sweep_is_a_shell_or_with_estimated_normals_a_surface() {
+    let Some(cloud) = sweep(0) else { return };
+    let (sign, evidence) = decide_point_sign(&cloud, SignMode::Auto);
+    println!("street_lidar 0: {} points, {sign} ({evidence})", cloud.positions.len());
+    assert_eq!(sign, PointSign::Offset);
+    for voxel_m in [0.1, 0.2] {
+        let shell = ingest_points(&cloud, &PointIngest::new(grid(voxel_m)), sign).unwrap();
+        let surface = surface(&shell);
+        let [points, vertices] = coverage(&cloud, &surface, 2.5 * voxel_m);
+        println!(
+            "  shell at {voxel_m} m: {} blocks, {} triangles; {:.1} % of points near it, {:.1} % of it near points",
+            shell.block_count(),
+            surface.triangles.len(),
+            100.0 * points,
+            100.0 * vertices
+        );
+        assert!(points > 0.999 && vertices > 0.999);
+    }
+    let estimated = estimate_normals(&cloud).unwrap();
+    let (sign, evidence) = decide_point_sign(&estimated, SignMode::Auto);
+    println!("with normals estimated: {sign} ({evidence})");
+    for voxel_m in [0.1, 0.2] {
+        let volume =
+            ingest_points(&estimated, &PointIngest::new(grid(voxel_m)), PointSign::Oriented).unwrap();
+        let surface = surface(&volume);
+        let [points, vertices] = coverage(&cloud, &surface, 1.5 * voxel_m);
+        println!(
+            "  surface at {voxel_m} m: {} blocks, {} triangles; {:.1} % of points near it, {:.1} % of it near points",
+            volume.block_count(),
+            surface.triangles.len(),
+            100.0 * points,
+            100.0 * vertices
+        );
+        if let Some(folder) = std::env::var_os("ISV_TEST_OUT") {
+            let path = std::path::Path::new(&folder).join(format!("lidar_{voxel_m}.ply"));
+            isv_io::write_mesh(&path, &surface, isv_io::Format::Ply).unwrap();
+        }
+        assert!(points > 0.5 && vertices > 0.9);
+    }
+}
