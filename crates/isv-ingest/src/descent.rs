@@ -1,160 +1,190 @@
-//! From the triangles of a cube to those of its eight halves, down to 2 x 2 x 2 voxels.
+//! From a cube that a cell may reach into to its octants, down to 2 x 2 x 2 voxels.
 //!
-//! In a cube, let `t` be the triangle closest to the centre. Another triangle is needed only if some voxel is closer to
-//! it than to `t`. The distance to a triangle is convex, so it is nowhere below its tangent plane at the centre, and
-//! that plane minus the distance to `t` is concave, so it is smallest at a corner of the cube: where the tangent plane
-//! stays above the distance to `t` at all eight corners, the triangle cannot matter. Unlike a bound by radii this uses
-//! directions, and far from a flat surface it keeps few of the many triangles that are almost equally far.
+//! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
+//! those of its own centre, more or less the same eight differences on every level, only halved from level to level. So a
+//! cell is taken down to voxels in one go, eight points at a time, with a multiplication and an addition for each plane.
 
-use crate::distance::{Gradient, LANES, LocalTriangle, Points};
-use fearless_simd::{Simd, dispatch};
+use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, MOST_PLANES, Plane, VERTEX_PLANES};
+use fearless_simd::{f32x8, prelude::*};
+use glam::DVec3;
 
-/// Slack of all comparisons, in voxels: well above `f32` rounding at the size of a tile (1e-5 voxels).
-const SLACK: f32 = 1e-3;
+/// Points evaluated together.
+pub(crate) const LANES: usize = 8;
 
-/// In cubes of 4 voxels, lists up to this long are cheaper to measure than to narrow.
-const SHORT_LIST: usize = 3;
+/// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
+/// a tile (1e-5 voxels), so that no point falls between two cells.
+const SLACK: f32 = 1e-4;
 
-/// Lists of the eight octants of a cube, reused from cube to cube.
-#[derive(Default)]
-pub(crate) struct Level {
-    gradients: Vec<Gradient>,
-    /// Triangles of each octant: bit 0 of its number is the upper half along x, bit 1 along y, bit 2 along z.
-    pub(crate) octants: [Vec<u32>; 8],
+/// Levels of a descent at most: 16 voxels to 8 to 4 to 2.
+const MOST_LEVELS: usize = 3;
+
+/// Heights of eight points above each plane of a cell, level after level of a descent.
+type Heights = [[[f32; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
+
+/// A cube to descend into.
+#[derive(Clone, Copy)]
+pub(crate) struct Cube {
+    /// Relative to the origin of the cells.
+    pub(crate) centre: DVec3,
+    /// In voxels.
+    pub(crate) edge: usize,
+    /// How often it is to be halved, at most [`MOST_LEVELS`].
+    pub(crate) levels: usize,
 }
 
-/// The eight points `centre +- half`, by octant.
-#[inline(always)]
-pub(crate) fn corners(centre: [f32; 3], half: f32) -> Points {
-    let mut points = [[0.0; LANES]; 3];
-    for axis in 0..3 {
-        for lane in 0..LANES {
-            points[axis][lane] = centre[axis] + if lane >> axis & 1 == 0 { -half } else { half };
-        }
-    }
-    points
+/// A cell on its way down. The number of a point among eight tells on which side it lies: bit 0 along x, bit 1 along y,
+/// bit 2 along z.
+struct Descent<'a, S: Simd, const AXES: usize, const PLANES: usize> {
+    /// By how much the corners of a cube whose edge is 2 are higher above each plane than its centre.
+    rises: [f32x8<S>; PLANES],
+    /// The largest of those.
+    spreads: [f32; PLANES],
+    heights: &'a mut Heights,
 }
 
-/// The centre of an octant of the cube of `edge` voxels around `centre`.
-#[inline(always)]
-pub(crate) fn octant_centre(centre: [f32; 3], edge: usize, octant: usize) -> [f32; 3] {
-    let quarter = edge as f32 / 4.0;
-    [0, 1, 2].map(|axis| centre[axis] + if octant >> axis & 1 == 0 { -quarter } else { quarter })
-}
-
-impl Level {
-    /// Sorts the triangles `list` of the cube of `edge` voxels (4 or more) around `centre` into its octants: those that
-    /// may be closest to a voxel and within `band` voxels of it.
-    pub(crate) fn split(
-        &mut self,
-        triangles: &[LocalTriangle],
-        list: &[u32],
-        centre: [f32; 3],
-        edge: usize,
-        band: f32,
-    ) {
-        dispatch!(fearless_simd::Level::new(), simd => simd.vectorize(
-            #[inline(always)]
-            || self.split_lanes(triangles, list, centre, edge, band)
-        ));
-    }
-
-    /// [`Self::split`], to be compiled for one instruction set.
+impl<'a, S: Simd, const AXES: usize, const PLANES: usize> Descent<'a, S, AXES, PLANES> {
     #[inline(always)]
-    fn split_lanes(
-        &mut self,
-        triangles: &[LocalTriangle],
-        list: &[u32],
-        centre: [f32; 3],
-        edge: usize,
-        band: f32,
-    ) {
-        self.octants.iter_mut().for_each(Vec::clear);
-        let centres = corners(centre, edge as f32 / 4.0);
-        let half = (edge / 2 - 1) as f32 / 2.0;
-        if list.len() == 1 || (edge == 4 && list.len() <= SHORT_LIST) {
-            self.copy(triangles, list, &centres, band + half * 3f32.sqrt() + SLACK);
-            return;
+    fn new(simd: S, planes: &[Plane], centre: DVec3, heights: &'a mut Heights) -> Self {
+        const SIGNS: [[f32; LANES]; 3] = [
+            [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
+            [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0],
+            [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0],
+        ];
+        let [x, y, z] = [0, 1, 2].map(|axis: usize| f32x8::simd_from(simd, SIGNS[axis]));
+        let (mut rises, mut spreads) = ([x; PLANES], [0.0; PLANES]);
+        for i in 0..PLANES {
+            let plane = &planes[i];
+            let normal = plane.normal.as_vec3();
+            rises[i] = x * normal.x + y * normal.y + z * normal.z;
+            spreads[i] = normal.x.abs() + normal.y.abs() + normal.z.abs();
+            heights[0][i][0] = (plane.height + plane.normal.dot(centre)) as f32;
         }
-        let closest = self.measure(triangles, list, &centres);
-        let bounds = transpose(std::array::from_fn(|octant| {
-            let around = corners(octant_centre(centre, edge, octant), half);
-            triangles[list[closest[octant]] as usize].distances_sq(&around).map(f32::sqrt)
-        }));
-        // Which octants keep a triangle is hardly predictable: each list is written on always, and lengthened if it counts.
-        self.octants.iter_mut().for_each(|octant| octant.resize(list.len(), 0));
-        let mut lengths = [0; 8];
-        for (t, gradient) in list.iter().zip(&self.gradients) {
-            let kept = may_matter(gradient, half, &bounds, band);
-            for octant in 0..8 {
-                self.octants[octant][lengths[octant]] = *t;
-                lengths[octant] += usize::from(kept[octant]);
-            }
-        }
-        for (octant, length) in self.octants.iter_mut().zip(lengths) {
-            octant.truncate(length);
-        }
+        Self { rises, spreads, heights }
     }
 
-    /// Gives each octant the triangles whose distance from its centre is within `reach`.
+    /// Calls `visit` for all cubes at the end of the descent that the cell may have a voxel of in it, within `band` voxels of
+    /// its part. A cube's number is made of the numbers of octants, that of the largest in the highest bits.
     #[inline(always)]
-    fn copy(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points, reach: f32) {
-        for t in list {
-            let distances_sq = triangles[*t as usize].distances_sq(centres);
-            for octant in 0..8 {
-                if distances_sq[octant] <= reach * reach {
-                    self.octants[octant].push(*t);
+    fn run(&mut self, cube: &Cube, band: f32, mut visit: impl FnMut(usize, &Self, usize)) {
+        let mut octants = [1u64, 0, 0, 0];
+        let (mut level, mut number, mut edge) = (0, 0, cube.edge as f32);
+        loop {
+            if octants[level] == 0 {
+                if level == 0 {
+                    return;
                 }
+                level -= 1;
+                number >>= 3;
+                edge *= 2.0;
+                continue;
+            }
+            let octant = octants[level].trailing_zeros() as usize % LANES;
+            octants[level] &= octants[level] - 1;
+            let here = number << 3 | octant;
+            if level == cube.levels {
+                visit(here, self, octant);
+            } else {
+                octants[level + 1] = self.split(level, octant, edge, band);
+                level += 1;
+                number = here;
+                edge /= 2.0;
             }
         }
     }
 
-    /// Measures all triangles at the octants' centres; returns the position in the list of the closest to each.
+    /// Finds the octants that the cell may reach into, a bit each, of octant `octant` on a level, whose edge is given.
     #[inline(always)]
-    fn measure(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points) -> [usize; LANES] {
-        self.gradients.clear();
-        let (mut closest, mut least) = ([0u32; LANES], [f32::INFINITY; LANES]);
-        for (position, t) in list.iter().enumerate() {
-            let gradient = triangles[*t as usize].gradient(centres);
-            for lane in 0..LANES {
-                let closer = gradient.distance[lane] < least[lane];
-                least[lane] = if closer { gradient.distance[lane] } else { least[lane] };
-                closest[lane] = if closer { position as u32 } else { closest[lane] };
+    fn split(&mut self, level: usize, octant: usize, edge: f32, band: f32) -> u64 {
+        let (quarter, half) = (edge / 4.0, (edge / 2.0 - 1.0) / 2.0);
+        let reach = band + half * 3f32.sqrt() + SLACK;
+        let simd = self.rises[0].simd;
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        let (above, below) = self.heights.split_at_mut(level + 1);
+        let (above, below) = (&above[level], &mut below[0]);
+        for plane in 0..PLANES {
+            let centres = self.rises[plane] * quarter + above[plane][octant];
+            if plane < AXES {
+                distances_sq += centres * centres;
+            } else {
+                depths = depths.min(centres + self.spreads[plane] * half);
             }
-            self.gradients.push(gradient);
+            below[plane] = centres.into();
         }
-        closest.map(|position| position as usize)
+        (distances_sq.simd_le(reach * reach) & depths.simd_ge(-SLACK)).to_bitmask()
+    }
+
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, which is octant `octant` on a level;
+    /// infinite for those outside the cell.
+    #[inline(always)]
+    fn distances_sq(&self, level: usize, octant: usize) -> f32x8<S> {
+        let simd = self.rises[0].simd;
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..PLANES {
+            let voxels = self.rises[plane] * 0.5 + self.heights[level][plane][octant];
+            if plane < AXES {
+                distances_sq += voxels * voxels;
+            } else {
+                depths = depths.min(voxels);
+            }
+        }
+        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(simd, f32::INFINITY))
     }
 }
 
-/// For each octant whether the tangent plane of a distance comes down to the band, and to `bounds` at a corner;
-/// `bounds[corner][octant]`.
-///
-/// All values are taken times the distance at the octant's centre, which spares the division that the plane's unit
-/// normal would need.
+/// Lists the cells in the octants of octants of a cube that they may reach into; `lists` by their numbers.
 #[inline(always)]
-fn may_matter(gradient: &Gradient, half: f32, bounds: &[[f32; LANES]; 8], band: f32) -> [bool; LANES] {
-    let mut kept = [false; LANES];
-    for octant in 0..LANES {
-        let distance = gradient.distance[octant];
-        let at_centre = distance * (distance - SLACK);
-        let [x, y, z] = [0, 1, 2].map(|axis| gradient.offset[axis][octant] * half);
-        let mut lowest = f32::INFINITY;
-        for corner in 0..8 {
-            let along_x = if corner & 1 == 0 { at_centre - x } else { at_centre + x };
-            let along_y = if corner & 2 == 0 { along_x - y } else { along_x + y };
-            let along_z = if corner & 4 == 0 { along_y - z } else { along_y + z };
-            let above = along_z - distance * bounds[corner][octant];
-            lowest = if above < lowest { above } else { lowest };
+pub(crate) fn list_cells<S: Simd>(simd: S, cells: &Cells, cube: &Cube, band: f32, lists: &mut [Vec<u32>; 64]) {
+    let mut heights = [[[0.0; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
+    for index in 0..cells.count() {
+        let cell = cells.get(index);
+        macro_rules! list {
+            ($axes:literal, $planes:expr) => {
+                Descent::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre, &mut heights)
+                    .run(cube, band, |number, _, _| lists[number % 64].push(index))
+            };
         }
-        let in_band = at_centre - x.abs() - y.abs() - z.abs() <= band * distance;
-        kept[octant] = in_band & (lowest <= 0.0);
+        match cell.axes {
+            1 => list!(1, FACE_PLANES),
+            2 => list!(2, EDGE_PLANES),
+            _ => list!(3, VERTEX_PLANES),
+        }
     }
-    kept
 }
 
-/// Exchanges rows and columns.
+/// Lowers the squared distances of the voxels of a cube to those from the parts of the cells that `list` names; `nearest` of
+/// all, `on_hole` of parts on a wide hole. Both are in cubes of 2 x 2 x 2 voxels, by their numbers.
 #[inline(always)]
-fn transpose(rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
-    std::array::from_fn(|column| rows.map(|row| row[column]))
+pub(crate) fn measure_cells<S: Simd>(
+    simd: S,
+    (cells, list): (&Cells, &[u32]),
+    cube: &Cube,
+    band: f32,
+    nearest: &mut [[f32; LANES]],
+    on_hole: &mut [[f32; LANES]],
+) {
+    let mut heights = [[[0.0; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
+    let lower = |cube: &mut [f32; LANES], to: f32x8<S>| *cube = f32x8::simd_from(simd, *cube).min(to).into();
+    for index in list {
+        let cell = cells.get(*index);
+        macro_rules! measure {
+            ($axes:literal, $planes:expr) => {
+                Descent::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre, &mut heights).run(
+                    cube,
+                    band,
+                    |number, descent, octant| {
+                        let distances_sq = descent.distances_sq(cube.levels, octant);
+                        lower(&mut nearest[number], distances_sq);
+                        if cell.on_hole {
+                            lower(&mut on_hole[number], distances_sq);
+                        }
+                    },
+                )
+            };
+        }
+        match cell.axes {
+            1 => measure!(1, FACE_PLANES),
+            2 => measure!(2, EDGE_PLANES),
+            _ => measure!(3, VERTEX_PLANES),
+        }
+    }
 }

@@ -1,26 +1,29 @@
 //! The samples of one tile.
 
-use crate::descent::{Level, corners, octant_centre};
-use crate::distance::{LANES, LocalTriangle, Points, TriangleFrame, nearest_distances};
-use crate::holes::HoleMarks;
+use crate::cells::{Cells, Parts};
+use crate::descent::{Cube, LANES, list_cells, measure_cells};
+use crate::holes::WideHoles;
 use crate::regions::Regions;
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
+use crate::topology::Topology;
+use fearless_simd::{Level, dispatch};
 use glam::{DVec3, IVec3};
-use isv_spatial::{WindingNumber, closest_on_triangle};
-use isv_volume::{BlockCoord, CODES_PER_VOXEL, Grid, VoxelMask};
+use isv_spatial::WindingNumber;
+use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 
 /// Everything samples are made from.
 pub(crate) struct Source<'a> {
     pub(crate) grid: Grid,
     pub(crate) band: Band,
     pub(crate) mesh: VoxelMesh<'a>,
+    pub(crate) topology: Topology,
     pub(crate) sign: Sign,
 }
 
 /// Where the sign of a sample comes from.
 pub(crate) enum Sign {
     /// Eq. 8: the winding number in metres, and the holes to keep open, if any.
-    Closed(WindingNumber, Option<HoleMarks>),
+    Closed(WindingNumber, Option<WideHoles>),
     /// Eq. 9: the offset in voxels.
     Offset(f32),
 }
@@ -35,12 +38,13 @@ pub(crate) struct TileBlocks {
 }
 
 /// Buffers of one thread.
-#[derive(Default)]
 pub(crate) struct Workspace {
-    tile: Triangles,
-    block: Triangles,
-    tile_levels: [Level; TILE_BLOCKS.ilog2() as usize],
-    block_levels: [Level; 3],
+    /// Cells of the tile at hand, relative to its centre, and those that reach into each of its blocks.
+    cells: Cells,
+    lists: [Vec<u32>; 64],
+    /// Squared distances of the block at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
+    nearest: Vec<[f32; LANES]>,
+    on_hole: Vec<[f32; LANES]>,
     /// Unsigned distances of the block at hand in voxels, exact up to the band's width and more than it beyond.
     distances: Vec<f32>,
     /// Voxels of the block at hand whose closest surface point lies on a wide hole.
@@ -48,99 +52,70 @@ pub(crate) struct Workspace {
     regions: Regions,
 }
 
-/// Triangles near a tile or a block.
-#[derive(Default)]
-struct Triangles {
-    faces: Vec<u32>,
-    frames: Vec<TriangleFrame>,
-    local: Vec<LocalTriangle>,
-    /// 0, 1, 2, ...
-    all: Vec<u32>,
+impl Default for Workspace {
+    fn default() -> Self {
+        Self {
+            cells: Cells::default(),
+            lists: std::array::from_fn(|_| Vec::new()),
+            nearest: Vec::new(),
+            on_hole: Vec::new(),
+            distances: Vec::new(),
+            unobserved: None,
+            regions: Regions::default(),
+        }
+    }
 }
 
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
     let edge = source.band.tile_edge();
-    let centre = (tile.coord.as_dvec3() + 0.5) * f64::from(edge);
-    let triangles = &mut work.tile;
-    triangles.clear();
-    for face in tile.faces() {
-        let frame = TriangleFrame::new(source.mesh.corners(face));
-        triangles.local.push(frame.relative_to(centre));
-        triangles.frames.push(frame);
-        triangles.faces.push(face);
+    let holes = match &source.sign {
+        Sign::Closed(_, holes) => holes.as_ref(),
+        Sign::Offset(_) => None,
+    };
+    let parts = Parts { mesh: &source.mesh, topology: &source.topology, holes };
+    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge));
+    work.cells.add(&parts, tile.faces());
+    work.lists.iter_mut().for_each(Vec::clear);
+    let Workspace { cells, lists, .. } = work;
+    let cube = Cube { centre: DVec3::ZERO, edge: edge as usize, levels: TILE_BLOCKS.ilog2() as usize };
+    let band = source.band.width as f32;
+    dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
+    let mut out = TileBlocks::default();
+    for block in 0..64 {
+        if !work.lists[block].is_empty() {
+            sample_block(source, work, tile, block, &mut out);
+        }
     }
-    triangles.all.extend(0..triangles.faces.len() as u32);
-    let mut levels = std::mem::take(&mut work.tile_levels);
-    let all = std::mem::take(&mut work.tile.all);
-    let mut sampler = TileSampler { source, work, out: TileBlocks::default() };
-    sampler.descend(&mut levels, &all, [0.0; 3], edge as usize, tile.coord * TILE_BLOCKS);
-    let out = sampler.out;
-    work.tile_levels = levels;
-    work.tile.all = all;
     out
 }
 
-impl Triangles {
-    fn clear(&mut self) {
-        self.faces.clear();
-        self.frames.clear();
-        self.local.clear();
-        self.all.clear();
+/// Samples one block of a tile, given by its Morton number there; kept if it is active.
+fn sample_block(source: &Source, work: &mut Workspace, tile: &Tile, block: usize, out: &mut TileBlocks) {
+    let bits = |axis: usize| (block >> axis & 1 | (block >> (axis + 3) & 1) << 1) as i32;
+    let step = IVec3::new(bits(0), bits(1), bits(2));
+    measure_block(source, work, block, step);
+    let observed = |voxel: usize| !work.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
+    let width = source.band.width as f32;
+    if !work.distances.iter().enumerate().any(|(voxel, d)| *d <= width && observed(voxel)) {
+        return;
     }
-}
-
-struct TileSampler<'a> {
-    source: &'a Source<'a>,
-    work: &'a mut Workspace,
-    out: TileBlocks,
-}
-
-impl TileSampler<'_> {
-    /// Visits the blocks of the cube of `edge` voxels around `centre` (relative to the tile's centre) that have triangles
-    /// in reach, in Morton order.
-    fn descend(&mut self, levels: &mut [Level], list: &[u32], centre: [f32; 3], edge: usize, first: IVec3) {
-        let Some((level, below)) = levels.split_first_mut() else {
-            self.sample_block(list, BlockCoord::from(first.to_array()));
-            return;
-        };
-        level.split(&self.work.tile.local, list, centre, edge, self.source.band.width as f32);
-        let half = (edge / 2) as i32 / self.source.band.edge;
-        for (octant, list) in level.octants.iter().enumerate() {
-            if !list.is_empty() {
-                let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
-                let centre = octant_centre(centre, edge, octant);
-                self.descend(below, list, centre, edge / 2, first + step * half);
+    let start = out.samples.len();
+    out.samples.resize(start + work.distances.len(), 0);
+    let samples = &mut out.samples[start..];
+    let coord = BlockCoord::from((tile.coord * TILE_BLOCKS + step).to_array());
+    match &source.sign {
+        Sign::Offset(offset) => {
+            for (sample, d) in samples.iter_mut().zip(&work.distances) {
+                *sample = code(&source.grid, d - offset);
             }
         }
+        Sign::Closed(winding, _) => sign_block(&source.grid, winding, work, coord, samples),
     }
-
-    /// Samples one block; kept if it is active.
-    fn sample_block(&mut self, list: &[u32], coord: BlockCoord) {
-        let source = self.source;
-        measure_block(source, self.work, list, coord);
-        let work = &mut *self.work;
-        let observed = |voxel: usize| !work.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
-        let width = source.band.width as f32;
-        if !work.distances.iter().enumerate().any(|(voxel, d)| *d <= width && observed(voxel)) {
-            return;
-        }
-        let start = self.out.samples.len();
-        self.out.samples.resize(start + work.distances.len(), 0);
-        let samples = &mut self.out.samples[start..];
-        match &source.sign {
-            Sign::Offset(offset) => {
-                for (sample, d) in samples.iter_mut().zip(&work.distances) {
-                    *sample = code(&source.grid, d - offset);
-                }
-            }
-            Sign::Closed(winding, _) => sign_block(&source.grid, winding, work, coord, samples),
-        }
-        if let Some(mask) = work.unobserved.take() {
-            self.out.masks.push((self.out.coords.len(), mask));
-        }
-        self.out.coords.push(coord);
+    if let Some(mask) = work.unobserved.take() {
+        out.masks.push((out.coords.len(), mask));
     }
+    out.coords.push(coord);
 }
 
 /// Adding 1.5 * 2^23 to a small `f32` leaves no bits for a fraction: the sum's lowest bits are the number, rounded to the
@@ -153,117 +128,40 @@ fn code(grid: &Grid, distance: f32) -> i16 {
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
 }
 
-/// Finds the distances and the unobserved voxels of a block. The triangles are described anew relative to the block's
-/// centre: a block's samples depend on nothing but where the triangles are relative to it.
-fn measure_block(source: &Source, work: &mut Workspace, list: &[u32], coord: BlockCoord) {
-    let edge = source.grid.edge.voxels();
-    let centre = (IVec3::from_array(coord.to_array()).as_dvec3() + 0.5) * edge as f64;
-    work.block.clear();
-    for t in list {
-        work.block.local.push(work.tile.frames[*t as usize].relative_to(centre));
-        work.block.faces.push(work.tile.faces[*t as usize]);
+/// Finds the distances and the unobserved voxels of a block.
+fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec3) {
+    let (edge, width) = (source.grid.edge, source.band.width as f32);
+    let n = edge.voxels();
+    let centre = (step.as_dvec3() + 0.5 - f64::from(TILE_BLOCKS / 2)) * n as f64;
+    let Workspace { cells, lists, nearest, on_hole, .. } = work;
+    for cubes in [&mut *nearest, &mut *on_hole] {
+        cubes.clear();
+        cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
     }
-    work.block.all.extend(0..list.len() as u32);
+    let cube = Cube { centre, edge: n, levels: n.ilog2() as usize - 1 };
+    let listed = (&*cells, &lists[block][..]);
+    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
     work.distances.clear();
-    work.distances.resize(source.grid.edge.block_voxels(), source.band.width as f32 + 1.0);
+    work.distances.resize(edge.block_voxels(), width + 1.0);
     work.unobserved = None;
-    let holes = match &source.sign {
-        Sign::Closed(_, Some(holes)) if work.block.faces.iter().any(|face| holes.touch(*face)) => Some(holes),
-        _ => None,
-    };
-    let mut block = BlockMeter {
-        source,
-        holes,
-        centre,
-        triangles: &work.block,
-        distances: &mut work.distances,
-        unobserved: &mut work.unobserved,
-    };
-    let levels = edge.ilog2() as usize - 1;
-    block.descend(&mut work.block_levels[..levels], &work.block.all, [0.0; 3], edge, [0; 3]);
-}
-
-/// Measures the distances of one block.
-struct BlockMeter<'a> {
-    source: &'a Source<'a>,
-    /// Set if a wide hole is in reach.
-    holes: Option<&'a HoleMarks>,
-    /// Centre of the block, in voxels.
-    centre: DVec3,
-    triangles: &'a Triangles,
-    distances: &'a mut [f32],
-    unobserved: &'a mut Option<VoxelMask>,
-}
-
-impl BlockMeter<'_> {
-    /// Measures the cube of `edge` voxels whose first voxel is `first` and whose centre is `centre` (relative to the
-    /// block's).
-    fn descend(
-        &mut self,
-        levels: &mut [Level],
-        list: &[u32],
-        centre: [f32; 3],
-        edge: usize,
-        first: [usize; 3],
-    ) {
-        let Some((level, below)) = levels.split_first_mut() else {
-            self.measure(list, centre, first);
-            return;
-        };
-        level.split(&self.triangles.local, list, centre, edge, self.source.band.width as f32);
-        for (octant, list) in level.octants.iter().enumerate() {
-            if !list.is_empty() {
-                let first = [0, 1, 2].map(|axis| first[axis] + (octant >> axis & 1) * edge / 2);
-                self.descend(below, list, octant_centre(centre, edge, octant), edge / 2, first);
-            }
-        }
-    }
-
-    /// Measures a cube of 2 x 2 x 2 voxels.
-    fn measure(&mut self, list: &[u32], centre: [f32; 3], first: [usize; 3]) {
-        let points = corners(centre, 0.5);
-        let nearest = nearest_distances(&self.triangles.local, list, &points);
+    for (cube, (nearest, on_hole)) in work.nearest.iter().zip(&work.on_hole).enumerate() {
         for lane in 0..LANES {
-            let voxel = self.voxel(first, lane);
-            if nearest[lane] <= self.source.band.width as f32 {
-                self.distances[voxel] = nearest[lane];
-            }
-        }
-        if let Some(holes) = self.holes
-            && list.iter().any(|t| holes.touch(self.triangles.faces[*t as usize]))
-        {
-            self.mark_unobserved(holes, list, &points, first);
-        }
-    }
-
-    fn voxel(&self, first: [usize; 3], lane: usize) -> usize {
-        self.source.grid.edge.voxel_index(
-            first[0] + (lane & 1),
-            first[1] + (lane >> 1 & 1),
-            first[2] + (lane >> 2),
-        )
-    }
-
-    /// Marks the voxels of a cube whose closest surface point lies on a wide hole.
-    fn mark_unobserved(&mut self, holes: &HoleMarks, list: &[u32], points: &Points, first: [usize; 3]) {
-        for lane in 0..LANES {
-            let p = self.centre + DVec3::from_array([0, 1, 2].map(|axis| f64::from(points[axis][lane])));
-            let (mut nearest_sq, mut on_hole) = (f64::INFINITY, false);
-            for t in list {
-                let face = self.triangles.faces[*t as usize];
-                let (point, feature) = closest_on_triangle(p, &self.source.mesh.corners(face));
-                let distance_sq = point.distance_squared(p);
-                if distance_sq < nearest_sq {
-                    nearest_sq = distance_sq;
-                    on_hole = holes.contain(face, feature);
+            let distance = nearest[lane].sqrt();
+            if distance <= width {
+                let voxel = voxel_at(edge, cube << 3 | lane);
+                work.distances[voxel] = distance;
+                if nearest[lane] == on_hole[lane] {
+                    work.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(voxel);
                 }
             }
-            if on_hole {
-                let voxel = self.voxel(first, lane);
-                self.unobserved.get_or_insert_with(|| VoxelMask::empty(self.source.grid.edge)).insert(voxel);
-            }
         }
     }
+}
+
+/// The voxel of a block with a Morton number.
+fn voxel_at(edge: BlockEdge, number: usize) -> usize {
+    let along = |axis: usize| (0..edge.log2() as usize).map(|bit| (number >> (3 * bit + axis) & 1) << bit).sum();
+    edge.voxel_index(along(0), along(1), along(2))
 }
 
 /// Signs the distances of a block (Eq. 8): negative where the winding number exceeds one half.
