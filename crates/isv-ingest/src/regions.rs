@@ -26,12 +26,12 @@ pub(crate) struct Regions {
     /// Voxels region after region, and where each region starts.
     members: Vec<u16>,
     starts: Vec<usize>,
-    /// The shallow regions, with their voxel of largest distance.
-    shallow: Vec<(usize, usize)>,
+    /// The voxel of largest distance of each region.
+    deepest: Vec<usize>,
 }
 
 impl Regions {
-    /// Decides for every voxel whether it is inside, asking `is_inside` about one voxel of each region: that of largest
+    /// Decides for every voxel whether it is inside, asking `are_inside` about one voxel of each region: that of largest
     /// distance. Voxels in `excluded` belong to no region (near a hole there is a way from inside to outside) and count as
     /// outside.
     pub(crate) fn classify(
@@ -39,33 +39,43 @@ impl Regions {
         distances: &[f32],
         edge: BlockEdge,
         excluded: Option<&VoxelMask>,
-        is_inside: impl Fn(usize) -> bool,
+        are_inside: impl Fn(&[usize]) -> Vec<bool>,
     ) {
         self.inside.clear();
         self.members.clear();
         self.starts.clear();
         if let Some(deepest) = self.take_whole(distances, excluded) {
-            self.inside.push(Some(is_inside(deepest)));
+            self.inside.push(are_inside(&[deepest]).first().copied());
             return;
         }
         self.labels.clear();
         let label = |v| if excluded.is_some_and(|mask| mask.contains(v)) { EXCLUDED } else { UNSEEN };
         self.labels.extend((0..distances.len()).map(label));
-        self.shallow.clear();
+        self.deepest.clear();
         for start in 0..distances.len() {
             if self.labels[start] == UNSEEN {
                 let deepest = self.flood(distances, edge, start);
-                let known = distances[deepest] >= SHALLOW;
-                if !known {
-                    self.shallow.push((self.inside.len(), deepest));
-                }
-                self.inside.push(known.then(|| is_inside(deepest)));
+                self.deepest.push(deepest);
+                self.inside.push(None);
             }
         }
         self.starts.push(self.members.len());
-        for &(region, deepest) in &self.shallow {
-            let side = self.side_of_diagonal(distances, edge, region);
-            self.inside[region] = Some(side.unwrap_or_else(|| is_inside(deepest)));
+        self.ask(|region| distances[region] >= SHALLOW, &are_inside);
+        for region in 0..self.inside.len() {
+            if self.inside[region].is_none() {
+                self.inside[region] = self.side_of_diagonal(distances, edge, region);
+            }
+        }
+        self.ask(|_| true, &are_inside);
+    }
+
+    /// Asks for the sides of the regions not known yet, of those whose voxel of largest distance is `chosen`.
+    fn ask(&mut self, chosen: impl Fn(usize) -> bool, are_inside: &impl Fn(&[usize]) -> Vec<bool>) {
+        let wanted = |region: &usize| self.inside[*region].is_none() && chosen(self.deepest[*region]);
+        let regions: Vec<usize> = (0..self.inside.len()).filter(wanted).collect();
+        let voxels: Vec<usize> = regions.iter().map(|region| self.deepest[*region]).collect();
+        for (region, side) in regions.into_iter().zip(are_inside(&voxels)) {
+            self.inside[region] = Some(side);
         }
     }
 
@@ -154,9 +164,9 @@ mod tests {
         let mut regions = Regions::default();
         let asked = RefCell::new(Vec::new());
         let mut classify = |excluded: Option<&VoxelMask>| {
-            regions.classify(&distances, BlockEdge::E4, excluded, |voxel| {
-                asked.borrow_mut().push(voxel);
-                voxel < 16
+            regions.classify(&distances, BlockEdge::E4, excluded, |voxels| {
+                asked.borrow_mut().extend_from_slice(voxels);
+                voxels.iter().map(|voxel| *voxel < 16).collect()
             });
             regions.inside_voxels().count()
         };
@@ -175,9 +185,9 @@ mod tests {
         let mut regions = Regions::default();
         let asked = RefCell::new(0);
         let magnitudes: Vec<f32> = distances.iter().map(|d| d.abs()).collect();
-        regions.classify(&magnitudes, BlockEdge::E4, None, |voxel| {
-            *asked.borrow_mut() += 1;
-            distances[voxel] < 0.0
+        regions.classify(&magnitudes, BlockEdge::E4, None, |voxels| {
+            *asked.borrow_mut() += voxels.len();
+            voxels.iter().map(|voxel| distances[*voxel] < 0.0).collect()
         });
         let mut inside: Vec<_> = regions.inside_voxels().collect();
         inside.sort_unstable();

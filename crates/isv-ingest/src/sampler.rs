@@ -173,8 +173,10 @@ fn sign_block(
     samples: &mut [i16],
 ) {
     let distances = &work.distances;
-    let is_inside = |voxel| winding_at(grid, winding, coord, voxel) > 0.5;
-    work.regions.classify(distances, grid.edge, work.unobserved.as_ref(), is_inside);
+    let are_inside = |voxels: &[usize]| {
+        winding_at(grid, winding, coord, voxels.iter().copied()).into_iter().map(|w| w > 0.5).collect()
+    };
+    work.regions.classify(distances, grid.edge, work.unobserved.as_ref(), are_inside);
     for (sample, distance) in samples.iter_mut().zip(distances) {
         *sample = code(grid, *distance);
     }
@@ -182,27 +184,39 @@ fn sign_block(
         samples[voxel] = -samples[voxel];
     }
     if let Some(mask) = &work.unobserved {
-        for voxel in (0..samples.len()).filter(|v| mask.contains(*v)) {
-            samples[voxel] = blend_across_hole(grid, winding, coord, voxel, distances[voxel]);
+        let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
+        for (voxel, sample) in blend_across_hole(grid, winding, coord, &voxels, |voxel| distances[voxel]) {
+            samples[voxel] = sample;
         }
     }
 }
 
-/// The sample of an unobserved voxel: its distance times `1 - 2 w`, which passes through zero smoothly from one side of a
-/// hole to the other.
+/// The samples of unobserved voxels of a block: distance times `1 - 2 w`, which passes through zero smoothly from one side of
+/// a hole to the other.
 pub(crate) fn blend_across_hole(
     grid: &Grid,
     winding: &WindingNumber,
     coord: BlockCoord,
-    voxel: usize,
-    distance: f32,
-) -> i16 {
-    let blend = (1.0 - 2.0 * winding_at(grid, winding, coord, voxel)).clamp(-1.0, 1.0);
-    code(grid, distance * blend as f32)
+    voxels: &[usize],
+    distance: impl Fn(usize) -> f32,
+) -> Vec<(usize, i16)> {
+    let blend = |(voxel, w): (&usize, f64)| {
+        let blend = (1.0 - 2.0 * w).clamp(-1.0, 1.0);
+        (*voxel, code(grid, distance(*voxel) * blend as f32))
+    };
+    voxels.iter().zip(winding_at(grid, winding, coord, voxels.iter().copied())).map(blend).collect()
 }
 
-/// Magnitude of the winding number at the centre of a voxel.
-fn winding_at(grid: &Grid, winding: &WindingNumber, coord: BlockCoord, voxel: usize) -> f64 {
+/// Magnitudes of the winding number at the centres of voxels.
+fn winding_at(
+    grid: &Grid,
+    winding: &WindingNumber,
+    coord: BlockCoord,
+    voxels: impl Iterator<Item = usize>,
+) -> Vec<f64> {
     let n = grid.edge.voxels();
-    winding.at(grid.voxel_centre_m(coord, [voxel % n, voxel / n % n, voxel / (n * n)])).abs()
+    let centre = |v: usize| grid.voxel_centre_m(coord, [v % n, v / n % n, v / (n * n)]);
+    let mut numbers = winding.at_points(&voxels.map(centre).collect::<Vec<_>>());
+    numbers.iter_mut().for_each(|w| *w = w.abs());
+    numbers
 }

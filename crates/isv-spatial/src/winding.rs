@@ -7,8 +7,9 @@
 //! Evaluated as in Barill et al. 2018, "Fast winding numbers for soups and clouds": a cluster of triangles seen from
 //! more than [`BETA`] times its radius is replaced by its Taylor expansion, triangles nearby are summed exactly.
 
-use crate::expansion::Expansion;
+use crate::expansion::{Expansion, Points};
 use crate::tree::{Content, MAX_DEPTH, Tree};
+use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 use std::f64::consts::{PI, TAU};
@@ -82,6 +83,141 @@ impl WindingNumber {
             }
         }
         total / (4.0 * PI)
+    }
+}
+
+/// Points asked about together.
+const LANES: usize = 8;
+
+/// Fewer points than this are faster one by one.
+const FEW: usize = 3;
+
+impl WindingNumber {
+    /// The winding numbers at many points, faster than one by one if points that follow each other are close together.
+    ///
+    /// A cluster is expanded for eight points together or not at all, so the numbers may differ from those of [`Self::at`], and
+    /// by what the other points are, within the accuracy of the expansion.
+    #[must_use]
+    pub fn at_points(&self, points: &[DVec3]) -> Vec<f64> {
+        let mut numbers = Vec::with_capacity(points.len());
+        for eight in points.chunks(LANES) {
+            if eight.len() < FEW {
+                numbers.extend(eight.iter().map(|p| self.at(*p)));
+            } else {
+                let lane = |i: usize| eight[i.min(eight.len() - 1)];
+                let [x, y, z] = [0, 1, 2].map(|axis: usize| std::array::from_fn(|i| lane(i)[axis]));
+                let found = dispatch!(Level::new(), simd => self.at_eight(simd, [x, y, z]));
+                numbers.extend_from_slice(&found[..eight.len()]);
+            }
+        }
+        numbers
+    }
+
+    /// The winding numbers at eight points, to be compiled for one instruction set.
+    #[inline(always)]
+    fn at_eight<S: Simd>(&self, simd: S, points: [[f64; LANES]; 3]) -> [f64; LANES] {
+        let [x, y, z] = points;
+        let points = [f64x8::simd_from(simd, x), f64x8::simd_from(simd, y), f64x8::simd_from(simd, z)];
+        let mut total = f64x8::splat(simd, 0.0);
+        let mut near = HalfAngles::new(simd);
+        let mut stack = [0usize; MAX_DEPTH + 1];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let cluster = &self.clusters[stack[depth]];
+            let ways = ways_to(cluster.far_field.centre, &points);
+            let distances_sq = ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2];
+            if distances_sq.simd_gt(cluster.reach_sq).all_true() {
+                total += cluster.far_field.solid_angles(&ways);
+                continue;
+            }
+            match &cluster.content {
+                Content::Leaf(range) => {
+                    for [a, b, c] in &self.corners[range.clone()] {
+                        near.add_triangle([ways_to(*a, &points), ways_to(*b, &points), ways_to(*c, &points)]);
+                    }
+                    near.rescale();
+                }
+                Content::Inner(a, b) => {
+                    stack[depth] = *b;
+                    stack[depth + 1] = *a;
+                    depth += 2;
+                }
+            }
+        }
+        let far: [f64; LANES] = total.into();
+        let near = near.radians();
+        let mut numbers = [0.0; LANES];
+        for lane in 0..LANES {
+            numbers[lane] = (far[lane] + 2.0 * near[lane]) / (4.0 * PI);
+        }
+        numbers
+    }
+}
+
+/// The ways from eight points to one.
+#[inline(always)]
+fn ways_to<S: Simd>(p: DVec3, [x, y, z]: &Points<S>) -> Points<S> {
+    [p.x - *x, p.y - *y, p.z - *z]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(u: &Points<S>, v: &Points<S>) -> f64x8<S> {
+    u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+}
+
+/// [`HalfAngle`] for eight points at once.
+struct HalfAngles<S: Simd> {
+    re: f64x8<S>,
+    im: f64x8<S>,
+    turns: f64x8<S>,
+}
+
+impl<S: Simd> HalfAngles<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        let zero = f64x8::splat(simd, 0.0);
+        Self { re: f64x8::splat(simd, 1.0), im: zero, turns: zero }
+    }
+
+    /// Adds half the solid angle of a triangle, given by the ways from the points to its corners; as in [`solid_angle_sum`].
+    #[inline(always)]
+    fn add_triangle(&mut self, [a, b, c]: [Points<S>; 3]) {
+        let dot = dot::<S>;
+        let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let (la, lb, lc) = (dot(&a, &a).sqrt(), dot(&b, &b).sqrt(), dot(&c, &c).sqrt());
+        let scale = 1.0 / (la * lb * lc);
+        let im = dot(&a, &cross) * scale;
+        let re = (dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb) * scale + 1.0;
+        let zero = im * 0.0;
+        // Zero: seen edge-on or without area. Not finite: the point is a corner, or nearly.
+        let counts = im.abs().simd_gt(0.0) & re.abs().simd_lt(f64::INFINITY) & zero.simd_eq(0.0);
+        let product = (self.re * re - self.im * im, self.re * im + self.im * re);
+        let one = f64x8::splat(im.simd, 1.0);
+        let none = f64x8::splat(im.simd, 0.0);
+        let up = self.im.simd_ge(0.0) & im.simd_gt(0.0) & product.1.simd_lt(0.0) & counts;
+        let down = self.im.simd_lt(0.0) & im.simd_lt(0.0) & product.1.simd_ge(0.0) & counts;
+        self.turns += up.select(one, none) - down.select(one, none);
+        self.re = counts.select(product.0, self.re);
+        self.im = counts.select(product.1, self.im);
+    }
+
+    /// Keeps the product of many factors in range.
+    #[inline(always)]
+    fn rescale(&mut self) {
+        let scale = 1.0 / self.re.abs().max(self.im.abs()).max(f64::MIN_POSITIVE);
+        self.re *= scale;
+        self.im *= scale;
+    }
+
+    #[inline(always)]
+    fn radians(&self) -> [f64; LANES] {
+        let [re, im, turns]: [[f64; LANES]; 3] = [self.re.into(), self.im.into(), self.turns.into()];
+        let mut radians = [0.0; LANES];
+        for lane in 0..LANES {
+            radians[lane] = im[lane].atan2(re[lane]) + TAU * turns[lane];
+        }
+        radians
     }
 }
 
