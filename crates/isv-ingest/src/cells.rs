@@ -31,9 +31,6 @@ pub(crate) const EDGE_PLANES: usize = 2 + 2 + 2;
 /// Planes of the cell of a vertex: three axes, and the sides of its cone.
 pub(crate) const VERTEX_PLANES: usize = 3 + MOST_CONE_SIDES;
 
-/// Planes that describe a cell, at most.
-pub(crate) const MOST_PLANES: usize = VERTEX_PLANES;
-
 /// A plane that cuts nothing off.
 const NOWHERE: Plane = Plane { normal: DVec3::ZERO, height: 0.0 };
 

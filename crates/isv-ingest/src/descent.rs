@@ -1,10 +1,10 @@
-//! From a cube that a cell may reach into to its octants, down to 2 x 2 x 2 voxels.
+//! Which parts of a cube a cell reaches into, and how far its voxels are from the cell's part.
 //!
 //! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
-//! those of its own centre, more or less the same eight differences on every level, only halved from level to level. So a
-//! cell is taken down to voxels in one go, eight points at a time, with a multiplication and an addition for each plane.
+//! that of its own centre plus the same eight differences at every size, only scaled with the cube. So the 64 parts of a cube
+//! cost a few additions for each plane, eight at a time, and no branches.
 
-use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, MOST_PLANES, Plane, VERTEX_PLANES};
+use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
 use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
@@ -15,144 +15,174 @@ pub(crate) const LANES: usize = 8;
 /// a tile (1e-5 voxels), so that no point falls between two cells.
 const SLACK: f32 = 1e-4;
 
-/// Levels of a descent at most: 16 voxels to 8 to 4 to 2.
-const MOST_LEVELS: usize = 3;
+/// Cubes that a cube is cut into at once, four along each axis.
+pub(crate) const PARTS: usize = 4 * 4 * 4;
 
-/// Heights of eight points above each plane of a cell, level after level of a descent.
-type Heights = [[[f32; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
-
-/// A cube to descend into.
+/// A cube of voxels.
 #[derive(Clone, Copy)]
 pub(crate) struct Cube {
     /// Relative to the origin of the cells.
     pub(crate) centre: DVec3,
     /// In voxels.
     pub(crate) edge: usize,
-    /// How often it is to be halved, at most [`MOST_LEVELS`].
-    pub(crate) levels: usize,
 }
 
-/// A cell on its way down. The number of a point among eight tells on which side it lies: bit 0 along x, bit 1 along y,
+/// A cell made ready for cubes. The number of a point among eight tells on which side it lies: bit 0 along x, bit 1 along y,
 /// bit 2 along z.
-struct Descent<'a, S: Simd, const AXES: usize, const PLANES: usize> {
+struct Probe<S: Simd, const AXES: usize, const PLANES: usize> {
     /// By how much the corners of a cube whose edge is 2 are higher above each plane than its centre.
     rises: [f32x8<S>; PLANES],
     /// The largest of those.
     spreads: [f32; PLANES],
-    heights: &'a mut Heights,
 }
 
-impl<'a, S: Simd, const AXES: usize, const PLANES: usize> Descent<'a, S, AXES, PLANES> {
+/// Squared distances of eight points from the part of a cell, and how far in front of its sides they lie, at most zero.
+struct Reach<S: Simd> {
+    distances_sq: f32x8<S>,
+    depths: f32x8<S>,
+}
+
+impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
+    /// Readies a cell; returns the heights of a point above its planes with it.
     #[inline(always)]
-    fn new(simd: S, planes: &[Plane], centre: DVec3, heights: &'a mut Heights) -> Self {
+    fn new(simd: S, planes: &[Plane], point: DVec3) -> (Self, [f32; PLANES]) {
         const SIGNS: [[f32; LANES]; 3] = [
             [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
             [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0],
             [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0],
         ];
-        let [x, y, z] = [0, 1, 2].map(|axis: usize| f32x8::simd_from(simd, SIGNS[axis]));
-        let (mut rises, mut spreads) = ([x; PLANES], [0.0; PLANES]);
+        let x = f32x8::simd_from(simd, SIGNS[0]);
+        let y = f32x8::simd_from(simd, SIGNS[1]);
+        let z = f32x8::simd_from(simd, SIGNS[2]);
+        let (mut rises, mut spreads, mut heights) = ([x; PLANES], [0.0; PLANES], [0.0; PLANES]);
         for i in 0..PLANES {
             let plane = &planes[i];
             let normal = plane.normal.as_vec3();
             rises[i] = x * normal.x + y * normal.y + z * normal.z;
             spreads[i] = normal.x.abs() + normal.y.abs() + normal.z.abs();
-            heights[0][i][0] = (plane.height + plane.normal.dot(centre)) as f32;
+            heights[i] = (plane.height + plane.normal.dot(point)) as f32;
         }
-        Self { rises, spreads, heights }
+        (Self { rises, spreads }, heights)
     }
 
-    /// Calls `visit` for all cubes at the end of the descent that the cell may have a voxel of in it, within `band` voxels of
-    /// its part. A cube's number is made of the numbers of octants, that of the largest in the highest bits.
+    /// Heights above each plane of the octants' centres of a cube whose centre has the given heights.
     #[inline(always)]
-    fn run(&mut self, cube: &Cube, band: f32, mut visit: impl FnMut(usize, &Self, usize)) {
-        let mut octants = [1u64, 0, 0, 0];
-        let (mut level, mut number, mut edge) = (0, 0, cube.edge as f32);
-        loop {
-            if octants[level] == 0 {
-                if level == 0 {
-                    return;
-                }
-                level -= 1;
-                number >>= 3;
-                edge *= 2.0;
-                continue;
-            }
-            let octant = octants[level].trailing_zeros() as usize % LANES;
-            octants[level] &= octants[level] - 1;
-            let here = number << 3 | octant;
-            if level == cube.levels {
-                visit(here, self, octant);
-            } else {
-                octants[level + 1] = self.split(level, octant, edge, band);
-                level += 1;
-                number = here;
-                edge /= 2.0;
-            }
-        }
-    }
-
-    /// Finds the octants that the cell may reach into, a bit each, of octant `octant` on a level, whose edge is given.
-    #[inline(always)]
-    fn split(&mut self, level: usize, octant: usize, edge: f32, band: f32) -> u64 {
-        let (quarter, half) = (edge / 4.0, (edge / 2.0 - 1.0) / 2.0);
-        let reach = band + half * 3f32.sqrt() + SLACK;
-        let simd = self.rises[0].simd;
-        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
-        let (above, below) = self.heights.split_at_mut(level + 1);
-        let (above, below) = (&above[level], &mut below[0]);
+    fn octants(&self, heights: &[f32; PLANES], edge: f32) -> [[f32; LANES]; PLANES] {
+        let mut octants = [[0.0; LANES]; PLANES];
         for plane in 0..PLANES {
-            let centres = self.rises[plane] * quarter + above[plane][octant];
-            if plane < AXES {
-                distances_sq += centres * centres;
-            } else {
-                depths = depths.min(centres + self.spreads[plane] * half);
-            }
-            below[plane] = centres.into();
+            octants[plane] = (self.rises[plane] * (edge / 4.0) + heights[plane]).into();
         }
-        (distances_sq.simd_le(reach * reach) & depths.simd_ge(-SLACK)).to_bitmask()
+        octants
     }
 
-    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, which is octant `octant` on a level;
-    /// infinite for those outside the cell.
+    /// What is to be known of the eight points `step` away along each axis from one whose heights are given, if each stands
+    /// for the points up to `around` away from it along each axis.
     #[inline(always)]
-    fn distances_sq(&self, level: usize, octant: usize) -> f32x8<S> {
+    fn reach(&self, heights: &[f32; PLANES], step: f32, around: f32) -> Reach<S> {
         let simd = self.rises[0].simd;
         let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
         for plane in 0..PLANES {
-            let voxels = self.rises[plane] * 0.5 + self.heights[level][plane][octant];
+            let points = self.rises[plane] * step + heights[plane];
             if plane < AXES {
-                distances_sq += voxels * voxels;
+                distances_sq += points * points;
             } else {
-                depths = depths.min(voxels);
+                depths = depths.min(points + self.spreads[plane] * around);
             }
         }
-        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(simd, f32::INFINITY))
+        Reach { distances_sq, depths }
+    }
+
+    /// Which octants of some cubes, of `edge` voxels each, the cell may have a voxel of in it, within `band` voxels of its part: a
+    /// bit each, those of the first cube lowest. The cubes are octants themselves, the first `COUNT` of those whose heights are
+    /// given.
+    #[inline(always)]
+    fn parts<const COUNT: usize>(&self, cubes: &[[f32; LANES]; PLANES], edge: f32, band: f32) -> u64 {
+        let around = (edge / 2.0 - 1.0) / 2.0;
+        let farthest = band + around * 3f32.sqrt() + SLACK;
+        let mut found = 0;
+        for cube in 0..COUNT {
+            let mut heights = [0.0; PLANES];
+            for plane in 0..PLANES {
+                heights[plane] = cubes[plane][cube];
+            }
+            let reach = self.reach(&heights, edge / 4.0, around);
+            let near = reach.distances_sq.simd_le(farthest * farthest);
+            found |= (near & reach.depths.simd_ge(-SLACK)).to_bitmask() << (LANES * cube);
+        }
+        found
+    }
+
+    /// Calls `lower` for all cubes of 2 x 2 x 2 voxels that the cell reaches into, of a cube of 8 voxels, or of 4 if `SMALL`, whose
+    /// centre has the given heights: with their numbers and the squared distances from the cell's part.
+    #[inline(always)]
+    fn measure<const SMALL: bool>(
+        &self,
+        heights: &[f32; PLANES],
+        band: f32,
+        lower: &mut impl FnMut(usize, f32x8<S>),
+    ) {
+        let (mut cubes, mut rises) = ([[0.0; LANES]; PLANES], [[0.0; LANES]; PLANES]);
+        for plane in 0..PLANES {
+            rises[plane] = self.rises[plane].into();
+            cubes[plane][0] = heights[plane];
+        }
+        let mut parts = if SMALL {
+            self.parts::<1>(&cubes, 4.0, band)
+        } else {
+            cubes = self.octants(heights, 8.0);
+            self.parts::<LANES>(&cubes, 4.0, band)
+        };
+        while parts != 0 {
+            let part = parts.trailing_zeros() as usize % PARTS;
+            parts &= parts - 1;
+            let mut heights = [0.0; PLANES];
+            for plane in 0..PLANES {
+                heights[plane] = cubes[plane][part / LANES] + rises[plane][part % LANES];
+            }
+            lower(part, self.inside(&heights));
+        }
+    }
+
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those outside the cell.
+    #[inline(always)]
+    fn inside(&self, heights: &[f32; PLANES]) -> f32x8<S> {
+        let Reach { distances_sq, depths } = self.reach(heights, 0.5, 0.0);
+        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(depths.simd, f32::INFINITY))
     }
 }
 
-/// Lists the cells in the octants of octants of a cube that they may reach into; `lists` by their numbers.
+/// Lists the cells in the parts of a cube that they may reach into, those within `band` voxels.
 #[inline(always)]
-pub(crate) fn list_cells<S: Simd>(simd: S, cells: &Cells, cube: &Cube, band: f32, lists: &mut [Vec<u32>; 64]) {
-    let mut heights = [[[0.0; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
+pub(crate) fn list_cells<S: Simd>(
+    simd: S,
+    cells: &Cells,
+    cube: &Cube,
+    band: f32,
+    lists: &mut [Vec<u32>; PARTS],
+) {
+    let edge = cube.edge as f32;
     for index in 0..cells.count() {
         let cell = cells.get(index);
-        macro_rules! list {
-            ($axes:literal, $planes:expr) => {
-                Descent::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre, &mut heights)
-                    .run(cube, band, |number, _, _| lists[number % 64].push(index))
-            };
+        macro_rules! parts {
+            ($axes:literal, $planes:expr) => {{
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                probe.parts::<LANES>(&probe.octants(&heights, edge), edge / 2.0, band)
+            }};
         }
-        match cell.axes {
-            1 => list!(1, FACE_PLANES),
-            2 => list!(2, EDGE_PLANES),
-            _ => list!(3, VERTEX_PLANES),
+        let mut parts = match cell.axes {
+            1 => parts!(1, FACE_PLANES),
+            2 => parts!(2, EDGE_PLANES),
+            _ => parts!(3, VERTEX_PLANES),
+        };
+        while parts != 0 {
+            lists[parts.trailing_zeros() as usize % PARTS].push(index);
+            parts &= parts - 1;
         }
     }
 }
 
-/// Lowers the squared distances of the voxels of a cube to those from the parts of the cells that `list` names; `nearest` of
-/// all, `on_hole` of parts on a wide hole. Both are in cubes of 2 x 2 x 2 voxels, by their numbers.
+/// Lowers the squared distances of the voxels of a cube of 4 or 8 voxels to those from the parts of the cells that `list` names:
+/// `nearest` of all, `on_hole` of parts on a wide hole, both in cubes of 2 x 2 x 2 voxels by their numbers.
 #[inline(always)]
 pub(crate) fn measure_cells<S: Simd>(
     simd: S,
@@ -162,24 +192,22 @@ pub(crate) fn measure_cells<S: Simd>(
     nearest: &mut [[f32; LANES]],
     on_hole: &mut [[f32; LANES]],
 ) {
-    let mut heights = [[[0.0; LANES]; MOST_PLANES]; MOST_LEVELS + 1];
-    let lower = |cube: &mut [f32; LANES], to: f32x8<S>| *cube = f32x8::simd_from(simd, *cube).min(to).into();
     for index in list {
         let cell = cells.get(*index);
+        let mut lower = |part: usize, distances_sq: f32x8<S>| {
+            nearest[part] = f32x8::simd_from(simd, nearest[part]).min(distances_sq).into();
+            if cell.on_hole {
+                on_hole[part] = f32x8::simd_from(simd, on_hole[part]).min(distances_sq).into();
+            }
+        };
         macro_rules! measure {
-            ($axes:literal, $planes:expr) => {
-                Descent::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre, &mut heights).run(
-                    cube,
-                    band,
-                    |number, descent, octant| {
-                        let distances_sq = descent.distances_sq(cube.levels, octant);
-                        lower(&mut nearest[number], distances_sq);
-                        if cell.on_hole {
-                            lower(&mut on_hole[number], distances_sq);
-                        }
-                    },
-                )
-            };
+            ($axes:literal, $planes:expr) => {{
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                match cube.edge {
+                    4 => probe.measure::<true>(&heights, band, &mut lower),
+                    _ => probe.measure::<false>(&heights, band, &mut lower),
+                }
+            }};
         }
         match cell.axes {
             1 => measure!(1, FACE_PLANES),

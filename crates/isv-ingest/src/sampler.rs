@@ -1,7 +1,7 @@
 //! The samples of one tile.
 
 use crate::cells::{Cells, Parts};
-use crate::descent::{Cube, LANES, list_cells, measure_cells};
+use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells};
 use crate::holes::WideHoles;
 use crate::regions::Regions;
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
@@ -41,7 +41,7 @@ pub(crate) struct TileBlocks {
 pub(crate) struct Workspace {
     /// Cells of the tile at hand, relative to its centre, and those that reach into each of its blocks.
     cells: Cells,
-    lists: [Vec<u32>; 64],
+    lists: [Vec<u32>; PARTS],
     /// Squared distances of the block at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
     nearest: Vec<[f32; LANES]>,
     on_hole: Vec<[f32; LANES]>,
@@ -78,11 +78,11 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
     let Workspace { cells, lists, .. } = work;
-    let cube = Cube { centre: DVec3::ZERO, edge: edge as usize, levels: TILE_BLOCKS.ilog2() as usize };
+    let cube = Cube { centre: DVec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
     dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
     let mut out = TileBlocks::default();
-    for block in 0..64 {
+    for block in 0..PARTS {
         if !work.lists[block].is_empty() {
             sample_block(source, work, tile, block, &mut out);
         }
@@ -132,15 +132,21 @@ fn code(grid: &Grid, distance: f32) -> i16 {
 fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec3) {
     let (edge, width) = (source.grid.edge, source.band.width as f32);
     let n = edge.voxels();
-    let centre = (step.as_dvec3() + 0.5 - f64::from(TILE_BLOCKS / 2)) * n as f64;
+    let corner = (step - TILE_BLOCKS / 2) * n as i32;
     let Workspace { cells, lists, nearest, on_hole, .. } = work;
     for cubes in [&mut *nearest, &mut *on_hole] {
         cubes.clear();
         cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
     }
-    let cube = Cube { centre, edge: n, levels: n.ilog2() as usize - 1 };
     let listed = (&*cells, &lists[block][..]);
-    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
+    // Blocks of 16 voxels are measured in octants.
+    let cubes = nearest.chunks_mut(PARTS).zip(on_hole.chunks_mut(PARTS));
+    for (octant, (nearest, on_hole)) in cubes.enumerate() {
+        let edge = n.min(8);
+        let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
+        let cube = Cube { centre: (corner + step * edge as i32).as_dvec3() + 0.5 * edge as f64, edge };
+        dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
+    }
     work.distances.clear();
     work.distances.resize(edge.block_voxels(), width + 1.0);
     work.unobserved = None;
