@@ -2,7 +2,7 @@
 //!
 //! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
 //! that of its own centre plus the same eight differences at every size, only scaled with the cube. So the 64 parts of a cube
-//! cost a few additions for each plane, eight at a time, and no branches.
+//! cost a few additions for each plane, eight at a time.
 
 use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
 use fearless_simd::{f32x8, prelude::*};
@@ -92,22 +92,35 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         Reach { distances_sq, depths }
     }
 
-    /// Which octants of some cubes, of `edge` voxels each, the cell may have a voxel of in it, within `band` voxels of its part: a
-    /// bit each, those of the first cube lowest. The cubes are octants themselves, the first `COUNT` of those whose heights are
-    /// given.
+    /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
     #[inline(always)]
-    fn parts<const COUNT: usize>(&self, cubes: &[[f32; LANES]; PLANES], edge: f32, band: f32) -> u64 {
+    fn octants_reached(&self, heights: &[f32; PLANES], edge: f32, band: f32) -> u64 {
         let around = (edge / 2.0 - 1.0) / 2.0;
         let farthest = band + around * 3f32.sqrt() + SLACK;
+        let reach = self.reach(heights, edge / 4.0, around);
+        (reach.distances_sq.simd_le(farthest * farthest) & reach.depths.simd_ge(-SLACK)).to_bitmask()
+    }
+
+    /// The same for the octants of all octants of a cube, given the heights of those. The number of a part is that of its octant
+    /// times eight plus that in the octant.
+    #[inline(always)]
+    fn parts_reached(
+        &self,
+        heights: &[f32; PLANES],
+        octants: &[[f32; LANES]; PLANES],
+        edge: f32,
+        band: f32,
+    ) -> u64 {
+        let mut reached = self.octants_reached(heights, edge, band);
         let mut found = 0;
-        for cube in 0..COUNT {
+        while reached != 0 {
+            let octant = reached.trailing_zeros() as usize % LANES;
+            reached &= reached - 1;
             let mut heights = [0.0; PLANES];
             for plane in 0..PLANES {
-                heights[plane] = cubes[plane][cube];
+                heights[plane] = octants[plane][octant];
             }
-            let reach = self.reach(&heights, edge / 4.0, around);
-            let near = reach.distances_sq.simd_le(farthest * farthest);
-            found |= (near & reach.depths.simd_ge(-SLACK)).to_bitmask() << (LANES * cube);
+            found |= self.octants_reached(&heights, edge / 2.0, band) << (LANES * octant);
         }
         found
     }
@@ -127,10 +140,10 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
             cubes[plane][0] = heights[plane];
         }
         let mut parts = if SMALL {
-            self.parts::<1>(&cubes, 4.0, band)
+            self.octants_reached(heights, 4.0, band)
         } else {
             cubes = self.octants(heights, 8.0);
-            self.parts::<LANES>(&cubes, 4.0, band)
+            self.parts_reached(heights, &cubes, 8.0, band)
         };
         while parts != 0 {
             let part = parts.trailing_zeros() as usize % PARTS;
@@ -166,7 +179,7 @@ pub(crate) fn list_cells<S: Simd>(
         macro_rules! parts {
             ($axes:literal, $planes:expr) => {{
                 let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
-                probe.parts::<LANES>(&probe.octants(&heights, edge), edge / 2.0, band)
+                probe.parts_reached(&heights, &probe.octants(&heights, edge), edge, band)
             }};
         }
         let mut parts = match cell.axes {

@@ -45,6 +45,8 @@ pub(crate) struct Workspace {
     /// Squared distances of the block at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
     nearest: Vec<[f32; LANES]>,
     on_hole: Vec<[f32; LANES]>,
+    /// The voxels of a block by their Morton numbers.
+    voxels: Vec<u16>,
     /// Unsigned distances of the block at hand in voxels, exact up to the band's width and more than it beyond.
     distances: Vec<f32>,
     /// Voxels of the block at hand whose closest surface point lies on a wide hole.
@@ -59,6 +61,7 @@ impl Default for Workspace {
             lists: std::array::from_fn(|_| Vec::new()),
             nearest: Vec::new(),
             on_hole: Vec::new(),
+            voxels: Vec::new(),
             distances: Vec::new(),
             unobserved: None,
             regions: Regions::default(),
@@ -150,16 +153,18 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec
     work.distances.clear();
     work.distances.resize(edge.block_voxels(), width + 1.0);
     work.unobserved = None;
-    for (cube, (nearest, on_hole)) in work.nearest.iter().zip(&work.on_hole).enumerate() {
-        for lane in 0..LANES {
-            let distance = nearest[lane].sqrt();
-            if distance <= width {
-                let voxel = voxel_at(edge, cube << 3 | lane);
-                work.distances[voxel] = distance;
-                if nearest[lane] == on_hole[lane] {
-                    work.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(voxel);
-                }
-            }
+    work.voxels.resize(edge.block_voxels(), 0);
+    if work.voxels[1] == 0 {
+        (0..edge.block_voxels()).for_each(|number| work.voxels[number] = voxel_at(edge, number) as u16);
+    }
+    let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
+    for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
+        let distance = nearest.sqrt();
+        if distance <= width {
+            work.distances[usize::from(*voxel)] = distance;
+        }
+        if nearest == on_hole && distance.is_finite() {
+            work.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
         }
     }
 }
