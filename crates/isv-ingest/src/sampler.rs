@@ -1,7 +1,7 @@
 //! The samples of one tile.
 
 use crate::cells::{Cells, Parts};
-use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells};
+use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
 use crate::regions::Regions;
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
@@ -47,11 +47,8 @@ pub(crate) struct Workspace {
     on_hole: Vec<[f32; LANES]>,
     /// The voxels of a block by their Morton numbers.
     voxels: Vec<u16>,
-    /// Unsigned distances of the block at hand in voxels, exact up to the band's width and more than it beyond.
-    distances: Vec<f32>,
-    /// Voxels of the block at hand whose closest surface point lies on a wide hole.
-    unobserved: Option<VoxelMask>,
-    regions: Regions,
+    /// The blocks of the tile at hand.
+    blocks: Vec<Regions>,
 }
 
 impl Default for Workspace {
@@ -62,9 +59,7 @@ impl Default for Workspace {
             nearest: Vec::new(),
             on_hole: Vec::new(),
             voxels: Vec::new(),
-            distances: Vec::new(),
-            unobserved: None,
-            regions: Regions::default(),
+            blocks: (0..PARTS).map(|_| Regions::default()).collect(),
         }
     }
 }
@@ -84,41 +79,73 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     let cube = Cube { centre: DVec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
     dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
-    let mut out = TileBlocks::default();
     for block in 0..PARTS {
-        if !work.lists[block].is_empty() {
-            sample_block(source, work, tile, block, &mut out);
+        measure_block(source, work, block);
+    }
+    let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], band)).collect();
+    let coord = |block: usize| {
+        BlockCoord::from((tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array())
+    };
+    if let Sign::Closed(winding, _) = &source.sign {
+        find_sides(source, winding, work, &active, coord);
+    }
+    let mut out = TileBlocks::default();
+    for block in active {
+        let start = out.samples.len();
+        out.samples.resize(start + source.grid.edge.block_voxels(), 0);
+        write_samples(source, &work.blocks[block], coord(block), &mut out.samples[start..]);
+        if let Some(mask) = work.blocks[block].unobserved.take() {
+            out.masks.push((out.coords.len(), mask));
         }
+        out.coords.push(coord(block));
     }
     out
 }
 
-/// Samples one block of a tile, given by its Morton number there; kept if it is active.
-fn sample_block(source: &Source, work: &mut Workspace, tile: &Tile, block: usize, out: &mut TileBlocks) {
-    let bits = |axis: usize| (block >> axis & 1 | (block >> (axis + 3) & 1) << 1) as i32;
-    let step = IVec3::new(bits(0), bits(1), bits(2));
-    measure_block(source, work, block, step);
-    let observed = |voxel: usize| !work.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
-    let width = source.band.width as f32;
-    if !work.distances.iter().enumerate().any(|(voxel, d)| *d <= width && observed(voxel)) {
-        return;
+/// Whether a block has an observed voxel in the band.
+fn is_active(block: &Regions, band: f32) -> bool {
+    let observed = |voxel: usize| !block.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
+    block.distances.iter().enumerate().any(|(voxel, d)| *d <= band && observed(voxel))
+}
+
+/// Finds which voxels of the active blocks of a tile are inside (Eq. 8): where the winding number exceeds one half.
+fn find_sides(
+    source: &Source,
+    winding: &WindingNumber,
+    work: &mut Workspace,
+    active: &[usize],
+    coord: impl Fn(usize) -> BlockCoord,
+) {
+    let grid = &source.grid;
+    let are_inside = |block: usize, voxels: &[usize]| -> Vec<bool> {
+        winding_at(grid, winding, coord(block), voxels).into_iter().map(|w| w > 0.5).collect()
+    };
+    for &block in active {
+        work.blocks[block].divide(grid.edge, &|voxels| are_inside(block, voxels));
     }
-    let start = out.samples.len();
-    out.samples.resize(start + work.distances.len(), 0);
-    let samples = &mut out.samples[start..];
-    let coord = BlockCoord::from((tile.coord * TILE_BLOCKS + step).to_array());
-    match &source.sign {
-        Sign::Offset(offset) => {
-            for (sample, d) in samples.iter_mut().zip(&work.distances) {
-                *sample = code(&source.grid, d - offset);
-            }
+    for &block in active {
+        Regions::settle(&mut work.blocks, block, grid.edge, &|voxels| are_inside(block, voxels));
+    }
+}
+
+/// Writes the samples of a block.
+fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &mut [i16]) {
+    let grid = &source.grid;
+    let offset = if let Sign::Offset(offset) = source.sign { offset } else { 0.0 };
+    for (sample, distance) in samples.iter_mut().zip(&block.distances) {
+        *sample = code(grid, distance - offset);
+    }
+    let Sign::Closed(winding, _) = &source.sign else { return };
+    for voxel in block.inside_voxels() {
+        samples[voxel] = -samples[voxel];
+    }
+    if let Some(mask) = &block.unobserved {
+        let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
+        let distance = |voxel: usize| block.distances[voxel];
+        for (voxel, sample) in blend_across_hole(grid, winding, coord, &voxels, distance) {
+            samples[voxel] = sample;
         }
-        Sign::Closed(winding, _) => sign_block(&source.grid, winding, work, coord, samples),
     }
-    if let Some(mask) = work.unobserved.take() {
-        out.masks.push((out.coords.len(), mask));
-    }
-    out.coords.push(coord);
 }
 
 /// Adding 1.5 * 2^23 to a small `f32` leaves no bits for a fraction: the sum's lowest bits are the number, rounded to the
@@ -131,10 +158,15 @@ fn code(grid: &Grid, distance: f32) -> i16 {
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
 }
 
-/// Finds the distances and the unobserved voxels of a block.
-fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec3) {
+/// Finds the distances and the unobserved voxels of a block of the tile.
+fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
     let (edge, width) = (source.grid.edge, source.band.width as f32);
     let n = edge.voxels();
+    let step = IVec3::from_array(part_position(block));
+    work.blocks[block].restart(edge.block_voxels(), width + 1.0);
+    if work.lists[block].is_empty() {
+        return;
+    }
     let corner = (step - TILE_BLOCKS / 2) * n as i32;
     let Workspace { cells, lists, nearest, on_hole, .. } = work;
     for cubes in [&mut *nearest, &mut *on_hole] {
@@ -150,21 +182,19 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec
         let cube = Cube { centre: (corner + step * edge as i32).as_dvec3() + 0.5 * edge as f64, edge };
         dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
     }
-    work.distances.clear();
-    work.distances.resize(edge.block_voxels(), width + 1.0);
-    work.unobserved = None;
     work.voxels.resize(edge.block_voxels(), 0);
     if work.voxels[1] == 0 {
         (0..edge.block_voxels()).for_each(|number| work.voxels[number] = voxel_at(edge, number) as u16);
     }
+    let out = &mut work.blocks[block];
     let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
     for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
         let distance = nearest.sqrt();
         if distance <= width {
-            work.distances[usize::from(*voxel)] = distance;
+            out.distances[usize::from(*voxel)] = distance;
         }
         if nearest == on_hole && distance.is_finite() {
-            work.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
+            out.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
         }
     }
 }
@@ -173,33 +203,6 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize, step: IVec
 fn voxel_at(edge: BlockEdge, number: usize) -> usize {
     let along = |axis: usize| (0..edge.log2() as usize).map(|bit| (number >> (3 * bit + axis) & 1) << bit).sum();
     edge.voxel_index(along(0), along(1), along(2))
-}
-
-/// Signs the distances of a block (Eq. 8): negative where the winding number exceeds one half.
-fn sign_block(
-    grid: &Grid,
-    winding: &WindingNumber,
-    work: &mut Workspace,
-    coord: BlockCoord,
-    samples: &mut [i16],
-) {
-    let distances = &work.distances;
-    let are_inside = |voxels: &[usize]| {
-        winding_at(grid, winding, coord, voxels.iter().copied()).into_iter().map(|w| w > 0.5).collect()
-    };
-    work.regions.classify(distances, grid.edge, work.unobserved.as_ref(), are_inside);
-    for (sample, distance) in samples.iter_mut().zip(distances) {
-        *sample = code(grid, *distance);
-    }
-    for voxel in work.regions.inside_voxels() {
-        samples[voxel] = -samples[voxel];
-    }
-    if let Some(mask) = &work.unobserved {
-        let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
-        for (voxel, sample) in blend_across_hole(grid, winding, coord, &voxels, |voxel| distances[voxel]) {
-            samples[voxel] = sample;
-        }
-    }
 }
 
 /// The samples of unobserved voxels of a block: distance times `1 - 2 w`, which passes through zero smoothly from one side of
@@ -215,19 +218,14 @@ pub(crate) fn blend_across_hole(
         let blend = (1.0 - 2.0 * w).clamp(-1.0, 1.0);
         (*voxel, code(grid, distance(*voxel) * blend as f32))
     };
-    voxels.iter().zip(winding_at(grid, winding, coord, voxels.iter().copied())).map(blend).collect()
+    voxels.iter().zip(winding_at(grid, winding, coord, voxels)).map(blend).collect()
 }
 
 /// Magnitudes of the winding number at the centres of voxels.
-fn winding_at(
-    grid: &Grid,
-    winding: &WindingNumber,
-    coord: BlockCoord,
-    voxels: impl Iterator<Item = usize>,
-) -> Vec<f64> {
+fn winding_at(grid: &Grid, winding: &WindingNumber, coord: BlockCoord, voxels: &[usize]) -> Vec<f64> {
     let n = grid.edge.voxels();
-    let centre = |v: usize| grid.voxel_centre_m(coord, [v % n, v / n % n, v / (n * n)]);
-    let mut numbers = winding.at_points(&voxels.map(centre).collect::<Vec<_>>());
+    let centre = |v: &usize| grid.voxel_centre_m(coord, [*v % n, *v / n % n, *v / (n * n)]);
+    let mut numbers = winding.at_points(&voxels.iter().map(centre).collect::<Vec<_>>());
     numbers.iter_mut().for_each(|w| *w = w.abs());
     numbers
 }
