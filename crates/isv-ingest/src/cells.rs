@@ -10,8 +10,9 @@
 
 use crate::holes::WideHoles;
 use crate::tiles::VoxelMesh;
-use crate::topology::{NONE, Topology};
+use crate::topology::{Side, Topology};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A triangle whose height is below this share of its longest edge is no more than its edges: its plane is lost in rounding.
 const FLAT_SHARE: f64 = 1e-11;
@@ -19,8 +20,8 @@ const FLAT_SHARE: f64 = 1e-11;
 /// Of a triangle flatter than this share of its edge, the direction inwards is not exact enough to cut off anything.
 const VAGUE_SHARE: f64 = 1e-7;
 
-/// Planes that cut out the cone of a vertex, at most; a vertex seldom has more edges.
-const MOST_CONE_SIDES: usize = 8;
+/// Planes that cut out the cone of a vertex, at most; most vertices have no more edges.
+const MOST_CONE_SIDES: usize = 6;
 
 /// Planes of the cell of a face: one axis, three sides.
 pub(crate) const FACE_PLANES: usize = 1 + 3;
@@ -72,10 +73,47 @@ pub(crate) struct CellPlanes<'a> {
     pub(crate) on_hole: bool,
 }
 
+/// Directions of the triangles of a mesh, found once for all tiles.
+pub(crate) struct Directions {
+    /// Unit normal of each triangle; zero if it has none to speak of.
+    normals: Vec<DVec3>,
+    /// Unit vectors along the edges, zero for an edge without length.
+    along: Vec<[DVec3; 3]>,
+    /// Whether each triangle is so thin that its directions inwards cannot cut off anything.
+    vague: Vec<bool>,
+}
+
+impl Directions {
+    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+        let describe = |face: usize| {
+            let corners = mesh.corners(face as u32);
+            let [a, b, c] = corners;
+            let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
+            let (normal, share) = unit_normal(&corners);
+            (normal, along, share <= VAGUE_SHARE)
+        };
+        let described: Vec<_> = (0..mesh.triangles.len()).into_par_iter().map(describe).collect();
+        let mut out = Self { normals: Vec::new(), along: Vec::new(), vague: Vec::new() };
+        for (normal, along, vague) in described {
+            out.normals.push(normal);
+            out.along.push(along);
+            out.vague.push(vague);
+        }
+        out
+    }
+
+    /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
+    fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
+        let face = face as usize;
+        (!self.vague[face]).then(|| self.normals[face].cross(self.along[face][usize::from(side)]))
+    }
+}
+
 /// What cells are made from.
 pub(crate) struct Parts<'a> {
     pub(crate) mesh: &'a VoxelMesh<'a>,
     pub(crate) topology: &'a Topology,
+    pub(crate) directions: &'a Directions,
     pub(crate) holes: Option<&'a WideHoles>,
 }
 
@@ -106,10 +144,7 @@ impl Cells {
     /// one with another number of planes than the last.
     pub(crate) fn add(&mut self, parts: &Parts, faces: impl Iterator<Item = u32> + Clone) {
         for face in faces.clone() {
-            let corners = parts.mesh.corners(face);
-            if let Some(normal) = unit_normal(&corners) {
-                self.add_face(&corners, normal);
-            }
+            self.add_face(parts, face);
         }
         for face in faces.clone() {
             for side in (0..3).filter(|side| parts.topology.owns_edge(face, *side)) {
@@ -124,12 +159,16 @@ impl Cells {
     }
 
     /// The prism over a face, bounded by the planes through its edges.
-    fn add_face(&mut self, corners: &[DVec3; 3], normal: DVec3) {
+    fn add_face(&mut self, parts: &Parts, face: u32) {
+        let normal = parts.directions.normals[face as usize];
+        if normal == DVec3::ZERO {
+            return;
+        }
+        let corners = parts.mesh.corners(face);
         let first = self.planes.len() as u32;
         self.push_plane(normal, corners[0]);
-        for i in 0..3 {
-            let along = (corners[(i + 1) % 3] - corners[i]).normalize();
-            self.push_plane(normal.cross(along), corners[i]);
+        for (along, corner) in parts.directions.along[face as usize].into_iter().zip(corners) {
+            self.push_plane(normal.cross(along), corner);
         }
         self.cells.push(Cell { first, axes: 1, on_hole: false });
     }
@@ -137,18 +176,17 @@ impl Cells {
     /// The wedge of an edge: between its ends, and beyond the faces on both sides.
     fn add_edge(&mut self, parts: &Parts, face: u32, side: usize) {
         let corners = parts.mesh.corners(face);
-        let (from, to, opposite) = (corners[side], corners[(side + 1) % 3], corners[(side + 2) % 3]);
-        let along = (to - from).normalize();
+        let (from, to) = (corners[side], corners[(side + 1) % 3]);
+        let along = parts.directions.along[face as usize][side];
         let across = along.any_orthonormal_vector();
         let first = self.planes.len() as u32;
         self.push_plane(across, from);
         self.push_plane(across.cross(along), from);
         self.push_plane(along, from);
         self.push_plane(-along, to);
-        let mate = parts.topology.across(face, side);
-        let mate = (mate != NONE).then(|| parts.mesh.vertices[mate as usize]);
-        for corner in [Some(opposite), mate].into_iter().flatten() {
-            if let Some(inward) = inward(from, along, corner) {
+        let own = Side { face, side: side as u8 };
+        for face in [Some(own), parts.topology.across(face, side)].into_iter().flatten() {
+            if let Some(inward) = parts.directions.inward(face) {
                 self.push_plane(-inward, from);
             }
         }
@@ -161,13 +199,14 @@ impl Cells {
     fn add_vertex(&mut self, parts: &Parts, face: u32, corner: usize) {
         let vertex = parts.mesh.triangles[face as usize][corner];
         let point = parts.mesh.vertices[vertex as usize];
-        let neighbours = parts.topology.neighbours(vertex);
+        let spokes = parts.topology.spokes(vertex);
         let first = self.planes.len() as u32;
         DVec3::AXES.into_iter().for_each(|axis| self.push_plane(axis, point));
-        let step = neighbours.len().div_ceil(MOST_CONE_SIDES).max(1);
-        for neighbour in neighbours.iter().step_by(step) {
-            let normal = (point - parts.mesh.vertices[*neighbour as usize]).normalize();
-            self.push_plane(normal, point);
+        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
+        for Side { face, side } in spokes.iter().step_by(step) {
+            let along = parts.directions.along[*face as usize][usize::from(*side)];
+            let starts_here = parts.mesh.vertices[parts.mesh.triangles[*face as usize][usize::from(*side)] as usize] == point;
+            self.push_plane(if starts_here { -along } else { along }, point);
         }
         self.planes.resize(first as usize + VERTEX_PLANES, NOWHERE);
         let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));
@@ -175,8 +214,8 @@ impl Cells {
     }
 }
 
-/// The unit normal of a triangle, if it has an area to speak of.
-fn unit_normal(&[a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
+/// The unit normal of a triangle, zero if it has none to speak of; and the share of its height in its longest edge.
+fn unit_normal(&[a, b, c]: &[DVec3; 3]) -> (DVec3, f64) {
     let lengths = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
     let [p, q, r] = if lengths[0] >= lengths[1].max(lengths[2]) {
         [a, b, c]
@@ -185,13 +224,9 @@ fn unit_normal(&[a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
     } else {
         [c, a, b]
     };
-    let longest = (q - p).try_normalize()?;
+    let Some(longest) = (q - p).try_normalize() else { return (DVec3::ZERO, 0.0) };
     let height = (r - p) - longest * longest.dot(r - p);
-    (height.length() > FLAT_SHARE * p.distance(q)).then(|| longest.cross(height.normalize()).normalize())
-}
-
-/// The direction from an edge into the triangle on it whose third corner is given, square to the edge.
-fn inward(from: DVec3, along: DVec3, corner: DVec3) -> Option<DVec3> {
-    let height = (corner - from) - along * along.dot(corner - from);
-    (height.length() > VAGUE_SHARE * corner.distance(from)).then(|| height.normalize())
+    let share = height.length() / p.distance(q);
+    let normal = if share > FLAT_SHARE { longest.cross(height.normalize()).normalize() } else { DVec3::ZERO };
+    (normal, share)
 }

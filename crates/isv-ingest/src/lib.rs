@@ -49,6 +49,7 @@ pub use error::IngestError;
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;
+use cells::Directions;
 use holes::WideHoles;
 use isv_spatial::WindingNumber;
 use isv_volume::{Grid, SparseVolume, TriangleMesh};
@@ -106,7 +107,8 @@ pub fn ingest_mesh(
     let band = Band::new(&settings.grid, offset);
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
     let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
-    let topology = Topology::of(&voxel_mesh);
+    let (topology, directions) =
+        rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
     let sign = match sign {
         SignDecision::Offset => Sign::Offset(offset as f32),
         SignDecision::Closed { .. } => {
@@ -115,7 +117,7 @@ pub fn ingest_mesh(
             Sign::Closed(winding, holes)
         }
     };
-    Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, sign }, &list))
+    Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, directions, sign }, &list))
 }
 
 /// Samples all tiles.

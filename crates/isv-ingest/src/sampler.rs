@@ -1,6 +1,6 @@
 //! The samples of one tile.
 
-use crate::cells::{Cells, Parts};
+use crate::cells::{Cells, Directions, Parts};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
 use crate::regions::Regions;
@@ -17,6 +17,7 @@ pub(crate) struct Source<'a> {
     pub(crate) band: Band,
     pub(crate) mesh: VoxelMesh<'a>,
     pub(crate) topology: Topology,
+    pub(crate) directions: Directions,
     pub(crate) sign: Sign,
 }
 
@@ -71,7 +72,8 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
         Sign::Closed(_, holes) => holes.as_ref(),
         Sign::Offset(_) => None,
     };
-    let parts = Parts { mesh: &source.mesh, topology: &source.topology, holes };
+    let parts =
+        Parts { mesh: &source.mesh, topology: &source.topology, directions: &source.directions, holes };
     work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge));
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
@@ -163,10 +165,11 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
     let (edge, width) = (source.grid.edge, source.band.width as f32);
     let n = edge.voxels();
     let step = IVec3::from_array(part_position(block));
-    work.blocks[block].restart(edge.block_voxels(), width + 1.0);
     if work.lists[block].is_empty() {
+        work.blocks[block].restart(0, width + 1.0);
         return;
     }
+    work.blocks[block].restart(edge.block_voxels(), width + 1.0);
     let corner = (step - TILE_BLOCKS / 2) * n as i32;
     let Workspace { cells, lists, nearest, on_hole, .. } = work;
     for cubes in [&mut *nearest, &mut *on_hole] {

@@ -8,8 +8,16 @@ use glam::DVec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// No vertex.
-pub(crate) const NONE: u32 = u32::MAX;
+/// No vertex, or no triangle.
+const NONE: u32 = u32::MAX;
+
+/// One side of one triangle.
+#[derive(Clone, Copy)]
+pub(crate) struct Side {
+    pub(crate) face: u32,
+    /// From corner `side` to the next.
+    pub(crate) side: u8,
+}
 
 /// Edges and vertices of a mesh.
 pub(crate) struct Topology {
@@ -19,10 +27,11 @@ pub(crate) struct Topology {
     pub(crate) boundary: Vec<BoundaryEdge>,
     /// A byte a triangle: bit `i` if it owns its edge `i`, bit `3 + i` if it owns its corner `i`.
     owned: Vec<u8>,
-    /// For the owner of an edge: the third corner of another triangle at that edge, or [`NONE`].
+    /// For the owner of an edge: another triangle at that edge, with another third corner, times four plus the number of its
+    /// side; or [`NONE`].
     across: Vec<[u32; 3]>,
-    /// Neighbours of each vertex along edges, vertex after vertex, and where each vertex's begin.
-    neighbours: Vec<u32>,
+    /// Edges of each vertex, as sides of their owners, vertex after vertex, and where each vertex's begin.
+    spokes: Vec<Side>,
     starts: Vec<u32>,
 }
 
@@ -38,7 +47,7 @@ pub(crate) struct BoundaryEdge {
 
 /// One side of one triangle: its ends, the lower in the high half; the corner opposite, [`NONE`] if the triangle names a
 /// position twice; four times the triangle's index plus the number of the side.
-type Side = (u64, u32, u32);
+type Key = (u64, u32, u32);
 
 impl Topology {
     pub(crate) fn of(mesh: &VoxelMesh) -> Self {
@@ -54,17 +63,18 @@ impl Topology {
             let own_corner = welded[mesh.triangles[face as usize][(side + 2) % 3] as usize];
             let mut opposite = edge.iter().map(|side| side.1).filter(|corner| *corner != NONE);
             owned[face as usize] |= 1 << side;
-            across[face as usize][side] = opposite.clone().find(|corner| *corner != own_corner).unwrap_or(NONE);
+            let other = edge.iter().find(|side| side.1 != NONE && side.1 != own_corner);
+            across[face as usize][side] = other.map_or(NONE, |side| side.2);
             // Duplicates of a face do not hide a rim. Faces that name a position twice have no area and border nothing.
             if let Some(first) = opposite.next()
                 && opposite.all(|corner| corner == first)
             {
                 boundary.push(BoundaryEdge { from: ends[0], to: ends[1], face, side: side as u8 });
             }
-            edges.push(ends);
+            edges.push((ends, Side { face, side: side as u8 }));
         }
-        let (neighbours, starts) = fans(&edges, mesh.vertices.len());
-        Self { welded, boundary, owned, across, neighbours, starts }
+        let (spokes, starts) = fans(&edges, mesh.vertices.len());
+        Self { welded, boundary, owned, across, spokes, starts }
     }
 
     /// Whether a triangle owns its edge `side`.
@@ -77,15 +87,16 @@ impl Topology {
         self.owned[face as usize] >> (3 + corner) & 1 != 0
     }
 
-    /// The third corner of another triangle at an edge, or [`NONE`]; asked of the edge's owner.
-    pub(crate) fn across(&self, face: u32, side: usize) -> u32 {
-        self.across[face as usize][side]
+    /// Another triangle at an edge, if there is one; asked of the edge's owner.
+    pub(crate) fn across(&self, face: u32, side: usize) -> Option<Side> {
+        let found = self.across[face as usize][side];
+        (found != NONE).then_some(Side { face: found / 4, side: (found % 4) as u8 })
     }
 
-    /// The vertices that share an edge with a vertex.
-    pub(crate) fn neighbours(&self, vertex: u32) -> &[u32] {
+    /// The edges at a vertex.
+    pub(crate) fn spokes(&self, vertex: u32) -> &[Side] {
         let vertex = self.welded[vertex as usize] as usize;
-        &self.neighbours[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+        &self.spokes[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
 }
 
@@ -98,8 +109,8 @@ fn weld(vertices: &[DVec3]) -> Vec<u32> {
 }
 
 /// The sides of all triangles that are not points, those of one edge side by side.
-fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Side> {
-    let mut sides: Vec<Side> = triangles
+fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
+    let mut sides: Vec<Key> = triangles
         .par_iter()
         .enumerate()
         .flat_map_iter(|(face, triangle)| {
@@ -131,22 +142,22 @@ fn own_vertices(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<u8> {
     triangles.iter().map(own).collect()
 }
 
-/// The neighbours of every vertex, and where each vertex's begin.
-fn fans(edges: &[[u32; 2]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+/// The edges at every vertex, and where each vertex's begin.
+fn fans(edges: &[([u32; 2], Side)], vertices: usize) -> (Vec<Side>, Vec<u32>) {
     let mut starts = vec![0u32; vertices + 1];
-    for vertex in edges.iter().flatten() {
+    for vertex in edges.iter().flat_map(|(ends, _)| ends) {
         starts[*vertex as usize + 1] += 1;
     }
     for vertex in 0..vertices {
         starts[vertex + 1] += starts[vertex];
     }
-    let mut ends = starts.clone();
-    let mut neighbours = vec![0; 2 * edges.len()];
-    for [a, b] in edges {
-        for (from, to) in [(a, b), (b, a)] {
-            neighbours[ends[*from as usize] as usize] = *to;
-            ends[*from as usize] += 1;
+    let mut next = starts.clone();
+    let mut spokes = vec![Side { face: NONE, side: 0 }; 2 * edges.len()];
+    for (ends, edge) in edges {
+        for vertex in ends {
+            spokes[next[*vertex as usize] as usize] = *edge;
+            next[*vertex as usize] += 1;
         }
     }
-    (neighbours, starts)
+    (spokes, starts)
 }
