@@ -205,7 +205,9 @@ impl Cells {
         let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
         for Side { face, side } in spokes.iter().step_by(step) {
             let along = parts.directions.along[*face as usize][usize::from(*side)];
-            let starts_here = parts.mesh.vertices[parts.mesh.triangles[*face as usize][usize::from(*side)] as usize] == point;
+            let starts_here = parts.mesh.vertices
+                [parts.mesh.triangles[*face as usize][usize::from(*side)] as usize]
+                == point;
             self.push_plane(if starts_here { -along } else { along }, point);
         }
         self.planes.resize(first as usize + VERTEX_PLANES, NOWHERE);

@@ -25,7 +25,9 @@ pub(crate) fn part_position(part: usize) -> [i32; 3] {
 
 /// The number of a part of a cube, by its position.
 pub(crate) fn part_number(position: [i32; 3]) -> usize {
-    (0..3).map(|axis| (position[axis] as usize & 1) << axis | (position[axis] as usize >> 1) << (axis + 3)).sum()
+    (0..3)
+        .map(|axis| (position[axis] as usize & 1) << axis | (position[axis] as usize >> 1) << (axis + 3))
+        .sum()
 }
 
 /// A cube of voxels.

@@ -107,8 +107,7 @@ pub fn ingest_mesh(
     let band = Band::new(&settings.grid, offset);
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
     let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
-    let (topology, directions) =
-        rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
+    let (topology, directions) = rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
     let sign = match sign {
         SignDecision::Offset => Sign::Offset(offset as f32),
         SignDecision::Closed { .. } => {

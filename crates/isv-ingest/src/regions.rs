@@ -71,7 +71,12 @@ impl Regions {
     }
 
     /// Finds the sides of the regions not known yet: by their neighbours, or else by asking.
-    pub(crate) fn settle(tile: &mut [Self], block: usize, edge: BlockEdge, are_inside: &impl Fn(&[usize]) -> Vec<bool>) {
+    pub(crate) fn settle(
+        tile: &mut [Self],
+        block: usize,
+        edge: BlockEdge,
+        are_inside: &impl Fn(&[usize]) -> Vec<bool>,
+    ) {
         for region in 0..tile[block].inside.len() {
             if tile[block].inside[region].is_none() {
                 tile[block].inside[region] = side_by_neighbours(tile, block, region, edge);
@@ -105,8 +110,7 @@ impl Regions {
 
     /// Makes all voxels one region.
     fn take_whole(&mut self) {
-        let deeper =
-            |best, voxel| if self.distances[voxel] > self.distances[best] { voxel } else { best };
+        let deeper = |best, voxel| if self.distances[voxel] > self.distances[best] { voxel } else { best };
         self.deepest.push((0..self.distances.len()).fold(0, deeper));
         self.labels.resize(self.distances.len(), 0);
         self.members.extend(0..self.distances.len() as u16);

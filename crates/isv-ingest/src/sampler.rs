@@ -119,9 +119,8 @@ fn find_sides(
     coord: impl Fn(usize) -> BlockCoord,
 ) {
     let grid = &source.grid;
-    let are_inside = |block: usize, voxels: &[usize]| -> Vec<bool> {
-        winding_at(grid, winding, coord(block), voxels).into_iter().map(|w| w > 0.5).collect()
-    };
+    let are_inside =
+        |block: usize, voxels: &[usize]| winding.exceed_half(&centres(grid, coord(block), voxels));
     for &block in active {
         work.blocks[block].divide(grid.edge, &|voxels| are_inside(block, voxels));
     }
@@ -204,7 +203,8 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
 
 /// The voxel of a block with a Morton number.
 fn voxel_at(edge: BlockEdge, number: usize) -> usize {
-    let along = |axis: usize| (0..edge.log2() as usize).map(|bit| (number >> (3 * bit + axis) & 1) << bit).sum();
+    let along =
+        |axis: usize| (0..edge.log2() as usize).map(|bit| (number >> (3 * bit + axis) & 1) << bit).sum();
     edge.voxel_index(along(0), along(1), along(2))
 }
 
@@ -218,17 +218,15 @@ pub(crate) fn blend_across_hole(
     distance: impl Fn(usize) -> f32,
 ) -> Vec<(usize, i16)> {
     let blend = |(voxel, w): (&usize, f64)| {
-        let blend = (1.0 - 2.0 * w).clamp(-1.0, 1.0);
+        let blend = (1.0 - 2.0 * w.abs()).clamp(-1.0, 1.0);
         (*voxel, code(grid, distance(*voxel) * blend as f32))
     };
-    voxels.iter().zip(winding_at(grid, winding, coord, voxels)).map(blend).collect()
+    let numbers = winding.at_points(&centres(grid, coord, voxels));
+    voxels.iter().zip(numbers).map(blend).collect()
 }
 
-/// Magnitudes of the winding number at the centres of voxels.
-fn winding_at(grid: &Grid, winding: &WindingNumber, coord: BlockCoord, voxels: &[usize]) -> Vec<f64> {
+/// The centres of voxels of a block, in metres.
+fn centres(grid: &Grid, coord: BlockCoord, voxels: &[usize]) -> Vec<DVec3> {
     let n = grid.edge.voxels();
-    let centre = |v: &usize| grid.voxel_centre_m(coord, [*v % n, *v / n % n, *v / (n * n)]);
-    let mut numbers = winding.at_points(&voxels.iter().map(centre).collect::<Vec<_>>());
-    numbers.iter_mut().for_each(|w| *w = w.abs());
-    numbers
+    voxels.iter().map(|v| grid.voxel_centre_m(coord, [v % n, v / n % n, v / (n * n)])).collect()
 }

@@ -114,7 +114,8 @@ impl Expansion {
         let inverse_cubed = inverse_sq * inverse_sq.sqrt();
         let [xx, yy, zz, xy, xz, yz] = self.first;
         let [xxx, yyy, zzz, xxy, xxz, xyy, yyz, xzz, yzz, xyz] = self.second;
-        let trace = x * (xxx + (xyy + xzz) / 3.0) + y * (yyy + (xxy + yzz) / 3.0) + z * (zzz + (xxz + yyz) / 3.0);
+        let trace =
+            x * (xxx + (xyy + xzz) / 3.0) + y * (yyy + (xxy + yzz) / 3.0) + z * (zzz + (xxz + yyz) / 3.0);
         let quadratic = (x * (x * xx + y * xy + z * xz) + y * (y * yy + z * yz) + z * z * zz) * inverse_sq;
         let cubic = x * x * (x * xxx + y * xxy + z * xxz)
             + y * y * (y * yyy + x * xyy + z * yyz)
