@@ -32,8 +32,10 @@ impl Blocks {
             mask.insert(voxel as usize);
             let sample = &mut self.samples[block as usize * size + voxel as usize];
             let distance = f32::from(sample.abs()) / CODES_PER_VOXEL as f32;
-            let coord = self.coords[block as usize];
-            *sample = blend_across_hole(&source.grid, winding, coord, voxel as usize, distance);
+            let (coord, voxels) = (self.coords[block as usize], [voxel as usize]);
+            for (_, blended) in blend_across_hole(&source.grid, winding, coord, &voxels, |_| distance) {
+                *sample = blended;
+            }
         }
         self.drop_unobserved(&found, source);
     }

@@ -1,160 +1,243 @@
-//! From the triangles of a cube to those of its eight halves, down to 2 x 2 x 2 voxels.
+//! Which parts of a cube a cell reaches into, and how far its voxels are from the cell's part.
 //!
-//! In a cube, let `t` be the triangle closest to the centre. Another triangle is needed only if some voxel is closer to
-//! it than to `t`. The distance to a triangle is convex, so it is nowhere below its tangent plane at the centre, and
-//! that plane minus the distance to `t` is concave, so it is smallest at a corner of the cube: where the tangent plane
-//! stays above the distance to `t` at all eight corners, the triangle cannot matter. Unlike a bound by radii this uses
-//! directions, and far from a flat surface it keeps few of the many triangles that are almost equally far.
+//! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
+//! that of its own centre plus the same eight differences at every size, only scaled with the cube. So the 64 parts of a cube
+//! cost a few additions for each plane, eight at a time.
 
-use crate::distance::{Gradient, LANES, LocalTriangle, Points};
-use fearless_simd::{Simd, dispatch};
+use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
+use fearless_simd::{f32x8, prelude::*};
+use glam::DVec3;
 
-/// Slack of all comparisons, in voxels: well above `f32` rounding at the size of a tile (1e-5 voxels).
-const SLACK: f32 = 1e-3;
+/// Points evaluated together.
+pub(crate) const LANES: usize = 8;
 
-/// In cubes of 4 voxels, lists up to this long are cheaper to measure than to narrow.
-const SHORT_LIST: usize = 3;
+/// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
+/// a tile (1e-5 voxels), so that no point falls between two cells.
+const SLACK: f32 = 1e-4;
 
-/// Lists of the eight octants of a cube, reused from cube to cube.
-#[derive(Default)]
-pub(crate) struct Level {
-    gradients: Vec<Gradient>,
-    /// Triangles of each octant: bit 0 of its number is the upper half along x, bit 1 along y, bit 2 along z.
-    pub(crate) octants: [Vec<u32>; 8],
+/// Cubes that a cube is cut into at once, four along each axis.
+pub(crate) const PARTS: usize = 4 * 4 * 4;
+
+/// The position of a part of a cube, by its number.
+pub(crate) fn part_position(part: usize) -> [i32; 3] {
+    [0, 1, 2].map(|axis| (part >> axis & 1 | part >> (axis + 3) << 1 & 2) as i32)
 }
 
-/// The eight points `centre +- half`, by octant.
-#[inline(always)]
-pub(crate) fn corners(centre: [f32; 3], half: f32) -> Points {
-    let mut points = [[0.0; LANES]; 3];
-    for axis in 0..3 {
-        for lane in 0..LANES {
-            points[axis][lane] = centre[axis] + if lane >> axis & 1 == 0 { -half } else { half };
-        }
-    }
-    points
+/// The number of a part of a cube, by its position.
+pub(crate) fn part_number(position: [i32; 3]) -> usize {
+    (0..3)
+        .map(|axis| (position[axis] as usize & 1) << axis | (position[axis] as usize >> 1) << (axis + 3))
+        .sum()
 }
 
-/// The centre of an octant of the cube of `edge` voxels around `centre`.
-#[inline(always)]
-pub(crate) fn octant_centre(centre: [f32; 3], edge: usize, octant: usize) -> [f32; 3] {
-    let quarter = edge as f32 / 4.0;
-    [0, 1, 2].map(|axis| centre[axis] + if octant >> axis & 1 == 0 { -quarter } else { quarter })
+/// A cube of voxels.
+#[derive(Clone, Copy)]
+pub(crate) struct Cube {
+    /// Relative to the origin of the cells.
+    pub(crate) centre: DVec3,
+    /// In voxels.
+    pub(crate) edge: usize,
 }
 
-impl Level {
-    /// Sorts the triangles `list` of the cube of `edge` voxels (4 or more) around `centre` into its octants: those that
-    /// may be closest to a voxel and within `band` voxels of it.
-    pub(crate) fn split(
-        &mut self,
-        triangles: &[LocalTriangle],
-        list: &[u32],
-        centre: [f32; 3],
-        edge: usize,
-        band: f32,
-    ) {
-        dispatch!(fearless_simd::Level::new(), simd => simd.vectorize(
-            #[inline(always)]
-            || self.split_lanes(triangles, list, centre, edge, band)
-        ));
-    }
+/// A cell made ready for cubes. The number of a point among eight tells on which side it lies: bit 0 along x, bit 1 along y,
+/// bit 2 along z.
+struct Probe<S: Simd, const AXES: usize, const PLANES: usize> {
+    /// By how much the corners of a cube whose edge is 2 are higher above each plane than its centre.
+    rises: [f32x8<S>; PLANES],
+    /// The largest of those.
+    spreads: [f32; PLANES],
+}
 
-    /// [`Self::split`], to be compiled for one instruction set.
+/// Squared distances of eight points from the part of a cell, and how far in front of its sides they lie, at most zero.
+struct Reach<S: Simd> {
+    distances_sq: f32x8<S>,
+    depths: f32x8<S>,
+}
+
+impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
+    /// Readies a cell; returns the heights of a point above its planes with it.
     #[inline(always)]
-    fn split_lanes(
-        &mut self,
-        triangles: &[LocalTriangle],
-        list: &[u32],
-        centre: [f32; 3],
-        edge: usize,
-        band: f32,
-    ) {
-        self.octants.iter_mut().for_each(Vec::clear);
-        let centres = corners(centre, edge as f32 / 4.0);
-        let half = (edge / 2 - 1) as f32 / 2.0;
-        if list.len() == 1 || (edge == 4 && list.len() <= SHORT_LIST) {
-            self.copy(triangles, list, &centres, band + half * 3f32.sqrt() + SLACK);
-            return;
+    fn new(simd: S, planes: &[Plane], point: DVec3) -> (Self, [f32; PLANES]) {
+        const SIGNS: [[f32; LANES]; 3] = [
+            [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
+            [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0],
+            [-1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0],
+        ];
+        let x = f32x8::simd_from(simd, SIGNS[0]);
+        let y = f32x8::simd_from(simd, SIGNS[1]);
+        let z = f32x8::simd_from(simd, SIGNS[2]);
+        let (mut rises, mut spreads, mut heights) = ([x; PLANES], [0.0; PLANES], [0.0; PLANES]);
+        for i in 0..PLANES {
+            let plane = &planes[i];
+            let normal = plane.normal.as_vec3();
+            rises[i] = x * normal.x + y * normal.y + z * normal.z;
+            spreads[i] = normal.x.abs() + normal.y.abs() + normal.z.abs();
+            heights[i] = (plane.height + plane.normal.dot(point)) as f32;
         }
-        let closest = self.measure(triangles, list, &centres);
-        let bounds = transpose(std::array::from_fn(|octant| {
-            let around = corners(octant_centre(centre, edge, octant), half);
-            triangles[list[closest[octant]] as usize].distances_sq(&around).map(f32::sqrt)
-        }));
-        // Which octants keep a triangle is hardly predictable: each list is written on always, and lengthened if it counts.
-        self.octants.iter_mut().for_each(|octant| octant.resize(list.len(), 0));
-        let mut lengths = [0; 8];
-        for (t, gradient) in list.iter().zip(&self.gradients) {
-            let kept = may_matter(gradient, half, &bounds, band);
-            for octant in 0..8 {
-                self.octants[octant][lengths[octant]] = *t;
-                lengths[octant] += usize::from(kept[octant]);
+        (Self { rises, spreads }, heights)
+    }
+
+    /// Heights above each plane of the octants' centres of a cube whose centre has the given heights.
+    #[inline(always)]
+    fn octants(&self, heights: &[f32; PLANES], edge: f32) -> [[f32; LANES]; PLANES] {
+        let mut octants = [[0.0; LANES]; PLANES];
+        for plane in 0..PLANES {
+            octants[plane] = (self.rises[plane] * (edge / 4.0) + heights[plane]).into();
+        }
+        octants
+    }
+
+    /// What is to be known of the eight points `step` away along each axis from one whose heights are given, if each stands
+    /// for the points up to `around` away from it along each axis.
+    #[inline(always)]
+    fn reach(&self, heights: &[f32; PLANES], step: f32, around: f32) -> Reach<S> {
+        let simd = self.rises[0].simd;
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..PLANES {
+            let points = self.rises[plane] * step + heights[plane];
+            if plane < AXES {
+                distances_sq += points * points;
+            } else {
+                depths = depths.min(points + self.spreads[plane] * around);
             }
         }
-        for (octant, length) in self.octants.iter_mut().zip(lengths) {
-            octant.truncate(length);
+        Reach { distances_sq, depths }
+    }
+
+    /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
+    #[inline(always)]
+    fn octants_reached(&self, heights: &[f32; PLANES], edge: f32, band: f32) -> u64 {
+        let around = (edge / 2.0 - 1.0) / 2.0;
+        let farthest = band + around * 3f32.sqrt() + SLACK;
+        let reach = self.reach(heights, edge / 4.0, around);
+        (reach.distances_sq.simd_le(farthest * farthest) & reach.depths.simd_ge(-SLACK)).to_bitmask()
+    }
+
+    /// The same for the octants of all octants of a cube, given the heights of those. The number of a part is that of its octant
+    /// times eight plus that in the octant.
+    #[inline(always)]
+    fn parts_reached(
+        &self,
+        heights: &[f32; PLANES],
+        octants: &[[f32; LANES]; PLANES],
+        edge: f32,
+        band: f32,
+    ) -> u64 {
+        let mut reached = self.octants_reached(heights, edge, band);
+        let mut found = 0;
+        while reached != 0 {
+            let octant = reached.trailing_zeros() as usize % LANES;
+            reached &= reached - 1;
+            let mut heights = [0.0; PLANES];
+            for plane in 0..PLANES {
+                heights[plane] = octants[plane][octant];
+            }
+            found |= self.octants_reached(&heights, edge / 2.0, band) << (LANES * octant);
+        }
+        found
+    }
+
+    /// Calls `lower` for all cubes of 2 x 2 x 2 voxels that the cell reaches into, of a cube of 8 voxels, or of 4 if `SMALL`, whose
+    /// centre has the given heights: with their numbers and the squared distances from the cell's part.
+    #[inline(always)]
+    fn measure<const SMALL: bool>(
+        &self,
+        heights: &[f32; PLANES],
+        band: f32,
+        lower: &mut impl FnMut(usize, f32x8<S>),
+    ) {
+        let (mut cubes, mut rises) = ([[0.0; LANES]; PLANES], [[0.0; LANES]; PLANES]);
+        for plane in 0..PLANES {
+            rises[plane] = self.rises[plane].into();
+            cubes[plane][0] = heights[plane];
+        }
+        let mut parts = if SMALL {
+            self.octants_reached(heights, 4.0, band)
+        } else {
+            cubes = self.octants(heights, 8.0);
+            self.parts_reached(heights, &cubes, 8.0, band)
+        };
+        while parts != 0 {
+            let part = parts.trailing_zeros() as usize % PARTS;
+            parts &= parts - 1;
+            let mut heights = [0.0; PLANES];
+            for plane in 0..PLANES {
+                heights[plane] = cubes[plane][part / LANES] + rises[plane][part % LANES];
+            }
+            lower(part, self.inside(&heights));
         }
     }
 
-    /// Gives each octant the triangles whose distance from its centre is within `reach`.
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those outside the cell.
     #[inline(always)]
-    fn copy(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points, reach: f32) {
-        for t in list {
-            let distances_sq = triangles[*t as usize].distances_sq(centres);
-            for octant in 0..8 {
-                if distances_sq[octant] <= reach * reach {
-                    self.octants[octant].push(*t);
+    fn inside(&self, heights: &[f32; PLANES]) -> f32x8<S> {
+        let Reach { distances_sq, depths } = self.reach(heights, 0.5, 0.0);
+        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(depths.simd, f32::INFINITY))
+    }
+}
+
+/// Lists the cells in the parts of a cube that they may reach into, those within `band` voxels.
+#[inline(always)]
+pub(crate) fn list_cells<S: Simd>(
+    simd: S,
+    cells: &Cells,
+    cube: &Cube,
+    band: f32,
+    lists: &mut [Vec<u32>; PARTS],
+) {
+    let edge = cube.edge as f32;
+    for index in 0..cells.count() {
+        let cell = cells.get(index);
+        macro_rules! parts {
+            ($axes:literal, $planes:expr) => {{
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                probe.parts_reached(&heights, &probe.octants(&heights, edge), edge, band)
+            }};
+        }
+        let mut parts = match cell.axes {
+            1 => parts!(1, FACE_PLANES),
+            2 => parts!(2, EDGE_PLANES),
+            _ => parts!(3, VERTEX_PLANES),
+        };
+        while parts != 0 {
+            lists[parts.trailing_zeros() as usize % PARTS].push(index);
+            parts &= parts - 1;
+        }
+    }
+}
+
+/// Lowers the squared distances of the voxels of a cube of 4 or 8 voxels to those from the parts of the cells that `list` names:
+/// `nearest` of all, `on_hole` of parts on a wide hole, both in cubes of 2 x 2 x 2 voxels by their numbers.
+#[inline(always)]
+pub(crate) fn measure_cells<S: Simd>(
+    simd: S,
+    (cells, list): (&Cells, &[u32]),
+    cube: &Cube,
+    band: f32,
+    nearest: &mut [[f32; LANES]],
+    on_hole: &mut [[f32; LANES]],
+) {
+    for index in list {
+        let cell = cells.get(*index);
+        let mut lower = |part: usize, distances_sq: f32x8<S>| {
+            nearest[part] = f32x8::simd_from(simd, nearest[part]).min(distances_sq).into();
+            if cell.on_hole {
+                on_hole[part] = f32x8::simd_from(simd, on_hole[part]).min(distances_sq).into();
+            }
+        };
+        macro_rules! measure {
+            ($axes:literal, $planes:expr) => {{
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                match cube.edge {
+                    4 => probe.measure::<true>(&heights, band, &mut lower),
+                    _ => probe.measure::<false>(&heights, band, &mut lower),
                 }
-            }
+            }};
+        }
+        match cell.axes {
+            1 => measure!(1, FACE_PLANES),
+            2 => measure!(2, EDGE_PLANES),
+            _ => measure!(3, VERTEX_PLANES),
         }
     }
-
-    /// Measures all triangles at the octants' centres; returns the position in the list of the closest to each.
-    #[inline(always)]
-    fn measure(&mut self, triangles: &[LocalTriangle], list: &[u32], centres: &Points) -> [usize; LANES] {
-        self.gradients.clear();
-        let (mut closest, mut least) = ([0u32; LANES], [f32::INFINITY; LANES]);
-        for (position, t) in list.iter().enumerate() {
-            let gradient = triangles[*t as usize].gradient(centres);
-            for lane in 0..LANES {
-                let closer = gradient.distance[lane] < least[lane];
-                least[lane] = if closer { gradient.distance[lane] } else { least[lane] };
-                closest[lane] = if closer { position as u32 } else { closest[lane] };
-            }
-            self.gradients.push(gradient);
-        }
-        closest.map(|position| position as usize)
-    }
-}
-
-/// For each octant whether the tangent plane of a distance comes down to the band, and to `bounds` at a corner;
-/// `bounds[corner][octant]`.
-///
-/// All values are taken times the distance at the octant's centre, which spares the division that the plane's unit
-/// normal would need.
-#[inline(always)]
-fn may_matter(gradient: &Gradient, half: f32, bounds: &[[f32; LANES]; 8], band: f32) -> [bool; LANES] {
-    let mut kept = [false; LANES];
-    for octant in 0..LANES {
-        let distance = gradient.distance[octant];
-        let at_centre = distance * (distance - SLACK);
-        let [x, y, z] = [0, 1, 2].map(|axis| gradient.offset[axis][octant] * half);
-        let mut lowest = f32::INFINITY;
-        for corner in 0..8 {
-            let along_x = if corner & 1 == 0 { at_centre - x } else { at_centre + x };
-            let along_y = if corner & 2 == 0 { along_x - y } else { along_x + y };
-            let along_z = if corner & 4 == 0 { along_y - z } else { along_y + z };
-            let above = along_z - distance * bounds[corner][octant];
-            lowest = if above < lowest { above } else { lowest };
-        }
-        let in_band = at_centre - x.abs() - y.abs() - z.abs() <= band * distance;
-        kept[octant] = in_band & (lowest <= 0.0);
-    }
-    kept
-}
-
-/// Exchanges rows and columns.
-#[inline(always)]
-fn transpose(rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
-    std::array::from_fn(|column| rows.map(|row| row[column]))
 }

@@ -7,101 +7,45 @@
 //! A crack all the way around a part counts as two wide holes, one on either side, as its two rims share no vertex.
 
 use crate::tiles::VoxelMesh;
+use crate::topology::{BoundaryEdge, Topology};
 use glam::DVec3;
-use isv_spatial::Feature;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 /// Holes up to this width, in voxels, are closed by the winding number.
 const WIDEST_CLOSED: f64 = 3.0;
 
-/// Marks the edges and corners of triangles that lie on a wide hole.
-pub(crate) struct HoleMarks {
-    /// A byte a triangle: bit `i` for edge `i`, bit `3 + i` for corner `i`.
-    marks: Vec<u8>,
+/// The edges and vertices on wide holes.
+pub(crate) struct WideHoles {
+    /// A byte a triangle: bit `i` if it owns its edge `i` and that lies on a wide hole.
+    edges: Vec<u8>,
+    /// For each vertex whether it does.
+    vertices: Vec<bool>,
 }
 
-impl HoleMarks {
-    /// The marks of a mesh; `None` if it has no wide hole.
-    pub(crate) fn find(mesh: &VoxelMesh) -> Option<Self> {
-        let welded = weld(&mesh.vertices);
-        let boundary = boundary_edges(mesh.triangles, &welded);
-        let wide = wide_vertices(&boundary, &mesh.vertices, mesh.vertices.len());
+impl WideHoles {
+    /// The wide holes of a mesh; `None` if it has none.
+    pub(crate) fn find(mesh: &VoxelMesh, topology: &Topology) -> Option<Self> {
+        let wide = wide_vertices(&topology.boundary, &mesh.vertices, mesh.vertices.len());
         if !wide.contains(&true) {
             return None;
         }
-        let mut marks = vec![0u8; mesh.triangles.len()];
-        for (mark, triangle) in marks.iter_mut().zip(mesh.triangles) {
-            for i in 0..3 {
-                *mark |= u8::from(wide[welded[triangle[i] as usize] as usize]) << (3 + i);
-            }
+        let mut edges = vec![0u8; mesh.triangles.len()];
+        for edge in &topology.boundary {
+            edges[edge.face as usize] |= u8::from(wide[edge.from as usize]) << edge.side;
         }
-        for edge in &boundary {
-            marks[edge.face as usize] |= u8::from(wide[edge.from as usize]) << edge.side;
-        }
-        Some(Self { marks })
+        let vertices = topology.welded.iter().map(|first| wide[*first as usize]).collect();
+        Some(Self { edges, vertices })
     }
 
-    /// Whether any edge or corner of a triangle lies on a wide hole.
-    pub(crate) fn touch(&self, face: u32) -> bool {
-        self.marks[face as usize] != 0
+    /// Whether an edge lies on a wide hole; asked of its owner.
+    pub(crate) fn has_edge(&self, face: u32, side: usize) -> bool {
+        self.edges[face as usize] >> side & 1 != 0
     }
 
-    /// Whether a part of a triangle lies on a wide hole.
-    pub(crate) fn contain(&self, face: u32, feature: Feature) -> bool {
-        let bit = match feature {
-            Feature::Face => return false,
-            Feature::Edge(i) => i,
-            Feature::Vertex(i) => 3 + i,
-        };
-        self.marks[face as usize] >> bit & 1 != 0
+    /// Whether a vertex lies on a wide hole.
+    pub(crate) fn has_vertex(&self, vertex: u32) -> bool {
+        self.vertices[vertex as usize]
     }
-}
-
-/// An edge with one face, in the direction of that face.
-struct BoundaryEdge {
-    from: u32,
-    to: u32,
-    face: u32,
-    /// Which edge of the face it is.
-    side: u8,
-}
-
-/// For each vertex the first one at exactly the same position.
-fn weld(vertices: &[DVec3]) -> Vec<u32> {
-    let mut first = FxHashMap::with_capacity_and_hasher(vertices.len(), Default::default());
-    // Adding zero turns -0 into 0.
-    let key = |v: &DVec3| (*v + 0.0).to_array().map(f64::to_bits);
-    vertices.iter().enumerate().map(|(i, v)| *first.entry(key(v)).or_insert(i as u32)).collect()
-}
-
-/// Edges whose faces all have the same third corner, so that duplicates of a face do not hide a rim. Faces that name a
-/// position twice have no area and border nothing.
-fn boundary_edges(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<BoundaryEdge> {
-    let mut sides: Vec<(u64, u32, u32)> = triangles
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(face, triangle)| {
-            let [a, b, c] = triangle.map(|v| welded[v as usize]);
-            let proper = a != b && b != c && c != a;
-            [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(0..).filter(move |_| proper).map(
-                move |((from, to, opposite), side)| {
-                    let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
-                    (key, opposite, face as u32 * 4 + side)
-                },
-            )
-        })
-        .collect();
-    sides.par_sort_unstable();
-    let mut boundary = Vec::new();
-    for edge in sides.chunk_by(|a, b| a.0 == b.0) {
-        if edge[0].1 == edge[edge.len() - 1].1 {
-            let (face, side) = (edge[0].2 / 4, (edge[0].2 % 4) as usize);
-            let corner = |i: usize| welded[triangles[face as usize][i % 3] as usize];
-            boundary.push(BoundaryEdge { from: corner(side), to: corner(side + 1), face, side: side as u8 });
-        }
-    }
-    boundary
 }
 
 /// For each vertex whether it lies on a wide hole.
@@ -148,7 +92,8 @@ mod tests {
     fn marked(mesh: &isv_volume::TriangleMesh, scale: f64) -> usize {
         let vertices = mesh.vertices.iter().map(|v| *v * scale).collect();
         let mesh = VoxelMesh { vertices, triangles: &mesh.triangles };
-        HoleMarks::find(&mesh).map_or(0, |m| m.marks.iter().map(|b| (b & 7).count_ones() as usize).sum())
+        let holes = WideHoles::find(&mesh, &Topology::of(&mesh));
+        holes.map_or(0, |holes| holes.edges.iter().map(|bits| bits.count_ones() as usize).sum())
     }
 
     #[test]

@@ -32,8 +32,8 @@
 //! [`ingest_points`].
 
 mod caps;
+mod cells;
 mod descent;
-mod distance;
 mod error;
 mod holes;
 mod limits;
@@ -43,6 +43,7 @@ mod rim;
 mod sampler;
 mod sign;
 mod tiles;
+mod topology;
 
 #[cfg(test)]
 mod tests;
@@ -52,11 +53,14 @@ pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estim
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;
+use cells::Directions;
+use holes::WideHoles;
 use isv_spatial::WindingNumber;
 use isv_volume::{Grid, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
 use sampler::{Sign, Source, Workspace, sample_tile};
 use tiles::{Band, TileList};
+use topology::Topology;
 
 /// Blocks a volume may have by default: 2 GiB of samples with blocks of 8 voxels.
 pub const DEFAULT_BLOCK_LIMIT: usize = 1 << 21;
@@ -107,15 +111,16 @@ pub fn ingest_mesh(
     let band = Band::new(&settings.grid, offset);
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
     let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
+    let (topology, directions) = rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
     let sign = match sign {
         SignDecision::Offset => Sign::Offset(offset as f32),
         SignDecision::Closed { .. } => {
             let (winding, holes) =
-                rayon::join(|| WindingNumber::new(mesh), || holes::HoleMarks::find(&voxel_mesh));
+                rayon::join(|| WindingNumber::new(mesh), || WideHoles::find(&voxel_mesh, &topology));
             Sign::Closed(winding, holes)
         }
     };
-    Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, sign }, &list))
+    Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, directions, sign }, &list))
 }
 
 /// Samples all tiles.

@@ -5,7 +5,7 @@
 //! that hang on by less than two of their neighbours are unobserved as well, and in turn those that hung on by them.
 
 use crate::caps::Blocks;
-use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, VoxelMask};
+use isv_volume::{BlockEdge, BlockIndex, CODES_PER_VOXEL, Neighbourhood, VoxelMask};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::BTreeSet;
@@ -14,6 +14,9 @@ use std::collections::BTreeSet;
 const HOLD: usize = 2;
 /// Rounds of removal: teeth up to this many cells long vanish.
 const ROUNDS: usize = 4;
+
+/// In codes, more than the length of a cell's diagonal: a voxel that far from the surface has only neighbours on its side.
+const CELL_DIAGONAL: u32 = CODES_PER_VOXEL as u32 * 7 / 4;
 
 /// A voxel: its block, and its index there.
 type VoxelAt = (u32, u16);
@@ -81,8 +84,13 @@ impl Blocks {
             let voxel = edge.voxel_index(place[0] % n, place[1] % n, place[2] % n);
             around[(z + 1) * 9 + (y + 1) * 3 + x + 1].map(|neighbour| (neighbour, voxel as u16))
         };
+        let samples = &self.samples[block as usize * size..][..size];
         let cell = |voxel: usize| {
             let place = [voxel % n, voxel / n % n, voxel / n / n];
+            // Far from the surface, as most voxels are, no corner lies on the other side.
+            if u32::from(samples[voxel].unsigned_abs()) > CELL_DIAGONAL {
+                return None;
+            }
             let (mut corners, mut inside) = ([(0, 0); 8], 0);
             for (corner, at) in corners.iter_mut().enumerate() {
                 *at = voxel_at(std::array::from_fn(|axis| place[axis] + (corner >> axis & 1)))?;

@@ -84,7 +84,7 @@ pub(crate) struct Tile<'a> {
 
 impl Tile<'_> {
     /// Indices of the triangles, ascending.
-    pub(crate) fn faces(&self) -> impl Iterator<Item = u32> {
+    pub(crate) fn faces(&self) -> impl Iterator<Item = u32> + Clone {
         self.entries.iter().map(|entry| entry.1)
     }
 }

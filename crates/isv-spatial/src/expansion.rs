@@ -5,6 +5,7 @@
 //! `g` is a gradient its derivatives are symmetric in all indices, so only the symmetric parts of those tensors count,
 //! and they are kept as the coefficients of a quadratic and a cubic form.
 
+use fearless_simd::{f64x8, prelude::*};
 use glam::DVec3;
 
 /// Coefficients of xx, yy, zz, xy, xz, yz.
@@ -98,6 +99,31 @@ impl Expansion {
         let first = xx + yy + zz - 3.0 * quadratic;
         let second = (7.5 * cubic - 4.5 * trace.dot(r)) * inverse_sq;
         (self.normal.dot(r) + first + second) * inverse_cubed
+    }
+}
+
+/// Eight points, by coordinate.
+pub(crate) type Points<S> = [f64x8<S>; 3];
+
+impl Expansion {
+    /// [`Self::solid_angle`] seen from eight points at once, given by the ways from them to the centre.
+    #[inline(always)]
+    pub(crate) fn solid_angles<S: Simd>(&self, ways: &Points<S>) -> f64x8<S> {
+        let [x, y, z] = *ways;
+        let inverse_sq = 1.0 / (x * x + y * y + z * z);
+        let inverse_cubed = inverse_sq * inverse_sq.sqrt();
+        let [xx, yy, zz, xy, xz, yz] = self.first;
+        let [xxx, yyy, zzz, xxy, xxz, xyy, yyz, xzz, yzz, xyz] = self.second;
+        let trace =
+            x * (xxx + (xyy + xzz) / 3.0) + y * (yyy + (xxy + yzz) / 3.0) + z * (zzz + (xxz + yyz) / 3.0);
+        let quadratic = (x * (x * xx + y * xy + z * xz) + y * (y * yy + z * yz) + z * z * zz) * inverse_sq;
+        let cubic = x * x * (x * xxx + y * xxy + z * xxz)
+            + y * y * (y * yyy + x * xyy + z * yyz)
+            + z * z * (z * zzz + x * xzz + y * yzz)
+            + x * y * z * xyz;
+        let first = -3.0 * quadratic + (xx + yy + zz);
+        let second = (cubic * inverse_sq * 7.5 - trace * 4.5) * inverse_sq;
+        (x * self.normal.x + y * self.normal.y + z * self.normal.z + first + second) * inverse_cubed
     }
 }
 

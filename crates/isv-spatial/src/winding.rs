@@ -7,8 +7,9 @@
 //! Evaluated as in Barill et al. 2018, "Fast winding numbers for soups and clouds": a cluster of triangles seen from
 //! more than [`BETA`] times its radius is replaced by its Taylor expansion, triangles nearby are summed exactly.
 
-use crate::expansion::Expansion;
+use crate::expansion::{Expansion, Points};
 use crate::tree::{Content, MAX_DEPTH, Tree};
+use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 use std::f64::consts::{PI, TAU};
@@ -16,6 +17,13 @@ use std::f64::consts::{PI, TAU};
 /// A cluster is expanded when farther than this many of its radii (the value of Barill et al.). On coarse test meshes the
 /// result is within 0.004 of the exact sum (test `hierarchy_agrees_with_the_exact_sum`).
 const BETA: f64 = 2.0;
+
+/// The same for a first look at which side of one half a winding number is, by [`WindingNumber::exceed_half`].
+const ROUGH_BETA: f64 = 1.25;
+
+/// How far from one half a winding number must be for the first look to settle it. On the meshes of the test
+/// `a_first_look_is_within_its_margin` it errs by less than half of this.
+const MARGIN: f64 = 0.25;
 
 /// Triangles a leaf: one arc tangent is spent on each leaf, not on each triangle.
 const LEAF_SIZE: usize = 8;
@@ -30,8 +38,8 @@ pub struct WindingNumber {
 /// One node of the hierarchy, in the tree's order.
 struct Cluster {
     far_field: Expansion,
-    /// Square of the distance from which the far field may be used.
-    reach_sq: f64,
+    /// Square of the distance of the farthest corner from the centre.
+    radius_sq: f64,
     content: Content,
 }
 
@@ -53,7 +61,7 @@ impl WindingNumber {
                 Content::Leaf(range) => Expansion::of_triangles(&corners[range.clone()]),
                 Content::Inner(a, b) => Expansion::join(built(*a), built(*b), node.lo, node.hi),
             };
-            clusters.push(Cluster { far_field, reach_sq: (BETA * far_field.radius).powi(2), content });
+            clusters.push(Cluster { far_field, radius_sq: far_field.radius.powi(2), content });
         }
         clusters.reverse();
         Self { clusters, corners }
@@ -62,13 +70,18 @@ impl WindingNumber {
     /// The winding number at `p`. On the surface itself the value is one of those on either side, or between them.
     #[must_use]
     pub fn at(&self, p: DVec3) -> f64 {
+        self.sum(p, BETA)
+    }
+
+    /// The winding number at `p`, with clusters expanded from `beta` times their radii.
+    fn sum(&self, p: DVec3, beta: f64) -> f64 {
         let mut total = 0.0;
         let mut stack = [0usize; MAX_DEPTH + 1];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
             let cluster = &self.clusters[stack[depth]];
-            if cluster.far_field.centre.distance_squared(p) > cluster.reach_sq {
+            if cluster.far_field.centre.distance_squared(p) > beta * beta * cluster.radius_sq {
                 total += cluster.far_field.solid_angle(p);
                 continue;
             }
@@ -82,6 +95,160 @@ impl WindingNumber {
             }
         }
         total / (4.0 * PI)
+    }
+}
+
+/// Points asked about together.
+const LANES: usize = 8;
+
+/// Fewer points than this are faster one by one.
+const FEW: usize = 3;
+
+impl WindingNumber {
+    /// The winding numbers at many points, faster than one by one if points that follow each other are close together.
+    ///
+    /// A cluster is expanded for eight points together or not at all, so the numbers may differ from those of [`Self::at`], and
+    /// by what the other points are, within the accuracy of the expansion.
+    #[must_use]
+    pub fn at_points(&self, points: &[DVec3]) -> Vec<f64> {
+        self.sums(points, BETA)
+    }
+
+    /// Whether the magnitude of the winding number exceeds one half, at each of many points.
+    ///
+    /// Most numbers are far from one half, and are only looked at roughly; the others are those of [`Self::at_points`].
+    #[must_use]
+    pub fn exceed_half(&self, points: &[DVec3]) -> Vec<bool> {
+        let mut numbers = self.sums(points, ROUGH_BETA);
+        let unsure: Vec<usize> =
+            (0..points.len()).filter(|i| (numbers[*i].abs() - 0.5).abs() < MARGIN).collect();
+        let closer: Vec<DVec3> = unsure.iter().map(|i| points[*i]).collect();
+        for (i, number) in unsure.into_iter().zip(self.at_points(&closer)) {
+            numbers[i] = number;
+        }
+        numbers.into_iter().map(|number| number.abs() > 0.5).collect()
+    }
+
+    fn sums(&self, points: &[DVec3], beta: f64) -> Vec<f64> {
+        let mut numbers = Vec::with_capacity(points.len());
+        for eight in points.chunks(LANES) {
+            if eight.len() < FEW {
+                numbers.extend(eight.iter().map(|p| self.sum(*p, beta)));
+            } else {
+                let lane = |i: usize| eight[i.min(eight.len() - 1)];
+                let [x, y, z] = [0, 1, 2].map(|axis: usize| std::array::from_fn(|i| lane(i)[axis]));
+                let found = dispatch!(Level::new(), simd => self.sum_eight(simd, [x, y, z], beta));
+                numbers.extend_from_slice(&found[..eight.len()]);
+            }
+        }
+        numbers
+    }
+
+    /// The winding numbers at eight points, to be compiled for one instruction set.
+    #[inline(always)]
+    fn sum_eight<S: Simd>(&self, simd: S, points: [[f64; LANES]; 3], beta: f64) -> [f64; LANES] {
+        let [x, y, z] = points;
+        let points = [f64x8::simd_from(simd, x), f64x8::simd_from(simd, y), f64x8::simd_from(simd, z)];
+        let mut total = f64x8::splat(simd, 0.0);
+        let mut near = HalfAngles::new(simd);
+        let mut stack = [0usize; MAX_DEPTH + 1];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let cluster = &self.clusters[stack[depth]];
+            let ways = ways_to(cluster.far_field.centre, &points);
+            let distances_sq = ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2];
+            if distances_sq.simd_gt(beta * beta * cluster.radius_sq).all_true() {
+                total += cluster.far_field.solid_angles(&ways);
+                continue;
+            }
+            match &cluster.content {
+                Content::Leaf(range) => {
+                    for [a, b, c] in &self.corners[range.clone()] {
+                        near.add_triangle([ways_to(*a, &points), ways_to(*b, &points), ways_to(*c, &points)]);
+                    }
+                    near.rescale();
+                }
+                Content::Inner(a, b) => {
+                    stack[depth] = *b;
+                    stack[depth + 1] = *a;
+                    depth += 2;
+                }
+            }
+        }
+        let far: [f64; LANES] = total.into();
+        let near = near.radians();
+        let mut numbers = [0.0; LANES];
+        for lane in 0..LANES {
+            numbers[lane] = (far[lane] + 2.0 * near[lane]) / (4.0 * PI);
+        }
+        numbers
+    }
+}
+
+/// The ways from eight points to one.
+#[inline(always)]
+fn ways_to<S: Simd>(p: DVec3, [x, y, z]: &Points<S>) -> Points<S> {
+    [p.x - *x, p.y - *y, p.z - *z]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(u: &Points<S>, v: &Points<S>) -> f64x8<S> {
+    u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+}
+
+/// [`HalfAngle`] for eight points at once.
+struct HalfAngles<S: Simd> {
+    re: f64x8<S>,
+    im: f64x8<S>,
+    turns: f64x8<S>,
+}
+
+impl<S: Simd> HalfAngles<S> {
+    #[inline(always)]
+    fn new(simd: S) -> Self {
+        let zero = f64x8::splat(simd, 0.0);
+        Self { re: f64x8::splat(simd, 1.0), im: zero, turns: zero }
+    }
+
+    /// Adds half the solid angle of a triangle, given by the ways from the points to its corners; as in [`solid_angle_sum`].
+    #[inline(always)]
+    fn add_triangle(&mut self, [a, b, c]: [Points<S>; 3]) {
+        let dot = dot::<S>;
+        let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let (la, lb, lc) = (dot(&a, &a).sqrt(), dot(&b, &b).sqrt(), dot(&c, &c).sqrt());
+        let scale = 1.0 / (la * lb * lc);
+        let im = dot(&a, &cross) * scale;
+        let re = (dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb) * scale + 1.0;
+        let zero = im * 0.0;
+        // Zero: seen edge-on or without area. Not finite: the point is a corner, or nearly.
+        let counts = im.abs().simd_gt(0.0) & re.abs().simd_lt(f64::INFINITY) & zero.simd_eq(0.0);
+        let product = (self.re * re - self.im * im, self.re * im + self.im * re);
+        let one = f64x8::splat(im.simd, 1.0);
+        let none = f64x8::splat(im.simd, 0.0);
+        let up = self.im.simd_ge(0.0) & im.simd_gt(0.0) & product.1.simd_lt(0.0) & counts;
+        let down = self.im.simd_lt(0.0) & im.simd_lt(0.0) & product.1.simd_ge(0.0) & counts;
+        self.turns += up.select(one, none) - down.select(one, none);
+        self.re = counts.select(product.0, self.re);
+        self.im = counts.select(product.1, self.im);
+    }
+
+    /// Keeps the product of many factors in range.
+    #[inline(always)]
+    fn rescale(&mut self) {
+        let scale = 1.0 / self.re.abs().max(self.im.abs()).max(f64::MIN_POSITIVE);
+        self.re *= scale;
+        self.im *= scale;
+    }
+
+    #[inline(always)]
+    fn radians(&self) -> [f64; LANES] {
+        let [re, im, turns]: [[f64; LANES]; 3] = [self.re.into(), self.im.into(), self.turns.into()];
+        let mut radians = [0.0; LANES];
+        for lane in 0..LANES {
+            radians[lane] = im[lane].atan2(re[lane]) + TAU * turns[lane];
+        }
+        radians
     }
 }
 
@@ -177,6 +344,44 @@ mod tests {
             }
         }
         assert!(worst < 4e-3, "{worst}");
+    }
+
+    #[test]
+    fn many_points_at_once_agree_with_one_by_one() {
+        for mesh in [sphere(0.8, 20), soup(6, 3000), soup(7, 1), soup(9, 9)] {
+            let fast = WindingNumber::new(&mesh);
+            let mut random = Random::new(43);
+            let mut points: Vec<_> = (0..203).map(|_| random.point() * 1.5).collect();
+            points.extend(mesh.corners(0));
+            for (p, found) in points.iter().zip(fast.at_points(&points)) {
+                let exact = exact_winding_number(&mesh, *p);
+                let on_a_corner = mesh.corners(0).contains(p);
+                assert!(
+                    found.is_finite() && (on_a_corner || (found - exact).abs() < 4e-3),
+                    "{found} against {exact}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_first_look_is_within_its_margin() {
+        let mut worst = 0f64;
+        for mesh in [sphere(0.8, 20), sphere(0.8, 80), soup(6, 3000), soup(9, 9), isv_testkit::open_box(0.7)]
+        {
+            let fast = WindingNumber::new(&mesh);
+            let mut random = Random::new(47);
+            let points: Vec<_> = (0..1000).map(|_| random.point() * 1.2).collect();
+            for ((p, rough), side) in
+                points.iter().zip(fast.sums(&points, ROUGH_BETA)).zip(fast.exceed_half(&points))
+            {
+                let exact = exact_winding_number(&mesh, *p);
+                worst = worst.max((rough - exact).abs()).max((fast.sum(*p, ROUGH_BETA) - exact).abs());
+                assert!(side == (exact.abs() > 0.5) || (exact.abs() - 0.5).abs() < 4e-3, "{p}: {exact}");
+            }
+        }
+        println!("the first look errs by {worst:.4} at most");
+        assert!(worst < MARGIN / 2.0, "{worst}");
     }
 
     #[test]

@@ -1,0 +1,234 @@
+//! Where each part of a mesh can be the closest one (Mauch 2000, "A fast algorithm for computing the closest point and
+//! distance transform").
+//!
+//! The closest point of a mesh lies inside a face, inside an edge, or on a vertex. Inside a face, it is the foot of the
+//! point asked for, which therefore stands in the prism over the face. On an edge, no face at that edge may hold a
+//! closer point: the point asked for lies beyond all of them, in a wedge. On a vertex, no edge there may hold a closer
+//! point, which leaves a cone. These cells are cut out by planes, and inside a cell the distance is that to the plane,
+//! line or point on which the part lies. They need nothing from the mesh: leaving a plane out makes a cell larger, never
+//! wrong, so soups, rims, duplicates and edges with many faces are all the same.
+
+use crate::holes::WideHoles;
+use crate::tiles::VoxelMesh;
+use crate::topology::{Side, Topology};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A triangle whose height is below this share of its longest edge is no more than its edges: its plane is lost in rounding.
+const FLAT_SHARE: f64 = 1e-11;
+
+/// Of a triangle flatter than this share of its edge, the direction inwards is not exact enough to cut off anything.
+const VAGUE_SHARE: f64 = 1e-7;
+
+/// Planes that cut out the cone of a vertex, at most; most vertices have no more edges.
+const MOST_CONE_SIDES: usize = 6;
+
+/// Planes of the cell of a face: one axis, three sides.
+pub(crate) const FACE_PLANES: usize = 1 + 3;
+
+/// Planes of the cell of an edge: two axes, two ends, two faces.
+pub(crate) const EDGE_PLANES: usize = 2 + 2 + 2;
+
+/// Planes of the cell of a vertex: three axes, and the sides of its cone.
+pub(crate) const VERTEX_PLANES: usize = 3 + MOST_CONE_SIDES;
+
+/// A plane that cuts nothing off.
+const NOWHERE: Plane = Plane { normal: DVec3::ZERO, height: 0.0 };
+
+/// A plane.
+#[derive(Clone, Copy)]
+pub(crate) struct Plane {
+    /// Unit vector.
+    pub(crate) normal: DVec3,
+    /// Height of the origin above it.
+    pub(crate) height: f64,
+}
+
+/// The cell of a face, an edge or a vertex.
+#[derive(Clone, Copy)]
+struct Cell {
+    /// The first of its planes.
+    first: u32,
+    /// As in [`CellPlanes`].
+    axes: u8,
+    on_hole: bool,
+}
+
+/// Cells of some triangles, relative to an origin near them.
+#[derive(Default)]
+pub(crate) struct Cells {
+    origin: DVec3,
+    cells: Vec<Cell>,
+    planes: Vec<Plane>,
+}
+
+/// The planes of a cell: first the axes, then the sides, in front of which the cell lies.
+#[derive(Clone, Copy)]
+pub(crate) struct CellPlanes<'a> {
+    pub(crate) planes: &'a [Plane],
+    /// Planes, square to each other, whose heights make up the distance to the part: one for a face, two for an edge, three
+    /// for a vertex.
+    pub(crate) axes: usize,
+    /// Whether the part lies on the edge of a wide hole.
+    pub(crate) on_hole: bool,
+}
+
+/// Directions of the triangles of a mesh, found once for all tiles.
+pub(crate) struct Directions {
+    /// Unit normal of each triangle; zero if it has none to speak of.
+    normals: Vec<DVec3>,
+    /// Unit vectors along the edges, zero for an edge without length.
+    along: Vec<[DVec3; 3]>,
+    /// Whether each triangle is so thin that its directions inwards cannot cut off anything.
+    vague: Vec<bool>,
+}
+
+impl Directions {
+    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+        let describe = |face: usize| {
+            let corners = mesh.corners(face as u32);
+            let [a, b, c] = corners;
+            let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
+            let (normal, share) = unit_normal(&corners);
+            (normal, along, share <= VAGUE_SHARE)
+        };
+        let described: Vec<_> = (0..mesh.triangles.len()).into_par_iter().map(describe).collect();
+        let mut out = Self { normals: Vec::new(), along: Vec::new(), vague: Vec::new() };
+        for (normal, along, vague) in described {
+            out.normals.push(normal);
+            out.along.push(along);
+            out.vague.push(vague);
+        }
+        out
+    }
+
+    /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
+    fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
+        let face = face as usize;
+        (!self.vague[face]).then(|| self.normals[face].cross(self.along[face][usize::from(side)]))
+    }
+}
+
+/// What cells are made from.
+pub(crate) struct Parts<'a> {
+    pub(crate) mesh: &'a VoxelMesh<'a>,
+    pub(crate) topology: &'a Topology,
+    pub(crate) directions: &'a Directions,
+    pub(crate) holes: Option<&'a WideHoles>,
+}
+
+impl Cells {
+    /// Forgets all cells and moves the origin.
+    pub(crate) fn restart(&mut self, origin: DVec3) {
+        self.origin = origin;
+        self.cells.clear();
+        self.planes.clear();
+    }
+
+    pub(crate) fn count(&self) -> u32 {
+        self.cells.len() as u32
+    }
+
+    pub(crate) fn get(&self, index: u32) -> CellPlanes<'_> {
+        let Cell { first, axes, on_hole } = self.cells[index as usize];
+        let count = [FACE_PLANES, EDGE_PLANES, VERTEX_PLANES][usize::from(axes) - 1];
+        let planes = &self.planes[first as usize..first as usize + count];
+        CellPlanes { planes, axes: usize::from(axes), on_hole }
+    }
+
+    fn push_plane(&mut self, normal: DVec3, point: DVec3) {
+        self.planes.push(Plane { normal, height: normal.dot(self.origin - point) });
+    }
+
+    /// Adds the cells of triangles and of the edges and vertices they own, kind after kind: loops over cells then seldom meet
+    /// one with another number of planes than the last.
+    pub(crate) fn add(&mut self, parts: &Parts, faces: impl Iterator<Item = u32> + Clone) {
+        for face in faces.clone() {
+            self.add_face(parts, face);
+        }
+        for face in faces.clone() {
+            for side in (0..3).filter(|side| parts.topology.owns_edge(face, *side)) {
+                self.add_edge(parts, face, side);
+            }
+        }
+        for face in faces {
+            for corner in (0..3).filter(|corner| parts.topology.owns_vertex(face, *corner)) {
+                self.add_vertex(parts, face, corner);
+            }
+        }
+    }
+
+    /// The prism over a face, bounded by the planes through its edges.
+    fn add_face(&mut self, parts: &Parts, face: u32) {
+        let normal = parts.directions.normals[face as usize];
+        if normal == DVec3::ZERO {
+            return;
+        }
+        let corners = parts.mesh.corners(face);
+        let first = self.planes.len() as u32;
+        self.push_plane(normal, corners[0]);
+        for (along, corner) in parts.directions.along[face as usize].into_iter().zip(corners) {
+            self.push_plane(normal.cross(along), corner);
+        }
+        self.cells.push(Cell { first, axes: 1, on_hole: false });
+    }
+
+    /// The wedge of an edge: between its ends, and beyond the faces on both sides.
+    fn add_edge(&mut self, parts: &Parts, face: u32, side: usize) {
+        let corners = parts.mesh.corners(face);
+        let (from, to) = (corners[side], corners[(side + 1) % 3]);
+        let along = parts.directions.along[face as usize][side];
+        let across = along.any_orthonormal_vector();
+        let first = self.planes.len() as u32;
+        self.push_plane(across, from);
+        self.push_plane(across.cross(along), from);
+        self.push_plane(along, from);
+        self.push_plane(-along, to);
+        let own = Side { face, side: side as u8 };
+        for face in [Some(own), parts.topology.across(face, side)].into_iter().flatten() {
+            if let Some(inward) = parts.directions.inward(face) {
+                self.push_plane(-inward, from);
+            }
+        }
+        self.planes.resize(first as usize + EDGE_PLANES, NOWHERE);
+        let on_hole = parts.holes.is_some_and(|holes| holes.has_edge(face, side));
+        self.cells.push(Cell { first, axes: 2, on_hole });
+    }
+
+    /// The cone of a vertex: beyond the ends of its edges.
+    fn add_vertex(&mut self, parts: &Parts, face: u32, corner: usize) {
+        let vertex = parts.mesh.triangles[face as usize][corner];
+        let point = parts.mesh.vertices[vertex as usize];
+        let spokes = parts.topology.spokes(vertex);
+        let first = self.planes.len() as u32;
+        DVec3::AXES.into_iter().for_each(|axis| self.push_plane(axis, point));
+        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
+        for Side { face, side } in spokes.iter().step_by(step) {
+            let along = parts.directions.along[*face as usize][usize::from(*side)];
+            let starts_here = parts.mesh.vertices
+                [parts.mesh.triangles[*face as usize][usize::from(*side)] as usize]
+                == point;
+            self.push_plane(if starts_here { -along } else { along }, point);
+        }
+        self.planes.resize(first as usize + VERTEX_PLANES, NOWHERE);
+        let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));
+        self.cells.push(Cell { first, axes: 3, on_hole });
+    }
+}
+
+/// The unit normal of a triangle, zero if it has none to speak of; and the share of its height in its longest edge.
+fn unit_normal(&[a, b, c]: &[DVec3; 3]) -> (DVec3, f64) {
+    let lengths = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let [p, q, r] = if lengths[0] >= lengths[1].max(lengths[2]) {
+        [a, b, c]
+    } else if lengths[1] >= lengths[2] {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    };
+    let Some(longest) = (q - p).try_normalize() else { return (DVec3::ZERO, 0.0) };
+    let height = (r - p) - longest * longest.dot(r - p);
+    let share = height.length() / p.distance(q);
+    let normal = if share > FLAT_SHARE { longest.cross(height.normalize()).normalize() } else { DVec3::ZERO };
+    (normal, share)
+}

@@ -1,0 +1,163 @@
+//! How the triangles of a mesh hang together, whatever they are: soups, duplicates and degenerate faces included.
+//!
+//! Vertices at exactly the same position count as one, as exporters split them along texture seams. Every edge and every
+//! vertex is owned by the first triangle that has it.
+
+use crate::tiles::VoxelMesh;
+use glam::DVec3;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+/// No vertex, or no triangle.
+const NONE: u32 = u32::MAX;
+
+/// One side of one triangle.
+#[derive(Clone, Copy)]
+pub(crate) struct Side {
+    pub(crate) face: u32,
+    /// From corner `side` to the next.
+    pub(crate) side: u8,
+}
+
+/// Edges and vertices of a mesh.
+pub(crate) struct Topology {
+    /// For each vertex the first one at exactly the same position.
+    pub(crate) welded: Vec<u32>,
+    /// Edges with one face.
+    pub(crate) boundary: Vec<BoundaryEdge>,
+    /// A byte a triangle: bit `i` if it owns its edge `i`, bit `3 + i` if it owns its corner `i`.
+    owned: Vec<u8>,
+    /// For the owner of an edge: another triangle at that edge, with another third corner, times four plus the number of its
+    /// side; or [`NONE`].
+    across: Vec<[u32; 3]>,
+    /// Edges of each vertex, as sides of their owners, vertex after vertex, and where each vertex's begin.
+    spokes: Vec<Side>,
+    starts: Vec<u32>,
+}
+
+/// An edge with one face, in the direction of that face.
+pub(crate) struct BoundaryEdge {
+    pub(crate) from: u32,
+    pub(crate) to: u32,
+    /// The triangle that owns it.
+    pub(crate) face: u32,
+    /// Which edge of that triangle it is.
+    pub(crate) side: u8,
+}
+
+/// One side of one triangle: its ends, the lower in the high half; the corner opposite, [`NONE`] if the triangle names a
+/// position twice; four times the triangle's index plus the number of the side.
+type Key = (u64, u32, u32);
+
+impl Topology {
+    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+        let welded = weld(&mesh.vertices);
+        let sides = sorted_sides(mesh.triangles, &welded);
+        let mut owned = own_vertices(mesh.triangles, &welded);
+        let mut across = vec![[NONE; 3]; mesh.triangles.len()];
+        let (mut boundary, mut edges) = (Vec::new(), Vec::new());
+        for edge in sides.chunk_by(|a, b| a.0 == b.0) {
+            let owner = edge.iter().map(|side| side.2).min().unwrap_or(0);
+            let (face, side) = (owner / 4, (owner % 4) as usize);
+            let ends = [0, 1].map(|i| welded[mesh.triangles[face as usize][(side + i) % 3] as usize]);
+            let own_corner = welded[mesh.triangles[face as usize][(side + 2) % 3] as usize];
+            let mut opposite = edge.iter().map(|side| side.1).filter(|corner| *corner != NONE);
+            owned[face as usize] |= 1 << side;
+            let other = edge.iter().find(|side| side.1 != NONE && side.1 != own_corner);
+            across[face as usize][side] = other.map_or(NONE, |side| side.2);
+            // Duplicates of a face do not hide a rim. Faces that name a position twice have no area and border nothing.
+            if let Some(first) = opposite.next()
+                && opposite.all(|corner| corner == first)
+            {
+                boundary.push(BoundaryEdge { from: ends[0], to: ends[1], face, side: side as u8 });
+            }
+            edges.push((ends, Side { face, side: side as u8 }));
+        }
+        let (spokes, starts) = fans(&edges, mesh.vertices.len());
+        Self { welded, boundary, owned, across, spokes, starts }
+    }
+
+    /// Whether a triangle owns its edge `side`.
+    pub(crate) fn owns_edge(&self, face: u32, side: usize) -> bool {
+        self.owned[face as usize] >> side & 1 != 0
+    }
+
+    /// Whether a triangle owns its corner `corner`.
+    pub(crate) fn owns_vertex(&self, face: u32, corner: usize) -> bool {
+        self.owned[face as usize] >> (3 + corner) & 1 != 0
+    }
+
+    /// Another triangle at an edge, if there is one; asked of the edge's owner.
+    pub(crate) fn across(&self, face: u32, side: usize) -> Option<Side> {
+        let found = self.across[face as usize][side];
+        (found != NONE).then_some(Side { face: found / 4, side: (found % 4) as u8 })
+    }
+
+    /// The edges at a vertex.
+    pub(crate) fn spokes(&self, vertex: u32) -> &[Side] {
+        let vertex = self.welded[vertex as usize] as usize;
+        &self.spokes[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+}
+
+/// For each vertex the first one at exactly the same position.
+fn weld(vertices: &[DVec3]) -> Vec<u32> {
+    let mut first = FxHashMap::with_capacity_and_hasher(vertices.len(), Default::default());
+    // Adding zero turns -0 into 0.
+    let key = |v: &DVec3| (*v + 0.0).to_array().map(f64::to_bits);
+    vertices.iter().enumerate().map(|(i, v)| *first.entry(key(v)).or_insert(i as u32)).collect()
+}
+
+/// The sides of all triangles that are not points, those of one edge side by side.
+fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
+    let mut sides: Vec<Key> = triangles
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(face, triangle)| {
+            let [a, b, c] = triangle.map(|v| welded[v as usize]);
+            let proper = a != b && b != c && c != a;
+            [(a, b, c), (b, c, a), (c, a, b)]
+                .into_iter()
+                .zip(0..)
+                .filter(|((from, to, _), _)| from != to)
+                .map(move |((from, to, opposite), side)| {
+                    let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
+                    (key, if proper { opposite } else { NONE }, face as u32 * 4 + side)
+                })
+        })
+        .collect();
+    sides.par_sort_unstable();
+    sides
+}
+
+/// Marks in each triangle the corners that it is the first to have.
+fn own_vertices(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<u8> {
+    let mut seen = vec![false; welded.len()];
+    let own = |triangle: &[u32; 3]| {
+        (0..3).fold(0, |bits, corner| {
+            let vertex = welded[triangle[corner] as usize] as usize;
+            bits | u8::from(!std::mem::replace(&mut seen[vertex], true)) << (3 + corner)
+        })
+    };
+    triangles.iter().map(own).collect()
+}
+
+/// The edges at every vertex, and where each vertex's begin.
+fn fans(edges: &[([u32; 2], Side)], vertices: usize) -> (Vec<Side>, Vec<u32>) {
+    let mut starts = vec![0u32; vertices + 1];
+    for vertex in edges.iter().flat_map(|(ends, _)| ends) {
+        starts[*vertex as usize + 1] += 1;
+    }
+    for vertex in 0..vertices {
+        starts[vertex + 1] += starts[vertex];
+    }
+    let mut next = starts.clone();
+    let mut spokes = vec![Side { face: NONE, side: 0 }; 2 * edges.len()];
+    for (ends, edge) in edges {
+        for vertex in ends {
+            spokes[next[*vertex as usize] as usize] = *edge;
+            next[*vertex as usize] += 1;
+        }
+    }
+    (spokes, starts)
+}
