@@ -20,6 +20,7 @@
 //! ```
 
 mod atomic;
+mod depth;
 mod error;
 mod format;
 mod mesh_file;
@@ -33,6 +34,9 @@ mod unit;
 mod wildcard;
 
 pub use atomic::AtomicFile;
+pub use depth::{
+    DepthFileError, DepthSequence, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S, is_depth_folder,
+};
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
 pub use mesh_file::{MAX_COORDINATE_M, parse_mesh, read_mesh, write_mesh, write_mesh_to};
