@@ -5,9 +5,13 @@ use glam::{DMat3, DVec3};
 use isv_volume::{BlockCoord, Grid};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Rows of an image that one thread looks at in a go.
 const ROWS: usize = 16;
+
+/// Blocks that a strip finds before it tells the other strips.
+const REPORT: usize = 1024;
 
 /// More blocks than allowed.
 pub(crate) struct OverLimit;
@@ -24,12 +28,15 @@ pub(crate) fn touched_blocks(
 ) -> Result<Vec<BlockCoord>, OverLimit> {
     let mut blocks = FxHashSet::default();
     for view in views {
-        let rays = Rays::new(view, grid, scale);
+        let rays = Rays::new(view, grid, scale, limit);
+        if rays.least_blocks() > limit as f64 {
+            return Err(OverLimit);
+        }
         let width = view.intrinsics.width as usize;
         let strips: Vec<_> = view.surfels[..view.intrinsics.pixels()]
             .par_chunks(width * ROWS)
             .enumerate()
-            .map(|(strip, surfels)| rays.blocks_of_strip(strip * ROWS, surfels, limit))
+            .map(|(strip, surfels)| rays.blocks_of_strip(strip * ROWS, surfels))
             .collect::<Result<_, _>>()?;
         for strip in strips {
             blocks.extend(strip);
@@ -53,10 +60,13 @@ struct Rays<'a> {
     /// Voxels of the grid to a block, and voxels of the view.
     edge: f64,
     block_edge: f64,
+    limit: usize,
+    /// Blocks of all strips; those that several strips found count several times.
+    found: AtomicUsize,
 }
 
 impl<'a> Rays<'a> {
-    fn new(view: &'a View, grid: &Grid, scale: f64) -> Self {
+    fn new(view: &'a View, grid: &Grid, scale: f64, limit: usize) -> Self {
         let block_edge = grid.edge.voxels() as f64 * scale;
         Self {
             view,
@@ -64,17 +74,37 @@ impl<'a> Rays<'a> {
             rotation: view.rotation.transpose(),
             centre: view.centre / block_edge,
             block_edge,
+            limit,
+            found: AtomicUsize::new(0),
         }
+    }
+
+    /// A number of blocks that the surface cannot do with less of: its area across the rays over the largest area that a
+    /// plane cuts out of a block. It saves looking for what is far too much.
+    fn least_blocks(&self) -> f64 {
+        let lens = &self.view.intrinsics;
+        let (width, pixel) = (lens.width as usize, 1.0 / (lens.focal.x * lens.focal.y));
+        let area = |(pixel_number, surfel): (usize, &Surfel)| {
+            let (column, row) = ((pixel_number % width) as f32, (pixel_number / width) as f32);
+            let depth = f64::from(self.view.point(surfel, column, row).z) / self.block_edge;
+            depth * depth * pixel
+        };
+        let seen = self.view.surfels.iter().enumerate().filter(|(_, surfel)| surfel.weight > 0.0);
+        seen.map(area).sum::<f64>() / 2.0
+    }
+
+    /// What the strips may find together. A block that lies in many strips is a large one, of which there are few.
+    fn most_found(&self) -> usize {
+        self.limit.saturating_mul(4).saturating_add(100_000)
     }
 
     fn blocks_of_strip(
         &self,
         first_row: usize,
         surfels: &[Surfel],
-        limit: usize,
     ) -> Result<FxHashSet<BlockCoord>, OverLimit> {
         let width = self.view.intrinsics.width as usize;
-        let mut blocks = FxHashSet::default();
+        let (mut blocks, mut reported) = (FxHashSet::default(), 0);
         // What the ray before met at the same step: most rays meet it again.
         let mut before = [BlockCoord::from([i32::MAX; 3]); 8];
         for (pixel, surfel) in surfels.iter().enumerate().filter(|(_, surfel)| surfel.weight > 0.0) {
@@ -90,8 +120,12 @@ impl<'a> Rays<'a> {
                         blocks.insert(block);
                     }
                 });
-                if blocks.len() > limit {
-                    return Err(OverLimit);
+                if blocks.len() >= reported + REPORT {
+                    let all = self.found.fetch_add(blocks.len() - reported, Ordering::Relaxed);
+                    reported = blocks.len();
+                    if all > self.most_found() {
+                        return Err(OverLimit);
+                    }
                 }
             }
         }
