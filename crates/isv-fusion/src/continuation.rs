@@ -4,8 +4,12 @@
 //! from inventing a sign.
 
 use crate::blocks::{Blocks, UNKNOWN};
-use isv_volume::{BlockEdge, CODES_PER_VOXEL};
+use isv_volume::{BlockEdge, CODES_PER_VOXEL, VoxelMask};
 use rayon::prelude::*;
+
+/// Samples of at least this keep their sign through coding: one voxel. Beside a crossing that is no surface the field is
+/// bent, and it takes twice as much.
+const SAFE: i16 = CODES_PER_VOXEL as i16;
 
 impl Blocks {
     /// Lets the field of each block run on through all its voxels.
@@ -14,6 +18,25 @@ impl Blocks {
         self.samples.par_chunks_exact_mut(edge.block_voxels()).for_each(|block| {
             fill_unknown(block, edge);
             limit_slope(block, edge);
+        });
+    }
+
+    /// Makes voxels unobserved whose sign coding could turn, but for the corners of surface cells, which are given: the field
+    /// beside what was trimmed or contradicted still crosses zero, and would show as specks.
+    pub(crate) fn guard(&mut self, surface: &[VoxelMask]) {
+        let edge = self.grid.edge;
+        let blocks =
+            self.samples.par_chunks_exact(edge.block_voxels()).zip(&mut self.unobserved).zip(surface);
+        blocks.filter(|((_, mask), _)| !mask.is_empty()).for_each(|((block, mask), surface)| {
+            let turning = |voxel: usize, safe| block[voxel].abs() < safe && !surface.contains(voxel);
+            for voxel in (0..block.len()).filter(|voxel| turning(*voxel, SAFE)) {
+                mask.insert(voxel);
+                for_each_neighbour(edge, voxel, |neighbour| {
+                    if turning(neighbour, 2 * SAFE) {
+                        mask.insert(neighbour);
+                    }
+                });
+            }
         });
     }
 }

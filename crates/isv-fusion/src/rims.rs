@@ -5,7 +5,7 @@
 //! then whole pieces that are too small to be anything but noise.
 
 use crate::blocks::Blocks;
-use isv_volume::{BlockIndex, CODES_PER_VOXEL, VoxelMask};
+use isv_volume::{BlockIndex, VoxelMask};
 use rayon::prelude::*;
 
 /// Neighbours on the surface that a cell needs to stay.
@@ -14,8 +14,6 @@ const HOLD: usize = 2;
 const ROUNDS: usize = 4;
 /// Cells of the smallest piece of surface that stays.
 const LEAST_PIECE: usize = 64;
-/// Samples of at least this keep their sign through coding: one voxel.
-const SAFE: i16 = CODES_PER_VOXEL as i16;
 /// No cell.
 const NONE: u32 = u32::MAX;
 
@@ -62,20 +60,6 @@ impl Blocks {
                 .for_each(|v| mask.insert(v));
         }
         needed
-    }
-
-    /// Makes voxels unobserved whose samples are so small that coding could turn their sign, unless the surface passes
-    /// there: the field beside what was trimmed or contradicted still crosses zero, and would show as specks.
-    pub(crate) fn guard(&mut self, surface: &[VoxelMask]) {
-        let size = self.grid.edge.block_voxels();
-        for ((block, mask), surface) in self.samples.chunks_exact(size).zip(&mut self.unobserved).zip(surface)
-        {
-            for (voxel, sample) in block.iter().enumerate() {
-                if sample.abs() < SAFE && !surface.contains(voxel) {
-                    mask.insert(voxel);
-                }
-            }
-        }
     }
 
     /// Block and voxel of a cell's corner, if that block is there.
