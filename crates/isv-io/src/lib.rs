@@ -21,6 +21,7 @@
 
 mod atomic;
 mod cloud_builder;
+mod depth;
 mod e57;
 mod error;
 mod foreign;
@@ -45,6 +46,9 @@ mod words;
 mod xyz;
 
 pub use atomic::AtomicFile;
+pub use depth::{
+    DepthFileError, DepthSequence, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S, is_depth_folder,
+};
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};

@@ -1,9 +1,11 @@
 //! Shapes, scenes and random numbers for tests and for the conformance streams. Never linked into anything that ships.
 
+mod depth_camera;
 mod meshes;
 mod random;
 mod volumes;
 
+pub use depth_camera::{camera_ring, look_at, render_depth};
 pub use meshes::{cube, open_box, sheet, soup, sphere};
 pub use random::Random;
 pub use volumes::{ball, volume_of};

@@ -1,0 +1,84 @@
+//! Depths in EXR.
+
+use super::error::DepthFileError;
+use super::image::ImageFile;
+use exr::block::chunk::TileCoordinates;
+use exr::block::reader::ChunksReader;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::MetaData;
+use exr::meta::attribute::{ChannelList, SampleType};
+use exr::meta::header::Header;
+use std::io::{Read, Seek};
+
+/// Names of channels that hold depth, the likeliest first; what stands before a dot is the layer.
+const CHANNELS: [&str; 6] = ["Z", "R", "Y", "depth", "Depth", "D"];
+
+/// Most channels that an image may have: a block of it holds a few hundred rows of each.
+const MOST_CHANNELS: usize = 64;
+
+/// The depth channel, in metres.
+pub(crate) fn read(bytes: impl Read + Seek, file: &ImageFile) -> Result<Vec<f32>, DepthFileError> {
+    let reader = exr::block::read(bytes, false).map_err(|why| file.flaw(why))?;
+    for header in reader.headers() {
+        file.check_size([header.layer_size.width() as u64, header.layer_size.height() as u64])?;
+        if header.channels.list.len() > MOST_CHANNELS {
+            return Err(file.flaw(format!("more than {MOST_CHANNELS} channels")));
+        }
+    }
+    let (layer, channel) = depth_channel(reader.headers())
+        .ok_or_else(|| file.flaw("no channel of depths: none is called Z, R, Y, depth or D"))?;
+    let channels = reader.headers()[layer].channels.clone();
+    let of_layer = |_: &MetaData, _: TileCoordinates, block: BlockIndex| {
+        block.layer == layer && block.level == exr::math::Vec2(0, 0)
+    };
+    let blocks = reader.filter_chunks(false, of_layer).map_err(|why| file.flaw(why))?;
+    let mut depths = vec![0.0; file.size[0] as usize * file.size[1] as usize];
+    for block in blocks.sequential_decompressor(false) {
+        let block = block.map_err(|why| file.flaw(why))?;
+        copy_block(&block, &channels, channel, file, &mut depths)?;
+    }
+    Ok(depths)
+}
+
+/// Layer and channel of the depths. An image with one channel needs no name for it.
+fn depth_channel(headers: &[Header]) -> Option<(usize, usize)> {
+    let flat = || headers.iter().enumerate().filter(|(_, header)| !header.deep);
+    let named = |name: &str| {
+        flat().find_map(|(layer, header)| {
+            let last = |text: String| text.rsplit('.').next() == Some(name);
+            Some((layer, header.channels.list.iter().position(|c| last(c.name.to_string()))?))
+        })
+    };
+    let single = || flat().find(|(_, header)| header.channels.list.len() == 1).map(|(layer, _)| (layer, 0));
+    CHANNELS.iter().find_map(|name| named(name)).or_else(single)
+}
+
+/// Copies the rows of one channel out of a block.
+fn copy_block(
+    block: &UncompressedBlock,
+    channels: &ChannelList,
+    channel: usize,
+    file: &ImageFile,
+    depths: &mut [f32],
+) -> Result<(), DepthFileError> {
+    for line in block.lines(channels).filter(|line| line.location.channel == channel) {
+        let exr::math::Vec2(column, row) = line.location.position;
+        let end = column.saturating_add(line.location.sample_count);
+        if end > file.size[0] as usize || row >= file.size[1] as usize {
+            return Err(file.flaw("a block lies outside the image"));
+        }
+        let row = &mut depths[row * file.size[0] as usize..][column..end];
+        let read = match channels.list[channel].sample_type {
+            SampleType::F32 => line.read_samples_into_slice(row),
+            SampleType::F16 => {
+                line.read_samples::<exr::prelude::f16>().zip(row).try_for_each(|(value, to)| {
+                    *to = value?.to_f32();
+                    Ok(())
+                })
+            }
+            SampleType::U32 => return Err(file.flaw("depths as whole numbers; EXR must hold metres")),
+        };
+        read.map_err(|why| file.flaw(why))?;
+    }
+    Ok(())
+}

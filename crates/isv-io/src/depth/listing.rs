@@ -1,0 +1,49 @@
+//! The depth images that a folder or a pattern names.
+
+use super::error::{DepthFileError, io_error};
+use crate::natural_cmp;
+use crate::wildcard::{has_wildcard, matches};
+use std::path::{Path, PathBuf};
+
+/// The images in a folder, or those whose names match a pattern (`*` and `?` in the last part of the path), in
+/// [natural order](natural_cmp). Files of other kinds and names that start with a dot are passed over.
+pub(crate) fn list_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> {
+    let name = place.file_name().unwrap_or_default().as_encoded_bytes();
+    let (folder, pattern) = match place.parent() {
+        Some(parent) if has_wildcard(name) && !place.is_dir() => (parent, name),
+        _ => (place, &b"*"[..]),
+    };
+    let mut names = Vec::new();
+    for entry in folder.read_dir().map_err(io_error(folder))? {
+        let name = entry.map_err(io_error(folder))?.file_name();
+        let hidden = name.as_encoded_bytes().starts_with(b".");
+        if !hidden && ImageKind::of(Path::new(&name)).is_some() && matches(pattern, name.as_encoded_bytes()) {
+            names.push(name);
+        }
+    }
+    names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
+    let kinds = |kind| names.iter().any(|name| ImageKind::of(Path::new(name)) == Some(kind));
+    match (kinds(ImageKind::Png), kinds(ImageKind::Exr)) {
+        (false, false) => Err(DepthFileError::NoImages { path: place.to_owned() }),
+        (true, true) => Err(DepthFileError::MixedImages { path: place.to_owned() }),
+        _ => Ok(names.iter().map(|name| folder.join(name)).collect()),
+    }
+}
+
+/// How a depth image is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ImageKind {
+    Png,
+    Exr,
+}
+
+impl ImageKind {
+    /// By the extension, in any case.
+    pub(crate) fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_ascii_lowercase().to_str()? {
+            "png" => Some(Self::Png),
+            "exr" => Some(Self::Exr),
+            _ => None,
+        }
+    }
+}

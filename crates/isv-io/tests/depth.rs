@@ -1,0 +1,349 @@
+//! Folders of depth images: what is read from them, and what is said of those that are broken.
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage, f16,
+};
+use isv_io::{DepthFileError, DepthSequence, TUM_INTRINSICS, is_depth_folder};
+use isv_volume::DepthImage;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const CAMERA: &str = r#""width": 4, "height": 2, "fx": 5, "fy": 6, "cx": 1.5, "cy": 0.5"#;
+const STANDING: &str = "[[1, 0, 0, 0.25], [0, 1, 0, 0], [0, 0, 1, -2], [0, 0, 0, 1]]";
+
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        write(folder.path(), name, text.as_bytes());
+    }
+    folder
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(path, bytes).unwrap();
+}
+
+/// A grey PNG of 4 x 2 pixels of 16 bits.
+fn png(values: [u16; 8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 2);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let data: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    bytes
+}
+
+/// A grey PNG of 4 x 2 pixels of 8 bits.
+fn eight_bits() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 2);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&[9; 8]).unwrap();
+    bytes
+}
+
+/// An EXR of 4 x 2 pixels with some channels.
+fn exr(channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
+    let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+    let layer =
+        Layer::new((4, 2), LayerAttributes::default(), Encoding::default(), AnyChannels::sort(channels));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+fn room(frames: usize) -> TempDir {
+    let poses = vec![STANDING; frames].join(", ");
+    let json = format!(
+        r#"{{{CAMERA}, "fps": 15, "depth_scale_m": 0.001, "invalid_values": [0, 65535], "poses": [{poses}], "note": ""}}"#
+    );
+    let room = folder(&[("camera.json", &json), ("depth/read.me", "not an image")]);
+    for frame in 0..frames {
+        let depth = 1000 + frame as u16;
+        write(
+            room.path(),
+            &format!("depth/frame_{frame}.png"),
+            &png([0, depth, 2 * depth, 65535, 1, 1, 1, 1]),
+        );
+    }
+    room
+}
+
+fn open(folder: &TempDir) -> Result<DepthSequence, DepthFileError> {
+    DepthSequence::open(folder.path())
+}
+
+/// The message, which must be one line that names a file in the folder.
+fn message(folder: &TempDir, error: &DepthFileError) -> String {
+    let text = error.to_string();
+    assert!(text.starts_with(folder.path().to_str().unwrap()) && !text.contains('\n'), "{text}");
+    text[folder.path().to_str().unwrap().len()..].trim_start_matches('/').to_owned()
+}
+
+fn refused(folder: &TempDir) -> String {
+    match open(folder).and_then(|sequence| sequence.read(0)) {
+        Ok(_) => panic!("accepted"),
+        Err(error) => message(folder, &error),
+    }
+}
+
+fn depths(images: &[DepthImage]) -> Vec<&[f32]> {
+    images.iter().map(DepthImage::depths_m).collect()
+}
+
+#[test]
+fn a_moving_camera_is_read_frame_by_frame_in_natural_order() {
+    let room = room(12);
+    assert!(is_depth_folder(room.path()) && !is_depth_folder(&room.path().join("depth")));
+    let sequence = open(&room).unwrap();
+    assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (12, 1, Some(15.0)));
+    let images = sequence.read(11).unwrap();
+    assert_eq!(depths(&images), [[0.0, 1.011, 2.022, 0.0, 0.001, 0.001, 0.001, 0.001]]);
+    assert_eq!(images[0].pose().centre.to_array(), [0.25, 0.0, -2.0]);
+    assert_eq!(images[0].intrinsics().focal.to_array(), [5.0, 6.0]);
+    let part = sequence.select(3..12).unwrap().select(7..9).unwrap();
+    assert_eq!((part.frames(), part.read(1).unwrap()), (2, images));
+    assert!(part.paths(1)[0].ends_with("depth/frame_11.png"));
+    let beyond = sequence.select(3..13).unwrap_err();
+    assert!(message(&room, &beyond).contains("frames 3..13 asked for, but there are 12"), "{beyond}");
+    assert!(sequence.select(4..4).is_err());
+}
+
+#[test]
+fn a_rig_gives_one_image_a_camera() {
+    let camera = |name: &str, images: &str| {
+        format!(r#"{{"name": "{name}", {CAMERA}, "camera_to_world": {STANDING}, "images": "{images}"}}"#)
+    };
+    let json = format!(
+        r#"{{"fps": 25, "cameras": [{}, {}]}}"#,
+        camera("left", "l"),
+        camera("right", "shared/r_*.exr")
+    );
+    let rig = folder(&[("rig.json", &json)]);
+    for frame in 0..2 {
+        write(rig.path(), &format!("l/{frame}.png"), &png([0, 1500, 0, 0, 0, 0, 0, 65535]));
+        let metres = [2.5, f32::NAN, 0.0, f32::INFINITY, -1.0, 1.0, 2.0, 3.0];
+        let samples = FlatSamples::F32(metres.to_vec());
+        let other = FlatSamples::F32(vec![7.0; 8]);
+        write(rig.path(), &format!("shared/r_{frame}.exr"), &exr(vec![("A", other), ("view.Z", samples)]));
+    }
+    let sequence = open(&rig).unwrap();
+    assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (2, 2, Some(25.0)));
+    assert_eq!(
+        depths(&sequence.read(1).unwrap()),
+        [[0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 65.535], [2.5, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0]]
+    );
+    fs::remove_file(rig.path().join("shared/r_1.exr")).unwrap();
+    assert_eq!(
+        message(&rig, &open(&rig).unwrap_err()),
+        "shared/r_*.exr: 1 images, but 2 of camera left; all cameras of a rig must have equally many"
+    );
+}
+
+#[test]
+fn halves_and_single_channels_of_any_name_are_depths() {
+    let room = room(1);
+    fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
+    let halves = FlatSamples::F16([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0].map(f16::from_f32).to_vec());
+    write(room.path(), "depth/0.exr", &exr(vec![("distance", halves.clone())]));
+    let images = open(&room).unwrap().read(0).unwrap();
+    assert_eq!(depths(&images), [[0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]]);
+    write(room.path(), "depth/0.exr", &exr(vec![("distance", halves.clone()), ("B", halves)]));
+    let text = refused(&room);
+    assert_eq!(text, "depth/0.exr: frame 0: no channel of depths: none is called Z, R, Y, depth or D");
+    write(room.path(), "depth/0.exr", &exr(vec![("Z", FlatSamples::U32(vec![1; 8]))]));
+    assert!(refused(&room).ends_with("EXR must hold metres"));
+}
+
+#[test]
+fn poses_between_time_stamps_are_interpolated() {
+    let half_turn = std::f64::consts::FRAC_1_SQRT_2;
+    let trajectory = format!(
+        "# time tx ty tz qx qy qz qw\n10.00 0 0 0 0 0 0 1\n10.04 4 0 0 0 {half_turn} 0 {half_turn}\n"
+    );
+    let tum = folder(&[
+        ("depth.txt", "# time file\n10.03 d/b.png\n10.01 d/a.png\n\n10.50 d/late.png\n9.97 d/early.png\n"),
+        ("groundtruth.txt", &trajectory),
+        ("camera.json", &format!("{{{CAMERA}, \"depth_scale_m\": 0.0002}}")),
+    ]);
+    for name in ["a", "b", "early"] {
+        write(tum.path(), &format!("d/{name}.png"), &png([5000; 8]));
+    }
+    let sequence = open(&tum).unwrap();
+    assert_eq!((sequence.frames(), sequence.skipped()), (3, 1));
+    let rate = sequence.fps().unwrap();
+    assert!((rate - 1.0 / 0.04).abs() < 1e-6 || (rate - 1.0 / 0.02).abs() < 1e-6, "{rate}");
+    let pose = *sequence.read(2).unwrap()[0].pose();
+    assert!((pose.centre.x - 3.0).abs() < 1e-6, "{pose:?}");
+    let angle = pose.rotation.x_axis.z.atan2(pose.rotation.x_axis.x).to_degrees().abs();
+    assert!((angle - 67.5).abs() < 1e-4, "three quarters of a right angle, not {angle}");
+    assert_eq!(sequence.read(0).unwrap()[0].pose().centre.x, 0.0, "before the first pose, that pose");
+    assert_eq!(sequence.read(1).unwrap()[0].depths_m(), [1.0; 8]);
+
+    fs::remove_file(tum.path().join("camera.json")).unwrap();
+    let text = refused(&tum);
+    assert_eq!(text, "d/early.png: frame 0: an image of 4 x 2 pixels for a camera of 640 x 480");
+    write(tum.path(), "calibration.txt", b"500 510 1.5 0.5 4 2\n");
+    let lens = *open(&tum).unwrap().read(0).unwrap()[0].intrinsics();
+    assert_eq!((lens.focal.to_array(), lens.width), ([500.0, 510.0], 4));
+    assert_eq!(TUM_INTRINSICS.principal.to_array(), [319.5, 239.5]);
+
+    for (file, text, expected) in [
+        ("calibration.txt", "500 x 1 2", "calibration.txt: `x` is not a number (line 1)"),
+        ("calibration.txt", "-1 1 1 1", "calibration.txt: intrinsics of 640 x 480 pixels"),
+        (
+            "groundtruth.txt",
+            "#\n1 2 3",
+            "groundtruth.txt: a time stamp, tx ty tz and qx qy qz qw are expected (line 2)",
+        ),
+        (
+            "groundtruth.txt",
+            "1 0 0 0 0 0 0 2",
+            "groundtruth.txt: the quaternion has length 2, not 1 (line 1)",
+        ),
+        (
+            "groundtruth.txt",
+            "1 0 0 0 0 0 0 1",
+            "groundtruth.txt: none of 4 depth images has a pose within 0.05 s",
+        ),
+        ("depth.txt", "1 2 3", "depth.txt: a time stamp and a file name are expected (line 1)"),
+        ("depth.txt", "# nothing", "depth.txt: no depth images here"),
+    ] {
+        let before = fs::read(tum.path().join(file)).unwrap();
+        write(tum.path(), file, text.as_bytes());
+        let found = refused(&tum);
+        assert!(found.starts_with(expected), "{found}");
+        write(tum.path(), file, &before);
+    }
+    fs::remove_file(tum.path().join("groundtruth.txt")).unwrap();
+    assert!(refused(&tum).starts_with("groundtruth.txt: No such file"));
+}
+
+#[test]
+fn broken_descriptions_are_named_in_one_sentence() {
+    let with = |json: &str| {
+        let room = room(1);
+        write(room.path(), "camera.json", json.as_bytes());
+        refused(&room)
+    };
+    let scaled = STANDING.replace("[1, 0, 0,", "[1.2, 0, 0,");
+    for (json, expected) in [
+        ("{".to_owned(), "camera.json: EOF while parsing an object at line 1"),
+        ("{}".to_owned(), "camera.json: missing field `width`"),
+        (format!("{{{CAMERA}}}"), "camera.json: missing field `poses`"),
+        (format!(r#"{{{CAMERA}, "poses": []}}"#), "camera.json: 0 poses, but 1 images in "),
+        (
+            format!(r#"{{{CAMERA}, "poses": [{scaled}]}}"#),
+            "camera.json: frame 0: the pose is no rotation and translation: the axes are not of unit length",
+        ),
+        (
+            format!(r#"{{{CAMERA}, "depth_scale_m": -1, "poses": [{STANDING}]}}"#),
+            "camera.json: depth_scale_m is -1; it must be a positive number",
+        ),
+        (
+            format!(r#"{{{}, "poses": [{STANDING}]}}"#, CAMERA.replace("\"fx\": 5", "\"fx\": 0")),
+            "camera.json: intrinsics of 4 x 2 pixels with fx 0,",
+        ),
+        (
+            format!(r#"{{{}, "poses": [{STANDING}]}}"#, CAMERA.replace("4, \"h", "5, \"h")),
+            "depth/frame_0.png: frame 0: an image of 4 x 2 pixels for a camera of 5 x 2",
+        ),
+    ] {
+        let found = with(&json);
+        assert!(found.starts_with(expected), "{found}\ninstead of\n{expected}");
+    }
+    let rig = folder(&[("rig.json", r#"{"cameras": []}"#)]);
+    assert_eq!(refused(&rig), "rig.json: 0 cameras, but 1 at least is needed");
+    let camera = format!(r#"{{"name": "top", {CAMERA}, "camera_to_world": {scaled}, "images": "a"}}"#);
+    write(rig.path(), "rig.json", format!(r#"{{"cameras": [{camera}]}}"#).as_bytes());
+    assert!(refused(&rig).starts_with("rig.json: camera top: the pose is no rotation"));
+    let empty = folder(&[("frame.ply", "ply")]);
+    assert!(refused(&empty).ends_with("there is neither rig.json nor depth.txt nor camera.json"));
+}
+
+#[test]
+fn broken_images_are_named_with_their_frame() {
+    let room = room(3);
+    let image = room.path().join("depth/frame_1.png");
+    let sound = fs::read(&image).unwrap();
+    let sequence = open(&room).unwrap();
+    let read = || sequence.read(1).map_err(|error| message(&room, &error));
+
+    fs::write(&image, png([0, 65535, 0, 0, 0, 0, 0, 0])).unwrap();
+    assert_eq!(read().unwrap_err(), "depth/frame_1.png: frame 1: no pixel has a depth");
+    for end in 0..sound.len() - 12 {
+        fs::write(&image, &sound[..end]).unwrap();
+        assert!(read().unwrap_err().starts_with("depth/frame_1.png: frame 1: "), "{end} bytes");
+    }
+    fs::write(&image, eight_bits()).unwrap();
+    let text = read().unwrap_err();
+    assert_eq!(text, "depth/frame_1.png: frame 1: Grayscale of 8 bits; depths must be grey of 16 bits");
+    fs::remove_file(&image).unwrap();
+    assert!(read().unwrap_err().starts_with("depth/frame_1.png: frame 1: No such file"));
+    write(room.path(), "depth/frame_1.exr", b"");
+    assert!(refused(&room).starts_with("depth: both .png and .exr images"));
+    fs::remove_dir_all(room.path().join("depth")).unwrap();
+    assert!(refused(&room).starts_with("depth: No such file"));
+    fs::create_dir(room.path().join("depth")).unwrap();
+    assert!(refused(&room).starts_with("depth: no depth images here"));
+}
+
+/// A header that promises far more than the camera has is refused before memory is taken for it.
+#[test]
+fn images_larger_than_their_camera_are_refused_by_their_headers() {
+    let room = room(1);
+    let path = room.path().join("depth/frame_0.png");
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 1 << 30, 1 << 30);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    drop(encoder.write_header().unwrap());
+    fs::write(path, bytes).unwrap();
+    assert!(refused(&room).contains("an image of 1073741824 x 1073741824 pixels for a camera of 4 x 2"));
+}
+
+#[test]
+fn damaged_images_never_panic() {
+    let room = room(1);
+    let depths = FlatSamples::F32((1..9).map(|i| i as f32).collect());
+    let sound = exr(vec![("Z", depths)]);
+    fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
+    let path = room.path().join("depth/frame_0.exr");
+    fs::write(&path, &sound).unwrap();
+    let sequence = open(&room).unwrap();
+    assert!(sequence.read(0).is_ok());
+    for end in 0..sound.len() {
+        fs::write(&path, &sound[..end]).unwrap();
+        assert!(sequence.read(0).is_err(), "{end} bytes");
+    }
+    for at in 0..sound.len() {
+        for change in [1, 0x80, 0xff] {
+            let mut bytes = sound.clone();
+            bytes[at] ^= change;
+            fs::write(&path, &bytes).unwrap();
+            let _ = sequence.read(0);
+        }
+    }
+}
+
+#[test]
+fn a_real_take_opens() {
+    let root = std::env::var_os("ISV_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        std::path::PathBuf::from,
+    );
+    let path = root.join("room_rgbd");
+    if !path.is_dir() {
+        println!("skipped: no data at {}", path.display());
+        return;
+    }
+    let sequence = DepthSequence::open(&path).unwrap();
+    assert_eq!((sequence.frames(), sequence.fps()), (60, Some(30.0)));
+    let image = &sequence.read(0).unwrap()[0];
+    assert_eq!(image.readings(), 273_940);
+    assert!(image.depths_m().iter().all(|d| *d == 0.0 || (0.8..3.5).contains(d)));
+}
