@@ -204,7 +204,7 @@ fn pixels_wider_than_blocks_leave_no_gaps() {
     let pose = CameraPose::from_matrix(DMat4::IDENTITY).unwrap();
     let wall = DepthImage::new(lens, pose, vec![1.0; 24 * 18]).unwrap();
     let mesh = surface(&fuse(&[wall], &settings(0.001, BlockEdge::E4)).unwrap());
-    let area = isv_metrics::surface_area(&mesh);
+    let area = mesh.area();
     let seen = 24.0 * 18.0 / (140.0 * 140.0);
     assert!((area / seen - 1.0).abs() < 0.05, "{area} of {seen} square metres");
     assert_eq!(isv_metrics::connected_components(&mesh), 1);
