@@ -97,6 +97,14 @@ impl Capture {
         self.kind.grid()
     }
 
+    /// What a user should know before the first frame.
+    pub(crate) fn remark(&self) -> Option<String> {
+        let skipped = self.kind.left_out();
+        (skipped > 0).then(|| {
+            format!("{}: {skipped} depth images have no pose close in time and are left out", self.name)
+        })
+    }
+
     /// Whether a frame can be read after one that cannot.
     pub(crate) fn frames_stand_alone(&self) -> bool {
         self.kind.frames_stand_alone()

@@ -21,6 +21,11 @@ pub(crate) fn parse(text: &str) -> Result<FrameRate, String> {
     }
 }
 
+/// The rate closest to a number of frames a second, in thousandths; `None` if that is none.
+pub(crate) fn nearest(per_second: f64) -> Option<FrameRate> {
+    parse(&format!("{per_second:.3}")).ok()
+}
+
 fn digits(text: &str) -> Option<u64> {
     // `u64::from_str` would also take a plus sign.
     text.bytes().all(|b| b.is_ascii_digit()).then(|| text.parse().ok()).flatten()
@@ -45,6 +50,9 @@ mod tests {
         ] {
             assert_eq!(parse(text), Ok(FrameRate { numerator, denominator }), "{text}");
         }
+        assert_eq!(nearest(29.99996), Some(FrameRate { numerator: 30, denominator: 1 }));
+        assert_eq!(nearest(29.97003), Some(FrameRate { numerator: 2997, denominator: 100 }));
+        assert_eq!((nearest(0.0001), nearest(f64::NAN), nearest(-1.0)), (None, None, None));
         for wrong in ["", "0", "-30", "+30", "30fps", "1/0", "0/1", ".", "1e3", "30/1.001", "9999999999"] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }

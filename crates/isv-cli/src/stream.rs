@@ -4,12 +4,15 @@ use crate::frame_range::FrameRange;
 use crate::output::is_pipe;
 use crate::stats::timed;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{DecodeError, Decoder, Limits};
+use isv::decode::{DecodeError, Decoder, Limits, Lod};
 use isv::format::{PacketReader, StreamHeader, StreamIndex};
 use isv::volume::SparseVolume;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 type ByteSource = Box<dyn Read + Send>;
 
@@ -54,6 +57,7 @@ pub(crate) struct StreamFrame {
 /// Decodes the frames of a stream in order, all of them or a range.
 pub(crate) struct StreamFrames {
     name: String,
+    header: StreamHeader,
     packets: PacketReader<ByteSource>,
     decoder: Decoder,
     /// Number of the frame that the decoder began with.
@@ -61,22 +65,35 @@ pub(crate) struct StreamFrames {
     /// Number of the next frame to decode.
     next: usize,
     range: Option<FrameRange>,
+    whole: Whole,
 }
 
 impl StreamFrames {
-    /// Opens a stream, to be decoded at a level of detail. In a file, decoding begins at the last keyframe before the range; on a pipe, at the start.
-    pub(crate) fn open(path: &Path, range: Option<FrameRange>) -> Result<Self> {
+    /// Opens a stream, to be decoded at a level of detail. In a file, decoding begins at the last keyframe before the
+    /// range; on a pipe, at the start.
+    pub(crate) fn open(path: &Path, range: Option<FrameRange>, lod: Lod) -> Result<Self> {
         let (mut packets, header) = open(path)?;
         let mut first = 0;
         if let Some(range) = range.filter(|_| path.is_file()) {
             (packets, first) = seek(path, range)?;
         }
-        let decoder = Decoder::new(&header, Limits::default());
-        Ok(Self { name: name(path), packets, decoder, first, next: first, range })
+        let decoder = Decoder::with_lod(&header, Limits::default(), lod).with_context(|| name(path))?;
+        let whole = Whole::default();
+        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, whole })
     }
 
-    /// Tells, once the last frame has been asked for, whether all was read that the writer meant to write. Says nothing
-    /// where a range ended before the stream.
+    /// The header of the stream.
+    pub(crate) fn header(&self) -> &StreamHeader {
+        &self.header
+    }
+
+    /// Of a stream opened without a range, only a range that [`Capture::range`](crate::capture::Capture::range) gave.
+    pub(crate) fn limited_to(mut self, range: Range<usize>) -> Self {
+        self.range = (range != (0..usize::MAX)).then_some(FrameRange { start: range.start, end: range.end });
+        self
+    }
+
+    /// Tells, once the last frame has been asked for, whether the stream ended as its writer meant it to.
     pub(crate) fn whole(&self) -> Whole {
         self.whole.clone()
     }
@@ -89,6 +106,7 @@ impl StreamFrames {
             }
             let Some(packet) = self.packets.next_frame().with_context(|| self.name.clone())? else {
                 self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name))?;
+                self.whole.0.store(self.packets.complete(), Ordering::Release);
                 return Ok(None);
             };
             let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
@@ -107,6 +125,17 @@ impl Iterator for StreamFrames {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.advance().transpose()
+    }
+}
+
+/// Whether a stream has been read to the end that its writer gave it, while another thread reads it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Whole(Arc<AtomicBool>);
+
+impl Whole {
+    /// Says no before the last frame has been asked for, and where a range ended before the stream.
+    pub(crate) fn get(&self) -> bool {
+        self.0.load(Ordering::Acquire)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Names that users write and read for the codec's choices.
 
 use clap::ValueEnum;
+use isv::decode::Lod;
 use isv::encode::MotionMode;
 use isv::format::{Prediction, Profile};
 use isv::ingest::SignMode;
@@ -63,6 +64,24 @@ pub(crate) enum BandName {
     Full,
 }
 
+/// `--normals` of points
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum NormalsName {
+    /// Those of the points, if they have any
+    Given,
+    /// Planes through neighbouring points, turned to where the scanner was if the file says, or else outward
+    Estimate,
+}
+
+/// `--fusion`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FusionName {
+    /// A frame is what its cameras saw: things move
+    PerFrame,
+    /// A frame is all that was seen so far: the camera moves and the scene stands still
+    Accumulate,
+}
+
 /// `--sign`
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum SignName {
@@ -90,6 +109,16 @@ impl From<MotionName> for MotionMode {
             MotionName::ThreeDof => Self::Fixed(Prediction::ThreeDof),
             MotionName::SixDof => Self::Fixed(Prediction::SixDof),
             MotionName::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<LodName> for Lod {
+    fn from(name: LodName) -> Self {
+        match name {
+            LodName::Full => Self::Full,
+            LodName::Half => Self::Half,
+            LodName::Quarter => Self::Quarter,
         }
     }
 }

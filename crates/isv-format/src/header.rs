@@ -6,7 +6,7 @@ use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
 
 /// First bytes of a stream. As in PNG, the first is not ASCII, so no text begins so, and the line ends show a transfer that
 /// rewrote them.
-pub(crate) const MAGIC: [u8; 8] = *b"\x89ISV\r\n\x1a\n";
+pub const MAGIC: [u8; 8] = *b"\x89ISV\r\n\x1a\n";
 /// The version this build writes and reads.
 pub const FORMAT_VERSION: u16 = 1;
 

@@ -20,7 +20,7 @@ mod writer;
 
 pub use error::FormatError;
 pub use frame::{FrameHeader, FramePayload, Prediction, SliceLayout, SlicePayload};
-pub use header::{FORMAT_VERSION, FrameRate, Profile, StreamHeader};
+pub use header::{FORMAT_VERSION, FrameRate, MAGIC, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;

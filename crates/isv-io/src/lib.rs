@@ -63,5 +63,5 @@ pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{
     ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_vdb,
-    write_volume,
+    write_vdb_to, write_volume,
 };

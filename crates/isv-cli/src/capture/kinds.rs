@@ -89,7 +89,7 @@ impl Kind {
             Self::Animation(_, rate) => Some(*rate),
             Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
             Self::Stream(header) => Some(header.frame_rate),
-            Self::PipedStream(frames) => Some(frames.frame_rate()),
+            Self::PipedStream(frames) => Some(frames.header().frame_rate),
         }
     }
 
@@ -98,8 +98,13 @@ impl Kind {
             Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
             Self::Volumes(_, grid) => Some(*grid),
             Self::Stream(header) => Some(header.grid),
-            Self::PipedStream(frames) => Some(frames.grid()),
+            Self::PipedStream(frames) => Some(frames.header().grid),
         }
+    }
+
+    /// How many images no frame is made of.
+    pub(super) fn left_out(&self) -> usize {
+        if let Self::Depth(depth) = self { depth.skipped() } else { 0 }
     }
 
     pub(super) fn frames_stand_alone(&self) -> bool {

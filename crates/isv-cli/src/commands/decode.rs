@@ -15,6 +15,8 @@ use crate::stream::{self, StreamFrame, StreamFrames};
 use crate::terms::{FormName, LodName};
 use crate::threads::use_threads;
 use anyhow::{Context, Result, bail};
+use isv::decode::Lod;
+use isv::format::StreamHeader;
 use product::{OutputFormat, Product, Recipe};
 use sink::Sink;
 use std::num::NonZero;
@@ -62,7 +64,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let (form, format) = Recipe::settle(args.form, args.format, &args.output)?;
+    let (form, format) = OutputFormat::settle(args.form, args.format, &args.output)?;
     if form != FormName::Points && (args.points.is_some() || args.spacing.is_some()) {
         return Err(usage("--points and --spacing need --as points"));
     }
@@ -70,9 +72,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     interrupt::listen()?;
     let frames = StreamFrames::open(&args.input, args.frames, args.lod.into())?;
     let whole = frames.whole();
-    let density = product::density(args.points, args.spacing, frames.voxel_m());
-    let recipe = Recipe { form, format, normals: args.normals, density };
-    let mut sink = Sink::new(&args.output, format, frames.frame_rate().per_second())?;
+    let density = product::density(args.points, args.spacing, args.voxel_m(frames.header()));
+    let recipe = Recipe { form, normals: args.normals, density };
+    let mut sink = Sink::new(&args.output, format, frames.header().frame_rate.per_second())?;
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
@@ -99,6 +101,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 }
 
 impl Args {
+    /// Edge of a decoded voxel.
+    fn voxel_m(&self, header: &StreamHeader) -> f64 {
+        header.grid.voxel_size.metres() * f64::from(Lod::from(self.lod).voxels())
+    }
+
     /// Whether each frame is finished before the next is decoded.
     fn taking_turns(&self) -> bool {
         self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1)

@@ -1,25 +1,24 @@
 //! `isv encode`: a capture to a stream.
 
 mod header;
+mod ingest;
 mod volumes;
 
 use crate::ahead::Ahead;
-use crate::capture::{Capture, CapturedFrame, Frames};
-use crate::failure::usage;
+use crate::capture::{Capture, CapturedFrame, Frames, Hints};
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
-use crate::terms::{BandName, MotionName, SignName};
+use crate::terms::MotionName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
+use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
 use isv::format::{PacketWriter, StreamHeader};
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest};
 use isv::io::Unit;
-use isv::volume::Grid;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -48,18 +47,8 @@ pub(crate) struct Args {
     motion: MotionName,
     #[command(flatten)]
     header: HeaderArgs,
-    /// How to tell inside from outside
-    #[arg(long, value_enum, default_value = "auto")]
-    sign: SignName,
-    /// Half the thickness of the shell around a surface without inside, in voxels
-    #[arg(long, value_name = "VOXELS", default_value = "1.5")]
-    offset: f64,
-    /// How much of the volume to code
-    #[arg(long, value_enum, default_value = "full")]
-    band: BandName,
-    /// Refuse frames that need more blocks
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
-    max_blocks: usize,
+    #[command(flatten)]
+    ingest: IngestArgs,
     /// Go on after a frame that cannot be read or used, and say at the end how many there were
     #[arg(long)]
     skip_bad_frames: bool,
@@ -76,15 +65,10 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    fn ingest(&self, grid: Grid) -> Result<MeshIngest> {
-        let Self { offset, max_blocks, .. } = *self;
-        let truncation = grid.truncation.voxels();
-        if !(offset > 0.0 && offset <= f64::from(truncation)) {
-            return Err(usage(format!(
-                "--offset {offset}: it must be above 0 and at most the truncation of {truncation} voxels"
-            )));
-        }
-        Ok(MeshIngest { grid, sign: self.sign.into(), offset_voxels: offset, max_blocks })
+    fn hints(&self) -> Result<Hints> {
+        let usual = Hints::in_unit(self.units);
+        let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
+        Ok(Hints { voxel_size: self.header.voxel_size()?, frame_rate, ..usual })
     }
 
     fn encoder_settings(&self) -> EncoderSettings {
@@ -99,12 +83,13 @@ impl Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let capture = Capture::open(&args.input, args.units, args.header.voxel_size()?)?;
+    let capture = Capture::open(&args.input, &args.hints()?)?;
     let header = args.header.header(&capture)?;
-    let mesh = args.ingest(header.grid)?;
+    let range = capture.range(args.frames)?;
+    let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
+    let maker = args.ingest.volume_maker(header.grid, Arc::clone(&progress))?;
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let range = capture.range(args.frames)?;
     let mut job = Job {
         header,
         encoder: Encoder::new(&header, args.encoder_settings()),
@@ -115,8 +100,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         frames: 0,
         skipped: 0,
     };
-    let progress = Arc::new(Progress::new(Some(range.len()), "encoding"));
-    let maker = VolumeMaker { mesh, sign: None, band: args.band, progress: Arc::clone(&progress) };
+    if let Some(remark) = capture.remark() {
+        progress.note(&remark);
+    }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
     for frame in volumes(capture.read(range)?, maker, taking_turns) {
         job.take(frame, &progress)?;

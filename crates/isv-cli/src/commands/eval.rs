@@ -1,6 +1,6 @@
 //! `isv eval`: how far frames are from a reference.
 
-use crate::capture::Capture;
+use crate::capture::{Capture, Hints};
 use crate::frame_range::FrameRange;
 use crate::length::Length;
 use crate::output::print;
@@ -48,8 +48,8 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let reference = Capture::open(&args.reference, args.units, None)?;
-    let test = Capture::open(&args.test, args.test_units, None)?;
+    let reference = Capture::open(&args.reference, &Hints::in_unit(args.units))?;
+    let test = Capture::open(&args.test, &Hints::in_unit(args.test_units))?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let frames = measure(args, reference.meshes(reference_range)?.zip(test.meshes(test_range)?), first)?;
@@ -67,17 +67,15 @@ fn matching_ranges(
     test: &Capture,
     frames: Option<FrameRange>,
 ) -> Result<[Range<usize>; 2]> {
+    let [in_reference, in_test] = [reference.counted()?, test.counted()?];
     let reference_range = reference.range(frames)?;
     // A test made from the range alone has only its frames; it could not hold the range, unless that begins at 0.
-    let test_range =
-        if test.frames() == reference_range.len() { 0..test.frames() } else { test.range(frames)? };
+    let test_range = if in_test == reference_range.len() { 0..in_test } else { test.range(frames)? };
     if test_range.len() != reference_range.len() {
         bail!(
-            "{} has {} frames but {} has {}: name the ones to compare with --frames",
+            "{} has {in_test} frames but {} has {in_reference}: name the ones to compare with --frames",
             test.name(),
-            test.frames(),
             reference.name(),
-            reference.frames()
         );
     }
     Ok([reference_range, test_range])

@@ -1,6 +1,6 @@
 //! `isv render`: pictures of frames.
 
-use crate::capture::Capture;
+use crate::capture::{Capture, Hints};
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::output::Output;
@@ -54,7 +54,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let source = Capture::open(&args.input, args.units, None)?;
+    let source = Capture::open(&args.input, &Hints::in_unit(args.units))?;
     let one = args.frame.unwrap_or(0);
     let range = args.frames.unwrap_or(FrameRange { start: one, end: one.saturating_add(1) });
     let size = args.picture_size(range.count())?;

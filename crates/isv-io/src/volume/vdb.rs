@@ -44,11 +44,15 @@ const ALL_VALUES: u8 = 6;
 /// [`WriteError`]; the file appears whole or not at all.
 pub fn write_vdb(path: &Path, volume: &SparseVolume) -> Result<(), WriteError> {
     let mut file = AtomicFile::create(path)?;
-    write(&mut file, volume).map_err(|cause| WriteError::new(path, cause))?;
+    write_vdb_to(&mut file, volume).map_err(|cause| WriteError::new(path, cause))?;
     file.commit()
 }
 
-fn write(file: &mut impl Write, volume: &SparseVolume) -> std::io::Result<()> {
+/// Writes what [`write_vdb`] does to anything that takes bytes.
+///
+/// # Errors
+/// Those of `file`.
+pub fn write_vdb_to(file: &mut impl Write, volume: &SparseVolume) -> std::io::Result<()> {
     let leaves = Leaves::new(volume);
     let header = file_header();
     let grid = grid_header(&leaves);

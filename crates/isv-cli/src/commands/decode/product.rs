@@ -49,6 +49,34 @@ impl OutputFormat {
         if vdb { Some(Self::Vdb) } else { Format::of_path(path).map(Self::Geometry) }
     }
 
+    /// Settles what was left open: the name of the output tells the format, the format tells the form.
+    pub(super) fn settle(
+        form: Option<FormName>,
+        format: Option<Self>,
+        output: &Path,
+    ) -> Result<(FormName, Self)> {
+        let named = Self::of_path(output).filter(|_| !output.is_dir());
+        if let (Some(asked), Some(named)) = (format, named)
+            && asked != named
+        {
+            let output = output.display();
+            return Err(usage(format!("--format {asked} does not fit the output's name, {output}")));
+        }
+        let known = format.or(named);
+        let form = form.or(known.map(Self::usual_form)).unwrap_or(FormName::Mesh);
+        let format = known.unwrap_or(match form {
+            FormName::Mesh | FormName::Points => Self::Geometry(Format::Ply),
+            FormName::Volume => Self::Npy,
+        });
+        if !format.holds(form) {
+            let (form_name, formats) = (form.name(), Self::names_for(form));
+            return Err(usage(format!(
+                "{format} files are not written of {form_name}: use one of {formats}"
+            )));
+        }
+        Ok((form, format))
+    }
+
     /// The form that goes without saying with a format.
     fn usual_form(self) -> FormName {
         match self {
@@ -100,41 +128,12 @@ impl FromStr for OutputFormat {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Recipe {
     pub(super) form: FormName,
-    pub(super) format: OutputFormat,
     /// Whether meshes get normals; points always do.
     pub(super) normals: bool,
     pub(super) density: PointDensity,
 }
 
 impl Recipe {
-    /// Settles what was left open: the name of the output tells the format, the format tells the form.
-    pub(super) fn settle(
-        form: Option<FormName>,
-        format: Option<OutputFormat>,
-        output: &Path,
-    ) -> Result<(FormName, OutputFormat)> {
-        let named = OutputFormat::of_path(output).filter(|_| !output.is_dir());
-        if let (Some(asked), Some(named)) = (format, named)
-            && asked != named
-        {
-            let output = output.display();
-            return Err(usage(format!("--format {asked} does not fit the output's name, {output}")));
-        }
-        let known = format.or(named);
-        let form = form.or(known.map(OutputFormat::usual_form)).unwrap_or(FormName::Mesh);
-        let format = known.unwrap_or(match form {
-            FormName::Mesh | FormName::Points => OutputFormat::Geometry(Format::Ply),
-            FormName::Volume => OutputFormat::Npy,
-        });
-        if !format.holds(form) {
-            let (form_name, formats) = (form.name(), OutputFormat::names_for(form));
-            return Err(usage(format!(
-                "{format} files are not written of {form_name}: use one of {formats}"
-            )));
-        }
-        Ok((form, format))
-    }
-
     /// Makes the product of a volume.
     pub(super) fn make(&self, volume: SparseVolume) -> Result<Product, SamplingError> {
         let surface = |normals| extract_surface(&volume, &SurfaceOptions { normals });

@@ -24,7 +24,7 @@ enum Place {
     /// A file. Its frame is kept until it is sure that there is no other.
     File(Option<Product>),
     /// One file of all frames.
-    Animation(GlbAnimationWriter),
+    Animation(Box<GlbAnimationWriter>),
 }
 
 impl Sink {
@@ -85,7 +85,7 @@ impl Sink {
         for frame in frames {
             push(&mut animation, frame)?;
         }
-        self.place = Place::Animation(animation);
+        self.place = Place::Animation(Box::new(animation));
         Ok(())
     }
 

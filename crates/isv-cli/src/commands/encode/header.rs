@@ -64,6 +64,11 @@ impl HeaderArgs {
         })
     }
 
+    /// The frame rate asked for, if any.
+    pub(super) fn frame_rate(&self) -> Option<FrameRate> {
+        self.fps
+    }
+
     /// The voxel size asked for, if any.
     pub(super) fn voxel_size(&self) -> Result<Option<VoxelSize>> {
         let checked = |voxel: Length| {

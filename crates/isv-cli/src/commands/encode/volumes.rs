@@ -4,12 +4,16 @@ use crate::capture::{CapturedFrame, Content};
 use crate::length::Length;
 use crate::progress::Progress;
 use crate::stats::timed;
-use crate::terms::BandName;
-use anyhow::{Context, Result};
-use isv::ingest::{IngestError, MeshIngest, SignDecision, SignEvidence, SignMode, decide_sign, ingest_mesh};
+use crate::terms::{BandName, NormalsName};
+use anyhow::{Context, Result, anyhow};
+use isv::fusion::{Accumulator, FusionError, FusionSettings, fuse};
+use isv::ingest::{
+    IngestError, MeshIngest, PointIngest, PointSign, SignDecision, SignEvidence, SignMode, decide_point_sign,
+    decide_sign, estimate_normals, ingest_mesh, ingest_points,
+};
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, extract_surface, surface_band};
-use isv::volume::{Grid, SparseVolume, TriangleMesh};
+use isv::volume::{DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 
 /// A frame ready to be encoded.
@@ -25,9 +29,21 @@ pub(super) struct IngestedFrame {
 /// Makes volumes; what is decided on the first frame holds for all.
 pub(super) struct VolumeMaker {
     pub(super) mesh: MeshIngest,
-    pub(super) sign: Option<SignDecision>,
+    pub(super) mesh_sign: Option<SignDecision>,
+    pub(super) points: PointIngest,
+    pub(super) point_sign: Option<PointSign>,
+    pub(super) normals: NormalsName,
+    pub(super) depth: DepthFusion,
     pub(super) band: BandName,
     pub(super) progress: Arc<Progress>,
+}
+
+/// What becomes of depth images.
+pub(super) enum DepthFusion {
+    /// Each frame's make that frame's volume.
+    PerFrame(FusionSettings),
+    /// Each frame's extend the volume of all frames before.
+    Accumulate(Box<Accumulator>),
 }
 
 impl VolumeMaker {
@@ -36,7 +52,8 @@ impl VolumeMaker {
         let CapturedFrame { number, name, content } = frame;
         let (volume, ingest_ms) = timed(|| match content {
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
-            Content::Geometry(Geometry::Points(_)) => todo!(),
+            Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
+            Content::Depth(images) => self.depth.volume(&images),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
         });
         let volume = volume.with_context(|| name)?;
@@ -49,16 +66,33 @@ impl VolumeMaker {
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {
-        let sign = match self.sign {
+        let sign = match self.mesh_sign {
             Some(sign) => sign,
             None => {
                 let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
                 self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
-                self.warn_if_tiny(name, mesh);
-                *self.sign.insert(sign)
+                self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
+                *self.mesh_sign.insert(sign)
             }
         };
         ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice)
+    }
+
+    fn points_to_volume(&mut self, name: &str, cloud: PointCloud) -> Result<SparseVolume> {
+        let cloud = match self.normals {
+            NormalsName::Given => cloud,
+            NormalsName::Estimate => estimate_normals(&cloud)?,
+        };
+        let sign = match self.point_sign {
+            Some(sign) => sign,
+            None => {
+                let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
+                self.progress.note(&format!("{sign} ({evidence})"));
+                self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
+                *self.point_sign.insert(sign)
+            }
+        };
+        ingest_points(&cloud, &self.points, sign).map_err(with_advice)
     }
 
     /// A volume on another grid is sampled anew, from its surface.
@@ -70,12 +104,24 @@ impl VolumeMaker {
     }
 
     /// A wrong unit that makes the surface small is no error, but leaves little of it.
-    fn warn_if_tiny(&self, name: &str, mesh: &TriangleMesh) {
+    fn warn_if_tiny(&self, name: &str, diagonal_m: Option<f64>) {
         let Grid { voxel_size, edge, .. } = self.mesh.grid;
-        let diagonal_m = mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+        let diagonal_m = diagonal_m.unwrap_or(0.0);
         if diagonal_m < voxel_size.metres() * edge.voxels() as f64 {
             let diagonal = Length::from_metres(diagonal_m);
             self.progress.note(&format!("{name}: only {diagonal} across, less than a block: check --units"));
+        }
+    }
+}
+
+impl DepthFusion {
+    fn volume(&mut self, images: &[DepthImage]) -> Result<SparseVolume> {
+        match self {
+            Self::PerFrame(settings) => fuse(images, settings).map_err(with_depth_advice),
+            Self::Accumulate(accumulator) => {
+                accumulator.integrate(images).map_err(with_depth_advice)?;
+                Ok(accumulator.volume())
+            }
         }
     }
 }
@@ -89,13 +135,29 @@ fn sign_sentence(decision: SignDecision, evidence: SignEvidence, mode: SignMode)
     format!("{decision} ({why})")
 }
 
-/// Names the option to change where a coarser voxel would do.
+/// Names the options to change.
 fn with_advice(error: IngestError) -> anyhow::Error {
     match error {
         IngestError::TooManyBlocks { voxel_that_fits_m, .. }
         | IngestError::OutOfRange { voxel_that_fits_m, .. } => {
             let fits = Length::from_metres(voxel_that_fits_m);
-            anyhow::anyhow!("{error}: try --voxel {fits}, or check --units")
+            anyhow!("{error}: try --voxel {fits}, or check --units")
+        }
+        IngestError::TooSparse { voxel_that_fits_m, .. } => {
+            let fits = Length::from_metres(voxel_that_fits_m);
+            anyhow!("{error}: try --voxel {fits}, or --sign offset for the points themselves")
+        }
+        IngestError::NoNormals => anyhow!("{error}: try --normals estimate or --sign offset"),
+        other => other.into(),
+    }
+}
+
+fn with_depth_advice(error: FusionError) -> anyhow::Error {
+    match error {
+        FusionError::TooManyBlocks { voxel_that_fits_m, .. }
+        | FusionError::OutOfRange { voxel_that_fits_m, .. } => {
+            let fits = Length::from_metres(voxel_that_fits_m);
+            anyhow!("{error}: try --voxel {fits}, or --max-depth to leave out what is far away")
         }
         other => other.into(),
     }

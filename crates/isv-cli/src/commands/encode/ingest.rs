@@ -1,0 +1,65 @@
+//! The part of the command line that says how captures become volumes.
+
+use super::volumes::{DepthFusion, VolumeMaker};
+use crate::failure::usage;
+use crate::length::Length;
+use crate::progress::Progress;
+use crate::terms::{BandName, FusionName, NormalsName, SignName};
+use anyhow::Result;
+use isv::fusion::{Accumulator, FusionSettings};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest};
+use isv::volume::Grid;
+use std::sync::Arc;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct IngestArgs {
+    /// How to tell inside from outside of meshes and points
+    #[arg(long, value_enum, default_value = "auto")]
+    sign: SignName,
+    /// Half the thickness of the shell around a surface without inside, in voxels
+    #[arg(long, value_name = "VOXELS", default_value = "1.5")]
+    offset: f64,
+    /// Normals of points
+    #[arg(long, value_enum, default_value = "given")]
+    normals: NormalsName,
+    /// What a frame of depth images stands for
+    #[arg(long, value_enum, default_value = "per-frame")]
+    fusion: FusionName,
+    /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
+    #[arg(long, value_name = "LENGTH")]
+    max_depth: Option<Length>,
+    /// How much of the volume to code
+    #[arg(long, value_enum, default_value = "full")]
+    band: BandName,
+    /// Refuse frames that need more blocks
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
+    max_blocks: usize,
+}
+
+impl IngestArgs {
+    /// What makes volumes on a grid.
+    pub(super) fn volume_maker(&self, grid: Grid, progress: Arc<Progress>) -> Result<VolumeMaker> {
+        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
+        let truncation = grid.truncation.voxels();
+        if !(offset_voxels > 0.0 && offset_voxels <= f64::from(truncation)) {
+            return Err(usage(format!(
+                "--offset {offset_voxels}: it must be above 0 and at most the truncation of {truncation} voxels"
+            )));
+        }
+        let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
+        let fusion = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
+        Ok(VolumeMaker {
+            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks },
+            mesh_sign: None,
+            points: PointIngest { grid, sign, offset_voxels, max_blocks },
+            point_sign: None,
+            normals: self.normals,
+            depth: match self.fusion {
+                FusionName::PerFrame => DepthFusion::PerFrame(fusion),
+                FusionName::Accumulate => DepthFusion::Accumulate(Box::new(Accumulator::new(fusion))),
+            },
+            band: self.band,
+            progress,
+        })
+    }
+}
