@@ -41,7 +41,7 @@ fn a_good_tetrahedron_is_encoded() {
 fn an_empty_folder_and_a_missing_one() {
     let work = Workspace::new();
     fs::create_dir(work.path("in")).unwrap();
-    work.isv(&["encode", "in", "-o", "out.isv"]).fails(1, &["in: no mesh files here"]);
+    work.isv(&["encode", "in", "-o", "out.isv"]).fails(1, &["in: no files of meshes or points here"]);
     work.isv(&["encode", "gone", "-o", "out.isv"]).fails(1, &["gone: no such file or folder"]);
     work.isv(&["decode", "gone.isv", "-o", "out"]).fails(1, &["gone.isv: "]);
     assert_eq!(work.names(""), ["in"]);
@@ -69,7 +69,11 @@ fn an_index_past_the_end() {
 
 #[test]
 fn no_faces() {
-    encode_with(&ply(&VERTICES, &[])).fails(1, &["frame.ply: no faces"]);
+    let work = Workspace::new();
+    let vertices: String = VERTICES.iter().map(|vertex| format!("v {vertex}\n")).collect();
+    work.write("frame.obj", vertices);
+    work.isv(&["encode", "frame.obj", "-o", "out.isv"]).fails(1, &["frame.obj: no faces"]);
+    assert_eq!(work.names(""), ["frame.obj"]);
 }
 
 #[test]
@@ -186,7 +190,8 @@ fn a_flipped_bit() {
     work.isv(&["info", "bad.isv"]).fails(1, &[&place]);
     work.isv(&["decode", "bad.isv", "-o", "out"]).fails(1, &[&place, "1 frame before this went to out"]);
     work.isv(&["decode", "bad.isv", "-o", "one.ply", "--frames", "1..2"]).fails(1, &[&place]);
-    work.isv_with_input(&["decode", "-", "-o", "-"], &bytes).fails(1, &["standard input: damaged: "]);
+    let one = ["decode", "-", "-o", "-", "--format", "obj"];
+    work.isv_with_input(&one, &bytes).fails(1, &["standard input: damaged: "]);
     assert!(!work.path("one.ply").exists());
 }
 
@@ -228,7 +233,7 @@ fn frames_that_are_not_there() {
 fn many_frames_where_one_fits() {
     let (work, _) = Workspace::with_stream(2);
     work.isv(&["decode", "take.isv", "-o", "one.ply"]).fails(1, &["one.ply: takes one frame", "--frames"]);
-    work.isv(&["decode", "take.isv", "-o", "-"]).fails(1, &["-: takes one frame"]);
+    work.isv(&["decode", "take.isv", "-o", "-", "--format", "obj"]).fails(1, &["-: takes one frame"]);
     assert!(!work.path("one.ply").exists());
 }
 
@@ -261,7 +266,13 @@ fn wrong_command_lines() {
     work.isv(&["encode", "frames"]).fails(2, &["--output"]);
     work.isv(&["transcode"]).fails(2, &["transcode"]);
     work.isv(&["decode", "a.isv", "-o", "a.obj", "--format", "ply"]).fails(2, &["--format ply", "a.obj"]);
-    work.isv(&["decode", "a.isv", "-o", "a", "--format", "stl"]).fails(2, &["`stl` is not one of ply, obj"]);
+    let decode = |more: &[&str]| work.isv(&[&["decode", "a.isv", "-o", "a"], more].concat());
+    decode(&["--format", "las"])
+        .fails(2, &["`las` is not one of ply, obj, stl, glb (meshes), ply, pcd, xyz"]);
+    decode(&["--as", "points", "--format", "stl"])
+        .fails(2, &["stl files are not written of points: use one of ply"]);
+    decode(&["--as", "mesh", "--points", "9"]).fails(2, &["--points and --spacing need --as points"]);
+    decode(&["--lod", "3"]).fails(2, &["--lod", "1, 2, 4"]);
     let many = ["render", "frames", "-o", "out.png", "--frames", "0..9", "--size", "9000"];
     work.isv(&many).fails(2, &["9 pictures of 9000 x 9000 pixels are too many"]);
     assert_eq!(work.isv(&[]).status(), Some(2));

@@ -66,16 +66,15 @@ impl VolumeMaker {
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {
-        let sign = match self.mesh_sign {
-            Some(sign) => sign,
-            None => {
-                let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
-                self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
-                self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
-                *self.mesh_sign.insert(sign)
-            }
-        };
-        ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice)
+        if let Some(sign) = self.mesh_sign {
+            return ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice);
+        }
+        let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
+        let volume = ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice)?;
+        self.mesh_sign = Some(sign);
+        self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
+        self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
+        Ok(volume)
     }
 
     fn points_to_volume(&mut self, name: &str, cloud: PointCloud) -> Result<SparseVolume> {
@@ -83,16 +82,15 @@ impl VolumeMaker {
             NormalsName::Given => cloud,
             NormalsName::Estimate => estimate_normals(&cloud)?,
         };
-        let sign = match self.point_sign {
-            Some(sign) => sign,
-            None => {
-                let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
-                self.progress.note(&format!("{sign} ({evidence})"));
-                self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
-                *self.point_sign.insert(sign)
-            }
-        };
-        ingest_points(&cloud, &self.points, sign).map_err(with_advice)
+        if let Some(sign) = self.point_sign {
+            return ingest_points(&cloud, &self.points, sign).map_err(with_advice);
+        }
+        let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
+        let volume = ingest_points(&cloud, &self.points, sign).map_err(with_advice)?;
+        self.point_sign = Some(sign);
+        self.progress.note(&format!("{sign} ({evidence})"));
+        self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
+        Ok(volume)
     }
 
     /// A volume on another grid is sampled anew, from its surface.
