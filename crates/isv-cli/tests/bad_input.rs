@@ -77,6 +77,65 @@ fn no_faces() {
 }
 
 #[test]
+fn captures_of_other_kinds() {
+    let work = Workspace::new();
+    let encode = |input: &str| work.isv(&["encode", input, "-o", "out.isv"]);
+    fs::create_dir(work.path("mixed")).unwrap();
+    work.write("mixed/a.ply", ply(&VERTICES, &FACES));
+    work.write("mixed/b.obj", "v 0 0 0\n");
+    encode("mixed").fails(1, &["mixed: ", ".ply", ".obj"]);
+    work.write("empty.gltf", r#"{"asset": {"version": "2.0"}}"#);
+    encode("empty.gltf").fails(1, &["empty.gltf: ", "mesh"]);
+    work.write("points.xyz", "0 0 0\n0 nan 0\n");
+    encode("points.xyz").fails(1, &["points.xyz: point 1 is not finite"]);
+    work.write("scan.laz", "LASF, or so it says");
+    encode("scan.laz").fails(1, &["scan.laz: "]);
+    // Points a metre apart are no surface at 5 mm a voxel.
+    let sparse: String = (0..100).map(|i| format!("{} {} 0 0 0 1\n", i % 10, i / 10)).collect();
+    work.write("sparse.xyz", sparse);
+    encode("sparse.xyz").fails(1, &["sparse.xyz: the points are about 1 m apart", "try --voxel "]);
+    assert!(!work.path("out.isv").exists());
+}
+
+#[test]
+fn depth_cameras_that_cannot_be() {
+    let work = Workspace::new();
+    fs::create_dir_all(work.path("room/depth")).unwrap();
+    let encode = |parts: &[&str]| work.isv(&["encode", "room", "-o", "out.isv"]).fails(1, parts);
+    let camera = |width: u32, scale: u32| {
+        let json = format!(
+            r#"{{"width": {width}, "height": 1, "fx": 9, "fy": 9, "cx": 1, "cy": 0, "fps": 30, "depth_scale_m": 0.001,
+            "poses": [[[{scale}, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]}}"#
+        );
+        work.write("room/camera.json", json);
+    };
+    encode(&["room: no depth images here: there is neither rig.json nor depth.txt nor camera.json"]);
+    work.write("room/camera.json", "{");
+    work.write("room/depth/0.png", png(&[0, 0, 0]));
+    encode(&["room/camera.json: "]);
+    camera(3, 2);
+    encode(&["room/camera.json: frame 0: ", "rotation"]);
+    camera(4, 1);
+    encode(&["room/depth/0.png: frame 0: ", "3 x 1", "4 x 1"]);
+    camera(3, 1);
+    encode(&["room/depth/0.png: frame 0: ", "no "]);
+    work.write("room/depth/0.png", &png(&[900, 900, 900])[..60]);
+    encode(&["room/depth/0.png: frame 0: "]);
+    assert_eq!(work.names(""), ["room"]);
+}
+
+/// One row of a depth image.
+fn png(depths: &[u16]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, depths.len() as u32, 1);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let data: Vec<u8> = depths.iter().flat_map(|depth| depth.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    bytes
+}
+
+#[test]
 fn frames_without_a_common_unit() {
     let work = Workspace::new();
     fs::create_dir(work.path("in")).unwrap();

@@ -31,10 +31,11 @@ const RIG: &str = "rig.json";
 const TUM: &str = "depth.txt";
 const CAMERA: &str = "camera.json";
 
-/// Whether a path is a folder with a file that describes depth images: `rig.json`, `depth.txt` or `camera.json`.
+/// Whether a path is a folder with a file that describes depth images, `rig.json`, `depth.txt` or `camera.json`; or one
+/// with a folder `depth`, for which such a file must have been meant.
 #[must_use]
 pub fn is_depth_folder(path: &Path) -> bool {
-    [RIG, TUM, CAMERA].iter().any(|name| path.join(name).is_file())
+    [RIG, TUM, CAMERA].iter().any(|name| path.join(name).is_file()) || path.join("depth").is_dir()
 }
 
 /// Depth images of one or several cameras, frame after frame. Frames are read when they are asked for, one at a time.

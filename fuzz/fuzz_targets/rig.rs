@@ -1,0 +1,7 @@
+//! The rig.json of a folder of depth images.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::read_depth(&[
+    ("rig.json", bytes),
+    ("front/0.png", b"")
+]));
