@@ -14,7 +14,7 @@ use std::path::Path;
 use tempfile::TempDir;
 
 /// The camera that goes with depth images: 8 x 6 pixels.
-pub const CAMERA_JSON: &str = r#"{"width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3.5, "cy": 2.5, "fps": 30,
+const CAMERA_JSON: &str = r#"{"width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3.5, "cy": 2.5, "fps": 30,
     "depth_scale_m": 0.001, "poses": [[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]]}"#;
 
 /// Frames of an animation that are looked at.
@@ -63,20 +63,27 @@ pub fn decode_stream(bytes: &[u8]) {
 
 /// Reads the first frame of a folder of depth images.
 pub fn read_depth(files: &[(&str, &[u8])]) {
-    let folder = folder(files);
-    if let Ok(sequence) = DepthSequence::open(folder.path()) {
-        let _ = sequence.read(0);
-    }
+    in_folder(files, |folder| {
+        if let Ok(sequence) = DepthSequence::open(folder) {
+            let _ = sequence.read(0);
+        }
+    });
+}
+
+/// Reads a depth image of 8 x 6 pixels; the name tells its format.
+pub fn read_depth_image(name: &str, bytes: &[u8]) {
+    read_depth(&[("camera.json", CAMERA_JSON.as_bytes()), (name, bytes)]);
 }
 
 /// Reads the first frame of a folder of arrays.
 pub fn read_arrays(files: &[(&str, &[u8])]) {
-    let folder = folder(files);
-    let voxel = VoxelSize::from_metres(0.005).ok();
-    let Ok(volumes) = VolumeSequence::open(folder.path()) else { return };
-    if let Ok(grid) = volumes.grid(0, voxel, None) {
-        let _ = volumes.read(0, &grid);
-    }
+    in_folder(files, |folder| {
+        let voxel = VoxelSize::from_metres(0.005).ok();
+        let Ok(volumes) = VolumeSequence::open(folder) else { return };
+        if let Ok(grid) = volumes.grid(0, voxel, None) {
+            let _ = volumes.read(0, &grid);
+        }
+    });
 }
 
 /// Makes volumes of whatever mesh and points the bytes give.
@@ -108,12 +115,17 @@ pub fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> (&'a [u8], &'a [u8]) {
     bytes.split_at(bytes.len().min(at + 1))
 }
 
-fn folder(files: &[(&str, &[u8])]) -> TempDir {
-    let folder = tempfile::tempdir().expect("a folder can be made");
-    for (name, bytes) in files {
-        let path = folder.path().join(name);
-        fs::create_dir_all(path.parent().expect("it is in the folder")).expect("a folder can be made");
-        fs::write(path, bytes).expect("a file can be written");
+/// Does something with a folder of files. There is one folder a thread: a target always writes the same names.
+fn in_folder(files: &[(&str, &[u8])], work: impl FnOnce(&Path)) {
+    thread_local! {
+        static FOLDER: TempDir = tempfile::tempdir().expect("a folder can be made");
     }
-    folder
+    FOLDER.with(|folder| {
+        for (name, bytes) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().expect("it is in the folder")).expect("a folder can be made");
+            fs::write(path, bytes).expect("a file can be written");
+        }
+        work(folder.path());
+    });
 }

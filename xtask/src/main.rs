@@ -5,8 +5,10 @@
 //! - `cargo run --release -p xtask -- lod-table FOLDER [FRAMES]` measures decoding at reduced resolution on a mesh sequence.
 //! - `cargo run --release -p xtask -- conformance FOLDER` writes the conformance streams and their hashes, after a change
 //!   of the format.
+//! - `cargo run --release -p xtask -- fuzz-seeds FOLDER` writes what `fuzz/run` starts from.
 
 mod conformance;
+mod fuzz_seeds;
 mod lod_table;
 mod paper_table;
 
@@ -24,8 +26,10 @@ fn main() -> Result<()> {
             lod_table::run(folder, frames.parse().context("FRAMES is a number")?, &paper_table::header()?)
         }
         ["conformance", folder] => conformance::run(folder),
+        ["fuzz-seeds", folder] => fuzz_seeds::run(folder),
         _ => bail!(
-            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | conformance FOLDER"
+            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | conformance FOLDER | \
+             fuzz-seeds FOLDER"
         ),
     }
 }

@@ -1,19 +1,20 @@
-//! Writes files for the fuzz targets to start from, one folder a target in `corpus`. Small ones: a fuzzer changes them
-//! thousands of times a second.
+//! Files for the fuzz targets to start from, one folder a target. Small ones: a fuzzer changes them thousands of times a
+//! second.
 
+use anyhow::Result;
 use glam::DVec3;
 use isv::encode::{Encoder, EncoderSettings};
 use isv::format::{FrameRate, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, SignDecision, ingest_mesh};
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_volume};
 use isv::volume::{BlockEdge, Grid, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelSize};
-use isv_fuzz::CAMERA_JSON;
-use std::error::Error;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-fn main() -> Result<(), Box<dyn Error>> {
+/// Writes the seeds of all targets into `corpus`.
+pub(crate) fn run(corpus: &str) -> Result<()> {
+    let save = |target: &str, bytes: &[u8]| save(&Path::new(corpus).join(target), bytes);
     let mesh = tetrahedron();
     for format in Format::ALL.iter().filter(|format| format.writes_mesh()) {
         let mut bytes = Vec::new();
@@ -34,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     save("las", &lidar(false)?)?;
     save("laz", &lidar(true)?)?;
     save("e57", &scan()?)?;
-    save("camera_json", CAMERA_JSON.as_bytes())?;
+    save("camera_json", CAMERA.as_bytes())?;
     save("rig", RIG.as_bytes())?;
     save("tum", TUM.as_bytes())?;
     save("depth_png", &depth_png()?)?;
@@ -47,10 +48,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Writes a seed; its name keeps seeds of one target apart.
-fn save(target: &str, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
-    fs::create_dir_all(&folder)?;
-    fs::write(folder.join(format!("seed_{}", bytes.len())), bytes)
+fn save(folder: &Path, bytes: &[u8]) -> Result<()> {
+    fs::create_dir_all(folder)?;
+    Ok(fs::write(folder.join(format!("seed_{}", bytes.len())), bytes)?)
 }
 
 fn grid() -> Grid {
@@ -76,7 +76,7 @@ fn points() -> PointCloud {
     PointCloud { positions, normals: vec![DVec3::Z; 20], viewpoint: None }
 }
 
-fn animation(mesh: &TriangleMesh) -> Result<Vec<u8>, Box<dyn Error>> {
+fn animation(mesh: &TriangleMesh) -> Result<Vec<u8>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("frame.glb");
     let mut writer = GlbAnimationWriter::create(&path, 30.0)?;
@@ -87,7 +87,7 @@ fn animation(mesh: &TriangleMesh) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(fs::read(path)?)
 }
 
-fn lidar(compressed: bool) -> Result<Vec<u8>, Box<dyn Error>> {
+fn lidar(compressed: bool) -> Result<Vec<u8>> {
     let mut builder = las::Builder::from((1, 4));
     builder.point_format = las::point::Format::new(6)?;
     builder.point_format.is_compressed = compressed;
@@ -99,7 +99,7 @@ fn lidar(compressed: bool) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(writer.into_inner()?.into_inner())
 }
 
-fn scan() -> Result<Vec<u8>, Box<dyn Error>> {
+fn scan() -> Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     let mut writer = e57::E57Writer::new(&mut bytes, "file")?;
     let prototype =
@@ -114,7 +114,7 @@ fn scan() -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(bytes.into_inner())
 }
 
-fn depth_png() -> Result<Vec<u8>, Box<dyn Error>> {
+fn depth_png() -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, 8, 6);
     encoder.set_color(png::ColorType::Grayscale);
@@ -123,7 +123,7 @@ fn depth_png() -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(bytes)
 }
 
-fn depth_exr() -> Result<Vec<u8>, Box<dyn Error>> {
+fn depth_exr() -> Result<Vec<u8>> {
     use exr::prelude::*;
     let channels =
         SpecificChannels::build().with_channel("Z").with_pixel_fn(|at: Vec2<usize>| (at.0 as f32,));
@@ -132,7 +132,7 @@ fn depth_exr() -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(bytes.into_inner())
 }
 
-fn arrays(volume: &SparseVolume) -> Result<Vec<u8>, Box<dyn Error>> {
+fn arrays(volume: &SparseVolume) -> Result<Vec<u8>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("frame");
     write_volume(&path, volume)?;
@@ -140,7 +140,7 @@ fn arrays(volume: &SparseVolume) -> Result<Vec<u8>, Box<dyn Error>> {
 }
 
 /// Two frames, the second one predicted.
-fn stream(volume: &SparseVolume) -> Result<Vec<u8>, Box<dyn Error>> {
+fn stream(volume: &SparseVolume) -> Result<Vec<u8>> {
     let header = StreamHeader {
         profile: Profile::Paper,
         grid: grid(),
@@ -164,6 +164,9 @@ const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nod
  "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
  "bufferViews": [{"buffer": 0, "byteLength": 36}],
  "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
+
+const CAMERA: &str = r#"{"width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3.5, "cy": 2.5, "fps": 30,
+    "depth_scale_m": 0.001, "poses": [[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]]}"#;
 
 const RIG: &str = r#"{"fps": 30, "cameras": [{"name": "front", "width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3.5, "cy": 2.5,
  "camera_to_world": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "images": "front", "depth_scale_m": 0.001}]}"#;
