@@ -233,7 +233,7 @@ fn broken_descriptions_are_named_in_one_sentence() {
     let scaled = STANDING.replace("[1, 0, 0,", "[1.2, 0, 0,");
     for (json, expected) in [
         ("{".to_owned(), "camera.json: EOF while parsing an object at line 1"),
-        ("{}".to_owned(), "camera.json: missing field `width`"),
+        ("{}".to_owned(), "camera.json: missing field `poses`"),
         (format!("{{{CAMERA}}}"), "camera.json: missing field `poses`"),
         (format!(r#"{{{CAMERA}, "poses": []}}"#), "camera.json: 0 poses, but 1 images in "),
         (
@@ -303,7 +303,28 @@ fn images_larger_than_their_camera_are_refused_by_their_headers() {
     encoder.set_depth(png::BitDepth::Sixteen);
     drop(encoder.write_header().unwrap());
     fs::write(path, bytes).unwrap();
-    assert!(refused(&room).contains("an image of 1073741824 x 1073741824 pixels for a camera of 4 x 2"));
+    let text = refused(&room);
+    assert!(text.contains("an image of 1073741824 x 1073741824 pixels for a camera of 4 x 2"), "{text}");
+}
+
+/// A camera and an image that agree on far more pixels than the file has bytes for.
+#[test]
+fn images_larger_than_their_files_are_refused() {
+    let room = room(1);
+    let wide = CAMERA.replace("4, \"height\": 2", "16384, \"height\": 16384");
+    write(room.path(), "camera.json", format!(r#"{{{wide}, "poses": [{STANDING}]}}"#).as_bytes());
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 16384, 16384);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    drop(encoder.write_header().unwrap());
+    let length = bytes.len();
+    write(room.path(), "depth/frame_0.png", &bytes);
+    let text = refused(&room);
+    assert_eq!(text, format!("depth/frame_0.png: frame 0: {length} bytes cannot hold 16384 x 16384 pixels"));
+    let beyond = CAMERA.replace("4, \"height\": 2", "16385, \"height\": 16384");
+    write(room.path(), "camera.json", format!(r#"{{{beyond}, "poses": [{STANDING}]}}"#).as_bytes());
+    assert!(refused(&room).starts_with("camera.json: intrinsics of 16385 x 16384 pixels"));
 }
 
 #[test]
@@ -344,6 +365,6 @@ fn a_real_take_opens() {
     let sequence = DepthSequence::open(&path).unwrap();
     assert_eq!((sequence.frames(), sequence.fps()), (60, Some(30.0)));
     let image = &sequence.read(0).unwrap()[0];
-    assert_eq!(image.readings(), 273_940);
+    assert_eq!(image.readings(), 273_943);
     assert!(image.depths_m().iter().all(|d| *d == 0.0 || (0.8..3.5).contains(d)));
 }
