@@ -44,8 +44,7 @@ impl Blocks {
     pub(crate) fn finish(mut self) -> SparseVolume {
         self.open_contradictions();
         let surface = self.trim_rims();
-        self.continue_field();
-        self.guard(&surface);
+        self.continue_field(&surface);
         self.active()
     }
 

@@ -7,37 +7,52 @@ use crate::blocks::{Blocks, UNKNOWN};
 use isv_volume::{BlockEdge, CODES_PER_VOXEL, VoxelMask};
 use rayon::prelude::*;
 
-/// Samples of at least this keep their sign through coding: one voxel. Beside a crossing that is no surface the field is
-/// bent, and it takes twice as much.
+/// Samples of at least this keep their sign through coding: one voxel.
 const SAFE: i16 = CODES_PER_VOXEL as i16;
 
 impl Blocks {
-    /// Lets the field of each block run on through all its voxels.
-    pub(crate) fn continue_field(&mut self) {
-        let edge = self.grid.edge;
-        self.samples.par_chunks_exact_mut(edge.block_voxels()).for_each(|block| {
-            fill_unknown(block, edge);
-            limit_slope(block, edge);
-        });
-    }
-
-    /// Makes voxels unobserved whose sign coding could turn, but for the corners of surface cells, which are given: the field
-    /// beside what was trimmed or contradicted still crosses zero, and would show as specks.
-    pub(crate) fn guard(&mut self, surface: &[VoxelMask]) {
+    /// Lets the field of each block run on through all its voxels. Makes voxels unobserved whose sign coding could turn, but
+    /// for the corners of surface cells, which are given: beside what was trimmed or contradicted the field still crosses
+    /// zero, and would show as specks.
+    pub(crate) fn continue_field(&mut self, surface: &[VoxelMask]) {
         let edge = self.grid.edge;
         let blocks =
-            self.samples.par_chunks_exact(edge.block_voxels()).zip(&mut self.unobserved).zip(surface);
-        blocks.filter(|((_, mask), _)| !mask.is_empty()).for_each(|((block, mask), surface)| {
-            let turning = |voxel: usize, safe| block[voxel].abs() < safe && !surface.contains(voxel);
-            for voxel in (0..block.len()).filter(|voxel| turning(*voxel, SAFE)) {
-                mask.insert(voxel);
-                for_each_neighbour(edge, voxel, |neighbour| {
-                    if turning(neighbour, 2 * SAFE) {
-                        mask.insert(neighbour);
-                    }
-                });
+            self.samples.par_chunks_exact_mut(edge.block_voxels()).zip(&mut self.unobserved).zip(surface);
+        blocks.for_each(|((block, mask), surface)| {
+            fill_unknown(block, edge);
+            let before = block.to_vec();
+            limit_slope(block, edge);
+            if !mask.is_empty() {
+                let field = Continued { block, before: &before, surface, edge };
+                (0..field.block.len()).filter(|voxel| field.could_turn(*voxel)).for_each(|v| mask.insert(v));
             }
         });
+    }
+}
+
+/// A block whose field was continued.
+struct Continued<'a> {
+    block: &'a [i16],
+    /// The samples before they were brought nearer to zero.
+    before: &'a [i16],
+    /// Corners of surface cells.
+    surface: &'a VoxelMask,
+    edge: BlockEdge,
+}
+
+impl Continued<'_> {
+    /// Whether coding could turn a voxel that is no corner of a surface cell. What a sample was brought nearer to zero counts
+    /// against it, as bent fields are coded worst; beside the surface only in the first voxel, or pits would open where
+    /// coding moves the surface.
+    fn could_turn(&self, voxel: usize) -> bool {
+        if self.surface.contains(voxel) {
+            return false;
+        }
+        let mut beside_surface = false;
+        for_each_neighbour(self.edge, voxel, |neighbour| beside_surface |= self.surface.contains(neighbour));
+        let (now, before) = (self.block[voxel].abs(), self.before[voxel].abs());
+        let reach = if beside_surface { SAFE } else { 2 * SAFE };
+        now <= reach && 2 * now - before < SAFE
     }
 }
 

@@ -53,8 +53,7 @@ impl BlockSums {
         let block = BlockInView {
             view,
             first: (view.rotation * (first - view.centre)).as_vec3(),
-            axes: [view.rotation.x_axis, view.rotation.y_axis, view.rotation.z_axis]
-                .map(glam::DVec3::as_vec3),
+            axes: [view.rotation.x_axis, view.rotation.y_axis, view.rotation.z_axis].map(DVec3::as_vec3),
         };
         if !block.may_be_seen(edge as f32) {
             return;

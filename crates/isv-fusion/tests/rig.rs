@@ -52,11 +52,10 @@ fn eight_cameras_around_dancer() {
         let (before, after) = (errors_mm(&seen, &source, &fused), errors_mm(&seen, &source, &coded));
         let ends = distances_to_surface(&coded.vertices, &source);
         let largest = ends.iter().copied().fold(0.0, f64::max) * 1000.0;
-        let far = ends.iter().filter(|d| **d > 0.01).count() as f64 / ends.len() as f64;
         let sizes = pieces(&coded);
         println!(
             "dancer {frame}: {:.3} of the source seen; {} blocks, {} with masks, {bytes} bytes; source to mesh and back \
-             {before:.3?} mm before coding, {after:.3?} after, largest {largest:.1} mm back, {far:.6} beyond 10 mm; {} pieces of {:?} triangles",
+             {before:.3?} mm before coding, {after:.3?} after, largest {largest:.1} mm back; {} pieces of {:?} triangles",
             seen.len() as f64 / samples.len() as f64,
             volume.block_count(),
             volume.unobserved_masks().len(),
@@ -65,7 +64,7 @@ fn eight_cameras_around_dancer() {
         );
         assert!(after[0] <= 1.2 && after[1] <= 1.2, "{after:.3?} mm");
         assert!(before[0] <= 0.6 && before[1] <= 0.5, "{before:.3?} mm");
-        assert!(far < 0.0005, "{far} of the vertices");
+        assert!(largest < 20.0, "{largest} mm");
         // What coding leaves beside the surface's rims is a few single triangles.
         let specks: usize = sizes[1..].iter().sum();
         assert!(specks * 1000 < sizes[0], "{sizes:?}");

@@ -194,6 +194,12 @@ fn poses_between_time_stamps_are_interpolated() {
 
     for (file, text, expected) in [
         ("calibration.txt", "500 x 1 2", "calibration.txt: `x` is not a number (line 1)"),
+        (
+            "calibration.txt",
+            "500 500 1 2 4",
+            "calibration.txt: fx fy cx cy and possibly width height are expected",
+        ),
+        ("groundtruth.txt", "1 0 nan 0 0 0 0 1", "groundtruth.txt: `nan` is not a number (line 1)"),
         ("calibration.txt", "-1 1 1 1", "calibration.txt: intrinsics of 640 x 480 pixels"),
         (
             "groundtruth.txt",
@@ -223,6 +229,20 @@ fn poses_between_time_stamps_are_interpolated() {
     assert!(refused(&tum).starts_with("groundtruth.txt: No such file"));
 }
 
+/// The examples of `docs/formats/depth.md`, with empty files for images.
+#[test]
+fn documented_examples_are_read() {
+    let page = include_str!("../../../docs/formats/depth.md");
+    let examples: Vec<&str> =
+        page.split("```json\n").skip(1).map(|part| part.split("```").next().unwrap()).collect();
+    let camera = folder(&[("camera.json", examples[0]), ("depth/0.png", "")]);
+    let sequence = open(&camera).unwrap();
+    assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (1, 1, Some(30.0)));
+    let rig = folder(&[("rig.json", examples[1]), ("left/0.png", ""), ("all/right_0.exr", "")]);
+    let sequence = open(&rig).unwrap();
+    assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (1, 2, Some(25.0)));
+}
+
 #[test]
 fn broken_descriptions_are_named_in_one_sentence() {
     let with = |json: &str| {
@@ -231,14 +251,28 @@ fn broken_descriptions_are_named_in_one_sentence() {
         refused(&room)
     };
     let scaled = STANDING.replace("[1, 0, 0,", "[1.2, 0, 0,");
+    let mirrored = STANDING.replace("[1, 0, 0,", "[-1, 0, 0,");
+    let tall = STANDING.replace("[0, 0, 0, 1]", "[0, 0, 1, 1]");
     for (json, expected) in [
         ("{".to_owned(), "camera.json: EOF while parsing an object at line 1"),
-        ("{}".to_owned(), "camera.json: missing field `width`"),
+        ("{}".to_owned(), "camera.json: missing field `poses`"),
         (format!("{{{CAMERA}}}"), "camera.json: missing field `poses`"),
         (format!(r#"{{{CAMERA}, "poses": []}}"#), "camera.json: 0 poses, but 1 images in "),
         (
             format!(r#"{{{CAMERA}, "poses": [{scaled}]}}"#),
             "camera.json: frame 0: the pose is no rotation and translation: the axes are not of unit length",
+        ),
+        (
+            format!(r#"{{{CAMERA}, "poses": [{mirrored}]}}"#),
+            "camera.json: frame 0: the pose is no rotation and translation: it mirrors",
+        ),
+        (
+            format!(r#"{{{CAMERA}, "poses": [{tall}]}}"#),
+            "camera.json: frame 0: the pose is no rotation and translation: the last row is not 0 0 0 1",
+        ),
+        (
+            format!(r#"{{{CAMERA}, "fps": 0, "poses": [{STANDING}]}}"#),
+            "camera.json: fps is 0; it must be a positive number",
         ),
         (
             format!(r#"{{{CAMERA}, "depth_scale_m": -1, "poses": [{STANDING}]}}"#),
@@ -303,7 +337,28 @@ fn images_larger_than_their_camera_are_refused_by_their_headers() {
     encoder.set_depth(png::BitDepth::Sixteen);
     drop(encoder.write_header().unwrap());
     fs::write(path, bytes).unwrap();
-    assert!(refused(&room).contains("an image of 1073741824 x 1073741824 pixels for a camera of 4 x 2"));
+    let text = refused(&room);
+    assert!(text.contains("an image of 1073741824 x 1073741824 pixels for a camera of 4 x 2"), "{text}");
+}
+
+/// A camera and an image that agree on far more pixels than the file has bytes for.
+#[test]
+fn images_larger_than_their_files_are_refused() {
+    let room = room(1);
+    let wide = CAMERA.replace("4, \"height\": 2", "16384, \"height\": 16384");
+    write(room.path(), "camera.json", format!(r#"{{{wide}, "poses": [{STANDING}]}}"#).as_bytes());
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 16384, 16384);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    drop(encoder.write_header().unwrap());
+    let length = bytes.len();
+    write(room.path(), "depth/frame_0.png", &bytes);
+    let text = refused(&room);
+    assert_eq!(text, format!("depth/frame_0.png: frame 0: {length} bytes cannot hold 16384 x 16384 pixels"));
+    let beyond = CAMERA.replace("4, \"height\": 2", "16385, \"height\": 16384");
+    write(room.path(), "camera.json", format!(r#"{{{beyond}, "poses": [{STANDING}]}}"#).as_bytes());
+    assert!(refused(&room).starts_with("camera.json: intrinsics of 16385 x 16384 pixels"));
 }
 
 #[test]
@@ -344,6 +399,6 @@ fn a_real_take_opens() {
     let sequence = DepthSequence::open(&path).unwrap();
     assert_eq!((sequence.frames(), sequence.fps()), (60, Some(30.0)));
     let image = &sequence.read(0).unwrap()[0];
-    assert_eq!(image.readings(), 273_940);
+    assert_eq!(image.readings(), 273_943);
     assert!(image.depths_m().iter().all(|d| *d == 0.0 || (0.8..3.5).contains(d)));
 }

@@ -100,24 +100,26 @@ fn a_wide_hole_stays_open_and_a_narrow_one_is_closed() {
         area(&ingest_points(&cloud, &settings(0.01, BlockEdge::E8), PointSign::Oriented).unwrap())
     };
     let (whole, narrow, wide) = (area_with(0.0), area_with(0.011), area_with(0.08));
-    assert!((0.145..0.17).contains(&whole), "the sheet ends where the points do: {whole} m2");
+    // A voxel more on each side would be 0.176 m2.
+    assert!((0.15..0.176).contains(&whole), "the sheet ends where the points do: {whole} m2");
     assert!((whole - narrow).abs() < 0.001, "a hole of 22 mm is closed: {narrow} of {whole} m2");
     let hole = std::f64::consts::PI * 0.08 * 0.08;
     assert!((whole - wide - hole).abs() < 0.2 * hole, "a hole of 160 mm is not: {wide} of {whole} m2");
 }
 
+/// A plate of one and a half voxels: each side lies in the other's band.
 #[test]
 fn both_sides_of_a_thin_plate_are_kept() {
     let mut cloud = sheet(0.1, |_| false);
     let top = cloud.positions.len();
     for i in 0..top {
-        cloud.positions.push(cloud.positions[i].with_z(-0.006) + DVec3::new(0.002, 0.001, 0.0));
+        cloud.positions.push(cloud.positions[i].with_z(-0.012) + DVec3::new(0.002, 0.001, 0.0));
         cloud.normals.push(DVec3::NEG_Z);
     }
     let volume = ingest_points(&cloud, &settings(0.01, BlockEdge::E8), PointSign::Oriented).unwrap();
     for_each_voxel(&volume, |p, s, observed| {
         if observed && p.truncate().abs().max_element() < 0.08 {
-            let expected = 100.0 * ((p.z + 0.0015).abs() - 0.0045);
+            let expected = 100.0 * ((p.z + 0.0045).abs() - 0.0075);
             assert!((s - expected.min(8.0)).abs() < 0.15, "{p}: {s} against {expected}");
         }
     });
@@ -238,14 +240,14 @@ fn points_too_far_apart_are_refused_with_a_voxel_that_fits() {
 
 #[test]
 fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
-    for edge in [BlockEdge::E4, BlockEdge::E8, BlockEdge::E16] {
-        let few = PointIngest { max_blocks: 100, ..settings(0.01, edge) };
+    for (edge, max_blocks) in [(BlockEdge::E4, 100), (BlockEdge::E8, 100), (BlockEdge::E16, 20)] {
+        let few = PointIngest { max_blocks, ..settings(0.01, edge) };
         for sign in [PointSign::Oriented, PointSign::Offset] {
             let error = ingest_points(&sphere(), &few, sign).unwrap_err();
             let IngestError::TooManyBlocks { voxel_that_fits_m, .. } = error else { panic!("{error}") };
             let grid = settings(voxel_that_fits_m, edge).grid;
             let volume = ingest_points(&sphere(), &PointIngest { grid, ..few }, sign).unwrap();
-            assert!(volume.block_count() <= 100);
+            assert!(volume.block_count() <= max_blocks);
         }
     }
 }

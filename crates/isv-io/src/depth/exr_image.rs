@@ -17,10 +17,14 @@ const CHANNELS: [&str; 6] = ["Z", "R", "Y", "depth", "Depth", "D"];
 const MOST_CHANNELS: usize = 64;
 
 /// The depth channel, in metres.
-pub(crate) fn read(bytes: impl Read + Seek, file: &ImageFile) -> Result<Vec<f32>, DepthFileError> {
+pub(crate) fn read(
+    bytes: impl Read + Seek,
+    length: u64,
+    file: &ImageFile,
+) -> Result<Vec<f32>, DepthFileError> {
     let reader = exr::block::read(bytes, false).map_err(|why| file.flaw(why))?;
     for header in reader.headers() {
-        file.check_size([header.layer_size.width() as u64, header.layer_size.height() as u64])?;
+        file.check_size([header.layer_size.width() as u64, header.layer_size.height() as u64], length)?;
         if header.channels.list.len() > MOST_CHANNELS {
             return Err(file.flaw(format!("more than {MOST_CHANNELS} channels")));
         }

@@ -7,6 +7,9 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
+/// Most bytes of samples to a byte of a file. Deflate cannot pack them denser, and no other packing in use comes near it.
+const MOST_PACKED: u64 = 1032;
+
 /// What the whole numbers of a PNG mean.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Units {
@@ -27,10 +30,12 @@ pub(crate) struct ImageFile<'a> {
 /// The depths of an image in metres, row after row; 0 or not finite where there is no reading.
 pub(crate) fn read(file: &ImageFile, units: &Units) -> Result<Vec<f32>, DepthFileError> {
     let io_error = |cause| DepthFileError::ImageIo { path: file.path.to_owned(), frame: file.frame, cause };
-    let bytes = BufReader::new(File::open(file.path).map_err(io_error)?);
+    let opened = File::open(file.path).map_err(io_error)?;
+    let length = opened.metadata().map_err(io_error)?.len();
+    let bytes = BufReader::new(opened);
     match ImageKind::of(file.path) {
-        Some(ImageKind::Png) => png_image::read(bytes, file, units),
-        Some(ImageKind::Exr) => exr_image::read(bytes, file),
+        Some(ImageKind::Png) => png_image::read(bytes, length, file, units),
+        Some(ImageKind::Exr) => exr_image::read(bytes, length, file),
         None => Err(file.flaw("neither .png nor .exr")),
     }
 }
@@ -41,12 +46,17 @@ impl ImageFile<'_> {
         DepthFileError::Image { path: self.path.to_owned(), frame: self.frame, why: why.to_string() }
     }
 
-    /// Refuses an image whose header states another size than expected.
-    pub(crate) fn check_size(&self, found: [u64; 2]) -> Result<(), DepthFileError> {
-        if found == self.size.map(u64::from) {
-            return Ok(());
+    /// Refuses an image whose header states another size than expected, or one that a file of `length` bytes cannot hold.
+    pub(crate) fn check_size(&self, found: [u64; 2], length: u64) -> Result<(), DepthFileError> {
+        if found != self.size.map(u64::from) {
+            let (path, frame, expected) = (self.path.to_owned(), self.frame, self.size);
+            return Err(DepthFileError::ImageSize { path, frame, found, expected });
         }
-        let (path, frame, expected) = (self.path.to_owned(), self.frame, self.size);
-        Err(DepthFileError::ImageSize { path, frame, found, expected })
+        // Samples have two bytes or more.
+        if found[0] * found[1] * 2 > length.saturating_mul(MOST_PACKED) {
+            let [columns, rows] = found;
+            return Err(self.flaw(format!("{length} bytes cannot hold {columns} x {rows} pixels")));
+        }
+        Ok(())
     }
 }

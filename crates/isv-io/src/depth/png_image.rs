@@ -6,16 +6,18 @@ use std::io::{BufRead, Seek};
 
 pub(crate) fn read(
     bytes: impl BufRead + Seek,
+    length: u64,
     file: &ImageFile,
     units: &Units,
 ) -> Result<Vec<f32>, DepthFileError> {
-    let mut reader = png::Decoder::new(bytes).read_info().map_err(|why| file.flaw(why))?;
-    let header = reader.info();
-    file.check_size([header.width, header.height].map(u64::from))?;
+    let mut decoder = png::Decoder::new(bytes);
+    let header = decoder.read_header_info().map_err(|why| file.flaw(why))?;
+    file.check_size([header.width, header.height].map(u64::from), length)?;
     if (header.color_type, header.bit_depth) != (png::ColorType::Grayscale, png::BitDepth::Sixteen) {
         let (colour, bits) = (header.color_type, header.bit_depth as u8);
         return Err(file.flaw(format!("{colour:?} of {bits} bits; depths must be grey of 16 bits")));
     }
+    let mut reader = decoder.read_info().map_err(|why| file.flaw(why))?;
     let size = reader.output_buffer_size().ok_or_else(|| file.flaw("too large"))?;
     let mut samples = vec![0; size];
     reader.next_frame(&mut samples).map_err(|why| file.flaw(why))?;

@@ -72,13 +72,15 @@ fn read_lens(folder: &Path) -> Result<(Intrinsics, Units), DepthFileError> {
     if text.is_file() {
         for_each_line(&text, |words| {
             let numbers = words.iter().map(|word| number(word)).collect::<Result<Vec<_>, _>>()?;
-            let [fx, fy, cx, cy, size @ ..] = &numbers[..] else {
-                return Err("fx fy cx cy and possibly width height are expected".to_owned());
+            let (lens, size) = match numbers[..] {
+                [fx, fy, cx, cy] => ([fx, fy, cx, cy], None),
+                [fx, fy, cx, cy, width, height] => ([fx, fy, cx, cy], Some([width, height])),
+                _ => return Err("fx fy cx cy and possibly width height are expected".to_owned()),
             };
-            intrinsics.focal = DVec2::new(*fx, *fy);
-            intrinsics.principal = DVec2::new(*cx, *cy);
-            if let [width, height] = size {
-                (intrinsics.width, intrinsics.height) = (*width as u32, *height as u32);
+            intrinsics.focal = DVec2::new(lens[0], lens[1]);
+            intrinsics.principal = DVec2::new(lens[2], lens[3]);
+            if let Some(size) = size {
+                [intrinsics.width, intrinsics.height] = size.map(|pixels| pixels as u32);
             }
             Ok(())
         })?;
