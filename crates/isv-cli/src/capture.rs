@@ -11,7 +11,7 @@ use anyhow::{Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
 use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, VoxelSize};
+use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
 use std::ops::Range;
 use std::path::Path;
@@ -46,6 +46,7 @@ pub(crate) struct Hints {
     /// Unit of coordinates.
     pub(crate) unit: Unit,
     pub(crate) voxel_size: Option<VoxelSize>,
+    pub(crate) truncation: Option<Truncation>,
     /// Frames a second, at which an animation is sampled.
     pub(crate) frame_rate: FrameRate,
 }
@@ -53,8 +54,14 @@ pub(crate) struct Hints {
 impl Hints {
     /// Those of a capture in a unit, with nothing else said.
     pub(crate) fn in_unit(unit: Unit) -> Self {
-        Self { unit, voxel_size: None, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
+        let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+        Self { unit, voxel_size: None, truncation: None, frame_rate }
     }
+}
+
+/// Edge of a voxel where neither the user nor the capture says.
+pub(crate) fn default_voxel_size() -> VoxelSize {
+    VoxelSize::from_nanometres(5_000_000).expect("5 mm is in range")
 }
 
 /// An input of frames.
@@ -99,10 +106,7 @@ impl Capture {
 
     /// What a user should know before the first frame.
     pub(crate) fn remark(&self) -> Option<String> {
-        let skipped = self.kind.left_out();
-        (skipped > 0).then(|| {
-            format!("{}: {skipped} depth images have no pose close in time and are left out", self.name)
-        })
+        self.kind.remark().map(|remark| format!("{}: {remark}", self.name))
     }
 
     /// Whether a frame can be read after one that cannot.

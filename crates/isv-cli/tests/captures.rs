@@ -72,6 +72,13 @@ fn volumes_come_out_and_go_in_again_as_they_are() {
     work.isv(&[&["encode", "arrays", "-o", "arrays.isv"], &fine[..]].concat()).done();
     assert!(distance_mm(&work, "take.isv", "arrays.isv") < 0.05);
 
+    // One frame alone, and nobody says how large a voxel is.
+    fs::remove_file(work.path("arrays/frame_0000/grid.json")).unwrap();
+    let run = work.isv(&["encode", "arrays/frame_0000", "-o", "one.isv", "--truncation", "4"]).done();
+    assert!(run.stderr().contains("arrays/frame_0000: does not say how large a voxel is: taken as 5mm"));
+    let info = work.isv(&["info", "one.isv", "--json"]).json();
+    assert_eq!((&info["voxel_size_m"], &info["truncation_voxels"]), (&0.005.into(), &4.into()));
+
     work.isv(&["decode", "take.isv", "-o", "one.vdb", "--frames", "0..1"]).done();
     work.isv(&["decode", "take.isv", "-o", "vdb", "--format", "vdb"]).done();
     assert_eq!(work.read("one.vdb"), work.read("vdb/frame_0000.vdb"));

@@ -2,9 +2,10 @@
 
 use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
-use super::{CapturedFrame, Content, Frames, Hints, is_standard_input};
+use super::{CapturedFrame, Content, Frames, Hints, default_voxel_size, is_standard_input};
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
+use crate::length::Length;
 use crate::stream::{self, StreamFrames, load_index};
 use anyhow::Result;
 use isv::decode::Lod;
@@ -25,7 +26,12 @@ pub(super) enum Kind {
     /// Depth images and the cameras that took them.
     Depth(DepthSequence),
     /// Folders of arrays, one a frame.
-    Volumes(VolumeSequence, Grid),
+    Volumes {
+        volumes: VolumeSequence,
+        grid: Grid,
+        /// Whether anybody said how large a voxel is.
+        size_is_known: bool,
+    },
     /// An `.isv` file.
     Stream(StreamHeader),
     /// An `.isv` stream on standard input.
@@ -76,16 +82,19 @@ impl Kind {
 
     /// Volumes on their own grid.
     fn volumes(volumes: VolumeSequence, hints: &Hints) -> Result<(Option<usize>, Self)> {
-        let grid = match volumes.grid(0, None, None) {
-            Err(VolumeError::NoVoxelSize { .. }) => volumes.grid(0, hints.voxel_size, None),
-            grid => grid,
+        let (grid, size_is_known) = match volumes.grid(0, None, hints.truncation) {
+            Err(VolumeError::NoVoxelSize { .. }) => {
+                let voxel_size = hints.voxel_size.unwrap_or(default_voxel_size());
+                (volumes.grid(0, Some(voxel_size), hints.truncation), hints.voxel_size.is_some())
+            }
+            grid => (grid, true),
         };
-        Ok((Some(volumes.len()), Self::Volumes(volumes, grid?)))
+        Ok((Some(volumes.len()), Self::Volumes { volumes, grid: grid?, size_is_known }))
     }
 
     pub(super) fn frame_rate(&self) -> Option<FrameRate> {
         match self {
-            Self::Files(..) | Self::Volumes(..) | Self::PipedGeometry(_) => None,
+            Self::Files(..) | Self::Volumes { .. } | Self::PipedGeometry(_) => None,
             Self::Animation(_, rate) => Some(*rate),
             Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
             Self::Stream(header) => Some(header.frame_rate),
@@ -96,15 +105,24 @@ impl Kind {
     pub(super) fn grid(&self) -> Option<Grid> {
         match self {
             Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
-            Self::Volumes(_, grid) => Some(*grid),
+            Self::Volumes { grid, .. } => Some(*grid),
             Self::Stream(header) => Some(header.grid),
             Self::PipedStream(frames) => Some(frames.header().grid),
         }
     }
 
-    /// How many images no frame is made of.
-    pub(super) fn left_out(&self) -> usize {
-        if let Self::Depth(depth) = self { depth.skipped() } else { 0 }
+    /// What a user should know of it.
+    pub(super) fn remark(&self) -> Option<String> {
+        match self {
+            Self::Depth(depth) if depth.skipped() > 0 => {
+                Some(format!("{} depth images have no pose close in time and are left out", depth.skipped()))
+            }
+            Self::Volumes { size_is_known: false, grid, .. } => {
+                let voxel = Length::from_metres(grid.voxel_size.metres());
+                Some(format!("does not say how large a voxel is: taken as {voxel}; --voxel is another"))
+            }
+            _ => None,
+        }
     }
 
     pub(super) fn frames_stand_alone(&self) -> bool {
@@ -112,7 +130,7 @@ impl Kind {
             Self::Files(..)
             | Self::Animation(..)
             | Self::Depth(_)
-            | Self::Volumes(..)
+            | Self::Volumes { .. }
             | Self::PipedGeometry(_) => true,
             Self::Stream(_) | Self::PipedStream(_) => false,
         }
@@ -133,7 +151,7 @@ impl Kind {
                 let content = Content::Depth(depth.read(number)?);
                 Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
             })),
-            Self::Volumes(volumes, grid) => Box::new(range.map(move |number| {
+            Self::Volumes { volumes, grid, .. } => Box::new(range.map(move |number| {
                 let content = Content::Volume(volumes.read(number, &grid)?);
                 Ok(CapturedFrame { number, name: volumes.folders()[number].display().to_string(), content })
             })),

@@ -68,7 +68,8 @@ impl Args {
     fn hints(&self) -> Result<Hints> {
         let usual = Hints::in_unit(self.units);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
-        Ok(Hints { voxel_size: self.header.voxel_size()?, frame_rate, ..usual })
+        let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
+        Ok(Hints { voxel_size, truncation, frame_rate, ..usual })
     }
 
     fn encoder_settings(&self) -> EncoderSettings {

@@ -1,6 +1,6 @@
 //! The part of the command line that goes into the stream's header.
 
-use crate::capture::Capture;
+use crate::capture::{Capture, default_voxel_size};
 use crate::failure::usage;
 use crate::frame_rate;
 use crate::length::Length;
@@ -13,11 +13,10 @@ use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, Truncation, VoxelSize};
 const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 /// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
 fn default_grid() -> Grid {
-    let valid = "these are in range";
     Grid {
-        voxel_size: VoxelSize::from_nanometres(5_000_000).expect(valid),
+        voxel_size: default_voxel_size(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).expect(valid),
+        truncation: Truncation::from_voxels(8).expect("8 is in range"),
     }
 }
 
@@ -77,15 +76,20 @@ impl HeaderArgs {
         self.voxel.map(checked).transpose()
     }
 
+    /// The truncation asked for, if any.
+    pub(super) fn truncation(&self) -> Result<Option<Truncation>> {
+        let checked = self.truncation.map(Truncation::from_voxels).transpose();
+        checked.map_err(|error| usage(format!("--truncation: {error}")))
+    }
+
     /// The grid: what was asked for, else what the capture has, else the defaults.
     fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
         let default = captured.unwrap_or(default_grid());
         let edge = self.block.map_or(Ok(default.edge), BlockEdge::from_voxels);
-        let truncation = self.truncation.map_or(Ok(default.truncation), Truncation::from_voxels);
         Ok(Grid {
             voxel_size: self.voxel_size()?.unwrap_or(default.voxel_size),
             edge: edge.map_err(|error| usage(format!("--block: {error}")))?,
-            truncation: truncation.map_err(|error| usage(format!("--truncation: {error}")))?,
+            truncation: self.truncation()?.unwrap_or(default.truncation),
         })
     }
 
