@@ -11,7 +11,7 @@
 use crate::holes::WideHoles;
 use crate::tiles::VoxelMesh;
 use crate::topology::{Side, Topology};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// A triangle whose height is below this share of its longest edge is no more than its edges: its plane is lost in rounding.
@@ -33,25 +33,30 @@ pub(crate) const EDGE_PLANES: usize = 2 + 2 + 2;
 pub(crate) const VERTEX_PLANES: usize = 3 + MOST_CONE_SIDES;
 
 /// A plane that cuts nothing off.
-const NOWHERE: Plane = Plane { normal: DVec3::ZERO, height: 0.0 };
+const NOWHERE: Plane = Plane { normal: Vec3::ZERO, height: 0.0, spread: 0.0 };
 
-/// A plane.
+/// A plane. Within a tile of the origin `f32` gives heights to 1e-5 voxels.
 #[derive(Clone, Copy)]
 pub(crate) struct Plane {
     /// Unit vector.
-    pub(crate) normal: DVec3,
+    pub(crate) normal: Vec3,
     /// Height of the origin above it.
-    pub(crate) height: f64,
+    pub(crate) height: f32,
+    /// How much higher than its centre the highest corner of a cube whose edge is 2 is.
+    pub(crate) spread: f32,
 }
 
 /// The cell of a face, an edge or a vertex.
 #[derive(Clone, Copy)]
-struct Cell {
-    /// The first of its planes.
+pub(crate) struct Cell {
+    /// The first of its planes: first the axes, then the sides, in front of which the cell lies, those first that bound the
+    /// part itself.
     first: u32,
-    /// As in [`CellPlanes`].
-    axes: u8,
-    on_hole: bool,
+    /// How many of its planes are axes, which are square to each other and whose heights make up the distance to the part: one
+    /// for a face, two for an edge, three for a vertex.
+    pub(crate) axes: u8,
+    /// Whether the part lies on the edge of a wide hole.
+    pub(crate) on_hole: bool,
 }
 
 /// Cells of some triangles, relative to an origin near them.
@@ -62,23 +67,14 @@ pub(crate) struct Cells {
     planes: Vec<Plane>,
 }
 
-/// The planes of a cell: first the axes, then the sides, in front of which the cell lies.
-#[derive(Clone, Copy)]
-pub(crate) struct CellPlanes<'a> {
-    pub(crate) planes: &'a [Plane],
-    /// Planes, square to each other, whose heights make up the distance to the part: one for a face, two for an edge, three
-    /// for a vertex.
-    pub(crate) axes: usize,
-    /// Whether the part lies on the edge of a wide hole.
-    pub(crate) on_hole: bool,
-}
-
 /// Directions of the triangles of a mesh, found once for all tiles.
 pub(crate) struct Directions {
     /// Unit normal of each triangle; zero if it has none to speak of.
     normals: Vec<DVec3>,
     /// Unit vectors along the edges, zero for an edge without length.
     along: Vec<[DVec3; 3]>,
+    /// Unit vectors into the triangle, square to each edge and to the normal; zero where the normal is.
+    inward: Vec<[DVec3; 3]>,
     /// Whether each triangle is so thin that its directions inwards cannot cut off anything.
     vague: Vec<bool>,
 }
@@ -90,22 +86,21 @@ impl Directions {
             let [a, b, c] = corners;
             let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
             let (normal, share) = unit_normal(&corners);
-            (normal, along, share <= VAGUE_SHARE)
+            (normal, along, along.map(|along| normal.cross(along)), share <= VAGUE_SHARE)
         };
         let described: Vec<_> = (0..mesh.triangles.len()).into_par_iter().map(describe).collect();
-        let mut out = Self { normals: Vec::new(), along: Vec::new(), vague: Vec::new() };
-        for (normal, along, vague) in described {
-            out.normals.push(normal);
-            out.along.push(along);
-            out.vague.push(vague);
+        Self {
+            normals: described.iter().map(|d| d.0).collect(),
+            along: described.iter().map(|d| d.1).collect(),
+            inward: described.iter().map(|d| d.2).collect(),
+            vague: described.iter().map(|d| d.3).collect(),
         }
-        out
     }
 
     /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
     fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
         let face = face as usize;
-        (!self.vague[face]).then(|| self.normals[face].cross(self.along[face][usize::from(side)]))
+        (!self.vague[face]).then(|| self.inward[face][usize::from(side)])
     }
 }
 
@@ -129,15 +124,19 @@ impl Cells {
         self.cells.len() as u32
     }
 
-    pub(crate) fn get(&self, index: u32) -> CellPlanes<'_> {
-        let Cell { first, axes, on_hole } = self.cells[index as usize];
-        let count = [FACE_PLANES, EDGE_PLANES, VERTEX_PLANES][usize::from(axes) - 1];
-        let planes = &self.planes[first as usize..first as usize + count];
-        CellPlanes { planes, axes: usize::from(axes), on_hole }
+    pub(crate) fn get(&self, index: u32) -> Cell {
+        self.cells[index as usize]
+    }
+
+    /// The planes of a cell, of which there are as many as its kind has.
+    pub(crate) fn planes<const PLANES: usize>(&self, cell: Cell) -> &[Plane; PLANES] {
+        self.planes[cell.first as usize..].first_chunk().expect("every cell has all the planes of its kind")
     }
 
     fn push_plane(&mut self, normal: DVec3, point: DVec3) {
-        self.planes.push(Plane { normal, height: normal.dot(self.origin - point) });
+        let height = normal.dot(self.origin - point) as f32;
+        let normal = normal.as_vec3();
+        self.planes.push(Plane { normal, height, spread: normal.abs().element_sum() });
     }
 
     /// Adds the cells of triangles and of the edges and vertices they own, kind after kind: loops over cells then seldom meet
@@ -167,8 +166,8 @@ impl Cells {
         let corners = parts.mesh.corners(face);
         let first = self.planes.len() as u32;
         self.push_plane(normal, corners[0]);
-        for (along, corner) in parts.directions.along[face as usize].into_iter().zip(corners) {
-            self.push_plane(normal.cross(along), corner);
+        for (inward, corner) in parts.directions.inward[face as usize].into_iter().zip(corners) {
+            self.push_plane(inward, corner);
         }
         self.cells.push(Cell { first, axes: 1, on_hole: false });
     }

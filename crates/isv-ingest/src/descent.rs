@@ -6,7 +6,7 @@
 
 use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
 use fearless_simd::{f32x8, prelude::*};
-use glam::DVec3;
+use glam::Vec3;
 
 /// Points evaluated together.
 pub(crate) const LANES: usize = 8;
@@ -14,6 +14,9 @@ pub(crate) const LANES: usize = 8;
 /// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
 /// a tile (1e-5 voxels), so that no point falls between two cells.
 const SLACK: f32 = 1e-4;
+
+/// How many of a cell's sides bound its part, by its axes: three a face, two an edge, none a vertex.
+const BOUNDS: [usize; 3] = [3, 2, 0];
 
 /// Cubes that a cube is cut into at once, four along each axis.
 pub(crate) const PARTS: usize = 4 * 4 * 4;
@@ -34,7 +37,7 @@ pub(crate) fn part_number(position: [i32; 3]) -> usize {
 #[derive(Clone, Copy)]
 pub(crate) struct Cube {
     /// Relative to the origin of the cells.
-    pub(crate) centre: DVec3,
+    pub(crate) centre: Vec3,
     /// In voxels.
     pub(crate) edge: usize,
 }
@@ -44,20 +47,14 @@ pub(crate) struct Cube {
 struct Probe<S: Simd, const AXES: usize, const PLANES: usize> {
     /// By how much the corners of a cube whose edge is 2 are higher above each plane than its centre.
     rises: [f32x8<S>; PLANES],
-    /// The largest of those.
+    /// The largest of those, of each plane.
     spreads: [f32; PLANES],
-}
-
-/// Squared distances of eight points from the part of a cell, and how far in front of its sides they lie, at most zero.
-struct Reach<S: Simd> {
-    distances_sq: f32x8<S>,
-    depths: f32x8<S>,
 }
 
 impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
     /// Readies a cell; returns the heights of a point above its planes with it.
     #[inline(always)]
-    fn new(simd: S, planes: &[Plane], point: DVec3) -> (Self, [f32; PLANES]) {
+    fn new(simd: S, planes: &[Plane; PLANES], point: Vec3) -> (Self, [f32; PLANES]) {
         const SIGNS: [[f32; LANES]; 3] = [
             [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
             [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0],
@@ -68,11 +65,10 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         let z = f32x8::simd_from(simd, SIGNS[2]);
         let (mut rises, mut spreads, mut heights) = ([x; PLANES], [0.0; PLANES], [0.0; PLANES]);
         for i in 0..PLANES {
-            let plane = &planes[i];
-            let normal = plane.normal.as_vec3();
+            let Plane { normal, height, spread } = planes[i];
             rises[i] = x * normal.x + y * normal.y + z * normal.z;
-            spreads[i] = normal.x.abs() + normal.y.abs() + normal.z.abs();
-            heights[i] = (plane.height + plane.normal.dot(point)) as f32;
+            spreads[i] = spread;
+            heights[i] = height + normal.dot(point);
         }
         (Self { rises, spreads }, heights)
     }
@@ -87,30 +83,21 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         octants
     }
 
-    /// What is to be known of the eight points `step` away along each axis from one whose heights are given, if each stands
-    /// for the points up to `around` away from it along each axis.
-    #[inline(always)]
-    fn reach(&self, heights: &[f32; PLANES], step: f32, around: f32) -> Reach<S> {
-        let simd = self.rises[0].simd;
-        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
-        for plane in 0..PLANES {
-            let points = self.rises[plane] * step + heights[plane];
-            if plane < AXES {
-                distances_sq += points * points;
-            } else {
-                depths = depths.min(points + self.spreads[plane] * around);
-            }
-        }
-        Reach { distances_sq, depths }
-    }
-
     /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
     #[inline(always)]
     fn octants_reached(&self, heights: &[f32; PLANES], edge: f32, band: f32) -> u64 {
-        let around = (edge / 2.0 - 1.0) / 2.0;
+        let simd = self.rises[0].simd;
+        let (step, around) = (edge / 4.0, (edge / 2.0 - 1.0) / 2.0);
         let farthest = band + around * 3f32.sqrt() + SLACK;
-        let reach = self.reach(heights, edge / 4.0, around);
-        (reach.distances_sq.simd_le(farthest * farthest) & reach.depths.simd_ge(-SLACK)).to_bitmask()
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..AXES {
+            let heights = self.rises[plane] * step + heights[plane];
+            distances_sq += heights * heights;
+        }
+        for plane in AXES..PLANES {
+            depths = depths.min(self.rises[plane] * step + (heights[plane] + self.spreads[plane] * around));
+        }
+        (distances_sq.simd_le(farthest * farthest) & depths.simd_ge(-SLACK)).to_bitmask()
     }
 
     /// The same for the octants of all octants of a cube, given the heights of those. The number of a part is that of its octant
@@ -168,11 +155,20 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         }
     }
 
-    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those outside the cell.
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those that the part has no foot
+    /// for. The other sides of the cell only cut off what is closer to another part, and there is nothing to fear from that.
     #[inline(always)]
     fn inside(&self, heights: &[f32; PLANES]) -> f32x8<S> {
-        let Reach { distances_sq, depths } = self.reach(heights, 0.5, 0.0);
-        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(depths.simd, f32::INFINITY))
+        let simd = self.rises[0].simd;
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..AXES {
+            let heights = self.rises[plane] * 0.5 + heights[plane];
+            distances_sq += heights * heights;
+        }
+        for plane in AXES..AXES + BOUNDS[AXES - 1] {
+            depths = depths.min(self.rises[plane] * 0.5 + heights[plane]);
+        }
+        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(simd, f32::INFINITY))
     }
 }
 
@@ -190,7 +186,7 @@ pub(crate) fn list_cells<S: Simd>(
         let cell = cells.get(index);
         macro_rules! parts {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
                 probe.parts_reached(&heights, &probe.octants(&heights, edge), edge, band)
             }};
         }
@@ -227,7 +223,7 @@ pub(crate) fn measure_cells<S: Simd>(
         };
         macro_rules! measure {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
+                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
                 match cube.edge {
                     4 => probe.measure::<true>(&heights, band, &mut lower),
                     _ => probe.measure::<false>(&heights, band, &mut lower),

@@ -7,7 +7,7 @@ use crate::regions::Regions;
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
 use fearless_simd::{Level, dispatch};
-use glam::{DVec3, IVec3};
+use glam::{DVec3, IVec3, Vec3};
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 
@@ -78,7 +78,7 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
     let Workspace { cells, lists, .. } = work;
-    let cube = Cube { centre: DVec3::ZERO, edge: edge as usize };
+    let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
     dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
     for block in 0..PARTS {
@@ -181,7 +181,7 @@ fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
     for (octant, (nearest, on_hole)) in cubes.enumerate() {
         let edge = n.min(8);
         let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
-        let cube = Cube { centre: (corner + step * edge as i32).as_dvec3() + 0.5 * edge as f64, edge };
+        let cube = Cube { centre: (corner + step * edge as i32).as_vec3() + 0.5 * edge as f32, edge };
         dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
     }
     work.voxels.resize(edge.block_voxels(), 0);
