@@ -133,10 +133,15 @@ impl Cells {
         self.planes[cell.first as usize..].first_chunk().expect("every cell has all the planes of its kind")
     }
 
-    fn push_plane(&mut self, normal: DVec3, point: DVec3) {
+    fn plane(&self, normal: DVec3, point: DVec3) -> Plane {
         let height = normal.dot(self.origin - point) as f32;
         let normal = normal.as_vec3();
-        self.planes.push(Plane { normal, height, spread: normal.abs().element_sum() });
+        Plane { normal, height, spread: normal.abs().element_sum() }
+    }
+
+    fn push(&mut self, planes: &[Plane], axes: u8, on_hole: bool) {
+        self.cells.push(Cell { first: self.planes.len() as u32, axes, on_hole });
+        self.planes.extend_from_slice(planes);
     }
 
     /// Adds the cells of triangles and of the edges and vertices they own, kind after kind: loops over cells then seldom meet
@@ -163,13 +168,11 @@ impl Cells {
         if normal == DVec3::ZERO {
             return;
         }
-        let corners = parts.mesh.corners(face);
-        let first = self.planes.len() as u32;
-        self.push_plane(normal, corners[0]);
-        for (inward, corner) in parts.directions.inward[face as usize].into_iter().zip(corners) {
-            self.push_plane(inward, corner);
-        }
-        self.cells.push(Cell { first, axes: 1, on_hole: false });
+        let [a, b, c] = parts.mesh.corners(face);
+        let [to_ab, to_bc, to_ca] = parts.directions.inward[face as usize];
+        let planes =
+            [self.plane(normal, a), self.plane(to_ab, a), self.plane(to_bc, b), self.plane(to_ca, c)];
+        self.push(&planes, 1, false);
     }
 
     /// The wedge of an edge: between its ends, and beyond the faces on both sides.
@@ -178,20 +181,20 @@ impl Cells {
         let (from, to) = (corners[side], corners[(side + 1) % 3]);
         let along = parts.directions.along[face as usize][side];
         let across = along.any_orthonormal_vector();
-        let first = self.planes.len() as u32;
-        self.push_plane(across, from);
-        self.push_plane(across.cross(along), from);
-        self.push_plane(along, from);
-        self.push_plane(-along, to);
+        let mut planes = [NOWHERE; EDGE_PLANES];
+        planes[0] = self.plane(across, from);
+        planes[1] = self.plane(across.cross(along), from);
+        planes[2] = self.plane(along, from);
+        planes[3] = self.plane(-along, to);
         let own = Side { face, side: side as u8 };
-        for face in [Some(own), parts.topology.across(face, side)].into_iter().flatten() {
+        let faces = [Some(own), parts.topology.across(face, side)];
+        for (plane, face) in planes[4..].iter_mut().zip(faces.into_iter().flatten()) {
             if let Some(inward) = parts.directions.inward(face) {
-                self.push_plane(-inward, from);
+                *plane = self.plane(-inward, from);
             }
         }
-        self.planes.resize(first as usize + EDGE_PLANES, NOWHERE);
         let on_hole = parts.holes.is_some_and(|holes| holes.has_edge(face, side));
-        self.cells.push(Cell { first, axes: 2, on_hole });
+        self.push(&planes, 2, on_hole);
     }
 
     /// The cone of a vertex: beyond the ends of its edges.
@@ -199,19 +202,18 @@ impl Cells {
         let vertex = parts.mesh.triangles[face as usize][corner];
         let point = parts.mesh.vertices[vertex as usize];
         let spokes = parts.topology.spokes(vertex);
-        let first = self.planes.len() as u32;
-        DVec3::AXES.into_iter().for_each(|axis| self.push_plane(axis, point));
-        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
-        for Side { face, side } in spokes.iter().step_by(step) {
-            let along = parts.directions.along[*face as usize][usize::from(*side)];
-            let starts_here = parts.mesh.vertices
-                [parts.mesh.triangles[*face as usize][usize::from(*side)] as usize]
-                == point;
-            self.push_plane(if starts_here { -along } else { along }, point);
+        let mut planes = [NOWHERE; VERTEX_PLANES];
+        for (plane, axis) in planes.iter_mut().zip(DVec3::AXES) {
+            *plane = self.plane(axis, point);
         }
-        self.planes.resize(first as usize + VERTEX_PLANES, NOWHERE);
+        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
+        for (plane, spoke) in planes[3..].iter_mut().zip(spokes.iter().step_by(step)) {
+            let Side { face, side } = spoke.edge;
+            let along = parts.directions.along[face as usize][usize::from(side)];
+            *plane = self.plane(if spoke.outward { -along } else { along }, point);
+        }
         let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));
-        self.cells.push(Cell { first, axes: 3, on_hole });
+        self.push(&planes, 3, on_hole);
     }
 }
 

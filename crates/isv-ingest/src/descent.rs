@@ -186,7 +186,8 @@ pub(crate) fn list_cells<S: Simd>(
         let cell = cells.get(index);
         macro_rules! parts {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
+                let (probe, heights) =
+                    Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
                 probe.parts_reached(&heights, &probe.octants(&heights, edge), edge, band)
             }};
         }
@@ -223,7 +224,8 @@ pub(crate) fn measure_cells<S: Simd>(
         };
         macro_rules! measure {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
+                let (probe, heights) =
+                    Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
                 match cube.edge {
                     4 => probe.measure::<true>(&heights, band, &mut lower),
                     _ => probe.measure::<false>(&heights, band, &mut lower),

@@ -3,7 +3,7 @@
 use crate::cells::{Cells, Directions, Parts};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
-use crate::regions::Regions;
+use crate::regions::{Regions, TileVoxel};
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
 use fearless_simd::{Level, dispatch};
@@ -19,6 +19,16 @@ pub(crate) struct Source<'a> {
     pub(crate) topology: Topology,
     pub(crate) directions: Directions,
     pub(crate) sign: Sign,
+}
+
+impl Source<'_> {
+    /// The holes to keep open, if any.
+    fn holes(&self) -> Option<&WideHoles> {
+        match &self.sign {
+            Sign::Closed(_, holes) => holes.as_ref(),
+            Sign::Offset(_) => None,
+        }
+    }
 }
 
 /// Where the sign of a sample comes from.
@@ -68,12 +78,12 @@ impl Default for Workspace {
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
     let edge = source.band.tile_edge();
-    let holes = match &source.sign {
-        Sign::Closed(_, holes) => holes.as_ref(),
-        Sign::Offset(_) => None,
+    let parts = Parts {
+        mesh: &source.mesh,
+        topology: &source.topology,
+        directions: &source.directions,
+        holes: source.holes(),
     };
-    let parts =
-        Parts { mesh: &source.mesh, topology: &source.topology, directions: &source.directions, holes };
     work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge));
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
@@ -119,14 +129,15 @@ fn find_sides(
     coord: impl Fn(usize) -> BlockCoord,
 ) {
     let grid = &source.grid;
-    let are_inside =
-        |block: usize, voxels: &[usize]| winding.exceed_half(&centres(grid, coord(block), voxels));
+    let are_inside = |voxels: &[TileVoxel]| {
+        let points: Vec<DVec3> =
+            voxels.iter().map(|(block, voxel)| centre(grid, coord(*block), *voxel)).collect();
+        winding.exceed_half(&points)
+    };
     for &block in active {
-        work.blocks[block].divide(grid.edge, &|voxels| are_inside(block, voxels));
+        work.blocks[block].divide(grid.edge);
     }
-    for &block in active {
-        Regions::settle(&mut work.blocks, block, grid.edge, &|voxels| are_inside(block, voxels));
-    }
+    Regions::settle(&mut work.blocks, active, grid.edge, &are_inside);
 }
 
 /// Writes the samples of a block.
@@ -137,8 +148,8 @@ fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &
         *sample = code(grid, distance - offset);
     }
     let Sign::Closed(winding, _) = &source.sign else { return };
-    for voxel in block.inside_voxels() {
-        samples[voxel] = -samples[voxel];
+    for (voxel, sample) in samples.iter_mut().enumerate() {
+        *sample = if block.is_inside(voxel) { -*sample } else { *sample };
     }
     if let Some(mask) = &block.unobserved {
         let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
@@ -162,42 +173,52 @@ fn code(grid: &Grid, distance: f32) -> i16 {
 /// Finds the distances and the unobserved voxels of a block of the tile.
 fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
     let (edge, width) = (source.grid.edge, source.band.width as f32);
-    let n = edge.voxels();
-    let step = IVec3::from_array(part_position(block));
     if work.lists[block].is_empty() {
-        work.blocks[block].restart(0, width + 1.0);
+        work.blocks[block].restart(0);
         return;
     }
-    work.blocks[block].restart(edge.block_voxels(), width + 1.0);
-    let corner = (step - TILE_BLOCKS / 2) * n as i32;
-    let Workspace { cells, lists, nearest, on_hole, .. } = work;
-    for cubes in [&mut *nearest, &mut *on_hole] {
-        cubes.clear();
-        cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
-    }
-    let listed = (&*cells, &lists[block][..]);
-    // Blocks of 16 voxels are measured in octants.
-    let cubes = nearest.chunks_mut(PARTS).zip(on_hole.chunks_mut(PARTS));
-    for (octant, (nearest, on_hole)) in cubes.enumerate() {
-        let edge = n.min(8);
-        let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
-        let cube = Cube { centre: (corner + step * edge as i32).as_vec3() + 0.5 * edge as f32, edge };
-        dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
-    }
+    work.blocks[block].restart(edge.block_voxels());
+    measure_cubes(source, work, block);
     work.voxels.resize(edge.block_voxels(), 0);
     if work.voxels[1] == 0 {
         (0..edge.block_voxels()).for_each(|number| work.voxels[number] = voxel_at(edge, number) as u16);
     }
-    let out = &mut work.blocks[block];
-    let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
-    for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
-        let distance = nearest.sqrt();
-        if distance <= width {
-            out.distances[usize::from(*voxel)] = distance;
+    let Regions { distances, unobserved, .. } = &mut work.blocks[block];
+    if source.holes().is_some() {
+        let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
+        for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
+            if nearest == on_hole && nearest.is_finite() {
+                unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
+            }
         }
-        if nearest == on_hole && distance.is_finite() {
-            out.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
-        }
+    }
+    for number in work.nearest.as_flattened_mut() {
+        let distance = number.sqrt();
+        *number = if distance <= width { distance } else { width + 1.0 };
+    }
+    for (distance, voxel) in work.nearest.as_flattened().iter().zip(&work.voxels) {
+        distances[usize::from(*voxel)] = *distance;
+    }
+}
+
+/// Finds the squared distances of a block of the tile.
+fn measure_cubes(source: &Source, work: &mut Workspace, block: usize) {
+    let edge = source.grid.edge;
+    let corner = (IVec3::from_array(part_position(block)) - TILE_BLOCKS / 2) * edge.voxels() as i32;
+    let Workspace { cells, lists, nearest, on_hole, .. } = work;
+    for cubes in [&mut *nearest, &mut *on_hole] {
+        cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
+        cubes.fill([f32::INFINITY; LANES]);
+    }
+    let listed = (&*cells, &lists[block][..]);
+    let width = source.band.width as f32;
+    // Blocks of 16 voxels are measured in octants.
+    let cubes = nearest.chunks_mut(PARTS).zip(on_hole.chunks_mut(PARTS));
+    for (octant, (nearest, on_hole)) in cubes.enumerate() {
+        let edge = edge.voxels().min(8);
+        let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
+        let cube = Cube { centre: (corner + step * edge as i32).as_vec3() + 0.5 * edge as f32, edge };
+        dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
     }
 }
 
@@ -221,12 +242,13 @@ pub(crate) fn blend_across_hole(
         let blend = (1.0 - 2.0 * w.abs()).clamp(-1.0, 1.0);
         (*voxel, code(grid, distance(*voxel) * blend as f32))
     };
-    let numbers = winding.at_points(&centres(grid, coord, voxels));
+    let points: Vec<DVec3> = voxels.iter().map(|voxel| centre(grid, coord, *voxel)).collect();
+    let numbers = winding.at_points(&points);
     voxels.iter().zip(numbers).map(blend).collect()
 }
 
-/// The centres of voxels of a block, in metres.
-fn centres(grid: &Grid, coord: BlockCoord, voxels: &[usize]) -> Vec<DVec3> {
+/// The centre of a voxel of a block, in metres.
+fn centre(grid: &Grid, coord: BlockCoord, voxel: usize) -> DVec3 {
     let n = grid.edge.voxels();
-    voxels.iter().map(|v| grid.voxel_centre_m(coord, [v % n, v / n % n, v / (n * n)])).collect()
+    grid.voxel_centre_m(coord, [voxel % n, voxel / n % n, voxel / (n * n)])
 }
