@@ -68,15 +68,18 @@ pub(crate) struct Cells {
 }
 
 /// Directions of the triangles of a mesh, found once for all tiles.
-pub(crate) struct Directions {
-    /// Unit normal of each triangle; zero if it has none to speak of.
-    normals: Vec<DVec3>,
+pub(crate) struct Directions(Vec<FaceDirections>);
+
+/// Directions of a triangle.
+struct FaceDirections {
+    /// Unit normal; zero if there is none to speak of.
+    normal: DVec3,
     /// Unit vectors along the edges, zero for an edge without length.
-    along: Vec<[DVec3; 3]>,
-    /// Unit vectors into the triangle, square to each edge and to the normal; zero where the normal is.
-    inward: Vec<[DVec3; 3]>,
-    /// Whether each triangle is so thin that its directions inwards cannot cut off anything.
-    vague: Vec<bool>,
+    along: [DVec3; 3],
+    /// Unit vectors into the triangle, square to each edge and to the normal; zero where one of those is.
+    inward: [DVec3; 3],
+    /// Whether the triangle is so thin that its directions inwards cannot cut off anything.
+    vague: bool,
 }
 
 impl Directions {
@@ -86,21 +89,20 @@ impl Directions {
             let [a, b, c] = corners;
             let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
             let (normal, share) = unit_normal(&corners);
-            (normal, along, along.map(|along| normal.cross(along)), share <= VAGUE_SHARE)
+            let inward = along.map(|along| normal.cross(along));
+            FaceDirections { normal, along, inward, vague: share <= VAGUE_SHARE }
         };
-        let described: Vec<_> = (0..mesh.triangles.len()).into_par_iter().map(describe).collect();
-        Self {
-            normals: described.iter().map(|d| d.0).collect(),
-            along: described.iter().map(|d| d.1).collect(),
-            inward: described.iter().map(|d| d.2).collect(),
-            vague: described.iter().map(|d| d.3).collect(),
-        }
+        Self((0..mesh.triangles.len()).into_par_iter().map(describe).collect())
+    }
+
+    fn face(&self, face: u32) -> &FaceDirections {
+        &self.0[face as usize]
     }
 
     /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
     fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
-        let face = face as usize;
-        (!self.vague[face]).then(|| self.inward[face][usize::from(side)])
+        let face = self.face(face);
+        (!face.vague).then(|| face.inward[usize::from(side)])
     }
 }
 
@@ -164,12 +166,12 @@ impl Cells {
 
     /// The prism over a face, bounded by the planes through its edges.
     fn add_face(&mut self, parts: &Parts, face: u32) {
-        let normal = parts.directions.normals[face as usize];
+        let FaceDirections { normal, inward, .. } = *parts.directions.face(face);
         if normal == DVec3::ZERO {
             return;
         }
         let [a, b, c] = parts.mesh.corners(face);
-        let [to_ab, to_bc, to_ca] = parts.directions.inward[face as usize];
+        let [to_ab, to_bc, to_ca] = inward;
         let planes =
             [self.plane(normal, a), self.plane(to_ab, a), self.plane(to_bc, b), self.plane(to_ca, c)];
         self.push(&planes, 1, false);
@@ -179,7 +181,7 @@ impl Cells {
     fn add_edge(&mut self, parts: &Parts, face: u32, side: usize) {
         let corners = parts.mesh.corners(face);
         let (from, to) = (corners[side], corners[(side + 1) % 3]);
-        let along = parts.directions.along[face as usize][side];
+        let along = parts.directions.face(face).along[side];
         let across = along.any_orthonormal_vector();
         let mut planes = [NOWHERE; EDGE_PLANES];
         planes[0] = self.plane(across, from);
@@ -209,7 +211,7 @@ impl Cells {
         let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
         for (plane, spoke) in planes[3..].iter_mut().zip(spokes.iter().step_by(step)) {
             let Side { face, side } = spoke.edge;
-            let along = parts.directions.along[face as usize][usize::from(side)];
+            let along = parts.directions.face(face).along[usize::from(side)];
             *plane = self.plane(if spoke.outward { -along } else { along }, point);
         }
         let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));

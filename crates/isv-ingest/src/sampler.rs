@@ -50,10 +50,10 @@ pub(crate) struct TileBlocks {
 
 /// Buffers of one thread.
 pub(crate) struct Workspace {
-    /// Cells of the tile at hand, relative to its centre, and those that reach into each of its blocks.
+    /// Cells of the tile at hand, relative to its centre, and those that reach into each of its octants.
     cells: Cells,
-    lists: [Vec<u32>; PARTS],
-    /// Squared distances of the block at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
+    lists: [Vec<u32>; LANES],
+    /// Squared distances of the octant at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
     nearest: Vec<[f32; LANES]>,
     on_hole: Vec<[f32; LANES]>,
     /// The voxels of a block by their Morton numbers.
@@ -91,8 +91,8 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
     dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
-    for block in 0..PARTS {
-        measure_block(source, work, block);
+    for octant in 0..LANES {
+        measure_octant(source, work, octant);
     }
     let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], band)).collect();
     let coord = |block: usize| {
@@ -170,55 +170,52 @@ fn code(grid: &Grid, distance: f32) -> i16 {
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
 }
 
-/// Finds the distances and the unobserved voxels of a block of the tile.
-fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
-    let (edge, width) = (source.grid.edge, source.band.width as f32);
-    if work.lists[block].is_empty() {
-        work.blocks[block].restart(0);
-        return;
+/// Finds the distances and the unobserved voxels of the eight blocks of an octant of the tile.
+fn measure_octant(source: &Source, work: &mut Workspace, octant: usize) {
+    let edge = 2 * source.band.edge;
+    let Workspace { cells, lists, nearest, on_hole, .. } = work;
+    for cubes in [&mut *nearest, &mut *on_hole] {
+        cubes.resize(edge.pow(3) as usize / LANES, [f32::INFINITY; LANES]);
+        cubes.fill([f32::INFINITY; LANES]);
     }
-    work.blocks[block].restart(edge.block_voxels());
-    measure_cubes(source, work, block);
-    work.voxels.resize(edge.block_voxels(), 0);
-    if work.voxels[1] == 0 {
-        (0..edge.block_voxels()).for_each(|number| work.voxels[number] = voxel_at(edge, number) as u16);
-    }
-    let Regions { distances, unobserved, .. } = &mut work.blocks[block];
-    if source.holes().is_some() {
-        let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
-        for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
-            if nearest == on_hole && nearest.is_finite() {
-                unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
-            }
-        }
-    }
-    for number in work.nearest.as_flattened_mut() {
-        let distance = number.sqrt();
-        *number = if distance <= width { distance } else { width + 1.0 };
-    }
-    for (distance, voxel) in work.nearest.as_flattened().iter().zip(&work.voxels) {
-        distances[usize::from(*voxel)] = *distance;
+    let corner = IVec3::from_array(part_position(octant)) - 1;
+    let cube = Cube { centre: (corner.as_vec3() + 0.5) * edge as f32, edge: edge as usize };
+    let (listed, band) = ((&*cells, &lists[octant][..]), source.band.width as f32);
+    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
+    for block in 0..LANES {
+        take_distances(source, work, octant, block);
     }
 }
 
-/// Finds the squared distances of a block of the tile.
-fn measure_cubes(source: &Source, work: &mut Workspace, block: usize) {
-    let edge = source.grid.edge;
-    let corner = (IVec3::from_array(part_position(block)) - TILE_BLOCKS / 2) * edge.voxels() as i32;
-    let Workspace { cells, lists, nearest, on_hole, .. } = work;
-    for cubes in [&mut *nearest, &mut *on_hole] {
-        cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
-        cubes.fill([f32::INFINITY; LANES]);
+/// Takes over what was measured in a block of the octant at hand.
+fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: usize) {
+    let (edge, width) = (source.grid.edge, source.band.width as f32);
+    let size = edge.block_voxels();
+    let nearest = &mut work.nearest.as_flattened_mut()[block * size..][..size];
+    let taken = &mut work.blocks[octant * LANES + block];
+    if !nearest.iter().any(|distance_sq| distance_sq.is_finite()) {
+        taken.restart(0);
+        return;
     }
-    let listed = (&*cells, &lists[block][..]);
-    let width = source.band.width as f32;
-    // Blocks of 16 voxels are measured in octants.
-    let cubes = nearest.chunks_mut(PARTS).zip(on_hole.chunks_mut(PARTS));
-    for (octant, (nearest, on_hole)) in cubes.enumerate() {
-        let edge = edge.voxels().min(8);
-        let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
-        let cube = Cube { centre: (corner + step * edge as i32).as_vec3() + 0.5 * edge as f32, edge };
-        dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
+    taken.restart(size);
+    if work.voxels.is_empty() {
+        work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
+    }
+    if source.holes().is_some() {
+        let on_hole = &work.on_hole.as_flattened()[block * size..][..size];
+        for ((nearest, on_hole), voxel) in nearest.iter().zip(on_hole).zip(&work.voxels) {
+            if nearest == on_hole && nearest.is_finite() {
+                let mask = taken.unobserved.get_or_insert_with(|| VoxelMask::empty(edge));
+                mask.insert(usize::from(*voxel));
+            }
+        }
+    }
+    for number in &mut *nearest {
+        let distance = number.sqrt();
+        *number = if distance <= width { distance } else { width + 1.0 };
+    }
+    for (distance, voxel) in nearest.iter().zip(&work.voxels) {
+        taken.distances[usize::from(*voxel)] = *distance;
     }
 }
 
