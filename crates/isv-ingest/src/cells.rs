@@ -8,6 +8,7 @@
 //! line or point on which the part lies. They need nothing from the mesh: leaving a plane out makes a cell larger, never
 //! wrong, so soups, rims, duplicates and edges with many faces are all the same.
 
+use crate::descent::SLACK;
 use crate::holes::WideHoles;
 use crate::tiles::VoxelMesh;
 use crate::topology::{Side, Topology};
@@ -63,6 +64,8 @@ pub(crate) struct Cell {
 #[derive(Default)]
 pub(crate) struct Cells {
     origin: DVec3,
+    /// As in [`Self::restart`].
+    around: f32,
     cells: Vec<Cell>,
     planes: Vec<Plane>,
 }
@@ -115,9 +118,10 @@ pub(crate) struct Parts<'a> {
 }
 
 impl Cells {
-    /// Forgets all cells and moves the origin.
-    pub(crate) fn restart(&mut self, origin: DVec3) {
+    /// Forgets all cells and moves the origin. Cells that have no point within `around` of it along each axis will not be kept.
+    pub(crate) fn restart(&mut self, origin: DVec3, around: f32) {
         self.origin = origin;
+        self.around = around;
         self.cells.clear();
         self.planes.clear();
     }
@@ -139,6 +143,11 @@ impl Cells {
         let height = normal.dot(self.origin - point) as f32;
         let normal = normal.as_vec3();
         Plane { normal, height, spread: normal.abs().element_sum() }
+    }
+
+    /// Whether all of the surroundings of the origin lie behind a plane.
+    fn is_cut_off(&self, plane: &Plane) -> bool {
+        plane.height + plane.spread * self.around < -SLACK
     }
 
     fn push(&mut self, planes: &[Plane], axes: u8, on_hole: bool) {
@@ -174,7 +183,9 @@ impl Cells {
         let [to_ab, to_bc, to_ca] = inward;
         let planes =
             [self.plane(normal, a), self.plane(to_ab, a), self.plane(to_bc, b), self.plane(to_ca, c)];
-        self.push(&planes, 1, false);
+        if !planes[1..].iter().any(|plane| self.is_cut_off(plane)) {
+            self.push(&planes, 1, false);
+        }
     }
 
     /// The wedge of an edge: between its ends, and beyond the faces on both sides.
@@ -182,12 +193,7 @@ impl Cells {
         let corners = parts.mesh.corners(face);
         let (from, to) = (corners[side], corners[(side + 1) % 3]);
         let along = parts.directions.face(face).along[side];
-        let across = along.any_orthonormal_vector();
         let mut planes = [NOWHERE; EDGE_PLANES];
-        planes[0] = self.plane(across, from);
-        planes[1] = self.plane(across.cross(along), from);
-        planes[2] = self.plane(along, from);
-        planes[3] = self.plane(-along, to);
         let own = Side { face, side: side as u8 };
         let faces = [Some(own), parts.topology.across(face, side)];
         for (plane, face) in planes[4..].iter_mut().zip(faces.into_iter().flatten()) {
@@ -195,6 +201,14 @@ impl Cells {
                 *plane = self.plane(-inward, from);
             }
         }
+        planes[2] = self.plane(along, from);
+        planes[3] = self.plane(-along, to);
+        if planes[2..].iter().any(|plane| self.is_cut_off(plane)) {
+            return;
+        }
+        let across = along.any_orthonormal_vector();
+        planes[0] = self.plane(across, from);
+        planes[1] = self.plane(across.cross(along), from);
         let on_hole = parts.holes.is_some_and(|holes| holes.has_edge(face, side));
         self.push(&planes, 2, on_hole);
     }
@@ -213,6 +227,9 @@ impl Cells {
             let Side { face, side } = spoke.edge;
             let along = parts.directions.face(face).along[usize::from(side)];
             *plane = self.plane(if spoke.outward { -along } else { along }, point);
+            if self.is_cut_off(plane) {
+                return;
+            }
         }
         let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));
         self.push(&planes, 3, on_hole);

@@ -13,7 +13,7 @@ pub(crate) const LANES: usize = 8;
 
 /// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
 /// a tile (1e-5 voxels), so that no point falls between two cells.
-const SLACK: f32 = 1e-4;
+pub(crate) const SLACK: f32 = 1e-4;
 
 /// How many of a cell's sides bound its part, by its axes: three a face, two an edge, none a vertex.
 const BOUNDS: [usize; 3] = [3, 2, 0];

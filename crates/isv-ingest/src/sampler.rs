@@ -84,7 +84,7 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
         directions: &source.directions,
         holes: source.holes(),
     };
-    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge));
+    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
     let Workspace { cells, lists, .. } = work;

@@ -28,7 +28,8 @@ pub(crate) struct VoxelMesh<'a> {
 
 impl VoxelMesh<'_> {
     pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
-        self.triangles[face as usize].map(|v| self.vertices[v as usize])
+        let [a, b, c] = self.triangles[face as usize];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 }
 
