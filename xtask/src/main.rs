@@ -3,10 +3,12 @@
 //! - `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
 //!   byte counted, and prints the table that the README quotes.
 //! - `cargo run --release -p xtask -- lod-table FOLDER [FRAMES]` measures decoding at reduced resolution on a mesh sequence.
+//! - `cargo run --release -p xtask -- ingest-table FOLDER` measures the ingest of the sequences `dancer` and `monastery` in a folder.
 //! - `cargo run --release -p xtask -- conformance FOLDER` writes the conformance streams and their hashes, after a change
 //!   of the format.
 
 mod conformance;
+mod ingest_table;
 mod lod_table;
 mod paper_table;
 
@@ -23,9 +25,10 @@ fn main() -> Result<()> {
         ["lod-table", folder, frames] => {
             lod_table::run(folder, frames.parse().context("FRAMES is a number")?, &paper_table::header()?)
         }
+        ["ingest-table", folder] => ingest_table::run(folder),
         ["conformance", folder] => conformance::run(folder),
         _ => bail!(
-            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | conformance FOLDER"
+            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | ingest-table FOLDER | conformance FOLDER"
         ),
     }
 }

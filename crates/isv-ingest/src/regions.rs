@@ -192,17 +192,18 @@ fn ask(tile: &mut [Regions], blocks: &[usize], depth: f32, are_inside: &impl Fn(
 /// The side of a voxel by a neighbour across a face, an edge or a corner whose side is known, if that lies in the same tile:
 /// beside a slanting surface the balls that reach each other are those of diagonal neighbours.
 fn side_by_neighbours(tile: &[Regions], block: usize, voxel: usize, edge: BlockEdge) -> Option<bool> {
-    let n = edge.voxels() as i32;
-    let (corner, at) = (part_position(block).map(|c| c * n), voxel as i32);
-    let [x, y, z] = [corner[0] + at % n, corner[1] + at / n % n, corner[2] + at / (n * n)];
+    let (bits, last, n) = (edge.log2(), edge.voxels() as i32 - 1, 4 * edge.voxels() as i32);
+    let (corner, at) = (part_position(block).map(|c| c << bits), voxel as i32);
+    let [x, y, z] =
+        [corner[0] + (at & last), corner[1] + (at >> bits & last), corner[2] + (at >> (2 * bits))];
     for offset in 0..27 {
         let [dx, dy, dz] = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
         let place = [x + dx, y + dy, z + dz];
-        if !place.iter().all(|c| (0..4 * n).contains(c)) {
+        if !place.iter().all(|c| (0..n).contains(c)) {
             continue;
         }
-        let other = &tile[part_number(place.map(|c| c / n))];
-        let [u, v, w] = place.map(|c| (c % n) as usize);
+        let other = &tile[part_number(place.map(|c| c >> bits))];
+        let [u, v, w] = place.map(|c| (c & last) as usize);
         let neighbour = edge.voxel_index(u, v, w);
         let Some(label) = other.labels.get(neighbour) else { continue };
         let length = ((dx * dx + dy * dy + dz * dz) as f32).sqrt();
