@@ -4,7 +4,6 @@ use anyhow::{Context, Result};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
-use std::path::Path;
 use std::time::Instant;
 
 /// Rounds over all frames; the fastest of each frame counts, as other work on the machine only ever adds.
@@ -31,7 +30,7 @@ pub(crate) fn run(data: &str) -> Result<()> {
     );
     println!("|---|---|---|---|---|---|---|");
     for (sequence, voxel_m) in ROWS {
-        let folder = Path::new(data).join(sequence);
+        let folder = format!("{}/{sequence}", data.trim_end_matches('/'));
         let paths = FrameSequence::open(&folder)?;
         let meshes: Vec<TriangleMesh> = paths
             .paths()
@@ -83,5 +82,6 @@ fn cpu_ms() -> Option<f64> {
         let stat = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
         stat.split_whitespace().next()?.parse().ok()
     };
-    tasks.map(nanoseconds).sum::<Option<f64>>().map(|sum| sum * 1e-6)
+    let sum: f64 = tasks.map(nanoseconds).sum::<Option<f64>>()?;
+    Some(sum * 1e-6)
 }
