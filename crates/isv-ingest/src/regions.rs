@@ -84,7 +84,7 @@ impl Regions {
         self.labels.resize(self.radii.len(), EXCLUDED);
         self.joined.clear();
         for row in (0..self.radii.len()).step_by(n) {
-            let rows_before = [(n, row / n % n > 0), (n * n, row >= n * n)];
+            let rows_before = [(n, row % (n * n) >= n), (n * n, row >= n * n)];
             let mut label = EXCLUDED;
             for voxel in row..row + n {
                 let radius = self.radii[voxel];
