@@ -1,35 +1,37 @@
-//! Development commands.
-//!
-//! - `cargo run --release -p xtask -- paper-table FOLDER [FRAMES]` measures the paper's profile on a mesh sequence, every
-//!   byte counted, and prints the table that the README quotes.
-//! - `cargo run --release -p xtask -- lod-table FOLDER [FRAMES]` measures decoding at reduced resolution on a mesh sequence.
-//! - `cargo run --release -p xtask -- conformance FOLDER` writes the conformance streams and their hashes, after a change
-//!   of the format.
-//! - `cargo run --release -p xtask -- fuzz-seeds FOLDER` writes what `fuzz/run` starts from.
+//! Development commands: `cargo run --release -p xtask -- COMMAND`.
 
 mod conformance;
 mod fuzz_seeds;
+mod ingest_table;
 mod lod_table;
 mod paper_table;
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
+use clap::Parser;
+
+/// Measured tables, conformance streams and fuzz seeds of isv.
+#[derive(Parser)]
+enum Command {
+    /// Measure the paper's profile on a mesh sequence, every byte counted: the table that the README quotes
+    PaperTable { folder: String, frames: Option<usize> },
+    /// Measure decoding at reduced resolution on a mesh sequence
+    LodTable { folder: String, frames: Option<usize> },
+    /// Measure the ingest of the sequences `dancer` and `monastery` in a folder
+    IngestTable { folder: String },
+    /// Write the conformance streams and their hashes, after a change of the format
+    Conformance { folder: String },
+    /// Write what `fuzz/run` starts from
+    FuzzSeeds { folder: String },
+}
 
 fn main() -> Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["paper-table", folder] => paper_table::run(folder, usize::MAX),
-        ["paper-table", folder, frames] => {
-            paper_table::run(folder, frames.parse().context("FRAMES is a number")?)
+    match Command::parse() {
+        Command::PaperTable { folder, frames } => paper_table::run(&folder, frames.unwrap_or(usize::MAX)),
+        Command::LodTable { folder, frames } => {
+            lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
-        ["lod-table", folder] => lod_table::run(folder, usize::MAX, &paper_table::header()?),
-        ["lod-table", folder, frames] => {
-            lod_table::run(folder, frames.parse().context("FRAMES is a number")?, &paper_table::header()?)
-        }
-        ["conformance", folder] => conformance::run(folder),
-        ["fuzz-seeds", folder] => fuzz_seeds::run(folder),
-        _ => bail!(
-            "usage: cargo run --release -p xtask -- paper-table FOLDER [FRAMES] | lod-table FOLDER [FRAMES] | conformance FOLDER | \
-             fuzz-seeds FOLDER"
-        ),
+        Command::IngestTable { folder } => ingest_table::run(&folder),
+        Command::Conformance { folder } => conformance::run(&folder),
+        Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
     }
 }

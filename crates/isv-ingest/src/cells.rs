@@ -8,10 +8,11 @@
 //! line or point on which the part lies. They need nothing from the mesh: leaving a plane out makes a cell larger, never
 //! wrong, so soups, rims, duplicates and edges with many faces are all the same.
 
+use crate::descent::SLACK;
 use crate::holes::WideHoles;
 use crate::tiles::VoxelMesh;
 use crate::topology::{Side, Topology};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// A triangle whose height is below this share of its longest edge is no more than its edges: its plane is lost in rounding.
@@ -33,54 +34,55 @@ pub(crate) const EDGE_PLANES: usize = 2 + 2 + 2;
 pub(crate) const VERTEX_PLANES: usize = 3 + MOST_CONE_SIDES;
 
 /// A plane that cuts nothing off.
-const NOWHERE: Plane = Plane { normal: DVec3::ZERO, height: 0.0 };
+const NOWHERE: Plane = Plane { normal: Vec3::ZERO, height: 0.0, spread: 0.0 };
 
-/// A plane.
+/// A plane. Within a tile of the origin `f32` gives heights to 1e-5 voxels.
 #[derive(Clone, Copy)]
 pub(crate) struct Plane {
     /// Unit vector.
-    pub(crate) normal: DVec3,
+    pub(crate) normal: Vec3,
     /// Height of the origin above it.
-    pub(crate) height: f64,
+    pub(crate) height: f32,
+    /// How much higher than its centre the highest corner of a cube whose edge is 2 is.
+    pub(crate) spread: f32,
 }
 
 /// The cell of a face, an edge or a vertex.
 #[derive(Clone, Copy)]
-struct Cell {
-    /// The first of its planes.
+pub(crate) struct Cell {
+    /// The first of its planes: first the axes, then the sides, in front of which the cell lies, those first that bound the
+    /// part itself.
     first: u32,
-    /// As in [`CellPlanes`].
-    axes: u8,
-    on_hole: bool,
+    /// How many of its planes are axes, which are square to each other and whose heights make up the distance to the part: one
+    /// for a face, two for an edge, three for a vertex.
+    pub(crate) axes: u8,
+    /// Whether the part lies on the edge of a wide hole.
+    pub(crate) on_hole: bool,
 }
 
 /// Cells of some triangles, relative to an origin near them.
 #[derive(Default)]
 pub(crate) struct Cells {
     origin: DVec3,
+    /// As in [`Self::restart`].
+    around: f32,
     cells: Vec<Cell>,
     planes: Vec<Plane>,
 }
 
-/// The planes of a cell: first the axes, then the sides, in front of which the cell lies.
-#[derive(Clone, Copy)]
-pub(crate) struct CellPlanes<'a> {
-    pub(crate) planes: &'a [Plane],
-    /// Planes, square to each other, whose heights make up the distance to the part: one for a face, two for an edge, three
-    /// for a vertex.
-    pub(crate) axes: usize,
-    /// Whether the part lies on the edge of a wide hole.
-    pub(crate) on_hole: bool,
-}
-
 /// Directions of the triangles of a mesh, found once for all tiles.
-pub(crate) struct Directions {
-    /// Unit normal of each triangle; zero if it has none to speak of.
-    normals: Vec<DVec3>,
+pub(crate) struct Directions(Vec<FaceDirections>);
+
+/// Directions of a triangle.
+struct FaceDirections {
+    /// Unit normal; zero if there is none to speak of.
+    normal: DVec3,
     /// Unit vectors along the edges, zero for an edge without length.
-    along: Vec<[DVec3; 3]>,
-    /// Whether each triangle is so thin that its directions inwards cannot cut off anything.
-    vague: Vec<bool>,
+    along: [DVec3; 3],
+    /// Unit vectors into the triangle, square to each edge and to the normal; zero where one of those is.
+    inward: [DVec3; 3],
+    /// Whether the triangle is so thin that its directions inwards cannot cut off anything.
+    vague: bool,
 }
 
 impl Directions {
@@ -90,22 +92,20 @@ impl Directions {
             let [a, b, c] = corners;
             let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
             let (normal, share) = unit_normal(&corners);
-            (normal, along, share <= VAGUE_SHARE)
+            let inward = along.map(|along| normal.cross(along));
+            FaceDirections { normal, along, inward, vague: share <= VAGUE_SHARE }
         };
-        let described: Vec<_> = (0..mesh.triangles.len()).into_par_iter().map(describe).collect();
-        let mut out = Self { normals: Vec::new(), along: Vec::new(), vague: Vec::new() };
-        for (normal, along, vague) in described {
-            out.normals.push(normal);
-            out.along.push(along);
-            out.vague.push(vague);
-        }
-        out
+        Self((0..mesh.triangles.len()).into_par_iter().map(describe).collect())
+    }
+
+    fn face(&self, face: u32) -> &FaceDirections {
+        &self.0[face as usize]
     }
 
     /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
     fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
-        let face = face as usize;
-        (!self.vague[face]).then(|| self.normals[face].cross(self.along[face][usize::from(side)]))
+        let face = self.face(face);
+        (!face.vague).then(|| face.inward[usize::from(side)])
     }
 }
 
@@ -118,9 +118,10 @@ pub(crate) struct Parts<'a> {
 }
 
 impl Cells {
-    /// Forgets all cells and moves the origin.
-    pub(crate) fn restart(&mut self, origin: DVec3) {
+    /// Forgets all cells and moves the origin. Cells that have no point within `around` of it along each axis will not be kept.
+    pub(crate) fn restart(&mut self, origin: DVec3, around: f32) {
         self.origin = origin;
+        self.around = around;
         self.cells.clear();
         self.planes.clear();
     }
@@ -129,15 +130,29 @@ impl Cells {
         self.cells.len() as u32
     }
 
-    pub(crate) fn get(&self, index: u32) -> CellPlanes<'_> {
-        let Cell { first, axes, on_hole } = self.cells[index as usize];
-        let count = [FACE_PLANES, EDGE_PLANES, VERTEX_PLANES][usize::from(axes) - 1];
-        let planes = &self.planes[first as usize..first as usize + count];
-        CellPlanes { planes, axes: usize::from(axes), on_hole }
+    pub(crate) fn get(&self, index: u32) -> Cell {
+        self.cells[index as usize]
     }
 
-    fn push_plane(&mut self, normal: DVec3, point: DVec3) {
-        self.planes.push(Plane { normal, height: normal.dot(self.origin - point) });
+    /// The planes of a cell, of which there are as many as its kind has.
+    pub(crate) fn planes<const PLANES: usize>(&self, cell: Cell) -> &[Plane; PLANES] {
+        self.planes[cell.first as usize..].first_chunk().expect("every cell has all the planes of its kind")
+    }
+
+    fn plane(&self, normal: DVec3, point: DVec3) -> Plane {
+        let height = normal.dot(self.origin - point) as f32;
+        let normal = normal.as_vec3();
+        Plane { normal, height, spread: normal.abs().element_sum() }
+    }
+
+    /// Whether all of the surroundings of the origin lie behind a plane.
+    fn is_cut_off(&self, plane: &Plane) -> bool {
+        plane.height + plane.spread * self.around < -SLACK
+    }
+
+    fn push(&mut self, planes: &[Plane], axes: u8, on_hole: bool) {
+        self.cells.push(Cell { first: self.planes.len() as u32, axes, on_hole });
+        self.planes.extend_from_slice(planes);
     }
 
     /// Adds the cells of triangles and of the edges and vertices they own, kind after kind: loops over cells then seldom meet
@@ -160,39 +175,42 @@ impl Cells {
 
     /// The prism over a face, bounded by the planes through its edges.
     fn add_face(&mut self, parts: &Parts, face: u32) {
-        let normal = parts.directions.normals[face as usize];
+        let FaceDirections { normal, inward, .. } = *parts.directions.face(face);
         if normal == DVec3::ZERO {
             return;
         }
-        let corners = parts.mesh.corners(face);
-        let first = self.planes.len() as u32;
-        self.push_plane(normal, corners[0]);
-        for (along, corner) in parts.directions.along[face as usize].into_iter().zip(corners) {
-            self.push_plane(normal.cross(along), corner);
+        let [a, b, c] = parts.mesh.corners(face);
+        let [to_ab, to_bc, to_ca] = inward;
+        let planes =
+            [self.plane(normal, a), self.plane(to_ab, a), self.plane(to_bc, b), self.plane(to_ca, c)];
+        if !planes[1..].iter().any(|plane| self.is_cut_off(plane)) {
+            self.push(&planes, 1, false);
         }
-        self.cells.push(Cell { first, axes: 1, on_hole: false });
     }
 
     /// The wedge of an edge: between its ends, and beyond the faces on both sides.
     fn add_edge(&mut self, parts: &Parts, face: u32, side: usize) {
         let corners = parts.mesh.corners(face);
         let (from, to) = (corners[side], corners[(side + 1) % 3]);
-        let along = parts.directions.along[face as usize][side];
-        let across = along.any_orthonormal_vector();
-        let first = self.planes.len() as u32;
-        self.push_plane(across, from);
-        self.push_plane(across.cross(along), from);
-        self.push_plane(along, from);
-        self.push_plane(-along, to);
+        let along = parts.directions.face(face).along[side];
+        let mut planes = [NOWHERE; EDGE_PLANES];
         let own = Side { face, side: side as u8 };
-        for face in [Some(own), parts.topology.across(face, side)].into_iter().flatten() {
+        let faces = [Some(own), parts.topology.across(face, side)];
+        for (plane, face) in planes[4..].iter_mut().zip(faces.into_iter().flatten()) {
             if let Some(inward) = parts.directions.inward(face) {
-                self.push_plane(-inward, from);
+                *plane = self.plane(-inward, from);
             }
         }
-        self.planes.resize(first as usize + EDGE_PLANES, NOWHERE);
+        planes[2] = self.plane(along, from);
+        planes[3] = self.plane(-along, to);
+        if planes[2..].iter().any(|plane| self.is_cut_off(plane)) {
+            return;
+        }
+        let across = along.any_orthonormal_vector();
+        planes[0] = self.plane(across, from);
+        planes[1] = self.plane(across.cross(along), from);
         let on_hole = parts.holes.is_some_and(|holes| holes.has_edge(face, side));
-        self.cells.push(Cell { first, axes: 2, on_hole });
+        self.push(&planes, 2, on_hole);
     }
 
     /// The cone of a vertex: beyond the ends of its edges.
@@ -200,19 +218,21 @@ impl Cells {
         let vertex = parts.mesh.triangles[face as usize][corner];
         let point = parts.mesh.vertices[vertex as usize];
         let spokes = parts.topology.spokes(vertex);
-        let first = self.planes.len() as u32;
-        DVec3::AXES.into_iter().for_each(|axis| self.push_plane(axis, point));
-        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
-        for Side { face, side } in spokes.iter().step_by(step) {
-            let along = parts.directions.along[*face as usize][usize::from(*side)];
-            let starts_here = parts.mesh.vertices
-                [parts.mesh.triangles[*face as usize][usize::from(*side)] as usize]
-                == point;
-            self.push_plane(if starts_here { -along } else { along }, point);
+        let mut planes = [NOWHERE; VERTEX_PLANES];
+        for (plane, axis) in planes.iter_mut().zip(DVec3::AXES) {
+            *plane = self.plane(axis, point);
         }
-        self.planes.resize(first as usize + VERTEX_PLANES, NOWHERE);
+        let step = spokes.len().div_ceil(MOST_CONE_SIDES).max(1);
+        for (plane, spoke) in planes[3..].iter_mut().zip(spokes.iter().step_by(step)) {
+            let Side { face, side } = spoke.edge;
+            let along = parts.directions.face(face).along[usize::from(side)];
+            *plane = self.plane(if spoke.outward { -along } else { along }, point);
+            if self.is_cut_off(plane) {
+                return;
+            }
+        }
         let on_hole = parts.holes.is_some_and(|holes| holes.has_vertex(vertex));
-        self.cells.push(Cell { first, axes: 3, on_hole });
+        self.push(&planes, 3, on_hole);
     }
 }
 

@@ -1,21 +1,25 @@
 //! Which parts of a cube a cell reaches into, and how far its voxels are from the cell's part.
 //!
 //! All that is asked of a cell are the heights of points above its planes. Those of the eight centres of a cube's octants are
-//! that of its own centre plus the same eight differences at every size, only scaled with the cube. So the 64 parts of a cube
-//! cost a few additions for each plane, eight at a time.
+//! that of its own centre plus the same eight differences at every size, only scaled with the cube. So going down from a cube
+//! to its octants costs a few additions for each plane, eight at a time, and at the end of it eight voxels are measured at once.
 
 use crate::cells::{Cells, EDGE_PLANES, FACE_PLANES, Plane, VERTEX_PLANES};
 use fearless_simd::{f32x8, prelude::*};
-use glam::DVec3;
+use glam::Vec3;
 
 /// Points evaluated together.
 pub(crate) const LANES: usize = 8;
 
 /// How far, in voxels, a point may lie outside a cell and still be taken for inside: well above `f32` rounding at the size of
 /// a tile (1e-5 voxels), so that no point falls between two cells.
-const SLACK: f32 = 1e-4;
+pub(crate) const SLACK: f32 = 1e-4;
 
-/// Cubes that a cube is cut into at once, four along each axis.
+/// How many of a cell's sides bound its part, by its axes: three a face, two an edge, none a vertex.
+const BOUNDS: [usize; 3] = [3, 2, 0];
+
+/// Parts of a cube, four along each axis: the octants of its octants. The number of a part is that of its octant times eight plus
+/// that in the octant.
 pub(crate) const PARTS: usize = 4 * 4 * 4;
 
 /// The position of a part of a cube, by its number.
@@ -34,7 +38,7 @@ pub(crate) fn part_number(position: [i32; 3]) -> usize {
 #[derive(Clone, Copy)]
 pub(crate) struct Cube {
     /// Relative to the origin of the cells.
-    pub(crate) centre: DVec3,
+    pub(crate) centre: Vec3,
     /// In voxels.
     pub(crate) edge: usize,
 }
@@ -44,20 +48,35 @@ pub(crate) struct Cube {
 struct Probe<S: Simd, const AXES: usize, const PLANES: usize> {
     /// By how much the corners of a cube whose edge is 2 are higher above each plane than its centre.
     rises: [f32x8<S>; PLANES],
-    /// The largest of those.
+    /// The largest of those, of each plane.
     spreads: [f32; PLANES],
 }
 
-/// Squared distances of eight points from the part of a cell, and how far in front of its sides they lie, at most zero.
-struct Reach<S: Simd> {
-    distances_sq: f32x8<S>,
-    depths: f32x8<S>,
+/// Squared distances of the voxels of a cube, in cubes of 2 x 2 x 2 voxels by their Morton numbers, while they are lowered.
+struct Target<'a> {
+    /// To any part.
+    nearest: &'a mut [[f32; LANES]],
+    /// To parts on a wide hole, if the part at hand is one.
+    on_hole: Option<&'a mut [[f32; LANES]]>,
+}
+
+impl Target<'_> {
+    #[inline(always)]
+    fn lower<S: Simd>(&mut self, number: usize, distances_sq: f32x8<S>) {
+        let simd = distances_sq.simd;
+        let lower = &mut self.nearest[number];
+        *lower = f32x8::simd_from(simd, *lower).min(distances_sq).into();
+        if let Some(on_hole) = &mut self.on_hole {
+            let lower = &mut on_hole[number];
+            *lower = f32x8::simd_from(simd, *lower).min(distances_sq).into();
+        }
+    }
 }
 
 impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
     /// Readies a cell; returns the heights of a point above its planes with it.
     #[inline(always)]
-    fn new(simd: S, planes: &[Plane], point: DVec3) -> (Self, [f32; PLANES]) {
+    fn new(simd: S, planes: &[Plane; PLANES], point: Vec3) -> (Self, [f32; PLANES]) {
         const SIGNS: [[f32; LANES]; 3] = [
             [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0],
             [-1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0],
@@ -68,63 +87,45 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         let z = f32x8::simd_from(simd, SIGNS[2]);
         let (mut rises, mut spreads, mut heights) = ([x; PLANES], [0.0; PLANES], [0.0; PLANES]);
         for i in 0..PLANES {
-            let plane = &planes[i];
-            let normal = plane.normal.as_vec3();
+            let Plane { normal, height, spread } = planes[i];
             rises[i] = x * normal.x + y * normal.y + z * normal.z;
-            spreads[i] = normal.x.abs() + normal.y.abs() + normal.z.abs();
-            heights[i] = (plane.height + plane.normal.dot(point)) as f32;
+            spreads[i] = spread;
+            heights[i] = height + normal.dot(point);
         }
         (Self { rises, spreads }, heights)
-    }
-
-    /// Heights above each plane of the octants' centres of a cube whose centre has the given heights.
-    #[inline(always)]
-    fn octants(&self, heights: &[f32; PLANES], edge: f32) -> [[f32; LANES]; PLANES] {
-        let mut octants = [[0.0; LANES]; PLANES];
-        for plane in 0..PLANES {
-            octants[plane] = (self.rises[plane] * (edge / 4.0) + heights[plane]).into();
-        }
-        octants
-    }
-
-    /// What is to be known of the eight points `step` away along each axis from one whose heights are given, if each stands
-    /// for the points up to `around` away from it along each axis.
-    #[inline(always)]
-    fn reach(&self, heights: &[f32; PLANES], step: f32, around: f32) -> Reach<S> {
-        let simd = self.rises[0].simd;
-        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
-        for plane in 0..PLANES {
-            let points = self.rises[plane] * step + heights[plane];
-            if plane < AXES {
-                distances_sq += points * points;
-            } else {
-                depths = depths.min(points + self.spreads[plane] * around);
-            }
-        }
-        Reach { distances_sq, depths }
     }
 
     /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
     #[inline(always)]
     fn octants_reached(&self, heights: &[f32; PLANES], edge: f32, band: f32) -> u64 {
-        let around = (edge / 2.0 - 1.0) / 2.0;
+        let simd = self.rises[0].simd;
+        let (step, around) = (edge / 4.0, (edge / 2.0 - 1.0) / 2.0);
         let farthest = band + around * 3f32.sqrt() + SLACK;
-        let reach = self.reach(heights, edge / 4.0, around);
-        (reach.distances_sq.simd_le(farthest * farthest) & reach.depths.simd_ge(-SLACK)).to_bitmask()
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..AXES {
+            let heights = self.rises[plane] * step + heights[plane];
+            distances_sq += heights * heights;
+        }
+        for plane in AXES..PLANES {
+            depths = depths.min(self.rises[plane] * step + (heights[plane] + self.spreads[plane] * around));
+        }
+        (distances_sq.simd_le(farthest * farthest) & depths.simd_ge(-SLACK)).to_bitmask()
     }
 
-    /// The same for the octants of all octants of a cube, given the heights of those. The number of a part is that of its octant
-    /// times eight plus that in the octant.
+    /// Calls `visit` for those octants, with their numbers and the heights of their centres.
     #[inline(always)]
-    fn parts_reached(
+    fn each_octant(
         &self,
         heights: &[f32; PLANES],
-        octants: &[[f32; LANES]; PLANES],
         edge: f32,
         band: f32,
-    ) -> u64 {
+        mut visit: impl FnMut(usize, &[f32; PLANES]),
+    ) {
         let mut reached = self.octants_reached(heights, edge, band);
-        let mut found = 0;
+        let mut octants = [[0.0; LANES]; PLANES];
+        for plane in 0..PLANES {
+            octants[plane] = (self.rises[plane] * (edge / 4.0) + heights[plane]).into();
+        }
         while reached != 0 {
             let octant = reached.trailing_zeros() as usize % LANES;
             reached &= reached - 1;
@@ -132,82 +133,108 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
             for plane in 0..PLANES {
                 heights[plane] = octants[plane][octant];
             }
-            found |= self.octants_reached(&heights, edge / 2.0, band) << (LANES * octant);
+            visit(octant, &heights);
         }
-        found
     }
 
-    /// Calls `lower` for all cubes of 2 x 2 x 2 voxels that the cell reaches into, of a cube of 8 voxels, or of 4 if `SMALL`, whose
-    /// centre has the given heights: with their numbers and the squared distances from the cell's part.
+    /// Lowers the squared distances of the voxels of a cube of `edge` voxels, 8 to 32, to those from the cell's part.
     #[inline(always)]
-    fn measure<const SMALL: bool>(
-        &self,
-        heights: &[f32; PLANES],
-        band: f32,
-        lower: &mut impl FnMut(usize, f32x8<S>),
-    ) {
-        let (mut cubes, mut rises) = ([[0.0; LANES]; PLANES], [[0.0; LANES]; PLANES]);
-        for plane in 0..PLANES {
-            rises[plane] = self.rises[plane].into();
-            cubes[plane][0] = heights[plane];
-        }
-        let mut parts = if SMALL {
-            self.octants_reached(heights, 4.0, band)
-        } else {
-            cubes = self.octants(heights, 8.0);
-            self.parts_reached(heights, &cubes, 8.0, band)
-        };
-        while parts != 0 {
-            let part = parts.trailing_zeros() as usize % PARTS;
-            parts &= parts - 1;
-            let mut heights = [0.0; PLANES];
-            for plane in 0..PLANES {
-                heights[plane] = cubes[plane][part / LANES] + rises[plane][part % LANES];
-            }
-            lower(part, self.inside(&heights));
+    fn measure(&self, heights: &[f32; PLANES], edge: usize, band: f32, target: &mut Target<'_>) {
+        match edge {
+            8 => self.measure_eight(heights, 0, band, target),
+            16 => self.measure_sixteen(heights, 0, band, target),
+            _ => self.each_octant(
+                heights,
+                32.0,
+                band,
+                #[inline(always)]
+                |octant, heights| self.measure_sixteen(heights, LANES * PARTS * octant, band, target),
+            ),
         }
     }
 
-    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those outside the cell.
+    /// The same for a cube of 16 voxels, whose cubes of 2 x 2 x 2 voxels are numbered from `first`.
+    #[inline(always)]
+    fn measure_sixteen(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
+        self.each_octant(
+            heights,
+            16.0,
+            band,
+            #[inline(always)]
+            |octant, heights| self.measure_eight(heights, first + PARTS * octant, band, target),
+        );
+    }
+
+    /// The same for a cube of 8 voxels.
+    #[inline(always)]
+    fn measure_eight(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
+        self.each_octant(
+            heights,
+            8.0,
+            band,
+            #[inline(always)]
+            |octant, heights| {
+                let first = first + LANES * octant;
+                self.each_octant(
+                    heights,
+                    4.0,
+                    band,
+                    #[inline(always)]
+                    |octant, heights| target.lower(first + octant, self.inside(heights)),
+                );
+            },
+        );
+    }
+
+    /// Squared distances from the cell's part of the voxels of a cube of 2 x 2 x 2, infinite for those that the part has no foot
+    /// for. The other sides of the cell only cut off what is closer to another part, and there is nothing to fear from that.
     #[inline(always)]
     fn inside(&self, heights: &[f32; PLANES]) -> f32x8<S> {
-        let Reach { distances_sq, depths } = self.reach(heights, 0.5, 0.0);
-        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(depths.simd, f32::INFINITY))
+        let simd = self.rises[0].simd;
+        let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
+        for plane in 0..AXES {
+            let heights = self.rises[plane] * 0.5 + heights[plane];
+            distances_sq += heights * heights;
+        }
+        for plane in AXES..AXES + BOUNDS[AXES - 1] {
+            depths = depths.min(self.rises[plane] * 0.5 + heights[plane]);
+        }
+        depths.simd_ge(-SLACK).select(distances_sq, f32x8::splat(simd, f32::INFINITY))
     }
 }
 
-/// Lists the cells in the parts of a cube that they may reach into, those within `band` voxels.
+/// Lists the cells in the octants of a cube that they may reach into, those within `band` voxels.
 #[inline(always)]
 pub(crate) fn list_cells<S: Simd>(
     simd: S,
     cells: &Cells,
     cube: &Cube,
     band: f32,
-    lists: &mut [Vec<u32>; PARTS],
+    lists: &mut [Vec<u32>; LANES],
 ) {
-    let edge = cube.edge as f32;
     for index in 0..cells.count() {
         let cell = cells.get(index);
-        macro_rules! parts {
+        macro_rules! octants {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
-                probe.parts_reached(&heights, &probe.octants(&heights, edge), edge, band)
+                let (probe, heights) =
+                    Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
+                probe.octants_reached(&heights, cube.edge as f32, band)
             }};
         }
-        let mut parts = match cell.axes {
-            1 => parts!(1, FACE_PLANES),
-            2 => parts!(2, EDGE_PLANES),
-            _ => parts!(3, VERTEX_PLANES),
+        let mut octants = match cell.axes {
+            1 => octants!(1, FACE_PLANES),
+            2 => octants!(2, EDGE_PLANES),
+            _ => octants!(3, VERTEX_PLANES),
         };
-        while parts != 0 {
-            lists[parts.trailing_zeros() as usize % PARTS].push(index);
-            parts &= parts - 1;
+        while octants != 0 {
+            lists[octants.trailing_zeros() as usize % LANES].push(index);
+            octants &= octants - 1;
         }
     }
 }
 
-/// Lowers the squared distances of the voxels of a cube of 4 or 8 voxels to those from the parts of the cells that `list` names:
-/// `nearest` of all, `on_hole` of parts on a wide hole, both in cubes of 2 x 2 x 2 voxels by their numbers.
+/// Lowers the squared distances of the voxels of a cube of 8, 16 or 32 voxels to those from the parts of the cells that `list`
+/// names: `nearest` of all, `on_hole` of parts on a wide hole, both in cubes of 2 x 2 x 2 voxels by their Morton numbers.
 #[inline(always)]
 pub(crate) fn measure_cells<S: Simd>(
     simd: S,
@@ -219,19 +246,12 @@ pub(crate) fn measure_cells<S: Simd>(
 ) {
     for index in list {
         let cell = cells.get(*index);
-        let mut lower = |part: usize, distances_sq: f32x8<S>| {
-            nearest[part] = f32x8::simd_from(simd, nearest[part]).min(distances_sq).into();
-            if cell.on_hole {
-                on_hole[part] = f32x8::simd_from(simd, on_hole[part]).min(distances_sq).into();
-            }
-        };
+        let mut target = Target { nearest, on_hole: cell.on_hole.then_some(&mut *on_hole) };
         macro_rules! measure {
             ($axes:literal, $planes:expr) => {{
-                let (probe, heights) = Probe::<S, $axes, { $planes }>::new(simd, cell.planes, cube.centre);
-                match cube.edge {
-                    4 => probe.measure::<true>(&heights, band, &mut lower),
-                    _ => probe.measure::<false>(&heights, band, &mut lower),
-                }
+                let (probe, heights) =
+                    Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
+                probe.measure(&heights, cube.edge, band, &mut target);
             }};
         }
         match cell.axes {

@@ -24,10 +24,12 @@
 //! assert!(volume.samples().iter().any(|s| *s < 0));
 //! ```
 //!
-//! How it works, by private module: `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks, `descent`
-//! narrows the list down to cubes of 2 x 2 x 2 voxels, `distance` measures, and `regions` spreads each winding number over
-//! all voxels that are certain to share it. `holes` finds the openings that must stay open, `caps` removes what the
-//! winding number would still close there, and `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, `limits` refuses what cannot be done.
+//! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks; `topology` says
+//! how faces, edges and vertices hang together, and `cells` where each of them can be the closest part of the mesh. `descent`
+//! goes down from a tile to the voxels in each cell, eight at a time, and measures. `regions` spreads each winding number over
+//! all voxels that are certain to share it, and `sampler` puts the samples of a tile together. `holes` finds the openings that
+//! must stay open, `caps` removes what the winding number would still close there, and `rim` trims teeth and specks off the
+//! surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what cannot be done.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 

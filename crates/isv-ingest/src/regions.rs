@@ -12,12 +12,17 @@ use isv_volume::{BlockEdge, VoxelMask};
 /// Slack, in voxels, for the rounding of distances.
 const SLACK: f32 = 1e-3;
 
+/// Face neighbours whose distances add up to more are on one side.
+const JOINED: f32 = 1.0 + SLACK;
+
 /// Regions nowhere deeper than this, in voxels, are looked at a second time.
 const SHALLOW: f32 = 0.5;
 
-/// Voxel of no region yet, and voxel to be left alone.
-const UNSEEN: u16 = u16::MAX;
-const EXCLUDED: u16 = u16::MAX - 1;
+/// Label of a voxel that belongs to no region, or to none yet.
+const EXCLUDED: u16 = u16::MAX;
+
+/// A voxel of a tile: its block there, and its index in the block.
+pub(crate) type TileVoxel = (usize, usize);
 
 /// The distances of the voxels of a block, and the regions they fall into; its buffers are reused from block to block.
 #[derive(Default)]
@@ -31,150 +36,181 @@ pub(crate) struct Regions {
     labels: Vec<u16>,
     /// Whether each region is inside; `None` while not known.
     inside: Vec<Option<bool>>,
-    /// Voxels region after region, and where each region starts.
-    members: Vec<u16>,
-    starts: Vec<usize>,
     /// The voxel of largest distance of each region.
     deepest: Vec<usize>,
+    /// Distances, minus infinity for voxels to be left alone.
+    radii: Vec<f32>,
+    /// Of labels given before all of a region was seen, one that it is joined to, no larger than itself.
+    joined: Vec<u16>,
 }
 
 impl Regions {
-    /// Forgets everything; all voxels become `distance` voxels from the surface.
-    pub(crate) fn restart(&mut self, voxels: usize, distance: f32) {
-        self.distances.clear();
-        self.distances.resize(voxels, distance);
+    /// Forgets everything, and makes room for the distances of so many voxels.
+    pub(crate) fn restart(&mut self, voxels: usize) {
+        self.distances.resize(voxels, 0.0);
         self.unobserved = None;
         self.inside.clear();
-        self.members.clear();
-        self.starts.clear();
         self.deepest.clear();
         self.labels.clear();
     }
 
-    /// Finds the regions, and the sides of all but shallow ones by asking `are_inside` about one voxel of each: that of
-    /// largest distance.
-    pub(crate) fn divide(&mut self, edge: BlockEdge, are_inside: &impl Fn(&[usize]) -> Vec<bool>) {
+    /// Finds the regions.
+    pub(crate) fn divide(&mut self, edge: BlockEdge) {
         if self.is_one_region() {
-            self.take_whole();
+            let most = self.distances.iter().fold(0.0, |a: f32, b| if *b > a { *b } else { a });
+            self.deepest.extend(self.distances.iter().position(|distance| *distance == most));
+            self.labels.resize(self.distances.len(), 0);
         } else {
-            let excluded = self.unobserved.as_ref();
-            let label = |v| if excluded.is_some_and(|mask| mask.contains(v)) { EXCLUDED } else { UNSEEN };
-            self.labels.extend((0..self.distances.len()).map(label));
-            for start in 0..self.distances.len() {
-                if self.labels[start] == UNSEEN {
-                    self.flood(edge, start);
-                }
-            }
+            self.label(edge.voxels());
+            self.number_regions();
         }
-        self.starts.push(self.members.len());
-        self.ask(|distance| distance >= SHALLOW, are_inside);
-    }
-
-    /// Finds the sides of the regions not known yet: by their neighbours, or else by asking.
-    pub(crate) fn settle(
-        tile: &mut [Self],
-        block: usize,
-        edge: BlockEdge,
-        are_inside: &impl Fn(&[usize]) -> Vec<bool>,
-    ) {
-        for region in 0..tile[block].inside.len() {
-            if tile[block].inside[region].is_none() {
-                tile[block].inside[region] = side_by_neighbours(tile, block, region, edge);
-            }
-        }
-        tile[block].ask(|_| true, are_inside);
-    }
-
-    /// Asks for the sides of the regions not known yet, of those whose largest distance is `chosen`.
-    fn ask(&mut self, chosen: impl Fn(f32) -> bool, are_inside: &impl Fn(&[usize]) -> Vec<bool>) {
-        let depth = |region: usize| self.distances[self.deepest[region]];
-        let wanted = |region: &usize| self.inside[*region].is_none() && chosen(depth(*region));
-        let regions: Vec<usize> = (0..self.inside.len()).filter(wanted).collect();
-        let voxels: Vec<usize> = regions.iter().map(|region| self.deepest[*region]).collect();
-        for (region, side) in regions.into_iter().zip(are_inside(&voxels)) {
-            self.inside[region] = Some(side);
-        }
-    }
-
-    /// The voxels that are inside, after [`Self::settle`].
-    pub(crate) fn inside_voxels(&self) -> impl Iterator<Item = usize> {
-        let bounds = self.starts.windows(2).zip(&self.inside).filter(|(_, side)| **side == Some(true));
-        bounds.flat_map(|(bounds, _)| &self.members[bounds[0]..bounds[1]]).map(|voxel| usize::from(*voxel))
+        self.inside.resize(self.deepest.len(), None);
     }
 
     /// Whether there can be no second region.
     fn is_one_region(&self) -> bool {
         let least = self.distances.iter().fold(f32::INFINITY, |a, b| if *b < a { *b } else { a });
-        self.unobserved.is_none() && 2.0 * least > 1.0 + SLACK
+        self.unobserved.is_none() && 2.0 * least > JOINED
     }
 
-    /// Makes all voxels one region.
-    fn take_whole(&mut self) {
-        let deeper = |best, voxel| if self.distances[voxel] > self.distances[best] { voxel } else { best };
-        self.deepest.push((0..self.distances.len()).fold(0, deeper));
-        self.labels.resize(self.distances.len(), 0);
-        self.members.extend(0..self.distances.len() as u16);
-        self.starts.push(0);
-        self.inside.push(None);
-    }
-
-    /// Gathers the region of `start`.
-    fn flood(&mut self, edge: BlockEdge, start: usize) {
-        let (n, bits) = (edge.voxels(), edge.log2());
-        let distances = &self.distances;
-        let label = self.inside.len() as u16;
-        let (mut deepest, mut next) = (start, self.members.len());
-        self.starts.push(next);
-        self.members.push(start as u16);
-        self.labels[start] = label;
-        while next < self.members.len() {
-            let voxel = usize::from(self.members[next]);
-            next += 1;
-            if distances[voxel] > distances[deepest] {
-                deepest = voxel;
-            }
-            for axis in 0..3 {
-                let (stride, position) = (1 << (axis * bits), voxel >> (axis * bits) & (n - 1));
-                let neighbours =
-                    [(position > 0).then(|| voxel - stride), (position + 1 < n).then(|| voxel + stride)];
-                for other in neighbours.into_iter().flatten() {
-                    if self.labels[other] == UNSEEN && distances[voxel] + distances[other] > 1.0 + SLACK {
-                        self.labels[other] = label;
-                        self.members.push(other as u16);
+    /// Labels voxels like those of their preceding neighbours that they are joined to, and notes which labels are joined.
+    fn label(&mut self, n: usize) {
+        self.radii.clear();
+        self.radii.extend_from_slice(&self.distances);
+        if let Some(mask) = &self.unobserved {
+            let excluded = |voxel: &usize| mask.contains(*voxel);
+            (0..self.radii.len()).filter(excluded).for_each(|voxel| self.radii[voxel] = f32::NEG_INFINITY);
+        }
+        self.labels.resize(self.radii.len(), EXCLUDED);
+        self.joined.clear();
+        for row in (0..self.radii.len()).step_by(n) {
+            let rows_before = [(n, row % (n * n) >= n), (n * n, row >= n * n)];
+            let mut label = EXCLUDED;
+            for voxel in row..row + n {
+                let radius = self.radii[voxel];
+                if voxel == row || radius + self.radii[voxel - 1] <= JOINED {
+                    label = EXCLUDED;
+                }
+                for (stride, exists) in rows_before {
+                    if exists && radius + self.radii[voxel - stride] > JOINED {
+                        let other = self.labels[voxel - stride];
+                        label = if other == label { label } else { self.join(label, other) };
                     }
+                }
+                if label == EXCLUDED && radius >= 0.0 {
+                    label = self.joined.len() as u16;
+                    self.joined.push(label);
+                }
+                self.labels[voxel] = label;
+            }
+        }
+    }
+
+    /// Joins two labels, of which the first may be none yet, and returns the lowest that they are joined to.
+    fn join(&mut self, a: u16, b: u16) -> u16 {
+        let root = |mut label: u16| {
+            while self.joined[usize::from(label)] != label {
+                label = self.joined[usize::from(label)];
+            }
+            label
+        };
+        let b = root(b);
+        if a == EXCLUDED {
+            return b;
+        }
+        let a = root(a);
+        self.joined[usize::from(a.max(b))] = a.min(b);
+        a.min(b)
+    }
+
+    /// Replaces labels by the numbers of their regions, in the order of their first voxels, and finds the deepest voxels.
+    fn number_regions(&mut self) {
+        let mut count = 0;
+        for label in 0..self.joined.len() {
+            let lower = usize::from(self.joined[label]);
+            // Lower labels are replaced already.
+            self.joined[label] = if lower == label { count } else { self.joined[lower] };
+            count += u16::from(lower == label);
+        }
+        self.deepest.resize(usize::from(count), usize::MAX);
+        for (voxel, label) in self.labels.iter_mut().enumerate() {
+            let Some(region) = self.joined.get(usize::from(*label)) else { continue };
+            *label = *region;
+            let deepest = &mut self.deepest[usize::from(*region)];
+            if *deepest == usize::MAX || self.distances[voxel] > self.distances[*deepest] {
+                *deepest = voxel;
+            }
+        }
+    }
+
+    /// Finds the sides of all regions of some blocks of a tile, by asking `are_inside` about the deepest voxels of regions.
+    /// Shallow regions are mostly single voxels, and have the side of a deeper one that they are joined to diagonally.
+    pub(crate) fn settle(
+        tile: &mut [Self],
+        blocks: &[usize],
+        edge: BlockEdge,
+        are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>,
+    ) {
+        ask(tile, blocks, SHALLOW, are_inside);
+        for &block in blocks {
+            if !tile[block].inside.contains(&None) {
+                continue;
+            }
+            for voxel in 0..tile[block].labels.len() {
+                let label = usize::from(tile[block].labels[voxel]);
+                if tile[block].inside.get(label) == Some(&None) {
+                    tile[block].inside[label] = side_by_neighbours(tile, block, voxel, edge);
                 }
             }
         }
-        self.deepest.push(deepest);
-        self.inside.push(None);
+        ask(tile, blocks, 0.0, are_inside);
+    }
+
+    /// Whether a voxel is inside, after [`Self::settle`].
+    pub(crate) fn is_inside(&self, voxel: usize) -> bool {
+        self.inside.get(usize::from(self.labels[voxel])) == Some(&Some(true))
     }
 }
 
-/// The side of a region of a block by a neighbour across a face, an edge or a corner whose side is known, if that lies in the
-/// same tile: beside a slanting surface the balls that reach each other are those of diagonal neighbours.
-fn side_by_neighbours(tile: &[Regions], block: usize, region: usize, edge: BlockEdge) -> Option<bool> {
-    let n = edge.voxels() as i32;
-    let here = &tile[block];
-    let corner = part_position(block).map(|c| c * n);
-    for &voxel in &here.members[here.starts[region]..here.starts[region + 1]] {
-        let at = i32::from(voxel);
-        let [x, y, z] = [corner[0] + at % n, corner[1] + at / n % n, corner[2] + at / (n * n)];
-        for offset in 0..27 {
-            let [dx, dy, dz] = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
-            let place = [x + dx, y + dy, z + dz];
-            if !place.iter().all(|c| (0..4 * n).contains(c)) {
-                continue;
+/// Asks for the sides of the regions not known yet, of those that are `depth` deep.
+fn ask(tile: &mut [Regions], blocks: &[usize], depth: f32, are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>) {
+    let (mut unknown, mut voxels) = (Vec::new(), Vec::new());
+    for &block in blocks {
+        let regions = &tile[block];
+        for (region, &deepest) in regions.deepest.iter().enumerate() {
+            if regions.inside[region].is_none() && regions.distances[deepest] >= depth {
+                unknown.push((block, region));
+                voxels.push((block, deepest));
             }
-            let other = &tile[part_number(place.map(|c| c / n))];
-            let [u, v, w] = place.map(|c| (c % n) as usize);
-            let neighbour = edge.voxel_index(u, v, w);
-            let Some(label) = other.labels.get(neighbour) else { continue };
-            let length = ((dx * dx + dy * dy + dz * dz) as f32).sqrt();
-            let joined = here.distances[usize::from(voxel)] + other.distances[neighbour] > length + SLACK;
-            let side = other.inside.get(usize::from(*label)).copied().flatten();
-            if joined && side.is_some() {
-                return side;
-            }
+        }
+    }
+    for ((block, region), side) in unknown.into_iter().zip(are_inside(&voxels)) {
+        tile[block].inside[region] = Some(side);
+    }
+}
+
+/// The side of a voxel by a neighbour across a face, an edge or a corner whose side is known, if that lies in the same tile:
+/// beside a slanting surface the balls that reach each other are those of diagonal neighbours.
+fn side_by_neighbours(tile: &[Regions], block: usize, voxel: usize, edge: BlockEdge) -> Option<bool> {
+    let (bits, last, n) = (edge.log2(), edge.voxels() as i32 - 1, 4 * edge.voxels() as i32);
+    let (corner, at) = (part_position(block).map(|c| c << bits), voxel as i32);
+    let [x, y, z] =
+        [corner[0] + (at & last), corner[1] + (at >> bits & last), corner[2] + (at >> (2 * bits))];
+    for offset in 0..27 {
+        let [dx, dy, dz] = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+        let place = [x + dx, y + dy, z + dz];
+        if !place.iter().all(|c| (0..n).contains(c)) {
+            continue;
+        }
+        let other = &tile[part_number(place.map(|c| c >> bits))];
+        let [u, v, w] = place.map(|c| (c & last) as usize);
+        let neighbour = edge.voxel_index(u, v, w);
+        let Some(label) = other.labels.get(neighbour) else { continue };
+        let length = ((dx * dx + dy * dy + dz * dz) as f32).sqrt();
+        let joined = tile[block].distances[voxel] + other.distances[neighbour] > length + SLACK;
+        let side = other.inside.get(usize::from(*label)).copied().flatten();
+        if joined && side.is_some() {
+            return side;
         }
     }
     None
@@ -185,18 +221,18 @@ mod tests {
     use super::*;
     use std::cell::RefCell;
 
-    /// The regions of the first block of a tile that has no other.
-    fn settled(
+    /// The inside voxels of the first block of a tile that has no other.
+    fn inside_voxels(
         distances: &[f32],
         excluded: Option<&VoxelMask>,
-        are_inside: &impl Fn(&[usize]) -> Vec<bool>,
-    ) -> Regions {
+        are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>,
+    ) -> Vec<usize> {
         let mut tile: Vec<Regions> = (0..PARTS).map(|_| Regions::default()).collect();
         tile[0].distances.extend_from_slice(distances);
         tile[0].unobserved = excluded.cloned();
-        tile[0].divide(BlockEdge::E4, are_inside);
-        Regions::settle(&mut tile, 0, BlockEdge::E4, are_inside);
-        tile.swap_remove(0)
+        tile[0].divide(BlockEdge::E4);
+        Regions::settle(&mut tile, &[0], BlockEdge::E4, are_inside);
+        (0..64).filter(|voxel| tile[0].is_inside(*voxel)).collect()
     }
 
     #[test]
@@ -204,11 +240,11 @@ mod tests {
         let distances: Vec<f32> = (0..64).map(|v| (v / 16) as f32 - 1.4).map(f32::abs).collect();
         let asked = RefCell::new(Vec::new());
         let classify = |excluded: Option<&VoxelMask>| {
-            let are_inside = |voxels: &[usize]| {
-                asked.borrow_mut().extend_from_slice(voxels);
-                voxels.iter().map(|voxel| *voxel < 16).collect()
+            let are_inside = |voxels: &[TileVoxel]| {
+                asked.borrow_mut().extend(voxels.iter().map(|voxel| voxel.1));
+                voxels.iter().map(|voxel| voxel.1 < 16).collect()
             };
-            settled(&distances, excluded, &are_inside).inside_voxels().count()
+            inside_voxels(&distances, excluded, &are_inside).len()
         };
         assert_eq!(classify(None), 32);
         let mut mask = VoxelMask::empty(BlockEdge::E4);
@@ -224,12 +260,10 @@ mod tests {
             (0..64).map(|v| ((v % 4 + v / 4 % 4 + v / 16) as f32 - 3.9) / 3f32.sqrt()).collect();
         let asked = RefCell::new(0);
         let magnitudes: Vec<f32> = distances.iter().map(|d| d.abs()).collect();
-        let regions = settled(&magnitudes, None, &|voxels: &[usize]| {
+        let inside = inside_voxels(&magnitudes, None, &|voxels: &[TileVoxel]| {
             *asked.borrow_mut() += voxels.len();
-            voxels.iter().map(|voxel| distances[*voxel] < 0.0).collect()
+            voxels.iter().map(|voxel| distances[voxel.1] < 0.0).collect()
         });
-        let mut inside: Vec<_> = regions.inside_voxels().collect();
-        inside.sort_unstable();
         assert!(inside.into_iter().eq((0..64).filter(|v| distances[*v] < 0.0)));
         assert!(asked.into_inner() < 12);
     }

@@ -77,16 +77,16 @@ impl Blocks {
 
     /// The surface cells that begin in a block and have all their corners, observed.
     fn observed_cells_of(&self, block: u32, around: &Neighbourhood, edge: BlockEdge) -> Vec<SurfaceCell> {
-        let (n, size) = (edge.voxels(), edge.block_voxels());
-        let origin = self.coords[block as usize].to_array().map(|c| c * n as i32);
+        let (bits, last, size) = (edge.log2(), edge.voxels() - 1, edge.block_voxels());
+        let origin = self.coords[block as usize].to_array().map(|c| c << bits);
         let voxel_at = |place: [usize; 3]| {
-            let [x, y, z] = place.map(|p| p / n);
-            let voxel = edge.voxel_index(place[0] % n, place[1] % n, place[2] % n);
+            let [x, y, z] = place.map(|p| p >> bits);
+            let voxel = edge.voxel_index(place[0] & last, place[1] & last, place[2] & last);
             around[(z + 1) * 9 + (y + 1) * 3 + x + 1].map(|neighbour| (neighbour, voxel as u16))
         };
         let samples = &self.samples[block as usize * size..][..size];
         let cell = |voxel: usize| {
-            let place = [voxel % n, voxel / n % n, voxel / n / n];
+            let place = [voxel & last, voxel >> bits & last, voxel >> (2 * bits)];
             // Far from the surface, as most voxels are, no corner lies on the other side.
             if u32::from(samples[voxel].unsigned_abs()) > CELL_DIAGONAL {
                 return None;

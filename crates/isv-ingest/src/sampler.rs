@@ -3,11 +3,11 @@
 use crate::cells::{Cells, Directions, Parts};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
-use crate::regions::Regions;
+use crate::regions::{Regions, TileVoxel};
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
 use fearless_simd::{Level, dispatch};
-use glam::{DVec3, IVec3};
+use glam::{DVec3, IVec3, Vec3};
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 
@@ -19,6 +19,16 @@ pub(crate) struct Source<'a> {
     pub(crate) topology: Topology,
     pub(crate) directions: Directions,
     pub(crate) sign: Sign,
+}
+
+impl Source<'_> {
+    /// The holes to keep open, if any.
+    fn holes(&self) -> Option<&WideHoles> {
+        match &self.sign {
+            Sign::Closed(_, holes) => holes.as_ref(),
+            Sign::Offset(_) => None,
+        }
+    }
 }
 
 /// Where the sign of a sample comes from.
@@ -40,10 +50,10 @@ pub(crate) struct TileBlocks {
 
 /// Buffers of one thread.
 pub(crate) struct Workspace {
-    /// Cells of the tile at hand, relative to its centre, and those that reach into each of its blocks.
+    /// Cells of the tile at hand, relative to its centre, and those that reach into each of its octants.
     cells: Cells,
-    lists: [Vec<u32>; PARTS],
-    /// Squared distances of the block at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
+    lists: [Vec<u32>; LANES],
+    /// Squared distances of the octant at hand, in cubes of 2 x 2 x 2 voxels: of all parts, and of those on a wide hole.
     nearest: Vec<[f32; LANES]>,
     on_hole: Vec<[f32; LANES]>,
     /// The voxels of a block by their Morton numbers.
@@ -68,21 +78,21 @@ impl Default for Workspace {
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
     let edge = source.band.tile_edge();
-    let holes = match &source.sign {
-        Sign::Closed(_, holes) => holes.as_ref(),
-        Sign::Offset(_) => None,
+    let parts = Parts {
+        mesh: &source.mesh,
+        topology: &source.topology,
+        directions: &source.directions,
+        holes: source.holes(),
     };
-    let parts =
-        Parts { mesh: &source.mesh, topology: &source.topology, directions: &source.directions, holes };
-    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge));
+    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
     let Workspace { cells, lists, .. } = work;
-    let cube = Cube { centre: DVec3::ZERO, edge: edge as usize };
+    let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
     dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
-    for block in 0..PARTS {
-        measure_block(source, work, block);
+    for octant in 0..LANES {
+        measure_octant(source, work, octant);
     }
     let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], band)).collect();
     let coord = |block: usize| {
@@ -119,14 +129,15 @@ fn find_sides(
     coord: impl Fn(usize) -> BlockCoord,
 ) {
     let grid = &source.grid;
-    let are_inside =
-        |block: usize, voxels: &[usize]| winding.exceed_half(&centres(grid, coord(block), voxels));
+    let are_inside = |voxels: &[TileVoxel]| {
+        let points: Vec<DVec3> =
+            voxels.iter().map(|(block, voxel)| centre(grid, coord(*block), *voxel)).collect();
+        winding.exceed_half(&points)
+    };
     for &block in active {
-        work.blocks[block].divide(grid.edge, &|voxels| are_inside(block, voxels));
+        work.blocks[block].divide(grid.edge);
     }
-    for &block in active {
-        Regions::settle(&mut work.blocks, block, grid.edge, &|voxels| are_inside(block, voxels));
-    }
+    Regions::settle(&mut work.blocks, active, grid.edge, &are_inside);
 }
 
 /// Writes the samples of a block.
@@ -137,8 +148,8 @@ fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &
         *sample = code(grid, distance - offset);
     }
     let Sign::Closed(winding, _) = &source.sign else { return };
-    for voxel in block.inside_voxels() {
-        samples[voxel] = -samples[voxel];
+    for (voxel, sample) in samples.iter_mut().enumerate() {
+        *sample = if block.is_inside(voxel) { -*sample } else { *sample };
     }
     if let Some(mask) = &block.unobserved {
         let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
@@ -159,45 +170,52 @@ fn code(grid: &Grid, distance: f32) -> i16 {
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
 }
 
-/// Finds the distances and the unobserved voxels of a block of the tile.
-fn measure_block(source: &Source, work: &mut Workspace, block: usize) {
-    let (edge, width) = (source.grid.edge, source.band.width as f32);
-    let n = edge.voxels();
-    let step = IVec3::from_array(part_position(block));
-    if work.lists[block].is_empty() {
-        work.blocks[block].restart(0, width + 1.0);
-        return;
-    }
-    work.blocks[block].restart(edge.block_voxels(), width + 1.0);
-    let corner = (step - TILE_BLOCKS / 2) * n as i32;
+/// Finds the distances and the unobserved voxels of the eight blocks of an octant of the tile.
+fn measure_octant(source: &Source, work: &mut Workspace, octant: usize) {
+    let edge = 2 * source.band.edge;
     let Workspace { cells, lists, nearest, on_hole, .. } = work;
     for cubes in [&mut *nearest, &mut *on_hole] {
-        cubes.clear();
-        cubes.resize(edge.block_voxels() / LANES, [f32::INFINITY; LANES]);
+        cubes.resize(edge.pow(3) as usize / LANES, [f32::INFINITY; LANES]);
+        cubes.fill([f32::INFINITY; LANES]);
     }
-    let listed = (&*cells, &lists[block][..]);
-    // Blocks of 16 voxels are measured in octants.
-    let cubes = nearest.chunks_mut(PARTS).zip(on_hole.chunks_mut(PARTS));
-    for (octant, (nearest, on_hole)) in cubes.enumerate() {
-        let edge = n.min(8);
-        let step = IVec3::new(octant as i32 & 1, octant as i32 >> 1 & 1, octant as i32 >> 2);
-        let cube = Cube { centre: (corner + step * edge as i32).as_dvec3() + 0.5 * edge as f64, edge };
-        dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, width, nearest, on_hole));
+    let corner = IVec3::from_array(part_position(octant)) - 1;
+    let cube = Cube { centre: (corner.as_vec3() + 0.5) * edge as f32, edge: edge as usize };
+    let (listed, band) = ((&*cells, &lists[octant][..]), source.band.width as f32);
+    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
+    for block in 0..LANES {
+        take_distances(source, work, octant, block);
     }
-    work.voxels.resize(edge.block_voxels(), 0);
-    if work.voxels[1] == 0 {
-        (0..edge.block_voxels()).for_each(|number| work.voxels[number] = voxel_at(edge, number) as u16);
+}
+
+/// Takes over what was measured in a block of the octant at hand.
+fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: usize) {
+    let (edge, width) = (source.grid.edge, source.band.width as f32);
+    let size = edge.block_voxels();
+    let nearest = &mut work.nearest.as_flattened_mut()[block * size..][..size];
+    let taken = &mut work.blocks[octant * LANES + block];
+    if !nearest.iter().any(|distance_sq| distance_sq.is_finite()) {
+        taken.restart(0);
+        return;
     }
-    let out = &mut work.blocks[block];
-    let numbers = work.nearest.as_flattened().iter().zip(work.on_hole.as_flattened());
-    for ((nearest, on_hole), voxel) in numbers.zip(&work.voxels) {
-        let distance = nearest.sqrt();
-        if distance <= width {
-            out.distances[usize::from(*voxel)] = distance;
+    taken.restart(size);
+    if work.voxels.is_empty() {
+        work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
+    }
+    if source.holes().is_some() {
+        let on_hole = &work.on_hole.as_flattened()[block * size..][..size];
+        for ((nearest, on_hole), voxel) in nearest.iter().zip(on_hole).zip(&work.voxels) {
+            if nearest == on_hole && nearest.is_finite() {
+                let mask = taken.unobserved.get_or_insert_with(|| VoxelMask::empty(edge));
+                mask.insert(usize::from(*voxel));
+            }
         }
-        if nearest == on_hole && distance.is_finite() {
-            out.unobserved.get_or_insert_with(|| VoxelMask::empty(edge)).insert(usize::from(*voxel));
-        }
+    }
+    for number in &mut *nearest {
+        let distance = number.sqrt();
+        *number = if distance <= width { distance } else { width + 1.0 };
+    }
+    for (distance, voxel) in nearest.iter().zip(&work.voxels) {
+        taken.distances[usize::from(*voxel)] = *distance;
     }
 }
 
@@ -221,12 +239,13 @@ pub(crate) fn blend_across_hole(
         let blend = (1.0 - 2.0 * w.abs()).clamp(-1.0, 1.0);
         (*voxel, code(grid, distance(*voxel) * blend as f32))
     };
-    let numbers = winding.at_points(&centres(grid, coord, voxels));
+    let points: Vec<DVec3> = voxels.iter().map(|voxel| centre(grid, coord, *voxel)).collect();
+    let numbers = winding.at_points(&points);
     voxels.iter().zip(numbers).map(blend).collect()
 }
 
-/// The centres of voxels of a block, in metres.
-fn centres(grid: &Grid, coord: BlockCoord, voxels: &[usize]) -> Vec<DVec3> {
+/// The centre of a voxel of a block, in metres.
+fn centre(grid: &Grid, coord: BlockCoord, voxel: usize) -> DVec3 {
     let n = grid.edge.voxels();
-    voxels.iter().map(|v| grid.voxel_centre_m(coord, [v % n, v / n % n, v / (n * n)])).collect()
+    grid.voxel_centre_m(coord, [voxel % n, voxel / n % n, voxel / (n * n)])
 }

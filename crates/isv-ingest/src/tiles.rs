@@ -8,7 +8,7 @@ use glam::{DVec3, IVec3};
 use isv_spatial::closest_on_triangle;
 use isv_volume::{BlockCoord, Grid, MortonCode};
 use rayon::prelude::*;
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Blocks along the edge of a tile.
 pub(crate) const TILE_BLOCKS: i32 = 4;
@@ -28,7 +28,8 @@ pub(crate) struct VoxelMesh<'a> {
 
 impl VoxelMesh<'_> {
     pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
-        self.triangles[face as usize].map(|v| self.vertices[v as usize])
+        let [a, b, c] = self.triangles[face as usize];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 }
 
@@ -125,8 +126,7 @@ impl TileList {
             }
             start = end;
         }
-        entries.par_sort_unstable();
-        Ok(Self { entries })
+        Ok(Self { entries: gather(&entries) })
     }
 
     /// The tiles in Morton order.
@@ -139,6 +139,31 @@ impl TileList {
             })
             .collect()
     }
+}
+
+/// Sorts entries whose triangles are in order by tile.
+fn gather(entries: &[(MortonCode, u32)]) -> Vec<(MortonCode, u32)> {
+    let mut tiles: FxHashMap<MortonCode, usize> = FxHashMap::default();
+    for (tile, _) in entries {
+        *tiles.entry(*tile).or_default() += 1;
+    }
+    let mut sorted: Vec<MortonCode> = tiles.keys().copied().collect();
+    sorted.sort_unstable();
+    let mut start = 0;
+    for tile in &sorted {
+        if let Some(next) = tiles.get_mut(tile) {
+            start += std::mem::replace(next, start);
+        }
+    }
+    let Some(first) = entries.first() else { return Vec::new() };
+    let mut gathered = vec![*first; entries.len()];
+    for entry in entries {
+        if let Some(next) = tiles.get_mut(&entry.0) {
+            gathered[*next] = *entry;
+            *next += 1;
+        }
+    }
+    gathered
 }
 
 /// The end of the batch of triangles that begins at `start`.

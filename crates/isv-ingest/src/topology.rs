@@ -5,7 +5,6 @@
 
 use crate::tiles::VoxelMesh;
 use glam::DVec3;
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 /// No vertex, or no triangle.
@@ -19,6 +18,15 @@ pub(crate) struct Side {
     pub(crate) side: u8,
 }
 
+/// An edge at a vertex.
+#[derive(Clone, Copy)]
+pub(crate) struct Spoke {
+    /// The edge as a side of its owner.
+    pub(crate) edge: Side,
+    /// Whether it runs away from the vertex there, not towards it.
+    pub(crate) outward: bool,
+}
+
 /// Edges and vertices of a mesh.
 pub(crate) struct Topology {
     /// For each vertex the first one at exactly the same position.
@@ -30,8 +38,8 @@ pub(crate) struct Topology {
     /// For the owner of an edge: another triangle at that edge, with another third corner, times four plus the number of its
     /// side; or [`NONE`].
     across: Vec<[u32; 3]>,
-    /// Edges of each vertex, as sides of their owners, vertex after vertex, and where each vertex's begin.
-    spokes: Vec<Side>,
+    /// Edges of each vertex, vertex after vertex, and where each vertex's begin.
+    spokes: Vec<Spoke>,
     starts: Vec<u32>,
 }
 
@@ -94,7 +102,7 @@ impl Topology {
     }
 
     /// The edges at a vertex.
-    pub(crate) fn spokes(&self, vertex: u32) -> &[Side] {
+    pub(crate) fn spokes(&self, vertex: u32) -> &[Spoke] {
         let vertex = self.welded[vertex as usize] as usize;
         &self.spokes[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
@@ -108,26 +116,43 @@ fn weld(vertices: &[DVec3]) -> Vec<u32> {
     vertices.iter().enumerate().map(|(i, v)| *first.entry(key(v)).or_insert(i as u32)).collect()
 }
 
-/// The sides of all triangles that are not points, those of one edge side by side.
+/// The sides of all triangles that are not points, sorted, by way of one bucket for each lower end.
 fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
-    let mut sides: Vec<Key> = triangles
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(face, triangle)| {
-            let [a, b, c] = triangle.map(|v| welded[v as usize]);
-            let proper = a != b && b != c && c != a;
-            [(a, b, c), (b, c, a), (c, a, b)]
-                .into_iter()
-                .zip(0..)
-                .filter(|((from, to, _), _)| from != to)
-                .map(move |((from, to, opposite), side)| {
-                    let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
-                    (key, if proper { opposite } else { NONE }, face as u32 * 4 + side)
-                })
+    let sides = |face: usize| {
+        let [a, b, c] = triangles[face].map(|v| welded[v as usize]);
+        let proper = a != b && b != c && c != a;
+        let sides = [(a, b, c), (b, c, a), (c, a, b)].into_iter().zip(0..);
+        sides.filter(|((from, to, _), _)| from != to).map(move |((from, to, opposite), side)| {
+            let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
+            (key, if proper { opposite } else { NONE }, face as u32 * 4 + side)
         })
-        .collect();
-    sides.par_sort_unstable();
-    sides
+    };
+    let all = || (0..triangles.len()).flat_map(sides);
+    let bucket = |side: &Key| (side.0 >> 32) as usize;
+    let starts = running_sums(all().map(|side| bucket(&side)), welded.len());
+    let mut next = starts.clone();
+    let mut sorted = vec![(0, 0, 0); starts[welded.len()] as usize];
+    for side in all() {
+        let place = &mut next[bucket(&side)];
+        sorted[*place as usize] = side;
+        *place += 1;
+    }
+    for bounds in starts.windows(2) {
+        sorted[bounds[0] as usize..bounds[1] as usize].sort_unstable();
+    }
+    sorted
+}
+
+/// Where each bucket begins, and where the last ends, if items fall into the given buckets.
+fn running_sums(items: impl Iterator<Item = usize>, buckets: usize) -> Vec<u32> {
+    let mut starts = vec![0u32; buckets + 1];
+    for bucket in items {
+        starts[bucket + 1] += 1;
+    }
+    for bucket in 0..buckets {
+        starts[bucket + 1] += starts[bucket];
+    }
+    starts
 }
 
 /// Marks in each triangle the corners that it is the first to have.
@@ -143,20 +168,17 @@ fn own_vertices(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<u8> {
 }
 
 /// The edges at every vertex, and where each vertex's begin.
-fn fans(edges: &[([u32; 2], Side)], vertices: usize) -> (Vec<Side>, Vec<u32>) {
-    let mut starts = vec![0u32; vertices + 1];
-    for vertex in edges.iter().flat_map(|(ends, _)| ends) {
-        starts[*vertex as usize + 1] += 1;
-    }
-    for vertex in 0..vertices {
-        starts[vertex + 1] += starts[vertex];
-    }
+fn fans(edges: &[([u32; 2], Side)], vertices: usize) -> (Vec<Spoke>, Vec<u32>) {
+    let starts =
+        running_sums(edges.iter().flat_map(|(ends, _)| ends).map(|vertex| *vertex as usize), vertices);
     let mut next = starts.clone();
-    let mut spokes = vec![Side { face: NONE, side: 0 }; 2 * edges.len()];
+    let nothing = Spoke { edge: Side { face: NONE, side: 0 }, outward: false };
+    let mut spokes = vec![nothing; 2 * edges.len()];
     for (ends, edge) in edges {
-        for vertex in ends {
-            spokes[next[*vertex as usize] as usize] = *edge;
-            next[*vertex as usize] += 1;
+        for (vertex, outward) in ends.iter().zip([true, false]) {
+            let place = &mut next[*vertex as usize];
+            spokes[*place as usize] = Spoke { edge: *edge, outward };
+            *place += 1;
         }
     }
     (spokes, starts)

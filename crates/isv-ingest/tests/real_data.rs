@@ -2,6 +2,7 @@
 
 mod support;
 
+use glam::DVec3;
 use isv_ingest::{MeshIngest, SignDecision, SignMode, decide_sign, ingest_mesh};
 use isv_spatial::{Bvh, WindingNumber, exact_winding_number};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
@@ -14,6 +15,9 @@ const TOLERANCE_CODES: f64 = 0.5 + 0.256;
 
 /// Blocks of a volume that are compared with the references.
 const BLOCKS_CHECKED: usize = 60;
+
+/// Voxels of a volume that are compared with all triangles one by one.
+const VOXELS_CHECKED: usize = 400;
 
 /// Ingests a frame, checks the automatic decision, and compares a sample of blocks with the references.
 fn check_sequence(
@@ -41,6 +45,7 @@ fn check_sequence(
         start.elapsed().as_secs_f64() * 1e3,
     );
     check_samples(name, &mesh, &volume, decision);
+    check_against_all_triangles(name, &mesh, &volume, decision);
     Some(volume)
 }
 
@@ -73,6 +78,57 @@ fn check_samples(name: &str, mesh: &TriangleMesh, volume: &SparseVolume, sign: S
             }
         }
     }
+}
+
+/// The distance from a point to a triangle by nothing but the definition: the foot on the plane where its barycentric coordinates
+/// are not negative, or else the closest point of the three segments.
+fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let segment = |from: DVec3, to: DVec3| {
+        let way = to - from;
+        let share = if way == DVec3::ZERO { 0.0 } else { (p - from).dot(way) / way.length_squared() };
+        p.distance(from + way * share.clamp(0.0, 1.0))
+    };
+    let outline = segment(a, b).min(segment(b, c)).min(segment(c, a));
+    let normal = (b - a).cross(c - a);
+    let parts = [(b, c), (c, a), (a, b)].map(|(from, to)| (from - p).cross(to - p).dot(normal));
+    if normal.length_squared() > 0.0 && parts.iter().all(|part| *part >= 0.0) {
+        outline.min((p - a).dot(normal).abs() / normal.length())
+    } else {
+        outline
+    }
+}
+
+/// Compares some voxels of a volume with sums and minima over all triangles, without any hierarchy: slow, and true.
+fn check_against_all_triangles(name: &str, mesh: &TriangleMesh, volume: &SparseVolume, sign: SignDecision) {
+    let grid = volume.grid();
+    let (n, limit) = (grid.edge.voxels(), f64::from(grid.truncation.codes()));
+    let offset = if sign == SignDecision::Offset { 1.5 * 256.0 } else { 0.0 };
+    let size = grid.edge.block_voxels();
+    let step = volume.samples().len() / VOXELS_CHECKED;
+    let (mut worst, mut compared) = (0f64, 0);
+    // An odd stride visits every place in a block.
+    for at in (0..volume.samples().len()).step_by(step | 1) {
+        let (block, voxel) = (at / size, at % size);
+        if volume.unobserved(block).is_some_and(|mask| mask.contains(voxel)) {
+            continue;
+        }
+        let sample = volume.block(block)[voxel];
+        let p = grid.voxel_centre_m(volume.coords()[block], [voxel % n, voxel / n % n, voxel / (n * n)]);
+        let metres = (0..mesh.triangles.len())
+            .map(|face| distance_to_triangle(p, mesh.corners(face)))
+            .fold(f64::INFINITY, f64::min);
+        let expected = (metres / grid.voxel_size.metres() * 256.0 - offset).min(limit);
+        let got = f64::from(if sign == SignDecision::Offset { sample } else { sample.abs() });
+        worst = worst.max((expected - got).abs());
+        compared += 1;
+        if sign != SignDecision::Offset && sample.abs() > 1 {
+            let exact = exact_winding_number(mesh, p).abs();
+            let clear = (exact - 0.5).abs() > 0.1;
+            assert!(!clear || (exact > 0.5) == (sample < 0), "{name} at {p}: {sample}, {exact}");
+        }
+    }
+    println!("{name}: {compared} voxels within {worst:.3} codes of the brute force");
+    assert!(worst < TOLERANCE_CODES && compared > VOXELS_CHECKED / 2, "{name}: {worst}");
 }
 
 /// Neighbours of different sign, both observed, that are too far from the surface to be on different sides of it.
@@ -131,6 +187,35 @@ fn overlapping_parts_and_large_triangles_are_closed() {
     for (name, voxel_m) in [("xbot", 0.005), ("cesium_man", 0.005), ("collision", 0.02)] {
         let Some(volume) = check_sequence(name, 1, voxel_m, BlockEdge::E8, CLOSED) else { return };
         assert_eq!(unexplained_sign_changes(&volume), 0);
+    }
+}
+
+/// [`WindingNumber::exceed_half`] against the sum over all triangles, for points as ingest asks for them: near the surface, in
+/// groups. Where a group spans a crowd of parts, as in `xbot`, the first look has the hardest time.
+#[test]
+fn sides_are_those_of_the_exact_winding_number() {
+    for name in ["dancer", "thomas", "xbot", "cesium_man", "collision", "flag", "monastery"] {
+        let Some(mesh) = support::load(name, usize::from(name != "monastery")) else { return };
+        let winding = WindingNumber::new(&mesh);
+        let (lo, hi) = mesh.bounds().unwrap();
+        let reach = lo.distance(hi) / 100.0;
+        let (mut asked, mut unclear) = (0, 0);
+        for face in (0..mesh.triangles.len()).step_by(mesh.triangles.len() / 25 + 1) {
+            let [a, b, c] = mesh.corners(face);
+            let points: Vec<DVec3> = (0..24)
+                .map(|i| DVec3::from([i % 3, i / 3 % 4, i / 12].map(|step| f64::from(step) - 1.3)))
+                .map(|step| (a + b + c) / 3.0 + step * reach)
+                .collect();
+            for (p, side) in points.iter().zip(winding.exceed_half(&points)) {
+                let exact = exact_winding_number(&mesh, *p).abs();
+                let clear = (exact - 0.5).abs() > 4e-3;
+                assert!(!clear || side == (exact > 0.5), "{name} at {p}: {exact}");
+                asked += 1;
+                unclear += usize::from(!clear);
+            }
+        }
+        println!("{name}: {asked} points, {unclear} too close to one half to tell");
+        assert!(unclear * 20 < asked);
     }
 }
 

@@ -9,7 +9,7 @@ const LEAF_SIZE: usize = 8;
 const PARALLEL_SIZE: usize = 8192;
 
 /// A balanced k-d tree without pointers: the middle point of a range splits it along an axis, the points before it
-/// make one child and those behind it the other, down to [`LEAF_SIZE`].
+/// make one child and those behind it the other, down to `LEAF_SIZE`.
 ///
 /// Our own and not a crate's, because samples of flat walls share one coordinate by the thousand, which bucket trees
 /// refuse or degenerate on; splitting by rank does not mind.
