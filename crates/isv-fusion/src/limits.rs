@@ -3,7 +3,7 @@
 use crate::allocation::{OverLimit, touched_blocks};
 use crate::view::View;
 use crate::{FusionError, FusionSettings};
-use isv_volume::{BlockCoord, COORD_LIMIT, DepthImage, VoxelSize};
+use isv_volume::{BlockCoord, DepthImage, FitError};
 use rustc_hash::FxHashSet;
 
 /// The images made ready, if the settings make sense, there is a reading and all are in range.
@@ -32,20 +32,9 @@ pub(crate) fn checked_views(
 /// Refuses images that reach beyond the range of block coordinates.
 fn check_range(images: &[DepthImage], settings: &FusionSettings) -> Result<(), FusionError> {
     let grid = &settings.grid;
-    let voxel_m = grid.voxel_size.metres();
-    // A block is kept clear at the end of the range, so that the neighbours of all blocks have coordinates.
-    let limit_voxels = f64::from(COORD_LIMIT - 1) * grid.edge.voxels() as f64;
-    let band_voxels = f64::from(grid.truncation.voxels());
     let farthest = images.iter().map(|image| farthest(image, settings.max_depth_m)).fold(0.0, f64::max);
-    if farthest / voxel_m + band_voxels <= limit_voxels {
-        return Ok(());
-    }
-    Err(FusionError::OutOfRange {
-        reach_m: farthest + band_voxels * voxel_m,
-        limit_m: limit_voxels * voxel_m,
-        voxel_m,
-        voxel_that_fits_m: round_up(farthest / (limit_voxels - band_voxels)),
-    })
+    // A block is kept clear at the end of the range, so that the neighbours of all blocks have coordinates.
+    Ok(grid.check_range(farthest, f64::from(grid.truncation.voxels()), grid.edge.voxels(), 1)?)
 }
 
 /// A bound on the coordinates, in metres, of all that an image shows: its camera's, and the corners of the image at the
@@ -71,16 +60,13 @@ pub(crate) fn checked_blocks(
     {
         return Ok(blocks);
     }
-    let count = |scale: f64| {
+    let fine_m = settings.grid.voxel_size.metres();
+    let count = |voxel_m: f64| {
+        let scale = voxel_m / fine_m;
         let blocks = touched_blocks(views, &settings.grid, scale, limit).map_err(|OverLimit| ()).ok()?;
         Some(union(&blocks, known, scale)).filter(|blocks| *blocks <= limit)
     };
-    let voxel_m = settings.grid.voxel_size.metres();
-    let (blocks, fits_m) = voxel_that_fits(voxel_m, |fits_m| count(fits_m / voxel_m));
-    // The number of blocks goes with the inverse square of their edge.
-    let blocks = (blocks.max(1) as f64 * (fits_m / voxel_m).powi(2)).max(limit as f64 + 1.0) as u64;
-    let edge = settings.grid.edge;
-    Err(FusionError::TooManyBlocks { blocks, edge, limit, voxel_m, voxel_that_fits_m: fits_m })
+    Err(FitError::too_many_blocks(&settings.grid, limit, count).into())
 }
 
 /// How many blocks there are in two lists together, the second one on a grid finer by a factor.
@@ -89,32 +75,4 @@ fn union(blocks: &[BlockCoord], known: &[BlockCoord], scale: f64) -> usize {
         BlockCoord::from(block.to_array().map(|c| (f64::from(c) / scale).floor() as i32))
     };
     blocks.iter().copied().chain(known.iter().map(coarse)).collect::<FxHashSet<_>>().len()
-}
-
-/// A voxel size not much larger than needed, and the number of blocks there. `count` gives nothing above the limit.
-fn voxel_that_fits(voxel_m: f64, count: impl Fn(f64) -> Option<usize>) -> (usize, f64) {
-    let largest = *VoxelSize::RANGE_NM.end() as f64 * 1e-9;
-    let (mut too_fine, mut fits, mut blocks) = (voxel_m, voxel_m, None);
-    while blocks.is_none() && fits < largest {
-        too_fine = fits;
-        fits = (2.0 * fits).min(largest);
-        blocks = count(fits);
-    }
-    // Two halvings of the ratio leave at most a fifth to gain.
-    for _ in 0..2 {
-        let middle = round_up((too_fine * fits).sqrt());
-        match count(middle) {
-            Some(n) if middle < fits => (fits, blocks) = (middle, Some(n)),
-            _ => too_fine = middle,
-        }
-    }
-    (blocks.unwrap_or(0), fits)
-}
-
-/// Rounded up to two significant digits.
-fn round_up(value: f64) -> f64 {
-    let unit = 10f64.powi(value.log10().floor() as i32 - 1);
-    let digits = (value / unit).ceil();
-    // Dividing by the inverse gives the double closest to the decimal number where the unit is below one.
-    if unit < 1.0 { digits / (1.0 / unit).round() } else { digits * unit }
 }

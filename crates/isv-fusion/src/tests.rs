@@ -5,7 +5,8 @@ use glam::{DMat4, DVec2, DVec3};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::{Random, camera_ring, cube, look_at, render_depth, sheet, sphere};
 use isv_volume::{
-    BlockEdge, CameraPose, DepthImage, Grid, Intrinsics, SparseVolume, TriangleMesh, Truncation, VoxelSize,
+    BlockEdge, CameraPose, DepthImage, FitError, Grid, Intrinsics, SparseVolume, TriangleMesh, Truncation,
+    VoxelSize,
 };
 
 const LENS: Intrinsics =
@@ -215,7 +216,8 @@ fn what_cannot_be_done_is_refused_with_what_can() {
     let wall = image(|_, _| 2.0);
     let one = std::slice::from_ref(&wall);
     let fine = FusionSettings { max_blocks: 100, ..settings(0.005, BlockEdge::E8) };
-    let Err(FusionError::TooManyBlocks { blocks, voxel_that_fits_m, .. }) = fuse(one, &fine) else {
+    let Err(FusionError::Fit(FitError::TooManyBlocks { blocks, voxel_that_fits_m, .. })) = fuse(one, &fine)
+    else {
         panic!("accepted")
     };
     assert!(blocks > 1_000 && voxel_that_fits_m > 0.02, "{blocks}, {voxel_that_fits_m}");
@@ -227,12 +229,14 @@ fn what_cannot_be_done_is_refused_with_what_can() {
     accumulator.integrate(one).unwrap();
     let before = accumulator.volume();
     let far = image(|_, _| 9.0);
-    assert!(matches!(accumulator.integrate(&[far]), Err(FusionError::TooManyBlocks { .. })));
+    assert!(matches!(accumulator.integrate(&[far]), Err(FusionError::Fit(FitError::TooManyBlocks { .. }))));
     assert_eq!(accumulator.volume(), before);
 
     let tiny = settings(1e-6, BlockEdge::E4);
-    assert!(matches!(fuse(one, &tiny), Err(FusionError::TooManyBlocks { .. })));
-    let Err(FusionError::OutOfRange { voxel_that_fits_m, .. }) = fuse(&[image(|_, _| 9.0)], &tiny) else {
+    assert!(matches!(fuse(one, &tiny), Err(FusionError::Fit(FitError::TooManyBlocks { .. }))));
+    let Err(FusionError::Fit(FitError::OutOfRange { voxel_that_fits_m, .. })) =
+        fuse(&[image(|_, _| 9.0)], &tiny)
+    else {
         panic!("accepted")
     };
     assert!(voxel_that_fits_m > 1e-6 && voxel_that_fits_m < 4e-6, "{voxel_that_fits_m}");

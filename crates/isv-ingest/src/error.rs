@@ -1,6 +1,6 @@
 //! Why a mesh or a point cloud cannot become a volume.
 
-use isv_volume::{BlockEdge, MeshError, PointsError};
+use isv_volume::{FitError, MeshError, PointsError};
 use thiserror::Error;
 
 /// A mesh, a point cloud or a setting that ingest refuses, always before memory for the volume is taken.
@@ -29,39 +29,9 @@ pub enum IngestError {
         /// A coarser voxel size, in metres, at which half of the points are close enough to each other.
         voxel_that_fits_m: f64,
     },
-    /// The surface needs more blocks than allowed.
-    #[error(
-        "the surface needs about {blocks} blocks of {edge}^3 voxels at {voxel_m} m a voxel, the limit is {limit}; \
-         voxels of {voxel_that_fits_m} m fit",
-        edge = edge.voxels()
-    )]
-    TooManyBlocks {
-        /// Blocks needed, estimated from their number at the voxel size that fits.
-        blocks: u64,
-        /// Edge of the blocks.
-        edge: BlockEdge,
-        /// `max_blocks` of the settings.
-        limit: usize,
-        /// The voxel size asked for, in metres.
-        voxel_m: f64,
-        /// A coarser voxel size, in metres, at which the same surface stays within the limit.
-        voxel_that_fits_m: f64,
-    },
-    /// The surface reaches farther from the origin than block coordinates do.
-    #[error(
-        "the surface reaches {reach_m} m from the origin, block coordinates end at {limit_m} m with voxels of {voxel_m} m; \
-         voxels of {voxel_that_fits_m} m fit"
-    )]
-    OutOfRange {
-        /// Largest absolute coordinate of the surface and its truncation band, in metres.
-        reach_m: f64,
-        /// Largest coordinate that can be addressed, in metres.
-        limit_m: f64,
-        /// The voxel size asked for, in metres.
-        voxel_m: f64,
-        /// A coarser voxel size, in metres, at which every coordinate is in range.
-        voxel_that_fits_m: f64,
-    },
+    /// The surface does not fit on the grid.
+    #[error(transparent)]
+    Fit(#[from] FitError),
     /// The offset of Eq. 9 must keep both sides of the shell inside the truncation band.
     #[error("offset of {voxels} voxels is not between 0 and the truncation of {truncation} voxels")]
     Offset {

@@ -1,10 +1,10 @@
 //! Refusing what cannot be done, before it costs anything, and saying what could be.
 
 use crate::points::cubes::{boxes, reached};
-use crate::tiles::{Band, OverLimit, TileList, VoxelMesh, count_blocks};
+use crate::tiles::{Band, OverLimit, TILE_BLOCKS, TileList, VoxelMesh, count_blocks};
 use crate::{IngestError, MeshIngest, PointIngest, PointSign, SignDecision};
 use glam::DVec3;
-use isv_volume::{COORD_LIMIT, Grid, PointCloud, TriangleMesh, VoxelSize};
+use isv_volume::{FitError, Grid, PointCloud, TriangleMesh};
 
 /// The offset in voxels: that of the settings for an open surface, zero for a closed one.
 pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<f64, IngestError> {
@@ -52,20 +52,10 @@ fn check_bounds(
     cube: usize,
 ) -> Result<(), IngestError> {
     let Some((lo, hi)) = bounds else { return Ok(()) };
-    let voxel_m = grid.voxel_size.metres();
     let farthest = lo.abs().max(hi.abs()).max_element();
     let margin = f64::from(grid.truncation.voxels()) + offset;
     // One tile is kept clear at the end of the range, so that no tile begins outside it.
-    let limit_voxels = f64::from(COORD_LIMIT - crate::tiles::TILE_BLOCKS) * cube as f64;
-    if farthest / voxel_m + margin <= limit_voxels {
-        return Ok(());
-    }
-    Err(IngestError::OutOfRange {
-        reach_m: farthest + margin * voxel_m,
-        limit_m: limit_voxels * voxel_m,
-        voxel_m,
-        voxel_that_fits_m: round_up(farthest / (limit_voxels - margin)),
-    })
+    Ok(grid.check_range(farthest, margin, cube, TILE_BLOCKS)?)
 }
 
 /// The mesh with the voxel edge as unit.
@@ -87,7 +77,8 @@ pub(crate) fn list_tiles(
     {
         return Ok(list);
     }
-    Err(too_many_blocks(&settings.grid, limit, |voxel_m| count_at(mesh, voxel_m, &band, limit)))
+    let count = |voxel_m| count_at(mesh, voxel_m, &band, limit);
+    Err(FitError::too_many_blocks(&settings.grid, limit, count).into())
 }
 
 /// Refuses points around which more blocks than allowed have voxels within `width` voxels.
@@ -103,17 +94,8 @@ pub(crate) fn check_points_blocks(
     };
     match count(settings.grid.voxel_size.metres()) {
         Some(_) => Ok(()),
-        None => Err(too_many_blocks(&settings.grid, limit, count)),
+        None => Err(FitError::too_many_blocks(&settings.grid, limit, count).into()),
     }
-}
-
-/// Says that there are too many blocks, and which voxel size fits. `count` gives nothing above the limit.
-fn too_many_blocks(grid: &Grid, limit: usize, count: impl Fn(f64) -> Option<usize>) -> IngestError {
-    let voxel_m = grid.voxel_size.metres();
-    let (blocks, fits_m) = voxel_that_fits(voxel_m, count);
-    // The number of blocks goes with the inverse square of their edge.
-    let blocks = (blocks.max(1) as f64 * (fits_m / voxel_m).powi(2)).max(limit as f64 + 1.0) as u64;
-    IngestError::TooManyBlocks { blocks, edge: grid.edge, limit, voxel_m, voxel_that_fits_m: fits_m }
 }
 
 /// Number of blocks at a voxel size, if within the limit.
@@ -121,32 +103,4 @@ fn count_at(mesh: &TriangleMesh, voxel_m: f64, band: &Band, limit: usize) -> Opt
     let mesh = in_voxels(mesh, voxel_m);
     let list = TileList::build(&mesh, band, limit).map_err(|OverLimit| ()).ok()?;
     Some(count_blocks(&mesh, band, &list.tiles(), 0)).filter(|blocks| *blocks <= limit)
-}
-
-/// A voxel size not much larger than needed, and the number of blocks there. `count` gives nothing above the limit.
-fn voxel_that_fits(voxel_m: f64, count: impl Fn(f64) -> Option<usize>) -> (usize, f64) {
-    let largest = *VoxelSize::RANGE_NM.end() as f64 * 1e-9;
-    let (mut too_fine, mut fits, mut blocks) = (voxel_m, voxel_m, None);
-    while blocks.is_none() && fits < largest {
-        too_fine = fits;
-        fits = (2.0 * fits).min(largest);
-        blocks = count(fits);
-    }
-    // Two halvings of the ratio leave at most a fifth to gain.
-    for _ in 0..2 {
-        let middle = round_up((too_fine * fits).sqrt());
-        match count(middle) {
-            Some(n) if middle < fits => (fits, blocks) = (middle, Some(n)),
-            _ => too_fine = middle,
-        }
-    }
-    (blocks.unwrap_or(0), fits)
-}
-
-/// Rounded up to two significant digits.
-pub(crate) fn round_up(value: f64) -> f64 {
-    let unit = 10f64.powi(value.log10().floor() as i32 - 1);
-    let digits = (value / unit).ceil();
-    // Dividing by the inverse gives the double closest to the decimal number where the unit is below one.
-    if unit < 1.0 { digits / (1.0 / unit).round() } else { digits * unit }
 }

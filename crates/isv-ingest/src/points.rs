@@ -26,13 +26,13 @@ mod tests;
 pub use normals::estimate_normals;
 pub use sign::{PointEvidence, PointSign, decide_point_sign};
 
-use crate::limits::{check_points_blocks, check_points_offset, check_points_range, round_up};
+use crate::limits::{check_points_blocks, check_points_offset, check_points_range};
 use crate::{DEFAULT_BLOCK_LIMIT, DEFAULT_OFFSET, IngestError, SignMode};
 use bricks::{BRICK, Bricks, brick_centre};
 use cubes::{boxes, reached};
 use ends::NearField;
 use glam::{DVec3, Vec3};
-use isv_volume::{BlockCoord, BlockEdge, Grid, PointCloud, SparseVolume};
+use isv_volume::{BlockCoord, BlockEdge, Grid, PointCloud, SparseVolume, round_up};
 use near::{HEIGHT, near_field};
 use samples::{Sign, Source, sample};
 use sites::{Site, bare, crossings};

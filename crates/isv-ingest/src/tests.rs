@@ -4,7 +4,9 @@ use crate::{IngestError, MeshIngest, SignDecision, ingest_mesh};
 use glam::{DQuat, DVec3};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::{cube, open_box, sheet, sphere};
-use isv_volume::{BlockCoord, BlockEdge, Grid, MeshError, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv_volume::{
+    BlockCoord, BlockEdge, FitError, Grid, MeshError, SparseVolume, TriangleMesh, Truncation, VoxelSize,
+};
 
 const CLOSED: SignDecision = SignDecision::Closed { flipped: false };
 
@@ -266,7 +268,8 @@ fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
     let mut small = settings(0.001, BlockEdge::E8);
     small.max_blocks = 5000;
     let error = ingest_mesh(&sphere(0.5, 40), &small, CLOSED).unwrap_err();
-    let IngestError::TooManyBlocks { blocks, limit: 5000, voxel_that_fits_m, .. } = error else {
+    let IngestError::Fit(FitError::TooManyBlocks { blocks, limit: 5000, voxel_that_fits_m, .. }) = error
+    else {
         panic!("{error}");
     };
     // A sphere of half a metre at 1 mm: pi square metres by 3 blocks of 64 square millimetres.
@@ -283,7 +286,7 @@ fn a_wrong_unit_is_refused_quickly() {
     mesh.vertices.iter_mut().for_each(|v| *v *= 1000.0);
     let limited = MeshIngest { max_blocks: 100_000, ..settings(0.005, BlockEdge::E8) };
     let error = ingest_mesh(&mesh, &limited, CLOSED).unwrap_err();
-    assert!(matches!(error, IngestError::TooManyBlocks { .. }), "{error}");
+    assert!(matches!(error, IngestError::Fit(FitError::TooManyBlocks { .. })), "{error}");
 }
 
 #[test]
@@ -291,7 +294,7 @@ fn coordinates_out_of_range_are_refused_with_a_voxel_that_fits() {
     let mut mesh = cube(0.1);
     mesh.vertices.iter_mut().for_each(|v| v.x += 50_000.0);
     let error = ingest_mesh(&mesh, &settings(0.005, BlockEdge::E8), CLOSED).unwrap_err();
-    let IngestError::OutOfRange { voxel_that_fits_m, .. } = error else { panic!("{error}") };
+    let IngestError::Fit(FitError::OutOfRange { voxel_that_fits_m, .. }) = error else { panic!("{error}") };
     ingest_mesh(&mesh, &settings(voxel_that_fits_m, BlockEdge::E8), CLOSED).unwrap();
 }
 

@@ -20,6 +20,7 @@
 
 mod coord;
 mod depth;
+mod fit;
 mod grid;
 mod mask;
 mod mesh;
@@ -28,6 +29,7 @@ mod volume;
 
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
 pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
+pub use fit::{FitError, round_up};
 pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSize};
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};

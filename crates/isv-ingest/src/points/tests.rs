@@ -7,7 +7,9 @@ use crate::{
 use glam::DVec3;
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::Random;
-use isv_volume::{BlockEdge, Grid, PointCloud, PointsError, SparseVolume, Truncation, VoxelMask, VoxelSize};
+use isv_volume::{
+    BlockEdge, FitError, Grid, PointCloud, PointsError, SparseVolume, Truncation, VoxelMask, VoxelSize,
+};
 
 fn settings(voxel_m: f64, edge: BlockEdge) -> PointIngest {
     PointIngest::new(Grid {
@@ -224,7 +226,7 @@ fn broken_and_unfit_clouds_are_refused() {
     assert_eq!(error, IngestError::Offset { voxels: 9.0, truncation: 8 });
     cloud.positions[3].x = 1e9;
     let error = ingest_points(&cloud, &settings, PointSign::Offset).unwrap_err();
-    assert!(matches!(error, IngestError::OutOfRange { .. }), "{error}");
+    assert!(matches!(error, IngestError::Fit(FitError::OutOfRange { .. })), "{error}");
 }
 
 #[test]
@@ -244,7 +246,9 @@ fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
         let few = PointIngest { max_blocks, ..settings(0.01, edge) };
         for sign in [PointSign::Oriented, PointSign::Offset] {
             let error = ingest_points(&sphere(), &few, sign).unwrap_err();
-            let IngestError::TooManyBlocks { voxel_that_fits_m, .. } = error else { panic!("{error}") };
+            let IngestError::Fit(FitError::TooManyBlocks { voxel_that_fits_m, .. }) = error else {
+                panic!("{error}")
+            };
             let grid = settings(voxel_that_fits_m, edge).grid;
             let volume = ingest_points(&sphere(), &PointIngest { grid, ..few }, sign).unwrap();
             assert!(volume.block_count() <= max_blocks);

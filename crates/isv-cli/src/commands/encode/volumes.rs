@@ -136,9 +136,8 @@ fn sign_sentence(decision: SignDecision, evidence: SignEvidence, mode: SignMode)
 /// Names the options to change.
 fn with_advice(error: IngestError) -> anyhow::Error {
     match error {
-        IngestError::TooManyBlocks { voxel_that_fits_m, .. }
-        | IngestError::OutOfRange { voxel_that_fits_m, .. } => {
-            let fits = Length::from_metres(voxel_that_fits_m);
+        IngestError::Fit(error) => {
+            let fits = Length::from_metres(error.voxel_that_fits_m());
             anyhow!("{error}: try --voxel {fits}, or check --units")
         }
         IngestError::TooSparse { voxel_that_fits_m, .. } => {
@@ -152,9 +151,8 @@ fn with_advice(error: IngestError) -> anyhow::Error {
 
 fn with_depth_advice(error: FusionError) -> anyhow::Error {
     match error {
-        FusionError::TooManyBlocks { voxel_that_fits_m, .. }
-        | FusionError::OutOfRange { voxel_that_fits_m, .. } => {
-            let fits = Length::from_metres(voxel_that_fits_m);
+        FusionError::Fit(error) => {
+            let fits = Length::from_metres(error.voxel_that_fits_m());
             anyhow!("{error}: try --voxel {fits}, or --max-depth to leave out what is far away")
         }
         other => other.into(),
