@@ -11,8 +11,6 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 type ByteSource = Box<dyn Read + Send>;
 
@@ -65,7 +63,6 @@ pub(crate) struct StreamFrames {
     /// Number of the next frame to decode.
     next: usize,
     range: Option<FrameRange>,
-    whole: Whole,
 }
 
 impl StreamFrames {
@@ -78,8 +75,7 @@ impl StreamFrames {
             (packets, first) = seek(path, range)?;
         }
         let decoder = Decoder::with_lod(&header, Limits::default(), lod).with_context(|| name(path))?;
-        let whole = Whole::default();
-        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, whole })
+        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range })
     }
 
     /// The header of the stream.
@@ -93,11 +89,6 @@ impl StreamFrames {
         self
     }
 
-    /// Tells, once the last frame has been asked for, whether the stream ended as its writer meant it to.
-    pub(crate) fn whole(&self) -> Whole {
-        self.whole.clone()
-    }
-
     /// Decodes up to the next frame inside the range.
     fn advance(&mut self) -> Result<Option<StreamFrame>> {
         loop {
@@ -106,7 +97,12 @@ impl StreamFrames {
             }
             let Some(packet) = self.packets.next_frame().with_context(|| self.name.clone())? else {
                 self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name))?;
-                self.whole.0.store(self.packets.complete(), Ordering::Release);
+                if !self.packets.complete() {
+                    let name = &self.name;
+                    eprintln!(
+                        "{name}: ends without an index: it may have been cut after its last whole frame"
+                    );
+                }
                 return Ok(None);
             };
             let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
@@ -125,17 +121,6 @@ impl Iterator for StreamFrames {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.advance().transpose()
-    }
-}
-
-/// Whether a stream has been read to the end that its writer gave it, while another thread reads it.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Whole(Arc<AtomicBool>);
-
-impl Whole {
-    /// Says no before the last frame has been asked for, and where a range ended before the stream.
-    pub(crate) fn get(&self) -> bool {
-        self.0.load(Ordering::Acquire)
     }
 }
 

@@ -23,7 +23,8 @@ impl<W: Write> PacketWriter<W> {
         Ok(Self { sink, at: StreamHeader::BYTES as u64, since_keyframe: 0, index: StreamIndex::default() })
     }
 
-    /// Writes a frame packet and returns its size in bytes.
+    /// Writes a frame packet and returns its size in bytes. The sink is flushed: whoever is at the other end of a pipe has the
+    /// frame at once.
     ///
     /// # Errors
     /// I/O errors of the sink.
@@ -38,6 +39,7 @@ impl<W: Write> PacketWriter<W> {
         self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
         let bytes =
             self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
+        self.sink.flush()?;
         self.index.frames.push(IndexEntry { at, keyframe });
         Ok(bytes)
     }

@@ -37,8 +37,10 @@ mod caps;
 mod cells;
 mod descent;
 mod error;
+mod faces;
 mod holes;
 mod limits;
+mod lost;
 mod points;
 mod regions;
 mod rim;
@@ -51,6 +53,7 @@ mod topology;
 mod tests;
 
 pub use error::IngestError;
+pub use lost::lost_share;
 pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
@@ -97,8 +100,9 @@ impl MeshIngest {
 /// Samples the distance field of a mesh (Eq. 1, 2, 7 to 9) in all blocks with an observed voxel in the band.
 ///
 /// Distances are exact to 1/1000 of a voxel before they are rounded to codes. With [`SignDecision::Closed`], voxels whose
-/// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved; narrower holes are closed. The
-/// result is the same for any number of threads.
+/// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved; narrower holes are closed. What
+/// belongs to nothing closed is lost: see [`lost_share`]. Faces without area are left out. The result is the same for any number
+/// of threads.
 ///
 /// # Errors
 /// See [`IngestError`]; all of them are found before memory for samples is taken.
@@ -107,6 +111,8 @@ pub fn ingest_mesh(
     settings: &MeshIngest,
     sign: SignDecision,
 ) -> Result<SparseVolume, IngestError> {
+    mesh.validate()?;
+    let mesh = &*faces::with_area(mesh);
     mesh.validate()?;
     let offset = limits::check_offset(settings, sign)?;
     limits::check_range(mesh, &settings.grid, offset)?;

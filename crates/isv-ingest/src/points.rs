@@ -91,6 +91,9 @@ pub fn ingest_points(
             (bare(&merged), Sign::Offset(offset as f32))
         }
         PointSign::Oriented => {
+            if !cloud.normals.iter().any(|normal| *normal != DVec3::ZERO) {
+                return Err(IngestError::NoNormals);
+            }
             let merged = merge(&points, &cloud.normals);
             check_blocks(cloud, settings, width, &merged)?;
             let field = oriented_field(&merged, voxel_m)?;
@@ -122,9 +125,6 @@ fn check_blocks(
 
 /// The field near oriented points.
 fn oriented_field(merged: &[Merged], voxel_m: f64) -> Result<NearField, IngestError> {
-    if merged.is_empty() {
-        return Err(IngestError::NoNormals);
-    }
     let (surfels, spacing) = surfels(merged);
     if (surfels.items.len() as f64) < CONNECTED_SHARE * merged.len() as f64 {
         return Err(IngestError::TooSparse {

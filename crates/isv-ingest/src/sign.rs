@@ -1,13 +1,13 @@
 //! Whether a mesh has an inside.
 
-use glam::DVec3;
+use crate::faces::distinct;
 use isv_spatial::WindingNumber;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::fmt;
 
 /// Points on the surface that are looked at, spread evenly by area.
-const SAMPLES: usize = 1024;
+pub(crate) const SAMPLES: usize = 1024;
 
 /// How far samples are moved off the surface, as a share of the mesh's diagonal.
 const NUDGE: f64 = 1e-5;
@@ -90,13 +90,15 @@ pub fn decide_sign(mesh: &TriangleMesh, mode: SignMode) -> (SignDecision, SignEv
 }
 
 fn gather_evidence(mesh: &TriangleMesh) -> SignEvidence {
+    // Winding numbers count what is there twice.
+    let mesh = &*distinct(mesh);
     let winding = WindingNumber::new(mesh);
     let nudge = mesh.bounds().map_or(0.0, |(lo, hi)| NUDGE * lo.distance(hi));
     let (closed, inverted) = sample_faces(mesh)
         .into_par_iter()
         .map(|(face, weight)| {
             let [a, b, c] = mesh.corners(face);
-            let (middle, normal) = ((a + b + c) / 3.0, vector_area([a, b, c]).normalize_or_zero());
+            let (middle, normal) = ((a + b + c) / 3.0, mesh.area_vector(face).normalize_or_zero());
             let (front, back) = (winding.at(middle + nudge * normal), winding.at(middle - nudge * normal));
             let whole = (front - front.round()).abs() < NEAR && (back - back.round()).abs() < NEAR;
             let closed = whole && (front.round() != 0.0 || back.round() != 0.0);
@@ -110,9 +112,8 @@ fn gather_evidence(mesh: &TriangleMesh) -> SignEvidence {
 }
 
 /// Faces at [`SAMPLES`] evenly spaced steps of the running area, each with the number of steps it took.
-fn sample_faces(mesh: &TriangleMesh) -> Vec<(usize, usize)> {
-    let areas: Vec<f64> =
-        (0..mesh.triangles.len()).map(|face| vector_area(mesh.corners(face)).length()).collect();
+pub(crate) fn sample_faces(mesh: &TriangleMesh) -> Vec<(usize, usize)> {
+    let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
     let step = areas.iter().sum::<f64>() / SAMPLES as f64;
     let (mut samples, mut taken, mut covered) = (Vec::new(), 0, 0.0);
     for (face, area) in areas.into_iter().enumerate() {
@@ -127,10 +128,6 @@ fn sample_faces(mesh: &TriangleMesh) -> Vec<(usize, usize)> {
         }
     }
     samples
-}
-
-fn vector_area([a, b, c]: [DVec3; 3]) -> DVec3 {
-    0.5 * (b - a).cross(c - a)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Files of meshes or points, of any format, by extension.
 
 use crate::error::Flaw;
+use crate::regular_file;
 use crate::{AtomicFile, Format, ReadError, Unit, WriteError, e57, gltf, las, obj, off, pcd, ply, stl, xyz};
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
@@ -88,7 +89,7 @@ impl Geometry {
 pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
-    let bytes = std::fs::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
+    let bytes = regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
     parse_geometry(path, &bytes, unit)
 }
 

@@ -36,6 +36,7 @@ mod off;
 mod pcd;
 mod ply;
 mod polygon;
+mod regular_file;
 mod scale_check;
 mod sequence;
 mod stl;

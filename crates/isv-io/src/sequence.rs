@@ -164,7 +164,8 @@ fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<Pat
         let name = entry.map_err(io_error)?.file_name();
         let hidden = name.as_encoded_bytes().starts_with(b".");
         let path = folder.join(&name);
-        if !hidden && Format::of_path(&path).is_some() && wanted(&name) && path.is_file() {
+        // A link to nothing is a frame that cannot be read, not one that was never there.
+        if !hidden && Format::of_path(&path).is_some() && wanted(&name) && !path.is_dir() {
             names.push(name);
         }
     }

@@ -87,7 +87,7 @@ impl Grid {
 
 /// A voxel size not much larger than needed, and the number of blocks there. `count` gives nothing above the limit.
 fn voxel_that_fits(voxel_m: f64, count: impl Fn(f64) -> Option<usize>) -> (usize, f64) {
-    let largest = *VoxelSize::RANGE_NM.end() as f64 * 1e-9;
+    let largest = *VoxelSize::RANGE_NM.end() as f64 / 1e9;
     let (mut too_fine, mut fits, mut blocks) = (voxel_m, voxel_m, None);
     while blocks.is_none() && fits < largest {
         too_fine = fits;

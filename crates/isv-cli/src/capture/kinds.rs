@@ -156,8 +156,11 @@ impl Kind {
                 Ok(CapturedFrame { number, name: volumes.folders()[number].display().to_string(), content })
             })),
             Self::Stream(_) => {
+                let path = Path::new(&name);
+                // All of a stream is read to its very end, where it may turn out to be cut off.
+                let is_all = range == (0..load_index(path)?.frames.len());
                 let range = FrameRange { start: range.start, end: range.end };
-                let frames = StreamFrames::open(Path::new(&name), Some(range), Lod::Full)?;
+                let frames = StreamFrames::open(path, (!is_all).then_some(range), Lod::Full)?;
                 Box::new(volumes_of(frames, name))
             }
             Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),

@@ -71,7 +71,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     use_threads(args.threads)?;
     interrupt::listen()?;
     let frames = StreamFrames::open(&args.input, args.frames, args.lod.into())?;
-    let whole = frames.whole();
     let density = product::density(args.points, args.spacing, args.voxel_m(frames.header()));
     let recipe = Recipe { form, normals: args.normals, density };
     let mut sink = Sink::new(&args.output, format, frames.header().frame_rate.per_second())?;
@@ -87,10 +86,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     });
     drop(progress);
     done.map_err(|error| sink.account_for(error))?;
-    if args.frames.is_none() && !whole.get() && !interrupt::requested() {
-        let name = stream::name(&args.input);
-        eprintln!("{name}: ends without an index: it may have been cut after its last whole frame");
-    }
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
     eprintln!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64);
     stats.commit()?;

@@ -2,12 +2,14 @@
 
 use crate::capture::{Capture, Hints};
 use crate::frame_range::FrameRange;
+use crate::frame_rate;
 use crate::length::Length;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
 use anyhow::{Context, Result, bail};
 use comfy_table::Table;
+use isv::format::FrameRate;
 use isv::io::Unit;
 use isv::metrics::{CompareOptions, GeometryError, compare, summary};
 use isv::volume::TriangleMesh;
@@ -33,6 +35,9 @@ pub(crate) struct Args {
     /// Unit of the measured coordinates
     #[arg(long, default_value_t = Unit::Metre)]
     test_units: Unit,
+    /// Frames a second at which animated files are sampled
+    #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
+    fps: FrameRate,
     /// Only these frames of REFERENCE, and of TEST unless it has just as many
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
@@ -48,8 +53,9 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let reference = Capture::open(&args.reference, &Hints::in_unit(args.units))?;
-    let test = Capture::open(&args.test, &Hints::in_unit(args.test_units))?;
+    let reference =
+        Capture::open(&args.reference, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) })?;
+    let test = Capture::open(&args.test, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.test_units) })?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let frames = measure(args, reference.meshes(reference_range)?.zip(test.meshes(test_range)?), first)?;
@@ -73,7 +79,7 @@ fn matching_ranges(
     let test_range = if in_test == reference_range.len() { 0..in_test } else { test.range(frames)? };
     if test_range.len() != reference_range.len() {
         bail!(
-            "{} has {in_test} frames but {} has {in_reference}: name the ones to compare with --frames",
+            "{} has {in_test} frames but {} has {in_reference}: name the ones to compare with --frames, or the --fps of an animated file",
             test.name(),
             reference.name(),
         );

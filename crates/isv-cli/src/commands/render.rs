@@ -3,9 +3,11 @@
 use crate::capture::{Capture, Hints};
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
+use crate::frame_rate;
 use crate::output::Output;
 use crate::progress::Progress;
 use anyhow::{Result, bail};
+use isv::format::FrameRate;
 use isv::io::Unit;
 use isv::volume::TriangleMesh;
 use isv_render::{Camera, Picture, Style, contact_sheet, render};
@@ -47,6 +49,9 @@ pub(crate) struct Args {
     /// Height of the camera above the horizon
     #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
     pitch: f64,
+    /// Frames a second at which an animated file is sampled
+    #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
+    fps: FrameRate,
     /// Unit of the input's coordinates: m, dm, cm, mm or in; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
@@ -54,7 +59,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let source = Capture::open(&args.input, &Hints::in_unit(args.units))?;
+    let source = Capture::open(&args.input, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) })?;
     let one = args.frame.unwrap_or(0);
     let range = args.frames.unwrap_or(FrameRange { start: one, end: one.saturating_add(1) });
     let size = args.picture_size(range.count())?;

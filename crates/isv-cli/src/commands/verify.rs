@@ -28,6 +28,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut verified = Verified::default();
     verify(args, &mut verified).map_err(|error| match verified.frames {
         0 => error,
+        1 => anyhow!("{error:#}: the frame before is sound, and --frames 0..1 decodes it"),
         frames => {
             anyhow!("{error:#}: the {frames} frames before are sound, and --frames 0..{frames} decodes them")
         }

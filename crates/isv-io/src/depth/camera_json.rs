@@ -4,6 +4,7 @@ use super::error::{DepthFileError, at_frame, io_error};
 use super::image::Units;
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
+use crate::regular_file;
 use glam::{DMat4, DVec2};
 use isv_volume::{CameraPose, DepthError, Intrinsics};
 use serde::Deserialize;
@@ -68,7 +69,7 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
 
 /// Reads a JSON file.
 pub(crate) fn read_json<T: DeserializeOwned>(file: &Path) -> Result<T, DepthFileError> {
-    let bytes = std::fs::read(file).map_err(io_error(file))?;
+    let bytes = regular_file::read(file).map_err(io_error(file))?;
     serde_json::from_slice(&bytes).map_err(|why| DepthFileError::Json { path: file.to_owned(), why })
 }
 

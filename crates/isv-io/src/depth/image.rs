@@ -3,7 +3,7 @@
 use super::error::DepthFileError;
 use super::listing::ImageKind;
 use super::{exr_image, png_image};
-use std::fs::File;
+use crate::regular_file;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -30,8 +30,7 @@ pub(crate) struct ImageFile<'a> {
 /// The depths of an image in metres, row after row; 0 or not finite where there is no reading.
 pub(crate) fn read(file: &ImageFile, units: &Units) -> Result<Vec<f32>, DepthFileError> {
     let io_error = |cause| DepthFileError::ImageIo { path: file.path.to_owned(), frame: file.frame, cause };
-    let opened = File::open(file.path).map_err(io_error)?;
-    let length = opened.metadata().map_err(io_error)?.len();
+    let (opened, length) = regular_file::open(file.path).map_err(io_error)?;
     let bytes = BufReader::new(opened);
     match ImageKind::of(file.path) {
         Some(ImageKind::Png) => png_image::read(bytes, length, file, units),

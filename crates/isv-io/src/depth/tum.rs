@@ -4,6 +4,7 @@ use super::camera_json::{Lens, read_json};
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
 use super::{Camera, DepthSequence, Poses};
+use crate::regular_file;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use isv_volume::{CameraPose, Intrinsics};
 use std::path::{Path, PathBuf};
@@ -142,7 +143,7 @@ fn for_each_line(
     file: &Path,
     mut line: impl FnMut(Vec<&str>) -> Result<(), String>,
 ) -> Result<(), DepthFileError> {
-    let bytes = std::fs::read(file).map_err(io_error(file))?;
+    let bytes = regular_file::read(file).map_err(io_error(file))?;
     let text = String::from_utf8_lossy(&bytes);
     for (number, text) in text.lines().enumerate().filter(|(_, text)| !text.trim_start().starts_with('#')) {
         let words: Vec<&str> = text.split_whitespace().collect();

@@ -5,8 +5,8 @@ use crate::{Geometry, ply};
 use std::io::{self, Read};
 use std::path::PathBuf;
 
-/// Bytes read at least before a file is looked for in them.
-const LEAST_READ: usize = 1 << 16;
+/// Bytes read at most before a file is looked for in them.
+const MOST_READ: usize = 1 << 16;
 
 pub(super) struct PlyFiles<R> {
     reader: R,
@@ -23,8 +23,7 @@ impl<R: Read> PlyFiles<R> {
         Self { reader, buffer: Vec::new(), start: 0, ended: false, frames: 0 }
     }
 
-    /// The next frame as it is in its file; none at the end. A file that is not whole yet is looked at again when twice as much of it is
-    /// there, so that the time for all attempts is at most twice that of the last.
+    /// The next frame as it is in its file, as soon as its last byte is there; none at the end.
     pub(super) fn next_frame(&mut self) -> Result<Option<(PathBuf, Geometry)>, FrameStreamError> {
         let path = PathBuf::from(format!("frame_{:06}.ply", self.frames));
         loop {
@@ -43,7 +42,7 @@ impl<R: Read> PlyFiles<R> {
             if file.len() as u64 > MAX_FRAME_BYTES {
                 return Err(FrameStreamError::TooLarge { path });
             }
-            self.read_more(file.len().max(LEAST_READ))?;
+            self.read_more()?;
         }
     }
 
@@ -52,11 +51,20 @@ impl<R: Read> PlyFiles<R> {
         self.start += file.len() - file.trim_ascii_start().len();
     }
 
-    fn read_more(&mut self, bytes: usize) -> io::Result<()> {
+    /// Takes what is there, and waits only where nothing is.
+    fn read_more(&mut self) -> io::Result<()> {
         self.buffer.drain(..self.start);
         self.start = 0;
-        let read = self.reader.by_ref().take(bytes as u64).read_to_end(&mut self.buffer)?;
-        self.ended = read < bytes;
+        let length = self.buffer.len();
+        self.buffer.resize(length + MOST_READ, 0);
+        let read = loop {
+            match self.reader.read(&mut self.buffer[length..]) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                read => break read,
+            }
+        };
+        self.buffer.truncate(length + *read.as_ref().unwrap_or(&0));
+        self.ended = read? == 0;
         Ok(())
     }
 }

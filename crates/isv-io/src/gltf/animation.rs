@@ -55,7 +55,8 @@ impl Animation {
     /// # Errors
     /// [`ReadError::Io`], and [`ReadError::Malformed`] with a [`GltfFault`].
     pub fn open(path: &Path, unit: Unit) -> Result<Self, ReadError> {
-        let bytes = std::fs::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
+        let bytes = crate::regular_file::read(path)
+            .map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
         Self::parse(path, &bytes, unit)
     }
 

@@ -3,14 +3,14 @@
 use super::fault::GltfFault;
 use super::schema::Buffer;
 use crate::error::{Flaw, quote};
+use crate::regular_file;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use percent_encoding::percent_decode_str;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 /// Padding at the end of base64 is often forgotten.
@@ -96,19 +96,14 @@ fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
     }
 }
 
-/// Reads a regular file that has at least the bytes that are wanted; a pipe might never end.
+/// Reads a file that has at least the bytes that are wanted.
 fn read_file(path: &Path, least_bytes: usize) -> io::Result<Vec<u8>> {
-    let length = match fs::metadata(path)? {
-        file if file.is_file() => file.len(),
-        _ => return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file")),
-    };
+    let (_, length) = regular_file::open(path)?;
     if length < least_bytes as u64 {
         let message = format!("it has {length} bytes where {least_bytes} are needed");
         return Err(io::Error::new(io::ErrorKind::UnexpectedEof, message));
     }
-    let mut bytes = Vec::new();
-    File::open(path)?.take(length).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    regular_file::read(path)
 }
 
 #[cfg(test)]

@@ -11,27 +11,48 @@ use isv_volume::{PointCloud, TriangleMesh};
 /// Parses a PLY file in memory: points if it has no faces or strips, else a mesh. Bytes after the last element are ignored, as
 /// other readers do.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
-    parse_header_and_body(bytes, true).map(|(geometry, _)| geometry)
+    parse_body(bytes, &Header::parse(bytes)?, true).map(|(geometry, _)| geometry)
 }
 
 /// Parses the PLY file that `bytes` start with, and says how many bytes it takes. `None` if it ends later than `bytes`
-/// do and more bytes will come: if not `ended`. An ASCII file ends with the line of its last row.
+/// do and more bytes will come: if not `ended`. An ASCII file ends with the line of its last row. To be asked too early
+/// costs next to nothing.
 pub(crate) fn parse_next(bytes: &[u8], ended: bool) -> Result<Option<(Geometry, usize)>, Flaw> {
-    if !ended && !bytes.contains(&b'\n') {
+    if ended {
+        return parse_body(bytes, &Header::parse(bytes)?, true).map(Some);
+    }
+    if !bytes.contains(&b'\n') {
         return Ok(None);
     }
-    match parse_header_and_body(bytes, ended) {
-        Err(Flaw { why: Malformation::HeaderEnd | Malformation::Truncated { .. }, .. }) if !ended => Ok(None),
-        other => other.map(Some),
+    let header = match Header::parse(bytes) {
+        Err(Flaw { why: Malformation::HeaderEnd, .. }) => return Ok(None),
+        header => header?,
+    };
+    if !may_be_whole(bytes, &header) {
+        return Ok(None);
+    }
+    match parse_body(bytes, &header, false) {
+        Err(Flaw { why: Malformation::Truncated { .. }, .. }) => Ok(None),
+        body => body.map(Some),
     }
 }
 
-fn parse_header_and_body(bytes: &[u8], ended: bool) -> Result<(Geometry, usize), Flaw> {
-    let header = Header::parse(bytes)?;
+/// Whether all that the header promises can be there.
+fn may_be_whole(bytes: &[u8], header: &Header) -> bool {
     match header.encoding {
-        Encoding::Ascii => read_body(&header, Ascii::new(bytes, &header, ended)),
-        Encoding::BinaryLittleEndian => read_body(&header, Binary::new(bytes, &header, false)),
-        Encoding::BinaryBigEndian => read_body(&header, Binary::new(bytes, &header, true)),
+        Encoding::Ascii => Ascii::new(bytes, header, false).may_be_whole(&header.elements),
+        Encoding::BinaryLittleEndian | Encoding::BinaryBigEndian => {
+            Binary::new(bytes, header, false).may_be_whole(&header.elements)
+        }
+    }
+}
+
+/// The geometry, and how many bytes it takes with its header.
+fn parse_body(bytes: &[u8], header: &Header, ended: bool) -> Result<(Geometry, usize), Flaw> {
+    match header.encoding {
+        Encoding::Ascii => read_body(header, Ascii::new(bytes, header, ended)),
+        Encoding::BinaryLittleEndian => read_body(header, Binary::new(bytes, header, false)),
+        Encoding::BinaryBigEndian => read_body(header, Binary::new(bytes, header, true)),
     }
     .map(|(geometry, remaining)| (geometry, bytes.len() - remaining))
 }

@@ -29,19 +29,23 @@ pub(super) trait Values {
     /// Fewest bytes that a value takes.
     fn least_bytes(scalar: Scalar) -> usize;
 
+    /// Whether all rows of these elements can be there, lists taken as triangles.
+    fn may_be_whole(&self, elements: &[Element]) -> bool;
+
     /// How many rows of an element to reserve memory for: what the header claims, but never more than the rest of
     /// the file could hold, lists taken as triangles.
     fn rows_to_reserve(&self, element: &Element) -> usize {
-        let row: usize = element
-            .properties
-            .iter()
-            .map(|property| match property.kind {
-                Kind::Scalar(scalar) => Self::least_bytes(scalar),
-                Kind::List { length, item } => Self::least_bytes(length) + 3 * Self::least_bytes(item),
-            })
-            .sum();
-        let fit = self.remaining() / row.max(1);
+        let fit = self.remaining() / Self::row_bytes(element).max(1);
         usize::try_from(element.count).map_or(fit, |count| count.min(fit))
+    }
+
+    /// Fewest bytes that a row takes, lists taken as triangles.
+    fn row_bytes(element: &Element) -> usize {
+        let bytes = element.properties.iter().map(|property| match property.kind {
+            Kind::Scalar(scalar) => Self::least_bytes(scalar),
+            Kind::List { length, item } => Self::least_bytes(length) + 3 * Self::least_bytes(item),
+        });
+        bytes.sum()
     }
 }
 
@@ -103,6 +107,12 @@ impl Values for Binary<'_> {
 
     fn least_bytes(scalar: Scalar) -> usize {
         scalar.bytes()
+    }
+
+    fn may_be_whole(&self, elements: &[Element]) -> bool {
+        let bytes =
+            elements.iter().map(|element| u128::from(element.count) * Self::row_bytes(element) as u128);
+        bytes.sum::<u128>() <= self.remaining() as u128
     }
 }
 
@@ -175,5 +185,10 @@ impl Values for Ascii<'_> {
 
     fn least_bytes(_: Scalar) -> usize {
         "0 ".len()
+    }
+
+    fn may_be_whole(&self, elements: &[Element]) -> bool {
+        let rows: u128 = elements.iter().map(|element| u128::from(element.count)).sum();
+        rows <= self.rest.iter().filter(|byte| **byte == b'\n').count() as u128
     }
 }

@@ -1,6 +1,7 @@
 //! `grid.json`: how the arrays relate to the world.
 
 use super::{DESCRIPTION, VolumeError};
+use crate::regular_file;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::Path;
@@ -45,7 +46,8 @@ impl Description {
             Ok(data) if data.len() > LARGEST => return Err(flaw(format!("more than {LARGEST} bytes"))),
             _ => {}
         }
-        let text = std::fs::read(&path).map_err(|cause| VolumeError::Io { path: path.clone(), cause })?;
+        let text =
+            regular_file::read(&path).map_err(|cause| VolumeError::Io { path: path.clone(), cause })?;
         let description: Self = serde_json::from_slice(&text).map_err(|cause| flaw(cause.to_string()))?;
         let lengths =
             [("voxel_size_m", description.voxel_size_m), ("truncation_m", description.truncation_m)];

@@ -4,6 +4,7 @@ use super::description::{Description, TsdfUnit};
 use super::fill::fill_unobserved;
 use super::npy::{Array, Wanted};
 use super::{ArrayFlaw, COORDS, TSDF, VolumeError, WEIGHT};
+use crate::regular_file;
 use isv_volume::{
     BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncation, VoxelMask, VoxelSize,
 };
@@ -99,7 +100,7 @@ fn not_blocks(folder: &Path, name: &str, array: Array) -> VolumeError {
 
 fn open_array(folder: &Path, name: &str, wanted: Wanted) -> Result<Array, VolumeError> {
     let path = folder.join(name);
-    let bytes = std::fs::read(&path).map_err(|cause| VolumeError::Io { path, cause })?;
+    let bytes = regular_file::read(&path).map_err(|cause| VolumeError::Io { path, cause })?;
     Array::parse(bytes, wanted).map_err(|why| in_file(folder, name, why))
 }
 

@@ -12,10 +12,10 @@ pub struct VolumeSequence {
     folders: Vec<PathBuf>,
 }
 
-/// Whether a path is a folder with the arrays of one volume.
+/// Whether a path is a folder with arrays of a volume. If only one of the two that it needs is there, reading says so.
 #[must_use]
 pub fn is_volume_folder(path: &Path) -> bool {
-    [COORDS, TSDF].iter().all(|name| path.join(name).is_file())
+    [COORDS, TSDF].iter().any(|name| path.join(name).is_file())
 }
 
 impl VolumeSequence {

@@ -80,8 +80,8 @@ impl OutputFormat {
     /// The form that goes without saying with a format.
     fn usual_form(self) -> FormName {
         match self {
-            Self::Geometry(format) if format.writes_mesh() => FormName::Mesh,
-            Self::Geometry(_) => FormName::Points,
+            Self::Geometry(format) if format.writes_points() && !format.writes_mesh() => FormName::Points,
+            Self::Geometry(_) => FormName::Mesh,
             Self::Npy | Self::Vdb => FormName::Volume,
         }
     }

@@ -46,7 +46,10 @@ impl Sink {
     pub(super) fn take(&mut self, number: usize, product: Product) -> Result<()> {
         match &mut self.place {
             Place::Folder => self.take_into_folder(number, &product)?,
-            Place::Pipe(output) => write_product(output, &product, self.format)?,
+            Place::Pipe(output) => {
+                write_product(output, &product, self.format)?;
+                output.flush()?;
+            }
             Place::Animation(animation) => push(animation, &product)?,
             Place::File(held) => match held.take() {
                 None => *held = Some(product),

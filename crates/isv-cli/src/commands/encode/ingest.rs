@@ -11,6 +11,9 @@ use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest};
 use isv::volume::Grid;
 use std::sync::Arc;
 
+/// Share of a frame's surface that may be lost without a word.
+const WORTH_A_WARNING: f64 = 0.005;
+
 #[derive(Debug, clap::Args)]
 pub(super) struct IngestArgs {
     /// How to tell inside from outside of meshes and points
@@ -51,6 +54,7 @@ impl IngestArgs {
         Ok(VolumeMaker {
             mesh: MeshIngest { grid, sign, offset_voxels, max_blocks },
             mesh_sign: None,
+            loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },
             point_sign: None,
             normals: self.normals,

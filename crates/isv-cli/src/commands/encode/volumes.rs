@@ -5,11 +5,11 @@ use crate::length::Length;
 use crate::progress::Progress;
 use crate::stats::timed;
 use crate::terms::{BandName, NormalsName};
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use isv::fusion::{Accumulator, FusionError, FusionSettings, fuse};
 use isv::ingest::{
-    IngestError, MeshIngest, PointIngest, PointSign, SignDecision, SignEvidence, SignMode, decide_point_sign,
-    decide_sign, estimate_normals, ingest_mesh, ingest_points,
+    IngestError, MeshIngest, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
+    decide_point_sign, decide_sign, estimate_normals, ingest_mesh, ingest_points, lost_share,
 };
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, extract_surface, surface_band};
@@ -30,6 +30,8 @@ pub(super) struct IngestedFrame {
 pub(super) struct VolumeMaker {
     pub(super) mesh: MeshIngest,
     pub(super) mesh_sign: Option<SignDecision>,
+    /// Share of a frame's surface up to half of what is worth a warning.
+    pub(super) loss_said: f64,
     pub(super) points: PointIngest,
     pub(super) point_sign: Option<PointSign>,
     pub(super) normals: NormalsName,
@@ -56,7 +58,10 @@ impl VolumeMaker {
             Content::Depth(images) => self.depth.volume(&images),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
         });
-        let volume = volume.with_context(|| name)?;
+        let volume = volume.with_context(|| name.clone())?;
+        if !volume.samples().iter().any(|sample| *sample < 0) {
+            self.progress.note(&format!("{name}: no surface in this frame"));
+        }
         let blocks_band = volume.block_count();
         let volume = match self.band {
             BandName::Full => volume,
@@ -66,18 +71,44 @@ impl VolumeMaker {
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {
-        if let Some(sign) = self.mesh_sign {
-            return ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice);
+        if self.point_sign.is_some() {
+            bail!("a mesh, but the frames before it are points: a capture is one or the other");
         }
-        let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
+        let (sign, evidence) = match self.mesh_sign {
+            Some(sign) => (sign, None),
+            None => {
+                let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
+                (sign, Some(evidence))
+            }
+        };
         let volume = ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice)?;
-        self.mesh_sign = Some(sign);
-        self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
-        self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
+        if let Some(evidence) = evidence {
+            self.mesh_sign = Some(sign);
+            self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
+            self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
+        }
+        if let SignDecision::Closed { .. } = sign {
+            self.warn_of_loss(name, mesh, &volume);
+        }
         Ok(volume)
     }
 
+    /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
+    fn warn_of_loss(&mut self, name: &str, mesh: &TriangleMesh, volume: &SparseVolume) {
+        let share = lost_share(mesh, volume);
+        if share > 2.0 * self.loss_said {
+            self.loss_said = share;
+            self.progress.note(&format!(
+                "{name}: {:.1} % of the surface is open, or thinner than a voxel, and is lost: --sign offset keeps it",
+                100.0 * share
+            ));
+        }
+    }
+
     fn points_to_volume(&mut self, name: &str, cloud: PointCloud) -> Result<SparseVolume> {
+        if self.mesh_sign.is_some() {
+            bail!("points and no faces, but the frames before it are meshes: a capture is one or the other");
+        }
         let cloud = match self.normals {
             NormalsName::Given => cloud,
             NormalsName::Estimate => estimate_normals(&cloud)?,
@@ -88,7 +119,7 @@ impl VolumeMaker {
         let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
         let volume = ingest_points(&cloud, &self.points, sign).map_err(with_advice)?;
         self.point_sign = Some(sign);
-        self.progress.note(&format!("{sign} ({evidence})"));
+        self.progress.note(&point_sign_sentence(sign, &evidence, self.points.sign));
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)
     }
@@ -131,6 +162,15 @@ fn sign_sentence(decision: SignDecision, evidence: SignEvidence, mode: SignMode)
         SignMode::Closed | SignMode::Offset => "as --sign asks".to_owned(),
     };
     format!("{decision} ({why})")
+}
+
+/// The same for points.
+fn point_sign_sentence(sign: PointSign, evidence: &PointEvidence, mode: SignMode) -> String {
+    match (mode, sign) {
+        (SignMode::Auto, _) => format!("{sign} ({evidence})"),
+        (_, PointSign::Oriented) => format!("{sign} (as --sign asks; {evidence})"),
+        (_, PointSign::Offset) => format!("offset shell around the points (as --sign asks; {evidence})"),
+    }
 }
 
 /// Names the options to change.

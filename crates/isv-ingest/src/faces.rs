@@ -1,0 +1,59 @@
+//! Faces that say nothing of a surface: those without area, and those that are there already.
+
+use isv_volume::TriangleMesh;
+use rustc_hash::FxHashSet;
+use std::borrow::Cow;
+
+/// The mesh without faces that have no area at all: an edge or a point, which in an offset shell would become a spike or a
+/// ball. Slivers stay.
+pub(crate) fn with_area(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
+    let has_area = |face: usize| {
+        let [a, b, c] = mesh.corners(face);
+        a != b && b != c && c != a && mesh.area_vector(face) != glam::DVec3::ZERO
+    };
+    keep(mesh, has_area)
+}
+
+/// The mesh without faces that have the corners of an earlier one, in the same order. One that faces the other way stays.
+pub(crate) fn distinct(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
+    let mut seen = FxHashSet::default();
+    let is_new = |face: usize| {
+        let mut corners = mesh.corners(face).map(|p| (p + 0.0).to_array().map(f64::to_bits));
+        let first = (0..3).min_by_key(|corner| corners[*corner]).unwrap_or(0);
+        corners.rotate_left(first);
+        seen.insert(corners)
+    };
+    keep(mesh, is_new)
+}
+
+fn keep(mesh: &TriangleMesh, wanted: impl FnMut(usize) -> bool) -> Cow<'_, TriangleMesh> {
+    let kept: Vec<bool> = (0..mesh.triangles.len()).map(wanted).collect();
+    if !kept.contains(&false) {
+        return Cow::Borrowed(mesh);
+    }
+    let mut thinned = mesh.clone();
+    let mut kept = kept.into_iter();
+    thinned.triangles.retain(|_| kept.next() == Some(true));
+    Cow::Owned(thinned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_testkit::sphere;
+
+    #[test]
+    fn what_says_something_stays() {
+        let mesh = sphere(0.4, 20);
+        assert!(matches!(with_area(&mesh), Cow::Borrowed(_)) && matches!(distinct(&mesh), Cow::Borrowed(_)));
+        let mut more = mesh.clone();
+        let [a, b, c] = mesh.triangles[7];
+        more.triangles.extend([[a, b, a], [c, c, c]]);
+        assert_eq!(*with_area(&more), mesh);
+        more.triangles.truncate(mesh.triangles.len());
+        more.triangles.extend([[b, c, a], [a, b, c]]);
+        assert_eq!(*distinct(&more), mesh);
+        more.triangles.push([a, c, b]);
+        assert_eq!(distinct(&more).triangles.len(), mesh.triangles.len() + 1);
+    }
+}
