@@ -40,6 +40,17 @@ pub(crate) struct CapturedFrame {
     pub(crate) content: Content,
 }
 
+impl CapturedFrame {
+    /// The frame with another origin, where it is one of meshes or points.
+    fn relative_to(self, origin_m: [f64; 3]) -> Self {
+        let content = match self.content {
+            Content::Geometry(geometry) => Content::Geometry(geometry.relative_to(origin_m)),
+            other => other,
+        };
+        Self { content, ..self }
+    }
+}
+
 /// What a user says of a capture that does not say so itself.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hints {
@@ -49,13 +60,15 @@ pub(crate) struct Hints {
     pub(crate) truncation: Option<Truncation>,
     /// Frames a second, at which an animation is sampled.
     pub(crate) frame_rate: FrameRate,
+    /// The place of meshes and points, in metres, that is to be the origin.
+    pub(crate) origin_m: [f64; 3],
 }
 
 impl Hints {
     /// Those of a capture in a unit, with nothing else said.
     pub(crate) fn in_unit(unit: Unit) -> Self {
         let frame_rate = FrameRate { numerator: 30, denominator: 1 };
-        Self { unit, voxel_size: None, truncation: None, frame_rate }
+        Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3] }
     }
 }
 
@@ -70,13 +83,14 @@ pub(crate) struct Capture {
     /// How many, if that is known before they came.
     frames: Option<usize>,
     kind: Kind,
+    origin_m: [f64; 3],
 }
 
 impl Capture {
     /// Finds the frames of a folder, a pattern, a file or (`-`) standard input.
     pub(crate) fn open(input: &str, hints: &Hints) -> Result<Self> {
         let (frames, kind) = Kind::open(input, hints)?;
-        Ok(Self { name: stream::name(Path::new(input)), frames, kind })
+        Ok(Self { name: stream::name(Path::new(input)), frames, kind, origin_m: hints.origin_m })
     }
 
     /// How many frames there are, unless they come from a pipe.
@@ -125,7 +139,12 @@ impl Capture {
 
     /// Reads the frames of a range that [`Self::range`] gave.
     pub(crate) fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
-        self.kind.read(self.name, range)
+        let origin_m = self.origin_m;
+        let frames = self.kind.read(self.name, range)?;
+        if origin_m == [0.0; 3] {
+            return Ok(frames);
+        }
+        Ok(Box::new(frames.map(move |frame| frame.map(|frame| frame.relative_to(origin_m)))))
     }
 
     /// Reads the surfaces of such frames: meshes as they are, volumes by their zero crossing.

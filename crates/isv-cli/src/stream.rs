@@ -63,6 +63,8 @@ pub(crate) struct StreamFrames {
     /// Number of the next frame to decode.
     next: usize,
     range: Option<FrameRange>,
+    /// Whether there was an error, after which nothing can be decoded.
+    failed: bool,
 }
 
 impl StreamFrames {
@@ -75,7 +77,7 @@ impl StreamFrames {
             (packets, first) = seek(path, range)?;
         }
         let decoder = Decoder::with_lod(&header, Limits::default(), lod).with_context(|| name(path))?;
-        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range })
+        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, failed: false })
     }
 
     /// The header of the stream.
@@ -120,7 +122,12 @@ impl Iterator for StreamFrames {
     type Item = Result<StreamFrame>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.advance().transpose()
+        if self.failed {
+            return None;
+        }
+        let frame = self.advance().transpose();
+        self.failed = matches!(frame, Some(Err(_)));
+        frame
     }
 }
 

@@ -90,11 +90,45 @@ fn captures_of_other_kinds() {
     encode("points.xyz").fails(1, &["points.xyz: point 1 is not finite"]);
     work.write("scan.laz", "LASF, or so it says");
     encode("scan.laz").fails(1, &["scan.laz: "]);
+    work.isv(&["encode", "points.xyz", "-o", "out.isv", "--sign", "closed"]).fails(1, &["points.xyz: "]);
+    work.write("bare.xyz", "0 0 0\n0 0 0.01\n");
+    work.isv(&["encode", "bare.xyz", "-o", "out.isv", "--sign", "closed"])
+        .fails(1, &["bare.xyz: no point has a normal", "--normals estimate"]);
     // Points a metre apart are no surface at 5 mm a voxel.
     let sparse: String = (0..100).map(|i| format!("{} {} 0 0 0 1\n", i % 10, i / 10)).collect();
     work.write("sparse.xyz", sparse);
     encode("sparse.xyz").fails(1, &["sparse.xyz: the points are about 1", "try --voxel "]);
     assert!(!work.path("out.isv").exists());
+}
+
+#[test]
+fn no_frame_vanishes_from_a_take() {
+    let work = Workspace::new();
+    fs::create_dir(work.path("in")).unwrap();
+    work.write("in/a.ply", ply(&VERTICES, &FACES));
+    work.write("in/b.ply", ply(&VERTICES, &[]));
+    let last_line = |input: &str| {
+        let run = work.isv(&["encode", input, "-o", "out.isv"]);
+        assert_eq!(run.status(), Some(1));
+        run.stderr().lines().last().unwrap().to_owned()
+    };
+    assert!(
+        last_line("in")
+            .starts_with("isv: in/b.ply: points and no faces, but the frames before it are meshes")
+    );
+    work.write("in/b.ply", "");
+    assert_eq!(last_line("in"), "isv: in/b.ply: the file is empty");
+    #[cfg(unix)]
+    {
+        fs::remove_file(work.path("in/b.ply")).unwrap();
+        std::os::unix::fs::symlink("gone", work.path("in/b.ply")).unwrap();
+        assert!(last_line("in").starts_with("isv: in/b.ply: No such file"));
+        std::os::unix::fs::symlink("/dev/zero", work.path("endless.ply")).unwrap();
+        assert_eq!(last_line("endless.ply"), "isv: endless.ply: not a regular file");
+    }
+    fs::create_dir_all(work.path("volumes/0")).unwrap();
+    work.write("volumes/0/coords.npy", "");
+    assert!(last_line("volumes").starts_with("isv: volumes/0/tsdf.npy: No such file"));
 }
 
 #[test]
@@ -321,6 +355,8 @@ fn wrong_command_lines() {
     encode(&["--fps", "0"]).fails(2, &["--fps", "30000/1001"]);
     encode(&["--motion", "4dof"]).fails(2, &["4dof", "6dof"]);
     encode(&["--units", "furlong"]).fails(2, &["unit `furlong` is not one of"]);
+    encode(&["--threads", "100000"]).fails(2, &["--threads 100000: at most 256"]);
+    encode(&["--origin", "1,2"]).fails(2, &["--origin", "three numbers"]);
     encode(&["--no-such-flag"]).fails(2, &["--no-such-flag", "--help"]);
     work.isv(&["encode", "frames"]).fails(2, &["--output"]);
     work.isv(&["transcode"]).fails(2, &["transcode"]);

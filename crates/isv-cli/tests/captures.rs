@@ -180,6 +180,54 @@ fn frames_come_through_a_pipe() {
     work.isv_with_input(&from_pipe, b"what is this?").fails(1, &["standard input"]);
 }
 
+#[test]
+fn a_packet_leaves_before_the_next_frame_comes() {
+    let work = Workspace::with_figure(2);
+    let mut child = work.command(&["encode", "-", "-o", "-", "--voxel", "20mm"]).spawn().unwrap();
+    let (mut stdin, stdout) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+    let frames: Vec<_> =
+        work.names("frames").iter().map(|name| work.read(&format!("frames/{name}"))).collect();
+    // Each read would wait for ever if the encoder waited for the frame after.
+    stdin.write_all(&frames[0]).unwrap();
+    let mut packets = isv::format::PacketReader::new(stdout).unwrap();
+    assert!(packets.next_frame().unwrap().unwrap().is_keyframe());
+    stdin.write_all(&frames[1]).unwrap();
+    assert!(!packets.next_frame().unwrap().unwrap().is_keyframe());
+    drop(stdin);
+    assert!(packets.next_frame().unwrap().is_none());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn what_is_open_beside_a_body_is_lost_but_not_without_a_word() {
+    let work = Workspace::with_figure(1);
+    let mut mesh = isv::io::read_mesh(&work.path("frames/frame_0.ply"), isv::io::Unit::Metre).unwrap();
+    let first = mesh.vertices.len() as u32;
+    // A sheet of a square metre, 2 m beside the figure and 500 km from the origin, as surveys have it.
+    for corner in [[2.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 1.0, 0.0], [2.0, 1.0, 0.0]] {
+        mesh.vertices.push(corner.into());
+    }
+    mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|t: [u32; 3]| t.map(|i| i + first)));
+    mesh.vertices.iter_mut().for_each(|v| v.x += 500_000.0);
+    mesh.normals.clear();
+    let mut text: String = mesh.vertices.iter().map(|v| format!("v {} {} {}\n", v.x, v.y, v.z)).collect();
+    text.extend(mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1)));
+    work.write("far.obj", text);
+    let encode = |more: &[&str]| {
+        work.isv(
+            &[&["encode", "far.obj", "-o", "far.isv", "--voxel", "20mm", "--sign", "closed"], more].concat(),
+        )
+    };
+    encode(&[]).fails(1, &["far.obj: the surface reaches 500003", "--origin"]);
+    let run = encode(&["--origin", "500000,0,0"]).done();
+    assert!(
+        run.stderr().contains("% of the surface is open, or thinner than a voxel, and is lost"),
+        "{}",
+        run.stderr()
+    );
+    assert!(distance_mm(&work, "frames", "far.isv") < 4.0);
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupt_leaves_a_whole_shorter_stream() {

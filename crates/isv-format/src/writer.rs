@@ -20,6 +20,7 @@ impl<W: Write> PacketWriter<W> {
     /// I/O errors of the sink.
     pub fn new(mut sink: W, header: &StreamHeader) -> Result<Self, FormatError> {
         sink.write_all(&header.to_bytes())?;
+        sink.flush()?;
         Ok(Self { sink, at: StreamHeader::BYTES as u64, since_keyframe: 0, index: StreamIndex::default() })
     }
 

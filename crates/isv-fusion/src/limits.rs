@@ -66,7 +66,7 @@ pub(crate) fn checked_blocks(
         let blocks = touched_blocks(views, &settings.grid, scale, limit).map_err(|OverLimit| ()).ok()?;
         Some(union(&blocks, known, scale)).filter(|blocks| *blocks <= limit)
     };
-    Err(FitError::too_many_blocks(&settings.grid, limit, count).into())
+    Err(FitError::too_many_blocks(&settings.grid, limit, 0.0, count).into())
 }
 
 /// How many blocks there are in two lists together, the second one on a grid finer by a factor.

@@ -44,7 +44,8 @@ mod tests {
 
     #[test]
     fn what_says_something_stays() {
-        let mesh = sphere(0.4, 20);
+        // Those at the poles have no area.
+        let mesh = with_area(&sphere(0.4, 20)).into_owned();
         assert!(matches!(with_area(&mesh), Cow::Borrowed(_)) && matches!(distinct(&mesh), Cow::Borrowed(_)));
         let mut more = mesh.clone();
         let [a, b, c] = mesh.triangles[7];

@@ -78,7 +78,7 @@ pub(crate) fn list_tiles(
         return Ok(list);
     }
     let count = |voxel_m| count_at(mesh, voxel_m, &band, limit);
-    Err(FitError::too_many_blocks(&settings.grid, limit, count).into())
+    Err(FitError::too_many_blocks(&settings.grid, limit, mesh.area(), count).into())
 }
 
 /// Refuses points around which more blocks than allowed have voxels within `width` voxels.
@@ -94,7 +94,7 @@ pub(crate) fn check_points_blocks(
     };
     match count(settings.grid.voxel_size.metres()) {
         Some(_) => Ok(()),
-        None => Err(FitError::too_many_blocks(&settings.grid, limit, count).into()),
+        None => Err(FitError::too_many_blocks(&settings.grid, limit, 0.0, count).into()),
     }
 }
 

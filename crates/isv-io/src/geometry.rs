@@ -31,6 +31,17 @@ impl Geometry {
         }
     }
 
+    /// The same seen from another origin, in metres.
+    #[must_use]
+    pub fn relative_to(mut self, origin_m: [f64; 3]) -> Self {
+        let origin = DVec3::from(origin_m);
+        self.positions_mut().iter_mut().for_each(|v| *v -= origin);
+        if let Self::Points(PointCloud { viewpoint: Some(viewpoint), .. }) = &mut self {
+            *viewpoint -= origin;
+        }
+        self
+    }
+
     /// Positions of vertices or points.
     fn positions_mut(&mut self) -> &mut [DVec3] {
         match self {

@@ -1,7 +1,8 @@
 //! XYZ, points as text. The format has no document; what is read is this:
 //!
 //! - A point a line. `#` and `//` start comments; empty lines mean nothing.
-//! - Blanks, tabs, commas and semicolons separate values, any run of them once. A decimal comma is not understood.
+//! - Blanks, tabs, commas and semicolons separate values, any run of them once. A decimal comma is refused where it can be
+//!   told from one that separates: where blanks separate values as well.
 //! - The first line may be the number of points, which must then be right, or the names of the columns.
 //! - With names, columns `x y z` are the position and `nx ny nz`, or `normal_x normal_y normal_z`, the normal, in
 //!   either case.
@@ -101,6 +102,9 @@ impl Columns {
     fn values(&self, line: &[u8]) -> Result<[f64; 6], Malformation> {
         let mut values = [0.0; 6];
         let mut found = 0;
+        if let Some(word) = decimal_comma(line) {
+            return Err(Malformation::Number { text: quote(word) });
+        }
         for word in words(line) {
             if let Some(slot) = self.slots.iter().position(|slot| *slot == Some(found)) {
                 values[slot] = number(word)?;
@@ -131,6 +135,14 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> + Clone {
 
 fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b';')).filter(|word| !word.is_empty())
+}
+
+/// A word with a comma inside, in a line in which blanks separate words too: most likely a number as some countries write it.
+fn decimal_comma(line: &[u8]) -> Option<&[u8]> {
+    let mut by_blanks = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let has_comma =
+        |word: &&[u8]| word.windows(3).any(|around| around[1] == b',' && around[2].is_ascii_digit());
+    if by_blanks.clone().count() > 1 { by_blanks.find(has_comma) } else { None }
 }
 
 fn number<T: FromStr>(word: &[u8]) -> Result<T, Malformation> {

@@ -272,11 +272,11 @@ fn broken_descriptions_are_named_in_one_sentence() {
         ),
         (
             format!(r#"{{{CAMERA}, "fps": 0, "poses": [{STANDING}]}}"#),
-            "camera.json: fps is 0; it must be a positive number",
+            "camera.json: fps is 0; it must be above 0 and at most 1000000",
         ),
         (
             format!(r#"{{{CAMERA}, "depth_scale_m": -1, "poses": [{STANDING}]}}"#),
-            "camera.json: depth_scale_m is -1; it must be a positive number",
+            "camera.json: depth_scale_m is -1; it must be above 0 and at most 1000000",
         ),
         (
             format!(r#"{{{}, "poses": [{STANDING}]}}"#, CAMERA.replace("\"fx\": 5", "\"fx\": 0")),

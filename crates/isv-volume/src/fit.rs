@@ -52,12 +52,19 @@ impl FitError {
         }
     }
 
-    /// The error for a surface that needs more than `limit` blocks on `grid`. `count` gives the number of blocks at a voxel
-    /// size in metres, or nothing if that is above the limit.
+    /// The error for a surface of about `area_m2` square metres, 0 if that is not known, that needs more than `limit` blocks on
+    /// `grid`. `count` gives the number of blocks at a voxel size in metres, or nothing if that is above the limit.
     #[must_use]
-    pub fn too_many_blocks(grid: &Grid, limit: usize, count: impl Fn(f64) -> Option<usize>) -> Self {
+    pub fn too_many_blocks(
+        grid: &Grid,
+        limit: usize,
+        area_m2: f64,
+        count: impl Fn(f64) -> Option<usize>,
+    ) -> Self {
         let voxel_m = grid.voxel_size.metres();
-        let (blocks, fits_m) = voxel_that_fits(voxel_m, count);
+        // A surface cuts about as many blocks as their faces fit on it, so with smaller voxels it is no use to count.
+        let hopeless_m = (area_m2 / limit.max(1) as f64).sqrt() / grid.edge.voxels() as f64;
+        let (blocks, fits_m) = voxel_that_fits(voxel_m.max(hopeless_m), count);
         // The number of blocks goes with the inverse square of their edge.
         let blocks = (blocks.max(1) as f64 * (fits_m / voxel_m).powi(2)).max(limit as f64 + 1.0) as u64;
         Self::TooManyBlocks { blocks, edge: grid.edge, limit, voxel_m, voxel_that_fits_m: fits_m }

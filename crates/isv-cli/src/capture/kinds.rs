@@ -7,11 +7,12 @@ use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
 use crate::stream::{self, StreamFrames, load_index};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use isv::decode::Lod;
 use isv::format::{FrameRate, StreamHeader};
 use isv::io::{
-    Animation, DepthSequence, FrameSequence, Geometry, Unit, VolumeError, VolumeSequence, is_depth_folder,
+    Animation, DepthSequence, FrameSequence, Geometry, SequenceError, Unit, VolumeError, VolumeSequence,
+    is_depth_folder,
 };
 use isv::volume::Grid;
 use std::ops::Range;
@@ -59,6 +60,10 @@ impl Kind {
             Ok(sequence) => Self::files(sequence, hints),
             Err(error) => match VolumeSequence::open(path) {
                 Ok(volumes) => Self::volumes(volumes, hints),
+                Err(_) if matches!(error, SequenceError::NoFrames { .. }) => bail!(
+                    "{error}; or a folder of depth images, with a camera.json, rig.json or depth.txt, or of volumes, with a \
+                     coords.npy and a tsdf.npy"
+                ),
                 Err(_) => Err(error.into()),
             },
         }

@@ -45,7 +45,7 @@ pub(crate) struct Args {
     /// Points a frame
     #[arg(long, value_name = "N", conflicts_with = "spacing")]
     points: Option<NonZero<usize>>,
-    /// Distance between neighbouring points, with a unit; without it, a voxel
+    /// Edge of the square of surface that each point stands for, with a unit; without it, a voxel
     #[arg(long, value_name = "LENGTH")]
     spacing: Option<Length>,
     /// Level of detail: 2 or 4 decode at half or a quarter of the resolution, faster and smaller

@@ -36,6 +36,9 @@ pub(crate) struct Args {
     /// Unit of the input's coordinates: m, dm, cm, mm or in
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
+    /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin, allow_hyphen_values = true)]
+    origin: Option<[f64; 3]>,
     /// Only these frames, counted from 0, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
@@ -49,7 +52,8 @@ pub(crate) struct Args {
     header: HeaderArgs,
     #[command(flatten)]
     ingest: IngestArgs,
-    /// Go on after a frame that cannot be read or used, and say at the end how many there were
+    /// Go on after a frame that cannot be read or used, and say at the end how many there were; the others keep their
+    /// time. Frames of an .isv file, which need each other, cannot be skipped
     #[arg(long)]
     skip_bad_frames: bool,
     /// Put a hash of every decoded frame into the stream, for isv verify
@@ -69,7 +73,8 @@ impl Args {
         let usual = Hints::in_unit(self.units);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
-        Ok(Hints { voxel_size, truncation, frame_rate, ..usual })
+        let origin_m = self.origin.unwrap_or_default().map(|x| x * self.units.metres());
+        Ok(Hints { voxel_size, truncation, frame_rate, origin_m, ..usual })
     }
 
     fn encoder_settings(&self) -> EncoderSettings {
@@ -80,6 +85,15 @@ impl Args {
             ..EncoderSettings::default()
         }
     }
+}
+
+/// Three numbers with commas between them.
+fn origin(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| "an origin is three numbers, as in 512000,5403000,0".to_owned())
 }
 
 /// Runs the command.

@@ -61,7 +61,7 @@ struct PacketInfo {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let info = StreamInfo::read(&args.input).with_context(|| stream::name(&args.input))?;
+    let info = StreamInfo::read(&args.input)?;
     print(&if args.json { serde_json::to_string_pretty(&info)? } else { info.table() })
 }
 
@@ -69,9 +69,10 @@ impl StreamInfo {
     fn read(path: &Path) -> Result<Self> {
         let source = stream::open_file(path)?;
         let bytes = source.get_ref().metadata()?.len();
-        let mut reader = PacketReader::new(source)?;
+        let name = || stream::name(path);
+        let mut reader = PacketReader::new(source).with_context(name)?;
         let header = *reader.header().expect("a reader that began at the header has it");
-        let packets = read_packets(&mut reader)?;
+        let packets = read_packets(&mut reader).with_context(name)?;
         let fps = header.frame_rate.per_second();
         let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
         Ok(Self {

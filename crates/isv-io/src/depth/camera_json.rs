@@ -67,6 +67,9 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     Ok(DepthSequence::new(folder, vec![Camera { intrinsics, units, poses, paths }], fps))
 }
 
+/// No frame rate and no unit of depth is larger.
+const LARGEST_NUMBER: f64 = 1e6;
+
 /// Reads a JSON file.
 pub(crate) fn read_json<T: DeserializeOwned>(file: &Path) -> Result<T, DepthFileError> {
     let bytes = regular_file::read(file).map_err(io_error(file))?;
@@ -84,7 +87,7 @@ pub(crate) fn check_fps(fps: Option<f64>, file: &Path) -> Result<Option<f64>, De
 }
 
 fn positive(name: &'static str, value: f64, file: &Path) -> Result<f64, DepthFileError> {
-    if value.is_finite() && value > 0.0 {
+    if value > 0.0 && value <= LARGEST_NUMBER {
         return Ok(value);
     }
     Err(DepthFileError::Number { path: file.to_owned(), name, value })

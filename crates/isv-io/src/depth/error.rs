@@ -73,7 +73,7 @@ pub enum DepthFileError {
         cause: DepthError,
     },
     /// A number beside the lens and the pose that cannot be.
-    #[error("{}: {name} is {value}; it must be a positive number", path.display())]
+    #[error("{}: {name} is {value}; it must be above 0 and at most 1000000", path.display())]
     Number {
         /// The file.
         path: PathBuf,

@@ -13,7 +13,7 @@ use isv::ingest::{
 };
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, extract_surface, surface_band};
-use isv::volume::{DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
+use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 
 /// A frame ready to be encoded.
@@ -176,9 +176,12 @@ fn point_sign_sentence(sign: PointSign, evidence: &PointEvidence, mode: SignMode
 /// Names the options to change.
 fn with_advice(error: IngestError) -> anyhow::Error {
     match error {
-        IngestError::Fit(error) => {
+        IngestError::Fit(error @ FitError::TooManyBlocks { .. }) => {
             let fits = Length::from_metres(error.voxel_that_fits_m());
             anyhow!("{error}: try --voxel {fits}, or check --units")
+        }
+        IngestError::Fit(error @ FitError::OutOfRange { .. }) => {
+            anyhow!("{error}: move it with --origin, or check --units")
         }
         IngestError::TooSparse { voxel_that_fits_m, .. } => {
             let fits = Length::from_metres(voxel_that_fits_m);
