@@ -114,14 +114,18 @@ pub fn ingest_mesh(
     let band = Band::new(&settings.grid, offset);
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
     let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
-    let (topology, directions) = rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
-    let sign = match sign {
-        SignDecision::Offset => Sign::Offset(offset as f32),
-        SignDecision::Closed { .. } => {
-            let (winding, holes) =
-                rayon::join(|| WindingNumber::new(mesh), || WideHoles::find(&voxel_mesh, &topology));
-            Sign::Closed(winding, holes)
-        }
+    let closed = matches!(sign, SignDecision::Closed { .. });
+    let connect = || {
+        let topology = Topology::of(&voxel_mesh);
+        let holes = if closed { WideHoles::find(&voxel_mesh, &topology) } else { None };
+        (topology, holes)
+    };
+    let ((topology, holes), (directions, winding)) = rayon::join(connect, || {
+        rayon::join(|| Directions::of(&voxel_mesh), || closed.then(|| WindingNumber::new(mesh)))
+    });
+    let sign = match winding {
+        Some(winding) => Sign::Closed(winding, holes),
+        None => Sign::Offset(offset as f32),
     };
     Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, directions, sign }, &list))
 }
