@@ -2,7 +2,7 @@
 //!
 //! Space is cut into tiles of 4 x 4 x 4 blocks. Every triangle is listed in each tile that it may bring a voxel of into
 //! the band; tiles no triangle reaches do not exist. A tile is the unit of parallel work, small enough that its
-//! triangles stay in cache and large enough that a triangle is listed only a few times (three on a human at 5 mm).
+//! triangles stay in cache and large enough that a triangle is listed only a few times (three or four on a human at 5 mm).
 
 use glam::{DVec3, IVec3};
 use isv_spatial::closest_on_triangle;
@@ -330,4 +330,42 @@ fn count_tile(mesh: &VoxelMesh, band: &Band, tile: &Tile) -> usize {
         }
     }
     found.iter().filter(|f| **f).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_testkit::Random;
+
+    /// Distance from a triangle to the closest voxel centre of a tile.
+    fn to_voxels(tile: IVec3, edge: i32, corners: &[DVec3; 3]) -> f64 {
+        let centre = |voxel: i32| {
+            let [x, y, z] = [voxel % edge, voxel / edge % edge, voxel / (edge * edge)];
+            (tile * edge + IVec3::new(x, y, z)).as_dvec3() + 0.5
+        };
+        (0..edge.pow(3)).map(|voxel| distance(centre(voxel), corners)).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn small_and_large_triangles_are_listed_in_every_tile_they_matter_in() {
+        let band = Band { width: 3.0, edge: 4 };
+        let edge = band.tile_edge();
+        let mut random = Random::new(71);
+        for size in [0.0, 2.0, 6.0, 30.0] {
+            for _ in 0..4 {
+                let place = random.point() * 20.0;
+                let corners = [0; 3].map(|_| place + random.point() * size);
+                let mut listing = Listing::default();
+                listing.add(0, corners, &band);
+                let listed: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
+                assert_eq!(listed.len(), listing.entries.len(), "no tile is listed twice");
+                assert!(!listing.certain.is_empty() && listing.certain.is_subset(&listed));
+                for tile in (0..512).map(|i| IVec3::new(i % 8, i / 8 % 8, i / 64) - 4) {
+                    let in_band = to_voxels(tile, edge, &corners) <= band.width;
+                    assert!(!in_band || listed.contains(&code(tile)), "{tile} {corners:?}");
+                    assert!(in_band || !listing.certain.contains(&code(tile)), "{tile} {corners:?}");
+                }
+            }
+        }
+    }
 }
