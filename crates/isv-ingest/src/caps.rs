@@ -8,6 +8,7 @@
 
 use crate::sampler::{Sign, Source, blend_across_hole};
 use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, VoxelMask};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Distances that add up to this many codes leave no surface between two neighbours: a voxel, and slack for rounding.
@@ -27,14 +28,19 @@ impl Blocks {
         let Sign::Closed(winding, Some(_)) = &source.sign else { return };
         let size = source.grid.edge.block_voxels();
         let found = self.unexplained(source);
-        for &(block, voxel) in &found {
-            let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(source.grid.edge));
-            mask.insert(voxel as usize);
-            let sample = &mut self.samples[block as usize * size + voxel as usize];
-            let distance = f32::from(sample.abs()) / CODES_PER_VOXEL as f32;
+        let samples = &self.samples;
+        let blend = |&(block, voxel): &(u32, u32)| {
+            let distance =
+                f32::from(samples[block as usize * size + voxel as usize].abs()) / CODES_PER_VOXEL as f32;
             let (coord, voxels) = (self.coords[block as usize], [voxel as usize]);
-            for (_, blended) in blend_across_hole(&source.grid, winding, coord, &voxels, |_| distance) {
-                *sample = blended;
+            blend_across_hole(&source.grid, winding, coord, &voxels, |_| distance)
+        };
+        let blended: Vec<_> = found.par_iter().map(blend).collect();
+        for (&(block, _), blended) in found.iter().zip(blended) {
+            let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(source.grid.edge));
+            for (voxel, sample) in blended {
+                mask.insert(voxel);
+                self.samples[block as usize * size + voxel] = sample;
             }
         }
         self.drop_unobserved(&found, source);
@@ -43,20 +49,21 @@ impl Blocks {
     /// Block and voxel of all observed voxels with an unexplained sign change to a neighbour in another block.
     fn unexplained(&self, source: &Source) -> BTreeSet<(u32, u32)> {
         let index = BlockIndex::new(&self.coords);
-        let mut found = BTreeSet::new();
-        for &block in self.masks.keys() {
+        let beside = |block: &u32| {
+            let mut found = Vec::new();
             for axis in 0..3 {
                 for side in [-1, 1] {
                     let mut step = [0; 3];
                     step[axis] = side;
-                    if let Some(other) = index.get(self.coords[block as usize].offset(step)) {
-                        let (lower, upper) = if side > 0 { (block, other) } else { (other, block) };
+                    if let Some(other) = index.get(self.coords[*block as usize].offset(step)) {
+                        let (lower, upper) = if side > 0 { (*block, other) } else { (other, *block) };
                         self.compare_faces(source, lower, upper, axis, &mut found);
                     }
                 }
             }
-        }
-        found
+            found
+        };
+        self.masks.par_iter().flat_map_iter(|(block, _)| beside(block)).collect()
     }
 
     /// Looks at the voxel pairs across the face between two blocks, `upper` following `lower` along `axis`.
@@ -66,7 +73,7 @@ impl Blocks {
         lower: u32,
         upper: u32,
         axis: usize,
-        found: &mut BTreeSet<(u32, u32)>,
+        found: &mut Vec<(u32, u32)>,
     ) {
         let (n, size) = (source.grid.edge.voxels(), source.grid.edge.block_voxels());
         let observed = |block: u32, voxel: usize| !self.masks.get(&block).is_some_and(|m| m.contains(voxel));

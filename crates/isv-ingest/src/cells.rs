@@ -79,10 +79,16 @@ struct FaceDirections {
     normal: DVec3,
     /// Unit vectors along the edges, zero for an edge without length.
     along: [DVec3; 3],
-    /// Unit vectors into the triangle, square to each edge and to the normal; zero where one of those is.
-    inward: [DVec3; 3],
     /// Whether the triangle is so thin that its directions inwards cannot cut off anything.
     vague: bool,
+}
+
+impl FaceDirections {
+    /// The unit vector into the triangle that is square to an edge and to the normal; zero where one of those is.
+    /// Made anew each time, for memory is slower.
+    fn inward(&self, side: usize) -> DVec3 {
+        self.normal.cross(self.along[side])
+    }
 }
 
 impl Directions {
@@ -92,8 +98,7 @@ impl Directions {
             let [a, b, c] = corners;
             let along = [b - a, c - b, a - c].map(DVec3::normalize_or_zero);
             let (normal, share) = unit_normal(&corners);
-            let inward = along.map(|along| normal.cross(along));
-            FaceDirections { normal, along, inward, vague: share <= VAGUE_SHARE }
+            FaceDirections { normal, along, vague: share <= VAGUE_SHARE }
         };
         Self((0..mesh.triangles.len()).into_par_iter().map(describe).collect())
     }
@@ -105,7 +110,7 @@ impl Directions {
     /// The direction from an edge into the triangle on it, square to the edge, if it is known well enough.
     fn inward(&self, Side { face, side }: Side) -> Option<DVec3> {
         let face = self.face(face);
-        (!face.vague).then(|| face.inward[usize::from(side)])
+        (!face.vague).then(|| face.inward(usize::from(side)))
     }
 }
 
@@ -175,12 +180,13 @@ impl Cells {
 
     /// The prism over a face, bounded by the planes through its edges.
     fn add_face(&mut self, parts: &Parts, face: u32) {
-        let FaceDirections { normal, inward, .. } = *parts.directions.face(face);
+        let directions = parts.directions.face(face);
+        let normal = directions.normal;
         if normal == DVec3::ZERO {
             return;
         }
         let [a, b, c] = parts.mesh.corners(face);
-        let [to_ab, to_bc, to_ca] = inward;
+        let [to_ab, to_bc, to_ca] = [0, 1, 2].map(|side| directions.inward(side));
         let planes =
             [self.plane(normal, a), self.plane(to_ab, a), self.plane(to_bc, b), self.plane(to_ca, c)];
         if !planes[1..].iter().any(|plane| self.is_cut_off(plane)) {

@@ -95,19 +95,28 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         (Self { rises, spreads }, heights)
     }
 
+    /// Heights of the centres of the octants of a cube of `edge` voxels.
+    #[inline(always)]
+    fn octants(&self, heights: &[f32; PLANES], edge: f32) -> [f32x8<S>; PLANES] {
+        let mut octants = self.rises;
+        for plane in 0..PLANES {
+            octants[plane] = self.rises[plane] * (edge / 4.0) + heights[plane];
+        }
+        octants
+    }
+
     /// The octants of a cube of `edge` voxels that the cell may have a voxel of in it, within `band` voxels of its part: a bit each.
     #[inline(always)]
-    fn octants_reached(&self, heights: &[f32; PLANES], edge: f32, band: f32) -> u64 {
+    fn octants_reached(&self, octants: &[f32x8<S>; PLANES], edge: f32, band: f32) -> u64 {
         let simd = self.rises[0].simd;
-        let (step, around) = (edge / 4.0, (edge / 2.0 - 1.0) / 2.0);
+        let around = (edge / 2.0 - 1.0) / 2.0;
         let farthest = band + around * 3f32.sqrt() + SLACK;
         let (mut distances_sq, mut depths) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 0.0));
         for plane in 0..AXES {
-            let heights = self.rises[plane] * step + heights[plane];
-            distances_sq += heights * heights;
+            distances_sq += octants[plane] * octants[plane];
         }
         for plane in AXES..PLANES {
-            depths = depths.min(self.rises[plane] * step + (heights[plane] + self.spreads[plane] * around));
+            depths = depths.min(octants[plane] + self.spreads[plane] * around);
         }
         (distances_sq.simd_le(farthest * farthest) & depths.simd_ge(-SLACK)).to_bitmask()
     }
@@ -121,10 +130,11 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
         band: f32,
         mut visit: impl FnMut(usize, &[f32; PLANES]),
     ) {
-        let mut reached = self.octants_reached(heights, edge, band);
+        let centres = self.octants(heights, edge);
+        let mut reached = self.octants_reached(&centres, edge, band);
         let mut octants = [[0.0; LANES]; PLANES];
         for plane in 0..PLANES {
-            octants[plane] = (self.rises[plane] * (edge / 4.0) + heights[plane]).into();
+            octants[plane] = centres[plane].into();
         }
         while reached != 0 {
             let octant = reached.trailing_zeros() as usize % LANES;
@@ -212,13 +222,14 @@ pub(crate) fn list_cells<S: Simd>(
     band: f32,
     lists: &mut [Vec<u32>; LANES],
 ) {
+    let edge = cube.edge as f32;
     for index in 0..cells.count() {
         let cell = cells.get(index);
         macro_rules! octants {
             ($axes:literal, $planes:expr) => {{
                 let (probe, heights) =
                     Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
-                probe.octants_reached(&heights, cube.edge as f32, band)
+                probe.octants_reached(&probe.octants(&heights, edge), edge, band)
             }};
         }
         let mut octants = match cell.axes {

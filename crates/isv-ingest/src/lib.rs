@@ -64,6 +64,7 @@ use isv_spatial::WindingNumber;
 use isv_volume::{Grid, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
 use sampler::{Sign, Source, Workspace, sample_tile};
+use std::sync::{Mutex, PoisonError};
 use tiles::{Band, TileList};
 use topology::Topology;
 
@@ -119,14 +120,18 @@ pub fn ingest_mesh(
     let band = Band::new(&settings.grid, offset);
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
     let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
-    let (topology, directions) = rayon::join(|| Topology::of(&voxel_mesh), || Directions::of(&voxel_mesh));
-    let sign = match sign {
-        SignDecision::Offset => Sign::Offset(offset as f32),
-        SignDecision::Closed { .. } => {
-            let (winding, holes) =
-                rayon::join(|| WindingNumber::new(mesh), || WideHoles::find(&voxel_mesh, &topology));
-            Sign::Closed(winding, holes)
-        }
+    let closed = matches!(sign, SignDecision::Closed { .. });
+    let connect = || {
+        let topology = Topology::of(&voxel_mesh);
+        let holes = if closed { WideHoles::find(&voxel_mesh, &topology) } else { None };
+        (topology, holes)
+    };
+    let ((topology, holes), (directions, winding)) = rayon::join(connect, || {
+        rayon::join(|| Directions::of(&voxel_mesh), || closed.then(|| WindingNumber::new(mesh)))
+    });
+    let sign = match winding {
+        Some(winding) => Sign::Closed(winding, holes),
+        None => Sign::Offset(offset as f32),
     };
     Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, directions, sign }, &list))
 }
@@ -134,19 +139,30 @@ pub fn ingest_mesh(
 /// Samples all tiles.
 fn sample(source: &Source, list: &TileList) -> SparseVolume {
     let mut blocks = Blocks::default();
+    let workspaces = Mutex::new(Vec::new());
     for tiles in list.tiles().chunks(TILES_AT_ONCE) {
         let parts: Vec<_> = tiles
             .par_iter()
-            .map_init(Workspace::default, |work, tile| sample_tile(source, tile, work))
+            .map(|tile| with_workspace(&workspaces, |work| sample_tile(source, tile, work)))
             .collect();
+        blocks.samples.reserve(parts.iter().map(|part| part.samples.len()).sum());
         for part in parts {
             let before = blocks.coords.len();
             blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));
             blocks.coords.extend(part.coords);
-            blocks.samples.extend(part.samples);
+            blocks.samples.extend_from_slice(&part.samples);
         }
     }
     blocks.open_caps(source);
     blocks.trim_rims(source.grid.edge);
     SparseVolume::from_parts(source.grid, blocks.coords, blocks.samples, blocks.masks)
+}
+
+/// Lends an idle workspace, so that there are never more than threads: rayon makes one for each part that it splits work into.
+fn with_workspace<T>(idle: &Mutex<Vec<Workspace>>, run: impl FnOnce(&mut Workspace) -> T) -> T {
+    let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut work = lock().pop().unwrap_or_default();
+    let done = run(&mut work);
+    lock().push(work);
+    done
 }

@@ -44,13 +44,16 @@ impl Blocks {
         cells.extend(self.observed_cells(&around, &blocks, edge));
         let index: FxHashMap<[i32; 3], u32> =
             cells.iter().enumerate().map(|(i, cell)| (cell.base, i as u32)).collect();
+        let across: Vec<[Option<u32>; 6]> =
+            cells[..trimmed].par_iter().map(|cell| neighbours(cell, &index)).collect();
         let mut stays = vec![true; cells.len()];
         for _ in 0..ROUNDS {
-            let holds = |i: usize| {
-                let neighbours = neighbours(&cells[i], &index);
-                i >= trimmed || (stays[i] && neighbours.filter(|n| stays[*n]).count() >= HOLD)
+            let staying = |neighbours: &[Option<u32>; 6]| {
+                neighbours.iter().flatten().filter(|neighbour| stays[**neighbour as usize]).count()
             };
-            stays = (0..cells.len()).into_par_iter().map(holds).collect();
+            let holds: Vec<bool> =
+                across.iter().zip(&stays).map(|(n, stays)| *stays && staying(n) >= HOLD).collect();
+            stays[..trimmed].copy_from_slice(&holds);
         }
         self.remove(&cells, &stays, edge);
     }
@@ -114,8 +117,11 @@ impl Blocks {
             let chosen = cells.iter().zip(stays).filter(move |(_, stays)| **stays == staying);
             chosen.flat_map(|(cell, _)| cell.corners)
         };
-        let needed: FxHashSet<VoxelAt> = corners(true).collect();
-        for at in corners(false).filter(|at| !needed.contains(at)) {
+        let mut removed: FxHashSet<VoxelAt> = corners(false).collect();
+        for at in corners(true) {
+            removed.remove(&at);
+        }
+        for at in removed {
             let mask = self.masks.entry(at.0).or_insert_with(|| VoxelMask::empty(edge));
             mask.insert(usize::from(at.1));
         }
@@ -123,15 +129,15 @@ impl Blocks {
 }
 
 /// The cells that the surface goes on to from a cell: those across its faces whose corners lie on both sides.
-fn neighbours(cell: &SurfaceCell, index: &FxHashMap<[i32; 3], u32>) -> impl Iterator<Item = usize> {
+fn neighbours(cell: &SurfaceCell, index: &FxHashMap<[i32; 3], u32>) -> [Option<u32>; 6] {
     /// Corners of the face at the low end of each axis.
     const LOW_FACE: [u8; 3] = [0b0101_0101, 0b0011_0011, 0b0000_1111];
-    (0..6).filter_map(|face| {
+    std::array::from_fn(|face| {
         let (axis, high) = (face / 2, face % 2);
         let corners = if high == 1 { !LOW_FACE[axis] } else { LOW_FACE[axis] };
         let mixed = cell.inside & corners != 0 && cell.inside & corners != corners;
         let mut base = cell.base;
         base[axis] += if high == 1 { 1 } else { -1 };
-        if mixed { index.get(&base).map(|i| *i as usize) } else { None }
+        if mixed { index.get(&base).copied() } else { None }
     })
 }

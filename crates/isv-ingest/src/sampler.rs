@@ -101,11 +101,10 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     if let Sign::Closed(winding, _) = &source.sign {
         find_sides(source, winding, work, &active, coord);
     }
-    let mut out = TileBlocks::default();
-    for block in active {
-        let start = out.samples.len();
-        out.samples.resize(start + source.grid.edge.block_voxels(), 0);
-        write_samples(source, &work.blocks[block], coord(block), &mut out.samples[start..]);
+    let size = source.grid.edge.block_voxels();
+    let mut out = TileBlocks { samples: vec![0; active.len() * size], ..TileBlocks::default() };
+    for (block, samples) in active.into_iter().zip(out.samples.chunks_exact_mut(size)) {
+        write_samples(source, &work.blocks[block], coord(block), samples);
         if let Some(mask) = work.blocks[block].unobserved.take() {
             out.masks.push((out.coords.len(), mask));
         }

@@ -2,7 +2,7 @@
 //!
 //! Space is cut into tiles of 4 x 4 x 4 blocks. Every triangle is listed in each tile that it may bring a voxel of into
 //! the band; tiles no triangle reaches do not exist. A tile is the unit of parallel work, small enough that its
-//! triangles stay in cache and large enough that a triangle is listed only a few times (three on a human at 5 mm).
+//! triangles stay in cache and large enough that a triangle is listed only a few times (three or four on a human at 5 mm).
 
 use glam::{DVec3, IVec3};
 use isv_spatial::closest_on_triangle;
@@ -19,6 +19,13 @@ const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 /// Triangles are taken in batches expected to make at most this many list entries (64 MB of them), between which the
 /// number of tiles is checked against the limit.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
+
+/// Triangles longer than this share of a tile along an axis are listed by where they are, others by their bounding boxes.
+const LARGE: f64 = 0.5;
+
+/// Voxels are measured in cubes of 2 x 2 x 2, so some are up to such a cube's diagonal farther away than the band is wide. Those
+/// are to be found close to the same part of the mesh in every tile.
+const BEYOND: f64 = 1.75;
 
 /// A mesh in voxel units: positions divided by the voxel size.
 pub(crate) struct VoxelMesh<'a> {
@@ -80,20 +87,25 @@ impl Band {
 pub(crate) struct Tile<'a> {
     /// Position on the grid of tiles.
     pub(crate) coord: IVec3,
-    entries: &'a [(MortonCode, u32)],
+    faces: &'a [u32],
 }
 
 impl Tile<'_> {
     /// Indices of the triangles, ascending.
     pub(crate) fn faces(&self) -> impl Iterator<Item = u32> + Clone {
-        self.entries.iter().map(|entry| entry.1)
+        self.faces.iter().copied()
     }
 }
 
+/// A triangle in a tile; the tile as the Morton code of its first block.
+type Entry = (MortonCode, u32);
+
 /// All tiles, with their triangles.
 pub(crate) struct TileList {
-    /// Tile and triangle, sorted; the tile as the Morton code of its first block.
-    entries: Vec<(MortonCode, u32)>,
+    /// The tiles in Morton order, each with the end of its triangles.
+    tiles: Vec<(MortonCode, usize)>,
+    /// Triangles, tile after tile.
+    faces: Vec<u32>,
 }
 
 /// More blocks than allowed.
@@ -105,7 +117,7 @@ impl TileList {
     ///
     /// Every coordinate must be in the range of block coordinates.
     pub(crate) fn build(mesh: &VoxelMesh, band: &Band, limit: usize) -> Result<Self, OverLimit> {
-        let mut entries = Vec::new();
+        let mut listings: Vec<Vec<Entry>> = Vec::new();
         let mut certain = FxHashSet::default();
         let mut start = 0;
         while start < mesh.triangles.len() {
@@ -113,12 +125,12 @@ impl TileList {
             let parts: Vec<Listing> = (start..end)
                 .into_par_iter()
                 .fold(Listing::default, |mut listing, face| {
-                    listing.add(mesh.corners(face as u32), face as u32, band);
+                    listing.add(face as u32, mesh.corners(face as u32), band);
                     listing
                 })
                 .collect();
             for part in parts {
-                entries.extend_from_slice(&part.entries);
+                listings.push(part.entries);
                 certain.extend(part.certain);
             }
             if certain.len() > limit {
@@ -126,44 +138,47 @@ impl TileList {
             }
             start = end;
         }
-        Ok(Self { entries: gather(&entries) })
+        Ok(gather(&listings))
     }
 
     /// The tiles in Morton order.
     pub(crate) fn tiles(&self) -> Vec<Tile<'_>> {
-        self.entries
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(|entries| Tile {
-                coord: IVec3::from_array(entries[0].0.coord().to_array()) / TILE_BLOCKS,
-                entries,
-            })
-            .collect()
+        let mut start = 0;
+        let tile = |&(tile, end): &(MortonCode, usize)| {
+            let coord = IVec3::from_array(tile.coord().to_array()) / TILE_BLOCKS;
+            Tile { coord, faces: &self.faces[std::mem::replace(&mut start, end)..end] }
+        };
+        self.tiles.iter().map(tile).collect()
     }
 }
 
 /// Sorts entries whose triangles are in order by tile.
-fn gather(entries: &[(MortonCode, u32)]) -> Vec<(MortonCode, u32)> {
-    let mut tiles: FxHashMap<MortonCode, usize> = FxHashMap::default();
-    for (tile, _) in entries {
-        *tiles.entry(*tile).or_default() += 1;
-    }
-    let mut sorted: Vec<MortonCode> = tiles.keys().copied().collect();
-    sorted.sort_unstable();
+fn gather(listings: &[Vec<Entry>]) -> TileList {
+    let mut numbers: FxHashMap<MortonCode, u32> = FxHashMap::default();
+    let mut tiles: Vec<(MortonCode, usize)> = Vec::new();
+    let mut number_of = |&(tile, _): &Entry| {
+        let number = *numbers.entry(tile).or_insert_with(|| {
+            tiles.push((tile, 0));
+            tiles.len() as u32 - 1
+        });
+        tiles[number as usize].1 += 1;
+        number
+    };
+    let found: Vec<u32> = listings.iter().flatten().map(&mut number_of).collect();
+    let mut order: Vec<usize> = (0..tiles.len()).collect();
+    order.sort_unstable_by_key(|number| tiles[*number].0);
     let mut start = 0;
-    for tile in &sorted {
-        if let Some(next) = tiles.get_mut(tile) {
-            start += std::mem::replace(next, start);
-        }
+    for number in &order {
+        start += std::mem::replace(&mut tiles[*number].1, start);
     }
-    let Some(first) = entries.first() else { return Vec::new() };
-    let mut gathered = vec![*first; entries.len()];
-    for entry in entries {
-        if let Some(next) = tiles.get_mut(&entry.0) {
-            gathered[*next] = *entry;
-            *next += 1;
-        }
+    // Where each tile's triangles begin becomes where they end.
+    let mut faces = vec![0; found.len()];
+    for ((_, face), number) in listings.iter().flatten().zip(found) {
+        let next = &mut tiles[number as usize].1;
+        faces[*next] = *face;
+        *next += 1;
     }
-    gathered
+    TileList { tiles: order.into_iter().map(|number| tiles[number]).collect(), faces }
 }
 
 /// The end of the batch of triangles that begins at `start`.
@@ -182,33 +197,58 @@ fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Resul
     Ok(mesh.triangles.len())
 }
 
+/// A triangle to be listed.
+struct Triangle {
+    face: u32,
+    corners: [DVec3; 3],
+    /// Its bounds.
+    lo: DVec3,
+    hi: DVec3,
+    /// Whether its bounds say too little about where it is.
+    is_large: bool,
+}
+
 /// Tile entries of some triangles.
 #[derive(Default)]
 struct Listing {
-    entries: Vec<(MortonCode, u32)>,
+    entries: Vec<Entry>,
     /// Tiles that are sure to have a voxel in the band, each giving at least one block.
     certain: FxHashSet<MortonCode>,
+    /// The last of those found by a small triangle.
+    last: Option<IVec3>,
 }
 
 impl Listing {
-    fn add(&mut self, corners: [DVec3; 3], face: u32, band: &Band) {
+    fn add(&mut self, face: u32, corners: [DVec3; 3], band: &Band) {
         let edge = f64::from(band.tile_edge());
         let [a, b, c] = corners;
-        let lo = ((a.min(b).min(c) - band.width) / edge).floor().as_ivec3();
-        let hi = ((a.max(b).max(c) + band.width) / edge).floor().as_ivec3();
-        self.add_range(lo, hi, &corners, face, band);
+        let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+        let is_large = (hi - lo).max_element() > LARGE * edge;
+        let tile_of = |p: DVec3| (p / edge).floor().as_ivec3();
+        self.add_range(
+            tile_of(lo - band.width - BEYOND),
+            tile_of(hi + band.width + BEYOND),
+            &Triangle { face, corners, lo, hi, is_large },
+            band,
+        );
+        // Any point of a tile is less than a voxel from a voxel centre there, and bands are wider.
+        let home = tile_of(a);
+        if !is_large && self.last != Some(home) {
+            self.last = Some(home);
+            self.certain.insert(code(home));
+        }
     }
 
     /// Adds the tiles of the inclusive range `lo..=hi` that the triangle reaches. Ranges of more than a few tiles are
     /// halved and culled as wholes, so a long diagonal triangle costs by its area, not by its bounding box. The
     /// recursion halves 21-bit ranges and is at most 63 deep.
-    fn add_range(&mut self, lo: IVec3, hi: IVec3, corners: &[DVec3; 3], face: u32, band: &Band) {
+    fn add_range(&mut self, lo: IVec3, hi: IVec3, triangle: &Triangle, band: &Band) {
         let size = hi - lo + 1;
         if size.max_element() <= 2 {
             for z in lo.z..=hi.z {
                 for y in lo.y..=hi.y {
                     for x in lo.x..=hi.x {
-                        self.add_tile(IVec3::new(x, y, z), corners, face, band);
+                        self.add_tile(IVec3::new(x, y, z), triangle, band);
                     }
                 }
             }
@@ -216,8 +256,8 @@ impl Listing {
         }
         let edge = f64::from(band.tile_edge());
         let centre = (lo + hi + 1).as_dvec3() * (0.5 * edge);
-        let reach = band.width + 0.5 * edge * size.as_dvec3().length();
-        if distance(centre, corners) > reach {
+        let reach = band.width + BEYOND + 0.5 * edge * size.as_dvec3().length();
+        if distance(centre, &triangle.corners) > reach {
             return;
         }
         let axis = size.max_position();
@@ -225,22 +265,36 @@ impl Listing {
         let (mut lower, mut upper) = (hi, lo);
         lower[axis] = middle - 1;
         upper[axis] = middle;
-        self.add_range(lo, lower, corners, face, band);
-        self.add_range(upper, hi, corners, face, band);
+        self.add_range(lo, lower, triangle, band);
+        self.add_range(upper, hi, triangle, band);
     }
 
-    fn add_tile(&mut self, tile: IVec3, corners: &[DVec3; 3], face: u32, band: &Band) {
+    /// Adds a tile if the bounds of the triangle come close enough to its voxels, and the triangle itself, if it is large.
+    fn add_tile(&mut self, tile: IVec3, triangle: &Triangle, band: &Band) {
         let edge = f64::from(band.tile_edge());
-        let d = distance((tile.as_dvec3() + 0.5) * edge, corners);
-        if d <= band.reach(edge) {
-            let code = BlockCoord::from((tile * TILE_BLOCKS).to_array()).morton();
-            self.entries.push((code, face));
+        let first = tile.as_dvec3() * edge + 0.5;
+        let last = first + (edge - 1.0);
+        let apart = (triangle.lo - last).max(first - triangle.hi).max(DVec3::ZERO);
+        if apart.length_squared() > (band.width + BEYOND).powi(2) {
+            return;
+        }
+        if triangle.is_large {
+            let d = distance((tile.as_dvec3() + 0.5) * edge, &triangle.corners);
+            if d > band.reach(edge) {
+                return;
+            }
             // Walking half an edge towards the surface, less the distance to a voxel centre, stays inside the tile.
             if d <= band.width + 0.5 * edge - 2.0 {
-                self.certain.insert(code);
+                self.certain.insert(code(tile));
             }
         }
+        self.entries.push((code(tile), triangle.face));
     }
+}
+
+/// A tile as the Morton code of its first block.
+fn code(tile: IVec3) -> MortonCode {
+    BlockCoord::from((tile * TILE_BLOCKS).to_array()).morton()
 }
 
 fn distance(p: DVec3, corners: &[DVec3; 3]) -> f64 {
@@ -276,4 +330,42 @@ fn count_tile(mesh: &VoxelMesh, band: &Band, tile: &Tile) -> usize {
         }
     }
     found.iter().filter(|f| **f).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_testkit::Random;
+
+    /// Distance from a triangle to the closest voxel centre of a tile.
+    fn to_voxels(tile: IVec3, edge: i32, corners: &[DVec3; 3]) -> f64 {
+        let centre = |voxel: i32| {
+            let [x, y, z] = [voxel % edge, voxel / edge % edge, voxel / (edge * edge)];
+            (tile * edge + IVec3::new(x, y, z)).as_dvec3() + 0.5
+        };
+        (0..edge.pow(3)).map(|voxel| distance(centre(voxel), corners)).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn small_and_large_triangles_are_listed_in_every_tile_they_matter_in() {
+        let band = Band { width: 3.0, edge: 4 };
+        let edge = band.tile_edge();
+        let mut random = Random::new(71);
+        for size in [0.0, 2.0, 6.0, 30.0] {
+            for _ in 0..4 {
+                let place = random.point() * 20.0;
+                let corners = [0; 3].map(|_| place + random.point() * size);
+                let mut listing = Listing::default();
+                listing.add(0, corners, &band);
+                let listed: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
+                assert_eq!(listed.len(), listing.entries.len(), "no tile is listed twice");
+                assert!(!listing.certain.is_empty() && listing.certain.is_subset(&listed));
+                for tile in (0..512).map(|i| IVec3::new(i % 8, i / 8 % 8, i / 64) - 4) {
+                    let in_band = to_voxels(tile, edge, &corners) <= band.width;
+                    assert!(!in_band || listed.contains(&code(tile)), "{tile} {corners:?}");
+                    assert!(in_band || !listing.certain.contains(&code(tile)), "{tile} {corners:?}");
+                }
+            }
+        }
+    }
 }
