@@ -19,6 +19,10 @@ pub(crate) struct EncodedFrameStats {
     pub(crate) bytes_blocks: usize,
     pub(crate) bytes_motion: usize,
     pub(crate) bytes_coefficients: usize,
+    /// The part of `bytes_blocks` that tells which voxels are unobserved.
+    pub(crate) bytes_masks: usize,
+    /// The part of `bytes_coefficients` that DC coefficients take.
+    pub(crate) bytes_dc: f64,
     /// Blocks within the truncation band.
     pub(crate) blocks_band: usize,
     /// Blocks in the stream.

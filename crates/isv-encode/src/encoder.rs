@@ -75,7 +75,13 @@ impl EncodedFrame {
     /// Bytes of the block set and the masks of unobserved voxels.
     #[must_use]
     pub fn bytes_blocks(&self) -> usize {
-        self.segments.block_set.len() + self.segments.masks.len()
+        self.segments.block_set.len() + self.bytes_masks()
+    }
+
+    /// Bytes of the masks of unobserved voxels.
+    #[must_use]
+    pub fn bytes_masks(&self) -> usize {
+        self.segments.masks.len()
     }
 
     /// Bytes of motion vectors.
@@ -88,6 +94,12 @@ impl EncodedFrame {
     #[must_use]
     pub fn bytes_coefficients(&self) -> usize {
         self.segments.slices.iter().map(|s| s.coefficients.len()).sum()
+    }
+
+    /// The part of [`Self::bytes_coefficients`] that DC coefficients take, to a fraction of a byte.
+    #[must_use]
+    pub fn bytes_dc(&self) -> f64 {
+        self.segments.slices.iter().map(|s| s.dc_bits / 8.0).sum()
     }
 
     fn segment_bytes(&self) -> usize {

@@ -24,6 +24,8 @@ pub(crate) struct SymbolSegments {
 pub(crate) struct SliceSegments {
     pub(crate) motion: Vec<u8>,
     pub(crate) coefficients: Vec<u8>,
+    /// The part of `coefficients` that the DC coefficients take.
+    pub(crate) dc_bits: f64,
 }
 
 /// The mirror image of the decoder's `read_symbols`.
@@ -48,17 +50,16 @@ pub(crate) fn write_symbols(
             let sources = &symbols.references[range.clone()];
             let vectors = &symbols.motion[range.clone()];
             let levels = &symbols.levels[range.start * coefficients..range.end * coefficients];
-            SliceSegments {
-                motion: motion::write(
-                    &mut models.motion,
-                    symbols.prediction,
-                    &range,
-                    sources,
-                    vectors,
-                    &neighbours,
-                ),
-                coefficients: coefficients::write(&mut models.coefficients, sources, levels),
-            }
+            let motion = motion::write(
+                &mut models.motion,
+                symbols.prediction,
+                &range,
+                sources,
+                vectors,
+                &neighbours,
+            );
+            let (coefficients, dc_bits) = coefficients::write(&mut models.coefficients, sources, levels);
+            SliceSegments { motion, coefficients, dc_bits }
         })
         .collect();
     SymbolSegments { block_set, masks, slices }

@@ -54,6 +54,13 @@ impl RangeEncoder {
         }
     }
 
+    /// Bits written so far, fractions included: differences of it are what each symbol cost.
+    #[must_use]
+    pub fn bits(&self) -> f64 {
+        let shifted_out = self.bytes.len() as u64 + u64::from(self.pending.is_some()) + self.pending_ff;
+        (8 * shifted_out) as f64 + 32.0 - f64::from(self.range).log2()
+    }
+
     /// The coded bytes. The decoder reads zeros past the end, so up to four zero bytes there are left off.
     #[must_use]
     pub fn finish(mut self) -> Vec<u8> {

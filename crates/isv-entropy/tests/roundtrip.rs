@@ -34,6 +34,24 @@ fn encode(symbols: &[Symbol]) -> Vec<u8> {
     encoder.finish()
 }
 
+/// The count of bits never falls, agrees with the bytes that come out in the end, and charges a raw bit one bit.
+#[test]
+fn bits_are_counted_as_they_are_written() {
+    let (mut encoder, mut model) = (RangeEncoder::new(), IntegerModel::default());
+    assert_eq!(encoder.bits().round(), 0.0);
+    let mut before = encoder.bits();
+    for i in 0..3000i32 {
+        model.encode(&mut encoder, i % 7 - 3);
+        assert!(encoder.bits() > before, "{i}");
+        before = encoder.bits();
+        encoder.encode_raw(5, 3);
+        assert!((encoder.bits() - before - 3.0).abs() < 1e-6, "{i}");
+        before = encoder.bits();
+    }
+    let bytes = encoder.finish().len() as f64;
+    assert!((bytes - before / 8.0).abs() <= 4.0, "{bytes} bytes, {before} bits");
+}
+
 proptest! {
     #[test]
     fn decoder_returns_the_symbols(symbols in prop::collection::vec(symbol(), 0..400)) {

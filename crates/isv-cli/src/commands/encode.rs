@@ -194,6 +194,8 @@ impl Job {
             bytes_blocks: coded.bytes_blocks(),
             bytes_motion: coded.bytes_motion(),
             bytes_coefficients: coded.bytes_coefficients(),
+            bytes_masks: coded.bytes_masks(),
+            bytes_dc: coded.bytes_dc(),
             blocks_band: frame.blocks_band,
             blocks_coded: frame.volume.block_count(),
             keyframe: coded.keyframe,
