@@ -1,0 +1,236 @@
+//! The codecs of a study and the points at which they are measured.
+
+use isv::encode::MotionMode;
+use isv::format::Prediction;
+use std::fmt;
+use std::str::FromStr;
+use thiserror::Error;
+
+/// A codec under study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Codec {
+    /// isv, profile `paper`, with one kind of prediction, or the best for each frame.
+    Paper(MotionMode),
+    /// Tang et al. 2018: blocks as in isv, a trained transform, every frame alone.
+    Tang(Training),
+    /// Google Draco on each frame's mesh, first simplified to a share of its faces, in percent.
+    Draco {
+        /// 100 for the mesh as it is.
+        faces_percent: u8,
+    },
+}
+
+/// What a trained transform was trained on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Training {
+    /// The take itself: the best that a trained transform can do.
+    Scene,
+    /// Other takes.
+    CrossScene,
+}
+
+/// Settings of a codec that give one rate and one error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OperatingPoint {
+    /// The paper's knobs: K, and the quantizer steps in metres.
+    Steps {
+        /// Coefficients coded of each block.
+        coefficients: u16,
+        /// Step of the DC coefficient, in metres.
+        dc_step_m: f64,
+        /// Step of all others, in metres.
+        ac_step_m: f64,
+    },
+    /// K and one step for all coefficients, in metres.
+    UniformStep {
+        /// Coefficients coded of each block.
+        coefficients: u16,
+        /// Step of all coefficients, in metres.
+        step_m: f64,
+    },
+    /// Bits of a quantized coordinate; the longest side of the bounding box spans `2^bits - 1` steps.
+    PositionBits(u32),
+}
+
+/// What operating points are in proportion to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Edge of a voxel in metres.
+    pub voxel_m: f64,
+    /// Longest side of the first frame's bounding box, in metres.
+    pub extent_m: f64,
+}
+
+/// A name that no codec has.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("no codec is called {0:?}; there are {names}", names = Codec::ALL.map(|codec| codec.to_string()).join(", "))]
+pub struct UnknownCodec(String);
+
+/// K of all points: what the paper retains on people.
+const COEFFICIENTS: u16 = 64;
+
+/// Points at which each codec is measured.
+const POINTS: usize = 5;
+
+/// AC steps of the paper's profile in voxels, fine to coarse. The paper's 10 mm at 5 mm voxels is the third.
+const AC_STEPS_VOXELS: [f64; POINTS] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// DC step over AC step: the paper's 1 mm to 10 mm.
+const DC_SHARE: f64 = 0.1;
+
+/// Steps of the trained transform in voxels. It has no DC coefficient to protect: one step serves all.
+const UNIFORM_STEPS_VOXELS: [f64; POINTS] = [0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// Draco's bits beyond those that make its step a voxel: a mesh needs finer positions than a volume needs voxels.
+const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];
+
+impl Codec {
+    /// All of them, in the order of legends and tables.
+    pub const ALL: [Self; 12] = [
+        Self::Paper(MotionMode::Fixed(Prediction::None)),
+        Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)),
+        Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)),
+        Self::Paper(MotionMode::Fixed(Prediction::SixDof)),
+        Self::Paper(MotionMode::Auto),
+        Self::Tang(Training::Scene),
+        Self::Tang(Training::CrossScene),
+        Self::Draco { faces_percent: 100 },
+        Self::Draco { faces_percent: 50 },
+        Self::Draco { faces_percent: 25 },
+        Self::Draco { faces_percent: 10 },
+        Self::Draco { faces_percent: 5 },
+    ];
+
+    /// What it is, in a line.
+    #[must_use]
+    pub fn description(self) -> String {
+        match self {
+            Self::Paper(MotionMode::Fixed(Prediction::None)) => {
+                "isv, profile paper: every frame alone".to_owned()
+            }
+            Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)) => {
+                "isv, profile paper: difference to the frame before".to_owned()
+            }
+            Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)) => {
+                "isv, profile paper: each block translated".to_owned()
+            }
+            Self::Paper(MotionMode::Fixed(Prediction::SixDof)) => {
+                "isv, profile paper: each block translated and rotated".to_owned()
+            }
+            Self::Paper(MotionMode::Auto) => {
+                "isv, profile paper: the prediction that takes the fewest bytes, a frame".to_owned()
+            }
+            Self::Tang(Training::Scene) => {
+                "Tang et al. 2018, transform trained on this very take; every frame alone; the transform is not counted"
+                    .to_owned()
+            }
+            Self::Tang(Training::CrossScene) => {
+                "Tang et al. 2018, transform trained on other takes; every frame alone; the transform is not counted".to_owned()
+            }
+            Self::Draco { faces_percent: 100 } => "Google Draco, every frame alone".to_owned(),
+            Self::Draco { faces_percent } => {
+                format!("quadric simplification to {faces_percent} % of the faces, then Draco, every frame alone")
+            }
+        }
+    }
+
+    /// The points at which it is measured, fine to coarse: `count` of five, evenly spread.
+    #[must_use]
+    pub fn points(self, scale: Scale, count: usize) -> Vec<OperatingPoint> {
+        let count = count.clamp(1, POINTS);
+        let picked = |i: usize| {
+            if count == 1 { POINTS / 2 } else { (i * (POINTS - 1) + (count - 1) / 2) / (count - 1) }
+        };
+        (0..count).map(|i| self.point(scale, picked(i))).collect()
+    }
+
+    fn point(self, scale: Scale, i: usize) -> OperatingPoint {
+        match self {
+            Self::Paper(_) => {
+                let ac_step_m = AC_STEPS_VOXELS[i] * scale.voxel_m;
+                OperatingPoint::Steps { coefficients: COEFFICIENTS, dc_step_m: DC_SHARE * ac_step_m, ac_step_m }
+            }
+            Self::Tang(_) => OperatingPoint::UniformStep {
+                coefficients: COEFFICIENTS,
+                step_m: UNIFORM_STEPS_VOXELS[i] * scale.voxel_m,
+            },
+            Self::Draco { .. } => {
+                let voxel_bits = (scale.extent_m / scale.voxel_m).max(1.0).log2().round() as i32;
+                OperatingPoint::PositionBits((voxel_bits + BITS_BEYOND_A_VOXEL[i]).clamp(4, 20) as u32)
+            }
+        }
+    }
+}
+
+impl fmt::Display for Codec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Paper(MotionMode::Fixed(Prediction::None)) => f.write_str("paper-intra"),
+            Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)) => f.write_str("paper-zero"),
+            Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)) => f.write_str("paper-3dof"),
+            Self::Paper(MotionMode::Fixed(Prediction::SixDof)) => f.write_str("paper-6dof"),
+            Self::Paper(MotionMode::Auto) => f.write_str("paper-auto"),
+            Self::Tang(Training::Scene) => f.write_str("tang-scene"),
+            Self::Tang(Training::CrossScene) => f.write_str("tang-cross"),
+            Self::Draco { faces_percent: 100 } => f.write_str("draco"),
+            Self::Draco { faces_percent } => write!(f, "draco-{faces_percent}"),
+        }
+    }
+}
+
+impl FromStr for Codec {
+    type Err = UnknownCodec;
+
+    fn from_str(name: &str) -> Result<Self, UnknownCodec> {
+        let found = Self::ALL.into_iter().find(|codec| codec.to_string() == name);
+        found.ok_or_else(|| UnknownCodec(name.to_owned()))
+    }
+}
+
+/// As in file names: `k64-ac10mm`, `k64-step20mm`, `10-bit`.
+impl fmt::Display for OperatingPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mm = |metres: f64| (metres * 1e6).round() / 1e3;
+        match *self {
+            Self::Steps { coefficients, ac_step_m, .. } => write!(f, "k{coefficients}-ac{}mm", mm(ac_step_m)),
+            Self::UniformStep { coefficients, step_m } => write!(f, "k{coefficients}-step{}mm", mm(step_m)),
+            Self::PositionBits(bits) => write!(f, "{bits}-bit"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERSON: Scale = Scale { voxel_m: 0.005, extent_m: 1.8 };
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for codec in Codec::ALL {
+            assert_eq!(codec.to_string().parse(), Ok(codec));
+        }
+        let error = "draco-30".parse::<Codec>().unwrap_err().to_string();
+        assert!(error.contains("\"draco-30\"") && error.contains("draco-25, draco-10"), "{error}");
+    }
+
+    #[test]
+    fn points_run_from_fine_to_coarse() {
+        let names = |codec: &str, count| {
+            let points = codec.parse::<Codec>().unwrap().points(PERSON, count);
+            points.iter().map(OperatingPoint::to_string).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(names("paper-3dof", 5), "k64-ac2.5mm k64-ac5mm k64-ac10mm k64-ac20mm k64-ac40mm");
+        assert_eq!(names("paper-3dof", 1), "k64-ac10mm");
+        assert_eq!(names("tang-scene", 2), "k64-step2.5mm k64-step40mm");
+        assert_eq!(names("draco", 3), "11-bit 9-bit 7-bit");
+        assert_eq!(names("draco-25", 9), "11-bit 10-bit 9-bit 8-bit 7-bit");
+    }
+
+    #[test]
+    fn the_papers_own_point_is_among_them() {
+        let points = Codec::ALL[2].points(PERSON, 5);
+        let OperatingPoint::Steps { coefficients: 64, dc_step_m, ac_step_m } = points[2] else { panic!() };
+        assert!((dc_step_m - 0.001).abs() < 1e-12 && (ac_step_m - 0.01).abs() < 1e-12);
+    }
+}

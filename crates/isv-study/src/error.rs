@@ -1,0 +1,98 @@
+//! What can go wrong in a study.
+
+use isv::decode::DecodeError;
+use isv::format::FormatError;
+use isv::ingest::IngestError;
+use isv::metrics::CompareError;
+use isv_baseline::{DracoError, SimplifyError, TangError, TrainingError};
+use std::io;
+use thiserror::Error;
+
+/// A point that could not be measured, or a report that could not be made.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// A frame of the take cannot be read; the cause names it.
+    #[error("{0:#}")]
+    Take(#[source] crate::TakeError),
+    /// A take without frames.
+    #[error("{take}: no frames to study")]
+    NoFrames {
+        /// Its name.
+        take: String,
+    },
+    /// A codec needs other takes to be trained on, and there are none.
+    #[error("a transform trained on other takes needs some: name them with --train")]
+    NoTraining,
+    /// A frame that does not become a volume.
+    #[error("frame {frame}: {cause}")]
+    Ingest {
+        /// Its number in the take.
+        frame: usize,
+        /// What is wrong with it.
+        cause: IngestError,
+    },
+    /// A step that the quantizer does not have.
+    #[error("a step of {metres} m is not possible at voxels of {voxel_m} m")]
+    Step {
+        /// The step.
+        metres: f64,
+        /// Edge of a voxel.
+        voxel_m: f64,
+    },
+    /// A stream of our own that cannot be written or read.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// A packet of our own that cannot be decoded.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    /// A transform that cannot be trained.
+    #[error("{take}: {cause}")]
+    Training {
+        /// The first take of those trained on.
+        take: String,
+        /// Why.
+        cause: TrainingError,
+    },
+    /// A frame of a trained transform's stream that cannot be decoded.
+    #[error(transparent)]
+    Tang(#[from] TangError),
+    /// Draco failed.
+    #[error("frame {frame}: {cause}")]
+    Draco {
+        /// Number of the frame in the take.
+        frame: usize,
+        /// What it says.
+        cause: DracoError,
+    },
+    /// A mesh that cannot be simplified.
+    #[error("frame {frame}: {cause}")]
+    Simplify {
+        /// Number of the frame in the take.
+        frame: usize,
+        /// Why.
+        cause: SimplifyError,
+    },
+    /// A decoded frame that cannot be compared with what went in.
+    #[error("frame {frame}: {cause}")]
+    Compare {
+        /// Its number in the take.
+        frame: usize,
+        /// Why.
+        cause: CompareError,
+    },
+    /// A codec gave back another number of frames than it was given.
+    #[error("{decoded} frames came back of {encoded}")]
+    FrameCount {
+        /// Frames that went in.
+        encoded: usize,
+        /// Frames that came out.
+        decoded: usize,
+    },
+    /// A file of the report; the cause names it.
+    #[error(transparent)]
+    File(#[from] io::Error),
+    /// A chart that cannot be drawn.
+    #[error("a chart cannot be drawn: {0}")]
+    Chart(String),
+}

@@ -1,0 +1,246 @@
+//! Encode, decode, compare: one codec at one point.
+
+use crate::memory::{peak_bytes, reset_peak};
+use crate::record::Timing;
+use crate::session::{self, Stream};
+use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
+use isv::format::FrameRate;
+use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::metrics::{CompareOptions, compare, summary};
+use isv::volume::TriangleMesh;
+use isv_baseline::{BlockBasis, BlockMoments, Draco};
+
+/// An error of whoever provides a take.
+pub type TakeError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Frames of a take, one after the other.
+pub type TakeFrames<'a> = Box<dyn Iterator<Item = Result<TriangleMesh, TakeError>> + 'a>;
+
+/// A sequence of meshes that can be read again and again.
+pub trait Take {
+    /// What to call it.
+    fn name(&self) -> &str;
+
+    /// Number of frames.
+    fn frames(&self) -> usize;
+
+    /// Frames a second.
+    fn frame_rate(&self) -> FrameRate;
+
+    /// Reads it from the first frame on.
+    ///
+    /// # Errors
+    /// What stands in the way.
+    fn meshes(&self) -> Result<TakeFrames<'_>, TakeError>;
+}
+
+/// What all codecs of a study have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct StudySettings {
+    /// Grid of the codecs of volumes, and how meshes become volumes.
+    pub ingest: MeshIngest,
+    /// A keyframe every this many frames, for the codecs that have others.
+    pub gop: u32,
+    /// How decoded frames are compared with those that went in.
+    pub compare: CompareOptions,
+    /// Number in the take of the frame whose decoded mesh is kept for the pictures.
+    pub picture_frame: usize,
+}
+
+/// What a codec needs before its first point: a transform, or a program.
+pub struct Prepared {
+    basis: Option<BlockBasis>,
+    draco: Option<Draco>,
+    scale: Scale,
+}
+
+/// What came of a point.
+pub struct Measured {
+    /// The figures; the key is left empty.
+    pub record: Record,
+    /// The decoded picture frame.
+    pub picture: TriangleMesh,
+    /// The stream, where other commands can read it.
+    pub isv_file: Option<Vec<u8>>,
+}
+
+impl Prepared {
+    /// Prepares a codec for all its points on a take. `Ok(None)` if it cannot run here, because its program is not installed.
+    ///
+    /// # Errors
+    /// A take that cannot be read, or nothing to train on.
+    pub fn new(
+        codec: Codec,
+        take: &dyn Take,
+        training: &[&dyn Take],
+        settings: &StudySettings,
+    ) -> Result<Option<Self>, StudyError> {
+        let (mut basis, mut draco) = (None, None);
+        match codec {
+            Codec::Paper(_) => {}
+            Codec::Tang(Training::Scene) => basis = Some(train(&[take], settings)?),
+            Codec::Tang(Training::CrossScene) if training.is_empty() => return Err(StudyError::NoTraining),
+            Codec::Tang(Training::CrossScene) => basis = Some(train(training, settings)?),
+            Codec::Draco { .. } => match Draco::find() {
+                Some(found) => draco = Some(found),
+                None => return Ok(None),
+            },
+        }
+        Ok(Some(Self { basis, draco, scale: scale(take, settings)? }))
+    }
+
+    /// What the codec's points are in proportion to.
+    #[must_use]
+    pub fn scale(&self) -> Scale {
+        self.scale
+    }
+
+    pub(crate) fn basis(&self) -> &BlockBasis {
+        self.basis.as_ref().expect("prepared for a codec with a trained transform")
+    }
+
+    pub(crate) fn draco(&self) -> &Draco {
+        self.draco.as_ref().expect("prepared for Draco")
+    }
+}
+
+/// The size of a take by its first frame.
+fn scale(take: &dyn Take, settings: &StudySettings) -> Result<Scale, StudyError> {
+    let first = take.meshes().map_err(StudyError::Take)?.next();
+    let first = first.ok_or_else(|| StudyError::NoFrames { take: take.name().to_owned() })?;
+    let bounds = first.map_err(StudyError::Take)?.bounds();
+    let extent_m = bounds.map_or(0.0, |(low, high)| (high - low).max_element());
+    Ok(Scale { voxel_m: settings.ingest.grid.voxel_size.metres(), extent_m })
+}
+
+/// The transform trained on all frames of some takes.
+fn train(takes: &[&dyn Take], settings: &StudySettings) -> Result<BlockBasis, StudyError> {
+    let training = |cause| StudyError::Training { take: takes[0].name().to_owned(), cause };
+    let mut moments = BlockMoments::new(&settings.ingest.grid).map_err(training)?;
+    for take in takes {
+        let mut sign = None;
+        for (frame, mesh) in take.meshes().map_err(StudyError::Take)?.enumerate() {
+            let mesh = mesh.map_err(StudyError::Take)?;
+            let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, settings.ingest.sign).0);
+            let volume = ingest_mesh(&mesh, &settings.ingest, sign);
+            moments.add(&volume.map_err(|cause| StudyError::Ingest { frame, cause })?);
+        }
+    }
+    moments.klt().map_err(training)
+}
+
+/// Measures a codec at one of its points. `step` is called after each frame of each of the two passes: encoding, and
+/// comparing what was decoded.
+///
+/// # Errors
+/// What went wrong first, with the number of the frame.
+pub fn measure(
+    codec: Codec,
+    point: OperatingPoint,
+    take: &dyn Take,
+    settings: &StudySettings,
+    prepared: &Prepared,
+    step: &mut dyn FnMut(),
+) -> Result<Measured, StudyError> {
+    let encoded = encode(codec, point, take, settings, prepared, step)?;
+    let decoded = time_decoding(&*encoded.stream)?;
+    let (frame_errors, picture) = compare_frames(&*encoded.stream, take, settings, step)?;
+    let frames = encoded.frame_bytes.len();
+    if frame_errors.len() != frames {
+        return Err(StudyError::FrameCount { encoded: frames, decoded: frame_errors.len() });
+    }
+    let no_frames = || StudyError::NoFrames { take: take.name().to_owned() };
+    let record = Record {
+        key: String::new(),
+        codec: codec.to_string(),
+        point: point.to_string(),
+        frames_per_second: take.frame_rate().per_second(),
+        bytes: encoded.stream.bytes(),
+        frame_bytes: encoded.frame_bytes,
+        kinds: encoded.stream.kinds(),
+        prepare_ms: Timing::of(encoded.prepare_ms),
+        encode_ms: Timing::of(encoded.encode_ms),
+        decode_ms: Timing::of(decoded.ms),
+        encode_peak_bytes: encoded.peak_bytes,
+        decode_peak_bytes: decoded.peak_bytes,
+        error: summary(&frame_errors).ok_or_else(no_frames)?,
+        frame_errors,
+    };
+    Ok(Measured {
+        record,
+        picture: picture.ok_or_else(no_frames)?,
+        isv_file: encoded.stream.isv_file().map(<[u8]>::to_vec),
+    })
+}
+
+/// A take as coded, and what that took.
+struct Encoded {
+    stream: Box<dyn Stream>,
+    frame_bytes: Vec<u64>,
+    prepare_ms: Vec<f64>,
+    encode_ms: Vec<f64>,
+    peak_bytes: Option<u64>,
+}
+
+fn encode(
+    codec: Codec,
+    point: OperatingPoint,
+    take: &dyn Take,
+    settings: &StudySettings,
+    prepared: &Prepared,
+    step: &mut dyn FnMut(),
+) -> Result<Encoded, StudyError> {
+    let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
+    let mut program_peak = None;
+    reset_peak();
+    let mut session = session::begin(codec, point, take, settings, prepared)?;
+    for mesh in take.meshes().map_err(StudyError::Take)? {
+        let frame = session.encode(&mesh.map_err(StudyError::Take)?)?;
+        frame_bytes.push(frame.bytes);
+        prepare_ms.push(frame.prepare_ms);
+        encode_ms.push(frame.encode_ms);
+        program_peak = program_peak.max(frame.program_peak_bytes);
+        step();
+    }
+    let stream = session.finish()?;
+    Ok(Encoded { stream, frame_bytes, prepare_ms, encode_ms, peak_bytes: program_peak.or_else(peak_bytes) })
+}
+
+/// What decoding took.
+struct Decoding {
+    ms: Vec<f64>,
+    peak_bytes: Option<u64>,
+}
+
+/// Decodes everything for the sake of time and memory alone: comparing would blur both.
+fn time_decoding(stream: &dyn Stream) -> Result<Decoding, StudyError> {
+    let (mut ms, mut program_peak) = (Vec::new(), None);
+    let alone = reset_peak();
+    for frame in stream.decode()? {
+        let frame = frame?;
+        ms.push(frame.ms);
+        program_peak = program_peak.max(frame.program_peak_bytes);
+    }
+    Ok(Decoding { ms, peak_bytes: program_peak.or_else(|| peak_bytes().filter(|_| alone)) })
+}
+
+/// Decodes again and compares; also returns the decoded picture frame.
+fn compare_frames(
+    stream: &dyn Stream,
+    take: &dyn Take,
+    settings: &StudySettings,
+    step: &mut dyn FnMut(),
+) -> Result<(Vec<isv::metrics::GeometryError>, Option<TriangleMesh>), StudyError> {
+    let (mut errors, mut picture) = (Vec::new(), None);
+    for (original, decoded) in take.meshes().map_err(StudyError::Take)?.zip(stream.decode()?) {
+        let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
+        let frame = errors.len();
+        let error = compare(&original, &decoded.mesh, &settings.compare);
+        errors.push(error.map_err(|cause| StudyError::Compare { frame, cause })?);
+        if frame == settings.picture_frame {
+            picture = Some(decoded.mesh);
+        }
+        step();
+    }
+    Ok((errors, picture))
+}

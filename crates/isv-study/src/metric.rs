@@ -1,0 +1,83 @@
+//! The measures of error that a study draws.
+
+use isv::metrics::GeometryError;
+
+/// A measure of the error of decoded frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    /// Exact point-to-surface distance, mean of both directions.
+    PointToSurface,
+    /// Chamfer distance, Eq. 15 of the paper.
+    Chamfer,
+    /// Angle between normals.
+    NormalError,
+    /// MPEG's point-to-point PSNR.
+    D1,
+    /// MPEG's point-to-plane PSNR.
+    D2,
+}
+
+impl Metric {
+    /// All of them, the one that says most first.
+    pub const ALL: [Self; 5] = [Self::PointToSurface, Self::Chamfer, Self::NormalError, Self::D1, Self::D2];
+
+    /// Its key in `isv eval --json`.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::PointToSurface => "p2s_mean_mm",
+            Self::Chamfer => "chamfer_mm",
+            Self::NormalError => "normal_error_deg",
+            Self::D1 => "d1_psnr_db",
+            Self::D2 => "d2_psnr_db",
+        }
+    }
+
+    /// Its name in titles.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::PointToSurface => "Point to surface",
+            Self::Chamfer => "Chamfer distance",
+            Self::NormalError => "Normal error",
+            Self::D1 => "D1 PSNR",
+            Self::D2 => "D2 PSNR",
+        }
+    }
+
+    /// What is on its axis, with the unit.
+    #[must_use]
+    pub fn axis(self) -> &'static str {
+        match self {
+            Self::PointToSurface => "mean distance, mm",
+            Self::Chamfer => "mean distance between samples, mm",
+            Self::NormalError => "mean angle, degrees",
+            Self::D1 => "point to point, dB",
+            Self::D2 => "point to plane, dB",
+        }
+    }
+
+    /// Whether it measures quality rather than error.
+    #[must_use]
+    pub fn higher_is_better(self) -> bool {
+        matches!(self, Self::D1 | Self::D2)
+    }
+
+    /// Its value, where it exists.
+    #[must_use]
+    pub fn of(self, error: &GeometryError) -> Option<f64> {
+        match self {
+            Self::PointToSurface => error.p2s_mean_mm,
+            Self::Chamfer => error.chamfer_mm,
+            Self::NormalError => error.normal_error_deg,
+            Self::D1 => error.d1_psnr_db,
+            Self::D2 => error.d2_psnr_db,
+        }
+    }
+
+    /// A value as quality in decibels, higher better: a tenth of an error is 20 dB more.
+    #[must_use]
+    pub fn quality_db(self, value: f64) -> f64 {
+        if self.higher_is_better() { value } else { -20.0 * value.log10() }
+    }
+}

@@ -1,0 +1,279 @@
+//! One HTML file that holds a whole study: charts, tables and pictures, nothing to be fetched.
+
+use crate::chart::Chart;
+use crate::codec::Codec;
+use crate::picture::{Exhibit, Exhibition};
+use crate::report::{DeltaRow, colour};
+use crate::{Metric, Record, Report};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+
+/// Overlap below which a delta is shown faintly: the codecs hardly work at the same qualities.
+const FAINT_BELOW: f64 = 0.25;
+
+/// The page.
+pub(crate) fn html(
+    report: &Report,
+    deltas: &[DeltaRow],
+    charts: &[(&'static str, Chart)],
+    exhibition: Option<&Exhibition>,
+) -> String {
+    let take = escape(&report.take);
+    let sections = [
+        head(report),
+        charts_section("rates", "Rate and error", RATES, charts.iter().take(Metric::ALL.len())),
+        exhibition.map_or(String::new(), pictures_section),
+        deltas_section(report, deltas),
+        charts_section("costs", "Time, and what the bits say", COSTS, charts.iter().skip(Metric::ALL.len())),
+        results_section(report),
+        method_section(report),
+    ];
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{take}: rate and distortion</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{}</main>\n\
+         <dialog><img alt=\"\"></dialog>\n<script>\n{}</script>\n</body>\n</html>\n",
+        include_str!("page.css"),
+        sections.concat(),
+        include_str!("page.js"),
+    )
+}
+
+const RATES: &str = "Every byte that a decoder needs is counted, except a trained transform. Each point is a whole take, \
+                     encoded, decoded from its bytes and compared with what went in. Rates are on a logarithmic axis. Point at \
+                     a dot for its settings.";
+
+const COSTS: &str = "Time to encode is from mesh to bytes: ingest or simplification, then coding; time to decode is from bytes \
+                     to mesh. Draco runs as a program of its own that reads and writes files, which is part of its time.";
+
+const PICTURES: &str = "Each codec at its point nearest to the same rate: by surface normal, and by distance from what went in. Click \
+                        to enlarge.";
+
+const DELTAS: &str = "How much rate the codec of a row takes at equal quality, against the codec of a column: negative is a saving. \
+                      Below it, how much better it is at equal rate. Piecewise-cubic Bjontegaard deltas over the quality that both \
+                      cover; errors count as -20 log10. Faint: the two share less than a quarter of the quality that either \
+                      covers. A dash: they do not meet.";
+
+fn head(report: &Report) -> String {
+    let frames = report.records.iter().map(Record::frames).max().unwrap_or(0);
+    let links = [
+        ("rates", "Rate and error"),
+        ("pictures", "Pictures"),
+        ("deltas", "Savings"),
+        ("costs", "Time and bits"),
+        ("results", "All results"),
+        ("method", "How it was measured"),
+    ];
+    let links = links.map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>")).concat();
+    format!(
+        "<h1>{}</h1>\n<p>{frames} frames. {}</p>\n<nav>{links}</nav>\n",
+        escape(&report.take),
+        escape(&report.setting)
+    )
+}
+
+fn section(id: &str, title: &str, words: &str, body: &str) -> String {
+    format!("<h2 id=\"{id}\">{title}</h2>\n<p>{words}</p>\n{body}\n")
+}
+
+fn charts_section<'a>(
+    id: &str,
+    title: &str,
+    words: &str,
+    charts: impl Iterator<Item = &'a (&'static str, Chart)>,
+) -> String {
+    let figures: String =
+        charts.map(|(_, chart)| format!("<figure class=\"chart\">{}</figure>\n", chart.svg())).collect();
+    section(id, title, words, &format!("<div class=\"charts\">\n{figures}</div>"))
+}
+
+fn pictures_section(exhibition: &Exhibition) -> String {
+    let words = format!("Frame {}, near {:.2} Mbps. {PICTURES}", exhibition.frame, exhibition.mbps);
+    let legend = picture(&exhibition.legend, "Scale of distances in millimetres").replace("<img", "<img class=\"legend\"");
+    let panel = |id: &str, pick: fn(&Exhibit) -> (&[u8], Option<&[u8]>)| {
+        let figures: String = exhibition.exhibits.iter().map(|exhibit| figure(exhibit, pick(exhibit))).collect();
+        format!("<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"exhibits\">\n{figures}</div></div>\n")
+    };
+    let tabs = tabs(&[("whole".to_owned(), "Whole"), ("close-up".to_owned(), "Close-up")]);
+    let panels = panel("whole", |e| (&e.normals, e.errors.as_deref()))
+        + &panel("close-up", |e| (&e.close_up, e.close_up_errors.as_deref()));
+    section("pictures", "The same frame at the same rate", &words, &format!("{legend}{tabs}{panels}"))
+}
+
+fn figure(exhibit: &Exhibit, (normals, errors): (&[u8], Option<&[u8]>)) -> String {
+    let name = exhibit.codec.as_deref().unwrap_or("original");
+    let swatch = exhibit.codec.as_deref().map_or(String::new(), swatch);
+    let errors =
+        errors.map_or(String::new(), |errors| picture(errors, &format!("{name}, distance from the original")));
+    format!(
+        "<figure class=\"exhibit\"><div class=\"pair\">{}{errors}</div><figcaption><b>{swatch}{}</b><span>{}</span>\
+         </figcaption></figure>\n",
+        picture(normals, &format!("{name}, by normal")),
+        escape(name),
+        escape(&exhibit.caption),
+    )
+}
+
+fn picture(png: &[u8], words: &str) -> String {
+    let data = STANDARD.encode(png);
+    format!("<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(words))
+}
+
+/// Buttons that show one of several panels, by their ids.
+fn tabs(panels: &[(String, &str)]) -> String {
+    let buttons: String = panels
+        .iter()
+        .map(|(id, title)| format!("<button role=\"tab\" aria-controls=\"{id}\">{title}</button>"))
+        .collect();
+    format!("<div class=\"tabs\" role=\"tablist\">{buttons}</div>\n")
+}
+
+fn deltas_section(report: &Report, deltas: &[DeltaRow]) -> String {
+    let codecs = report.codecs();
+    if codecs.len() < 2 {
+        return String::new();
+    }
+    let ids: Vec<_> = Metric::ALL.iter().map(|m| (format!("delta-{}", m.key()), m.title())).collect();
+    let panels: String = Metric::ALL
+        .iter()
+        .zip(&ids)
+        .map(|(metric, (id, _))| {
+            let table = deltas_table(&codecs, deltas, *metric);
+            format!("<div role=\"tabpanel\" id=\"{id}\" class=\"panel\">{table}</div>\n")
+        })
+        .collect();
+    section("deltas", "Savings", DELTAS, &(tabs(&ids) + &panels))
+}
+
+fn deltas_table(codecs: &[&str], deltas: &[DeltaRow], metric: Metric) -> String {
+    let heads: String = codecs.iter().map(|codec| format!("<th>{}</th>", escape(codec))).collect();
+    let cell = |test: &str, anchor: &str| {
+        let found = deltas.iter().find(|d| d.metric == metric && d.test == test && d.anchor == anchor);
+        match found.and_then(|row| row.delta) {
+            None => "<td class=\"faint\">-</td>".to_owned(),
+            Some(delta) => {
+                let side = if delta.rate_percent < 0.0 { "good" } else { "bad" };
+                let faint = if delta.overlap_share < FAINT_BELOW { " faint" } else { "" };
+                format!(
+                    "<td class=\"{side}{faint}\" title=\"overlap {:.2} to {:.2} dB, {:.0} %\">{:+.1} %<small>{:+.2} dB</small></td>",
+                    delta.quality_overlap_db[0],
+                    delta.quality_overlap_db[1],
+                    100.0 * delta.overlap_share,
+                    delta.rate_percent,
+                    delta.quality_db
+                )
+            }
+        }
+    };
+    let rows: String = codecs
+        .iter()
+        .map(|test| {
+            let cells: String = codecs.iter().map(|anchor| cell(test, anchor)).collect();
+            format!("<tr><th>{}{}</th>{cells}</tr>\n", swatch(test), escape(test))
+        })
+        .collect();
+    format!(
+        "<div class=\"scroll\"><table><thead><tr><th></th>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>"
+    )
+}
+
+fn results_section(report: &Report) -> String {
+    let heads = [
+        "codec",
+        "point",
+        "Mbps",
+        "p2s mm",
+        "p2s rms",
+        "Hausdorff",
+        "Chamfer mm",
+        "normals deg",
+        "D1 dB",
+        "D2 dB",
+        "area",
+        "components",
+        "prepare ms",
+        "encode ms",
+        "decode ms",
+        "encode MB",
+        "decode MB",
+    ];
+    let heads: String = heads.iter().map(|head| format!("<th>{head}</th>")).collect();
+    let rows: String = report.records.iter().map(result_row).collect();
+    let table = format!(
+        "<div class=\"scroll\"><table><thead><tr>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>"
+    );
+    let words = "Means over frames; times are medians, memory is the peak. The same as <a href=\"results.csv\">results.csv</a>, \
+                 which has more; savings are in <a href=\"bd_rates.csv\">bd_rates.csv</a>, the charts in <a href=\"charts/\">charts</a>.";
+    section("results", "All results", words, &table)
+}
+
+fn result_row(record: &Record) -> String {
+    let error = &record.error;
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let megabytes = |bytes: Option<u64>| number(bytes.map(|b| b as f64 / 1e6), 0);
+    let cells = [
+        format!("{:.3}", record.mbps()),
+        number(error.p2s_mean_mm, 3),
+        number(error.p2s_rms_mm, 3),
+        number(error.hausdorff_mm, 2),
+        number(error.chamfer_mm, 3),
+        number(error.normal_error_deg, 2),
+        number(error.d1_psnr_db, 2),
+        number(error.d2_psnr_db, 2),
+        number(error.area_ratio, 3),
+        number(error.component_ratio, 1),
+        format!("{:.1}", record.prepare_ms.median),
+        format!("{:.1}", record.encode_ms.median),
+        format!("{:.1}", record.decode_ms.median),
+        megabytes(record.encode_peak_bytes),
+        megabytes(record.decode_peak_bytes),
+    ];
+    let cells: String = cells.iter().map(|cell| format!("<td>{cell}</td>")).collect();
+    format!(
+        "<tr><th>{}{}</th><td class=\"text\">{}</td>{cells}</tr>\n",
+        swatch(&record.codec),
+        escape(&record.codec),
+        escape(&record.point)
+    )
+}
+
+fn method_section(report: &Report) -> String {
+    let codecs: String = report
+        .codecs()
+        .iter()
+        .map(|name| {
+            let words = name.parse::<Codec>().map_or(String::new(), Codec::description);
+            format!("<li><b>{}</b>: {}</li>\n", escape(name), escape(&words))
+        })
+        .collect();
+    let notes: String = report.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
+    let notes = if notes.is_empty() {
+        notes
+    } else {
+        format!("<p>Left out:</p>\n<ul class=\"notes\">\n{notes}</ul>\n")
+    };
+    let first = report.records.first().map(|record| &record.error);
+    let floor = first.and_then(|e| e.chamfer_floor_mm).map_or(String::new(), |mm| {
+        format!(
+            " Sampling alone makes a Chamfer distance of {mm:.2} mm between a frame and itself{}.",
+            first
+                .and_then(|e| e.d1_ceiling_db)
+                .map_or(String::new(), |db| format!(" and limits D1 to {db:.1} dB"))
+        )
+    });
+    let words = format!(
+        "Point-to-surface distances are exact, from samples of each surface to the other. Chamfer is the mean distance to the \
+         nearest sample, both ways halved. D1 and D2 follow MPEG's pc_error, with the longest side of the original's bounding box \
+         as the peak.{floor}"
+    );
+    section("method", "How it was measured", &words, &format!("<ul class=\"notes\">\n{codecs}</ul>\n{notes}"))
+}
+
+fn swatch(codec: &str) -> String {
+    format!("<span class=\"swatch\" style=\"background:{}\"></span>", colour(codec))
+}
+
+/// Text as it may stand in HTML, quotes included.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,146 @@
+//! The same frame as each codec gives it back, beside what went in.
+
+use crate::{Metric, Record, StudyError};
+use glam::DVec3;
+use isv::volume::TriangleMesh;
+use isv_render::{Background, Camera, ErrorScale, Picture, Style, colour_bar, render, render_errors};
+use isv_spatial::Bvh;
+
+/// Width and height of a picture of the whole, in pixels.
+const WHOLE: [usize; 2] = [360, 480];
+
+/// Width and height of a close-up.
+const CLOSE_UP: [usize; 2] = [480, 480];
+
+/// Part of the take's height that the close-up shows, from the top: of a person, head and shoulders.
+const CLOSE_UP_SHARE: f64 = 0.22;
+
+/// Direction of the camera: degrees about the up axis, and above the horizon.
+const VIEW: [f64; 2] = [20.0, 5.0];
+
+/// Width of the legend in pixels.
+const LEGEND_WIDTH: usize = 480;
+
+/// A codec's picture frame, drawn.
+#[derive(Clone, Debug)]
+pub struct Exhibit {
+    /// Name of the codec; none for what went in.
+    pub codec: Option<String>,
+    /// Under the pictures.
+    pub caption: String,
+    /// The whole, coloured by normal, as a PNG file.
+    pub normals: Vec<u8>,
+    /// The whole, coloured by distance from what went in; none for what went in.
+    pub errors: Option<Vec<u8>>,
+    /// The top, coloured by normal.
+    pub close_up: Vec<u8>,
+    /// The top, coloured by distance from what went in; none for what went in.
+    pub close_up_errors: Option<Vec<u8>>,
+}
+
+/// All pictures of a study.
+#[derive(Clone, Debug)]
+pub struct Exhibition {
+    /// What went in first, then each codec.
+    pub exhibits: Vec<Exhibit>,
+    /// The colours of errors and what they mean, as a PNG file.
+    pub legend: Vec<u8>,
+    /// Number of the frame in the take.
+    pub frame: usize,
+    /// The rate that codecs were asked to be near, in megabits a second.
+    pub mbps: f64,
+}
+
+impl Exhibition {
+    /// Draws a frame as it was and as each codec gives it back, all through one camera. The scale of errors ends at
+    /// `range_m` metres.
+    ///
+    /// # Errors
+    /// Pictures that cannot be made into files.
+    pub fn new(
+        original: &TriangleMesh,
+        decoded: &[(&Record, TriangleMesh)],
+        range_m: f64,
+        frame: usize,
+        mbps: f64,
+    ) -> Result<Self, StudyError> {
+        let bounds = original.bounds().unwrap_or_default();
+        let (low, high) = bounds;
+        let mut top = bounds;
+        top.0.y = high.y - CLOSE_UP_SHARE * (high.y - low.y);
+        let view = |bounds, size| Camera::fitting(bounds, size).from_direction(VIEW[0], VIEW[1]);
+        let studio = Studio {
+            whole: view(bounds, WHOLE),
+            close_up: view(crop(original, top), CLOSE_UP),
+            scale: ErrorScale::new(range_m).ok_or_else(|| StudyError::Chart("no range of errors".to_owned()))?,
+        };
+        let mut exhibits = vec![studio.original(original)?];
+        for (record, mesh) in decoded {
+            exhibits.push(studio.decoded(record, mesh, original)?);
+        }
+        let legend = png(&colour_bar(&studio.scale, LEGEND_WIDTH, Background::Light))?;
+        Ok(Self { exhibits, legend, frame, mbps })
+    }
+}
+
+/// The box around the part of a mesh that lies in another box.
+fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
+    let inside = mesh.vertices.iter().filter(|v| v.cmpge(within.0).all() && v.cmple(within.1).all());
+    inside.fold(None, |bounds: Option<Bounds>, v| {
+        Some(bounds.map_or((*v, *v), |(low, high)| (low.min(*v), high.max(*v))))
+    })
+    .unwrap_or(within)
+}
+
+/// Smallest and largest corner, in metres.
+type Bounds = (DVec3, DVec3);
+
+/// The cameras, and the colours of errors.
+struct Studio {
+    whole: Camera,
+    close_up: Camera,
+    scale: ErrorScale,
+}
+
+impl Studio {
+    fn original(&self, mesh: &TriangleMesh) -> Result<Exhibit, StudyError> {
+        Ok(Exhibit {
+            codec: None,
+            caption: format!("as captured, {} faces", mesh.triangles.len()),
+            normals: self.normals(mesh, &self.whole)?,
+            errors: None,
+            close_up: self.normals(mesh, &self.close_up)?,
+            close_up_errors: None,
+        })
+    }
+
+    fn decoded(&self, record: &Record, mesh: &TriangleMesh, original: &TriangleMesh) -> Result<Exhibit, StudyError> {
+        let surface = (!original.triangles.is_empty()).then(|| Bvh::new(original));
+        let errors = |camera| surface.as_ref().map(|surface| self.errors(mesh, surface, camera)).transpose();
+        let distance = record.value(Metric::PointToSurface);
+        let distance = distance.map_or(String::new(), |mm| format!(", {mm:.2} mm"));
+        Ok(Exhibit {
+            codec: Some(record.codec.clone()),
+            caption: format!("{}: {:.2} Mbps{distance}", record.point, record.mbps()),
+            normals: self.normals(mesh, &self.whole)?,
+            errors: errors(&self.whole)?,
+            close_up: self.normals(mesh, &self.close_up)?,
+            close_up_errors: errors(&self.close_up)?,
+        })
+    }
+
+    fn normals(&self, mesh: &TriangleMesh, camera: &Camera) -> Result<Vec<u8>, StudyError> {
+        png(&render(mesh, camera, &Style::default()))
+    }
+
+    fn errors(&self, mesh: &TriangleMesh, original: &Bvh, camera: &Camera) -> Result<Vec<u8>, StudyError> {
+        let distance = |point| original.closest_point(point).distance_sq.sqrt();
+        png(&render_errors(mesh, camera, &Style::default(), &self.scale, distance).picture)
+    }
+}
+
+fn png(picture: &Picture) -> Result<Vec<u8>, StudyError> {
+    let mut bytes = Vec::new();
+    picture.write_png(&mut bytes).map_err(|error| StudyError::Chart(error.to_string()))?;
+    Ok(bytes)
+}

@@ -1,0 +1,117 @@
+//! What a study knows of one codec at one point.
+
+use crate::Metric;
+use isv::metrics::GeometryError;
+use serde::{Deserialize, Serialize};
+
+/// A codec at an operating point on a take. Every byte that a decoder needs is counted, except a trained transform.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Everything that the figures depend on, so that a study can go on where it stopped.
+    pub key: String,
+    /// [`crate::Codec`]'s name.
+    pub codec: String,
+    /// [`crate::OperatingPoint`]'s name.
+    pub point: String,
+    /// Frames a second.
+    pub frames_per_second: f64,
+    /// Bytes of the whole stream.
+    pub bytes: u64,
+    /// Bytes of each frame.
+    pub frame_bytes: Vec<u64>,
+    /// The bytes by what they say, where the codec tells.
+    pub kinds: Option<BytesByKind>,
+    /// Mesh to what the codec takes: ingest, or simplification.
+    pub prepare_ms: Timing,
+    /// That to bytes.
+    pub encode_ms: Timing,
+    /// Bytes to mesh.
+    pub decode_ms: Timing,
+    /// Peak memory in bytes while preparing and encoding; `None` where the system does not say.
+    pub encode_peak_bytes: Option<u64>,
+    /// Peak memory in bytes while decoding.
+    pub decode_peak_bytes: Option<u64>,
+    /// Mean error over frames.
+    pub error: GeometryError,
+    /// Error of each frame.
+    pub frame_errors: Vec<GeometryError>,
+}
+
+/// Bytes of a stream by what they say, to fractions of a byte.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BytesByKind {
+    /// Which blocks there are.
+    pub occupancy: f64,
+    /// Which voxels are unobserved.
+    pub masks: f64,
+    /// Motion vectors.
+    pub motion: f64,
+    /// DC coefficients.
+    pub dc: f64,
+    /// All other coefficients.
+    pub ac: f64,
+    /// Headers, flags, lengths and the index.
+    pub headers: f64,
+}
+
+impl BytesByKind {
+    /// Names and values, in the order of charts and tables.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, f64); 6] {
+        [
+            ("occupancy", self.occupancy),
+            ("masks", self.masks),
+            ("motion", self.motion),
+            ("DC", self.dc),
+            ("AC", self.ac),
+            ("headers and flags", self.headers),
+        ]
+    }
+}
+
+/// Milliseconds a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// Half of the frames took less.
+    pub median: f64,
+    /// Mean over frames.
+    pub mean: f64,
+}
+
+impl Timing {
+    /// Of the times of all frames; zero without frames.
+    #[must_use]
+    pub fn of(mut ms: Vec<f64>) -> Self {
+        if ms.is_empty() {
+            return Self::default();
+        }
+        ms.sort_by(f64::total_cmp);
+        Self { median: ms[ms.len() / 2], mean: ms.iter().sum::<f64>() / ms.len() as f64 }
+    }
+}
+
+impl Record {
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frame_bytes.len()
+    }
+
+    /// Megabits a second.
+    #[must_use]
+    pub fn mbps(&self) -> f64 {
+        self.per_second(self.bytes as f64)
+    }
+
+    /// A part of the stream's bytes as megabits a second.
+    #[must_use]
+    pub fn per_second(&self, bytes: f64) -> f64 {
+        bytes * 8.0 * self.frames_per_second / self.frames() as f64 / 1e6
+    }
+
+    /// A mean error.
+    #[must_use]
+    pub fn value(&self, metric: Metric) -> Option<f64> {
+        metric.of(&self.error)
+    }
+}

@@ -1,0 +1,211 @@
+//! Records to curves, deltas, charts and files.
+
+use crate::bjontegaard::{Delta, RatePoint, delta};
+use crate::chart::{Axis, Chart, Series};
+use crate::picture::Exhibition;
+use crate::{Metric, Record, StudyError, page, table};
+use isv::io::AtomicFile;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// A study as far as it has come.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Name of the take.
+    pub take: String,
+    /// What all codecs of volumes share, for the head of the page.
+    pub setting: String,
+    /// Points of each codec together, fine to coarse; codecs in the order of legends.
+    pub records: Vec<Record>,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
+}
+
+/// What one codec saves against another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeltaRow {
+    /// By which measure of quality.
+    pub metric: Metric,
+    /// The codec compared with.
+    pub anchor: String,
+    /// The codec compared.
+    pub test: String,
+    /// None where the two do not meet.
+    pub delta: Option<Delta>,
+}
+
+/// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].
+const KIND_COLOURS: [&str; 6] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a"];
+
+/// Colours of codecs by family: isv blue and violet, trained transforms green, Draco from dark red to yellow.
+const CODEC_COLOURS: [(&str, &str); 12] = [
+    ("paper-intra", "#8fb8de"),
+    ("paper-zero", "#5b8fc7"),
+    ("paper-3dof", "#1450a0"),
+    ("paper-6dof", "#6a4fb3"),
+    ("paper-auto", "#0b2545"),
+    ("tang-scene", "#1f7a4d"),
+    ("tang-cross", "#7bbf8e"),
+    ("draco", "#7f1d1d"),
+    ("draco-50", "#b8322a"),
+    ("draco-25", "#de5a2c"),
+    ("draco-10", "#ef8e2e"),
+    ("draco-5", "#e8bf45"),
+];
+
+impl Report {
+    /// Names of the codecs that have records, in order.
+    #[must_use]
+    pub fn codecs(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.records.iter().map(|r| r.codec.as_str()).collect();
+        names.dedup();
+        names
+    }
+
+    fn records_of<'a>(&'a self, codec: &'a str) -> impl Iterator<Item = &'a Record> {
+        self.records.iter().filter(move |record| record.codec == codec)
+    }
+
+    /// A codec's points, rate in megabits a second.
+    #[must_use]
+    pub fn curve(&self, codec: &str, metric: Metric) -> Vec<RatePoint> {
+        let point = |record: &Record| {
+            record.value(metric).map(|v| RatePoint { rate: record.mbps(), quality_db: metric.quality_db(v) })
+        };
+        self.records_of(codec).filter_map(point).collect()
+    }
+
+    /// Each codec against each other, by each metric.
+    #[must_use]
+    pub fn deltas(&self) -> Vec<DeltaRow> {
+        let codecs = self.codecs();
+        let mut rows = Vec::new();
+        for metric in Metric::ALL {
+            for anchor in &codecs {
+                for test in codecs.iter().filter(|test| *test != anchor) {
+                    let delta = delta(&self.curve(anchor, metric), &self.curve(test, metric));
+                    rows.push(DeltaRow { metric, anchor: (*anchor).to_owned(), test: (*test).to_owned(), delta });
+                }
+            }
+        }
+        rows
+    }
+
+    /// All charts, each with the name of its files.
+    #[must_use]
+    pub fn charts(&self) -> Vec<(&'static str, Chart)> {
+        let mut charts: Vec<_> = Metric::ALL.into_iter().map(|m| (m.key(), self.rate_chart(m))).collect();
+        charts.push((
+            "encode_ms",
+            self.time_chart("Rate against time to encode", |r| r.prepare_ms.median + r.encode_ms.median),
+        ));
+        charts.push(("decode_ms", self.time_chart("Rate against time to decode", |r| r.decode_ms.median)));
+        charts.push(("kinds", self.kinds_chart()));
+        charts
+    }
+
+    /// Rate against a measure of error.
+    #[must_use]
+    pub fn rate_chart(&self, metric: Metric) -> Chart {
+        let y = if metric.higher_is_better() {
+            Axis::linear(metric.axis())
+        } else {
+            Axis::logarithmic(metric.axis())
+        };
+        let series = self.series(|record| record.value(metric).map(|value| (record.mbps(), value)));
+        Chart::Lines { title: metric.title().to_owned(), x: Axis::logarithmic("rate, Mbps"), y, series }
+    }
+
+    fn time_chart(&self, title: &str, ms: fn(&Record) -> f64) -> Chart {
+        let series = self.series(|record| Some((ms(record), record.mbps())));
+        let (x, y) = (Axis::logarithmic("median time, ms a frame"), Axis::logarithmic("rate, Mbps"));
+        Chart::Lines { title: title.to_owned(), x, y, series }
+    }
+
+    /// What the bits say, at the middle point of each codec that tells.
+    fn kinds_chart(&self) -> Chart {
+        let mut bars = Vec::new();
+        let mut names = Vec::new();
+        for codec in self.codecs() {
+            let told: Vec<_> = self.records_of(codec).filter_map(|r| r.kinds.map(|k| (r, k))).collect();
+            let Some((record, kinds)) = told.get(told.len() / 2) else { continue };
+            names = kinds.named().map(|(name, _)| name.to_owned()).to_vec();
+            let heights = kinds.named().map(|(_, bytes)| record.per_second(bytes));
+            bars.push((codec.to_owned(), heights.to_vec()));
+        }
+        let parts = names.into_iter().zip(KIND_COLOURS.map(str::to_owned)).collect();
+        Chart::Bars { title: "Bits by kind, middle point".to_owned(), y: "Mbps".to_owned(), parts, bars }
+    }
+
+    /// One line a codec, through the points that a record gives.
+    fn series(&self, point: impl Fn(&Record) -> Option<(f64, f64)>) -> Vec<Series> {
+        let line = |codec: &str| {
+            let with_points: Vec<_> =
+                self.records_of(codec).filter_map(|r| point(r).map(|p| (r.point.clone(), p))).collect();
+            let (labels, points) = with_points.into_iter().unzip();
+            Series {
+                name: codec.to_owned(),
+                colour: colour(codec).to_owned(),
+                dashed: codec.starts_with("draco"),
+                points,
+                labels,
+                spread: Vec::new(),
+            }
+        };
+        self.codecs().into_iter().map(line).collect()
+    }
+
+    /// The rate that most codecs have a point near to: that for which the distances to each codec's nearest point, as
+    /// ratios, have the smallest sum. None without records.
+    #[must_use]
+    pub fn common_mbps(&self) -> Option<f64> {
+        let spread = |mbps: f64| {
+            let nearest = self.near_rate(mbps);
+            nearest.into_iter().map(|record| (record.mbps() / mbps).ln().abs()).sum::<f64>()
+        };
+        let rates = self.records.iter().map(Record::mbps);
+        rates.min_by(|a, b| spread(*a).total_cmp(&spread(*b)))
+    }
+
+    /// Each codec's point nearest to a rate, by ratio.
+    #[must_use]
+    pub fn near_rate(&self, mbps: f64) -> Vec<&Record> {
+        let distance = |record: &Record| (record.mbps() / mbps).ln().abs();
+        let nearest = |codec| self.records_of(codec).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        self.codecs().into_iter().filter_map(nearest).collect()
+    }
+
+    /// Writes tables, charts and the page into a folder that is there: `results.csv`, `bd_rates.csv`, `charts/*.svg` and
+    /// `.png`, `index.html`.
+    ///
+    /// # Errors
+    /// Files that cannot be written, charts that cannot be drawn.
+    pub fn write(&self, folder: &Path, exhibition: Option<&Exhibition>) -> Result<(), StudyError> {
+        let deltas = self.deltas();
+        write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
+        write_file(&folder.join("bd_rates.csv"), table::deltas(&deltas).as_bytes())?;
+        let charts_folder = folder.join("charts");
+        let named = |cause: io::Error| io::Error::new(cause.kind(), format!("{}: {cause}", charts_folder.display()));
+        std::fs::create_dir_all(&charts_folder).map_err(named)?;
+        let charts = self.charts();
+        for (name, chart) in &charts {
+            write_file(&charts_folder.join(format!("{name}.svg")), chart.svg().as_bytes())?;
+            write_file(&charts_folder.join(format!("{name}.png")), &chart.png()?)?;
+        }
+        write_file(
+            &folder.join("index.html"),
+            page::html(self, &deltas, &charts, exhibition).as_bytes(),
+        )
+    }
+}
+
+/// The colour of a codec's line.
+pub(crate) fn colour(codec: &str) -> &'static str {
+    CODEC_COLOURS.iter().find(|(name, _)| *name == codec).map_or("#444444", |(_, colour)| colour)
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), StudyError> {
+    let mut file = AtomicFile::create(path).map_err(io::Error::from)?;
+    file.write_all(bytes)?;
+    Ok(file.commit().map_err(io::Error::from)?)
+}

@@ -1,0 +1,73 @@
+//! Draco as a user runs it, after simplification if asked for.
+
+use super::{DecodedFrame, EncodedFrame, Encoding, Stream, timed};
+use crate::StudyError;
+use crate::record::BytesByKind;
+use isv::volume::TriangleMesh;
+use isv_baseline::{Draco, simplify};
+
+pub(super) struct DracoEncoding {
+    faces_percent: u8,
+    bits: u32,
+    stream: DracoStream,
+}
+
+impl DracoEncoding {
+    pub(super) fn new(draco: &Draco, faces_percent: u8, bits: u32) -> Self {
+        Self { faces_percent, bits, stream: DracoStream { draco: draco.clone(), frames: Vec::new() } }
+    }
+
+    /// The mesh that Draco gets.
+    fn prepare(&self, mesh: &TriangleMesh) -> Result<TriangleMesh, StudyError> {
+        if self.faces_percent == 100 {
+            return Ok(mesh.clone());
+        }
+        let frame = self.stream.frames.len();
+        simplify(mesh, f64::from(self.faces_percent) / 100.0)
+            .map_err(|cause| StudyError::Simplify { frame, cause })
+    }
+}
+
+impl Encoding for DracoEncoding {
+    fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
+        let (mesh, prepare_ms) = timed(|| self.prepare(mesh));
+        let frame = self.stream.frames.len();
+        let run = self.stream.draco.encode(&mesh?, self.bits);
+        let run = run.map_err(|cause| StudyError::Draco { frame, cause })?;
+        let bytes = run.output.len() as u64;
+        self.stream.frames.push(run.output);
+        Ok(EncodedFrame {
+            bytes,
+            prepare_ms,
+            encode_ms: run.ms,
+            program_peak_bytes: run.peak_memory_bytes,
+        })
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
+        Ok(Box::new(self.stream))
+    }
+}
+
+/// One file a frame.
+struct DracoStream {
+    draco: Draco,
+    frames: Vec<Vec<u8>>,
+}
+
+impl Stream for DracoStream {
+    fn bytes(&self) -> u64 {
+        self.frames.iter().map(|frame| frame.len() as u64).sum()
+    }
+
+    fn kinds(&self) -> Option<BytesByKind> {
+        None
+    }
+
+    fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
+        Ok(Box::new(self.frames.iter().enumerate().map(|(frame, bytes)| {
+            let run = self.draco.decode(bytes).map_err(|cause| StudyError::Draco { frame, cause })?;
+            Ok(DecodedFrame { mesh: run.output, ms: run.ms, program_peak_bytes: run.peak_memory_bytes })
+        })))
+    }
+}

@@ -1,0 +1,104 @@
+//! isv itself, profile `paper`.
+
+use super::volumes::{VolumeMaker, step_size, surface};
+use super::{DecodedFrame, EncodedFrame, Encoding, Stream, timed};
+use crate::record::BytesByKind;
+use crate::{StudyError, StudySettings};
+use isv::decode::{Decoder, Limits};
+use isv::encode::{Encoder, EncoderSettings, MotionMode};
+use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::volume::TriangleMesh;
+
+pub(super) struct PaperEncoding {
+    header: StreamHeader,
+    volumes: VolumeMaker,
+    encoder: Encoder,
+    writer: PacketWriter<Vec<u8>>,
+    frames: u64,
+    kinds: BytesByKind,
+}
+
+impl PaperEncoding {
+    /// `steps` are those of the DC coefficient and of all others, in metres.
+    pub(super) fn new(
+        motion: MotionMode,
+        coefficients: u16,
+        steps: [f64; 2],
+        frame_rate: FrameRate,
+        settings: &StudySettings,
+    ) -> Result<Self, StudyError> {
+        let header = StreamHeader {
+            profile: Profile::Paper,
+            grid: settings.ingest.grid,
+            frame_rate,
+            coefficients,
+            dc_step: step_size(steps[0], settings)?.sixteenths(),
+            ac_step: step_size(steps[1], settings)?.sixteenths(),
+        };
+        let encoder = EncoderSettings { motion, gop: settings.gop, ..EncoderSettings::default() };
+        Ok(Self {
+            header,
+            volumes: VolumeMaker::new(settings),
+            encoder: Encoder::new(&header, encoder),
+            writer: PacketWriter::new(Vec::new(), &header)?,
+            frames: 0,
+            kinds: BytesByKind::default(),
+        })
+    }
+}
+
+impl Encoding for PaperEncoding {
+    fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
+        let (volume, prepare_ms) = self.volumes.make(mesh)?;
+        let (frame, encode_ms) = timed(|| self.encoder.encode(&volume));
+        let timestamp_ns = self.header.frame_rate.timestamp_ns(self.frames);
+        let bytes = self.writer.write_frame(frame.keyframe, timestamp_ns, &frame.payload())? as u64;
+        self.frames += 1;
+        self.kinds.occupancy += (frame.bytes_blocks() - frame.bytes_masks()) as f64;
+        self.kinds.masks += frame.bytes_masks() as f64;
+        self.kinds.motion += frame.bytes_motion() as f64;
+        self.kinds.dc += frame.bytes_dc();
+        self.kinds.ac += frame.bytes_coefficients() as f64 - frame.bytes_dc();
+        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, program_peak_bytes: None })
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
+        let bytes = self.writer.finish()?;
+        let mut kinds = self.kinds;
+        kinds.headers = bytes.len() as f64 - kinds.named().iter().map(|(_, bytes)| bytes).sum::<f64>();
+        Ok(Box::new(PaperStream { bytes, kinds }))
+    }
+}
+
+struct PaperStream {
+    bytes: Vec<u8>,
+    kinds: BytesByKind,
+}
+
+impl Stream for PaperStream {
+    fn bytes(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    fn kinds(&self) -> Option<BytesByKind> {
+        Some(self.kinds)
+    }
+
+    fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
+        let mut reader = PacketReader::new(&self.bytes[..])?;
+        let header = *reader.header().expect("a stream opens with its header");
+        let mut decoder = Decoder::new(&header, Limits::default());
+        Ok(Box::new(std::iter::from_fn(move || {
+            let packet = match reader.next_frame() {
+                Ok(packet) => packet?,
+                Err(error) => return Some(Err(error.into())),
+            };
+            let (mesh, ms) = timed(|| decoder.decode(&packet).map(|frame| surface(frame.volume)));
+            Some(mesh.map(|mesh| DecodedFrame { mesh, ms, program_peak_bytes: None }).map_err(Into::into))
+        })))
+    }
+
+    fn isv_file(&self) -> Option<&[u8]> {
+        Some(&self.bytes)
+    }
+}

@@ -1,0 +1,69 @@
+//! Comma-separated tables.
+
+use crate::{Metric, Record};
+use std::fmt::Write;
+
+/// One row a record: sizes, errors, times and memory.
+pub(crate) fn results(records: &[Record]) -> String {
+    let mut csv = "codec,point,frames,bytes,mbps".to_owned();
+    for metric in Metric::ALL {
+        csv += ",";
+        csv += metric.key();
+    }
+    csv += ",p2s_rms_mm,p2s_p99_mm,hausdorff_mm,area_ratio,component_ratio,chamfer_floor_mm,d1_ceiling_db";
+    csv += ",prepare_ms,encode_ms,decode_ms,encode_peak_bytes,decode_peak_bytes";
+    csv += ",bytes_occupancy,bytes_masks,bytes_motion,bytes_dc,bytes_ac,bytes_headers\n";
+    for record in records {
+        csv += &row(record);
+    }
+    csv
+}
+
+fn row(record: &Record) -> String {
+    let error = &record.error;
+    let mut cells = vec![
+        record.codec.clone(),
+        record.point.clone(),
+        record.frames().to_string(),
+        record.bytes.to_string(),
+        format!("{:.6}", record.mbps()),
+    ];
+    let measured = Metric::ALL.map(|metric| record.value(metric));
+    let others = [
+        error.p2s_rms_mm,
+        error.p2s_p99_mm,
+        error.hausdorff_mm,
+        error.area_ratio,
+        error.component_ratio,
+        error.chamfer_floor_mm,
+        error.d1_ceiling_db,
+    ];
+    cells.extend(measured.into_iter().chain(others).map(|value| value.map_or(String::new(), |v| format!("{v:.6}"))));
+    cells.extend([record.prepare_ms, record.encode_ms, record.decode_ms].map(|t| format!("{:.3}", t.median)));
+    let peaks = [record.encode_peak_bytes, record.decode_peak_bytes];
+    cells.extend(peaks.map(|peak| peak.map_or(String::new(), |bytes| bytes.to_string())));
+    match &record.kinds {
+        Some(kinds) => cells.extend(kinds.named().map(|(_, bytes)| format!("{bytes:.1}"))),
+        None => cells.extend(std::iter::repeat_n(String::new(), 6)),
+    }
+    cells.join(",") + "\n"
+}
+
+/// One row a pair of codecs and a metric: what `test` saves against `anchor`.
+pub(crate) fn deltas(rows: &[crate::report::DeltaRow]) -> String {
+    let mut csv =
+        "metric,anchor,test,bd_rate_percent,bd_quality_db,overlap_from_db,overlap_to_db,overlap_share\n".to_owned();
+    for row in rows {
+        let (metric, anchor, test) = (row.metric.key(), &row.anchor, &row.test);
+        // Writing to a string does not fail.
+        let _ = match &row.delta {
+            Some(d) => writeln!(
+                csv,
+                "{metric},{anchor},{test},{:.3},{:.4},{:.4},{:.4},{:.4}",
+                d.rate_percent, d.quality_db, d.quality_overlap_db[0], d.quality_overlap_db[1], d.overlap_share
+            ),
+            None => writeln!(csv, "{metric},{anchor},{test},,,,,0"),
+        };
+    }
+    csv
+}
