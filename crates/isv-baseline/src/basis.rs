@@ -85,16 +85,13 @@ impl BlockBasis {
         let leading = LeadingBasis::new(self, coefficients);
         let voxels = self.edge.block_voxels();
         let mut samples = vec![0; volume.samples().len()];
-        samples
-            .par_chunks_exact_mut(voxels)
-            .zip(volume.samples().par_chunks_exact(voxels))
-            .for_each_init(
-                || (vec![0.0; coefficients], vec![0.0; voxels]),
-                |(spectrum, block), (out, samples)| {
-                    leading.forward(samples, block, spectrum);
-                    leading.inverse(volume.grid(), spectrum, block, out);
-                },
-            );
+        samples.par_chunks_exact_mut(voxels).zip(volume.samples().par_chunks_exact(voxels)).for_each_init(
+            || (vec![0.0; coefficients], vec![0.0; voxels]),
+            |(spectrum, block), (out, samples)| {
+                leading.forward(samples, block, spectrum);
+                leading.inverse(volume.grid(), spectrum, block, out);
+            },
+        );
         let (coords, masks) = (volume.coords().to_vec(), volume.unobserved_masks().clone());
         SparseVolume::from_parts(*volume.grid(), coords, samples, masks)
     }
@@ -110,7 +107,10 @@ pub(crate) struct LeadingBasis {
 impl LeadingBasis {
     pub(crate) fn new(basis: &BlockBasis, coefficients: usize) -> Self {
         let voxels = basis.edge.block_voxels();
-        assert!((1..=voxels).contains(&coefficients), "{coefficients} coefficients of a block of {voxels} voxels");
+        assert!(
+            (1..=voxels).contains(&coefficients),
+            "{coefficients} coefficients of a block of {voxels} voxels"
+        );
         let single = |values: &[f64]| values.iter().map(|v| *v as f32).collect();
         Self { mean: single(&basis.mean), rows: single(&basis.rows[..coefficients * voxels]) }
     }

@@ -11,9 +11,15 @@
 //! studies are elsewhere.
 
 mod basis;
+mod draco;
 mod moments;
+mod program;
+mod simplify;
 mod tang;
 
 pub use basis::BlockBasis;
+pub use draco::{Draco, DracoError};
 pub use moments::{BlockMoments, TrainingError};
+pub use program::{ProgramError, ProgramRun};
+pub use simplify::{SimplifyError, simplify};
 pub use tang::{TangDecoder, TangEncoder, TangError, TangFrame, TangSettings};

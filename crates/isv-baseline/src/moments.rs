@@ -110,7 +110,8 @@ impl BlockMoments {
         let eigen = SymmetricEigen::new(self.covariance());
         let mut order: Vec<usize> = (0..self.sums.len()).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        let rows = order.into_iter().flat_map(|k| eigen.eigenvectors.column(k).iter().copied().collect::<Vec<_>>());
+        let rows =
+            order.into_iter().flat_map(|k| eigen.eigenvectors.column(k).iter().copied().collect::<Vec<_>>());
         Ok(BlockBasis::from_rows(self.edge, self.mean(), rows.collect()))
     }
 
@@ -142,8 +143,11 @@ impl BlockMoments {
             .into_par_iter()
             .map(|k| {
                 let row = basis.row(k);
-                let variance: f64 =
-                    covariance.column_iter().zip(row).map(|(column, r)| r * dot(column.as_slice(), row)).sum();
+                let variance: f64 = covariance
+                    .column_iter()
+                    .zip(row)
+                    .map(|(column, r)| r * dot(column.as_slice(), row))
+                    .sum();
                 variance + dot(row, &away).powi(2)
             })
             .collect();

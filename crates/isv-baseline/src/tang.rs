@@ -8,6 +8,7 @@ use crate::BlockBasis;
 use crate::basis::LeadingBasis;
 use isv_decode::syntax::{EntropyState, SyntaxError, most_slices};
 use isv_decode::{FrameSymbols, Limits};
+use isv_encode::BLOCKS_PER_SLICE;
 use isv_encode::syntax::{self, SymbolSegments};
 use isv_format::{FormatError, FrameHeader, FramePayload, Prediction, SliceLayout, SlicePayload};
 use isv_kernels::quant::{STEP_FRACTION_BITS, StepSize};
@@ -113,8 +114,9 @@ impl TangEncoder {
             motion: vec![MotionVector::ZERO; blocks],
             levels: self.codec.levels(volume),
         };
+        let slices = blocks.div_ceil(BLOCKS_PER_SLICE).clamp(1, most_slices(self.codec.basis.coefficients()));
         let edge = self.codec.grid.edge;
-        let segments = syntax::write_symbols(&mut self.entropy, edge, &symbols, 1, None);
+        let segments = syntax::write_symbols(&mut self.entropy, edge, &symbols, slices, None);
         self.reconstruction = Some(self.codec.reconstruct(symbols));
         frame_of(blocks, &segments)
     }
@@ -126,7 +128,7 @@ impl TangEncoder {
     }
 }
 
-/// Puts the segments of a frame together, one slice as isv does at a person's size.
+/// Puts the segments of a frame together.
 fn frame_of(blocks: usize, segments: &SymbolSegments) -> TangFrame {
     let slices: Vec<_> = segments
         .slices
@@ -216,11 +218,13 @@ fn read_symbols(
     let unobserved = entropy.masks.read(payload.masks, grid.edge, &coords, None)?;
     let references = vec![None; blocks];
     let layout = SliceLayout::new(blocks, payload.slices.len());
-    let mut levels = Vec::new();
-    let slices = entropy.slices(payload.slices.len()).iter_mut();
-    for ((models, range), slice) in slices.zip(layout.ranges()).zip(&payload.slices) {
-        levels.extend(models.coefficients.read(slice.coefficients, &references[range])?);
-    }
+    let slices = entropy.slices(payload.slices.len()).par_iter_mut();
+    let levels = slices
+        .zip(layout.ranges().collect::<Vec<_>>())
+        .zip(&payload.slices)
+        .map(|((models, range), slice)| models.coefficients.read(slice.coefficients, &references[range]))
+        .collect::<Result<Vec<_>, _>>()?
+        .concat();
     let motion = vec![MotionVector::ZERO; blocks];
     Ok(FrameSymbols { prediction: Prediction::None, coords, unobserved, references, motion, levels })
 }

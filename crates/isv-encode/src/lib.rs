@@ -18,4 +18,4 @@ mod residual;
 pub mod syntax;
 
 pub use distortion::surface_rms_voxels;
-pub use encoder::{EncodedFrame, Encoder, EncoderSettings, MotionMode};
+pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
