@@ -12,7 +12,7 @@ use isv_volume::SparseVolume;
 
 /// Blocks a slice holds at most, unless the number of slices is given or has reached its limit. A person at 5 mm is one
 /// slice; the models of more would have to learn everything again.
-const BLOCKS_PER_SLICE: usize = 1 << 14;
+pub const BLOCKS_PER_SLICE: usize = 1 << 14;
 
 /// How frames that are not keyframes are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

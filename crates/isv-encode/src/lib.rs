@@ -15,7 +15,7 @@ mod encoder;
 mod motion_search;
 mod normal_equations;
 mod residual;
-mod syntax;
+pub mod syntax;
 
 pub use distortion::surface_rms_voxels;
-pub use encoder::{EncodedFrame, Encoder, EncoderSettings, MotionMode};
+pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};

@@ -1,4 +1,5 @@
 //! The writing side of the entropy-coded syntax: each file mirrors the one of the same name in `isv-decode`.
+//! Public for `isv-baseline`, whose codecs differ from isv in the transform and not in the syntax.
 
 mod block_set;
 mod coefficients;
@@ -13,23 +14,30 @@ use rayon::prelude::*;
 
 /// The entropy-coded segments of a frame.
 #[derive(Clone, Debug)]
-pub(crate) struct SymbolSegments {
-    pub(crate) block_set: Vec<u8>,
-    pub(crate) masks: Vec<u8>,
-    pub(crate) slices: Vec<SliceSegments>,
+pub struct SymbolSegments {
+    /// The set of blocks.
+    pub block_set: Vec<u8>,
+    /// Unobserved voxels.
+    pub masks: Vec<u8>,
+    /// Motion and coefficients of each slice.
+    pub slices: Vec<SliceSegments>,
 }
 
 /// The entropy-coded segments of a slice.
 #[derive(Clone, Debug)]
-pub(crate) struct SliceSegments {
-    pub(crate) motion: Vec<u8>,
-    pub(crate) coefficients: Vec<u8>,
-    /// The part of `coefficients` that the DC coefficients take.
-    pub(crate) dc_bits: f64,
+pub struct SliceSegments {
+    /// Motion vectors; empty without motion.
+    pub motion: Vec<u8>,
+    /// Quantized coefficients.
+    pub coefficients: Vec<u8>,
+    /// Bits of `coefficients` that the DC coefficients take.
+    pub dc_bits: f64,
 }
 
-/// The mirror image of the decoder's `read_symbols`.
-pub(crate) fn write_symbols(
+/// The mirror image of the decoder's `read_symbols`: writes the symbols of a frame in this many slices, and has the models
+/// learn from them. `reference`: the blocks of the frame before, unless this is a keyframe.
+#[must_use]
+pub fn write_symbols(
     entropy: &mut EntropyState,
     edge: BlockEdge,
     symbols: &FrameSymbols,
