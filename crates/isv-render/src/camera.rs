@@ -93,6 +93,13 @@ impl Projection {
         DVec3::new(x + self.centre[0], y + self.centre[1], view.z * nearer)
     }
 
+    /// The point at pixel coordinates and a depth: the inverse of [`Self::project`].
+    pub(crate) fn unproject(&self, pixel: DVec3) -> DVec3 {
+        let from_eye = 1.0 / (1.0 + pixel.z * self.per_distance);
+        let [x, y] = [0, 1].map(|axis| (pixel[axis] - self.centre[axis]) / self.pixels_a_metre * from_eye);
+        self.to_view.transpose() * DVec3::new(x, -y, pixel.z * from_eye) + self.target
+    }
+
     /// Unit vector towards the camera, at the target.
     pub(crate) fn to_camera(&self) -> DVec3 {
         self.to_view.row(2)
@@ -124,6 +131,19 @@ mod tests {
         let projection = Camera::fitting((DVec3::NEG_ONE, DVec3::ONE), [100, 100]).projection(1);
         assert!(projection.project(DVec3::Z * 5.0).is_finite());
         assert!(projection.project(DVec3::Z * 50.0).is_nan());
+    }
+
+    #[test]
+    fn pixels_and_depths_lead_back_to_points() {
+        let camera = Camera::fitting((DVec3::NEG_ONE, DVec3::new(3.0, 2.0, 1.0)), [300, 200]);
+        for opening_degrees in [0.0, 24.0, 90.0] {
+            let camera = Camera { opening_degrees, ..camera }.from_direction(-50.0, 35.0);
+            let projection = camera.projection(3);
+            for point in [DVec3::ZERO, DVec3::new(2.9, -0.3, 0.8), DVec3::new(-1.0, 2.0, -1.0)] {
+                let back = projection.unproject(projection.project(point));
+                assert!(back.abs_diff_eq(point, 1e-12), "{point} {back}");
+            }
+        }
     }
 
     #[test]

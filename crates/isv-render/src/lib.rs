@@ -22,14 +22,24 @@
 //!
 //! It does not do textures, transparency, lights or shadows.
 
+mod animation;
 mod camera;
+mod colour_bar;
+mod draw;
+mod error_scale;
 mod normals;
 mod occlusion;
+mod palette;
 mod picture;
 mod raster;
 mod style;
+mod text;
 
+pub use animation::{ApngWriter, GifWriter, PictureRate};
 pub use camera::Camera;
+pub use colour_bar::colour_bar;
+pub use draw::{ErrorPicture, SeenErrors, render, render_errors};
+pub use error_scale::{BEYOND_RANGE, ErrorScale};
 pub use picture::{Picture, contact_sheet};
-pub use raster::render;
 pub use style::{BACK_FACE, Background, Shading, Style};
+pub use text::text_line;

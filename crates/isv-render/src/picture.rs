@@ -60,6 +60,37 @@ impl Picture {
         }
     }
 
+    /// Mixes a colour into a pixel by a coverage of 0 to 255; pixels outside the picture are left alone.
+    pub(crate) fn lay_over(&mut self, [x, y]: [usize; 2], rgb: [u8; 3], coverage: u8) {
+        if x >= self.size[0] || y >= self.size[1] {
+            return;
+        }
+        let pixel = &mut self.rgba[(y * self.size[0] + x) * 4..][..4];
+        if pixel[3] == 0 && coverage > 0 {
+            // Nothing has no colour to mix with.
+            pixel[..3].copy_from_slice(&rgb);
+        }
+        let [own, behind] = [u32::from(coverage), u32::from(255 - coverage)];
+        for (place, channel) in pixel.iter_mut().zip(rgb) {
+            *place = ((u32::from(channel) * own + u32::from(*place) * behind + 127) / 255) as u8;
+        }
+        pixel[3] = pixel[3].max(coverage);
+    }
+
+    /// This picture with another under it, each in the middle of the wider one's width; what is beside them takes the
+    /// colour of this picture's top left pixel.
+    ///
+    /// # Panics
+    /// If this picture has no pixels.
+    #[must_use]
+    pub fn above(&self, other: &Picture) -> Picture {
+        let width = self.size[0].max(other.size[0]);
+        let mut both = Picture::filled([width, self.size[1] + other.size[1]], self.pixel(0, 0));
+        both.paste(self, (width - self.size[0]) / 2, 0);
+        both.paste(other, (width - other.size[0]) / 2, self.size[1]);
+        both
+    }
+
     /// Writes the picture as a PNG file.
     ///
     /// # Errors
@@ -75,7 +106,7 @@ impl Picture {
     }
 }
 
-fn into_io(error: png::EncodingError) -> io::Error {
+pub(crate) fn into_io(error: png::EncodingError) -> io::Error {
     match error {
         png::EncodingError::IoError(error) => error,
         other => io::Error::new(io::ErrorKind::InvalidInput, other),

@@ -2,9 +2,8 @@
 
 use crate::camera::{Camera, Projection};
 use crate::normals::{face_normal, vertex_normals};
-use crate::occlusion::{DepthMap, NO_SURFACE};
-use crate::picture::Picture;
-use crate::style::{Shading, Style, back_colour, front_colour};
+use crate::occlusion::NO_SURFACE;
+use crate::style::{Paint, Shading};
 use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
@@ -15,36 +14,45 @@ const SAMPLES: usize = 3;
 /// Pixel rows drawn by one task.
 const BAND_ROWS: usize = 16;
 
-/// Draws a mesh. The same mesh, camera and style give the same picture with any number of threads.
-///
-/// # Panics
-/// If a triangle names a vertex that is not there.
-#[must_use]
-pub fn render(mesh: &TriangleMesh, camera: &Camera, style: &Style) -> Picture {
-    let projection = camera.projection(SAMPLES);
-    let scene = Scene::new(mesh, &projection, style.shading);
-    let [width, height] = camera.size;
-    let mut pixels = vec![Pixel::EMPTY; width * height];
-    let bands = scene.triangles_by_band(height);
-    pixels.par_chunks_mut((width * BAND_ROWS).max(1)).zip(&bands).enumerate().for_each(
-        |(band, (pixels, triangles))| {
-            let samples = scene.draw_band(triangles, band, [width, pixels.len() / width]);
-            resolve(pixels, &samples, width);
-        },
-    );
-    let depths: Vec<f32> = pixels.iter().map(|p| p.depth).collect();
-    let light = DepthMap {
-        size: camera.size,
-        depths: &depths,
-        pixels_a_metre: (projection.pixels_a_metre / SAMPLES as f64) as f32,
-        subject_m: (camera.bounds.1 - camera.bounds.0).length() as f32,
+/// What a camera sees of a mesh, before it is laid over a background.
+pub(crate) struct Raster {
+    pub(crate) size: [usize; 2],
+    /// Row after row.
+    pub(crate) pixels: Vec<Pixel>,
+    pub(crate) projection: Projection,
+}
+
+impl Raster {
+    /// Draws a mesh. The same arguments give the same pixels with any number of threads.
+    pub(crate) fn new(mesh: &TriangleMesh, camera: &Camera, shading: Shading, paint: Paint) -> Self {
+        let projection = camera.projection(SAMPLES);
+        let scene = Scene::new(mesh, &projection, shading, paint);
+        let [width, height] = camera.size;
+        let mut pixels = vec![Pixel::EMPTY; width * height];
+        let bands = scene.triangles_by_band(height);
+        pixels.par_chunks_mut((width * BAND_ROWS).max(1)).zip(&bands).enumerate().for_each(
+            |(band, (pixels, triangles))| {
+                let samples = scene.draw_band(triangles, band, [width, pixels.len() / width]);
+                resolve(pixels, &samples, width);
+            },
+        );
+        Self { size: camera.size, pixels, projection }
     }
-    .light();
-    let mut picture = Picture::filled(camera.size, style.background.rgba());
-    for ((place, pixel), light) in picture.rgba_mut().chunks_exact_mut(4).zip(&pixels).zip(light) {
-        pixel.blend_over(place, light);
+
+    /// Pixels that a metre takes in the middle of the picture.
+    pub(crate) fn pixels_a_metre(&self) -> f64 {
+        self.projection.pixels_a_metre / SAMPLES as f64
     }
-    picture
+
+    /// The point of the surface that is seen in the middle of a pixel, or as close to it as any is; none if the pixel
+    /// shows no surface.
+    pub(crate) fn point(&self, pixel: usize) -> Option<DVec3> {
+        let Seen { sample, depth } = self.pixels[pixel].seen?;
+        let corner = [pixel % self.size[0], pixel / self.size[0]];
+        let within = [sample % SAMPLES, sample / SAMPLES];
+        let [x, y] = [0, 1].map(|axis| (corner[axis] * SAMPLES + within[axis]) as f64 + 0.5);
+        Some(self.projection.unproject(DVec3::new(x, y, f64::from(depth))))
+    }
 }
 
 /// What is seen through one sample.
@@ -56,13 +64,23 @@ struct Sample {
 
 /// The mean of a pixel's samples.
 #[derive(Clone, Copy)]
-struct Pixel {
+pub(crate) struct Pixel {
     /// Mean colour of the samples that show the surface.
-    colour: Vec3,
+    pub(crate) colour: Vec3,
     /// Mean depth of the samples that show the surface, or [`NO_SURFACE`].
-    depth: f32,
+    pub(crate) depth: f32,
     /// Part of the samples that show the surface.
-    coverage: f32,
+    pub(crate) coverage: f32,
+    /// The sample that stands for the pixel.
+    seen: Option<Seen>,
+}
+
+/// One sample of a pixel.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// Its number in the pixel, row after row.
+    sample: usize,
+    depth: f32,
 }
 
 /// A mesh ready to be drawn.
@@ -73,10 +91,11 @@ struct Scene<'a> {
     /// Normals of the vertices; empty for flat shading.
     normals: Vec<DVec3>,
     to_camera: Vec3,
+    paint: Paint,
 }
 
 impl<'a> Scene<'a> {
-    fn new(mesh: &'a TriangleMesh, projection: &Projection, shading: Shading) -> Self {
+    fn new(mesh: &'a TriangleMesh, projection: &Projection, shading: Shading, paint: Paint) -> Self {
         Self {
             mesh,
             projected: mesh.vertices.par_iter().map(|v| projection.project(*v)).collect(),
@@ -85,6 +104,7 @@ impl<'a> Scene<'a> {
                 Shading::Flat => Vec::new(),
             },
             to_camera: projection.to_camera().as_vec3(),
+            paint,
         }
     }
 
@@ -153,13 +173,10 @@ impl<'a> Scene<'a> {
             self.mesh.triangles[face].map(|v| self.normals[v as usize])
         };
         let [a, b, c] = normals.map(DVec3::as_vec3);
-        let to_camera = self.to_camera;
+        let (to_camera, paint) = (self.to_camera, self.paint);
         move |weights| {
-            if !front {
-                return back_colour();
-            }
             let normal = a * weights.x + b * weights.y + c * weights.z;
-            front_colour(normal.normalize_or(to_camera), to_camera)
+            paint.colour(normal.normalize_or(to_camera), to_camera, front)
         }
     }
 }
@@ -169,24 +186,34 @@ fn resolve(pixels: &mut [Pixel], samples: &[Sample], width: usize) {
     for (i, pixel) in pixels.iter_mut().enumerate() {
         let (x, y) = (i % width * SAMPLES, i / width * SAMPLES);
         let rows = (y..y + SAMPLES).map(|row| &samples[row * width * SAMPLES + x..][..SAMPLES]);
+        let covered = rows.flatten().enumerate().filter(|(_, s)| s.depth != NO_SURFACE);
         let (mut colour, mut depth, mut count) = (Vec3::ZERO, 0.0, 0.0);
-        for sample in rows.flatten().filter(|s| s.depth != NO_SURFACE) {
+        for (_, sample) in covered.clone() {
             colour += sample.colour;
             depth += sample.depth;
             count += 1.0;
         }
         if count > 0.0 {
             let coverage = count / (SAMPLES * SAMPLES) as f32;
-            *pixel = Pixel { colour: colour / count, depth: depth / count, coverage };
+            let seen = covered
+                .min_by_key(|(number, _)| from_middle(*number))
+                .map(|(sample, s)| Seen { sample, depth: s.depth });
+            *pixel = Pixel { colour: colour / count, depth: depth / count, coverage, seen };
         }
     }
 }
 
+/// Square of a sample's distance from the middle of its pixel, in samples.
+fn from_middle(number: usize) -> usize {
+    let middle = SAMPLES / 2;
+    (number % SAMPLES).abs_diff(middle).pow(2) + (number / SAMPLES).abs_diff(middle).pow(2)
+}
+
 impl Pixel {
-    const EMPTY: Self = Self { colour: Vec3::ZERO, depth: NO_SURFACE, coverage: 0.0 };
+    const EMPTY: Self = Self { colour: Vec3::ZERO, depth: NO_SURFACE, coverage: 0.0, seen: None };
 
     /// Mixes the pixel, under the given light, into an RGBA pixel that is opaque or empty.
-    fn blend_over(&self, rgba: &mut [u8], light: f32) {
+    pub(crate) fn blend_over(&self, rgba: &mut [u8], light: f32) {
         let opaque = rgba[3] != 0;
         for (place, channel) in rgba.iter_mut().zip(self.colour.to_array()) {
             let own = channel * light * 255.0;

@@ -49,7 +49,7 @@ pub enum OperatingPoint {
         step_m: f64,
     },
     /// Bits of a quantized coordinate; the longest side of the bounding box spans `2^bits - 1` steps.
-    PositionBits(u32),
+    PositionBits(u8),
 }
 
 /// What operating points are in proportion to.
@@ -156,7 +156,7 @@ impl Codec {
             },
             Self::Draco { .. } => {
                 let voxel_bits = (scale.extent_m / scale.voxel_m).max(1.0).log2().round() as i32;
-                OperatingPoint::PositionBits((voxel_bits + BITS_BEYOND_A_VOXEL[i]).clamp(4, 20) as u32)
+                OperatingPoint::PositionBits((voxel_bits + BITS_BEYOND_A_VOXEL[i]).clamp(4, 20) as u8)
             }
         }
     }

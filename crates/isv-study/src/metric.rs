@@ -68,7 +68,7 @@ impl Metric {
     pub fn of(self, error: &GeometryError) -> Option<f64> {
         match self {
             Self::PointToSurface => error.p2s_mean_mm,
-            Self::Chamfer => error.chamfer_mm,
+            Self::Chamfer => Some(error.chamfer_mm),
             Self::NormalError => error.normal_error_deg,
             Self::D1 => error.d1_psnr_db,
             Self::D2 => error.d2_psnr_db,

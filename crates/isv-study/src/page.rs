@@ -216,7 +216,7 @@ fn result_row(record: &Record) -> String {
         number(error.p2s_mean_mm, 3),
         number(error.p2s_rms_mm, 3),
         number(error.hausdorff_mm, 2),
-        number(error.chamfer_mm, 3),
+        number(Some(error.chamfer_mm), 3),
         number(error.normal_error_deg, 2),
         number(error.d1_psnr_db, 2),
         number(error.d2_psnr_db, 2),

@@ -8,12 +8,12 @@ use isv_baseline::{Draco, simplify};
 
 pub(super) struct DracoEncoding {
     faces_percent: u8,
-    bits: u32,
+    bits: u8,
     stream: DracoStream,
 }
 
 impl DracoEncoding {
-    pub(super) fn new(draco: &Draco, faces_percent: u8, bits: u32) -> Self {
+    pub(super) fn new(draco: &Draco, faces_percent: u8, bits: u8) -> Self {
         Self { faces_percent, bits, stream: DracoStream { draco: draco.clone(), frames: Vec::new() } }
     }
 
