@@ -20,7 +20,7 @@ mod terms;
 mod threads;
 
 use clap::{Parser, Subcommand};
-use commands::{decode, demo, encode, eval, info, render, verify};
+use commands::{compare, decode, demo, encode, eval, info, render, verify};
 use std::process::ExitCode;
 
 /// Compress moving 3-D geometry: mesh sequences become sparse distance fields, coded like video.
@@ -39,6 +39,7 @@ enum Command {
     Info(info::Args),
     Verify(verify::Args),
     Eval(eval::Args),
+    Compare(compare::Args),
     Render(render::Args),
 }
 
@@ -54,6 +55,7 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),
     };
     match done {
