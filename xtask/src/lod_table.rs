@@ -158,5 +158,6 @@ fn difference(a: &SparseVolume, b: &SparseVolume) -> (f64, f64) {
 
 fn error_mm(mesh: &TriangleMesh, volume: &SparseVolume) -> Result<f64> {
     let surface = extract_surface(volume, &SurfaceOptions::default());
-    Ok(compare(mesh, &surface, &CompareOptions::default()).context("a surface to compare")?.p2s_mean_mm)
+    let error = compare(mesh, &surface, &CompareOptions::default()).context("a surface to compare")?;
+    Ok(error.p2s_mean_mm.expect("both are surfaces"))
 }

@@ -198,7 +198,7 @@ fn distance_mm(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> Result<f64>
     let mut sum = 0.0;
     for (mesh, volume) in meshes.iter().zip(volumes) {
         let surface = extract_surface(volume, &SurfaceOptions { normals: false });
-        sum += compare(mesh, &surface, &options)?.p2s_mean_mm;
+        sum += compare(mesh, &surface, &options)?.p2s_mean_mm.expect("both are surfaces");
     }
     Ok(sum / meshes.len() as f64)
 }

@@ -10,7 +10,7 @@ use isv_ingest::{
     MeshIngest, PointIngest, PointSign, SignMode, decide_point_sign, decide_sign, estimate_normals,
     ingest_mesh, ingest_points,
 };
-use isv_metrics::{CompareOptions, GeometryError, compare, sample_surface};
+use isv_metrics::{CompareOptions, compare, sample_surface};
 use isv_spatial::PointTree;
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::Random;
@@ -46,9 +46,22 @@ fn keep(name: &str, mesh: &TriangleMesh) {
     }
 }
 
+/// How far the surface of a volume is from a mesh.
+#[derive(Debug)]
+struct SurfaceError {
+    p2s_mean_mm: f64,
+    hausdorff_mm: f64,
+    area_ratio: f64,
+}
+
 /// Error against the source, without coding.
-fn error(mesh: &TriangleMesh, volume: &SparseVolume) -> GeometryError {
-    compare(mesh, &surface(volume), &CompareOptions { spacing_m: 0.005, seed: 1 }).unwrap()
+fn error(mesh: &TriangleMesh, volume: &SparseVolume) -> SurfaceError {
+    let error = compare(mesh, &surface(volume), &CompareOptions { spacing_m: 0.005, seed: 1 }).unwrap();
+    SurfaceError {
+        p2s_mean_mm: error.p2s_mean_mm.unwrap(),
+        hausdorff_mm: error.hausdorff_mm.unwrap(),
+        area_ratio: error.area_ratio.unwrap(),
+    }
 }
 
 fn unobserved(volume: &SparseVolume) -> usize {

@@ -1,14 +1,11 @@
 //! The symmetric Chamfer distance of Eq. 15.
 
 use crate::SplitMix64;
-use crate::sampling::sample_points;
+use crate::mean::mean;
+use crate::sampling::draw;
 use glam::DVec3;
-use isv_spatial::PointTree;
+use isv_spatial::{NearestPoints, PointTree};
 use isv_volume::TriangleMesh;
-use rayon::prelude::*;
-
-/// Points whose distances are added up by one thread; fixed, so that sums round the same on any number of threads.
-const CHUNK: usize = 1024;
 
 /// Eq. 15 of the paper, in metres: half the mean distance from a point of `p` to its nearest in `q`, plus half the
 /// mean distance from a point of `q` to its nearest in `p`.
@@ -27,7 +24,7 @@ pub fn chamfer(p: &[DVec3], q: &[DVec3]) -> f64 {
 /// As [`sample_surface`](crate::sample_surface).
 #[must_use]
 pub fn chamfer_floor(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> f64 {
-    let sampling = |seed| PointTree::new(sample_points(mesh, spacing_m, seed));
+    let sampling = |seed| PointTree::new(draw(mesh, spacing_m, seed).map(|drawn| drawn.point).collect());
     chamfer_of_trees(&sampling(seed), &sampling(second_seed(seed)))
 }
 
@@ -36,18 +33,18 @@ pub(crate) fn second_seed(seed: u64) -> u64 {
     SplitMix64::new(seed).next_u64()
 }
 
-pub(crate) fn chamfer_of_trees(p: &PointTree, q: &PointTree) -> f64 {
+fn chamfer_of_trees(p: &PointTree, q: &PointTree) -> f64 {
     assert!(!p.points().is_empty() && !q.points().is_empty(), "Eq. 15 is a mean over points");
-    (mean_nearest(p, q) + mean_nearest(q, p)) / 2.0
+    chamfer_of_nearest(&q.nearest_to_each(p.points()), &p.nearest_to_each(q.points()))
 }
 
-fn mean_nearest(from: &PointTree, to: &PointTree) -> f64 {
-    let sums: Vec<f64> = from
-        .points()
-        .par_chunks(CHUNK)
-        .map(|chunk| chunk.iter().map(|p| to.nearest_sq(*p).sqrt()).sum())
-        .collect();
-    sums.iter().sum::<f64>() / from.points().len() as f64
+/// Eq. 15 from what is nearest to each point of either set in the other.
+pub(crate) fn chamfer_of_nearest(there: &NearestPoints, back: &NearestPoints) -> f64 {
+    let [there, back] = [there, back].map(|nearest| {
+        let distances_sq = nearest.distances_sq();
+        mean(distances_sq.len(), |i| distances_sq[i].sqrt())
+    });
+    (there + back) / 2.0
 }
 
 #[cfg(test)]

@@ -1,11 +1,10 @@
-//! All measures of one mesh against another.
+//! All measures of one shape against another.
 
-use crate::chamfer::{chamfer_of_trees, second_seed};
-use crate::sampling::{sample_count, sample_points};
-use crate::{SurfaceDistances, connected_components, distances_to_surface};
-use isv_spatial::{Bvh, PointTree};
-use isv_volume::TriangleMesh;
-use serde::Serialize;
+use crate::chamfer::{chamfer_of_nearest, second_seed};
+use crate::point_to_point::{PointErrors, psnr_db};
+use crate::sampling::sample_count;
+use crate::side::{MeasuredSide, Seen};
+use crate::{DirectedDistances, GeometryError, Shape, SurfaceDistances};
 use std::fmt;
 use thiserror::Error;
 
@@ -28,12 +27,12 @@ impl Default for CompareOptions {
     }
 }
 
-/// One of the two meshes that are compared.
+/// One of the two shapes that are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The mesh that is right.
+    /// The shape that is right.
     Reference,
-    /// The mesh that is measured.
+    /// The shape that is measured.
     Test,
 }
 
@@ -46,7 +45,7 @@ impl fmt::Display for Side {
     }
 }
 
-/// Meshes that cannot be compared.
+/// Shapes that cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CompareError {
@@ -56,6 +55,15 @@ pub enum CompareError {
         /// Which mesh.
         side: Side,
     },
+    /// A cloud without points.
+    #[error("the {side} cloud has no points to measure")]
+    NoPoints {
+        /// Which cloud.
+        side: Side,
+    },
+    /// Nothing on either side.
+    #[error("neither the reference nor the test has anything to measure")]
+    BothEmpty,
     /// A spacing that is zero, negative or not a number.
     #[error("sample spacing of {metres} m is not a length")]
     Spacing {
@@ -79,79 +87,137 @@ pub enum CompareError {
     },
 }
 
-/// How far a test mesh is from a reference. The names are the keys of `isv eval --json`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct GeometryError {
-    /// Eq. 15 between samples of the two, in millimetres.
-    pub chamfer_mm: f64,
-    /// Eq. 15 between two samplings of the reference: what sampling alone makes of a perfect test mesh.
-    pub chamfer_floor_mm: f64,
-    /// [`SurfaceDistances::mean`] in millimetres.
-    pub p2s_mean_mm: f64,
-    /// [`SurfaceDistances::rms`] in millimetres.
-    pub p2s_rms_mm: f64,
-    /// [`SurfaceDistances::p99`] in millimetres.
-    pub p2s_p99_mm: f64,
-    /// [`SurfaceDistances::hausdorff`] in millimetres.
-    pub hausdorff_mm: f64,
-    /// [`SurfaceDistances::ref_to_test_mean`] in millimetres.
-    pub ref_to_test_mean_mm: f64,
-    /// [`SurfaceDistances::test_to_ref_mean`] in millimetres.
-    pub test_to_ref_mean_mm: f64,
-    /// Area of the test mesh over that of the reference.
-    pub area_ratio: f64,
-    /// [`connected_components`] of the reference; a whole number, except in a mean over frames.
-    pub components_ref: f64,
-    /// [`connected_components`] of the test mesh; a whole number, except in a mean over frames.
-    pub components_test: f64,
+impl CompareError {
+    /// Whether it says that a side is empty.
+    fn is_emptiness(&self) -> bool {
+        matches!(self, Self::NoSurface { .. } | Self::NoPoints { .. })
+    }
 }
 
-/// Measures a test mesh against a reference, both valid ([`TriangleMesh::validate`]).
+/// Measures a test shape against a reference: meshes or points, on either side.
 ///
-/// Point-to-surface distances start from the same samples as the Chamfer distance. The two meshes are sampled with
-/// different seeds: with one seed a perfect copy would score 0 and a better one, meshed differently, the floor.
+/// Distances start from samples of meshes and from the points of clouds, those at exactly the same position taken once.
+/// The two sides are sampled with different seeds: with one seed a perfect copy would score 0 and a better one, meshed
+/// differently, the floor.
 ///
 /// # Errors
 /// See [`CompareError`].
-pub fn compare(
-    reference: &TriangleMesh,
-    test: &TriangleMesh,
+pub fn compare<'a>(
+    reference: impl Into<Shape<'a>>,
+    test: impl Into<Shape<'a>>,
     options: &CompareOptions,
 ) -> Result<GeometryError, CompareError> {
-    let reference_area = checked_area(reference, Side::Reference, options)?;
-    let test_area = checked_area(test, Side::Test, options)?;
-    let sampling = |mesh, seed| PointTree::new(sample_points(mesh, options.spacing_m, seed));
-    let on_reference = sampling(reference, options.seed);
-    let on_test = sampling(test, second_seed(options.seed));
-    let chamfer = chamfer_of_trees(&on_reference, &on_test);
-    let floor = chamfer_of_trees(&on_reference, &sampling(reference, second_seed(options.seed)));
-    let distances = SurfaceDistances::new(
-        distances_to_surface(on_reference.points(), &Bvh::new(test)),
-        distances_to_surface(on_test.points(), &Bvh::new(reference)),
+    let (reference, test) = (reference.into(), test.into());
+    let areas = checked_areas(&reference, &test, options)?;
+    let peak_m = reference.longest_side();
+    let &CompareOptions { spacing_m, seed } = options;
+    let (reference, test) = rayon::join(
+        || MeasuredSide::new(reference, spacing_m, seed),
+        || MeasuredSide::new(test, spacing_m, second_seed(seed)),
     );
-    let mm = |metres: f64| metres * 1e3;
-    Ok(GeometryError {
-        chamfer_mm: mm(chamfer),
-        chamfer_floor_mm: mm(floor),
-        p2s_mean_mm: mm(distances.mean),
-        p2s_rms_mm: mm(distances.rms),
-        p2s_p99_mm: mm(distances.p99),
-        hausdorff_mm: mm(distances.hausdorff),
-        ref_to_test_mean_mm: mm(distances.ref_to_test_mean),
-        test_to_ref_mean_mm: mm(distances.test_to_ref_mean),
-        area_ratio: test_area / reference_area,
-        components_ref: connected_components(reference) as f64,
-        components_test: connected_components(test) as f64,
-    })
+    let there = test.set.tree().nearest_to_each(reference.set.points());
+    let back = reference.set.tree().nearest_to_each(test.set.points());
+    let points = PointErrors::new(&reference.set, test.set.points(), &there, &back);
+    let mut error = GeometryError {
+        chamfer_mm: chamfer_of_nearest(&there, &back) * MM,
+        d1_psnr_db: psnr_db(points.d1, peak_m),
+        d2_psnr_db: points.d2.and_then(|mse| psnr_db(mse, peak_m)),
+        psnr_peak_m: peak_m,
+        ..GeometryError::default()
+    };
+    error.set_surface_errors(test.seen_from(&reference.set, &there), reference.seen_from(&test.set, &back));
+    error.set_limits_of_sampling(&reference, options);
+    error.set_counts([&reference, &test].map(|side| side.surface.as_ref().map(|s| s.components)), areas);
+    Ok(error)
 }
 
-/// The area of a mesh, once it is sure that it can be sampled.
-fn checked_area(mesh: &TriangleMesh, side: Side, options: &CompareOptions) -> Result<f64, CompareError> {
+/// Millimetres a metre.
+const MM: f64 = 1e3;
+
+impl GeometryError {
+    /// Point-to-surface distances and angles, by what the reference sees of the test side and the reverse.
+    fn set_surface_errors(&mut self, there: Seen, back: Seen) {
+        if let (Some(there), Some(back)) = (there.normal_error, back.normal_error) {
+            self.normal_error_deg = Some(((there + back) / 2.0).to_degrees());
+        }
+        match (there.distances, back.distances) {
+            (Some(there), Some(back)) => {
+                let both = SurfaceDistances::new(there, back);
+                self.p2s_mean_mm = Some(both.mean * MM);
+                self.p2s_rms_mm = Some(both.rms * MM);
+                self.p2s_p99_mm = Some(both.p99 * MM);
+                self.hausdorff_mm = Some(both.hausdorff * MM);
+                self.set_ref_to_test(&both.ref_to_test);
+                self.set_test_to_ref(&both.test_to_ref);
+            }
+            (Some(there), None) => self.set_ref_to_test(&DirectedDistances::new(there)),
+            (None, Some(back)) => self.set_test_to_ref(&DirectedDistances::new(back)),
+            (None, None) => {}
+        }
+    }
+
+    fn set_ref_to_test(&mut self, distances: &DirectedDistances) {
+        self.ref_to_test_mean_mm = Some(distances.mean * MM);
+        self.ref_to_test_rms_mm = Some(distances.rms * MM);
+        self.ref_to_test_p99_mm = Some(distances.p99 * MM);
+        self.ref_to_test_max_mm = Some(distances.max * MM);
+    }
+
+    fn set_test_to_ref(&mut self, distances: &DirectedDistances) {
+        self.test_to_ref_mean_mm = Some(distances.mean * MM);
+        self.test_to_ref_rms_mm = Some(distances.rms * MM);
+        self.test_to_ref_p99_mm = Some(distances.p99 * MM);
+        self.test_to_ref_max_mm = Some(distances.max * MM);
+    }
+
+    /// What the measures on samples say of a second sampling of a reference that is a mesh.
+    fn set_limits_of_sampling(&mut self, reference: &MeasuredSide, options: &CompareOptions) {
+        let Some(surface) = &reference.surface else { return };
+        let again = surface.sampled(options.spacing_m, second_seed(options.seed));
+        let there = again.tree().nearest_to_each(reference.set.points());
+        let back = reference.set.tree().nearest_to_each(again.points());
+        let points = PointErrors::new(&reference.set, again.points(), &there, &back);
+        self.chamfer_floor_mm = Some(chamfer_of_nearest(&there, &back) * MM);
+        self.d1_ceiling_db = psnr_db(points.d1, self.psnr_peak_m);
+        self.d2_ceiling_db = points.d2.and_then(|mse| psnr_db(mse, self.psnr_peak_m));
+    }
+
+    /// Ratios of what only surfaces have, each list the reference first.
+    fn set_counts(&mut self, components: [Option<usize>; 2], areas_m2: [Option<f64>; 2]) {
+        let [components_ref, components_test] = components.map(|count| count.map(|count| count as f64));
+        let ratio = |[reference, test]: [Option<f64>; 2]| Some(test? / reference?);
+        self.components_ref = components_ref;
+        self.components_test = components_test;
+        self.component_ratio = ratio([components_ref, components_test]);
+        self.area_ratio = ratio(areas_m2);
+    }
+}
+
+/// The areas of both sides, where they are meshes, once it is sure that there is something to measure.
+fn checked_areas(
+    reference: &Shape,
+    test: &Shape,
+    options: &CompareOptions,
+) -> Result<[Option<f64>; 2], CompareError> {
     let &CompareOptions { spacing_m, .. } = options;
     if !(spacing_m.is_finite() && spacing_m > 0.0) {
         return Err(CompareError::Spacing { metres: spacing_m });
     }
-    let area_m2 = mesh.area();
+    let areas =
+        [checked_area(reference, Side::Reference, spacing_m), checked_area(test, Side::Test, spacing_m)];
+    match areas {
+        [Err(a), Err(b)] if a.is_emptiness() && b.is_emptiness() => Err(CompareError::BothEmpty),
+        [reference, test] => Ok([reference?, test?]),
+    }
+}
+
+/// The area of a mesh that can be sampled; `None` of points.
+fn checked_area(shape: &Shape, side: Side, spacing_m: f64) -> Result<Option<f64>, CompareError> {
+    let area_m2 = match shape {
+        Shape::Points(points) if points.positions.is_empty() => return Err(CompareError::NoPoints { side }),
+        Shape::Points(_) => return Ok(None),
+        Shape::Mesh(mesh) => mesh.area(),
+    };
     if area_m2 <= 0.0 {
         return Err(CompareError::NoSurface { side });
     }
@@ -159,28 +225,5 @@ fn checked_area(mesh: &TriangleMesh, side: Side, options: &CompareOptions) -> Re
     if samples > MAX_SAMPLES {
         return Err(CompareError::TooManySamples { side, area_m2, spacing_m, samples });
     }
-    Ok(area_m2)
-}
-
-/// Mean of each figure over frames; `None` without frames.
-#[must_use]
-pub fn summary(frames: &[GeometryError]) -> Option<GeometryError> {
-    if frames.is_empty() {
-        return None;
-    }
-    let mean =
-        |figure: fn(&GeometryError) -> f64| frames.iter().map(figure).sum::<f64>() / frames.len() as f64;
-    Some(GeometryError {
-        chamfer_mm: mean(|f| f.chamfer_mm),
-        chamfer_floor_mm: mean(|f| f.chamfer_floor_mm),
-        p2s_mean_mm: mean(|f| f.p2s_mean_mm),
-        p2s_rms_mm: mean(|f| f.p2s_rms_mm),
-        p2s_p99_mm: mean(|f| f.p2s_p99_mm),
-        hausdorff_mm: mean(|f| f.hausdorff_mm),
-        ref_to_test_mean_mm: mean(|f| f.ref_to_test_mean_mm),
-        test_to_ref_mean_mm: mean(|f| f.test_to_ref_mean_mm),
-        area_ratio: mean(|f| f.area_ratio),
-        components_ref: mean(|f| f.components_ref),
-        components_test: mean(|f| f.components_test),
-    })
+    Ok(Some(area_m2))
 }

@@ -1,38 +1,26 @@
 //! Connected parts of a mesh.
 
-use glam::DVec3;
+use crate::weld::Weld;
 use isv_volume::TriangleMesh;
-use rustc_hash::FxHashMap;
 
 /// Number of parts of a mesh that share no point: triangles hang together where they share a vertex or have vertices
 /// at exactly the same position. Vertices without a triangle do not count. Stray specks show here first.
 #[must_use]
 pub fn connected_components(mesh: &TriangleMesh) -> usize {
-    let (welded, count) = weld(&mesh.vertices);
+    components_of_weld(mesh, &Weld::new(&mesh.vertices))
+}
+
+pub(crate) fn components_of_weld(mesh: &TriangleMesh, weld: &Weld) -> usize {
+    let count = weld.count as u32;
     let mut sets = DisjointSets::new(count);
-    let mut used = vec![false; count as usize];
+    let mut used = vec![false; weld.count];
     for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|v| welded[v as usize]);
+        let [a, b, c] = triangle.map(|v| weld.positions[v as usize]);
         sets.join(a, b);
         sets.join(b, c);
         [a, b, c].into_iter().for_each(|v| used[v as usize] = true);
     }
     (0..count).filter(|v| used[*v as usize] && sets.find(*v) == *v).count()
-}
-
-/// For each vertex the number of its position, and how many positions there are.
-fn weld(vertices: &[DVec3]) -> (Vec<u32>, u32) {
-    let mut numbers = FxHashMap::default();
-    let welded = vertices
-        .iter()
-        .map(|v| {
-            // Adding zero turns -0 into +0, which is the same place.
-            let key = v.to_array().map(|x| (x + 0.0).to_bits());
-            let next = numbers.len() as u32;
-            *numbers.entry(key).or_insert(next)
-        })
-        .collect();
-    (welded, numbers.len() as u32)
 }
 
 /// Union-find with path halving.
@@ -64,6 +52,7 @@ impl DisjointSets {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn seams_hold_parts_together_and_loose_vertices_do_not_count() {

@@ -1,7 +1,7 @@
 //! How far one surface is from another.
 //!
-//! [`compare`] measures a test mesh against a reference and returns every figure at once; the measures behind it are
-//! public for point sets and meshes of other origin. Lengths are metres, except where a name ends in `_mm`. All
+//! [`compare`] measures a test shape, a mesh or points, against a reference and returns every figure at once; the measures
+//! behind it are public for point sets and meshes of other origin. Lengths are metres, except where a name ends in `_mm`. All
 //! sampling is seeded: same input, same figures, whatever the number of threads. This crate reads no files.
 //!
 //! ```
@@ -15,7 +15,7 @@
 //!     triangles: vec![[0, 1, 2], [0, 2, 3]],
 //! };
 //! let error = compare(&square(0.0), &square(0.002), &CompareOptions::default())?;
-//! assert!((error.p2s_mean_mm - 2.0).abs() < 1e-9);
+//! assert!((error.p2s_mean_mm.expect("both are surfaces") - 2.0).abs() < 1e-9);
 //! assert!(error.chamfer_mm > 2.0, "nearest samples do not lie straight opposite");
 //! # Ok::<(), isv_metrics::CompareError>(())
 //! ```
@@ -23,13 +23,24 @@
 mod chamfer;
 mod compare;
 mod components;
+mod geometry_error;
+mod mean;
+mod normals;
+mod point_set;
+mod point_to_point;
 mod point_to_surface;
 mod random;
 mod sampling;
+mod shape;
+mod side;
+mod weld;
 
 pub use chamfer::{chamfer, chamfer_floor};
-pub use compare::{CompareError, CompareOptions, GeometryError, MAX_SAMPLES, Side, compare, summary};
+pub use compare::{CompareError, CompareOptions, MAX_SAMPLES, Side, compare};
 pub use components::connected_components;
-pub use point_to_surface::{SurfaceDistances, distances_to_surface};
+pub use geometry_error::{GeometryError, summary};
+pub use point_to_point::MAX_PSNR_DB;
+pub use point_to_surface::{DirectedDistances, SurfaceDistances, distances_to_surface};
 pub use random::SplitMix64;
 pub use sampling::{SurfaceSample, sample_surface};
+pub use shape::Shape;

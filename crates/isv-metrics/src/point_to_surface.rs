@@ -7,17 +7,54 @@ use rayon::prelude::*;
 /// Distance of each point to the nearest point of a surface, in metres.
 #[must_use]
 pub fn distances_to_surface(points: &[DVec3], surface: &Bvh) -> Vec<f64> {
-    points.par_iter().map(|p| surface.closest_point(*p).distance_sq.sqrt()).collect()
+    surface.closest_to_each(points).iter().map(|closest| closest.distance_sq.sqrt()).collect()
+}
+
+/// Statistics of the distances from points to a surface, in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectedDistances {
+    /// Their mean.
+    pub mean: f64,
+    /// Square root of the mean of their squares.
+    pub rms: f64,
+    /// The smallest of them that 99 % do not exceed.
+    pub p99: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl DirectedDistances {
+    /// Summarises distances, in any order.
+    ///
+    /// # Panics
+    /// If there are none.
+    #[must_use]
+    pub fn new(mut distances: Vec<f64>) -> Self {
+        // In order for the percentile; the sums below gain precision from it.
+        distances.par_sort_unstable_by(f64::total_cmp);
+        Self::of_sorted(&distances)
+    }
+
+    fn of_sorted(distances: &[f64]) -> Self {
+        assert!(!distances.is_empty(), "no mean without samples");
+        let count = distances.len() as f64;
+        Self {
+            mean: distances.iter().sum::<f64>() / count,
+            rms: (distances.iter().map(|x| x * x).sum::<f64>() / count).sqrt(),
+            p99: distances[(distances.len() * 99).div_ceil(100) - 1],
+            max: distances[distances.len() - 1],
+        }
+    }
 }
 
 /// Statistics of the distances between two surfaces, in metres. The two directions weigh half each, however many
 /// samples they have, so that a test surface with stray parts cannot outvote the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceDistances {
-    /// Mean of the distances from the reference to the test surface: large where the test surface misses something.
-    pub ref_to_test_mean: f64,
-    /// Mean of the distances from the test surface to the reference: large where it has something that is not there.
-    pub test_to_ref_mean: f64,
+    /// From the reference to the test surface: large where the test surface misses something.
+    pub ref_to_test: DirectedDistances,
+    /// From the test surface to the reference: large where it has something that is not there.
+    pub test_to_ref: DirectedDistances,
     /// Mean of the two means.
     pub mean: f64,
     /// Square root of the mean of the two mean squares.
@@ -36,20 +73,16 @@ impl SurfaceDistances {
     /// If a direction has no samples.
     #[must_use]
     pub fn new(mut ref_to_test: Vec<f64>, mut test_to_ref: Vec<f64>) -> Self {
-        assert!(!ref_to_test.is_empty() && !test_to_ref.is_empty(), "no mean without samples");
-        // In order for the percentile; the sums below gain precision from it.
         ref_to_test.par_sort_unstable_by(f64::total_cmp);
         test_to_ref.par_sort_unstable_by(f64::total_cmp);
-        let directions = [&ref_to_test, &test_to_ref];
-        let means = directions.map(|d| d.iter().sum::<f64>() / d.len() as f64);
-        let mean_squares = directions.map(|d| d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64);
+        let [there, back] = [&ref_to_test, &test_to_ref].map(|d| DirectedDistances::of_sorted(d));
         Self {
-            ref_to_test_mean: means[0],
-            test_to_ref_mean: means[1],
-            mean: (means[0] + means[1]) / 2.0,
-            rms: ((mean_squares[0] + mean_squares[1]) / 2.0).sqrt(),
+            ref_to_test: there,
+            test_to_ref: back,
+            mean: (there.mean + back.mean) / 2.0,
+            rms: ((there.rms * there.rms + back.rms * back.rms) / 2.0).sqrt(),
             p99: percentile_99(&ref_to_test, &test_to_ref),
-            hausdorff: directions.map(|d| d[d.len() - 1]).into_iter().fold(0.0, f64::max),
+            hausdorff: there.max.max(back.max),
         }
     }
 }
@@ -79,7 +112,9 @@ mod tests {
     #[test]
     fn directions_weigh_half_each() {
         let s = SurfaceDistances::new(vec![1.0], vec![3.0, 5.0, 4.0]);
-        assert_eq!((s.ref_to_test_mean, s.test_to_ref_mean, s.mean), (1.0, 4.0, 2.5));
+        assert_eq!((s.ref_to_test.mean, s.test_to_ref.mean, s.mean), (1.0, 4.0, 2.5));
+        assert_eq!(s.ref_to_test, DirectedDistances { mean: 1.0, rms: 1.0, p99: 1.0, max: 1.0 });
+        assert!((s.test_to_ref.rms - (50.0 / 3.0f64).sqrt()).abs() < 1e-15);
         assert!((s.rms - ((1.0 + 50.0 / 3.0) / 2.0f64).sqrt()).abs() < 1e-15);
         assert_eq!((s.p99, s.hausdorff), (5.0, 5.0));
     }
@@ -88,6 +123,8 @@ mod tests {
     fn the_percentile_is_the_first_value_that_99_of_100_do_not_exceed() {
         let hundred: Vec<f64> = (1..=100).map(f64::from).collect();
         assert_eq!(percentile_99(&hundred, &hundred), 99.0);
+        assert_eq!(DirectedDistances::new(hundred.iter().rev().copied().collect()).p99, 99.0);
+        assert_eq!(DirectedDistances::new((1..=101).map(f64::from).collect()).p99, 100.0);
         assert_eq!(percentile_99(&hundred, &[0.0]), 98.0);
         assert_eq!(percentile_99(&[2.0], &[1.0]), 2.0);
         assert_eq!(percentile_99(&[0.0], &[0.0; 7]), 0.0);

@@ -30,16 +30,21 @@ pub(crate) fn sample_count(area: f64, spacing_m: f64) -> f64 {
 pub fn sample_surface(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<SurfaceSample> {
     let normals: Vec<DVec3> =
         (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
-    draw(mesh, spacing_m, seed).map(|(face, point)| SurfaceSample { point, normal: normals[face] }).collect()
+    let sample = |drawn: Drawn| SurfaceSample { point: drawn.point, normal: normals[drawn.face] };
+    draw(mesh, spacing_m, seed).map(sample).collect()
 }
 
-/// The points of [`sample_surface`] alone.
-pub(crate) fn sample_points(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<DVec3> {
-    draw(mesh, spacing_m, seed).map(|(_, point)| point).collect()
+/// A sample as it is drawn.
+pub(crate) struct Drawn {
+    pub(crate) point: DVec3,
+    /// Its triangle.
+    pub(crate) face: usize,
+    /// How much of each corner of the triangle it is (barycentric coordinates).
+    pub(crate) weights: [f64; 3],
 }
 
-/// The samples, each with the index of its triangle.
-fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl ExactSizeIterator<Item = (usize, DVec3)> {
+/// The samples of [`sample_surface`].
+pub(crate) fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl ExactSizeIterator<Item = Drawn> {
     assert!(!mesh.triangles.is_empty(), "a mesh without faces has no surface to sample");
     assert!(spacing_m > 0.0, "spacing {spacing_m} is not positive");
     let mut area = 0.0;
@@ -54,15 +59,16 @@ fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl ExactSizeIterato
         let target = random.next_f64() * area;
         // Rounding can put the target at the total, past the last triangle.
         let face = area_up_to.partition_point(|up_to| *up_to <= target).min(area_up_to.len() - 1);
-        (face, point_in(mesh.corners(face), random.next_f64(), random.next_f64()))
+        let [u, v] = in_triangle(random.next_f64(), random.next_f64());
+        let [a, b, c] = mesh.corners(face);
+        Drawn { point: a + (b - a) * u + (c - a) * v, face, weights: [1.0 - u - v, u, v] }
     })
 }
 
-/// A uniform point of a triangle from two uniform numbers: a point of the parallelogram over two edges, its far half
-/// turned onto the near one.
-fn point_in([a, b, c]: [DVec3; 3], u: f64, v: f64) -> DVec3 {
-    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-    a + (b - a) * u + (c - a) * v
+/// A uniform point of a triangle, as shares of two edges, from two uniform numbers: a point of the parallelogram over the
+/// edges, its far half turned onto the near one.
+fn in_triangle(u: f64, v: f64) -> [f64; 2] {
+    if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
 }
 
 #[cfg(test)]

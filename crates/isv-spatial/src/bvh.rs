@@ -4,9 +4,13 @@ use crate::closest::{Feature, closest_on_triangle};
 use crate::tree::{Content, MAX_DEPTH, Node, Tree};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
+use rayon::prelude::*;
 
 /// Triangles a leaf: fewer make the tree deeper, more waste distance tests.
 const LEAF_SIZE: usize = 4;
+
+/// Points searched for by one thread; fixed, so that results do not depend on the number of threads.
+const CHUNK: usize = 256;
 
 /// The closest point of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,24 +52,50 @@ impl Bvh {
     /// but always the same.
     #[must_use]
     pub fn closest_point(&self, p: DVec3) -> Closest {
-        // An unbounded search of a tree with at least one triangle finds one, unless `p` is not finite.
-        self.search(p, f64::INFINITY).unwrap_or(Closest {
-            triangle: self.faces[0],
-            point: self.corners[0][0],
-            distance_sq: self.corners[0][0].distance_squared(p),
-            feature: Feature::Vertex(0),
-        })
+        self.closest_after(p, 0).0
+    }
+
+    /// The same for each of many points, fastest where points that follow each other lie near each other: each search
+    /// starts from what the one before it found. Which of equally close triangles is reported depends on that.
+    #[must_use]
+    pub fn closest_to_each(&self, points: &[DVec3]) -> Vec<Closest> {
+        let in_turn = |chunk: &[DVec3]| {
+            let mut slot = 0;
+            let search = |p: &DVec3| {
+                let closest;
+                (closest, slot) = self.closest_after(*p, slot);
+                closest
+            };
+            chunk.iter().map(search).collect::<Vec<_>>()
+        };
+        points.par_chunks(CHUNK).flat_map_iter(in_turn).collect()
     }
 
     /// The same, if the mesh comes closer to `p` than `max_distance` metres.
     #[must_use]
     pub fn closest_within(&self, p: DVec3, max_distance: f64) -> Option<Closest> {
-        self.search(p, max_distance * max_distance)
+        let mut best = None;
+        self.search(p, max_distance * max_distance, &mut best);
+        best.map(|(closest, _)| closest)
     }
 
-    /// Depth-first, nearer child first, skipping boxes that are farther than what was found.
-    fn search(&self, p: DVec3, mut best_sq: f64) -> Option<Closest> {
-        let mut best = None;
+    /// The closest point, and the slot of its triangle in leaf order, looked for from another slot.
+    fn closest_after(&self, p: DVec3, slot: usize) -> (Closest, usize) {
+        let first = self.closest_in(slot, p);
+        let mut best = Some((first, slot));
+        self.search(p, first.distance_sq, &mut best);
+        best.unwrap_or((first, slot))
+    }
+
+    /// The closest point of the triangle in a slot.
+    fn closest_in(&self, slot: usize, p: DVec3) -> Closest {
+        let (point, feature) = closest_on_triangle(p, &self.corners[slot]);
+        Closest { triangle: self.faces[slot], point, distance_sq: point.distance_squared(p), feature }
+    }
+
+    /// Puts what is closer than `best_sq`, and its slot, into `best`: depth-first, nearer child first, skipping boxes that
+    /// are farther than what was found.
+    fn search(&self, p: DVec3, mut best_sq: f64, best: &mut Option<(Closest, usize)>) {
         let mut stack = [(0usize, 0f64); MAX_DEPTH + 1];
         stack[0].1 = box_distance_sq(&self.nodes[0], p);
         let mut depth = 1;
@@ -87,10 +117,9 @@ impl Bvh {
                 }
             }
             if let Content::Leaf(range) = self.nodes[index].content(index) {
-                self.search_leaf(range, p, &mut best_sq, &mut best);
+                self.search_leaf(range, p, &mut best_sq, best);
             }
         }
-        best
     }
 
     /// Both children with the square of their box's distance, nearer first.
@@ -104,14 +133,13 @@ impl Bvh {
         range: std::ops::Range<usize>,
         p: DVec3,
         best_sq: &mut f64,
-        best: &mut Option<Closest>,
+        best: &mut Option<(Closest, usize)>,
     ) {
         for slot in range {
-            let (point, feature) = closest_on_triangle(p, &self.corners[slot]);
-            let distance_sq = point.distance_squared(p);
-            if distance_sq < *best_sq {
-                *best_sq = distance_sq;
-                *best = Some(Closest { triangle: self.faces[slot], point, distance_sq, feature });
+            let closest = self.closest_in(slot, p);
+            if closest.distance_sq < *best_sq {
+                *best_sq = closest.distance_sq;
+                *best = Some((closest, slot));
             }
         }
     }
@@ -146,6 +174,19 @@ mod tests {
                 assert_eq!(closest_on_triangle(p, &corners), (found.point, found.feature));
             }
         }
+    }
+
+    #[test]
+    fn many_points_at_once_are_as_close_as_one_by_one() {
+        let bvh = Bvh::new(&soup(9, 2000));
+        let mut random = Random::new(33);
+        let points: Vec<_> = (0..3 * CHUNK + 5).map(|_| random.point() * 1.5).collect();
+        let found = bvh.closest_to_each(&points);
+        assert_eq!(found.len(), points.len());
+        for (closest, p) in found.iter().zip(&points) {
+            assert_eq!(closest.distance_sq, bvh.closest_point(*p).distance_sq, "{p}");
+        }
+        assert!(bvh.closest_to_each(&[]).is_empty());
     }
 
     #[test]

@@ -23,11 +23,13 @@
 mod bvh;
 mod closest;
 mod expansion;
+mod nearest;
 mod point_tree;
 mod tree;
 mod winding;
 
 pub use bvh::{Bvh, Closest};
 pub use closest::{Feature, closest_on_triangle};
+pub use nearest::{MAX_TIES, NearestPoints};
 pub use point_tree::{Neighbour, PointTree};
 pub use winding::{WindingNumber, exact_winding_number};

@@ -48,11 +48,17 @@ impl PointTree {
         &self.points
     }
 
+    /// For each of [`Self::points`] its place in the list that the tree was made from.
+    #[must_use]
+    pub fn origins(&self) -> &[u32] {
+        &self.origins
+    }
+
     /// Square of the distance from `p` to the nearest point; infinite in an empty tree.
     #[must_use]
     pub fn nearest_sq(&self, p: DVec3) -> f64 {
         let mut best_sq = f64::INFINITY;
-        self.visit(0, self.points.len(), p, &mut |point, _| {
+        self.visit(p, f64::INFINITY, &mut |point, _| {
             best_sq = best_sq.min(point.distance_squared(p));
             best_sq
         });
@@ -66,7 +72,7 @@ impl PointTree {
         if k == 0 {
             return;
         }
-        self.visit(0, self.points.len(), p, &mut |point, at| {
+        self.visit(p, f64::INFINITY, &mut |point, at| {
             let new = Neighbour { distance_sq: point.distance_squared(p), index: self.origins[at] };
             let is_before = |n: &Neighbour| (n.distance_sq, n.index) < (new.distance_sq, new.index);
             if found.len() < k || !found.last().is_some_and(is_before) {
@@ -77,10 +83,23 @@ impl PointTree {
         });
     }
 
-    /// Shows `look` each point of a range, with its place in the tree's order, that may lie within the squared radius that
-    /// `look` returned last.
-    fn visit(&self, start: usize, end: usize, p: DVec3, look: &mut impl FnMut(DVec3, usize) -> f64) -> f64 {
-        let mut within_sq = f64::INFINITY;
+    /// Shows `look` each point, with its place in the tree's order, that may lie within the squared radius that `look`
+    /// returned last, which is `within_sq` before.
+    pub(crate) fn visit(&self, p: DVec3, within_sq: f64, look: &mut impl FnMut(DVec3, usize) -> f64) {
+        self.visit_range(0, self.points.len(), p, within_sq, [0.0; 3], look);
+    }
+
+    /// The same for a range of the tree's order, all of whose points are at least `beyond_sq` (squared, along each axis) from
+    /// `p`. Returns what `look` returned last.
+    fn visit_range(
+        &self,
+        start: usize,
+        end: usize,
+        p: DVec3,
+        mut within_sq: f64,
+        mut beyond_sq: [f64; 3],
+        look: &mut impl FnMut(DVec3, usize) -> f64,
+    ) -> f64 {
         if end - start <= LEAF_SIZE {
             for at in start..end {
                 within_sq = look(self.points[at], at);
@@ -93,10 +112,12 @@ impl PointTree {
         let beyond = p[axis] - pivot[axis];
         let (before, behind) = ((start, middle), (middle + 1, end));
         let (near, far) = if beyond < 0.0 { (before, behind) } else { (behind, before) };
-        self.visit(near.0, near.1, p, look);
-        within_sq = look(pivot, middle);
-        if beyond * beyond <= within_sq {
-            within_sq = self.visit(far.0, far.1, p, look);
+        within_sq = self.visit_range(near.0, near.1, p, within_sq, beyond_sq, look);
+        within_sq = within_sq.min(look(pivot, middle));
+        beyond_sq[axis] = beyond * beyond;
+        // Added in the order in which distances are, so that rounding cannot hide a point at exactly the radius.
+        if beyond_sq[0] + beyond_sq[1] + beyond_sq[2] <= within_sq {
+            within_sq = self.visit_range(far.0, far.1, p, within_sq, beyond_sq, look);
         }
         within_sq
     }

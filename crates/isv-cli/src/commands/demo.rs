@@ -172,7 +172,8 @@ impl Take {
         let bytes = coded.bytes.len();
         let mut p2s_mean_mm = 0.0;
         for (original, decoded) in self.shown.iter().zip(&decoded.shown) {
-            p2s_mean_mm += compare(original, decoded, &CompareOptions::default())?.p2s_mean_mm;
+            let error = compare(original, decoded, &CompareOptions::default())?;
+            p2s_mean_mm += error.p2s_mean_mm.expect("both are surfaces");
         }
         Ok(vec![
             terms::prediction(prediction).to_owned(),

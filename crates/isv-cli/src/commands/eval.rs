@@ -1,6 +1,7 @@
 //! `isv eval`: how far frames are from a reference.
 
-use crate::capture::{Capture, Hints};
+use crate::ahead::Ahead;
+use crate::capture::{Capture, CapturedFrame, Content, Hints};
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
@@ -10,16 +11,16 @@ use crate::table::table_of;
 use anyhow::{Context, Result, bail};
 use comfy_table::Table;
 use isv::format::FrameRate;
-use isv::io::Unit;
-use isv::metrics::{CompareOptions, GeometryError, compare, summary};
-use isv::volume::TriangleMesh;
+use isv::io::{Geometry, Unit};
+use isv::metrics::{CompareOptions, GeometryError, Shape, compare, summary};
+use isv::surface::{SurfaceOptions, extract_surface};
 use serde::Serialize;
 use std::ops::Range;
 
 /// Measure the geometric error of frames against a reference
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// What is right: a folder, a pattern, a mesh file or an .isv file
+    /// What is right: a folder or a pattern of meshes or points, one such file, or an .isv file
     reference: String,
     /// What is measured, of the same kinds
     test: String,
@@ -58,7 +59,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let test = Capture::open(&args.test, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.test_units) })?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
-    let frames = measure(args, reference.meshes(reference_range)?.zip(test.meshes(test_range)?), first)?;
+    let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);
+    let frames = measure(args, pairs, first)?;
     let Some(mean) = summary(&frames) else { bail!("{}: no frames to measure", args.reference) };
     print(&if args.json {
         serde_json::to_string_pretty(&Evaluation { mean, frames: &frames })?
@@ -87,10 +89,25 @@ fn matching_ranges(
     Ok([reference_range, test_range])
 }
 
+/// The frames of a capture as they are measured: what is a volume by its zero crossing, all else as it is. They are read
+/// and decoded ahead of their use.
+fn geometries(capture: Capture, range: Range<usize>) -> Result<Ahead<Result<Geometry>>> {
+    let geometry = |frame: CapturedFrame| match frame.content {
+        Content::Geometry(geometry) => Ok(geometry),
+        Content::Volume(volume) => {
+            Ok(Geometry::Mesh(extract_surface(&volume, &SurfaceOptions { normals: false })))
+        }
+        Content::Depth(_) => {
+            bail!("{}: depth images have no surface to measure: isv encode makes one of them", frame.name)
+        }
+    };
+    Ok(Ahead::new(capture.read(range)?.map(move |frame| geometry(frame?))))
+}
+
 /// Compares pairs of reference and test; `first` is the number of the first.
 fn measure(
     args: &Args,
-    pairs: impl Iterator<Item = (Result<TriangleMesh>, Result<TriangleMesh>)>,
+    pairs: impl Iterator<Item = (Result<Geometry>, Result<Geometry>)>,
     first: usize,
 ) -> Result<Vec<GeometryError>> {
     let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
@@ -99,7 +116,7 @@ fn measure(
     for (reference, test) in pairs {
         let (reference, test) = (reference?, test?);
         let number = first + frames.len();
-        let error = compare(&reference, &test, &options)
+        let error = compare(shape(&reference), shape(&test), &options)
             .with_context(|| format!("frame {number} of {} against {}", args.test, args.reference))?;
         frames.push(error);
         progress.step();
@@ -107,39 +124,85 @@ fn measure(
     Ok(frames)
 }
 
+fn shape(geometry: &Geometry) -> Shape<'_> {
+    match geometry {
+        Geometry::Mesh(mesh) => mesh.into(),
+        Geometry::Points(points) => points.into(),
+    }
+}
+
+/// What a table shows of the distances to surfaces.
+#[derive(Clone, Copy)]
+struct Distances {
+    header: &'static str,
+    /// Mean, root mean square, 99th percentile and largest, in millimetres.
+    figures: fn(&GeometryError) -> [Option<f64>; 4],
+}
+
+impl Distances {
+    /// Those of both directions, or of the only one where only one side is a surface.
+    fn found_in(mean: &GeometryError) -> Self {
+        if mean.p2s_mean_mm.is_none() && mean.ref_to_test_mean_mm.is_some() {
+            let figures = |f: &GeometryError| {
+                [f.ref_to_test_mean_mm, f.ref_to_test_rms_mm, f.ref_to_test_p99_mm, f.ref_to_test_max_mm]
+            };
+            return Self { header: "to test mm", figures };
+        }
+        if mean.p2s_mean_mm.is_none() && mean.test_to_ref_mean_mm.is_some() {
+            let figures = |f: &GeometryError| {
+                [f.test_to_ref_mean_mm, f.test_to_ref_rms_mm, f.test_to_ref_p99_mm, f.test_to_ref_max_mm]
+            };
+            return Self { header: "to ref mm", figures };
+        }
+        let figures = |f: &GeometryError| [f.p2s_mean_mm, f.p2s_rms_mm, f.p2s_p99_mm, f.hausdorff_mm];
+        Self { header: "p2s mm", figures }
+    }
+}
+
 /// One row a frame and one for the mean; lengths in millimetres.
 fn table(frames: &[GeometryError], mean: &GeometryError, first: usize) -> Table {
+    let distances = Distances::found_in(mean);
     let mut table = table_of([
         "frame",
-        "p2s mean mm",
-        "p2s rms",
-        "p2s p99",
-        "hausdorff",
-        "chamfer mm",
-        "its floor",
-        "area",
-        "components",
+        distances.header,
+        "rms",
+        "p99",
+        "max",
+        "normal °",
+        "chamfer",
+        "floor",
+        "D1 dB",
+        "D2 dB",
+        "area %",
+        "parts",
     ]);
     for (i, frame) in frames.iter().enumerate() {
-        table.add_row(row((first + i).to_string(), frame));
+        table.add_row(row((first + i).to_string(), frame, distances));
     }
-    table.add_row(row("mean".to_owned(), mean));
+    table.add_row(row("mean".to_owned(), mean, distances));
     table
 }
 
-fn row(name: String, error: &GeometryError) -> Vec<String> {
-    let lengths = [
-        error.p2s_mean_mm,
-        error.p2s_rms_mm,
-        error.p2s_p99_mm,
-        error.hausdorff_mm,
-        error.chamfer_mm,
-        error.chamfer_floor_mm,
-    ];
+fn row(name: String, error: &GeometryError, distances: Distances) -> Vec<String> {
     let mut row = vec![name];
-    row.extend(lengths.map(|mm| format!("{mm:.3}")));
-    row.push(format!("{:.2} %", 100.0 * error.area_ratio));
-    let round = |count: f64| (count * 10.0).round() / 10.0;
-    row.push(format!("{} / {}", round(error.components_test), round(error.components_ref)));
+    row.extend((distances.figures)(error).map(|mm| cell(mm, 3)));
+    row.push(cell(error.normal_error_deg, 2));
+    row.extend([Some(error.chamfer_mm), error.chamfer_floor_mm].map(|mm| cell(mm, 3)));
+    row.extend([error.d1_psnr_db, error.d2_psnr_db].map(|db| cell(db, 2)));
+    row.push(cell(error.area_ratio.map(|ratio| 100.0 * ratio), 2));
+    row.push(match (error.components_test, error.components_ref) {
+        (None, None) => cell(None, 0),
+        (test, reference) => format!("{} / {}", count(test), count(reference)),
+    });
     row
+}
+
+/// A figure, or a dash where there is none.
+fn cell(figure: Option<f64>, digits: usize) -> String {
+    figure.map_or_else(|| "-".to_owned(), |figure| format!("{figure:.digits$}"))
+}
+
+/// A number of parts, which is a whole number except in a mean.
+fn count(figure: Option<f64>) -> String {
+    cell(figure, usize::from(figure.is_some_and(|figure| figure.fract() != 0.0)))
 }
