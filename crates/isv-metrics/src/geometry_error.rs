@@ -1,12 +1,12 @@
 //! The figures of a comparison, and their means over frames.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How far a test shape is from a reference. The names are the keys of `isv eval --json`.
 ///
 /// What there is depends on what is compared: distances to a surface need one, as do area and components; angles and D2
 /// need normals; floor and ceilings need a reference that is sampled; PSNR needs a reference of some size.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GeometryError {
     /// Eq. 15 between the points of the two sides, in millimetres.
     pub chamfer_mm: f64,
