@@ -5,9 +5,12 @@ mod fuzz_seeds;
 mod ingest_table;
 mod lod_table;
 mod paper_table;
+mod regression;
+mod takes;
 
 use anyhow::Result;
 use clap::Parser;
+use std::path::PathBuf;
 
 /// Measured tables, conformance streams and fuzz seeds of isv.
 #[derive(Parser)]
@@ -18,6 +21,18 @@ enum Command {
     LodTable { folder: String, frames: Option<usize> },
     /// Measure the ingest of the sequences `dancer` and `monastery` in a folder
     IngestTable { folder: String },
+    /// Measure the regression table anew and fail where it became worse
+    Regression {
+        /// Folder of the captures; the clips that are not in it keep their rows
+        #[arg(default_value = "../shared/data", env = "ISV_DATA")]
+        data: PathBuf,
+        /// The table
+        #[arg(long, default_value = "regression/results.csv")]
+        table: PathBuf,
+        /// Write the figures into the table
+        #[arg(long)]
+        update: bool,
+    },
     /// Write the conformance streams and their hashes, after a change of the format
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
@@ -31,6 +46,7 @@ fn main() -> Result<()> {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
         Command::IngestTable { folder } => ingest_table::run(&folder),
+        Command::Regression { data, table, update } => regression::run(&data, &table, update),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
     }

@@ -192,6 +192,8 @@ fn styled(layout: Layout, title: &str, y_label: &str) -> Layout {
         .with_label_size(13)
         .with_tick_size(11)
         .with_body_size(12)
+        // None is wider than the font that lengths of text are computed with.
+        .with_font_family("Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif")
 }
 
 #[cfg(test)]

@@ -1,0 +1,79 @@
+//! What is measured: the project's own figure, and captures.
+
+use anyhow::{Context, Result};
+use isv::format::FrameRate;
+use isv::io::{FrameSequence, Unit, read_mesh};
+use isv::volume::{TriangleMesh, VoxelSize};
+use isv_figure::figure_mesh;
+use isv_study::{Take, TakeError, TakeFrames};
+use std::path::Path;
+
+/// Frames a second of all takes.
+pub(crate) const FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+
+/// The first frames of a folder of meshes, in metres.
+pub(crate) struct Sequence {
+    name: String,
+    files: FrameSequence,
+}
+
+impl Sequence {
+    /// The first `frames` frames, or all if there are fewer.
+    pub(crate) fn open(folder: &Path, frames: usize) -> Result<Self> {
+        let path = folder.to_str().with_context(|| format!("{}: not a name", folder.display()))?;
+        let files = FrameSequence::open(path)?;
+        let count = files.paths().len().min(frames);
+        let name = folder.file_name().and_then(|name| name.to_str()).unwrap_or(path).to_owned();
+        Ok(Self { name, files: files.select(0..count)? })
+    }
+}
+
+impl Take for Sequence {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn frames(&self) -> usize {
+        self.files.paths().len()
+    }
+
+    fn frame_rate(&self) -> FrameRate {
+        FRAME_RATE
+    }
+
+    fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
+        Ok(Box::new(self.files.paths().iter().map(|path| Ok(read_mesh(path, Unit::Metre)?))))
+    }
+}
+
+/// The demo's figure in motion.
+pub(crate) struct Figure {
+    frames: usize,
+    voxel: VoxelSize,
+}
+
+impl Figure {
+    /// The first frames of its motion, modelled with voxels of 8 mm.
+    pub(crate) fn new(frames: usize) -> Result<Self> {
+        Ok(Self { frames, voxel: VoxelSize::from_metres(0.008)? })
+    }
+}
+
+impl Take for Figure {
+    fn name(&self) -> &str {
+        "figure"
+    }
+
+    fn frames(&self) -> usize {
+        self.frames
+    }
+
+    fn frame_rate(&self) -> FrameRate {
+        FRAME_RATE
+    }
+
+    fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
+        let mesh = |frame| -> TriangleMesh { figure_mesh(frame as f64 / FRAME_RATE.per_second(), self.voxel) };
+        Ok(Box::new((0..self.frames).map(move |frame| Ok(mesh(frame)))))
+    }
+}
