@@ -1,12 +1,16 @@
 //! The points that stand for a shape.
 
 use crate::normals::SmoothNormals;
-use crate::sampling::draw;
+use crate::sampling::{Drawn, draw_in_order};
 use crate::weld::key;
 use glam::DVec3;
 use isv_spatial::PointTree;
 use isv_volume::{PointCloud, TriangleMesh};
+use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+
+/// Samples that are worth a thread's while.
+const MIN_SAMPLES: usize = 1024;
 
 /// Points to measure from and to, with or without normals.
 pub(crate) struct PointSet {
@@ -16,11 +20,12 @@ pub(crate) struct PointSet {
 }
 
 impl PointSet {
-    /// The samples of a mesh, as [`sample_surface`](crate::sample_surface) draws them, with interpolated normals.
+    /// The samples that [`sample_surface`](crate::sample_surface) draws of a mesh, with interpolated normals.
     pub(crate) fn sampled(mesh: &TriangleMesh, normals: &SmoothNormals, spacing_m: f64, seed: u64) -> Self {
-        let samples =
-            draw(mesh, spacing_m, seed).map(|drawn| (drawn.point, normals.at(drawn.face, drawn.weights)));
-        let (points, normals): (Vec<_>, Vec<_>) = samples.unzip();
+        let samples = draw_in_order(mesh, spacing_m, seed);
+        let described = |drawn: &Drawn| (drawn.point, normals.at(drawn.face, drawn.weights));
+        let (points, normals): (Vec<_>, Vec<_>) =
+            samples.par_iter().with_min_len(MIN_SAMPLES).map(described).unzip();
         Self::new(points, Some(&normals))
     }
 

@@ -45,29 +45,63 @@ pub(crate) struct Drawn {
 
 /// The samples of [`sample_surface`].
 pub(crate) fn draw(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> impl ExactSizeIterator<Item = Drawn> {
-    assert!(!mesh.triangles.is_empty(), "a mesh without faces has no surface to sample");
-    assert!(spacing_m > 0.0, "spacing {spacing_m} is not positive");
-    let mut area = 0.0;
-    let area_up_to: Vec<f64> = (0..mesh.triangles.len())
-        .map(|face| {
-            area += mesh.area_vector(face).length();
-            area
-        })
-        .collect();
-    let mut random = SplitMix64::new(seed);
-    (0..sample_count(area, spacing_m) as usize).map(move |_| {
-        let target = random.next_f64() * area;
+    let area_up_to = areas_up_to(mesh);
+    picks(&area_up_to, spacing_m, seed).map(move |(target, in_face)| {
         // Rounding can put the target at the total, past the last triangle.
         let face = area_up_to.partition_point(|up_to| *up_to <= target).min(area_up_to.len() - 1);
-        let [u, v] = in_triangle(random.next_f64(), random.next_f64());
-        let [a, b, c] = mesh.corners(face);
-        Drawn { point: a + (b - a) * u + (c - a) * v, face, weights: [1.0 - u - v, u, v] }
+        drawn(mesh, face, in_face)
     })
+}
+
+/// The same in the order of their triangles, which most files list by place: found by one walk through the mesh.
+pub(crate) fn draw_in_order(mesh: &TriangleMesh, spacing_m: f64, seed: u64) -> Vec<Drawn> {
+    let area_up_to = areas_up_to(mesh);
+    let mut picks: Vec<_> = picks(&area_up_to, spacing_m, seed).collect();
+    picks.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let mut face = 0;
+    let walk = |(target, in_face)| {
+        while area_up_to[face] <= target && face + 1 < area_up_to.len() {
+            face += 1;
+        }
+        drawn(mesh, face, in_face)
+    };
+    picks.into_iter().map(walk).collect()
+}
+
+/// The area of each triangle and all before it.
+fn areas_up_to(mesh: &TriangleMesh) -> Vec<f64> {
+    assert!(!mesh.triangles.is_empty(), "a mesh without faces has no surface to sample");
+    let mut area = 0.0;
+    let up_to = |face| {
+        area += mesh.area_vector(face).length();
+        area
+    };
+    (0..mesh.triangles.len()).map(up_to).collect()
+}
+
+/// For each sample how much of the area lies before it, and two uniform numbers for its place in the triangle there.
+fn picks(
+    area_up_to: &[f64],
+    spacing_m: f64,
+    seed: u64,
+) -> impl ExactSizeIterator<Item = (f64, [f64; 2])> + use<> {
+    assert!(spacing_m > 0.0, "spacing {spacing_m} is not positive");
+    let area = area_up_to[area_up_to.len() - 1];
+    let mut random = SplitMix64::new(seed);
+    (0..sample_count(area, spacing_m) as usize)
+        .map(move |_| (random.next_f64() * area, [random.next_f64(), random.next_f64()]))
+}
+
+/// The sample at a uniform place of a triangle.
+fn drawn(mesh: &TriangleMesh, face: usize, in_face: [f64; 2]) -> Drawn {
+    let [u, v] = in_triangle(in_face);
+    let [a, b, c] = mesh.corners(face);
+    Drawn { point: a + (b - a) * u + (c - a) * v, face, weights: [1.0 - u - v, u, v] }
 }
 
 /// A uniform point of a triangle, as shares of two edges, from two uniform numbers: a point of the parallelogram over the
 /// edges, its far half turned onto the near one.
-fn in_triangle(u: f64, v: f64) -> [f64; 2] {
+fn in_triangle([u, v]: [f64; 2]) -> [f64; 2] {
     if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
 }
 
@@ -122,6 +156,18 @@ mod tests {
             assert!(normal == DVec3::Z || normal == DVec3::NEG_Y);
             assert!(point.dot(normal).abs() < 1e-15 && point.min_element() >= 0.0);
         }
+    }
+
+    #[test]
+    fn samples_in_order_are_the_same_samples() {
+        let bits = |drawn: &Drawn| (drawn.face, drawn.point.to_array().map(f64::to_bits));
+        let mut expected: Vec<_> = draw(&two_triangles(), 0.02, 3).map(|drawn| bits(&drawn)).collect();
+        let in_order: Vec<_> = draw_in_order(&two_triangles(), 0.02, 3).iter().map(bits).collect();
+        assert!(in_order.is_sorted_by_key(|(face, _)| *face));
+        expected.sort_unstable();
+        let mut sorted = in_order;
+        sorted.sort_unstable();
+        assert_eq!(sorted, expected);
     }
 
     #[test]

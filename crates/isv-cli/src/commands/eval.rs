@@ -172,6 +172,7 @@ fn table(frames: &[GeometryError], mean: &GeometryError, first: usize) -> Table 
         "chamfer",
         "floor",
         "D1 dB",
+        "at most",
         "D2 dB",
         "area %",
         "parts",
@@ -188,7 +189,7 @@ fn row(name: String, error: &GeometryError, distances: Distances) -> Vec<String>
     row.extend((distances.figures)(error).map(|mm| cell(mm, 3)));
     row.push(cell(error.normal_error_deg, 2));
     row.extend([Some(error.chamfer_mm), error.chamfer_floor_mm].map(|mm| cell(mm, 3)));
-    row.extend([error.d1_psnr_db, error.d2_psnr_db].map(|db| cell(db, 2)));
+    row.extend([error.d1_psnr_db, error.d1_ceiling_db, error.d2_psnr_db].map(|db| cell(db, 2)));
     row.push(cell(error.area_ratio.map(|ratio| 100.0 * ratio), 2));
     row.push(match (error.components_test, error.components_ref) {
         (None, None) => cell(None, 0),
