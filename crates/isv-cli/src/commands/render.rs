@@ -68,10 +68,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]
     size: Option<u64>,
     /// Turn of the camera about the up axis (y): 0 looks from +z, 90 from +x
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     yaw: f64,
     /// Height of the camera above the horizon
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     pitch: f64,
     /// Which normals faces are shaded by
     #[arg(long, value_enum, default_value = "smooth")]
@@ -126,13 +126,22 @@ enum BackgroundName {
     Transparent,
 }
 
+/// An angle on the command line.
+fn degrees(text: &str) -> Result<f64, String> {
+    let angle = text.parse::<f64>().ok().filter(|angle| angle.is_finite());
+    angle.ok_or_else(|| "an angle is a number of degrees, such as 30 or -12.5".to_owned())
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let format = PictureFormat::settle(args.format, &args.output)?;
+    if args.columns.is_some() && format.is_moving() {
+        return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
+    }
+    let size = args.picture_size(format)?;
     interrupt::listen()?;
     let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
     let shots = args.shots(footage.len());
-    let size = args.picture_size(format, shots.pictures)?;
     let rate = args.picture_rate(format, footage.frame_rate())?;
     let first = footage.first();
     let mut output = Output::create(&args.output)?;
@@ -143,14 +152,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut seen = Vec::new();
     for (frame, scene) in scenes.enumerate() {
         let scene = scene?;
-        for shot in shots.of_frame(frame) {
+        for shot in shots.of_frame(frame).take_while(|_| !interrupt::requested()) {
             let (picture, errors) = studio.draw(&scene, first + frame, shots.yaw(shot));
             sink.push(picture)?;
             seen.extend(errors);
             progress.step();
-            if interrupt::requested() {
-                bail!("interrupted: {} was not written", args.output.display());
-            }
         }
     }
     if interrupt::requested() {
@@ -203,10 +209,13 @@ impl Args {
     }
 
     /// Edge of each drawing, once it is sure that those held at the same time fit into memory.
-    fn picture_size(&self, format: PictureFormat, pictures: usize) -> Result<usize> {
-        let held = if format.is_moving() { 1 } else { pictures };
-        let kind =
-            if format.is_moving() { 1 } else { 2 * usize::from(self.frames.is_some() || pictures > 1) };
+    fn picture_size(&self, format: PictureFormat) -> Result<usize> {
+        let asked = self.turntable.map(|n| n as usize).or(self.frames.map(FrameRange::count));
+        let (held, kind) = match asked {
+            _ if format.is_moving() => (1, 1),
+            None => (1, 0),
+            Some(held) => (held, 2),
+        };
         let size = self.size.map_or(DEFAULT_SIZES[kind], |size| size as usize);
         match held.checked_mul(size * size) {
             Some(pixels) if pixels <= MAX_PIXELS => Ok(size),
