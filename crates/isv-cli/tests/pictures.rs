@@ -63,7 +63,6 @@ fn errors_have_the_colours_of_their_size() {
     assert!(said.contains("mean 1.000 mm, largest 1.000 mm"), "{said}");
     assert_eq!(middle("2", &[]).0, [0, 114, 178]);
     assert_eq!(middle("2", &["--range", "6mm"]).0, [253, 141, 60]);
-    assert_eq!(middle("2", &["--against-units", "cm"]).1.contains("largest"), true);
 }
 
 #[test]
@@ -111,11 +110,8 @@ fn a_turntable_goes_around_while_frames_go_by() {
     // Another turntable begins where this one has turned by a quarter.
     assert_eq!(turn(&["--yaw", "90"])[0], still[1]);
     assert!(still[2] != other[2] && moving[0] != moving[2]);
-    // One frame of the two, first and second half of the turn; the box around both frames is the larger.
-    let ([width, _], _) = {
-        work.isv(&["render", "take.isv", "-o", "turn.png", "--turntable", "4", "--size", "64"]).done();
-        png(&work.read("turn.png"))
-    };
+    work.isv(&["render", "take.isv", "-o", "turn.png", "--turntable", "4", "--size", "64"]).done();
+    let ([width, _], _) = png(&work.read("turn.png"));
     assert_eq!(width, 2 * 64 + 3 * 8, "a still of a turn is a contact sheet");
 
     // What comes from a pipe cannot be read twice, and is drawn the same.
@@ -188,7 +184,6 @@ fn what_cannot_be_drawn_is_said_in_one_sentence() {
 fn a_reference_without_a_surface_is_named() {
     let work = Workspace::new();
     with_squares(&work, "flat", &[0.0]);
-    // A stream of one frame whose only block was removed by a coarse grid is hard to come by; an empty mesh is not.
     work.write("none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
     let run = work.isv(&["render", "flat", "-o", "out.png", "--against", "none.obj"]);
     run.fails(1, &["none.obj"]);
@@ -215,5 +210,6 @@ fn a_real_dancer_is_drawn() {
     let said = run.done().stderr();
     let mean_mm: f64 = said.split("mean ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!((0.2..0.7).contains(&mean_mm), "{said}");
-    assert_eq!(gif(&work.read("e.gif")).1.len(), 2);
+    let ([width, height], delays, _) = gif(&work.read("e.gif"));
+    assert!(width == 512 && height > 560 && delays.len() == 2, "{width} x {height}, {delays:?}");
 }

@@ -154,7 +154,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let scene = scene?;
         for shot in shots.of_frame(frame).take_while(|_| !interrupt::requested()) {
             let (picture, errors) = studio.draw(&scene, first + frame, shots.yaw(shot));
-            sink.push(picture)?;
+            sink.push(if format.is_moving() { studio.with_legend(picture) } else { picture })?;
             seen.extend(errors);
             progress.step();
         }
