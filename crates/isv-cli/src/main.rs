@@ -11,6 +11,7 @@ mod frame_range;
 mod frame_rate;
 mod interrupt;
 mod length;
+mod matching;
 mod output;
 mod progress;
 mod stats;

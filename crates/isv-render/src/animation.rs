@@ -19,6 +19,15 @@ pub struct PictureRate {
 }
 
 impl PictureRate {
+    /// Most pictures a second of a GIF: browsers take shorter delays than 1/50 second for a mistake and play at 1/10.
+    pub const FASTEST_GIF: u32 = 50;
+
+    /// Whether a GIF can be played at this rate.
+    #[must_use]
+    pub fn fits_gif(self) -> bool {
+        u64::from(self.pictures) <= u64::from(self.seconds) * u64::from(Self::FASTEST_GIF)
+    }
+
     /// The rate, if both numbers are above 0.
     fn checked(self) -> io::Result<Self> {
         if self.pictures == 0 || self.seconds == 0 {

@@ -1,9 +1,13 @@
 //! From the world to pixels.
 
 use glam::{DMat3, DVec3};
+use std::f64::consts::{PI, TAU};
 
 /// Part of the picture left free on every side.
 const MARGIN: f64 = 0.04;
+
+/// Sides of the prism around a box that turns; it is wider than its circle by 0.5 %.
+const ORBIT_CORNERS: usize = 32;
 
 /// Where the picture is taken from: the direction to the camera, and the box it must show whole. Y is up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +20,8 @@ pub struct Camera {
     pub yaw_degrees: f64,
     /// Degrees above the horizon: 90 looks straight down.
     pub pitch_degrees: f64,
+    /// Whether the box turns with the camera: it fits at every yaw, and at every yaw its middle and scale are the same.
+    pub orbits: bool,
     /// Opening of a cone around the whole box, 0 to under 180 degrees; 0 is a parallel projection.
     pub opening_degrees: f64,
 }
@@ -24,13 +30,19 @@ impl Camera {
     /// A camera in front (+z) with a gentle perspective.
     #[must_use]
     pub fn fitting(bounds: (DVec3, DVec3), size: [usize; 2]) -> Self {
-        Self { bounds, size, yaw_degrees: 0.0, pitch_degrees: 0.0, opening_degrees: 24.0 }
+        Self { bounds, size, yaw_degrees: 0.0, pitch_degrees: 0.0, orbits: false, opening_degrees: 24.0 }
     }
 
     /// The same camera from another direction.
     #[must_use]
     pub fn from_direction(self, yaw_degrees: f64, pitch_degrees: f64) -> Self {
         Self { yaw_degrees, pitch_degrees, ..self }
+    }
+
+    /// The same camera, made to go around what it sees: see [`Self::orbits`].
+    #[must_use]
+    pub fn in_orbit(self) -> Self {
+        Self { orbits: true, ..self }
     }
 
     /// The map to pixels of this camera, `scale` times finer than its size.
@@ -45,10 +57,7 @@ impl Camera {
             pixels_a_metre: 1.0,
             centre: [0.0; 2],
         };
-        let corners = (0..8).map(|c| {
-            let pick = |axis: usize| if c >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            projection.project(DVec3::new(pick(0), pick(1), pick(2)))
-        });
+        let corners = self.extremes().into_iter().map(|corner| projection.project(corner));
         let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (from, to) = corners.fold(empty, |(from, to), p| (from.min(p), to.max(p)));
         let size = self.size.map(|s| (s * scale) as f64);
@@ -58,6 +67,23 @@ impl Camera {
         projection.centre =
             [0, 1].map(|axis| size[axis] / 2.0 - (from[axis] + to[axis]) / 2.0 * projection.pixels_a_metre);
         projection
+    }
+
+    /// Points that must fit: the corners of the box, or those of a prism around all boxes that it turns into.
+    fn extremes(&self) -> Vec<DVec3> {
+        let (low, high) = self.bounds;
+        if !self.orbits {
+            let pick = |c: usize, axis: usize| if c >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            return (0..8).map(|c| DVec3::new(pick(c, 0), pick(c, 1), pick(c, 2))).collect();
+        }
+        let middle = (low + high) / 2.0;
+        let reach = (high - middle).with_y(0.0).length() / (PI / ORBIT_CORNERS as f64).cos();
+        let corners = (0..ORBIT_CORNERS).flat_map(|corner| {
+            let azimuth = self.yaw_degrees.to_radians() + TAU * corner as f64 / ORBIT_CORNERS as f64;
+            [low.y, high.y]
+                .map(|y| (middle + reach * DVec3::new(azimuth.sin(), 0.0, azimuth.cos())).with_y(y))
+        });
+        corners.collect()
     }
 
     /// Right, up, and towards the camera, as columns.
@@ -123,6 +149,22 @@ mod tests {
             let left = corners.clone().map(|p| p.x).fold(f64::INFINITY, f64::min);
             let top = corners.map(|p| p.y).fold(f64::INFINITY, f64::min);
             assert!((left / 300.0 - MARGIN).min(top / 200.0 - MARGIN).abs() < 1e-9, "{left} {top}");
+        }
+    }
+
+    #[test]
+    fn a_camera_in_orbit_keeps_its_scale_and_what_it_sees() {
+        let bounds = (DVec3::new(-1.0, 0.0, -0.5), DVec3::new(2.0, 1.0, 3.0));
+        let camera = Camera::fitting(bounds, [300, 200]).in_orbit();
+        let first = camera.from_direction(0.0, 20.0).projection(1);
+        for yaw in 0..72 {
+            let projection = camera.from_direction(5.0 * f64::from(yaw), 20.0).projection(1);
+            assert!((projection.pixels_a_metre / first.pixels_a_metre - 1.0).abs() < 1e-9);
+            assert!(projection.project(first.target).abs_diff_eq(first.project(first.target), 1e-9));
+            for corner in Camera::fitting(bounds, [300, 200]).extremes() {
+                let DVec3 { x, y, .. } = projection.project(corner);
+                assert!((11.9..288.1).contains(&x) && (7.9..192.1).contains(&y), "{yaw}: {x} {y}");
+            }
         }
     }
 

@@ -1,11 +1,15 @@
 //! Pictures of meshes, drawn in software: for looking at captures, comparing codecs and README files.
 //!
-//! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still. Surfaces are
-//! coloured by their world normal, in which dents, seams and noise stand out, and darkened in creases; faces seen from
-//! their back, which a clean mesh never shows, get a colour of their own.
+//! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still. [`render`] colours
+//! surfaces by their world normal, in which dents, seams and noise stand out, and darkens creases; faces seen from
+//! their back, which a clean mesh never shows, get a colour of their own. [`render_errors`] colours them by any error
+//! that a closure gives for a point, on an [`ErrorScale`] with its [`colour_bar`].
+//!
+//! A [`Picture`] is a PNG file, a part of a [`contact_sheet`], or one of an animation: [`GifWriter`] or [`ApngWriter`].
+//! Pixels have the same values for any number of threads. This crate reads no files and measures no distances.
 //!
 //! ```
-//! use isv_render::{Camera, Style, render};
+//! use isv_render::{Background, Camera, ErrorScale, Style, colour_bar, render, render_errors};
 //! use isv_volume::TriangleMesh;
 //!
 //! let mesh = TriangleMesh {
@@ -17,6 +21,13 @@
 //! let picture = render(&mesh, &camera, &Style::default());
 //! let mut file = Vec::new();
 //! picture.write_png(&mut file)?;
+//!
+//! // Distances from the plane z = 0.001, on a scale that ends at 2 mm.
+//! let scale = ErrorScale::new(0.002).expect("a range above 0");
+//! let drawn = render_errors(&mesh, &camera, &Style::default(), &scale, |point| (point.z - 0.001).abs());
+//! assert!((drawn.seen.expect("the mesh is seen").mean_m - 0.001).abs() < 1e-6);
+//! let with_bar = drawn.picture.above(&colour_bar(&scale, 64, Background::Light));
+//! # let _ = with_bar;
 //! # Ok::<(), std::io::Error>(())
 //! ```
 //!

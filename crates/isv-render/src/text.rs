@@ -75,7 +75,7 @@ mod tests {
         let (first, last) = (columns[0], columns[columns.len() - 1]);
         assert!(first.abs_diff(99 - last) <= 2, "{first} {last}");
         let darkest = strip.rgba().chunks(4).min_by_key(|p| p[0]).unwrap();
-        assert_eq!(darkest, [60, 60, 64, 255]);
+        assert!((60..64).contains(&darkest[0]) && darkest[3] == 255, "{darkest:?}");
     }
 
     #[test]

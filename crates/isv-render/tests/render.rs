@@ -99,6 +99,23 @@ fn flat_shading_gives_each_face_one_colour() {
 }
 
 #[test]
+fn a_camera_in_orbit_takes_every_picture_as_one_that_was_set_up_there() {
+    let mut mesh = sphere();
+    mesh.vertices.iter_mut().for_each(|v| *v *= DVec3::new(1.0, 0.5, 0.25));
+    let camera = Camera::fitting(mesh.bounds().unwrap(), [120, 100]).in_orbit();
+    let [there, back] =
+        [50.0, 410.0].map(|yaw| render(&mesh, &camera.from_direction(yaw, 20.0), &TRANSPARENT));
+    let differ = there.rgba().iter().zip(back.rgba()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+    assert!(differ < 8, "{differ} channels differ after a whole turn");
+    let still = Camera { yaw_degrees: 50.0, pitch_degrees: 20.0, ..camera };
+    assert_eq!(render(&mesh, &still, &TRANSPARENT), there);
+    let wide = Camera::fitting(mesh.bounds().unwrap(), [120, 100]).from_direction(90.0, 20.0);
+    let covered = |picture: &Picture| picture.rgba().chunks(4).filter(|p| p[3] > 0).count();
+    let turned = render(&mesh, &camera.from_direction(90.0, 20.0), &TRANSPARENT);
+    assert!(covered(&render(&mesh, &wide, &TRANSPARENT)) > covered(&turned), "alone it could be larger");
+}
+
+#[test]
 fn any_number_of_threads_gives_the_same_picture() {
     let with_threads = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

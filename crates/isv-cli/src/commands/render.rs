@@ -1,110 +1,276 @@
 //! `isv render`: pictures of frames.
 
+mod footage;
+mod format;
+mod sink;
+mod studio;
+
 use crate::capture::{Capture, Hints};
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
+use crate::interrupt;
+use crate::length::Length;
 use crate::output::Output;
 use crate::progress::Progress;
 use anyhow::{Result, bail};
+use clap::ValueEnum;
+use footage::Footage;
+use format::PictureFormat;
 use isv::format::FrameRate;
 use isv::io::Unit;
-use isv::volume::TriangleMesh;
-use isv_render::{Camera, Picture, Style, contact_sheet, render};
+use isv_render::{Background, Camera, ErrorScale, PictureRate, SeenErrors, Shading, Style};
+use sink::PictureSink;
 use std::num::NonZero;
+use std::ops::Range;
 use std::path::PathBuf;
+use studio::{Studio, in_words};
 
-/// Edge in pixels of a picture that stands alone, and of one in a contact sheet.
-const DEFAULT_SIZES: [usize; 2] = [1024, 384];
+/// Edge in pixels of a picture that stands alone, of one in an animation, and of one in a contact sheet.
+const DEFAULT_SIZES: [usize; 3] = [1024, 512, 384];
 
 /// Largest edge in pixels that can be asked for.
 const MAX_SIZE: u64 = 16_384;
 
-/// Most pixels of all pictures together: 1 GiB as RGBA.
+/// Most pixels of all pictures that are held together: 1 GiB as RGBA.
 const MAX_PIXELS: usize = 1 << 28;
 
-/// Draw a frame, or a contact sheet of several, shaded by normal
+/// Most pictures of a turn.
+const MAX_TURN: u64 = 36_000;
+
+/// Where neither the user nor the input says how many frames a second there are.
+const DEFAULT_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+
+/// Draw frames, shaded by normal or coloured by error: a picture, a contact sheet or an animation
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// A folder, a pattern, a mesh file or an .isv file
     input: String,
-    /// The picture to write; - for standard output
-    #[arg(short, long, value_name = "OUT.png")]
+    /// The picture to write: .png for a still, .gif or .apng for an animation; - for standard output
+    #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The frame to draw, counted from 0; the first without it
+    /// Kind of file; without it, that of the output's name, or png for standard output
+    #[arg(long, value_enum)]
+    format: Option<PictureFormat>,
+    /// Draw this frame, counted from 0; without it and --frames, all in an animation, else the first
     #[arg(long, value_name = "N", conflicts_with = "frames")]
     frame: Option<usize>,
-    /// Draw a contact sheet of these frames, without frame B
+    /// Draw these frames, without frame B: a .png becomes a contact sheet
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// Columns of the contact sheet; without it, about as many as rows
-    #[arg(long, value_name = "N", requires = "frames")]
+    /// Draw N pictures from all around, of one frame or, with --frames, of frames that go by during the turn
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_TURN))]
+    turntable: Option<u64>,
+    /// Columns of a contact sheet; without it, about as many as rows
+    #[arg(long, value_name = "N")]
     columns: Option<NonZero<usize>>,
-    /// Edge of each picture in pixels; without it, 1024, or 384 in a contact sheet
+    /// Edge of each drawing in pixels; without it, 1024, or 512 in an animation, or 384 in a contact sheet
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]
     size: Option<u64>,
     /// Turn of the camera about the up axis (y): 0 looks from +z, 90 from +x
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     yaw: f64,
     /// Height of the camera above the horizon
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     pitch: f64,
-    /// Frames a second at which an animated file is sampled
-    #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
-    fps: FrameRate,
+    /// Which normals faces are shaded by
+    #[arg(long, value_enum, default_value = "smooth")]
+    shade: ShadeName,
+    /// What lies behind the surface
+    #[arg(long, value_enum, default_value = "light")]
+    background: BackgroundName,
+    /// Colour by distance to the surface of this input, which has matching frames
+    #[arg(long, value_name = "REFERENCE")]
+    against: Option<String>,
+    /// Distance at which the colours of --against end, with a unit; what is farther is blue
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        default_value = "2mm",
+        requires = "against",
+        allow_hyphen_values = true
+    )]
+    range: Length,
+    /// Write the number of each frame under its picture, with --against its errors too
+    #[arg(long)]
+    captions: bool,
+    /// Pictures a second of an animation, and frames a second at which an animated file is sampled; without it, those of
+    /// the input, or 30
+    #[arg(long, value_parser = frame_rate::parse)]
+    fps: Option<FrameRate>,
     /// Unit of the input's coordinates: m, dm, cm, mm or in; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
+    /// Unit of the coordinates of --against
+    #[arg(long, default_value_t = Unit::Metre, requires = "against")]
+    against_units: Unit,
+}
+
+/// `--shade`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShadeName {
+    /// Those of the vertices: the surface as it is meant
+    Smooth,
+    /// Those of the faces: shows the triangles
+    Flat,
+}
+
+/// `--background`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BackgroundName {
+    /// Nearly white
+    Light,
+    /// Nearly black
+    Dark,
+    /// Nothing
+    Transparent,
+}
+
+/// An angle on the command line.
+fn degrees(text: &str) -> Result<f64, String> {
+    let angle = text.parse::<f64>().ok().filter(|angle| angle.is_finite());
+    angle.ok_or_else(|| "an angle is a number of degrees, such as 30 or -12.5".to_owned())
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let source = Capture::open(&args.input, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) })?;
-    let one = args.frame.unwrap_or(0);
-    let range = args.frames.unwrap_or(FrameRange { start: one, end: one.saturating_add(1) });
-    let size = args.picture_size(range.count())?;
-    let frames = source.range(Some(range))?;
+    let format = PictureFormat::settle(args.format, &args.output)?;
+    if args.columns.is_some() && format.is_moving() {
+        return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
+    }
+    let size = args.picture_size(format)?;
+    interrupt::listen()?;
+    let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
+    let shots = args.shots(footage.len());
+    let rate = args.picture_rate(format, footage.frame_rate())?;
+    let first = footage.first();
     let mut output = Output::create(&args.output)?;
-    let meshes = source.meshes(frames)?.collect::<Result<Vec<_>>>()?;
-    let mut pictures = args.draw(&meshes, size)?;
-    let picture = if args.frames.is_some() {
-        let columns = args.columns.map_or((pictures.len() as f64).sqrt().ceil() as usize, NonZero::get);
-        contact_sheet(&pictures, columns)
-    } else {
-        pictures.swap_remove(0)
-    };
-    picture.write_png(&mut output)?;
+    let (bounds, scenes) = footage.read(args)?;
+    let studio = args.studio(bounds, size);
+    let mut sink = PictureSink::new(format, &mut output, studio.size(), shots.pictures, rate)?;
+    let progress = Progress::new(Some(shots.pictures), "drawing");
+    let mut seen = Vec::new();
+    for (frame, scene) in scenes.enumerate() {
+        let scene = scene?;
+        for shot in shots.of_frame(frame).take_while(|_| !interrupt::requested()) {
+            let (picture, errors) = studio.draw(&scene, first + frame, shots.yaw(shot));
+            sink.push(if format.is_moving() { studio.with_legend(picture) } else { picture })?;
+            seen.extend(errors);
+            progress.step();
+        }
+    }
+    if interrupt::requested() {
+        bail!("interrupted: {} was not written", args.output.display());
+    }
+    sink.finish(|pictures| studio.still(pictures, args.columns.map(NonZero::get)))?;
     output.commit()?;
+    drop(progress);
+    report_errors(&seen);
     Ok(())
 }
 
+/// Which pictures there are: of which frame each is, and from where it is taken.
+struct Shots {
+    frames: usize,
+    pictures: usize,
+    first_yaw: f64,
+    /// Degrees from picture to picture.
+    turn: f64,
+}
+
+impl Shots {
+    /// The pictures of a frame. All frames together take one turn, or have a picture each.
+    fn of_frame(&self, frame: usize) -> Range<usize> {
+        let first = |frame: usize| (frame * self.pictures).div_ceil(self.frames);
+        first(frame)..first(frame + 1)
+    }
+
+    fn yaw(&self, picture: usize) -> f64 {
+        self.first_yaw + self.turn * picture as f64
+    }
+}
+
 impl Args {
-    /// Edge of each picture, once it is sure that `count` of them fit into memory.
-    fn picture_size(&self, count: usize) -> Result<usize> {
-        let default = DEFAULT_SIZES[usize::from(self.frames.is_some())];
-        let size = self.size.map_or(default, |size| size as usize);
-        match count.checked_mul(size * size) {
+    /// Opens the input.
+    fn capture(&self) -> Result<Capture> {
+        Capture::open(&self.input, &Hints { frame_rate: self.sampling_rate(), ..Hints::in_unit(self.units) })
+    }
+
+    fn sampling_rate(&self) -> FrameRate {
+        self.fps.unwrap_or(DEFAULT_RATE)
+    }
+
+    fn shots(&self, frames: usize) -> Shots {
+        let first_yaw = self.yaw;
+        match self.turntable {
+            Some(n) => Shots { frames, pictures: n as usize, first_yaw, turn: 360.0 / n as f64 },
+            None => Shots { frames, pictures: frames, first_yaw, turn: 0.0 },
+        }
+    }
+
+    /// Edge of each drawing, once it is sure that those held at the same time fit into memory.
+    fn picture_size(&self, format: PictureFormat) -> Result<usize> {
+        let asked = self.turntable.map(|n| n as usize).or(self.frames.map(FrameRange::count));
+        let (held, kind) = match asked {
+            _ if format.is_moving() => (1, 1),
+            None => (1, 0),
+            Some(held) => (held, 2),
+        };
+        let size = self.size.map_or(DEFAULT_SIZES[kind], |size| size as usize);
+        match held.checked_mul(size * size) {
             Some(pixels) if pixels <= MAX_PIXELS => Ok(size),
             _ => Err(usage(format!(
-                "{count} pictures of {size} x {size} pixels are too many for one file: take fewer or a smaller --size"
+                "{held} pictures of {size} x {size} pixels are too many for one file: take fewer or a smaller --size"
             ))),
         }
     }
 
-    /// Draws all meshes through one camera.
-    fn draw(&self, meshes: &[TriangleMesh], size: usize) -> Result<Vec<Picture>> {
-        let bounds = meshes
-            .iter()
-            .filter_map(TriangleMesh::bounds)
-            .reduce(|(low, high), (other_low, other_high)| (low.min(other_low), high.max(other_high)));
-        let Some(bounds) = bounds else { bail!("{}: no surface to draw", self.input) };
+    /// How fast pictures follow each other, if the format can say so.
+    fn picture_rate(&self, format: PictureFormat, of_input: Option<FrameRate>) -> Result<PictureRate> {
+        let rate = self.fps.or(of_input).unwrap_or(DEFAULT_RATE);
+        let rate = PictureRate { pictures: rate.numerator, seconds: rate.denominator };
+        if format == PictureFormat::Gif && !rate.fits_gif() {
+            return Err(usage(format!(
+                "a GIF plays at most {} pictures a second: take a lower --fps, or an .apng file",
+                PictureRate::FASTEST_GIF
+            )));
+        }
+        Ok(rate)
+    }
+
+    fn studio(&self, bounds: (glam::DVec3, glam::DVec3), size: usize) -> Studio {
         let camera = Camera::fitting(bounds, [size, size]).from_direction(self.yaw, self.pitch);
-        let progress = Progress::new(Some(meshes.len()), "drawing");
-        let draw = |mesh| {
-            let picture = render(mesh, &camera, &Style::default());
-            progress.step();
-            picture
-        };
-        Ok(meshes.iter().map(draw).collect())
+        Studio {
+            camera: Camera { orbits: self.turntable.is_some(), ..camera },
+            style: Style { background: self.background.into(), shading: self.shade.into() },
+            scale: self.against.as_ref().and_then(|_| ErrorScale::new(self.range.metres())),
+            captions: self.captions,
+        }
+    }
+}
+
+/// Says what the errors of all pictures are.
+fn report_errors(seen: &[SeenErrors]) {
+    let Some(max_m) = seen.iter().map(|errors| errors.max_m).reduce(f64::max) else { return };
+    let mean_m = seen.iter().map(|errors| errors.mean_m).sum::<f64>() / seen.len() as f64;
+    eprintln!("errors of the surface that is seen: {}", in_words(SeenErrors { mean_m, max_m }));
+}
+
+impl From<ShadeName> for Shading {
+    fn from(name: ShadeName) -> Self {
+        match name {
+            ShadeName::Smooth => Self::Smooth,
+            ShadeName::Flat => Self::Flat,
+        }
+    }
+}
+
+impl From<BackgroundName> for Background {
+    fn from(name: BackgroundName) -> Self {
+        match name {
+            BackgroundName::Light => Self::Light,
+            BackgroundName::Dark => Self::Dark,
+            BackgroundName::Transparent => Self::Transparent,
+        }
     }
 }

@@ -7,9 +7,6 @@ use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// Most pictures a second: browsers take shorter delays than 1/50 second for a mistake and play at 1/10.
-const FASTEST: u32 = 50;
-
 /// Writes an animated GIF that plays for ever, picture by picture; none is held.
 ///
 /// Each picture has its own palette. Delays are whole hundredths of a second, rounded so that they do not drift from the
@@ -29,8 +26,11 @@ impl<W: Write> GifWriter<W> {
     /// 50 pictures a second.
     pub fn new(to: W, size: [usize; 2], rate: PictureRate) -> io::Result<Self> {
         let rate = rate.checked()?;
-        if u64::from(rate.pictures) > u64::from(rate.seconds) * u64::from(FASTEST) {
-            return Err(refused(format!("a GIF plays at most {FASTEST} pictures a second")));
+        if !rate.fits_gif() {
+            return Err(refused(format!(
+                "a GIF plays at most {} pictures a second",
+                PictureRate::FASTEST_GIF
+            )));
         }
         let sides = size.map(|side| u16::try_from(side).ok().filter(|side| *side > 0));
         let [Some(width), Some(height)] = sides else {

@@ -1,0 +1,135 @@
+//! The frames to draw, in order, and the box around all of them.
+
+use super::Args;
+use crate::ahead::Ahead;
+use crate::capture::{Capture, Frames, Hints};
+use crate::frame_range::FrameRange;
+use crate::interrupt;
+use crate::matching::matching_ranges;
+use crate::progress::Progress;
+use anyhow::{Result, bail};
+use glam::DVec3;
+use isv::format::FrameRate;
+use isv::volume::TriangleMesh;
+use isv_spatial::Bvh;
+use std::ops::Range;
+
+/// A box around something; none if there is nothing.
+type Bounds = Option<(DVec3, DVec3)>;
+
+/// A frame to draw.
+pub(super) struct Scene {
+    pub(super) mesh: TriangleMesh,
+    /// The surface that errors are measured against.
+    pub(super) reference: Option<Bvh>,
+}
+
+/// Where frames come from, before any is read.
+pub(super) struct Footage {
+    input: Capture,
+    range: Range<usize>,
+    reference: Option<(Capture, Range<usize>)>,
+}
+
+impl Footage {
+    /// Opens the inputs. Without a range given, `moving` pictures are of all frames, still ones of the first.
+    pub(super) fn open(args: &Args, moving: bool) -> Result<Self> {
+        let input = args.capture()?;
+        let asked =
+            args.frames.or(args.frame.map(|frame| FrameRange { start: frame, end: frame.saturating_add(1) }));
+        let all = asked.is_some() || moving;
+        let Some(against) = &args.against else {
+            if all && asked.is_none() {
+                input.counted()?;
+            }
+            let range = input.range(asked.or((!all).then_some(FrameRange { start: 0, end: 1 })))?;
+            return Ok(Self { input, range, reference: None });
+        };
+        let hints = Hints { frame_rate: args.sampling_rate(), ..Hints::in_unit(args.against_units) };
+        let reference = Capture::open(against, &hints)?;
+        // The same length is asked for even if only the first frames are drawn: they may not belong together otherwise.
+        let ranges = matching_ranges(&reference, &input, asked)?;
+        let [in_reference, range] =
+            ranges.map(|range| if all { range } else { range.start..range.end.min(range.start + 1) });
+        Ok(Self { input, range, reference: Some((reference, in_reference)) })
+    }
+
+    /// How many frames there are.
+    pub(super) fn len(&self) -> usize {
+        self.range.len()
+    }
+
+    /// The number of the first frame, in the reference if there is one.
+    pub(super) fn first(&self) -> usize {
+        self.reference.as_ref().map_or(self.range.start, |(_, range)| range.start)
+    }
+
+    /// Frames a second, where the input says.
+    pub(super) fn frame_rate(&self) -> Option<FrameRate> {
+        self.input.frame_rate()
+    }
+
+    /// Reads the frames, once for the box around them and once more for whoever draws them, so that few are held at a
+    /// time; those of a pipe, which cannot be read again, are all held.
+    pub(super) fn read(self, args: &Args) -> Result<((DVec3, DVec3), Frames<Scene>)> {
+        let name = self.input.name().to_owned();
+        let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
+        let mut meshes = self.input.meshes(self.range.clone())?;
+        let bounds = if can_read_again {
+            let bounds = bounds_of(meshes, self.range.len())?;
+            meshes = args.capture()?.meshes(self.range)?;
+            bounds
+        } else {
+            let held = meshes.collect::<Result<Vec<_>>>()?;
+            let bounds = union(held.iter());
+            meshes = Box::new(held.into_iter().map(Ok));
+            bounds
+        };
+        let Some(bounds) = bounds else { bail!("{name}: no surface to draw") };
+        let Some((reference, range)) = self.reference else {
+            return Ok((bounds, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
+        };
+        let name = reference.name().to_owned();
+        let pairs = meshes.zip(range.clone().zip(reference.meshes(range)?));
+        let scenes = pairs.map(move |(mesh, (number, reference))| {
+            let reference = reference?;
+            if reference.triangles.is_empty() {
+                bail!("{name}: frame {number} has no surface to measure against");
+            }
+            Ok(Scene { mesh: mesh?, reference: Some(Bvh::new(&reference)) })
+        });
+        Ok((bounds, ahead(scenes)))
+    }
+}
+
+/// The next frame is read while one is drawn. When the user interrupts the program, this ends.
+fn ahead(scenes: impl Iterator<Item = Result<Scene>> + Send + 'static) -> Frames<Scene> {
+    Box::new(Ahead::new(scenes))
+}
+
+/// The box around all meshes; none if they have no vertices.
+fn bounds_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Bounds> {
+    let progress = Progress::new(Some(count), "framing");
+    let mut bounds = Bounds::None;
+    for mesh in meshes {
+        if interrupt::requested() {
+            bail!("interrupted");
+        }
+        bounds = join(bounds, mesh?.bounds());
+        progress.step();
+    }
+    Ok(bounds)
+}
+
+fn join(one: Bounds, other: Bounds) -> Bounds {
+    match (one, other) {
+        (Some((low, high)), Some((other_low, other_high))) => {
+            Some((low.min(other_low), high.max(other_high)))
+        }
+        _ => one.or(other),
+    }
+}
+
+fn union<'a>(meshes: impl Iterator<Item = &'a TriangleMesh>) -> Bounds {
+    meshes.map(TriangleMesh::bounds).fold(None, join)
+}
