@@ -109,3 +109,105 @@ fn without_unused(vertices: &[DVec3], triangles: &[[u32; 3]]) -> TriangleMesh {
         .collect();
     TriangleMesh { vertices: kept, normals: Vec::new(), triangles }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support;
+    use isv_metrics::{CompareOptions, compare, connected_components};
+
+    const OPTIONS: [(&str, SimplifyOptions); 5] = [
+        ("none", SimplifyOptions::EMPTY),
+        ("prune", SimplifyOptions::PRUNE),
+        ("permissive", SimplifyOptions::PERMISSIVE),
+        ("regularize light", SimplifyOptions::REGULARIZE_LIGHT),
+        ("regularize", SimplifyOptions::REGULARIZE),
+    ];
+
+    /// Share of faces left and mean error in millimetres of each option; prints them.
+    fn table(sequence: &str, share: f64, spacing_m: f64) -> Option<[(f64, f64); 5]> {
+        let mesh = support::load(sequence, 0)?;
+        Some(OPTIONS.map(|(name, options)| {
+            let test = simplify_with(&mesh, share, options).unwrap();
+            let options = CompareOptions { spacing_m, ..CompareOptions::default() };
+            let error = compare(&mesh, &test, &options).unwrap();
+            let left = test.triangles.len() as f64 / mesh.triangles.len() as f64;
+            println!(
+                "{sequence} to {share}, {name}: {left:.4} left, mean {:.3} mm, rms {:.3} mm, {} parts",
+                error.p2s_mean_mm, error.p2s_rms_mm, error.components_test
+            );
+            (left, error.p2s_mean_mm)
+        }))
+    }
+
+    #[test]
+    fn the_option_chosen_is_as_good_as_any_other_on_a_capture() {
+        for share in [0.5, 0.25, 0.1, 0.05] {
+            let Some(results) = table("dancer", share, 0.005) else { return };
+            let (left, error) = results[1];
+            assert!((left / share - 1.0).abs() < 0.02, "{left} of the faces for {share}");
+            assert!(results.iter().all(|(_, other)| error <= 1.05 * other), "{results:?}");
+        }
+    }
+
+    #[test]
+    fn the_option_chosen_reaches_the_share_in_a_scene_of_many_parts() {
+        for share in [0.25, 0.05] {
+            let Some(results) = table("monastery", share, 0.05) else { return };
+            assert!((results[1].0 / share - 1.0).abs() < 0.05, "{results:?}");
+        }
+    }
+
+    #[test]
+    fn welding_joins_equal_positions_and_drops_what_has_no_area() {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+        let mesh = TriangleMesh {
+            vertices: corners.map(DVec3::from).to_vec(),
+            normals: Vec::new(),
+            triangles: vec![[0, 1, 2], [3, 1, 0], [4, 2, 1]],
+        };
+        let welded = weld(&mesh);
+        assert_eq!(welded.vertices.len(), 4);
+        assert_eq!(welded.triangles, [[0, 1, 2], [3, 2, 1]]);
+    }
+
+    #[test]
+    fn a_simplified_sphere_is_still_a_sphere() {
+        let sphere = isv_testkit::sphere(1.0, 60);
+        for share in [0.5, 0.1] {
+            let simplified = simplify(&sphere, share).unwrap();
+            simplified.validate().unwrap();
+            let left = simplified.triangles.len() as f64 / sphere.triangles.len() as f64;
+            assert!((left / share - 1.0).abs() < 0.01, "{left} for {share}");
+            assert!((simplified.area() / sphere.area() - 1.0).abs() < 0.01);
+            assert!(
+                simplified.vertices.iter().all(|v| sphere.vertices.contains(v)),
+                "vertices of the mesh's own"
+            );
+            assert_eq!(connected_components(&simplified), 1, "welded at the seam");
+        }
+    }
+
+    /// Far from the origin an f32 is good for millimetres only; the mesh's own centre is what counts.
+    #[test]
+    fn a_mesh_far_away_is_simplified_like_one_at_the_origin() {
+        let near = isv_testkit::sphere(1.0, 30);
+        let offset = DVec3::splat(65536.0);
+        let mut far = near.clone();
+        far.vertices.iter_mut().for_each(|v| *v += offset);
+        let [near, far] = [near, far].map(|mesh| simplify(&mesh, 0.2).unwrap());
+        assert!((far.area() / near.area() - 1.0).abs() < 1e-3, "{} for {}", far.area(), near.area());
+    }
+
+    #[test]
+    fn what_cannot_be_simplified_is_refused() {
+        let cube = isv_testkit::cube(1.0);
+        for share in [-0.1, 1.1, f64::NAN] {
+            assert!(matches!(simplify(&cube, share), Err(SimplifyError::Share { .. })));
+        }
+        assert_eq!(simplify(&TriangleMesh::default(), 0.5), Err(SimplifyError::Mesh(MeshError::NoFaces)));
+        let mut wild = cube;
+        wild.vertices[0] = DVec3::splat(1e300);
+        assert!(matches!(simplify(&wild, 0.5), Err(SimplifyError::Simplifier(_))));
+    }
+}
