@@ -82,7 +82,7 @@ fn under_the_dct_it_is_isv_intra() {
         println!(
             "step {step}: isv {isv_bytes} bytes, rms {isv:.2} codes; here {tang_bytes} bytes, {tang:.2}"
         );
-        assert!((tang_bytes as f64 / isv_bytes as f64 - 1.0).abs() < 0.005);
+        assert!((tang_bytes as f64 / isv_bytes as f64 - 1.0).abs() < 0.01);
         assert!((tang / isv - 1.0).abs() < 0.01);
     }
 }
@@ -127,9 +127,9 @@ fn simplified_draco_is_as_strong_as_it_was_measured_before() {
     for (share, bits, most_mbps, most_mm) in [
         (1.0, 10, f64::MAX, 0.4),
         (0.5, 10, f64::MAX, 0.45),
-        (0.25, 10, 2.7, 0.5),
-        (0.1, 10, 1.3, 1.0),
-        (0.05, 10, 0.75, 1.8),
+        (0.25, 10, 2.5, 0.46),
+        (0.1, 10, 1.2, 0.95),
+        (0.05, 10, 0.7, 1.4),
     ] {
         let (mut bytes, mut error_mm, frames) = (0, 0.0, 4);
         for frame in 0..frames {

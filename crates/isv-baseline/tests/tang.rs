@@ -53,12 +53,13 @@ fn the_decoder_has_the_encoders_reconstruction() {
 
 #[test]
 fn all_coefficients_and_a_fine_step_reproduce_the_volume() {
-    let settings = settings(BlockEdge::E8, 512, 1);
+    let settings = settings(BlockEdge::E8, 512, 4);
     let basis = klt(settings.grid);
     let volume = ball(settings.grid, 5.0);
     let frame = TangEncoder::new(&basis, settings).encode(&volume);
     let decoded = TangDecoder::new(&basis, settings, LIMITS).decode(&frame.bytes).unwrap();
-    assert!(largest_error(&volume, &decoded) <= 1);
+    let error = largest_error(&volume, &decoded);
+    assert!(error <= 1, "{error} codes");
 }
 
 #[test]
