@@ -112,3 +112,24 @@ fn without_normals(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
         Cow::Owned(TriangleMesh { vertices, normals: Vec::new(), triangles })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support;
+
+    #[test]
+    fn the_highest_level_gives_the_smallest_files() {
+        let Some(draco) = Draco::find() else { return println!("skipped: draco_encoder is not installed") };
+        let Some(mesh) = support::load("dancer", 0) else { return };
+        for mesh in [crate::simplify(&mesh, 0.25).unwrap(), mesh] {
+            let runs = [0, 5, 7, COMPRESSION_LEVEL].map(|level| {
+                let run = draco.encode_at(&mesh, 10, level).unwrap();
+                let faces = mesh.triangles.len();
+                println!("{faces} faces at level {level}: {} bytes, {:.0} ms", run.output.len(), run.ms);
+                run.output.len()
+            });
+            assert!(runs.iter().all(|bytes| *bytes >= runs[3]), "{runs:?}");
+        }
+    }
+}

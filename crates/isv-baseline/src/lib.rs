@@ -17,6 +17,10 @@ mod program;
 mod simplify;
 mod tang;
 
+#[cfg(test)]
+#[path = "../tests/support/mod.rs"]
+mod support;
+
 pub use basis::BlockBasis;
 pub use draco::{Draco, DracoError};
 pub use moments::{BlockMoments, TrainingError};
