@@ -73,7 +73,8 @@ impl Take for Figure {
     }
 
     fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
-        let mesh = |frame| -> TriangleMesh { figure_mesh(frame as f64 / FRAME_RATE.per_second(), self.voxel) };
+        let mesh =
+            |frame| -> TriangleMesh { figure_mesh(frame as f64 / FRAME_RATE.per_second(), self.voxel) };
         Ok(Box::new((0..self.frames).map(move |frame| Ok(mesh(frame)))))
     }
 }

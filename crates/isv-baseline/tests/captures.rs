@@ -138,7 +138,7 @@ fn simplified_draco_is_as_strong_as_it_was_measured_before() {
             let encoded = draco.encode(&simplified, bits).unwrap();
             let decoded = draco.decode(&encoded.output).unwrap().output;
             bytes += encoded.output.len();
-            error_mm += compare(&mesh, &decoded, &CompareOptions::default()).unwrap().p2s_mean_mm;
+            error_mm += compare(&mesh, &decoded, &CompareOptions::default()).unwrap().p2s_mean_mm.unwrap();
         }
         let mbps = (bytes * 8 * 30) as f64 / frames as f64 / 1e6;
         let error_mm = error_mm / frames as f64;

@@ -58,14 +58,8 @@ pub fn write_symbols(
             let sources = &symbols.references[range.clone()];
             let vectors = &symbols.motion[range.clone()];
             let levels = &symbols.levels[range.start * coefficients..range.end * coefficients];
-            let motion = motion::write(
-                &mut models.motion,
-                symbols.prediction,
-                &range,
-                sources,
-                vectors,
-                &neighbours,
-            );
+            let motion =
+                motion::write(&mut models.motion, symbols.prediction, &range, sources, vectors, &neighbours);
             let (coefficients, dc_bits) = coefficients::write(&mut models.coefficients, sources, levels);
             SliceSegments { motion, coefficients, dc_bits }
         })

@@ -138,9 +138,9 @@ fn lines(title: &str, x: &Axis, y: &Axis, series: &[Series]) -> (Vec<Plot>, Layo
         plots.push(dots.into());
     }
     let all = || series.iter().flat_map(|one| &one.points);
-    let spread = series.iter().flat_map(|one| {
-        one.points.iter().zip(&one.spread).flat_map(|((_, y), half)| [y - half, y + half])
-    });
+    let spread = series
+        .iter()
+        .flat_map(|one| one.points.iter().zip(&one.spread).flat_map(|((_, y), half)| [y - half, y + half]));
     let mut layout = styled(Layout::auto_from_plots(&plots), title, &y.label).with_x_label(x.label.as_str());
     if x.logarithmic {
         layout = layout.with_log_x();

@@ -148,7 +148,11 @@ impl Codec {
         match self {
             Self::Paper(_) => {
                 let ac_step_m = AC_STEPS_VOXELS[i] * scale.voxel_m;
-                OperatingPoint::Steps { coefficients: COEFFICIENTS, dc_step_m: DC_SHARE * ac_step_m, ac_step_m }
+                OperatingPoint::Steps {
+                    coefficients: COEFFICIENTS,
+                    dc_step_m: DC_SHARE * ac_step_m,
+                    ac_step_m,
+                }
             }
             Self::Tang(_) => OperatingPoint::UniformStep {
                 coefficients: COEFFICIENTS,

@@ -32,6 +32,6 @@ pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;
 pub use measure::{Measured, Prepared, StudySettings, Take, TakeError, TakeFrames, measure};
 pub use metric::Metric;
-pub use picture::{Exhibit, Exhibition};
+pub use picture::{Exhibit, Exhibition, View};
 pub use record::{BytesByKind, Record, Timing};
 pub use report::{DeltaRow, Report};

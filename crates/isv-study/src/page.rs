@@ -2,7 +2,7 @@
 
 use crate::chart::Chart;
 use crate::codec::Codec;
-use crate::picture::{Exhibit, Exhibition};
+use crate::picture::{Exhibit, Exhibition, View};
 use crate::report::{DeltaRow, colour};
 use crate::{Metric, Record, Report};
 use base64::Engine;
@@ -89,26 +89,29 @@ fn charts_section<'a>(
 
 fn pictures_section(exhibition: &Exhibition) -> String {
     let words = format!("Frame {}, near {:.2} Mbps. {PICTURES}", exhibition.frame, exhibition.mbps);
-    let legend = picture(&exhibition.legend, "Scale of distances in millimetres").replace("<img", "<img class=\"legend\"");
-    let panel = |id: &str, pick: fn(&Exhibit) -> (&[u8], Option<&[u8]>)| {
-        let figures: String = exhibition.exhibits.iter().map(|exhibit| figure(exhibit, pick(exhibit))).collect();
-        format!("<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"exhibits\">\n{figures}</div></div>\n")
+    let legend = picture(&exhibition.legend, "Scale of distances in millimetres")
+        .replace("<img", "<img class=\"legend\"");
+    let panel = |id: &str, view: fn(&Exhibit) -> &View| {
+        let figures: String =
+            exhibition.exhibits.iter().map(|exhibit| figure(exhibit, view(exhibit))).collect();
+        format!(
+            "<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"exhibits\">\n{figures}</div></div>\n"
+        )
     };
     let tabs = tabs(&[("whole".to_owned(), "Whole"), ("close-up".to_owned(), "Close-up")]);
-    let panels = panel("whole", |e| (&e.normals, e.errors.as_deref()))
-        + &panel("close-up", |e| (&e.close_up, e.close_up_errors.as_deref()));
+    let panels = panel("whole", |e| &e.whole) + &panel("close-up", |e| &e.close_up);
     section("pictures", "The same frame at the same rate", &words, &format!("{legend}{tabs}{panels}"))
 }
 
-fn figure(exhibit: &Exhibit, (normals, errors): (&[u8], Option<&[u8]>)) -> String {
+fn figure(exhibit: &Exhibit, view: &View) -> String {
     let name = exhibit.codec.as_deref().unwrap_or("original");
     let swatch = exhibit.codec.as_deref().map_or(String::new(), swatch);
-    let errors =
-        errors.map_or(String::new(), |errors| picture(errors, &format!("{name}, distance from the original")));
+    let errors = errors
+        .map_or(String::new(), |errors| picture(errors, &format!("{name}, distance from the original")));
     format!(
         "<figure class=\"exhibit\"><div class=\"pair\">{}{errors}</div><figcaption><b>{swatch}{}</b><span>{}</span>\
          </figcaption></figure>\n",
-        picture(normals, &format!("{name}, by normal")),
+        picture(&view.normals, &format!("{name}, by normal")),
         escape(name),
         escape(&exhibit.caption),
     )
@@ -209,7 +212,8 @@ fn results_section(report: &Report) -> String {
 
 fn result_row(record: &Record) -> String {
     let error = &record.error;
-    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let number =
+        |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
     let megabytes = |bytes: Option<u64>| number(bytes.map(|b| b as f64 / 1e6), 0);
     let cells = [
         format!("{:.3}", record.mbps()),

@@ -28,14 +28,19 @@ pub struct Exhibit {
     pub codec: Option<String>,
     /// Under the pictures.
     pub caption: String,
-    /// The whole, coloured by normal, as a PNG file.
+    /// All of it.
+    pub whole: View,
+    /// Its top.
+    pub close_up: View,
+}
+
+/// A mesh through one camera, as PNG files.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Coloured by normal.
     pub normals: Vec<u8>,
-    /// The whole, coloured by distance from what went in; none for what went in.
+    /// Coloured by distance from what went in; none for what went in.
     pub errors: Option<Vec<u8>>,
-    /// The top, coloured by normal.
-    pub close_up: Vec<u8>,
-    /// The top, coloured by distance from what went in; none for what went in.
-    pub close_up_errors: Option<Vec<u8>>,
 }
 
 /// All pictures of a study.
@@ -72,11 +77,14 @@ impl Exhibition {
         let studio = Studio {
             whole: view(bounds, WHOLE),
             close_up: view(crop(original, top), CLOSE_UP),
-            scale: ErrorScale::new(range_m).ok_or_else(|| StudyError::Chart("no range of errors".to_owned()))?,
+            scale: ErrorScale::new(range_m)
+                .ok_or_else(|| StudyError::Chart("no range of errors".to_owned()))?,
         };
         let mut exhibits = vec![studio.original(original)?];
-        for (record, mesh) in decoded {
-            exhibits.push(studio.decoded(record, mesh, original)?);
+        // A decoded frame was compared with the original, which therefore has faces.
+        let surface = (!decoded.is_empty()).then(|| Bvh::new(original));
+        for ((record, mesh), surface) in decoded.iter().zip(surface.iter().cycle()) {
+            exhibits.push(studio.decoded(record, mesh, surface)?);
         }
         let legend = png(&colour_bar(&studio.scale, LEGEND_WIDTH, Background::Light))?;
         Ok(Self { exhibits, legend, frame, mbps })
@@ -86,10 +94,11 @@ impl Exhibition {
 /// The box around the part of a mesh that lies in another box.
 fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
     let inside = mesh.vertices.iter().filter(|v| v.cmpge(within.0).all() && v.cmple(within.1).all());
-    inside.fold(None, |bounds: Option<Bounds>, v| {
-        Some(bounds.map_or((*v, *v), |(low, high)| (low.min(*v), high.max(*v))))
-    })
-    .unwrap_or(within)
+    inside
+        .fold(None, |bounds: Option<Bounds>, v| {
+            Some(bounds.map_or((*v, *v), |(low, high)| (low.min(*v), high.max(*v))))
+        })
+        .unwrap_or(within)
 }
 
 /// Smallest and largest corner, in metres.
@@ -107,35 +116,29 @@ impl Studio {
         Ok(Exhibit {
             codec: None,
             caption: format!("as captured, {} faces", mesh.triangles.len()),
-            normals: self.normals(mesh, &self.whole)?,
-            errors: None,
-            close_up: self.normals(mesh, &self.close_up)?,
-            close_up_errors: None,
+            whole: self.view(mesh, None, &self.whole)?,
+            close_up: self.view(mesh, None, &self.close_up)?,
         })
     }
 
-    fn decoded(&self, record: &Record, mesh: &TriangleMesh, original: &TriangleMesh) -> Result<Exhibit, StudyError> {
-        let surface = (!original.triangles.is_empty()).then(|| Bvh::new(original));
-        let errors = |camera| surface.as_ref().map(|surface| self.errors(mesh, surface, camera)).transpose();
+    fn decoded(&self, record: &Record, mesh: &TriangleMesh, original: &Bvh) -> Result<Exhibit, StudyError> {
         let distance = record.value(Metric::PointToSurface);
         let distance = distance.map_or(String::new(), |mm| format!(", {mm:.2} mm"));
         Ok(Exhibit {
             codec: Some(record.codec.clone()),
             caption: format!("{}: {:.2} Mbps{distance}", record.point, record.mbps()),
-            normals: self.normals(mesh, &self.whole)?,
-            errors: errors(&self.whole)?,
-            close_up: self.normals(mesh, &self.close_up)?,
-            close_up_errors: errors(&self.close_up)?,
+            whole: self.view(mesh, Some(original), &self.whole)?,
+            close_up: self.view(mesh, Some(original), &self.close_up)?,
         })
     }
 
-    fn normals(&self, mesh: &TriangleMesh, camera: &Camera) -> Result<Vec<u8>, StudyError> {
-        png(&render(mesh, camera, &Style::default()))
-    }
-
-    fn errors(&self, mesh: &TriangleMesh, original: &Bvh, camera: &Camera) -> Result<Vec<u8>, StudyError> {
-        let distance = |point| original.closest_point(point).distance_sq.sqrt();
-        png(&render_errors(mesh, camera, &Style::default(), &self.scale, distance).picture)
+    fn view(&self, mesh: &TriangleMesh, original: Option<&Bvh>, camera: &Camera) -> Result<View, StudyError> {
+        let style = Style::default();
+        let errors = original.map(|original| {
+            let distance = |point| original.closest_point(point).distance_sq.sqrt();
+            png(&render_errors(mesh, camera, &style, &self.scale, distance).picture)
+        });
+        Ok(View { normals: png(&render(mesh, camera, &style))?, errors: errors.transpose()? })
     }
 }
 

@@ -84,7 +84,12 @@ impl Report {
             for anchor in &codecs {
                 for test in codecs.iter().filter(|test| *test != anchor) {
                     let delta = delta(&self.curve(anchor, metric), &self.curve(test, metric));
-                    rows.push(DeltaRow { metric, anchor: (*anchor).to_owned(), test: (*test).to_owned(), delta });
+                    rows.push(DeltaRow {
+                        metric,
+                        anchor: (*anchor).to_owned(),
+                        test: (*test).to_owned(),
+                        delta,
+                    });
                 }
             }
         }
@@ -185,17 +190,15 @@ impl Report {
         write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
         write_file(&folder.join("bd_rates.csv"), table::deltas(&deltas).as_bytes())?;
         let charts_folder = folder.join("charts");
-        let named = |cause: io::Error| io::Error::new(cause.kind(), format!("{}: {cause}", charts_folder.display()));
+        let named =
+            |cause: io::Error| io::Error::new(cause.kind(), format!("{}: {cause}", charts_folder.display()));
         std::fs::create_dir_all(&charts_folder).map_err(named)?;
         let charts = self.charts();
         for (name, chart) in &charts {
             write_file(&charts_folder.join(format!("{name}.svg")), chart.svg().as_bytes())?;
             write_file(&charts_folder.join(format!("{name}.png")), &chart.png()?)?;
         }
-        write_file(
-            &folder.join("index.html"),
-            page::html(self, &deltas, &charts, exhibition).as_bytes(),
-        )
+        write_file(&folder.join("index.html"), page::html(self, &deltas, &charts, exhibition).as_bytes())
     }
 }
 

@@ -38,7 +38,9 @@ fn row(record: &Record) -> String {
         error.chamfer_floor_mm,
         error.d1_ceiling_db,
     ];
-    cells.extend(measured.into_iter().chain(others).map(|value| value.map_or(String::new(), |v| format!("{v:.6}"))));
+    cells.extend(
+        measured.into_iter().chain(others).map(|value| value.map_or(String::new(), |v| format!("{v:.6}"))),
+    );
     cells.extend([record.prepare_ms, record.encode_ms, record.decode_ms].map(|t| format!("{:.3}", t.median)));
     let peaks = [record.encode_peak_bytes, record.decode_peak_bytes];
     cells.extend(peaks.map(|peak| peak.map_or(String::new(), |bytes| bytes.to_string())));
@@ -52,7 +54,8 @@ fn row(record: &Record) -> String {
 /// One row a pair of codecs and a metric: what `test` saves against `anchor`.
 pub(crate) fn deltas(rows: &[crate::report::DeltaRow]) -> String {
     let mut csv =
-        "metric,anchor,test,bd_rate_percent,bd_quality_db,overlap_from_db,overlap_to_db,overlap_share\n".to_owned();
+        "metric,anchor,test,bd_rate_percent,bd_quality_db,overlap_from_db,overlap_to_db,overlap_share\n"
+            .to_owned();
     for row in rows {
         let (metric, anchor, test) = (row.metric.key(), &row.anchor, &row.test);
         // Writing to a string does not fail.
@@ -60,7 +63,11 @@ pub(crate) fn deltas(rows: &[crate::report::DeltaRow]) -> String {
             Some(d) => writeln!(
                 csv,
                 "{metric},{anchor},{test},{:.3},{:.4},{:.4},{:.4},{:.4}",
-                d.rate_percent, d.quality_db, d.quality_overlap_db[0], d.quality_overlap_db[1], d.overlap_share
+                d.rate_percent,
+                d.quality_db,
+                d.quality_overlap_db[0],
+                d.quality_overlap_db[1],
+                d.overlap_share
             ),
             None => writeln!(csv, "{metric},{anchor},{test},,,,,0"),
         };

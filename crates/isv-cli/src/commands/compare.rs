@@ -183,7 +183,8 @@ impl Study {
         let Some(mbps) = report.common_mbps() else { return Ok(None) };
         let frame = self.settings.picture_frame;
         let original = self.take.mesh(frame)?;
-        let mesh = |record| -> Result<_> { Ok((record, read_mesh(&self.store.picture(record), Unit::Metre)?)) };
+        let mesh =
+            |record| -> Result<_> { Ok((record, read_mesh(&self.store.picture(record), Unit::Metre)?)) };
         let decoded = report.near_rate(mbps).into_iter().map(mesh).collect::<Result<Vec<_>>>()?;
         let range_m = ERROR_RANGE_VOXELS * self.settings.ingest.grid.voxel_size.metres();
         Ok(Some(Exhibition::new(&original, &decoded, range_m, frame, mbps)?))
@@ -201,15 +202,24 @@ impl Study {
 /// One row a codec: its point nearest to the common rate, and what it saves against the first.
 fn summary(report: &Report) -> String {
     let mut table = table_of([
-        "codec", "point", "Mbps", "p2s mm", "normals deg", "D2 dB", "encode ms", "decode ms", "BD-rate",
+        "codec",
+        "point",
+        "Mbps",
+        "p2s mm",
+        "normals deg",
+        "D2 dB",
+        "encode ms",
+        "decode ms",
+        "BD-rate",
     ]);
-    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let number =
+        |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
     let deltas = report.deltas();
     let anchor = report.codecs()[0].to_owned();
     let saving = |record: &Record| {
-        let row = deltas.iter().find(|d| {
-            d.metric == Metric::PointToSurface && d.anchor == anchor && d.test == record.codec
-        });
+        let row = deltas
+            .iter()
+            .find(|d| d.metric == Metric::PointToSurface && d.anchor == anchor && d.test == record.codec);
         row.and_then(|row| row.delta).map_or("-".to_owned(), |d| format!("{:+.1} %", d.rate_percent))
     };
     for record in report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps)) {

@@ -5,6 +5,7 @@ use crate::capture::{Capture, CapturedFrame, Content, Hints};
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
+use crate::matching::matching_ranges;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
@@ -67,26 +68,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     } else {
         table(&frames, &mean, first).trim_fmt()
     })
-}
-
-/// Which frames of the two are compared with each other.
-fn matching_ranges(
-    reference: &Capture,
-    test: &Capture,
-    frames: Option<FrameRange>,
-) -> Result<[Range<usize>; 2]> {
-    let [in_reference, in_test] = [reference.counted()?, test.counted()?];
-    let reference_range = reference.range(frames)?;
-    // A test made from the range alone has only its frames; it could not hold the range, unless that begins at 0.
-    let test_range = if in_test == reference_range.len() { 0..in_test } else { test.range(frames)? };
-    if test_range.len() != reference_range.len() {
-        bail!(
-            "{} has {in_test} frames but {} has {in_reference}: name the ones to compare with --frames, or the --fps of an animated file",
-            test.name(),
-            reference.name(),
-        );
-    }
-    Ok([reference_range, test_range])
 }
 
 /// The frames of a capture as they are measured: what is a volume by its zero crossing, all else as it is. They are read

@@ -35,7 +35,11 @@ pub(super) fn run(study: &Study, codec: Codec, points: usize) -> Result<()> {
     let training: Vec<_> = training.iter().map(|take| take as &dyn Take).collect();
     let prepared = match Prepared::new(codec, take, &training, settings) {
         Ok(Some(prepared)) => prepared,
-        Ok(None) => return say(&Message::Note(format!("{codec}: draco_encoder and draco_decoder are not installed"))),
+        Ok(None) => {
+            return say(&Message::Note(format!(
+                "{codec}: draco_encoder and draco_decoder are not installed"
+            )));
+        }
         Err(error) => return say(&Message::Note(format!("{codec}: {error}"))),
     };
     for point in codec.points(prepared.scale(), points) {
@@ -91,7 +95,10 @@ pub(super) fn spawn(codec: Codec, store: &Store, progress: &Progress) -> Result<
         let words = String::from_utf8_lossy(&output.stderr);
         let words = words.lines().last().unwrap_or_default().trim_start_matches("isv: ").to_owned();
         let folder = store.folder().display();
-        outcome.notes.push(format!("{codec}: ended early ({}) {words}; what it measured is in {folder}", output.status));
+        outcome.notes.push(format!(
+            "{codec}: ended early ({}) {words}; what it measured is in {folder}",
+            output.status
+        ));
     }
     Ok(outcome)
 }
