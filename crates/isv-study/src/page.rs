@@ -106,7 +106,9 @@ fn pictures_section(exhibition: &Exhibition) -> String {
 fn figure(exhibit: &Exhibit, view: &View) -> String {
     let name = exhibit.codec.as_deref().unwrap_or("original");
     let swatch = exhibit.codec.as_deref().map_or(String::new(), swatch);
-    let errors = errors
+    let errors = view
+        .errors
+        .as_ref()
         .map_or(String::new(), |errors| picture(errors, &format!("{name}, distance from the original")));
     format!(
         "<figure class=\"exhibit\"><div class=\"pair\">{}{errors}</div><figcaption><b>{swatch}{}</b><span>{}</span>\
