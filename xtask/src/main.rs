@@ -4,6 +4,7 @@ mod conformance;
 mod fuzz_seeds;
 mod ingest_table;
 mod lod_table;
+mod paper_results;
 mod paper_table;
 mod regression;
 mod takes;
@@ -21,6 +22,21 @@ enum Command {
     LodTable { folder: String, frames: Option<usize> },
     /// Measure the ingest of the sequences `dancer` and `monastery` in a folder
     IngestTable { folder: String },
+    /// Make the paper's figures and table again on our clips: docs/results
+    PaperResults {
+        /// Folder of the captures
+        #[arg(default_value = "../shared/data", env = "ISV_DATA")]
+        data: PathBuf,
+        /// Where the results go
+        #[arg(long, default_value = "docs/results")]
+        docs: PathBuf,
+        /// Where the studies of clips are kept, which are large; they go on where they stopped
+        #[arg(long, default_value = "target/results")]
+        work: PathBuf,
+        /// Only this part
+        #[arg(long)]
+        part: Option<paper_results::Part>,
+    },
     /// Measure the regression table anew and fail where it became worse
     Regression {
         /// Folder of the captures; the clips that are not in it keep their rows
@@ -46,6 +62,7 @@ fn main() -> Result<()> {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
         Command::IngestTable { folder } => ingest_table::run(&folder),
+        Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),

@@ -166,7 +166,7 @@ mod tests {
             let options = CompareOptions { spacing_m, ..CompareOptions::default() };
             let outcome = Outcome {
                 share_left: test.triangles.len() as f64 / mesh.triangles.len() as f64,
-                mean_mm: compare(&mesh, &test, &options).unwrap().p2s_mean_mm,
+                mean_mm: compare(&mesh, &test, &options).unwrap().p2s_mean_mm.unwrap(),
                 bytes: draco.encode(&test, 10).unwrap().output.len(),
             };
             println!("{sequence} to {share}, {name}: {outcome:.4?}");

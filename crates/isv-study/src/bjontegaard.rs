@@ -6,8 +6,6 @@
 //! through all points, cannot swing between them. The mean difference of two curves over the quality (or log rate) that
 //! both cover is the delta.
 
-use serde::Serialize;
-
 /// An operating point: rate in any unit, above 0, and quality in decibels, higher better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RatePoint {
@@ -18,25 +16,31 @@ pub struct RatePoint {
 }
 
 /// One codec against another, the anchor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delta {
-    /// Mean rate at equal quality, in percent of the anchor's, minus 100: negative is a saving.
-    pub rate_percent: f64,
-    /// Mean quality at equal rate, minus the anchor's.
-    pub quality_db: f64,
-    /// The quality that both curves cover, from and to, over which `rate_percent` was averaged.
-    pub quality_overlap_db: [f64; 2],
-    /// The rates that both curves cover, over which `quality_db` was averaged.
-    pub rate_overlap: [f64; 2],
-    /// Length of the quality overlap over that of all the quality that either curve covers, 0 to 1: a small share means
-    /// that the codecs work at different qualities and the delta says little.
+    /// Mean rate at equal quality, in percent of the anchor's, minus 100: negative is a saving. Over the quality that both
+    /// cover, in decibels; none where they share no quality.
+    pub rate_percent: Option<MeanDifference>,
+    /// Mean quality at equal rate, minus the anchor's, in decibels. Over the rates that both cover; none where they share
+    /// none.
+    pub quality_db: Option<MeanDifference>,
+}
+
+/// The mean difference of two curves, and over what.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeanDifference {
+    /// The mean.
+    pub mean: f64,
+    /// What both curves cover, from and to.
+    pub overlap: [f64; 2],
+    /// Length of the overlap over that of all that either curve covers, 0 to 1 (of rates by ratio): a small share means that
+    /// the codecs work in different places and the difference says little.
     pub overlap_share: f64,
 }
 
-/// The deltas of `test` against `anchor`; `None` where the curves have fewer than two points or do not overlap in both
-/// quality and rate.
+/// The deltas of `test` against `anchor`, each of which needs two points or more.
 #[must_use]
-pub fn delta(anchor: &[RatePoint], test: &[RatePoint]) -> Option<Delta> {
+pub fn delta(anchor: &[RatePoint], test: &[RatePoint]) -> Delta {
     let (anchor, test) = (useful_points(anchor), useful_points(test));
     let log_rate_of_quality = |points: &[RatePoint]| {
         Curve::new(points.iter().map(|p| (p.quality_db, p.rate.ln())).collect::<Vec<_>>())
@@ -44,19 +48,12 @@ pub fn delta(anchor: &[RatePoint], test: &[RatePoint]) -> Option<Delta> {
     let quality_of_log_rate = |points: &[RatePoint]| {
         Curve::new(points.iter().map(|p| (p.rate.ln(), p.quality_db)).collect::<Vec<_>>())
     };
-    let rates = [log_rate_of_quality(&anchor)?, log_rate_of_quality(&test)?];
-    let qualities = [quality_of_log_rate(&anchor)?, quality_of_log_rate(&test)?];
-    let (log_ratio, quality_overlap_db) = mean_difference(&rates)?;
-    let (quality_db, log_rate_overlap) = mean_difference(&qualities)?;
-    let [covered_a, covered_b] = rates.map(|curve| curve.domain());
-    let covered = covered_a[1].max(covered_b[1]) - covered_a[0].min(covered_b[0]);
-    Some(Delta {
-        rate_percent: 100.0 * log_ratio.exp_m1(),
-        quality_db,
-        quality_overlap_db,
-        rate_overlap: log_rate_overlap.map(f64::exp),
-        overlap_share: (quality_overlap_db[1] - quality_overlap_db[0]) / covered,
-    })
+    let log_ratio = mean_difference(log_rate_of_quality(&anchor), log_rate_of_quality(&test));
+    let quality_db = mean_difference(quality_of_log_rate(&anchor), quality_of_log_rate(&test));
+    Delta {
+        rate_percent: log_ratio.map(|d| MeanDifference { mean: 100.0 * d.mean.exp_m1(), ..d }),
+        quality_db: quality_db.map(|d| MeanDifference { overlap: d.overlap.map(f64::exp), ..d }),
+    }
 }
 
 /// The points that someone would use, by rising rate and quality: those for which no other point has at least the quality
@@ -75,13 +72,18 @@ pub fn useful_points(points: &[RatePoint]) -> Vec<RatePoint> {
     sorted
 }
 
-/// Mean of the second curve minus the first over what both cover, and that range.
-fn mean_difference(curves: &[Curve; 2]) -> Option<(f64, [f64; 2])> {
-    let [a, b] = [curves[0].domain(), curves[1].domain()];
+/// Mean of the second curve minus the first over what both cover.
+fn mean_difference(anchor: Option<Curve>, test: Option<Curve>) -> Option<MeanDifference> {
+    let (anchor, test) = (anchor?, test?);
+    let [a, b] = [anchor.domain(), test.domain()];
     let overlap = [a[0].max(b[0]), a[1].min(b[1])];
     let length = overlap[1] - overlap[0];
-    let difference = curves[1].integral(overlap) - curves[0].integral(overlap);
-    (length > 0.0).then(|| (difference / length, overlap))
+    let covered = a[1].max(b[1]) - a[0].min(b[0]);
+    (length > 0.0).then(|| MeanDifference {
+        mean: (test.integral(overlap) - anchor.integral(overlap)) / length,
+        overlap,
+        overlap_share: length / covered,
+    })
 }
 
 /// A monotone piecewise-cubic curve through points.
@@ -174,39 +176,41 @@ mod tests {
     #[test]
     fn the_same_curve_at_three_quarters_of_the_rate_saves_a_quarter() {
         let test: Vec<_> = ANCHOR.iter().map(|(rate, quality)| (0.75 * rate, *quality)).collect();
-        let found = delta(&points(&ANCHOR), &points(&test)).unwrap();
-        assert!((found.rate_percent + 25.0).abs() < 1e-9, "{found:?}");
-        assert_eq!(found.quality_overlap_db, [31.0, 42.0]);
-        assert_eq!(found.overlap_share, 1.0);
-        assert!(found.quality_db > 0.0);
-        assert!((found.rate_overlap[0] - 1.1).abs() < 1e-12 && (found.rate_overlap[1] - 12.75).abs() < 1e-12);
+        let found = delta(&points(&ANCHOR), &points(&test));
+        let (rate, quality) = (found.rate_percent.unwrap(), found.quality_db.unwrap());
+        assert!((rate.mean + 25.0).abs() < 1e-9, "{rate:?}");
+        assert_eq!((rate.overlap, rate.overlap_share), ([31.0, 42.0], 1.0));
+        assert!(quality.mean > 0.0);
+        assert!((quality.overlap[0] - 1.1).abs() < 1e-12 && (quality.overlap[1] - 12.75).abs() < 1e-12);
+        let share = (12.75f64 / 1.1).ln() / (17.0f64 / 0.825).ln();
+        assert!((quality.overlap_share - share).abs() < 1e-12, "{quality:?}");
     }
 
     #[test]
     fn a_constant_gain_is_a_constant_gain() {
         let test: Vec<_> = ANCHOR.iter().map(|(rate, quality)| (*rate, quality + 1.5)).collect();
-        let found = delta(&points(&ANCHOR), &points(&test)).unwrap();
-        assert!((found.quality_db - 1.5).abs() < 1e-12, "{found:?}");
-        assert_eq!(found.quality_overlap_db, [32.5, 42.0]);
-        let back = delta(&points(&test), &points(&ANCHOR)).unwrap();
-        assert!((back.quality_db + 1.5).abs() < 1e-12);
+        let found = delta(&points(&ANCHOR), &points(&test));
+        assert!((found.quality_db.unwrap().mean - 1.5).abs() < 1e-12, "{found:?}");
+        assert_eq!(found.rate_percent.unwrap().overlap, [32.5, 42.0]);
+        let back = delta(&points(&test), &points(&ANCHOR));
+        assert!((back.quality_db.unwrap().mean + 1.5).abs() < 1e-12);
     }
 
     /// Computed with `scipy.interpolate.PchipInterpolator` (SciPy 1.17), which has the same slopes.
     #[test]
     fn deltas_of_unlike_curves_are_those_of_an_independent_implementation() {
         let test = [(0.9, 32.5), (1.3, 33.0), (3.0, 37.9), (5.5, 38.4), (14.0, 43.1)];
-        let found = delta(&points(&ANCHOR), &points(&test)).unwrap();
-        assert!((found.rate_percent - -14.556213565194).abs() < 1e-6, "{found:?}");
-        assert!((found.quality_db - 0.751642059097622).abs() < 1e-6, "{found:?}");
+        let found = delta(&points(&ANCHOR), &points(&test));
+        assert!((found.rate_percent.unwrap().mean + 14.556_213_565_194).abs() < 1e-6, "{found:?}");
+        assert!((found.quality_db.unwrap().mean - 0.751_642_059_097_622).abs() < 1e-6, "{found:?}");
     }
 
     #[test]
     fn two_points_make_a_line() {
         let (anchor, test) = (points(&[(1.0, 0.0), (4.0, 2.0)]), points(&[(0.5, 0.0), (4.0, 3.0)]));
         // ln rate is 0 + q ln 2 against -ln 2 + q ln 2: half the rate at every quality.
-        let found = delta(&anchor, &test).unwrap();
-        assert!((found.rate_percent + 50.0).abs() < 1e-9, "{found:?}");
+        let found = delta(&anchor, &test).rate_percent.unwrap();
+        assert!((found.mean + 50.0).abs() < 1e-9, "{found:?}");
     }
 
     #[test]
@@ -219,8 +223,18 @@ mod tests {
 
     #[test]
     fn curves_that_do_not_meet_have_no_delta() {
-        assert_eq!(delta(&points(&ANCHOR), &points(&[(1.0, 50.0), (2.0, 60.0)])), None);
-        assert_eq!(delta(&points(&ANCHOR), &points(&[(1.0, 35.0)])), None);
-        assert_eq!(delta(&[], &[]), None);
+        let nothing = Delta { rate_percent: None, quality_db: None };
+        assert_eq!(delta(&points(&ANCHOR), &points(&[(20.0, 50.0), (30.0, 60.0)])), nothing);
+        assert_eq!(delta(&points(&ANCHOR), &points(&[(1.5, 35.0)])), nothing);
+        assert_eq!(delta(&[], &[]), nothing);
+    }
+
+    /// A codec that is better everywhere by so much that its highest rate is below the other's lowest still saves rate.
+    #[test]
+    fn curves_that_share_only_quality_have_a_delta_of_rate() {
+        let test: Vec<_> = ANCHOR.iter().map(|(rate, quality)| (0.01 * rate, *quality)).collect();
+        let found = delta(&points(&ANCHOR), &points(&test));
+        assert!((found.rate_percent.unwrap().mean + 99.0).abs() < 1e-9);
+        assert_eq!(found.quality_db, None);
     }
 }

@@ -26,7 +26,7 @@ mod report;
 mod session;
 mod table;
 
-pub use bjontegaard::{Delta, RatePoint, delta, useful_points};
+pub use bjontegaard::{Delta, MeanDifference, RatePoint, delta, useful_points};
 pub use chart::{Axis, Chart, Series};
 pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;

@@ -1,5 +1,6 @@
 //! One HTML file that holds a whole study: charts, tables and pictures, nothing to be fetched.
 
+use crate::bjontegaard::Delta;
 use crate::chart::Chart;
 use crate::codec::Codec;
 use crate::picture::{Exhibit, Exhibition, View};
@@ -52,7 +53,7 @@ const PICTURES: &str = "Each codec at its point nearest to the same rate: by sur
 const DELTAS: &str = "How much rate the codec of a row takes at equal quality, against the codec of a column: negative is a saving. \
                       Below it, how much better it is at equal rate. Piecewise-cubic Bjontegaard deltas over the quality that both \
                       cover; errors count as -20 log10. Faint: the two share less than a quarter of the quality that either \
-                      covers. A dash: they do not meet.";
+                      covers. A dash: they share none.";
 
 fn head(report: &Report) -> String {
     let frames = report.records.iter().map(Record::frames).max().unwrap_or(0);
@@ -154,21 +155,7 @@ fn deltas_table(codecs: &[&str], deltas: &[DeltaRow], metric: Metric) -> String 
     let heads: String = codecs.iter().map(|codec| format!("<th>{}</th>", escape(codec))).collect();
     let cell = |test: &str, anchor: &str| {
         let found = deltas.iter().find(|d| d.metric == metric && d.test == test && d.anchor == anchor);
-        match found.and_then(|row| row.delta) {
-            None => "<td class=\"faint\">-</td>".to_owned(),
-            Some(delta) => {
-                let side = if delta.rate_percent < 0.0 { "good" } else { "bad" };
-                let faint = if delta.overlap_share < FAINT_BELOW { " faint" } else { "" };
-                format!(
-                    "<td class=\"{side}{faint}\" title=\"overlap {:.2} to {:.2} dB, {:.0} %\">{:+.1} %<small>{:+.2} dB</small></td>",
-                    delta.quality_overlap_db[0],
-                    delta.quality_overlap_db[1],
-                    100.0 * delta.overlap_share,
-                    delta.rate_percent,
-                    delta.quality_db
-                )
-            }
-        }
+        delta_cell(found.map(|row| row.delta))
     };
     let rows: String = codecs
         .iter()
@@ -179,6 +166,22 @@ fn deltas_table(codecs: &[&str], deltas: &[DeltaRow], metric: Metric) -> String 
         .collect();
     format!(
         "<div class=\"scroll\"><table><thead><tr><th></th>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>"
+    )
+}
+
+fn delta_cell(delta: Option<Delta>) -> String {
+    let Some(Delta { rate_percent: Some(rate), quality_db }) = delta else {
+        return "<td class=\"faint\">-</td>".to_owned();
+    };
+    let side = if rate.mean < 0.0 { "good" } else { "bad" };
+    let faint = if rate.overlap_share < FAINT_BELOW { " faint" } else { "" };
+    let quality = quality_db.map_or("-".to_owned(), |quality| format!("{:+.2} dB", quality.mean));
+    format!(
+        "<td class=\"{side}{faint}\" title=\"over {:.2} to {:.2} dB, {:.0} %\">{:+.1} %<small>{quality}</small></td>",
+        rate.overlap[0],
+        rate.overlap[1],
+        100.0 * rate.overlap_share,
+        rate.mean,
     )
 }
 

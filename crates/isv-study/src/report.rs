@@ -30,8 +30,8 @@ pub struct DeltaRow {
     pub anchor: String,
     /// The codec compared.
     pub test: String,
-    /// None where the two do not meet.
-    pub delta: Option<Delta>,
+    /// By how much.
+    pub delta: Delta,
 }
 
 /// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].

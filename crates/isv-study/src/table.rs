@@ -1,7 +1,8 @@
 //! Comma-separated tables.
 
+use crate::bjontegaard::MeanDifference;
+use crate::report::DeltaRow;
 use crate::{Metric, Record};
-use std::fmt::Write;
 
 /// One row a record: sizes, errors, times and memory.
 pub(crate) fn results(records: &[Record]) -> String {
@@ -51,26 +52,21 @@ fn row(record: &Record) -> String {
     cells.join(",") + "\n"
 }
 
-/// One row a pair of codecs and a metric: what `test` saves against `anchor`.
-pub(crate) fn deltas(rows: &[crate::report::DeltaRow]) -> String {
-    let mut csv =
-        "metric,anchor,test,bd_rate_percent,bd_quality_db,overlap_from_db,overlap_to_db,overlap_share\n"
-            .to_owned();
-    for row in rows {
-        let (metric, anchor, test) = (row.metric.key(), &row.anchor, &row.test);
-        // Writing to a string does not fail.
-        let _ = match &row.delta {
-            Some(d) => writeln!(
-                csv,
-                "{metric},{anchor},{test},{:.3},{:.4},{:.4},{:.4},{:.4}",
-                d.rate_percent,
-                d.quality_db,
-                d.quality_overlap_db[0],
-                d.quality_overlap_db[1],
-                d.overlap_share
-            ),
-            None => writeln!(csv, "{metric},{anchor},{test},,,,,0"),
-        };
+/// One row a pair of codecs and a metric: what `test` saves against `anchor`, and over what; empty where they do not meet.
+pub(crate) fn deltas(rows: &[DeltaRow]) -> String {
+    let mut csv = "metric,anchor,test".to_owned();
+    csv += ",bd_rate_percent,quality_from_db,quality_to_db,quality_overlap_share";
+    csv += ",bd_quality_db,mbps_from,mbps_to,mbps_overlap_share\n";
+    for DeltaRow { metric, anchor, test, delta } in rows {
+        let cells = [delta.rate_percent, delta.quality_db].map(|difference| {
+            difference.map_or(
+                ",,,".to_owned(),
+                |MeanDifference { mean, overlap: [from, to], overlap_share }| {
+                    format!("{mean:.4},{from:.4},{to:.4},{overlap_share:.4}")
+                },
+            )
+        });
+        csv += &format!("{},{anchor},{test},{}\n", metric.key(), cells.join(","));
     }
     csv
 }

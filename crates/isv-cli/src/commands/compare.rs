@@ -220,7 +220,8 @@ fn summary(report: &Report) -> String {
         let row = deltas
             .iter()
             .find(|d| d.metric == Metric::PointToSurface && d.anchor == anchor && d.test == record.codec);
-        row.and_then(|row| row.delta).map_or("-".to_owned(), |d| format!("{:+.1} %", d.rate_percent))
+        row.and_then(|row| row.delta.rate_percent)
+            .map_or("-".to_owned(), |rate| format!("{:+.1} %", rate.mean))
     };
     for record in report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps)) {
         table.add_row([

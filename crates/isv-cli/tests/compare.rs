@@ -1,0 +1,158 @@
+//! `isv compare` on the project's own figure: what it writes, going on after an interruption, what it leaves out.
+
+mod support;
+
+use std::fs;
+use support::{Workspace, real_sequence};
+
+/// A quick study into the folder `study`.
+const COMPARE: [&str; 9] = [
+    "compare",
+    "frames",
+    "-o",
+    "study",
+    "--voxel=20mm",
+    "--spacing=20mm",
+    "--points=2",
+    "--fps=10",
+    "--threads=2",
+];
+
+fn compare<'a>(codecs: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&COMPARE, &["--codecs", codecs][..], more].concat()
+}
+
+/// Names of the codecs and points in the table of results.
+fn rows(workspace: &Workspace) -> Vec<String> {
+    let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
+    table.lines().skip(1).map(|line| line.split(',').take(2).collect::<Vec<_>>().join(" ")).collect()
+}
+
+#[test]
+fn a_study_leaves_a_page_tables_and_streams() {
+    let workspace = Workspace::with_figure(2);
+    let run = workspace.isv(&compare("paper-3dof,paper-intra", &[])).done();
+    let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+    assert!(said.contains("paper-3dof") && said.contains("study/index.html"), "{said}");
+    // In the order of legends, not of the command line.
+    let expected = [
+        "paper-intra k64-ac10mm",
+        "paper-intra k64-ac160mm",
+        "paper-3dof k64-ac10mm",
+        "paper-3dof k64-ac160mm",
+    ];
+    assert_eq!(rows(&workspace), expected);
+    let page = String::from_utf8(workspace.read("study/index.html")).unwrap();
+    assert!(page.contains("data:image/png;base64,") && page.contains("paper-3dof"));
+    workspace.isv(&["verify", "study/points/paper-3dof/k64-ac10mm.isv"]).done();
+    assert!(workspace.names("study/charts").contains(&"p2s_mean_mm.svg".to_owned()));
+}
+
+#[test]
+fn a_study_goes_on_where_it_stopped() {
+    let workspace = Workspace::with_figure(2);
+    workspace.isv(&compare("paper-zero", &[])).done();
+    let [kept, gone] =
+        ["k64-ac10mm", "k64-ac160mm"].map(|p| workspace.path(&format!("study/points/paper-zero/{p}.json")));
+    let time = |path| fs::metadata(path).unwrap().modified().unwrap();
+    let before = time(&kept);
+    fs::remove_file(&gone).unwrap();
+    workspace.isv(&compare("paper-zero", &[])).done();
+    assert_eq!(time(&kept), before, "what was measured is not measured again");
+    assert!(gone.is_file());
+    assert_eq!(rows(&workspace).len(), 2);
+
+    // Other settings are another study.
+    workspace.isv(&compare("paper-zero", &["--gop=1"])).done();
+    assert!(time(&kept) > before);
+    // So are other frames.
+    let after = time(&kept);
+    fs::copy(workspace.path("frames/frame_0.ply"), workspace.path("frames/frame_1.ply")).unwrap();
+    workspace.isv(&compare("paper-zero", &["--gop=1"])).done();
+    assert!(time(&kept) > after);
+}
+
+#[test]
+fn a_missing_draco_is_left_out_with_a_note() {
+    let workspace = Workspace::with_figure(1);
+    let without_programs = |codecs| {
+        let mut command = workspace.command(&compare(codecs, &[]));
+        command.env("PATH", "").output().unwrap()
+    };
+    let output = without_programs("paper-zero,draco,draco-25");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(stderr.contains("draco-25: draco_encoder and draco_decoder are not installed"), "{stderr}");
+    assert!(rows(&workspace).iter().all(|row| row.starts_with("paper-zero")));
+    let page = String::from_utf8(workspace.read("study/index.html")).unwrap();
+    assert!(page.contains("not installed"));
+
+    let output = without_programs("draco");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr.ends_with("isv: frames: no codec could be measured\n"), "{stderr}");
+}
+
+#[test]
+fn a_codec_that_loses_the_surface_is_left_out_with_a_note() {
+    let workspace = Workspace::new();
+    fs::create_dir(workspace.path("frames")).unwrap();
+    // A sheet has no inside: told that it is closed, isv finds no surface.
+    let sheet = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n";
+    workspace.write("frames/a.off", sheet);
+    let run = workspace.isv(&compare("paper-zero", &["--sign=closed"]));
+    assert_eq!(run.status(), Some(1));
+    let stderr = run.stderr();
+    assert!(stderr.contains("paper-zero at k64-ac10mm: frame 0: "), "{stderr}");
+    assert!(stderr.ends_with("isv: frames: no codec could be measured\n"), "{stderr}");
+    // As a shell it has one.
+    workspace.isv(&compare("paper-zero", &["--sign=offset"])).done();
+}
+
+#[test]
+fn what_cannot_be_studied_is_refused_in_one_sentence() {
+    let workspace = Workspace::with_figure(1);
+    workspace.isv(&compare("paper-4dof", &[])).fails(2, &["\"paper-4dof\"", "paper-3dof"]);
+    workspace.isv(&compare("paper-zero", &["--picture=1"])).fails(2, &["--picture 1", "1 frame"]);
+    workspace.isv(&compare("paper-zero", &["--frames=0..4"])).fails(1, &["frames", "0..4"]);
+    workspace.isv(&compare("paper-zero", &["--voxel=20m"])).fails(2, &["--voxel"]);
+    workspace.isv(&compare("tang-cross", &["--train=nowhere"])).fails(1, &["nowhere"]);
+    workspace.isv(&["compare", "nothing", "-o", "study"]).fails(1, &["nothing"]);
+    workspace.write("file", "");
+    workspace.isv(&["compare", "frames", "-o", "file"]).fails(1, &["file", "folder"]);
+
+    let run = workspace.isv(&compare("tang-cross", &[]));
+    assert_eq!(run.status(), Some(1));
+    assert!(
+        run.stderr().contains("tang-cross: a transform trained on other takes needs some"),
+        "{}",
+        run.stderr()
+    );
+}
+
+/// The figure to reach: against intra-coding, motion saves on a person who moves.
+#[test]
+fn a_real_capture_is_studied() {
+    let Some(folder) = real_sequence("thomas") else { return };
+    let workspace = Workspace::new();
+    let folder = folder.to_str().unwrap();
+    let codecs = "--codecs=paper-intra,paper-3dof,tang-scene,draco-25";
+    workspace
+        .isv(&[
+            "compare",
+            folder,
+            "-o",
+            "study",
+            codecs,
+            "--frames=0..2",
+            "--points=2",
+            "--voxel=10mm",
+            "--spacing=10mm",
+        ])
+        .done();
+    let deltas = String::from_utf8(workspace.read("study/bd_rates.csv")).unwrap();
+    let saving = deltas.lines().find(|line| line.starts_with("p2s_mean_mm,paper-intra,paper-3dof,")).unwrap();
+    let percent: f64 = saving.split(',').nth(3).unwrap().parse().unwrap();
+    println!("3-DoF against intra, two frames of thomas: {percent} %");
+    assert!(percent < -10.0, "{saving}");
+}

@@ -1,0 +1,148 @@
+//! Codecs measured on the project's own figure.
+
+use isv::format::FrameRate;
+use isv::ingest::MeshIngest;
+use isv::metrics::CompareOptions;
+use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv_figure::figure_mesh;
+use isv_study::{
+    Codec, Measured, Metric, OperatingPoint, Prepared, StudyError, StudySettings, Take, TakeError,
+    TakeFrames, measure,
+};
+
+/// Voxels are coarse, for speed.
+const VOXEL_M: f64 = 0.02;
+
+/// Meshes in memory, or what is wrong with them.
+struct Meshes(Vec<Result<TriangleMesh, String>>);
+
+impl Meshes {
+    fn figure(frames: usize) -> Self {
+        let voxel = VoxelSize::from_metres(VOXEL_M).unwrap();
+        Self((0..frames).map(|frame| Ok(figure_mesh(frame as f64 / 30.0, voxel))).collect())
+    }
+}
+
+impl Take for Meshes {
+    fn name(&self) -> &str {
+        "meshes"
+    }
+
+    fn frames(&self) -> usize {
+        self.0.len()
+    }
+
+    fn frame_rate(&self) -> FrameRate {
+        FrameRate { numerator: 30, denominator: 1 }
+    }
+
+    fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
+        Ok(Box::new(self.0.iter().map(|mesh| mesh.clone().map_err(Into::into))))
+    }
+}
+
+fn settings() -> StudySettings {
+    let grid = Grid {
+        voxel_size: VoxelSize::from_metres(VOXEL_M).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8).unwrap(),
+    };
+    let compare = CompareOptions { spacing_m: VOXEL_M, ..CompareOptions::default() };
+    StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 1 }
+}
+
+fn codec(name: &str) -> Codec {
+    name.parse().unwrap()
+}
+
+/// Measures `count` points of a codec; none if it is not installed.
+fn measure_points(name: &str, take: &Meshes, count: usize) -> Option<Vec<Measured>> {
+    let training = Meshes::figure(1);
+    let Some(prepared) = Prepared::new(codec(name), take, &[&training], &settings()).unwrap() else {
+        println!("skipped: draco_encoder is not installed");
+        return None;
+    };
+    let points = codec(name).points(prepared.scale(), count);
+    let measure_one = |point| measure(codec(name), point, take, &settings(), &prepared, &mut || ()).unwrap();
+    Some(points.into_iter().map(measure_one).collect())
+}
+
+#[test]
+fn every_byte_is_counted() {
+    let take = Meshes::figure(3);
+    let measured = measure_points("paper-3dof", &take, 1).unwrap().remove(0);
+    let record = &measured.record;
+    assert_eq!(record.frames(), 3);
+    assert_eq!(record.bytes, measured.isv_file.unwrap().len() as u64);
+    let kinds = record.kinds.unwrap();
+    let sum: f64 = kinds.named().iter().map(|(_, bytes)| bytes).sum();
+    assert!((sum - record.bytes as f64).abs() < 1e-6, "{kinds:?} of {}", record.bytes);
+    assert!(kinds.named().iter().all(|(_, bytes)| *bytes >= 0.0), "{kinds:?}");
+    assert!(kinds.motion > 0.0 && kinds.dc > 0.0 && kinds.ac > 0.0, "{kinds:?}");
+    let frames: u64 = record.frame_bytes.iter().sum();
+    assert!(frames < record.bytes && record.bytes - frames < 200, "{frames} of {}", record.bytes);
+    assert!((record.mbps() - record.bytes as f64 * 8.0 * 10.0 / 1e6).abs() < 1e-12);
+}
+
+#[test]
+fn a_trained_transforms_bytes_are_those_of_its_frames() {
+    let measured = measure_points("tang-scene", &Meshes::figure(2), 1).unwrap().remove(0);
+    let (record, kinds) = (&measured.record, measured.record.kinds.unwrap());
+    assert_eq!(record.bytes, record.frame_bytes.iter().sum::<u64>());
+    let sum: f64 = kinds.named().iter().map(|(_, bytes)| bytes).sum();
+    assert!((sum - record.bytes as f64).abs() < 1e-6, "{kinds:?} of {}", record.bytes);
+    assert!(measured.isv_file.is_none());
+}
+
+#[test]
+fn coarser_points_take_fewer_bytes_and_err_more() {
+    let take = Meshes::figure(2);
+    for name in ["paper-intra", "paper-zero", "tang-scene", "tang-cross", "draco", "draco-25"] {
+        let Some(points) = measure_points(name, &take, 3) else { continue };
+        for pair in points.windows(2) {
+            let [fine, coarse] = [&pair[0].record, &pair[1].record];
+            let error = |record: &isv_study::Record| record.value(Metric::PointToSurface).unwrap();
+            assert!(coarse.bytes < fine.bytes, "{name} {}: {} bytes", coarse.point, coarse.bytes);
+            assert!(error(coarse) > error(fine), "{name} {}: {} mm", coarse.point, error(coarse));
+        }
+        assert!(!points[0].picture.triangles.is_empty());
+    }
+}
+
+#[test]
+fn simplified_meshes_have_fewer_faces() {
+    let take = Meshes::figure(2);
+    let faces = |name| measure_points(name, &take, 1).map(|mut m| m.remove(0).picture.triangles.len());
+    if let (Some(all), Some(tenth)) = (faces("draco"), faces("draco-10")) {
+        assert!((0.08..0.12).contains(&(tenth as f64 / all as f64)), "{tenth} of {all}");
+    }
+}
+
+#[test]
+fn each_frame_is_a_step_of_both_passes() {
+    let take = Meshes::figure(3);
+    let prepared = Prepared::new(codec("paper-zero"), &take, &[], &settings()).unwrap().unwrap();
+    let point = codec("paper-zero").points(prepared.scale(), 1)[0];
+    let mut steps = 0;
+    measure(codec("paper-zero"), point, &take, &settings(), &prepared, &mut || steps += 1).unwrap();
+    assert_eq!(steps, 6);
+}
+
+#[test]
+fn what_stands_in_the_way_is_said() {
+    let prepare = |name, take: &Meshes| Prepared::new(codec(name), take, &[], &settings());
+    assert!(matches!(prepare("tang-cross", &Meshes::figure(1)), Err(StudyError::NoTraining)));
+    assert!(matches!(prepare("paper-zero", &Meshes(vec![])), Err(StudyError::NoFrames { .. })));
+
+    let broken = Meshes(vec![Meshes::figure(1).0.remove(0), Err("b.ply: it is torn".to_owned())]);
+    let prepared = prepare("paper-zero", &broken).unwrap().unwrap();
+    let point = OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.001, ac_step_m: 0.01 };
+    let error =
+        measure(codec("paper-zero"), point, &broken, &settings(), &prepared, &mut || ()).err().unwrap();
+    assert_eq!(error.to_string(), "b.ply: it is torn");
+
+    let empty = Meshes(vec![Meshes::figure(1).0.remove(0), Ok(TriangleMesh::default())]);
+    let error =
+        measure(codec("paper-zero"), point, &empty, &settings(), &prepared, &mut || ()).err().unwrap();
+    assert!(error.to_string().starts_with("frame 1: "), "{error}");
+}
