@@ -83,9 +83,15 @@ fn charts_section<'a>(
     words: &str,
     charts: impl Iterator<Item = &'a (&'static str, Chart)>,
 ) -> String {
-    let figures: String =
-        charts.map(|(_, chart)| format!("<figure class=\"chart\">{}</figure>\n", chart.svg())).collect();
+    let figures: String = charts.map(|(name, chart)| inline(name, chart)).collect();
     section(id, title, words, &format!("<div class=\"charts\">\n{figures}</div>"))
+}
+
+/// A chart as part of the page, where the names that its drawing refers to must not be those of another chart.
+fn inline(name: &str, chart: &Chart) -> String {
+    let svg =
+        chart.svg().replace("id=\"", &format!("id=\"{name}-")).replace("url(#", &format!("url(#{name}-"));
+    format!("<figure class=\"chart\">{svg}</figure>\n")
 }
 
 fn pictures_section(exhibition: &Exhibition) -> String {

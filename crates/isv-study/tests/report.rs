@@ -96,13 +96,19 @@ fn the_page_needs_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     report().write(folder.path(), None).unwrap();
     let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-    let without_names = page.replace("http://www.w3.org/", "");
+    let without_names = page.replace("http://www.w3.org/", "").replace("url(#", "");
     for reference in ["http:", "https:", "src=\"/", "<link", "@import", "url("] {
         assert!(!without_names.contains(reference), "{reference}");
     }
     assert!(page.contains("a &lt;take&gt; &amp; more") && !page.contains("a <take>"));
     assert!(page.contains("+60.0 %") && page.contains("draco-25: not installed"));
     assert_eq!(page.matches("<svg").count(), report().charts().len());
+
+    let mut ids: Vec<_> = page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    let count = ids.len();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), count, "names are unique: {ids:?}");
 }
 
 #[test]
