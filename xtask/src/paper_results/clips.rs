@@ -6,63 +6,77 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// A clip and how it is studied. People as in the paper; large scenes at coarser voxels, with samples as coarse.
+/// A clip and how it is studied. People as in the paper; large scenes at coarser voxels and with coarser samples.
 struct Clip {
     name: &'static str,
     frames: &'static str,
     voxel: &'static str,
     spacing: &'static str,
-    /// Takes that the cross-scene transform is trained on: of the same kind, as in the paper.
-    training: &'static [&'static str],
+    /// Whether what is studied is the shell that the codec puts around an open surface, and not the surface itself, from
+    /// which no decoded shell is nearer than half its thickness.
+    shell: bool,
+    more: &'static [&'static str],
 }
 
+const PERSON: Clip =
+    Clip { name: "", frames: "0..10", voxel: "5mm", spacing: "5mm", shell: false, more: &[] };
+
 const CLIPS: [Clip; 5] = [
-    Clip { name: "dancer", frames: "0..16", voxel: "5mm", spacing: "5mm", training: &["thomas", "liam"] },
-    Clip { name: "thomas", frames: "0..10", voxel: "5mm", spacing: "5mm", training: &["dancer", "liam"] },
-    Clip { name: "liam", frames: "0..10", voxel: "5mm", spacing: "5mm", training: &["dancer", "thomas"] },
-    Clip { name: "flag", frames: "0..10", voxel: "5mm", spacing: "5mm", training: &[] },
-    Clip { name: "monastery", frames: "0..3", voxel: "2cm", spacing: "2cm", training: &[] },
+    Clip { name: "dancer", frames: "0..16", ..PERSON },
+    Clip { name: "thomas", ..PERSON },
+    Clip { name: "liam", ..PERSON },
+    Clip { name: "flag", shell: true, ..PERSON },
+    Clip {
+        name: "monastery",
+        frames: "0..2",
+        voxel: "4cm",
+        spacing: "10cm",
+        shell: true,
+        more: &[
+            "--points=3",
+            "--codecs=paper-intra,paper-zero,paper-3dof,paper-6dof,tang-scene,draco,draco-25,draco-10",
+        ],
+    },
 ];
+
+/// The large scene for Table 1, at the paper's scale of blocks a frame.
+const SCENE: Clip = Clip {
+    name: "monastery",
+    frames: "0..3",
+    voxel: "2cm",
+    spacing: "20cm",
+    shell: false,
+    more: &["--points=1", "--codecs=paper-3dof,paper-6dof,tang-scene,draco,draco-25"],
+};
+
+/// Takes of people, each of which the cross-scene transform of the others is trained on.
+const PEOPLE: [&str; 3] = ["dancer", "thomas", "liam"];
 
 /// Charts of Fig. 8, by the names of their files.
 const CHARTS: [&str; 4] = ["p2s_mean_mm", "chamfer_mm", "d1_psnr_db", "d2_psnr_db"];
 
-/// Codecs and points of Table 1, where the clip has them: the paper's own step, and what is near to it in error.
-const TABLE: [(&str, &str); 5] = [
-    ("draco", "10-bit"),
-    ("draco-25", "10-bit"),
-    ("tang-scene", "k64-step10mm"),
-    ("paper-3dof", "k64-ac10mm"),
-    ("paper-6dof", "k64-ac10mm"),
-];
-
-/// The same for scenes, whose steps and bits are in proportion to voxels and size.
-const TABLE_OF_SCENES: [(&str, &str); 5] = [
-    ("draco", "12-bit"),
-    ("draco-25", "12-bit"),
-    ("tang-scene", "k64-step40mm"),
-    ("paper-3dof", "k64-ac40mm"),
-    ("paper-6dof", "k64-ac40mm"),
-];
+/// Codecs of Table 1, each at its middle point: the paper's own steps, and Draco at the bits that are near to a voxel.
+const TABLE: [&str; 5] = ["paper-3dof", "paper-6dof", "tang-scene", "draco", "draco-25"];
 
 pub(super) fn run(data: &Path, docs: &Path, work: &Path) -> Result<()> {
     let mut costs = Vec::new();
     for clip in &CLIPS {
         let folder = work.join(clip.name);
-        study(clip, data, &folder)?;
+        study(clip, data, work, &folder)?;
         for name in ["results.csv", "bd_rates.csv"] {
             copy(&folder.join(name), docs, &format!("fig8-{}-{name}", clip.name))?;
         }
         for chart in CHARTS {
-            copy(
-                &folder.join("charts").join(format!("{chart}.svg")),
-                docs,
-                &format!("fig8-{}-{chart}.svg", clip.name),
-            )?;
+            let name = format!("fig8-{}-{chart}.svg", clip.name);
+            copy(&folder.join("charts").join(format!("{chart}.svg")), docs, &name)?;
         }
-        let table = fs::read_to_string(folder.join("results.csv"))?;
-        costs.extend(cost_rows(clip.name, &table)?);
+        if !clip.shell {
+            costs.extend(cost_rows(clip.name, &fs::read_to_string(folder.join("results.csv"))?)?);
+        }
     }
+    let folder = work.join("scene");
+    study(&SCENE, data, work, &folder)?;
+    costs.extend(cost_rows(SCENE.name, &fs::read_to_string(folder.join("results.csv"))?)?);
     let header = [
         "clip",
         "codec",
@@ -78,18 +92,38 @@ pub(super) fn run(data: &Path, docs: &Path, work: &Path) -> Result<()> {
     write(docs, "table1.md", &markdown(&header, &costs))
 }
 
-/// Runs `isv compare`, built for release, in a process of its own.
-fn study(clip: &Clip, data: &Path, folder: &Path) -> Result<()> {
-    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(["run", "--release", "--quiet", "--package", "isv-cli", "--", "compare"]);
-    command.arg(data.join(clip.name)).arg("--output").arg(folder);
-    command.args(["--frames", clip.frames, "--voxel", clip.voxel, "--spacing", clip.spacing]);
-    for training in clip.training {
-        command.arg("--train").arg(data.join(training));
+/// Runs `isv compare` on a clip, or on its shell.
+fn study(clip: &Clip, data: &Path, work: &Path, folder: &Path) -> Result<()> {
+    let mut input = data.join(clip.name);
+    if clip.shell {
+        let stream = work.join(format!("{}-shell.isv", clip.name));
+        isv(&["encode", "--coefficients=512", "--dc-step=0.1mm", "--ac-step=0.1mm"], |command| {
+            command.arg(&input).arg("--output").arg(&stream);
+            command.args(["--frames", clip.frames, "--voxel", clip.voxel]);
+        })?;
+        input = stream;
     }
-    println!("{}: isv compare", clip.name);
+    isv(&["compare", "--spacing", clip.spacing, "--voxel", clip.voxel], |command| {
+        command.arg(input).arg("--output").arg(folder).args(clip.more);
+        if !clip.shell {
+            command.args(["--frames", clip.frames]);
+        }
+        if PEOPLE.contains(&clip.name) {
+            for other in PEOPLE.iter().filter(|other| **other != clip.name) {
+                command.arg("--train").arg(data.join(other));
+            }
+        }
+    })
+}
+
+/// Runs `isv`, built for release.
+fn isv(words: &[&str], complete: impl FnOnce(&mut Command)) -> Result<()> {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(["run", "--release", "--quiet", "--package", "isv-cli", "--"]).args(words);
+    complete(&mut command);
+    println!("{command:?}");
     let status = command.status().context("cannot run cargo")?;
-    ensure!(status.success(), "{}: isv compare failed", clip.name);
+    ensure!(status.success(), "isv {} failed", words[0]);
     Ok(())
 }
 
@@ -117,9 +151,6 @@ fn cost_rows(clip: &str, csv: &str) -> Result<Vec<Vec<String>>> {
         (column("encode_peak_bytes")?, 1e-6, 0),
         (column("decode_peak_bytes")?, 1e-6, 0),
     ];
-    let wanted = |row: &Vec<&str>| {
-        TABLE.iter().chain(&TABLE_OF_SCENES).any(|(codec, point)| row[0] == *codec && row[1] == *point)
-    };
     let cells = |row: Vec<&str>| {
         let mut cells = vec![clip.to_owned(), row[0].to_owned(), row[1].to_owned()];
         for (column, scale, digits) in numbers {
@@ -129,5 +160,10 @@ fn cost_rows(clip: &str, csv: &str) -> Result<Vec<Vec<String>>> {
         }
         cells
     };
-    Ok(lines.filter(wanted).map(cells).collect())
+    let rows: Vec<_> = lines.collect();
+    let middle = |codec: &&str| {
+        let points: Vec<_> = rows.iter().filter(|row| row[0] == *codec).collect();
+        points.get(points.len() / 2).map(|row| (*row).clone())
+    };
+    Ok(TABLE.iter().filter_map(middle).map(cells).collect())
 }
