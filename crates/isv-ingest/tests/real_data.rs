@@ -62,7 +62,7 @@ fn check_samples(name: &str, mesh: &TriangleMesh, volume: &SparseVolume, sign: S
                 continue;
             }
             let p = grid.voxel_centre_m(volume.coords()[block], [voxel % n, voxel / n % n, voxel / (n * n)]);
-            let d = bvh.closest_point(p).distance_sq.sqrt() / grid.voxel_size.metres() * 256.0 - offset;
+            let d = bvh.distance(p) / grid.voxel_size.metres() * 256.0 - offset;
             let got = if sign == SignDecision::Offset { *sample } else { sample.abs() };
             assert!(
                 (d.min(limit) - f64::from(got)).abs() < TOLERANCE_CODES,

@@ -55,7 +55,13 @@ impl Bvh {
         self.closest_after(p, 0).0
     }
 
-    /// The same for each of many points, fastest where points that follow each other lie near each other: each search
+    /// Distance of `p` to the mesh, in metres.
+    #[must_use]
+    pub fn distance(&self, p: DVec3) -> f64 {
+        self.closest_point(p).distance_sq.sqrt()
+    }
+
+    /// The same as [`Self::closest_point`] for each of many points, fastest where points that follow each other lie near each other: each search
     /// starts from what the one before it found. Which of equally close triangles is reported depends on that.
     #[must_use]
     pub fn closest_to_each(&self, points: &[DVec3]) -> Vec<Closest> {

@@ -135,8 +135,7 @@ impl Studio {
     fn view(&self, mesh: &TriangleMesh, original: Option<&Bvh>, camera: &Camera) -> Result<View, StudyError> {
         let style = Style::default();
         let errors = original.map(|original| {
-            let distance = |point| original.closest_point(point).distance_sq.sqrt();
-            png(&render_errors(mesh, camera, &style, &self.scale, distance).picture)
+            png(&render_errors(mesh, camera, &style, &self.scale, |point| original.distance(point)).picture)
         });
         Ok(View { normals: png(&render(mesh, camera, &style))?, errors: errors.transpose()? })
     }

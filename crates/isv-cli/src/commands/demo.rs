@@ -16,7 +16,8 @@ use isv::metrics::{CompareOptions, compare};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::{BOUNDS_M, figure_mesh};
-use isv_render::{Camera, Style, contact_sheet, render};
+use isv_render::{Camera, ErrorScale, Picture, Style, colour_bar, contact_sheet, render, render_errors};
+use isv_spatial::Bvh;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,10 @@ const KEPT: Prediction = Prediction::ThreeDof;
 const PICKS: usize = 4;
 
 /// Width and height in pixels of each picture.
-const PICTURE: [usize; 2] = [480, 540];
+const PICTURE: [usize; 2] = [440, 390];
+
+/// Distance at which the colours of errors end, in metres.
+const ERROR_RANGE_M: f64 = 0.002;
 
 /// Voxels that the figure itself is modelled with: not those it is coded with, as no capture would have those.
 const MODEL_VOXEL_M: f64 = 0.008;
@@ -68,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     print(&format!(
         "A figure of {} triangles, {} frames, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
          {folder}/figure.isv       the stream with motion {}; isv info, verify, decode and render read it\n\
-         {folder}/comparison.png   frames as they were, above the same frames decoded\n\
+         {folder}/comparison.png   frames as they were, the same frames decoded, and how far they are apart\n\
          {folder}/decoded          these frames as PLY files",
         take.shown[0].triangles.len(),
         take.volumes.len(),
@@ -191,11 +195,8 @@ impl Take {
         stream.write_all(&coded.bytes)?;
         stream.commit()?;
 
-        let camera = Camera::fitting(BOUNDS_M, PICTURE).from_direction(25.0, 5.0);
-        let rows = self.shown.iter().chain(&decoded.shown);
-        let pictures: Vec<_> = rows.map(|mesh| render(mesh, &camera, &Style::default())).collect();
         let mut picture = Output::create(&folder.join("comparison.png"))?;
-        contact_sheet(&pictures, self.shown.len()).write_png(&mut picture)?;
+        self.comparison(decoded).write_png(&mut picture)?;
         picture.commit()?;
 
         let meshes = folder.join("decoded");
@@ -205,6 +206,21 @@ impl Take {
             write_mesh(&meshes.join(format!("frame_{frame:04}.ply")), mesh, Format::Ply)?;
         }
         Ok(())
+    }
+
+    /// Frames as they were, below them as they come back, and below that how far the two are apart.
+    fn comparison(&self, decoded: &Decoded) -> Picture {
+        let camera = Camera::fitting(BOUNDS_M, PICTURE).from_direction(25.0, 5.0);
+        let (style, scale) = (Style::default(), ErrorScale::new(ERROR_RANGE_M).expect("a length"));
+        let mut pictures: Vec<_> =
+            self.shown.iter().chain(&decoded.shown).map(|mesh| render(mesh, &camera, &style)).collect();
+        for (original, decoded) in self.shown.iter().zip(&decoded.shown) {
+            let original = Bvh::new(original);
+            let distance = |point| original.distance(point);
+            pictures.push(render_errors(decoded, &camera, &style, &scale, distance).picture);
+        }
+        let sheet = contact_sheet(&pictures, self.shown.len());
+        sheet.above(&colour_bar(&scale, sheet.size()[0], style.background))
     }
 }
 

@@ -35,9 +35,7 @@ impl Studio {
         scale: &ErrorScale,
         reference: &Bvh,
     ) -> ErrorPicture {
-        render_errors(mesh, camera, &self.style, scale, |point| {
-            reference.closest_point(point).distance_sq.sqrt()
-        })
+        render_errors(mesh, camera, &self.style, scale, |point| reference.distance(point))
     }
 
     fn captioned(&self, picture: Picture, number: usize, seen: Option<SeenErrors>) -> Picture {
