@@ -50,14 +50,14 @@ pub(crate) fn run(data: &Path, docs: &Path, work: &Path, part: Option<Part>) -> 
     Ok(())
 }
 
-/// Settings of the paper on people: voxels of 5 mm in blocks of 8, keyframes only where a sequence begins.
-fn settings(voxel_m: f64) -> Result<StudySettings> {
+/// Settings of the paper: blocks of 8 voxels, keyframes only where a sequence begins.
+fn settings(voxel_m: f64, spacing_m: f64) -> Result<StudySettings> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_m)?,
         edge: BlockEdge::E8,
         truncation: Truncation::from_voxels(8)?,
     };
-    let compare = CompareOptions { spacing_m: voxel_m, ..CompareOptions::default() };
+    let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
     Ok(StudySettings { ingest: MeshIngest::new(grid), gop: 300, compare, picture_frame: 0 })
 }
 

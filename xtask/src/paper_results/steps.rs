@@ -14,7 +14,7 @@ const DC_STEP_M: f64 = 0.001;
 const AC_STEPS_M: [f64; 8] = [0.001, 0.002, 0.005, 0.010, 0.015, 0.020, 0.030, 0.040];
 
 pub(super) fn run(data: &Path, docs: &Path) -> Result<()> {
-    let settings = settings(0.005)?;
+    let settings = settings(0.005, 0.005)?;
     let take = Sequence::open(&data.join(CLIP.0), CLIP.1)?;
     let records = AC_STEPS_M
         .iter()

@@ -32,7 +32,7 @@ struct Candidate {
 }
 
 pub(super) fn run(data: &Path, docs: &Path) -> Result<()> {
-    let settings = settings(0.005)?;
+    let settings = settings(0.005, 0.005)?;
     let (clip, frames, measured) = CLIP;
     let (meshes, volumes) = read(&Sequence::open(&data.join(clip), frames)?, &settings)?;
     let scene = moments(&[&volumes], &settings)?;
