@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use isv::ingest::MeshIngest;
 use isv::metrics::CompareOptions;
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
-use isv_study::{Chart, Codec, OperatingPoint, Prepared, Record, StudySettings, Take, measure};
+use isv_study::{Chart, Codec, OperatingPoint, Record, StudySettings, Subject, Take};
 use std::fs;
 use std::path::Path;
 
@@ -71,8 +71,8 @@ fn measure_at(
 ) -> Result<Record> {
     let codec: Codec = codec.parse()?;
     let point = OperatingPoint::Steps { coefficients: 48, dc_step_m, ac_step_m };
-    let prepared = Prepared::new(codec, take, &[], settings)?.context("isv needs no program")?;
-    Ok(measure(codec, point, take, settings, &prepared, &mut || ())?.record)
+    let subject = Subject::prepare(codec, take, &[], settings)?.context("isv needs no program")?;
+    Ok(subject.measure(point, &mut || ())?.record)
 }
 
 fn write(docs: &Path, name: &str, text: &str) -> Result<()> {

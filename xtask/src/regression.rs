@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use isv::ingest::MeshIngest;
 use isv::metrics::CompareOptions;
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
-use isv_study::{Codec, Metric, OperatingPoint, Prepared, StudySettings, Take, measure};
+use isv_study::{Codec, Metric, OperatingPoint, StudySettings, Subject, Take};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -127,10 +127,10 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
     let settings = StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 0 };
     let codec: Codec = codec.parse()?;
-    let prepared = Prepared::new(codec, take, &[], &settings)?.context("isv needs no program")?;
+    let subject = Subject::prepare(codec, take, &[], &settings)?.context("isv needs no program")?;
     let point =
         OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.2 * voxel_m, ac_step_m: 2.0 * voxel_m };
-    let record = measure(codec, point, take, &settings, &prepared, &mut || ())?.record;
+    let record = subject.measure(point, &mut || ())?.record;
     let value = |metric| record.value(metric).with_context(|| format!("{}: cannot be measured", take.name()));
     Ok(Row {
         clip: take.name().to_owned(),

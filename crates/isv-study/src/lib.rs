@@ -1,14 +1,24 @@
 //! Rate-distortion studies: several codecs over their operating points on one take, measured in one way.
 //!
 //! ```text
-//! Take ─ Codec, OperatingPoint ─ measure ─> Record ─┬─ delta (Bjontegaard)
-//!                                                   ├─ write_csv
-//!                                                   └─ charts, pictures ─> page
+//! Take ─┐
+//! Codec ┴─> Subject ─ OperatingPoint ─> Record ─┬─> Delta (Bjontegaard)
+//!                                               ├─> Chart ──┬─> page
+//!                                               └─> tables ─┘
 //! ```
 //!
-//! [`measure`] encodes a take, decodes its bytes, compares every frame with what went in, and says what it cost: a
+//! [`Subject::measure`] encodes a take, decodes its bytes, compares every frame with what went in, and says what it cost: a
 //! [`Record`]. [`Report`] turns records into tables, charts and one HTML page. Which codecs there are and at which points
 //! they are measured is in [`Codec`].
+//!
+//! ```
+//! use isv_study::{RatePoint, delta};
+//!
+//! let anchor = [(1.0, 30.0), (2.0, 33.0), (4.0, 36.0)].map(|(rate, quality_db)| RatePoint { rate, quality_db });
+//! let at_half_the_rate = anchor.map(|point| RatePoint { rate: point.rate / 2.0, ..point });
+//! let saved = delta(&anchor, &at_half_the_rate).rate_percent.unwrap();
+//! assert!((saved.mean + 50.0).abs() < 1e-9);
+//! ```
 //!
 //! This crate runs no programs but those of the opponents and reads no captures: a [`Take`] gives it meshes.
 
@@ -30,7 +40,7 @@ pub use bjontegaard::{Delta, MeanDifference, RatePoint, delta, useful_points};
 pub use chart::{Axis, Chart, Series};
 pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;
-pub use measure::{Measured, Prepared, StudySettings, Take, TakeError, TakeFrames, measure};
+pub use measure::{Measured, StudySettings, Subject, Take, TakeError, TakeFrames};
 pub use metric::Metric;
 pub use picture::{Exhibit, Exhibition, View};
 pub use record::{BytesByKind, Record, Timing};

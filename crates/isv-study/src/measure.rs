@@ -2,11 +2,11 @@
 
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
-use crate::session::{self, Stream};
+use crate::session::{DracoEncoding, Encoding, PaperEncoding, Stream, TangEncoding};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::format::FrameRate;
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::metrics::{CompareOptions, compare, summary};
+use isv::metrics::{CompareOptions, GeometryError, compare, summary};
 use isv::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, BlockMoments, Draco};
 
@@ -47,11 +47,14 @@ pub struct StudySettings {
     pub picture_frame: usize,
 }
 
-/// What a codec needs before its first point: a transform, or a program.
-pub struct Prepared {
+/// A codec ready to be measured on a take: with its transform trained, its program found.
+pub struct Subject<'a> {
+    codec: Codec,
+    take: &'a dyn Take,
+    settings: &'a StudySettings,
+    scale: Scale,
     basis: Option<BlockBasis>,
     draco: Option<Draco>,
-    scale: Scale,
 }
 
 /// What came of a point.
@@ -64,16 +67,16 @@ pub struct Measured {
     pub isv_file: Option<Vec<u8>>,
 }
 
-impl Prepared {
+impl<'a> Subject<'a> {
     /// Prepares a codec for all its points on a take. `Ok(None)` if it cannot run here, because its program is not installed.
     ///
     /// # Errors
     /// A take that cannot be read, or nothing to train on.
-    pub fn new(
+    pub fn prepare(
         codec: Codec,
-        take: &dyn Take,
+        take: &'a dyn Take,
         training: &[&dyn Take],
-        settings: &StudySettings,
+        settings: &'a StudySettings,
     ) -> Result<Option<Self>, StudyError> {
         let (mut basis, mut draco) = (None, None);
         match codec {
@@ -86,21 +89,114 @@ impl Prepared {
                 None => return Ok(None),
             },
         }
-        Ok(Some(Self { basis, draco, scale: scale(take, settings)? }))
+        Ok(Some(Self { codec, take, settings, scale: scale(take, settings)?, basis, draco }))
     }
 
-    /// What the codec's points are in proportion to.
+    /// The points at which the codec is measured, as [`Codec::points`].
     #[must_use]
-    pub fn scale(&self) -> Scale {
-        self.scale
+    pub fn points(&self, count: usize) -> Vec<OperatingPoint> {
+        self.codec.points(self.scale, count)
     }
 
-    pub(crate) fn basis(&self) -> &BlockBasis {
-        self.basis.as_ref().expect("prepared for a codec with a trained transform")
+    /// The codec's encoder at a point.
+    fn encoding(&self, point: OperatingPoint) -> Result<Box<dyn Encoding>, StudyError> {
+        let settings = self.settings;
+        Ok(match (self.codec, point, &self.basis, &self.draco) {
+            (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }, _, _) => {
+                let (steps, rate) = ([dc_step_m, ac_step_m], self.take.frame_rate());
+                Box::new(PaperEncoding::new(motion, coefficients, steps, rate, settings)?)
+            }
+            (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }, Some(basis), _) => {
+                Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?)
+            }
+            (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), _, Some(draco)) => {
+                Box::new(DracoEncoding::new(draco, faces_percent, bits))
+            }
+            _ => panic!("{point} is no point of {}", self.codec),
+        })
     }
 
-    pub(crate) fn draco(&self) -> &Draco {
-        self.draco.as_ref().expect("prepared for Draco")
+    /// Encodes the take at a point, decodes its bytes, and compares every frame with what went in. `step` is called after
+    /// each frame of each of the two passes: encoding, and comparing what was decoded.
+    ///
+    /// # Errors
+    /// What went wrong first, with the number of the frame.
+    ///
+    /// # Panics
+    /// If the point is of another kind of codec.
+    pub fn measure(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Measured, StudyError> {
+        let encoded = self.encode(point, step)?;
+        let decoded = time_decoding(&*encoded.stream)?;
+        let (frame_errors, picture) = self.compare_frames(&*encoded.stream, step)?;
+        let frames = encoded.frame_bytes.len();
+        if frame_errors.len() != frames {
+            return Err(StudyError::FrameCount { encoded: frames, decoded: frame_errors.len() });
+        }
+        let no_frames = || StudyError::NoFrames { take: self.take.name().to_owned() };
+        let record = Record {
+            key: String::new(),
+            codec: self.codec.to_string(),
+            point: point.to_string(),
+            frames_per_second: self.take.frame_rate().per_second(),
+            bytes: encoded.stream.bytes(),
+            frame_bytes: encoded.frame_bytes,
+            kinds: encoded.stream.kinds(),
+            prepare_ms: Timing::of(encoded.prepare_ms),
+            encode_ms: Timing::of(encoded.encode_ms),
+            decode_ms: Timing::of(decoded.ms),
+            encode_peak_bytes: encoded.peak_bytes,
+            decode_peak_bytes: decoded.peak_bytes,
+            error: summary(&frame_errors).ok_or_else(no_frames)?,
+            frame_errors,
+        };
+        Ok(Measured {
+            record,
+            picture: picture.ok_or_else(no_frames)?,
+            isv_file: encoded.stream.isv_file().map(<[u8]>::to_vec),
+        })
+    }
+
+    fn encode(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Encoded, StudyError> {
+        let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
+        let mut program_peak = None;
+        reset_peak();
+        let mut encoding = self.encoding(point)?;
+        for mesh in self.take.meshes().map_err(StudyError::Take)? {
+            let frame = encoding.encode(&mesh.map_err(StudyError::Take)?)?;
+            frame_bytes.push(frame.bytes);
+            prepare_ms.push(frame.prepare_ms);
+            encode_ms.push(frame.encode_ms);
+            program_peak = program_peak.max(frame.program_peak_bytes);
+            step();
+        }
+        let stream = encoding.finish()?;
+        Ok(Encoded {
+            stream,
+            frame_bytes,
+            prepare_ms,
+            encode_ms,
+            peak_bytes: program_peak.or_else(peak_bytes),
+        })
+    }
+
+    /// Decodes again and compares; also returns the decoded picture frame.
+    fn compare_frames(
+        &self,
+        stream: &dyn Stream,
+        step: &mut dyn FnMut(),
+    ) -> Result<(Vec<GeometryError>, Option<TriangleMesh>), StudyError> {
+        let (mut errors, mut picture) = (Vec::new(), None);
+        for (original, decoded) in self.take.meshes().map_err(StudyError::Take)?.zip(stream.decode()?) {
+            let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
+            let frame = errors.len();
+            let error = compare(&original, &decoded.mesh, &self.settings.compare);
+            errors.push(error.map_err(|cause| StudyError::Compare { frame, cause })?);
+            if frame == self.settings.picture_frame {
+                picture = Some(decoded.mesh);
+            }
+            step();
+        }
+        Ok((errors, picture))
     }
 }
 
@@ -129,50 +225,6 @@ fn train(takes: &[&dyn Take], settings: &StudySettings) -> Result<BlockBasis, St
     moments.klt().map_err(training)
 }
 
-/// Measures a codec at one of its points. `step` is called after each frame of each of the two passes: encoding, and
-/// comparing what was decoded.
-///
-/// # Errors
-/// What went wrong first, with the number of the frame.
-pub fn measure(
-    codec: Codec,
-    point: OperatingPoint,
-    take: &dyn Take,
-    settings: &StudySettings,
-    prepared: &Prepared,
-    step: &mut dyn FnMut(),
-) -> Result<Measured, StudyError> {
-    let encoded = encode(codec, point, take, settings, prepared, step)?;
-    let decoded = time_decoding(&*encoded.stream)?;
-    let (frame_errors, picture) = compare_frames(&*encoded.stream, take, settings, step)?;
-    let frames = encoded.frame_bytes.len();
-    if frame_errors.len() != frames {
-        return Err(StudyError::FrameCount { encoded: frames, decoded: frame_errors.len() });
-    }
-    let no_frames = || StudyError::NoFrames { take: take.name().to_owned() };
-    let record = Record {
-        key: String::new(),
-        codec: codec.to_string(),
-        point: point.to_string(),
-        frames_per_second: take.frame_rate().per_second(),
-        bytes: encoded.stream.bytes(),
-        frame_bytes: encoded.frame_bytes,
-        kinds: encoded.stream.kinds(),
-        prepare_ms: Timing::of(encoded.prepare_ms),
-        encode_ms: Timing::of(encoded.encode_ms),
-        decode_ms: Timing::of(decoded.ms),
-        encode_peak_bytes: encoded.peak_bytes,
-        decode_peak_bytes: decoded.peak_bytes,
-        error: summary(&frame_errors).ok_or_else(no_frames)?,
-        frame_errors,
-    };
-    Ok(Measured {
-        record,
-        picture: picture.ok_or_else(no_frames)?,
-        isv_file: encoded.stream.isv_file().map(<[u8]>::to_vec),
-    })
-}
-
 /// A take as coded, and what that took.
 struct Encoded {
     stream: Box<dyn Stream>,
@@ -180,30 +232,6 @@ struct Encoded {
     prepare_ms: Vec<f64>,
     encode_ms: Vec<f64>,
     peak_bytes: Option<u64>,
-}
-
-fn encode(
-    codec: Codec,
-    point: OperatingPoint,
-    take: &dyn Take,
-    settings: &StudySettings,
-    prepared: &Prepared,
-    step: &mut dyn FnMut(),
-) -> Result<Encoded, StudyError> {
-    let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
-    let mut program_peak = None;
-    reset_peak();
-    let mut session = session::begin(codec, point, take, settings, prepared)?;
-    for mesh in take.meshes().map_err(StudyError::Take)? {
-        let frame = session.encode(&mesh.map_err(StudyError::Take)?)?;
-        frame_bytes.push(frame.bytes);
-        prepare_ms.push(frame.prepare_ms);
-        encode_ms.push(frame.encode_ms);
-        program_peak = program_peak.max(frame.program_peak_bytes);
-        step();
-    }
-    let stream = session.finish()?;
-    Ok(Encoded { stream, frame_bytes, prepare_ms, encode_ms, peak_bytes: program_peak.or_else(peak_bytes) })
 }
 
 /// What decoding took.
@@ -222,25 +250,4 @@ fn time_decoding(stream: &dyn Stream) -> Result<Decoding, StudyError> {
         program_peak = program_peak.max(frame.program_peak_bytes);
     }
     Ok(Decoding { ms, peak_bytes: program_peak.or_else(|| peak_bytes().filter(|_| alone)) })
-}
-
-/// Decodes again and compares; also returns the decoded picture frame.
-fn compare_frames(
-    stream: &dyn Stream,
-    take: &dyn Take,
-    settings: &StudySettings,
-    step: &mut dyn FnMut(),
-) -> Result<(Vec<isv::metrics::GeometryError>, Option<TriangleMesh>), StudyError> {
-    let (mut errors, mut picture) = (Vec::new(), None);
-    for (original, decoded) in take.meshes().map_err(StudyError::Take)?.zip(stream.decode()?) {
-        let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
-        let frame = errors.len();
-        let error = compare(&original, &decoded.mesh, &settings.compare);
-        errors.push(error.map_err(|cause| StudyError::Compare { frame, cause })?);
-        if frame == settings.picture_frame {
-            picture = Some(decoded.mesh);
-        }
-        step();
-    }
-    Ok((errors, picture))
 }

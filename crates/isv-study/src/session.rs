@@ -5,8 +5,12 @@ mod paper;
 mod tang;
 mod volumes;
 
+pub(crate) use draco::DracoEncoding;
+pub(crate) use paper::PaperEncoding;
+pub(crate) use tang::TangEncoding;
+
+use crate::StudyError;
 use crate::record::BytesByKind;
-use crate::{Codec, OperatingPoint, Prepared, StudyError, StudySettings, Take};
 use isv::volume::TriangleMesh;
 use std::time::Instant;
 
@@ -51,29 +55,6 @@ pub(crate) struct DecodedFrame {
     pub(crate) ms: f64,
     /// Peak memory of a program that did it; `None` if this process did.
     pub(crate) program_peak_bytes: Option<u64>,
-}
-
-/// A codec ready to encode a take.
-pub(crate) fn begin(
-    codec: Codec,
-    point: OperatingPoint,
-    take: &dyn Take,
-    settings: &StudySettings,
-    prepared: &Prepared,
-) -> Result<Box<dyn Encoding>, StudyError> {
-    Ok(match (codec, point) {
-        (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }) => {
-            let steps = [dc_step_m, ac_step_m];
-            Box::new(paper::PaperEncoding::new(motion, coefficients, steps, take.frame_rate(), settings)?)
-        }
-        (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }) => {
-            Box::new(tang::TangEncoding::new(prepared.basis(), coefficients, step_m, settings)?)
-        }
-        (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits)) => {
-            Box::new(draco::DracoEncoding::new(prepared.draco(), faces_percent, bits))
-        }
-        _ => unreachable!("a codec's points are its own"),
-    })
 }
 
 /// Runs a step and measures it in milliseconds.

@@ -6,8 +6,7 @@ use isv::metrics::CompareOptions;
 use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::figure_mesh;
 use isv_study::{
-    Codec, Measured, Metric, OperatingPoint, Prepared, StudyError, StudySettings, Take, TakeError,
-    TakeFrames, measure,
+    Codec, Measured, Metric, OperatingPoint, StudyError, StudySettings, Subject, Take, TakeError, TakeFrames,
 };
 
 /// Voxels are coarse, for speed.
@@ -57,14 +56,13 @@ fn codec(name: &str) -> Codec {
 
 /// Measures `count` points of a codec; none if it is not installed.
 fn measure_points(name: &str, take: &Meshes, count: usize) -> Option<Vec<Measured>> {
-    let training = Meshes::figure(1);
-    let Some(prepared) = Prepared::new(codec(name), take, &[&training], &settings()).unwrap() else {
+    let (training, settings) = (Meshes::figure(1), settings());
+    let Some(subject) = Subject::prepare(codec(name), take, &[&training], &settings).unwrap() else {
         println!("skipped: draco_encoder is not installed");
         return None;
     };
-    let points = codec(name).points(prepared.scale(), count);
-    let measure_one = |point| measure(codec(name), point, take, &settings(), &prepared, &mut || ()).unwrap();
-    Some(points.into_iter().map(measure_one).collect())
+    let points = subject.points(count);
+    Some(points.into_iter().map(|point| subject.measure(point, &mut || ()).unwrap()).collect())
 }
 
 #[test]
@@ -120,29 +118,28 @@ fn simplified_meshes_have_fewer_faces() {
 
 #[test]
 fn each_frame_is_a_step_of_both_passes() {
-    let take = Meshes::figure(3);
-    let prepared = Prepared::new(codec("paper-zero"), &take, &[], &settings()).unwrap().unwrap();
-    let point = codec("paper-zero").points(prepared.scale(), 1)[0];
+    let (take, settings) = (Meshes::figure(3), settings());
+    let subject = Subject::prepare(codec("paper-zero"), &take, &[], &settings).unwrap().unwrap();
     let mut steps = 0;
-    measure(codec("paper-zero"), point, &take, &settings(), &prepared, &mut || steps += 1).unwrap();
+    subject.measure(subject.points(1)[0], &mut || steps += 1).unwrap();
     assert_eq!(steps, 6);
 }
 
 #[test]
 fn what_stands_in_the_way_is_said() {
-    let prepare = |name, take: &Meshes| Prepared::new(codec(name), take, &[], &settings());
-    assert!(matches!(prepare("tang-cross", &Meshes::figure(1)), Err(StudyError::NoTraining)));
-    assert!(matches!(prepare("paper-zero", &Meshes(vec![])), Err(StudyError::NoFrames { .. })));
+    let settings = settings();
+    let prepare = |name, take| Subject::prepare(codec(name), take, &[], &settings);
+    let (whole, nothing) = (Meshes::figure(1), Meshes(vec![]));
+    assert!(matches!(prepare("tang-cross", &whole), Err(StudyError::NoTraining)));
+    assert!(matches!(prepare("paper-zero", &nothing), Err(StudyError::NoFrames { .. })));
 
-    let broken = Meshes(vec![Meshes::figure(1).0.remove(0), Err("b.ply: it is torn".to_owned())]);
-    let prepared = prepare("paper-zero", &broken).unwrap().unwrap();
-    let point = OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.001, ac_step_m: 0.01 };
-    let error =
-        measure(codec("paper-zero"), point, &broken, &settings(), &prepared, &mut || ()).err().unwrap();
-    assert_eq!(error.to_string(), "b.ply: it is torn");
-
-    let empty = Meshes(vec![Meshes::figure(1).0.remove(0), Ok(TriangleMesh::default())]);
-    let error =
-        measure(codec("paper-zero"), point, &empty, &settings(), &prepared, &mut || ()).err().unwrap();
-    assert!(error.to_string().starts_with("frame 1: "), "{error}");
+    let fails = |second| {
+        let take = Meshes(vec![Meshes::figure(1).0.remove(0), second]);
+        let subject = Subject::prepare(codec("paper-zero"), &take, &[], &settings).unwrap().unwrap();
+        let point = OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.001, ac_step_m: 0.01 };
+        subject.measure(point, &mut || ()).err().unwrap().to_string()
+    };
+    assert_eq!(fails(Err("b.ply: it is torn".to_owned())), "b.ply: it is torn");
+    let empty = fails(Ok(TriangleMesh::default()));
+    assert!(empty.starts_with("frame 1: "), "{empty}");
 }

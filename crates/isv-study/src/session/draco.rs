@@ -6,14 +6,14 @@ use crate::record::BytesByKind;
 use isv::volume::TriangleMesh;
 use isv_baseline::{Draco, simplify};
 
-pub(super) struct DracoEncoding {
+pub(crate) struct DracoEncoding {
     faces_percent: u8,
     bits: u8,
     stream: DracoStream,
 }
 
 impl DracoEncoding {
-    pub(super) fn new(draco: &Draco, faces_percent: u8, bits: u8) -> Self {
+    pub(crate) fn new(draco: &Draco, faces_percent: u8, bits: u8) -> Self {
         Self { faces_percent, bits, stream: DracoStream { draco: draco.clone(), frames: Vec::new() } }
     }
 

@@ -9,7 +9,7 @@ use isv::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::volume::TriangleMesh;
 
-pub(super) struct PaperEncoding {
+pub(crate) struct PaperEncoding {
     header: StreamHeader,
     volumes: VolumeMaker,
     encoder: Encoder,
@@ -20,7 +20,7 @@ pub(super) struct PaperEncoding {
 
 impl PaperEncoding {
     /// `steps` are those of the DC coefficient and of all others, in metres.
-    pub(super) fn new(
+    pub(crate) fn new(
         motion: MotionMode,
         coefficients: u16,
         steps: [f64; 2],

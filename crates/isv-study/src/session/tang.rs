@@ -11,14 +11,14 @@ use isv_baseline::{BlockBasis, TangDecoder, TangEncoder, TangSettings};
 /// Bytes in front of each frame, which say how long it is.
 const LENGTH_BYTES: u64 = 4;
 
-pub(super) struct TangEncoding {
+pub(crate) struct TangEncoding {
     volumes: VolumeMaker,
     encoder: TangEncoder,
     stream: TangStream,
 }
 
 impl TangEncoding {
-    pub(super) fn new(
+    pub(crate) fn new(
         basis: &BlockBasis,
         coefficients: u16,
         step_m: f64,

@@ -4,7 +4,7 @@ use super::Study;
 use super::store::Store;
 use crate::progress::Progress;
 use anyhow::{Context, Result};
-use isv_study::{Codec, Prepared, Record, Take, measure};
+use isv_study::{Codec, Record, Subject, Take};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write, stdout};
 use std::process::{Command, Stdio};
@@ -33,8 +33,8 @@ pub(super) struct Outcome {
 pub(super) fn run(study: &Study, codec: Codec, points: usize) -> Result<()> {
     let Study { take, training, settings, store } = study;
     let training: Vec<_> = training.iter().map(|take| take as &dyn Take).collect();
-    let prepared = match Prepared::new(codec, take, &training, settings) {
-        Ok(Some(prepared)) => prepared,
+    let subject = match Subject::prepare(codec, take, &training, settings) {
+        Ok(Some(subject)) => subject,
         Ok(None) => {
             return say(&Message::Note(format!(
                 "{codec}: draco_encoder and draco_decoder are not installed"
@@ -42,7 +42,7 @@ pub(super) fn run(study: &Study, codec: Codec, points: usize) -> Result<()> {
         }
         Err(error) => return say(&Message::Note(format!("{codec}: {error}"))),
     };
-    for point in codec.points(prepared.scale(), points) {
+    for point in subject.points(points) {
         if let Some(record) = store.find(codec, &point) {
             say(&Message::Steps(STEPS_A_FRAME * record.frames()))?;
             say(&Message::Done(Box::new(record)))?;
@@ -50,7 +50,7 @@ pub(super) fn run(study: &Study, codec: Codec, points: usize) -> Result<()> {
         }
         // A parent that is gone shows when the point is done.
         let mut step = || drop(say(&Message::Steps(1)));
-        match measure(codec, point, take, settings, &prepared, &mut step) {
+        match subject.measure(point, &mut step) {
             Ok(measured) => {
                 store.keep(codec, &point, measured)?;
                 let record = store.find(codec, &point).context("what was just kept is gone")?;
