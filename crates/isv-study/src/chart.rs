@@ -91,11 +91,16 @@ pub enum Chart {
 }
 
 impl Chart {
-    /// As an SVG document.
+    /// As an SVG document, which scales with the place that it is put into.
     #[must_use]
     pub fn svg(&self) -> String {
         let (plots, layout) = self.plots();
-        kuva::render_to_svg(plots, layout)
+        let [width, height] = SIZE;
+        kuva::render_to_svg(plots, layout).replacen(
+            "<svg ",
+            &format!("<svg viewBox=\"0 0 {width} {height}\" "),
+            1,
+        )
     }
 
     /// As a PNG file.
@@ -220,6 +225,10 @@ mod tests {
             assert!(svg.contains(part), "{part} is not in {svg}");
         }
         assert!(!svg.contains("NaN"));
+        assert!(
+            svg.contains("viewBox=\"0 0 720 440\"") && svg.contains("width=\"720\" height=\"440\""),
+            "{svg}"
+        );
     }
 
     #[test]
