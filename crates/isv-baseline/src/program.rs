@@ -21,7 +21,8 @@ pub struct ProgramRun<T> {
     pub output: T,
     /// Wall time from start to end in milliseconds: all of the program, its reading and writing of files included.
     pub ms: f64,
-    /// Most memory that it had at a time, in bytes; `None` where the system does not say (it is Linux that does).
+    /// Most memory that it had at a time, in bytes; `None` where the system does not say (it is Linux that does) and
+    /// for programs that are over within the half millisecond between two looks.
     pub peak_memory_bytes: Option<u64>,
 }
 

@@ -29,9 +29,17 @@ fn check(draco: &Draco, mesh: &TriangleMesh, bits: u8) {
     }
     assert!((decoded.output.area() / mesh.area() - 1.0).abs() < 0.05);
     assert!(encoded.ms > 0.0 && decoded.ms > 0.0);
+}
+
+/// A program that is over before it was looked at has no peak; this one takes a while.
+#[test]
+fn the_memory_of_a_program_is_seen() {
+    let Some(draco) = installed() else { return };
+    let encoded = draco.encode(&isv_testkit::sphere(1.0, 300), 14).unwrap();
+    let decoded = draco.decode(&encoded.output).unwrap();
     if cfg!(target_os = "linux") {
         for peak in [encoded.peak_memory_bytes, decoded.peak_memory_bytes] {
-            assert!((1 << 18..1 << 30).contains(&peak.expect("Linux tells")), "{peak:?}");
+            assert!((1 << 20..1 << 30).contains(&peak.expect("Linux tells")), "{peak:?}");
         }
     }
 }

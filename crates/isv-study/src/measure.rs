@@ -2,7 +2,7 @@
 
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
-use crate::session::{DracoEncoding, Encoding, PaperEncoding, Stream, TangEncoding};
+use crate::session::{DracoEncoding, Encoding, Memory, PaperEncoding, Stream, TangEncoding};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::format::FrameRate;
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
@@ -158,7 +158,7 @@ impl<'a> Subject<'a> {
 
     fn encode(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Encoded, StudyError> {
         let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
-        let mut program_peak = None;
+        let mut memory = Vec::new();
         reset_peak();
         let mut encoding = self.encoding(point)?;
         for mesh in self.take.meshes().map_err(StudyError::Take)? {
@@ -166,7 +166,7 @@ impl<'a> Subject<'a> {
             frame_bytes.push(frame.bytes);
             prepare_ms.push(frame.prepare_ms);
             encode_ms.push(frame.encode_ms);
-            program_peak = program_peak.max(frame.program_peak_bytes);
+            memory.push(frame.memory);
             step();
         }
         let stream = encoding.finish()?;
@@ -175,7 +175,7 @@ impl<'a> Subject<'a> {
             frame_bytes,
             prepare_ms,
             encode_ms,
-            peak_bytes: program_peak.or_else(peak_bytes),
+            peak_bytes: Memory::peak(&memory, peak_bytes()),
         })
     }
 
@@ -242,12 +242,12 @@ struct Decoding {
 
 /// Decodes everything for the sake of time and memory alone: comparing would blur both.
 fn time_decoding(stream: &dyn Stream) -> Result<Decoding, StudyError> {
-    let (mut ms, mut program_peak) = (Vec::new(), None);
+    let (mut ms, mut memory) = (Vec::new(), Vec::new());
     let alone = reset_peak();
     for frame in stream.decode()? {
         let frame = frame?;
         ms.push(frame.ms);
-        program_peak = program_peak.max(frame.program_peak_bytes);
+        memory.push(frame.memory);
     }
-    Ok(Decoding { ms, peak_bytes: program_peak.or_else(|| peak_bytes().filter(|_| alone)) })
+    Ok(Decoding { ms, peak_bytes: Memory::peak(&memory, peak_bytes().filter(|_| alone)) })
 }

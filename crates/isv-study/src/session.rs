@@ -45,16 +45,34 @@ pub(crate) struct EncodedFrame {
     pub(crate) bytes: u64,
     pub(crate) prepare_ms: f64,
     pub(crate) encode_ms: f64,
-    /// Peak memory of a program that did it; `None` if this process did.
-    pub(crate) program_peak_bytes: Option<u64>,
+    pub(crate) memory: Memory,
 }
 
 /// A frame as decoded.
 pub(crate) struct DecodedFrame {
     pub(crate) mesh: TriangleMesh,
     pub(crate) ms: f64,
-    /// Peak memory of a program that did it; `None` if this process did.
-    pub(crate) program_peak_bytes: Option<u64>,
+    pub(crate) memory: Memory,
+}
+
+/// Whose peak memory it is that a frame took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Memory {
+    /// This process did it.
+    OfThisProcess,
+    /// A program of its own did it, with this peak in bytes, if that was seen.
+    OfAProgram(Option<u64>),
+}
+
+impl Memory {
+    /// The peak of all frames in bytes; `own` is that of this process.
+    pub(crate) fn peak(frames: &[Self], own: Option<u64>) -> Option<u64> {
+        let of_each = frames.iter().map(|memory| match memory {
+            Self::OfThisProcess => own,
+            Self::OfAProgram(peak) => *peak,
+        });
+        of_each.max().flatten()
+    }
 }
 
 /// Runs a step and measures it in milliseconds.

@@ -1,6 +1,6 @@
 //! Draco as a user runs it, after simplification if asked for.
 
-use super::{DecodedFrame, EncodedFrame, Encoding, Stream, timed};
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::StudyError;
 use crate::record::BytesByKind;
 use isv::volume::TriangleMesh;
@@ -36,7 +36,12 @@ impl Encoding for DracoEncoding {
         let run = run.map_err(|cause| StudyError::Draco { frame, cause })?;
         let bytes = run.output.len() as u64;
         self.stream.frames.push(run.output);
-        Ok(EncodedFrame { bytes, prepare_ms, encode_ms: run.ms, program_peak_bytes: run.peak_memory_bytes })
+        Ok(EncodedFrame {
+            bytes,
+            prepare_ms,
+            encode_ms: run.ms,
+            memory: Memory::OfAProgram(run.peak_memory_bytes),
+        })
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
@@ -62,7 +67,11 @@ impl Stream for DracoStream {
     fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         Ok(Box::new(self.frames.iter().enumerate().map(|(frame, bytes)| {
             let run = self.draco.decode(bytes).map_err(|cause| StudyError::Draco { frame, cause })?;
-            Ok(DecodedFrame { mesh: run.output, ms: run.ms, program_peak_bytes: run.peak_memory_bytes })
+            Ok(DecodedFrame {
+                mesh: run.output,
+                ms: run.ms,
+                memory: Memory::OfAProgram(run.peak_memory_bytes),
+            })
         })))
     }
 }

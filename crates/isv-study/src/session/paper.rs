@@ -1,7 +1,7 @@
 //! isv itself, profile `paper`.
 
 use super::volumes::{VolumeMaker, step_size, surface};
-use super::{DecodedFrame, EncodedFrame, Encoding, Stream, timed};
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::decode::{Decoder, Limits};
@@ -59,7 +59,7 @@ impl Encoding for PaperEncoding {
         self.kinds.motion += frame.bytes_motion() as f64;
         self.kinds.dc += frame.bytes_dc();
         self.kinds.ac += frame.bytes_coefficients() as f64 - frame.bytes_dc();
-        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, program_peak_bytes: None })
+        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, memory: Memory::OfThisProcess })
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
@@ -94,7 +94,9 @@ impl Stream for PaperStream {
                 Err(error) => return Some(Err(error.into())),
             };
             let (mesh, ms) = timed(|| decoder.decode(&packet).map(|frame| surface(frame.volume)));
-            Some(mesh.map(|mesh| DecodedFrame { mesh, ms, program_peak_bytes: None }).map_err(Into::into))
+            Some(
+                mesh.map(|mesh| DecodedFrame { mesh, ms, memory: Memory::OfThisProcess }).map_err(Into::into),
+            )
         })))
     }
 

@@ -1,7 +1,7 @@
 //! Tang et al. 2018, with a transform that both sides have.
 
 use super::volumes::{VolumeMaker, step_size, surface};
-use super::{DecodedFrame, EncodedFrame, Encoding, Stream, timed};
+use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::decode::Limits;
@@ -50,7 +50,7 @@ impl Encoding for TangEncoding {
         kinds.headers += (frame.bytes_headers() as u64 + LENGTH_BYTES) as f64;
         let bytes = frame.bytes.len() as u64 + LENGTH_BYTES;
         self.stream.frames.push(frame.bytes);
-        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, program_peak_bytes: None })
+        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, memory: Memory::OfThisProcess })
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
@@ -78,7 +78,7 @@ impl Stream for TangStream {
         let mut decoder = TangDecoder::new(&self.basis, self.settings, Limits::default());
         Ok(Box::new(self.frames.iter().map(move |bytes| {
             let (mesh, ms) = timed(|| decoder.decode(bytes).map(|volume| surface(&volume)));
-            Ok(DecodedFrame { mesh: mesh?, ms, program_peak_bytes: None })
+            Ok(DecodedFrame { mesh: mesh?, ms, memory: Memory::OfThisProcess })
         })))
     }
 }
