@@ -58,7 +58,7 @@ fn settings(voxel_m: f64, spacing_m: f64) -> Result<StudySettings> {
         truncation: Truncation::from_voxels(8)?,
     };
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
-    Ok(StudySettings { ingest: MeshIngest::new(grid), gop: 300, compare, picture_frame: 0 })
+    Ok(StudySettings { ingest: MeshIngest::new(grid), gop: 300, compare, picture_frame: 0, first_frame: 0 })
 }
 
 /// Measures the paper's codec with K = 48.

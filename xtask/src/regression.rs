@@ -59,7 +59,8 @@ impl Row {
         let mut sentence = String::new();
         for i in 0..3 {
             let growth = self.values[i] / before.values[i] - 1.0;
-            if growth > TOLERANCES[i] {
+            // What is no number is worse than any.
+            if growth.is_nan() || growth > TOLERANCES[i] {
                 // Writing to a string does not fail.
                 let _ = write!(
                     sentence,
@@ -79,7 +80,9 @@ impl Row {
 /// Measures all clips that are there and compares them with the table, or writes them into it.
 pub(crate) fn run(data: &Path, table: &Path, update: bool) -> Result<()> {
     let committed = std::fs::read_to_string(table).unwrap_or_default();
-    let before: Vec<Row> = committed.lines().skip(1).filter_map(Row::parse).collect();
+    let parse =
+        |line: &str| Row::parse(line).with_context(|| format!("{}: not a row: {line}", table.display()));
+    let before = committed.lines().skip(1).map(parse).collect::<Result<Vec<_>>>()?;
     if before.is_empty() && !update {
         bail!("{}: no table; --update makes one", table.display());
     }
@@ -97,7 +100,9 @@ pub(crate) fn run(data: &Path, table: &Path, update: bool) -> Result<()> {
         };
         for codec in CODECS {
             let row = measure_row(take.as_ref(), codec, voxel_m, spacing_m)?;
-            let old = before.iter().find(|old| old.clip == row.clip && old.setting == row.setting);
+            let same =
+                |old: &&Row| (&old.clip, &old.setting, old.frames) == (&row.clip, &row.setting, row.frames);
+            let old = before.iter().find(same);
             println!("{}{}", row.to_csv(), old.map_or(String::new(), |old| change(&row, old)));
             match old {
                 Some(old) => worse.extend(row.worsening(old)),
@@ -125,7 +130,8 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
         truncation: Truncation::from_voxels(8)?,
     };
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
-    let settings = StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 0 };
+    let settings =
+        StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 0, first_frame: 0 };
     let codec: Codec = codec.parse()?;
     let subject = Subject::prepare(codec, take, &[], &settings)?.context("isv needs no program")?;
     let point =

@@ -1,12 +1,12 @@
 //! Draco, the mesh codec, run as a program the way a user runs it.
 
-use crate::program::{ProgramError, ProgramRun, find_program, run};
+use crate::program::{ProgramError, ProgramRun, check_output, find_program, run};
 use isv_io::{Format, ReadError, Unit, WriteError, read_mesh, write_mesh};
 use isv_volume::{MeshError, TriangleMesh};
 use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -61,6 +61,12 @@ impl Draco {
         Some(Self { encoder: find_program("draco_encoder")?, decoder: find_program("draco_decoder")? })
     }
 
+    /// The two programs.
+    #[must_use]
+    pub fn programs(&self) -> [&Path; 2] {
+        [&self.encoder, &self.decoder]
+    }
+
     /// Encodes positions and triangles, not normals, at compression level 10. Positions are handed over in metres, rounded
     /// to `f32` and otherwise as they are; Draco quantizes them to `2^position_bits` steps of the longest side of their
     /// bounding box.
@@ -83,6 +89,7 @@ impl Draco {
         let flags = ["-qp", &bits, "-cl", &level, "-i"].map(OsStr::new);
         let arguments = [&flags[..], &[input.as_ref(), "-o".as_ref(), output.as_ref()]].concat();
         let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.encoder, &arguments, &log, TIME_LIMIT)?;
+        check_output(&self.encoder, &output)?;
         let output = std::fs::read(output)?;
         folder.close()?;
         Ok(ProgramRun { output, ms, peak_memory_bytes })
@@ -98,6 +105,7 @@ impl Draco {
         std::fs::write(&input, bytes)?;
         let arguments = ["-i".as_ref(), input.as_os_str(), "-o".as_ref(), output.as_os_str()];
         let ProgramRun { ms, peak_memory_bytes, .. } = run(&self.decoder, &arguments, &log, TIME_LIMIT)?;
+        check_output(&self.decoder, &output)?;
         let output = read_mesh(&output, Unit::Metre)?;
         folder.close()?;
         Ok(ProgramRun { output, ms, peak_memory_bytes })

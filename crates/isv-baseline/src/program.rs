@@ -8,8 +8,12 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
-/// How often a running program is looked at; its time is known this well.
-const POLL: Duration = Duration::from_micros(500);
+/// How often a running program is looked at, at first and at most; its time is known this well. Between the two a look comes
+/// after a twentieth of the time it has run, so that short programs are seen as well as long ones.
+const POLL: [Duration; 2] = [Duration::from_micros(50), Duration::from_micros(500)];
+
+/// A peak of less is that of the child before it became the program.
+const LEAST_PEAK: u64 = 1 << 18;
 
 /// Most bytes of a failed program's words that are kept.
 const MOST_WORDS: u64 = 2000;
@@ -22,7 +26,7 @@ pub struct ProgramRun<T> {
     /// Wall time from start to end in milliseconds: all of the program, its reading and writing of files included.
     pub ms: f64,
     /// Most memory that it had at a time, in bytes; `None` where the system does not say (it is Linux that does) and
-    /// for programs that are over within the half millisecond between two looks.
+    /// for programs that are over before they are looked at.
     pub peak_memory_bytes: Option<u64>,
 }
 
@@ -48,6 +52,14 @@ pub enum ProgramError {
         /// What it wrote to its outputs, the first two thousand bytes on one line.
         words: String,
     },
+    /// It ended well, but without the file that it was to write, or with one beyond all reason.
+    #[error("{} wrote no file of up to {limit} bytes", program.display())]
+    Output {
+        /// The program.
+        program: PathBuf,
+        /// Most bytes that are read.
+        limit: u64,
+    },
     /// It took too long and was ended.
     #[error("{} was ended as it took more than {limit_s} s", program.display())]
     TooLong {
@@ -63,7 +75,18 @@ pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
     std::env::split_paths(&std::env::var_os("PATH")?)
         .map(|folder| folder.join(&file))
-        .find(|path| path.is_file())
+        .find(|path| is_executable(path))
+}
+
+#[cfg(unix)]
+fn is_executable(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).is_ok_and(|data| data.is_file() && data.permissions().mode() & 0o111 != 0)
+}
+
+#[cfg(not(unix))]
+fn is_executable(path: &Path) -> bool {
+    path.is_file()
 }
 
 /// Runs a program to its end, or ends it at the limit. What it says goes to the file `log`, which is made anew: a file,
@@ -88,14 +111,26 @@ pub(crate) fn run(
             if !status.success() {
                 return Err(ProgramError::Failed { program: program.into(), status, words: read_words(log) });
             }
+            let peak_memory_bytes = peak_memory_bytes.filter(|peak| *peak >= LEAST_PEAK);
             return Ok(ProgramRun { output: (), ms, peak_memory_bytes });
         }
-        if start.elapsed() > limit {
+        let elapsed = start.elapsed();
+        if elapsed > limit {
             return Err(ProgramError::TooLong { program: program.into(), limit_s: limit.as_secs_f64() });
         }
         peak_memory_bytes = peak_memory_bytes.max(peak_memory(running.0.id()));
-        std::thread::sleep(POLL);
+        std::thread::sleep((elapsed / 20).clamp(POLL[0], POLL[1]));
     }
+}
+
+/// Largest file of a program that is read.
+const OUTPUT_LIMIT: u64 = 4 << 30;
+
+/// The file that a program was to write is there and of a size that can be read.
+pub(crate) fn check_output(program: &Path, output: &Path) -> Result<(), ProgramError> {
+    let readable = std::fs::metadata(output).is_ok_and(|data| data.is_file() && data.len() <= OUTPUT_LIMIT);
+    let failure = || ProgramError::Output { program: program.into(), limit: OUTPUT_LIMIT };
+    readable.then_some(()).ok_or_else(failure)
 }
 
 /// A child that does not outlive whoever watches it.

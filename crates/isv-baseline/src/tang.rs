@@ -85,7 +85,8 @@ pub enum TangError {
 pub struct TangEncoder {
     codec: BlockCodec,
     entropy: EntropyState,
-    reconstruction: Option<SparseVolume>,
+    /// Those of the last frame.
+    symbols: Option<FrameSymbols>,
 }
 
 impl TangEncoder {
@@ -96,7 +97,7 @@ impl TangEncoder {
     #[must_use]
     pub fn new(basis: &BlockBasis, settings: TangSettings) -> Self {
         let codec = BlockCodec::new(basis, settings);
-        Self { codec, entropy: EntropyState::new(settings.coefficients), reconstruction: None }
+        Self { codec, entropy: EntropyState::new(settings.coefficients), symbols: None }
     }
 
     /// Codes the next frame.
@@ -117,14 +118,15 @@ impl TangEncoder {
         let slices = blocks.div_ceil(BLOCKS_PER_SLICE).clamp(1, most_slices(self.codec.basis.coefficients()));
         let edge = self.codec.grid.edge;
         let segments = syntax::write_symbols(&mut self.entropy, edge, &symbols, slices, None);
-        self.reconstruction = Some(self.codec.reconstruct(symbols));
+        self.symbols = Some(symbols);
         frame_of(blocks, &segments)
     }
 
-    /// What the decoder will have after the last frame; `None` before the first.
+    /// What the decoder will have after the last frame; `None` before the first. Computed when asked for: coding needs no
+    /// reference.
     #[must_use]
-    pub fn reconstruction(&self) -> Option<&SparseVolume> {
-        self.reconstruction.as_ref()
+    pub fn reconstruction(&self) -> Option<SparseVolume> {
+        self.symbols.clone().map(|symbols| self.codec.reconstruct(symbols))
     }
 }
 

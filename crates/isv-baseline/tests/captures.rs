@@ -77,8 +77,8 @@ fn under_the_dct_it_is_isv_intra() {
         let settings = TangSettings { grid: grid(), coefficients: 48, step: StepSize::new(step).unwrap() };
         let mut tang = TangEncoder::new(&BlockBasis::dct(BlockEdge::E8), settings);
         let tang_bytes = tang.encode(&volumes[0]).bytes.len();
-        let [isv, tang] =
-            [isv.reconstruction(), tang.reconstruction()].map(|decoded| rms(&volumes[0], decoded.unwrap()));
+        let [isv, tang] = [isv.reconstruction().cloned(), tang.reconstruction()]
+            .map(|decoded| rms(&volumes[0], &decoded.unwrap()));
         println!(
             "step {step}: isv {isv_bytes} bytes, rms {isv:.2} codes; here {tang_bytes} bytes, {tang:.2}"
         );
@@ -105,7 +105,7 @@ fn models_that_are_kept_save_bytes() {
             let mut kept = Vec::new();
             for volume in &volumes {
                 kept.push(keeping.encode(volume));
-                errors += rms(volume, keeping.reconstruction().unwrap()) / FRAMES as f64;
+                errors += rms(volume, &keeping.reconstruction().unwrap()) / FRAMES as f64;
             }
             let fresh: Vec<_> =
                 volumes.iter().map(|volume| TangEncoder::new(&basis, settings).encode(volume)).collect();

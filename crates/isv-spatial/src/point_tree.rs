@@ -20,6 +20,8 @@ pub struct PointTree {
     origins: Vec<u32>,
     /// For the middle point of a range, the axis it splits along; unused elsewhere.
     axes: Vec<u8>,
+    /// Smallest and largest corner of the box around all points.
+    bounds: (DVec3, DVec3),
 }
 
 /// A neighbour found by [`PointTree::k_nearest`].
@@ -38,8 +40,10 @@ impl PointTree {
         let mut nodes: Vec<Node> = points.into_iter().zip(0..).collect();
         let mut axes = vec![0; nodes.len()];
         build(&mut nodes, &mut axes);
-        let (points, origins) = nodes.into_iter().unzip();
-        Self { points, origins, axes }
+        let (points, origins): (Vec<DVec3>, _) = nodes.into_iter().unzip();
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let bounds = points.iter().fold(empty, |(low, high), p| (low.min(*p), high.max(*p)));
+        Self { points, origins, axes, bounds }
     }
 
     /// The points, in an order in which neighbours in the list lie near each other.
@@ -86,7 +90,9 @@ impl PointTree {
     /// Shows `look` each point, with its place in the tree's order, that may lie within the squared radius that `look`
     /// returned last, which is `within_sq` before.
     pub(crate) fn visit(&self, p: DVec3, within_sq: f64, look: &mut impl FnMut(DVec3, usize) -> f64) {
-        self.visit_range(0, self.points.len(), p, within_sq, [0.0; 3], look);
+        // For a place outside the box: what lies far from it along one axis can only be ruled out along the others.
+        let beyond = (self.bounds.0 - p).max(p - self.bounds.1).max(DVec3::ZERO);
+        self.visit_range(0, self.points.len(), p, within_sq, (beyond * beyond).to_array(), look);
     }
 
     /// The same for a range of the tree's order, all of whose points are at least `beyond_sq` (squared, along each axis) from
@@ -114,7 +120,7 @@ impl PointTree {
         let (near, far) = if beyond < 0.0 { (before, behind) } else { (behind, before) };
         within_sq = self.visit_range(near.0, near.1, p, within_sq, beyond_sq, look);
         within_sq = within_sq.min(look(pivot, middle));
-        beyond_sq[axis] = beyond * beyond;
+        beyond_sq[axis] = beyond_sq[axis].max(beyond * beyond);
         // Added in the order in which distances are, so that rounding cannot hide a point at exactly the radius.
         if beyond_sq[0] + beyond_sq[1] + beyond_sq[2] <= within_sq {
             within_sq = self.visit_range(far.0, far.1, p, within_sq, beyond_sq, look);

@@ -13,6 +13,10 @@ const PNG_SCALE: f32 = 2.0;
 /// Room left beyond the first and last point, as a share of what the points span.
 const MARGIN: f64 = 0.05;
 
+/// Ratio of the largest to the smallest value that a logarithmic axis shows: what is below is left out, such as the distance
+/// of a mesh that came back as it was, which is rounding or nothing.
+const LARGEST_RATIO: f64 = 1e6;
+
 /// What a chart shows along one direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
@@ -33,6 +37,13 @@ impl Axis {
     #[must_use]
     pub fn logarithmic(label: impl Into<String>) -> Self {
         Self { label: label.into(), logarithmic: true }
+    }
+
+    /// The values that can be shown, given all of them.
+    fn shows(&self, values: impl Iterator<Item = f64>) -> impl Fn(f64) -> bool {
+        let largest = values.filter(|v| v.is_finite()).fold(0.0, f64::max);
+        let logarithmic = self.logarithmic;
+        move |v| v.is_finite() && !(logarithmic && (v <= 0.0 || v < largest / LARGEST_RATIO))
     }
 
     /// From a little before the first to a little after the last of some values.
@@ -121,6 +132,7 @@ impl Chart {
 }
 
 fn lines(title: &str, x: &Axis, y: &Axis, series: &[Series]) -> (Vec<Plot>, Layout) {
+    let series = &shown(x, y, series);
     let mut plots = Vec::new();
     for one in series.iter().filter(|one| !one.points.is_empty()) {
         let mut line = LinePlot::new()
@@ -164,6 +176,24 @@ fn lines(title: &str, x: &Axis, y: &Axis, series: &[Series]) -> (Vec<Plot>, Layo
             .with_clamp_axis();
     }
     (plots, layout)
+}
+
+/// The series without the points that the axes cannot show.
+fn shown(x: &Axis, y: &Axis, series: &[Series]) -> Vec<Series> {
+    let all = || series.iter().flat_map(|one| &one.points);
+    let (shows_x, shows_y) = (x.shows(all().map(|p| p.0)), y.shows(all().map(|p| p.1)));
+    let keep = |one: &Series| {
+        let kept: Vec<_> = (0..one.points.len())
+            .filter(|i| shows_x(one.points[*i].0) && shows_y(one.points[*i].1))
+            .collect();
+        Series {
+            points: kept.iter().map(|i| one.points[*i]).collect(),
+            labels: kept.iter().filter_map(|i| one.labels.get(*i).cloned()).collect(),
+            spread: kept.iter().filter_map(|i| one.spread.get(*i).copied()).collect(),
+            ..one.clone()
+        }
+    };
+    series.iter().map(keep).collect()
 }
 
 fn stacked_bars(
@@ -250,5 +280,13 @@ mod tests {
             let svg = chart(points).svg();
             assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         }
+    }
+
+    #[test]
+    fn what_an_axis_cannot_show_is_left_out() {
+        let svg =
+            chart(vec![(0.0, 0.8), (1.0, 0.3), (1e-17, 0.2), (f64::NAN, 0.1), (2.0, f64::INFINITY)]).svg();
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        assert!(svg.contains(": 1 Mbps") && !svg.contains(": 0 Mbps") && !svg.contains(": 2 Mbps"), "{svg}");
     }
 }

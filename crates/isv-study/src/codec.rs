@@ -2,6 +2,7 @@
 
 use isv::encode::MotionMode;
 use isv::format::Prediction;
+use isv::volume::{Grid, TriangleMesh};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -59,6 +60,15 @@ pub struct Scale {
     pub voxel_m: f64,
     /// Longest side of the first frame's bounding box, in metres.
     pub extent_m: f64,
+}
+
+impl Scale {
+    /// By the first frame of a take, and the grid of the codecs of volumes.
+    #[must_use]
+    pub fn of(first: &TriangleMesh, grid: &Grid) -> Self {
+        let extent_m = first.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+        Self { voxel_m: grid.voxel_size.metres(), extent_m }
+    }
 }
 
 /// A name that no codec has.
@@ -134,14 +144,17 @@ impl Codec {
         }
     }
 
-    /// The points at which it is measured, fine to coarse: `count` of five, evenly spread.
+    /// The points at which it is measured, fine to coarse: `count` of five, evenly spread; fewer where some are the same.
     #[must_use]
     pub fn points(self, scale: Scale, count: usize) -> Vec<OperatingPoint> {
         let count = count.clamp(1, POINTS);
         let picked = |i: usize| {
             if count == 1 { POINTS / 2 } else { (i * (POINTS - 1) + (count - 1) / 2) / (count - 1) }
         };
-        (0..count).map(|i| self.point(scale, picked(i))).collect()
+        let mut points: Vec<_> = (0..count).map(|i| self.point(scale, picked(i))).collect();
+        // At the ends of a codec's range, several may be the same.
+        points.dedup();
+        points
     }
 
     fn point(self, scale: Scale, i: usize) -> OperatingPoint {
@@ -229,6 +242,8 @@ mod tests {
         assert_eq!(names("tang-scene", 2), "k64-step2.5mm k64-step40mm");
         assert_eq!(names("draco", 3), "11-bit 9-bit 7-bit");
         assert_eq!(names("draco-25", 9), "11-bit 10-bit 9-bit 8-bit 7-bit");
+        let coarse = Scale { voxel_m: 2.0, extent_m: 1.8 };
+        assert_eq!(Codec::Draco { faces_percent: 100 }.points(coarse, 5), [OperatingPoint::PositionBits(4)]);
     }
 
     #[test]

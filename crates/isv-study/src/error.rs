@@ -4,7 +4,7 @@ use isv::decode::DecodeError;
 use isv::format::FormatError;
 use isv::ingest::IngestError;
 use isv::metrics::CompareError;
-use isv_baseline::{DracoError, SimplifyError, TangError, TrainingError};
+use isv_baseline::{DracoError, ProgramError, SimplifyError, TangError, TrainingError};
 use std::io;
 use thiserror::Error;
 
@@ -95,4 +95,19 @@ pub enum StudyError {
     /// A chart that cannot be drawn.
     #[error("a chart cannot be drawn: {0}")]
     Chart(String),
+}
+
+impl StudyError {
+    /// Whether the codec would fail in the same way at its other points.
+    #[must_use]
+    pub fn is_of_all_points(&self) -> bool {
+        match self {
+            Self::Take(_) | Self::NoFrames { .. } | Self::NoTraining | Self::Training { .. } => true,
+            Self::Ingest { .. } | Self::Simplify { .. } => true,
+            Self::Draco { cause, .. } => {
+                matches!(cause, DracoError::Program(ProgramError::Run { .. } | ProgramError::TooLong { .. }))
+            }
+            _ => false,
+        }
+    }
 }

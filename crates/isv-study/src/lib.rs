@@ -40,6 +40,7 @@ pub use bjontegaard::{Delta, MeanDifference, RatePoint, delta, useful_points};
 pub use chart::{Axis, Chart, Series};
 pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;
+pub use isv_baseline::Draco;
 pub use measure::{Measured, StudySettings, Subject, Take, TakeError, TakeFrames};
 pub use metric::Metric;
 pub use picture::{Exhibit, Exhibition, View};

@@ -43,8 +43,10 @@ pub struct StudySettings {
     pub gop: u32,
     /// How decoded frames are compared with those that went in.
     pub compare: CompareOptions,
-    /// Number in the take of the frame whose decoded mesh is kept for the pictures.
+    /// Place in the take of the frame whose decoded mesh is kept for the pictures.
     pub picture_frame: usize,
+    /// Number, in what the take is a part of, of its first frame: messages name frames by it.
+    pub first_frame: usize,
 }
 
 /// A codec ready to be measured on a take: with its transform trained, its program found.
@@ -110,7 +112,7 @@ impl<'a> Subject<'a> {
                 Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?)
             }
             (Codec::Draco { faces_percent }, OperatingPoint::PositionBits(bits), _, Some(draco)) => {
-                Box::new(DracoEncoding::new(draco, faces_percent, bits))
+                Box::new(DracoEncoding::new(draco, faces_percent, bits, settings.first_frame))
             }
             _ => panic!("{point} is no point of {}", self.codec),
         })
@@ -159,7 +161,7 @@ impl<'a> Subject<'a> {
     fn encode(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Encoded, StudyError> {
         let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
         let mut memory = Vec::new();
-        reset_peak();
+        let alone = reset_peak();
         let mut encoding = self.encoding(point)?;
         for mesh in self.take.meshes().map_err(StudyError::Take)? {
             let frame = encoding.encode(&mesh.map_err(StudyError::Take)?)?;
@@ -175,7 +177,7 @@ impl<'a> Subject<'a> {
             frame_bytes,
             prepare_ms,
             encode_ms,
-            peak_bytes: Memory::peak(&memory, peak_bytes()),
+            peak_bytes: Memory::peak(&memory, peak_bytes().filter(|_| alone)),
         })
     }
 
@@ -190,7 +192,8 @@ impl<'a> Subject<'a> {
             let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
             let frame = errors.len();
             let error = compare(&original, &decoded.mesh, &self.settings.compare);
-            errors.push(error.map_err(|cause| StudyError::Compare { frame, cause })?);
+            let number = self.settings.first_frame + frame;
+            errors.push(error.map_err(|cause| StudyError::Compare { frame: number, cause })?);
             if frame == self.settings.picture_frame {
                 picture = Some(decoded.mesh);
             }
@@ -204,9 +207,7 @@ impl<'a> Subject<'a> {
 fn scale(take: &dyn Take, settings: &StudySettings) -> Result<Scale, StudyError> {
     let first = take.meshes().map_err(StudyError::Take)?.next();
     let first = first.ok_or_else(|| StudyError::NoFrames { take: take.name().to_owned() })?;
-    let bounds = first.map_err(StudyError::Take)?.bounds();
-    let extent_m = bounds.map_or(0.0, |(low, high)| (high - low).max_element());
-    Ok(Scale { voxel_m: settings.ingest.grid.voxel_size.metres(), extent_m })
+    Ok(Scale::of(&first.map_err(StudyError::Take)?, &settings.ingest.grid))
 }
 
 /// The transform trained on all frames of some takes.

@@ -21,7 +21,7 @@ pub(crate) fn html(
 ) -> String {
     let take = escape(&report.take);
     let sections = [
-        head(report),
+        head(report, exhibition.is_some()),
         charts_section("rates", "Rate and error", RATES, charts.iter().take(Metric::ALL.len())),
         exhibition.map_or(String::new(), pictures_section),
         deltas_section(report, deltas),
@@ -55,7 +55,7 @@ const DELTAS: &str = "How much rate the codec of a row takes at equal quality, a
                       cover; errors count as -20 log10. Faint: the two share less than a quarter of the quality that either \
                       covers. A dash: they share none.";
 
-fn head(report: &Report) -> String {
+fn head(report: &Report, has_pictures: bool) -> String {
     let frames = report.records.iter().map(Record::frames).max().unwrap_or(0);
     let links = [
         ("rates", "Rate and error"),
@@ -65,7 +65,16 @@ fn head(report: &Report) -> String {
         ("results", "All results"),
         ("method", "How it was measured"),
     ];
-    let links = links.map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>")).concat();
+    let is_there = |id: &str| match id {
+        "pictures" => has_pictures,
+        "deltas" => report.codecs().len() > 1,
+        _ => true,
+    };
+    let links: String = links
+        .into_iter()
+        .filter(|(id, _)| is_there(id))
+        .map(|(id, title)| format!("<a href=\"#{id}\">{title}</a>"))
+        .collect();
     format!(
         "<h1>{}</h1>\n<p>{frames} frames. {}</p>\n<nav>{links}</nav>\n",
         escape(&report.take),
@@ -176,12 +185,15 @@ fn deltas_table(codecs: &[&str], deltas: &[DeltaRow], metric: Metric) -> String 
 }
 
 fn delta_cell(delta: Option<Delta>) -> String {
-    let Some(Delta { rate_percent: Some(rate), quality_db }) = delta else {
-        return "<td class=\"faint\">-</td>".to_owned();
+    let Some(Delta { rate_percent, quality_db }) = delta else {
+        return "<td></td>".to_owned();
+    };
+    let quality = quality_db.map_or("-".to_owned(), |quality| format!("{:+.2} dB", quality.mean));
+    let Some(rate) = rate_percent else {
+        return format!("<td class=\"faint\">-<small>{quality}</small></td>");
     };
     let side = if rate.mean < 0.0 { "good" } else { "bad" };
     let faint = if rate.overlap_share < FAINT_BELOW { " faint" } else { "" };
-    let quality = quality_db.map_or("-".to_owned(), |quality| format!("{:+.2} dB", quality.mean));
     format!(
         "<td class=\"{side}{faint}\" title=\"over {:.2} to {:.2} dB, {:.0} %\">{:+.1} %<small>{quality}</small></td>",
         rate.overlap[0],
@@ -262,11 +274,8 @@ fn method_section(report: &Report) -> String {
         })
         .collect();
     let notes: String = report.notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
-    let notes = if notes.is_empty() {
-        notes
-    } else {
-        format!("<p>Left out:</p>\n<ul class=\"notes\">\n{notes}</ul>\n")
-    };
+    let notes =
+        if notes.is_empty() { notes } else { format!("<p>Notes:</p>\n<ul class=\"notes\">\n{notes}</ul>\n") };
     let first = report.records.first().map(|record| &record.error);
     let floor = first.and_then(|e| e.chamfer_floor_mm).map_or(String::new(), |mm| {
         format!(

@@ -27,9 +27,10 @@ pub struct Record {
     pub encode_ms: Timing,
     /// Bytes to mesh.
     pub decode_ms: Timing,
-    /// Peak memory in bytes while preparing and encoding; `None` where the system does not say.
+    /// Peak memory in bytes while preparing and encoding, or of the program that encodes; `None` where the system does not
+    /// say.
     pub encode_peak_bytes: Option<u64>,
-    /// Peak memory in bytes while decoding.
+    /// Peak memory in bytes while decoding, or of the program that decodes.
     pub decode_peak_bytes: Option<u64>,
     /// Mean error over frames.
     pub error: GeometryError,
@@ -72,7 +73,7 @@ impl BytesByKind {
 /// Milliseconds a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
-    /// Half of the frames took less.
+    /// Half of the frames took no longer.
     pub median: f64,
     /// Mean over frames.
     pub mean: f64,
@@ -86,7 +87,10 @@ impl Timing {
             return Self::default();
         }
         ms.sort_by(f64::total_cmp);
-        Self { median: ms[ms.len() / 2], mean: ms.iter().sum::<f64>() / ms.len() as f64 }
+        let middle = ms.len() / 2;
+        let median =
+            if ms.len().is_multiple_of(2) { ms[middle - 1].midpoint(ms[middle]) } else { ms[middle] };
+        Self { median, mean: ms.iter().sum::<f64>() / ms.len() as f64 }
     }
 }
 

@@ -17,7 +17,7 @@ pub struct Report {
     pub setting: String,
     /// Points of each codec together, fine to coarse; codecs in the order of legends.
     pub records: Vec<Record>,
-    /// What was left out, and why.
+    /// What a reader must know: what was left out and why, what errors include.
     pub notes: Vec<String>,
 }
 
@@ -105,7 +105,7 @@ impl Report {
             self.time_chart("Rate against time to encode", |r| r.prepare_ms.median + r.encode_ms.median),
         ));
         charts.push(("decode_ms", self.time_chart("Rate against time to decode", |r| r.decode_ms.median)));
-        charts.push(("kinds", self.kinds_chart()));
+        charts.extend(self.kinds_chart().map(|chart| ("kinds", chart)));
         charts
     }
 
@@ -127,8 +127,8 @@ impl Report {
         Chart::Lines { title: title.to_owned(), x, y, series }
     }
 
-    /// What the bits say, at the middle point of each codec that tells.
-    fn kinds_chart(&self) -> Chart {
+    /// What the bits say, at the middle point of each codec that tells; none if none does.
+    fn kinds_chart(&self) -> Option<Chart> {
         let mut bars = Vec::new();
         let mut names = Vec::new();
         for codec in self.codecs() {
@@ -139,7 +139,8 @@ impl Report {
             bars.push((codec.to_owned(), heights.to_vec()));
         }
         let parts = names.into_iter().zip(KIND_COLOURS.map(str::to_owned)).collect();
-        Chart::Bars { title: "Bits by kind, middle point".to_owned(), y: "Mbps".to_owned(), parts, bars }
+        let (title, y) = ("Bits by kind, middle point".to_owned(), "Mbps".to_owned());
+        (!bars.is_empty()).then_some(Chart::Bars { title, y, parts, bars })
     }
 
     /// One line a codec, through the points that a record gives.

@@ -47,7 +47,7 @@ fn settings() -> StudySettings {
         truncation: Truncation::from_voxels(8).unwrap(),
     };
     let compare = CompareOptions { spacing_m: VOXEL_M, ..CompareOptions::default() };
-    StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 1 }
+    StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 1, first_frame: 0 }
 }
 
 fn codec(name: &str) -> Codec {

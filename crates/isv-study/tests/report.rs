@@ -113,7 +113,8 @@ fn the_page_needs_nothing_else() {
 
 #[test]
 fn medians_are_of_the_middle() {
-    let timing = Timing::of(vec![10.0, 12.0, 50.0]);
+    let timing = Timing::of(vec![50.0, 12.0, 10.0]);
     assert_eq!((timing.median, timing.mean), (12.0, 24.0));
+    assert_eq!(Timing::of(vec![10.0, 20.0]).median, 15.0);
     assert_eq!(Timing::of(vec![]), Timing::default());
 }

@@ -99,10 +99,13 @@ fn study(clip: &Clip, data: &Path, work: &Path, folder: &Path) -> Result<()> {
     let mut input = data.join(clip.name);
     if clip.shell {
         let stream = work.join(format!("{}-shell.isv", clip.name));
-        isv(&["encode", "--coefficients=512", "--dc-step=0.1mm", "--ac-step=0.1mm"], |command| {
-            command.arg(&input).arg("--output").arg(&stream);
-            command.args(["--frames", clip.frames, "--voxel", clip.voxel]);
-        })?;
+        // A new file would be another take, of which nothing is measured yet.
+        if !stream.is_file() {
+            isv(&["encode", "--coefficients=512", "--dc-step=0.1mm", "--ac-step=0.1mm"], |command| {
+                command.arg(&input).arg("--output").arg(&stream);
+                command.args(["--frames", clip.frames, "--voxel", clip.voxel]);
+            })?;
+        }
         input = stream;
     }
     isv(&["compare", "--spacing", clip.spacing, "--voxel", clip.voxel], |command| {

@@ -1,7 +1,7 @@
 //! `isv compare`: a rate-distortion study of several codecs on one take.
 //!
-//! Each codec runs in a process of its own ([`worker`]), so that its peak memory is its own and one that fails takes nothing
-//! with it. What was measured lies in the folder ([`store`]); a study that was interrupted goes on where it stopped.
+//! Each point of each codec runs in a process of its own ([`worker`]), so that its peak memory is its own and one that fails
+//! takes nothing with it. What was measured lies in the folder ([`store`]); a study that was interrupted goes on where it stopped.
 
 mod store;
 mod take;
@@ -12,22 +12,25 @@ use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
-use crate::output::{frames_in_words, print};
+use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
 use crate::terms::SignName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use isv::format::FrameRate;
-use isv::ingest::MeshIngest;
+use isv::ingest::{MeshIngest, SignDecision, decide_sign};
 use isv::io::{Unit, read_mesh};
 use isv::metrics::CompareOptions;
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
-use isv_study::{Codec, Exhibition, Metric, Record, Report, StudySettings, Take, Training};
+use isv_study::{
+    Codec, Exhibition, Metric, OperatingPoint, Record, Report, Scale, StudySettings, Take, Training,
+};
 use std::num::NonZero;
 use std::path::PathBuf;
 use store::Store;
 use take::CapturedTake;
+use worker::Outcome;
 
 /// Points at which each codec is measured unless asked otherwise; also the most.
 const POINTS: u8 = 5;
@@ -46,7 +49,8 @@ pub(crate) struct Args {
     /// Folder for the results; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Codecs to study, separated by commas; without it all but those that lack what they need: paper-intra, paper-zero,
+    /// Codecs to study, separated by commas, the first of which the others are summed up against; without it all but those
+    /// that lack what they need: paper-intra, paper-zero,
     /// paper-3dof, paper-6dof, paper-auto, tang-scene, tang-cross, draco, draco-50, draco-25, draco-10, draco-5
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
@@ -59,7 +63,7 @@ pub(crate) struct Args {
     /// Only these frames, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// Number of the frame that is drawn; without it, the one in the middle
+    /// Number in the capture of the frame that is drawn; without it, the one in the middle
     #[arg(long, value_name = "N")]
     picture: Option<usize>,
     /// Edge of a voxel of the codecs of volumes
@@ -83,49 +87,78 @@ pub(crate) struct Args {
     /// Threads that each codec may use; all cores without it
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
-    /// Measure this codec in this process, and say each step on standard output
-    #[arg(long, value_name = "NAME", hide = true)]
-    worker: Option<Codec>,
+    /// Measure this point of this codec in this process, and say each step on standard output
+    #[arg(long, value_name = "CODEC:POINT", hide = true, value_parser = worker_parser)]
+    worker: Option<(Codec, usize)>,
+}
+
+/// A codec and the place of one of its points.
+fn worker_parser(text: &str) -> Result<(Codec, usize), String> {
+    let parse = |(codec, point): (&str, &str)| Some((codec.parse().ok()?, point.parse().ok()?));
+    text.split_once(':').and_then(parse).ok_or_else(|| "a codec, a colon and a number".to_owned())
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     use_threads(args.threads)?;
     let study = Study::new(args)?;
-    if let Some(codec) = args.worker {
-        return worker::run(&study, codec, usize::from(args.points));
+    if let Some((codec, point)) = args.worker {
+        return worker::run(&study, codec, point);
     }
     study.store.make()?;
     let codecs = args.codecs();
     let steps = codecs.len() * usize::from(args.points) * worker::STEPS_A_FRAME * study.take.frames();
     let progress = Progress::new(Some(steps), "comparing");
-    let (mut records, mut notes) = (Vec::new(), Vec::new());
+    let (mut records, mut notes) = (Vec::new(), study.notes());
+    notes.iter().for_each(|note| progress.note(note));
     for codec in codecs {
-        let done = worker::spawn(codec, &study.store, &progress)?;
-        records.extend(done.records);
-        for note in done.notes {
-            progress.note(&note);
-            notes.push(note);
+        for (index, point) in study.points(codec).into_iter().enumerate() {
+            if let Some(record) = study.store.find(codec, &point) {
+                (0..worker::STEPS_A_FRAME * record.frames()).for_each(|_| progress.step());
+                records.push(record);
+                continue;
+            }
+            match worker::spawn(codec, index, &point, &progress)? {
+                Outcome::Kept => records.extend(study.store.find(codec, &point)),
+                Outcome::Failed { sentence, at_all_points } => {
+                    progress.note(&sentence);
+                    notes.push(sentence);
+                    if at_all_points {
+                        break;
+                    }
+                }
+            }
         }
     }
-    drop(progress);
     if records.is_empty() {
+        drop(progress);
         bail!("{}: no codec could be measured", args.input);
     }
-    let report = Report { take: study.title(), setting: study.setting(), records, notes };
-    report.write(&args.output, study.exhibition(&report)?.as_ref())?;
+    let mut report = Report { take: study.title(), setting: study.setting(), records, notes };
+    let exhibition = study.exhibition(&report).unwrap_or_else(|error| {
+        progress.note(&format!("no pictures: {error:#}"));
+        report.notes.push(format!("no pictures: {error:#}"));
+        None
+    });
+    drop(progress);
+    report.write(&args.output, exhibition.as_ref())?;
     print(&format!("{}\n\n{}", summary(&report), study.outcome()))
 }
 
 impl Args {
-    /// The codecs asked for; without a word, all that have what they need.
+    /// The codecs asked for, in that order; without a word, all that have what they need.
     fn codecs(&self) -> Vec<Codec> {
-        if !self.codecs.is_empty() {
-            let asked = Codec::ALL.into_iter().filter(|codec| self.codecs.contains(codec));
-            return asked.collect();
-        }
         let untrained = |codec: &Codec| *codec == Codec::Tang(Training::CrossScene) && self.train.is_empty();
-        Codec::ALL.into_iter().filter(|codec| !untrained(codec)).collect()
+        if self.codecs.is_empty() {
+            return Codec::ALL.into_iter().filter(|codec| !untrained(codec)).collect();
+        }
+        let mut asked = Vec::new();
+        for codec in &self.codecs {
+            if !asked.contains(codec) {
+                asked.push(*codec);
+            }
+        }
+        asked
     }
 }
 
@@ -134,6 +167,12 @@ struct Study {
     take: CapturedTake,
     training: Vec<CapturedTake>,
     settings: StudySettings,
+    /// Points of each codec.
+    points: usize,
+    /// What operating points are in proportion to.
+    scale: Scale,
+    /// How meshes become volumes, by the first frame.
+    sign: SignDecision,
     store: Store,
 }
 
@@ -143,21 +182,53 @@ impl Study {
             .map_err(|error| usage(format!("--voxel {}: {error}", args.voxel)))?;
         let hints = Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) };
         let take = CapturedTake::open(&args.input, hints, args.frames)?;
+        if args.train.contains(&args.input) {
+            return Err(usage(format!(
+                "--train {}: a transform trained on the take itself is tang-scene",
+                args.input
+            )));
+        }
         let training = args.train.iter().map(|input| CapturedTake::open(input, hints, None));
         let training = training.collect::<Result<Vec<_>>>()?;
-        let picture_frame = args.picture.unwrap_or(take.frames() / 2);
-        if picture_frame >= take.frames() {
-            let frames = frames_in_words(take.frames());
-            return Err(usage(format!("--picture {picture_frame}: the take has {frames}, counted from 0")));
+        let picture = args.picture.unwrap_or(take.range().start + take.frames() / 2);
+        if !take.range().contains(&picture) {
+            let range = take.range();
+            return Err(usage(format!("--picture {picture}: the frames are {}..{}", range.start, range.end)));
         }
         let truncation = Truncation::from_voxels(8).expect("8 is in range");
         let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation };
-        let ingest = MeshIngest { sign: args.sign.into(), ..MeshIngest::new(grid) };
-        let compare = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
-        let settings = StudySettings { ingest, gop: args.gop, compare, picture_frame };
-        let threads = args.threads.map_or(0, NonZero::get);
-        let store = Store::new(&args.output, &take, &training, &settings, threads)?;
-        Ok(Self { take, training, settings, store })
+        let first = take.mesh(0)?;
+        let settings = StudySettings {
+            ingest: MeshIngest { sign: args.sign.into(), ..MeshIngest::new(grid) },
+            gop: args.gop,
+            compare: CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() },
+            picture_frame: picture - take.range().start,
+            first_frame: take.range().start,
+        };
+        let store = Store::new(&args.output, &take, &training, &settings)?;
+        let scale = Scale::of(&first, &grid);
+        let sign = decide_sign(&first, settings.ingest.sign).0;
+        Ok(Self { take, training, settings, points: usize::from(args.points), scale, sign, store })
+    }
+
+    /// The points at which a codec is measured.
+    fn points(&self, codec: Codec) -> Vec<OperatingPoint> {
+        codec.points(self.scale, self.points)
+    }
+
+    /// What a reader of the figures must know of the take.
+    fn notes(&self) -> Vec<String> {
+        match self.sign {
+            SignDecision::Closed { .. } => Vec::new(),
+            _ => {
+                let voxel_m = self.settings.ingest.grid.voxel_size.metres();
+                let offset = Length::from_metres(self.settings.ingest.offset_voxels * voxel_m);
+                vec![format!(
+                    "the surface is open: codecs of volumes code a shell {offset} away from it on both sides, and errors of \
+                     theirs are of that size whatever their settings; Draco codes the surface itself"
+                )]
+            }
+        }
     }
 
     /// The take's name without the folders it lies in.
@@ -181,8 +252,8 @@ impl Study {
     /// The picture frame at equal rate.
     fn exhibition(&self, report: &Report) -> Result<Option<Exhibition>> {
         let Some(mbps) = report.common_mbps() else { return Ok(None) };
-        let frame = self.settings.picture_frame;
-        let original = self.take.mesh(frame)?;
+        let original = self.take.mesh(self.settings.picture_frame)?;
+        let frame = self.settings.first_frame + self.settings.picture_frame;
         let mesh =
             |record| -> Result<_> { Ok((record, read_mesh(&self.store.picture(record), Unit::Metre)?)) };
         let decoded = report.near_rate(mbps).into_iter().map(mesh).collect::<Result<Vec<_>>>()?;

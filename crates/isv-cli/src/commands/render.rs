@@ -29,8 +29,8 @@ use studio::{Studio, in_words};
 /// Edge in pixels of a picture that stands alone, of one in an animation, and of one in a contact sheet.
 const DEFAULT_SIZES: [usize; 3] = [1024, 512, 384];
 
-/// Largest edge in pixels that can be asked for.
-const MAX_SIZE: u64 = 16_384;
+/// Largest edge in pixels that can be asked for: a drawing takes up to 75 bytes a pixel while it is made, 5 GB here.
+const MAX_SIZE: u64 = 8192;
 
 /// Most pixels of all pictures that are held together: 1 GiB as RGBA.
 const MAX_PIXELS: usize = 1 << 28;

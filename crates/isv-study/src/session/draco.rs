@@ -13,8 +13,9 @@ pub(crate) struct DracoEncoding {
 }
 
 impl DracoEncoding {
-    pub(crate) fn new(draco: &Draco, faces_percent: u8, bits: u8) -> Self {
-        Self { faces_percent, bits, stream: DracoStream { draco: draco.clone(), frames: Vec::new() } }
+    pub(crate) fn new(draco: &Draco, faces_percent: u8, bits: u8, first_frame: usize) -> Self {
+        let stream = DracoStream { draco: draco.clone(), first_frame, frames: Vec::new() };
+        Self { faces_percent, bits, stream }
     }
 
     /// The mesh that Draco gets.
@@ -22,7 +23,7 @@ impl DracoEncoding {
         if self.faces_percent == 100 {
             return Ok(mesh.clone());
         }
-        let frame = self.stream.frames.len();
+        let frame = self.stream.next_frame();
         simplify(mesh, f64::from(self.faces_percent) / 100.0)
             .map_err(|cause| StudyError::Simplify { frame, cause })
     }
@@ -31,7 +32,7 @@ impl DracoEncoding {
 impl Encoding for DracoEncoding {
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
         let (mesh, prepare_ms) = timed(|| self.prepare(mesh));
-        let frame = self.stream.frames.len();
+        let frame = self.stream.next_frame();
         let run = self.stream.draco.encode(&mesh?, self.bits);
         let run = run.map_err(|cause| StudyError::Draco { frame, cause })?;
         let bytes = run.output.len() as u64;
@@ -52,7 +53,15 @@ impl Encoding for DracoEncoding {
 /// One file a frame.
 struct DracoStream {
     draco: Draco,
+    first_frame: usize,
     frames: Vec<Vec<u8>>,
+}
+
+impl DracoStream {
+    /// Number of the frame that is coded next.
+    fn next_frame(&self) -> usize {
+        self.first_frame + self.frames.len()
+    }
 }
 
 impl Stream for DracoStream {
@@ -65,7 +74,7 @@ impl Stream for DracoStream {
     }
 
     fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
-        Ok(Box::new(self.frames.iter().enumerate().map(|(frame, bytes)| {
+        Ok(Box::new((self.first_frame..).zip(&self.frames).map(|(frame, bytes)| {
             let run = self.draco.decode(bytes).map_err(|cause| StudyError::Draco { frame, cause })?;
             Ok(DecodedFrame {
                 mesh: run.output,

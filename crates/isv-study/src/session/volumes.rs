@@ -16,7 +16,7 @@ pub(super) struct VolumeMaker {
 
 impl VolumeMaker {
     pub(super) fn new(settings: &StudySettings) -> Self {
-        Self { ingest: settings.ingest, sign: None, frame: 0 }
+        Self { ingest: settings.ingest, sign: None, frame: settings.first_frame }
     }
 
     /// The volume of the next frame, and the milliseconds it took.

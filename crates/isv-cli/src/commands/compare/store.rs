@@ -3,7 +3,7 @@
 use super::take::{CapturedTake, file_state};
 use anyhow::{Context, Result};
 use isv::io::{AtomicFile, Format, write_mesh};
-use isv_study::{Codec, Measured, OperatingPoint, Record, StudySettings};
+use isv_study::{Codec, Draco, Measured, OperatingPoint, Record, StudySettings};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,13 +22,13 @@ impl Store {
         take: &CapturedTake,
         training: &[CapturedTake],
         settings: &StudySettings,
-        threads: usize,
     ) -> Result<Self> {
         let program = std::env::current_exe().context("cannot find this program")?;
         let training: Vec<_> = training.iter().map(CapturedTake::fingerprint).collect();
         let key = format!(
-            "program {}; {threads} threads; {settings:?}; take {}; trained on {training:?}",
+            "program {}; {} threads; {settings:?}; take {}; trained on {training:?}",
             file_state(&program),
+            rayon::current_num_threads(),
             take.fingerprint(),
         );
         Ok(Self { folder: folder.to_owned(), key })
@@ -75,7 +75,11 @@ impl Store {
     }
 
     fn key(&self, codec: Codec, point: &OperatingPoint) -> String {
-        format!("{codec:?} {point:?}; {}", self.key)
+        let programs = match codec {
+            Codec::Draco { .. } => Draco::find().map(|draco| draco.programs().map(file_state)),
+            _ => None,
+        };
+        format!("{codec:?} {point:?} {programs:?}; {}", self.key)
     }
 }
 

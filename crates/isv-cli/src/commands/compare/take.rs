@@ -31,6 +31,11 @@ impl CapturedTake {
         Ok(Self { input: input.to_owned(), hints, range, frame_rate })
     }
 
+    /// Numbers in the capture of the frames.
+    pub(super) fn range(&self) -> &Range<usize> {
+        &self.range
+    }
+
     /// One frame, counted from the first of the take.
     pub(super) fn mesh(&self, frame: usize) -> Result<TriangleMesh> {
         let at = self.range.start + frame;

@@ -1,13 +1,13 @@
-//! One codec in a process of its own, and the lines in which it tells its parent how far it is.
+//! One codec at one point in a process of its own, and the lines in which it tells its parent how far it is.
 
 use super::Study;
-use super::store::Store;
 use crate::progress::Progress;
 use anyhow::{Context, Result};
-use isv_study::{Codec, Record, Subject, Take};
+use isv_study::{Codec, OperatingPoint, StudyError, Subject, Take};
 use serde::{Deserialize, Serialize};
-use std::io::{BufRead, BufReader, Write, stdout};
-use std::process::{Command, Stdio};
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader, Read, Write, stdout};
+use std::process::{Child, Command, Stdio};
 
 /// How often a frame of a point is reported: when it is encoded, and when it is compared.
 pub(super) const STEPS_A_FRAME: usize = 2;
@@ -15,51 +15,61 @@ pub(super) const STEPS_A_FRAME: usize = 2;
 /// A line of a worker, as JSON.
 #[derive(Debug, Serialize, Deserialize)]
 enum Message {
-    /// This many steps are done.
-    Steps(usize),
-    /// A point is measured and kept.
-    Done(Box<Record>),
-    /// Something was left out; why.
-    Note(String),
+    /// Another frame is encoded, or compared.
+    Step,
+    /// The point is measured and kept.
+    Kept,
+    /// It is not; why.
+    Failed {
+        sentence: String,
+        /// Whether the codec's other points need not be tried.
+        at_all_points: bool,
+    },
 }
 
-/// What came of a worker.
-pub(super) struct Outcome {
-    pub(super) records: Vec<Record>,
-    pub(super) notes: Vec<String>,
+/// How a worker ended.
+pub(super) enum Outcome {
+    /// The point is in the store.
+    Kept,
+    /// It is not; why.
+    Failed {
+        sentence: String,
+        /// Whether the codec's other points need not be tried.
+        at_all_points: bool,
+    },
 }
 
-/// The worker: measures a codec at all its points, except those that the store has.
-pub(super) fn run(study: &Study, codec: Codec, points: usize) -> Result<()> {
-    let Study { take, training, settings, store } = study;
+/// The worker: measures a codec at one of its points.
+pub(super) fn run(study: &Study, codec: Codec, point: usize) -> Result<()> {
+    let Study { take, training, settings, store, .. } = study;
     let training: Vec<_> = training.iter().map(|take| take as &dyn Take).collect();
-    let subject = match Subject::prepare(codec, take, &training, settings) {
-        Ok(Some(subject)) => subject,
+    let point = study.points(codec)[point];
+    let measured = match Subject::prepare(codec, take, &training, settings) {
+        Ok(Some(subject)) => subject.measure(point, &mut step),
         Ok(None) => {
-            return say(&Message::Note(format!(
-                "{codec}: draco_encoder and draco_decoder are not installed"
-            )));
+            let sentence = "draco_encoder and draco_decoder are not both installed".to_owned();
+            return say(&Message::Failed { sentence, at_all_points: true });
         }
-        Err(error) => return say(&Message::Note(format!("{codec}: {error}"))),
+        Err(error) => Err(error),
     };
-    for point in subject.points(points) {
-        if let Some(record) = store.find(codec, &point) {
-            say(&Message::Steps(STEPS_A_FRAME * record.frames()))?;
-            say(&Message::Done(Box::new(record)))?;
-            continue;
+    match measured {
+        Ok(measured) => {
+            store.keep(codec, &point, measured)?;
+            say(&Message::Kept)
         }
-        // A parent that is gone shows when the point is done.
-        let mut step = || drop(say(&Message::Steps(1)));
-        match subject.measure(point, &mut step) {
-            Ok(measured) => {
-                store.keep(codec, &point, measured)?;
-                let record = store.find(codec, &point).context("what was just kept is gone")?;
-                say(&Message::Done(Box::new(record)))?;
-            }
-            Err(error) => say(&Message::Note(format!("{codec} at {point}: {error}")))?,
-        }
+        Err(error) => say(&failure(&error)),
     }
-    Ok(())
+}
+
+fn failure(error: &StudyError) -> Message {
+    Message::Failed { sentence: error.to_string(), at_all_points: error.is_of_all_points() }
+}
+
+/// Says that a frame is done. Nobody needs the rest once the parent is gone.
+fn step() {
+    if say(&Message::Step).is_err() {
+        std::process::exit(1);
+    }
 }
 
 fn say(message: &Message) -> Result<()> {
@@ -69,36 +79,71 @@ fn say(message: &Message) -> Result<()> {
 }
 
 /// Runs this program again as a worker and listens to it.
-pub(super) fn spawn(codec: Codec, store: &Store, progress: &Progress) -> Result<Outcome> {
-    let program = std::env::current_exe().context("cannot find this program")?;
-    let mut child = Command::new(program)
-        .args(std::env::args_os().skip(1))
-        .arg(format!("--worker={codec}"))
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .with_context(|| format!("{codec}: cannot start a process of its own"))?;
-    let mut outcome = Outcome { records: Vec::new(), notes: Vec::new() };
-    let lines = BufReader::new(child.stdout.take().expect("the pipe above")).lines();
+pub(super) fn spawn(
+    codec: Codec,
+    index: usize,
+    point: &OperatingPoint,
+    progress: &Progress,
+) -> Result<Outcome> {
+    let mut child = Worker::start(codec, index)?;
+    let lines = BufReader::new(child.0.stdout.take().expect("a pipe")).lines();
+    let mut stderr = child.0.stderr.take().expect("a pipe");
+    // On a thread: a worker that has much to say on one pipe must not wait for the other.
+    let words = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        let _ = stderr.read_to_end(&mut bytes);
+        String::from_utf8_lossy(&bytes).into_owned()
+    });
+    let mut outcome = None;
     for line in lines {
         // Half a line is all that is left of a worker that was killed.
         match serde_json::from_str(&line?) {
-            Ok(Message::Steps(steps)) => (0..steps).for_each(|_| progress.step()),
-            Ok(Message::Done(record)) => outcome.records.push(*record),
-            Ok(Message::Note(note)) => outcome.notes.push(note),
+            Ok(Message::Step) => progress.step(),
+            Ok(Message::Kept) => outcome = Some(Outcome::Kept),
+            Ok(Message::Failed { sentence, at_all_points }) => {
+                outcome = Some(Outcome::Failed {
+                    sentence: format!("{codec} at {point}: {sentence}"),
+                    at_all_points,
+                });
+            }
             Err(_) => break,
         }
     }
-    let output = child.wait_with_output()?;
-    if !output.status.success() {
-        let words = String::from_utf8_lossy(&output.stderr);
-        let words = words.lines().last().unwrap_or_default().trim_start_matches("isv: ").to_owned();
-        let folder = store.folder().display();
-        outcome.notes.push(format!(
-            "{codec}: ended early ({}) {words}; what it measured is in {folder}",
-            output.status
-        ));
+    let status = child.0.wait()?;
+    let words = words.join().unwrap_or_default();
+    let words = words.lines().last().unwrap_or_default().trim_start_matches("isv: ");
+    Ok(outcome.unwrap_or_else(|| Outcome::Failed {
+        sentence: format!(
+            "{codec} at {point}: ended early ({status}{}{words}), run again to try again",
+            if words.is_empty() { "" } else { ", " }
+        ),
+        at_all_points: false,
+    }))
+}
+
+/// A worker that does not outlive its parent's interest.
+struct Worker(Child);
+
+impl Worker {
+    /// With the arguments of this program, and the word that makes it a worker before any that might end options.
+    fn start(codec: Codec, point: usize) -> Result<Self> {
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let mut arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+        arguments.insert(1.min(arguments.len()), format!("--worker={codec}:{point}").into());
+        let child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn();
+        Ok(Self(child.with_context(|| format!("{codec}: cannot start a process of its own"))?))
     }
-    Ok(outcome)
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        // Both fail if it has ended and been waited for, which is what is wanted.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
