@@ -17,6 +17,9 @@ const MARGIN: f64 = 0.05;
 /// of a mesh that came back as it was, which is rounding or nothing.
 const LARGEST_RATIO: f64 = 1e6;
 
+/// Smallest value that a logarithmic axis shows: a bit a second, a nanometre in millimetres.
+const SMALLEST: f64 = 1e-6;
+
 /// What a chart shows along one direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
@@ -43,7 +46,7 @@ impl Axis {
     fn shows(&self, values: impl Iterator<Item = f64>) -> impl Fn(f64) -> bool {
         let largest = values.filter(|v| v.is_finite()).fold(0.0, f64::max);
         let logarithmic = self.logarithmic;
-        move |v| v.is_finite() && !(logarithmic && (v <= 0.0 || v < largest / LARGEST_RATIO))
+        move |v| v.is_finite() && !(logarithmic && v < SMALLEST.max(largest / LARGEST_RATIO))
     }
 
     /// From a little before the first to a little after the last of some values.
@@ -159,13 +162,13 @@ fn lines(title: &str, x: &Axis, y: &Axis, series: &[Series]) -> (Vec<Plot>, Layo
         .iter()
         .flat_map(|one| one.points.iter().zip(&one.spread).flat_map(|((_, y), half)| [y - half, y + half]));
     let mut layout = styled(Layout::auto_from_plots(&plots), title, &y.label).with_x_label(x.label.as_str());
-    if x.logarithmic {
-        layout = layout.with_log_x();
-    }
-    if y.logarithmic {
-        layout = layout.with_log_y();
-    }
     if all().next().is_some() {
+        if x.logarithmic {
+            layout = layout.with_log_x();
+        }
+        if y.logarithmic {
+            layout = layout.with_log_y();
+        }
         let [left, right] = x.range(all().map(|p| p.0));
         let [bottom, top] = y.range(all().map(|p| p.1).chain(spread.filter(|v| !y.logarithmic || *v > 0.0)));
         layout = layout
@@ -276,7 +279,7 @@ mod tests {
 
     #[test]
     fn one_point_or_none_is_no_reason_to_fail() {
-        for points in [vec![], vec![(2.0, 0.5)]] {
+        for points in [vec![], vec![(2.0, 0.5)], vec![(0.0, 1.0)], vec![(1e-17, 1.0)]] {
             let svg = chart(points).svg();
             assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         }
@@ -285,7 +288,7 @@ mod tests {
     #[test]
     fn what_an_axis_cannot_show_is_left_out() {
         let svg =
-            chart(vec![(0.0, 0.8), (1.0, 0.3), (1e-17, 0.2), (f64::NAN, 0.1), (2.0, f64::INFINITY)]).svg();
+            chart(vec![(0.0, 0.8), (1.0, 0.3), (1e-7, 0.2), (f64::NAN, 0.1), (2.0, f64::INFINITY)]).svg();
         assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         assert!(svg.contains(": 1 Mbps") && !svg.contains(": 0 Mbps") && !svg.contains(": 2 Mbps"), "{svg}");
     }
