@@ -25,11 +25,11 @@ const CLIPS: [Clip; 5] = [
     Clip { name: "dancer", frames: "0..16", ..PERSON },
     Clip { name: "thomas", ..PERSON },
     Clip { name: "liam", ..PERSON },
-    Clip { name: "flag", shell: true, ..PERSON },
+    Clip { name: "flag", frames: "0..4", shell: true, more: &["--points=3"], ..PERSON },
     Clip {
         name: "monastery",
-        frames: "0..2",
-        voxel: "4cm",
+        frames: "0..3",
+        voxel: "8cm",
         spacing: "10cm",
         shell: true,
         more: &[
