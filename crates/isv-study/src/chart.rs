@@ -15,7 +15,7 @@ const MARGIN: f64 = 0.05;
 
 /// Ratio of the largest to the smallest value that a logarithmic axis shows: what is below is left out, such as the distance
 /// of a mesh that came back as it was, which is rounding or nothing.
-const LARGEST_RATIO: f64 = 1e6;
+const LARGEST_RATIO: f64 = 1e4;
 
 /// Smallest value that a logarithmic axis shows: a bit a second, a nanometre in millimetres.
 const SMALLEST: f64 = 1e-6;
