@@ -46,7 +46,14 @@ const COSTS: &[&str] = &["--points=1", "--codecs=paper-zero,paper-3dof,paper-6do
 const TIMED: [Clip; 3] = [
     Clip { name: "dancer", frames: "0..16", more: COSTS, ..PERSON },
     Clip { name: "liam", more: COSTS, ..PERSON },
-    Clip { name: "monastery", frames: "0..4", voxel: "2cm", spacing: "20cm", shell: false, more: COSTS },
+    Clip {
+        name: "monastery",
+        frames: "0..3",
+        voxel: "2cm",
+        spacing: "20cm",
+        shell: false,
+        more: &["--points=1", "--codecs=paper-zero,paper-3dof,draco,draco-25"],
+    },
 ];
 
 /// Takes of people, each of which the cross-scene transform of the others is trained on.
