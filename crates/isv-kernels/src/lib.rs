@@ -9,10 +9,13 @@
 //! | [`scan`] | the K lowest frequencies, by index sum (Sec. 3.3) |
 //! | [`quant`] | fixed DC step, tunable AC step (Sec. 3.3) |
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
+//!
+//! Beyond the paper, [`surface_fit`] predicts a block from those around it.
 
 pub mod dct;
 pub mod quant;
 mod reduced_warp;
 pub mod scan;
 pub mod simd;
+pub mod surface_fit;
 pub mod warp;

@@ -1,0 +1,502 @@
+//! Spatial prediction of a block: a quadric through the surface of the blocks around it, by weighted least squares.
+//!
+//! Near the surface a signed distance is smooth, and a block that the surface enters continues what its neighbours hold.
+//! [`SurfaceFit`] gathers the voxels of decoded neighbours that lie within four layers of the block, weighted by
+//! `exp(-|s| - far / 2)` (`s` the sample and `far` the layer, in voxels), and fits
+//! `k0 + kx x + ky y + kz z + kxx x^2 + ... + kyz y z` to them with a small ridge. The block's prediction is that quadric.
+//!
+//! All of it is integers. Positions are odd numbers of half voxels from the block's centre, -15 to 15; in the equations they
+//! count eighths of a block's edge, so that no monomial exceeds 1 and the matrix is well conditioned.
+//! Edge 8 only (`docs/spec/format.md`, spatial prediction).
+
+use crate::simd::vectorized;
+use std::ops::Range;
+
+/// Voxels along an edge of the blocks that this is made for.
+const EDGE: usize = 8;
+/// Voxels of a block.
+const VOXELS: usize = EDGE * EDGE * EDGE;
+/// Positions along an axis: the block's eight and four on either side.
+const POSITIONS: usize = 16;
+/// Coefficients of a quadric in space.
+const TERMS: usize = 10;
+/// A fit to fewer voxels than these is none.
+const FEWEST_VOXELS: i32 = 8;
+
+/// The distance, in codes, at which a weight has fallen to 0.02 of that at 0; voxels farther away do not count.
+const FARTHEST: i32 = 1001;
+/// `256 log2(e)`.
+const LOG2_E: i32 = 369;
+
+/// Fraction bits of the matrix: weights of all voxels together stay below `2^19` (see [`SurfaceFit`]).
+const MATRIX_BITS: u32 = 12;
+/// Fraction bits of the right side: weight times sample stays below `2^26` over all voxels.
+const RIGHT_BITS: u32 = 5;
+/// Fraction bits of an elimination factor.
+const FACTOR_BITS: u32 = 20;
+/// Fraction bits of the coefficients while they are solved for, in codes.
+const SOLVE_BITS: u32 = 10;
+/// Fraction bits of the coefficients that are evaluated.
+const COEFFICIENT_BITS: u32 = 4;
+/// Evaluated coefficients stay below this: monomials over `2^8` sum to at most `256 + 3 * 7 * 16 + 6 * 49 = 886`, and
+/// `886 * 2^21 + 2^11 < 2^31`.
+const COEFFICIENT_LIMIT: i64 = (1 << 21) - 1;
+
+/// Exponents of the basis `1, x, y, z, x^2, y^2, z^2, xy, xz, yz`, each as `a + 5 b + 25 c` for `x^a y^b z^c`: no exponent of a
+/// product of two exceeds 4, so its index is the sum of theirs.
+const MONOMIALS: [usize; TERMS] = [0, 1, 5, 25, 2, 10, 50, 6, 26, 30];
+/// Added to the diagonal: 1/1000, 1/50 and 30 voxels of full weight in units of voxels, here in those of the matrix.
+/// No pivot is less in exact arithmetic, nor is one taken to be.
+const RIDGE: [i32; TERMS] = [2097, 655, 655, 655, 15360, 15360, 15360, 15360, 15360, 15360];
+
+/// What a block's neighbours say about the surface inside it: moments of their weighted voxels.
+///
+/// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. A weight is at most 311, 188, 114 and 69 in
+/// the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: all weights sum to less than `2^19`. A column of one x is at
+/// most 256 voxels, over which `y^4` sums to `16 * 206992` and `y^2 z^2` to `1360^2`, so `311 * 16 * 206992 < 2^30` bounds its
+/// moments. `w |s|` is at most 29600, so `29600 * 16 * 1360 < 2^30` bounds those with samples.
+#[derive(Clone, Debug)]
+pub struct SurfaceFit {
+    /// `[c][b][column]`, `b + c <= 4`.
+    weights: [[[i32; POSITIONS]; 5]; 5],
+    /// `[c][b][column]`, `b + c <= 2`.
+    products: [[[i32; POSITIONS]; 3]; 3],
+    /// Voxels that count.
+    counts: [i32; POSITIONS],
+    /// Bit `(dz + 1) * 9 + (dy + 1) * 3 + dx + 1` of the neighbours that were added.
+    added: u32,
+}
+
+impl Default for SurfaceFit {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl SurfaceFit {
+    /// No neighbours yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            weights: [[[0; POSITIONS]; 5]; 5],
+            products: [[[0; POSITIONS]; 3]; 3],
+            counts: [0; POSITIONS],
+            added: 0,
+        }
+    }
+
+    /// Adds the block at `offset` `[x, y, z]`, in blocks, from the one to be predicted: its `8^3` samples, x fastest, any
+    /// values. The order of neighbours does not matter.
+    ///
+    /// # Panics
+    /// If `samples` is not a block, or `offset` is zero, out of -1 to 1 or was added before.
+    pub fn add_neighbour(&mut self, offset: [i32; 3], samples: &[i16]) {
+        assert!(offset != [0; 3] && offset.iter().all(|d| d.abs() <= 1), "{offset:?} is not a neighbour");
+        let bit = 1 << ((offset[2] + 1) * 9 + (offset[1] + 1) * 3 + offset[0] + 1);
+        assert!(self.added & bit == 0, "{offset:?} was added before");
+        self.added |= bit;
+        let samples: &[i16; VOXELS] = samples.try_into().expect("a block of 8^3 samples");
+        vectorized(
+            #[inline(always)]
+            || match offset[0] {
+                0 => self.add_rows::<8>(offset, samples),
+                _ => self.add_rows::<4>(offset, samples),
+            },
+        );
+    }
+
+    /// The quadric at the voxels of the block, clamped to `limit` codes on either side of 0. False, and `out` is as it was, if
+    /// fewer than 8 voxels count.
+    ///
+    /// # Panics
+    /// If `limit` is negative or `out` is not a block.
+    pub fn predict(&self, limit: i16, out: &mut [i16]) -> bool {
+        assert!(limit >= 0, "limit {limit} is negative");
+        let out: &mut [i16; VOXELS] = out.try_into().expect("a block of 8^3 samples");
+        if self.counts.iter().sum::<i32>() < FEWEST_VOXELS {
+            return false;
+        }
+        vectorized(
+            #[inline(always)]
+            || evaluate(&solve(self.equations()), i32::from(limit), out),
+        );
+        true
+    }
+
+    /// Adds the `N` voxels nearest to the block of each row that is near it.
+    #[inline(always)]
+    fn add_rows<const N: usize>(&mut self, offset: [i32; 3], samples: &[i16; VOXELS]) {
+        let [x0, column] =
+            [near(offset[0]).start, (position(near(offset[0]).start, offset[0]) + 15) as usize / 2];
+        let mut reach_x = [0; N];
+        for (i, reach) in reach_x.iter_mut().enumerate() {
+            *reach = position(x0 + i, offset[0]).abs();
+        }
+        for voxel_z in near(offset[2]) {
+            let z = position(voxel_z, offset[2]);
+            let mut plane = Plane::<N> { weights: [[0; N]; 5], products: [[0; N]; 3], counts: [0; N] };
+            for voxel_y in near(offset[1]) {
+                let y = position(voxel_y, offset[1]);
+                let start = (voxel_z * EDGE + voxel_y) * EDGE + x0;
+                plane.add_row(y, y.abs().max(z.abs()), &reach_x, &samples[start..start + N]);
+            }
+            self.add_plane(z, column, &plane);
+        }
+    }
+
+    /// Adds the sums of one z to the columns from `column` on.
+    #[inline(always)]
+    fn add_plane<const N: usize>(&mut self, z: i32, column: usize, plane: &Plane<N>) {
+        for c in 0..5 {
+            for b in 0..5 - c {
+                let sums = &mut self.weights[c][b][column..column + N];
+                for i in 0..N {
+                    sums[i] += plane.weights[b][i] * z.pow(c as u32);
+                }
+            }
+        }
+        for c in 0..3 {
+            for b in 0..3 - c {
+                let sums = &mut self.products[c][b][column..column + N];
+                for i in 0..N {
+                    sums[i] += plane.products[b][i] * z.pow(c as u32);
+                }
+            }
+        }
+        let counts = &mut self.counts[column..column + N];
+        for i in 0..N {
+            counts[i] += plane.counts[i];
+        }
+    }
+
+    /// The normal equations, one a row: the matrix and, last, the right side. Rows are padded to a multiple of four.
+    #[inline(always)]
+    fn equations(&self) -> [[i32; ROW]; TERMS] {
+        let mut moments = [0; 125];
+        for c in 0..5 {
+            for b in 0..5 - c {
+                for a in 0..5 - b - c {
+                    let degree = (a + b + c) as u32;
+                    moments[a + 5 * b + 25 * c] =
+                        scaled(along_x(&self.weights[c][b], a), MATRIX_BITS, degree);
+                }
+            }
+        }
+        let mut right = [0; 125];
+        for c in 0..3 {
+            for b in 0..3 - c {
+                for a in 0..3 - b - c {
+                    let degree = (a + b + c) as u32;
+                    right[a + 5 * b + 25 * c] = scaled(along_x(&self.products[c][b], a), RIGHT_BITS, degree);
+                }
+            }
+        }
+        let mut rows = [[0; ROW]; TERMS];
+        for (i, row) in rows.iter_mut().enumerate() {
+            for j in 0..TERMS {
+                row[j] = moments[MONOMIALS[i] + MONOMIALS[j]];
+            }
+            row[i] += RIDGE[i];
+            row[TERMS] = right[MONOMIALS[i]];
+        }
+        rows
+    }
+}
+
+/// Length of a row of the equations.
+const ROW: usize = 12;
+
+/// Sums over the rows of one z, a lane for each x.
+struct Plane<const N: usize> {
+    /// `[b][lane]`: `sum w y^b`.
+    weights: [[i32; N]; 5],
+    /// `[b][lane]`: `sum w s y^b`.
+    products: [[i32; N]; 3],
+    counts: [i32; N],
+}
+
+impl<const N: usize> Plane<N> {
+    /// Adds the row at `y`. `reach` is the larger of `|y|` and `|z|`, `reach_x` is `|x|`.
+    #[inline(always)]
+    fn add_row(&mut self, y: i32, reach: i32, reach_x: &[i32; N], samples: &[i16]) {
+        for i in 0..N {
+            let sample = i32::from(samples[i]);
+            // Half a voxel of weight's distance for each layer of two half voxels, 64 codes for a half voxel.
+            let weight = weight(sample.abs() + 64 * (reach.max(reach_x[i]) - 7));
+            let product = weight * sample;
+            for b in 0..5 {
+                self.weights[b][i] += weight * y.pow(b as u32);
+            }
+            for b in 0..3 {
+                self.products[b][i] += product * y.pow(b as u32);
+            }
+            self.counts[i] += i32::from(weight > 0);
+        }
+    }
+}
+
+/// Voxels along an axis that lie within four layers of the block to be predicted, in a block `d` blocks from it.
+#[inline(always)]
+fn near(d: i32) -> Range<usize> {
+    match d {
+        0 => 0..EDGE,
+        1 => 0..EDGE / 2,
+        _ => EDGE / 2..EDGE,
+    }
+}
+
+/// Position in half voxels from the centre of the block to be predicted.
+#[inline(always)]
+fn position(voxel: usize, d: i32) -> i32 {
+    2 * voxel as i32 + 16 * d - 7
+}
+
+/// `512 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]; within 1 of it, a power of two with its
+/// fraction by a parabola.
+#[inline(always)]
+fn weight(distance: i32) -> i32 {
+    let octaves = (distance.min(FARTHEST) * LOG2_E) >> 8;
+    let fraction = octaves & 255;
+    let mantissa = 512 - fraction - ((fraction * (256 - fraction) * 11) >> 13);
+    if distance <= FARTHEST { mantissa >> (octaves >> 8) } else { 0 }
+}
+
+/// `sum x^a` times the columns.
+#[inline(always)]
+fn along_x(columns: &[i32; POSITIONS], a: usize) -> i64 {
+    let mut sum = 0;
+    for (i, column) in columns.iter().enumerate() {
+        sum += i64::from(*column) * i64::from((2 * i as i32 - 15).pow(a as u32));
+    }
+    sum
+}
+
+/// A moment of half voxels to that of eighths of the edge, 16 half voxels, with `bits` fraction bits. It fits, as all monomials are
+/// within 1 then: `497744 * 2^12 + 2097 < 2^31`, `46.9e6 * 2^5 < 2^31`.
+#[inline(always)]
+fn scaled(moment: i64, bits: u32, degree: u32) -> i32 {
+    match bits.checked_sub(4 * degree) {
+        Some(up) => (moment << up) as i32,
+        None => round_shift(moment, 4 * degree - bits) as i32,
+    }
+}
+
+/// Gaussian elimination without exchanges, as the matrix is symmetric and positive: coefficients in codes, with
+/// [`COEFFICIENT_BITS`].
+///
+/// Entries and factors saturate at 32 bits. So products stay within `2^62` and nothing overflows, whatever the rounding does.
+#[inline(always)]
+fn solve(mut rows: [[i32; ROW]; TERMS]) -> [i32; TERMS] {
+    let mut inverses = [(0, 0); TERMS];
+    let mut factors = [[0; TERMS]; TERMS];
+    for k in 0..TERMS {
+        let (inverse, shift) = reciprocal(rows[k][k].max(RIDGE[k]));
+        inverses[k] = (inverse, shift);
+        let pivot_row = rows[k];
+        for i in k + 1..TERMS {
+            let factor = saturate(round_shift(i64::from(pivot_row[i]) * inverse, shift - FACTOR_BITS));
+            factors[k][i] = factor;
+            for j in 0..ROW {
+                let change = round_shift(i64::from(factor) * i64::from(pivot_row[j]), FACTOR_BITS);
+                rows[i][j] = saturate(i64::from(rows[i][j]) - change);
+            }
+        }
+    }
+    let mut solution = [0; TERMS];
+    for k in (0..TERMS).rev() {
+        let (inverse, shift) = inverses[k];
+        // The right side has MATRIX_BITS - RIGHT_BITS fraction bits fewer than the pivot.
+        let mut value =
+            round_shift(i64::from(rows[k][TERMS]) * inverse, shift + RIGHT_BITS - MATRIX_BITS - SOLVE_BITS);
+        for i in k + 1..TERMS {
+            value -= round_shift(i64::from(factors[k][i]) * i64::from(solution[i]), FACTOR_BITS);
+        }
+        solution[k] = saturate(value);
+    }
+    solution.map(|value| {
+        let rounded = round_shift(i64::from(value), SOLVE_BITS - COEFFICIENT_BITS);
+        rounded.clamp(-COEFFICIENT_LIMIT, COEFFICIENT_LIMIT) as i32
+    })
+}
+
+/// A number of `2^30` to `2^31` and a shift, 40 to 61: the first over 2 to the power of the second is `1 / pivot`.
+#[inline(always)]
+fn reciprocal(pivot: i32) -> (i64, u32) {
+    let up = pivot.leading_zeros() - 1;
+    ((1 << 61) / i64::from(pivot << up), 61 - up)
+}
+
+/// Writes the quadric's values at the voxels of the block.
+#[inline(always)]
+fn evaluate(quadric: &[i32; TERMS], limit: i32, out: &mut [i16; VOXELS]) {
+    let [one, x1, y1, z1, xx, yy, zz, xy, xz, yz] = *quadric;
+    let shift = COEFFICIENT_BITS + 8;
+    for (row, values) in out.as_chunks_mut::<EDGE>().0.iter_mut().enumerate() {
+        let [y, z] = [position(row % EDGE, 0), position(row / EDGE, 0)];
+        let constant = 256 * one + 16 * (y1 * y + z1 * z) + yy * y * y + zz * z * z + yz * y * z;
+        let slope = 16 * x1 + xy * y + xz * z;
+        for (i, value) in values.iter_mut().enumerate() {
+            let x = position(i, 0);
+            let sum = constant + slope * x + xx * x * x;
+            *value = ((sum + (1 << (shift - 1))) >> shift).clamp(-limit, limit) as i16;
+        }
+    }
+}
+
+/// Rounds half up and drops `shift` bits.
+#[inline(always)]
+fn round_shift(value: i64, shift: u32) -> i64 {
+    (value + (1 << (shift - 1))) >> shift
+}
+
+/// The nearest 32-bit number.
+#[inline(always)]
+fn saturate(value: i64) -> i32 {
+    value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MU: i16 = 2048;
+
+    /// All 26 offsets.
+    fn offsets() -> Vec<[i32; 3]> {
+        (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|d| *d != [0; 3]).collect()
+    }
+
+    /// A block of a field of positions in voxels from the predicted block's centre, in codes, clamped.
+    fn block(field: &dyn Fn([f64; 3]) -> f64, offset: [i32; 3]) -> Vec<i16> {
+        (0..VOXELS)
+            .map(|i| {
+                let voxel = [i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE];
+                let at = [0, 1, 2].map(|axis| f64::from(position(voxel[axis], offset[axis])) / 2.0);
+                field(at).round().clamp(f64::from(-MU), f64::from(MU)) as i16
+            })
+            .collect()
+    }
+
+    fn fit(blocks: &[([i32; 3], Vec<i16>)]) -> SurfaceFit {
+        let mut fit = SurfaceFit::new();
+        blocks.iter().for_each(|(offset, samples)| fit.add_neighbour(*offset, samples));
+        fit
+    }
+
+    /// xorshift: numbers of 0 to 1.
+    fn random(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+        move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        }
+    }
+
+    /// The same prediction in real numbers, in codes and without the clamp; positions and samples in voxels.
+    fn real_prediction(blocks: &[([i32; 3], Vec<i16>)]) -> Option<Vec<f64>> {
+        let basis = |[x, y, z]: [f64; 3]| [1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z];
+        let mut rows = [[0.0; TERMS + 1]; TERMS];
+        for (i, row) in rows.iter_mut().enumerate() {
+            row[i] = [1e-3, 0.02, 30.0][usize::from(i > 0) + usize::from(i > 3)];
+        }
+        let mut count = 0;
+        for (offset, samples) in blocks {
+            for (i, sample) in samples.iter().enumerate() {
+                let voxel = [i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE];
+                if (0..3).any(|axis| !near(offset[axis]).contains(&voxel[axis])) {
+                    continue;
+                }
+                let at = [0, 1, 2].map(|axis| f64::from(position(voxel[axis], offset[axis])) / 2.0);
+                let far = at.iter().fold(0.0, |far: f64, p| far.max(p.abs() - 3.5));
+                let sample = f64::from(*sample) / 256.0;
+                let weight = (-sample.abs() - far / 2.0).exp();
+                if weight < 0.02 || sample.abs() > 4.0 {
+                    continue;
+                }
+                count += 1;
+                let q = basis(at);
+                for i in 0..TERMS {
+                    (0..TERMS).for_each(|j| rows[i][j] += weight * q[i] * q[j]);
+                    rows[i][TERMS] += weight * q[i] * sample;
+                }
+            }
+        }
+        for k in 0..TERMS {
+            let pivot_row = rows[k];
+            for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
+                let _ = i;
+                let factor = row[k] / pivot_row[k];
+                (0..=TERMS).for_each(|j| row[j] -= factor * pivot_row[j]);
+            }
+        }
+        let value = |i: usize| {
+            let at = [i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE].map(|v| f64::from(position(v, 0)) / 2.0);
+            (0..TERMS).map(|k| rows[k][TERMS] / rows[k][k] * basis(at)[k]).sum::<f64>() * 256.0
+        };
+        (count >= 8).then(|| (0..VOXELS).map(value).collect())
+    }
+
+    /// Mean and largest difference from real numbers, and the number of voxels, where the prediction is within 1024 codes.
+    fn difference(blocks: &[([i32; 3], Vec<i16>)]) -> (f64, f64, usize) {
+        let Some(real) = real_prediction(blocks) else { return (0.0, 0.0, 0) };
+        let mut out = [0; VOXELS];
+        assert!(fit(blocks).predict(MU, &mut out));
+        let near: Vec<f64> = (0..VOXELS)
+            .filter(|i| real[*i].abs() < 1024.0)
+            .map(|i| (f64::from(out[i]) - real[i]).abs())
+            .collect();
+        (near.iter().sum(), near.iter().fold(0.0, |a, b| a.max(*b)), near.len())
+    }
+
+    /// A field from a family of planes, spheres and cylinders that pass near the block.
+    fn shape(case: usize, random: &mut impl FnMut() -> f64) -> Box<dyn Fn([f64; 3]) -> f64> {
+        let mut signed = |scale: f64| (random() - 0.5) * 2.0 * scale;
+        let direction = [signed(1.0), signed(1.0), signed(1.0)];
+        let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+        let normal = direction.map(|d| d / length);
+        let (distance, radius) = (signed(5.0), 4.0 + 40.0 * signed(1.0).powi(2));
+        let centre = normal.map(|n| n * (distance + radius));
+        let kept: [f64; 3] = if case % 3 == 2 { [1.0, 1.0, 0.0] } else { [1.0; 3] };
+        Box::new(move |p| {
+            let along: f64 = (0..3).map(|i| p[i] * normal[i]).sum();
+            let round: f64 =
+                (0..3).map(|i| kept[i] * (p[i] - centre[i]).powi(2)).sum::<f64>().sqrt() - radius;
+            256.0 * if case % 3 == 0 { along - distance } else { round }
+        })
+    }
+
+    #[test]
+    fn fits_are_those_of_real_numbers() {
+        for noise in [0.0, 20.0, 80.0] {
+            let (mut sum, mut largest, mut voxels) = (0.0, 0.0, 0);
+            for case in 0..600 {
+                let mut random = random(case as u64 + 1);
+                let field = shape(case, &mut random);
+                let share = 0.05 + 0.5 * random();
+                let mut blocks = Vec::new();
+                for offset in offsets() {
+                    if random() < share {
+                        let mut samples = block(&field, offset);
+                        for sample in &mut samples {
+                            *sample = (*sample + ((random() + random() - 1.0) * noise * 2.45) as i16)
+                                .clamp(-MU, MU);
+                        }
+                        blocks.push((offset, samples));
+                    }
+                }
+                let (case_sum, case_largest, near) = difference(&blocks);
+                if case_largest > 8.0 {
+                    println!(
+                        "case {case}, {} blocks, noise {noise}: {case_largest}, {}",
+                        blocks.len(),
+                        case_sum / near as f64
+                    );
+                }
+                (sum, largest, voxels) = (sum + case_sum, f64::max(largest, case_largest), voxels + near);
+            }
+            println!("noise {noise}: mean {}, largest {largest}, {voxels} voxels", sum / voxels as f64);
+        }
+    }
+}
