@@ -251,14 +251,14 @@ fn position(voxel: usize, d: i32) -> i32 {
     2 * voxel as i32 + 16 * d - 7
 }
 
-/// `512 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]; within 1 of it, a power of two with its
-/// fraction by a parabola.
+/// `512 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]: a power of two, its fraction by a
+/// parabola, rounded half up.
 #[inline(always)]
 fn weight(distance: i32) -> i32 {
     let octaves = (distance.min(FARTHEST) * LOG2_E) >> 8;
     let fraction = octaves & 255;
-    let mantissa = 512 - fraction - ((fraction * (256 - fraction) * 11) >> 13);
-    if distance <= FARTHEST { mantissa >> (octaves >> 8) } else { 0 }
+    let mantissa = 1024 - 2 * fraction - ((fraction * (256 - fraction) * 11) >> 12);
+    if distance <= FARTHEST { ((mantissa >> (octaves >> 8)) + 1) >> 1 } else { 0 }
 }
 
 /// `sum x^a` times the columns.
