@@ -1,7 +1,7 @@
 //! The writing side of the entropy-coded syntax: each file mirrors the one of the same name in `isv-decode`.
 //! Public for `isv-baseline`, whose codecs differ from isv in the transform and not in the syntax.
 
-mod block_set;
+pub(crate) mod block_set;
 mod coefficients;
 mod masks;
 mod motion;

@@ -34,6 +34,26 @@ impl IntegerModel {
         }
     }
 
+    /// Bits that coding a value would take now.
+    #[must_use]
+    pub fn cost(&self, value: i32) -> f32 {
+        if value == 0 {
+            return self.zero.cost(true);
+        }
+        let magnitude = value.unsigned_abs();
+        let exponent = magnitude.ilog2() as usize;
+        let unary = (0..EXPONENTS - 1).take(exponent + 1).map(|e| self.exponent[e].cost(exponent > e));
+        let modelled = (exponent as u32).min(MODELLED_MANTISSA_BITS);
+        let mut bits = self.zero.cost(false) + self.negative.cost(value < 0) + unary.sum::<f32>();
+        let mut node = 1;
+        for position in (exponent as u32 - modelled..exponent as u32).rev() {
+            let bit = magnitude >> position & 1;
+            bits += self.mantissa[exponent][node].cost(bit != 0);
+            node = node << 1 | bit as usize;
+        }
+        bits + (exponent as u32 - modelled) as f32
+    }
+
     /// Decodes a value of magnitude up to [`MAGNITUDE_LIMIT`], whatever the bytes.
     pub fn decode(&mut self, decoder: &mut RangeDecoder) -> i32 {
         if decoder.decode(&mut self.zero) {

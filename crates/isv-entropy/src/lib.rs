@@ -25,4 +25,4 @@ mod range_coder;
 
 pub use binarization::{IntegerModel, MAGNITUDE_LIMIT};
 pub use model::BitModel;
-pub use range_coder::{RangeDecoder, RangeEncoder};
+pub use range_coder::{RangeDecoder, RangeEncoder, mixed_cost};

@@ -31,6 +31,12 @@ impl BitModel {
         mean.clamp(4, (1 << PROBABILITY_BITS) - 4)
     }
 
+    /// Bits that coding a decision would take now.
+    pub(crate) fn cost(&self, bit: bool) -> f32 {
+        let one = self.probability_of_one();
+        PROBABILITY_BITS as f32 - ((if bit { one } else { (1 << PROBABILITY_BITS) - one }) as f32).log2()
+    }
+
     /// Learns from one coded bit.
     ///
     /// While `seen` counts up, the shift grows with its logarithm: the n-th symbol moves the estimate by about `1/n`.

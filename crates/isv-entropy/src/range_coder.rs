@@ -43,6 +43,20 @@ impl RangeEncoder {
         self.renormalize();
     }
 
+    /// Codes a bit under the mean of several models' estimates, all of which learn from it: each model sees the decision in
+    /// another context, and their mean is better than any of them.
+    pub fn encode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N], bit: bool) {
+        let bound = (self.range >> 16) * mean_probability(&models);
+        if bit {
+            self.range = bound;
+        } else {
+            self.low += u64::from(bound);
+            self.range -= bound;
+        }
+        models.into_iter().for_each(|model| model.update(bit));
+        self.renormalize();
+    }
+
     /// Codes the lowest `count` bits of `value`, highest first, each at a cost of one bit.
     pub fn encode_raw(&mut self, value: u32, count: u32) {
         for bit in (0..count).rev() {
@@ -104,6 +118,18 @@ impl RangeEncoder {
     }
 }
 
+/// Bits that [`RangeEncoder::encode_mixed`] would take now.
+#[must_use]
+pub fn mixed_cost<const N: usize>(models: [&mut BitModel; N], bit: bool) -> f32 {
+    let one = mean_probability(&models);
+    16.0 - ((if bit { one } else { (1 << 16) - one }) as f32).log2()
+}
+
+/// Mean of the models' probabilities of a 1, rounded down.
+fn mean_probability<const N: usize>(models: &[&mut BitModel; N]) -> u32 {
+    models.iter().map(|model| model.probability_of_one()).sum::<u32>() / N as u32
+}
+
 /// Reads what [`RangeEncoder`] wrote. Any bytes decode to something; [`RangeDecoder::overran`] tells when that something
 /// was made up.
 #[derive(Clone, Debug)]
@@ -137,6 +163,21 @@ impl<'a> RangeDecoder<'a> {
             self.range -= bound;
         }
         model.update(bit);
+        self.renormalize();
+        bit
+    }
+
+    /// Decodes a bit under the mean of several models' estimates, all of which learn from it.
+    pub fn decode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N]) -> bool {
+        let bound = (self.range >> 16) * mean_probability(&models);
+        let bit = self.code < bound;
+        if bit {
+            self.range = bound;
+        } else {
+            self.code -= bound;
+            self.range -= bound;
+        }
+        models.into_iter().for_each(|model| model.update(bit));
         self.renormalize();
         bit
     }

@@ -37,10 +37,19 @@ impl BlockSetModels {
         count: usize,
         reference: Option<ReferenceBlocks>,
     ) -> Result<Vec<BlockCoord>, SyntaxError> {
+        self.decode(&mut RangeDecoder::new(bytes), count, reference)
+    }
+
+    /// [`Self::read`] from a segment that may hold more than the set.
+    pub(crate) fn decode(
+        &mut self,
+        decoder: &mut RangeDecoder,
+        count: usize,
+        reference: Option<ReferenceBlocks>,
+    ) -> Result<Vec<BlockCoord>, SyntaxError> {
         if count == 0 {
             return Ok(Vec::new());
         }
-        let mut decoder = RangeDecoder::new(bytes);
         let depth = decoder.decode_raw(DEPTH_BITS);
         if depth > MAX_DEPTH {
             return Err(SyntaxError("the block set's root is larger than the coordinate range"));
@@ -67,7 +76,7 @@ impl BlockSetModels {
                     return Err(SyntaxError("the block set holds more blocks than announced"));
                 }
             }
-            check_overrun(&decoder, "the block set ends too early")?;
+            check_overrun(decoder, "the block set ends too early")?;
             cells = children;
         }
         if cells.len() != count {

@@ -11,11 +11,23 @@ pub(super) fn write(
     coords: &[BlockCoord],
     reference: Option<ReferenceBlocks>,
 ) -> Vec<u8> {
+    let mut encoder = RangeEncoder::new();
+    encode(models, &mut encoder, coords, reference);
+    // Of no blocks, nothing is written.
+    if coords.is_empty() { Vec::new() } else { encoder.finish() }
+}
+
+/// [`write`] into a segment that may hold more than the set.
+pub(crate) fn encode(
+    models: &mut BlockSetModels,
+    encoder: &mut RangeEncoder,
+    coords: &[BlockCoord],
+    reference: Option<ReferenceBlocks>,
+) {
     let [Some(first), Some(last)] = [coords.first(), coords.last()] else {
-        return Vec::new();
+        return;
     };
     let [first, last] = [first, last].map(|c| c.morton().0);
-    let mut encoder = RangeEncoder::new();
     // The smallest cell that holds them all: blocks in Morton order differ most at the ends.
     let depth = (64 - (first ^ last).leading_zeros()).div_ceil(3);
     encoder.encode_raw(depth, DEPTH_BITS);
@@ -46,5 +58,4 @@ pub(super) fn write(
         }
         cells = present;
     }
-    encoder.finish()
 }

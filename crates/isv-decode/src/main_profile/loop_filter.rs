@@ -1,0 +1,31 @@
+//! The in-loop filter of a frame: which faces between blocks are smoothed.
+
+use super::{BlockMode, FrameSymbols};
+use isv_kernels::deblock::{FaceFilter, smooth_face};
+use isv_volume::BlockIndex;
+
+/// Smooths the faces between coded blocks along x, then y, then z.
+///
+/// A face is left as it is if both blocks continue what the frame before had there: same vector, no levels. It was smoothed
+/// then, and smoothing it once a frame would wear the surface down.
+pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16]) {
+    let index = BlockIndex::new(&symbols.coords);
+    for axis in 0..3 {
+        for (lower, coord) in symbols.coords.iter().enumerate() {
+            let next = coord.offset(std::array::from_fn(|a| i32::from(a == axis)));
+            let Some(upper) = index.get(next).map(|block| block as usize) else { continue };
+            if is_continued(symbols, lower, upper) {
+                continue;
+            }
+            // Morton order puts the upper block after the lower one.
+            let (before, after) = samples.split_at_mut(upper * 512);
+            smooth_face(axis, &mut before[lower * 512..][..512], &mut after[..512], filter);
+        }
+    }
+}
+
+/// Whether two blocks go on from the frame before as one.
+fn is_continued(symbols: &FrameSymbols, a: usize, b: usize) -> bool {
+    let unchanged = |block: usize| symbols.modes[block] != BlockMode::Spatial && symbols.counts[block] == 0;
+    unchanged(a) && unchanged(b) && symbols.modes[a].vector() == symbols.modes[b].vector()
+}

@@ -1,0 +1,164 @@
+//! From symbols to samples. The encoder's closed loop is this code.
+
+use super::loop_filter::smooth_faces;
+use super::{BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Vector};
+use crate::extension::{Extended, extend};
+use isv_format::{MainFrameHeader, SliceLayout};
+use isv_kernels::deblock::FaceFilter;
+use isv_kernels::quant::Quantizer;
+use isv_kernels::surface_fit::SurfaceFit;
+use isv_kernels::warp::{MotionVector, StitchedReference};
+use isv_volume::{BlockCoord, BlockEdge, Neighbourhood, SparseVolume};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Samples of a block.
+pub const BLOCK_SAMPLES: usize = 512;
+
+/// Quarter voxels along a block's edge.
+const BLOCK_QUARTERS: i16 = 32;
+
+/// The reference around the place that a vector points to, kept while vectors point to the same blocks.
+#[derive(Debug)]
+pub struct TemporalPredictor<'a> {
+    reference: &'a MainReference,
+    stitched: StitchedReference,
+    centre: Option<BlockCoord>,
+}
+
+impl<'a> TemporalPredictor<'a> {
+    /// Predictions from a reference.
+    #[must_use]
+    pub fn new(reference: &'a MainReference) -> Self {
+        Self { reference, stitched: StitchedReference::new(BlockEdge::E8), centre: None }
+    }
+
+    /// Predicts the block at a coordinate: the reference's samples displaced by the vector.
+    ///
+    /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to
+    /// are stitched, and the rest is [`StitchedReference::warp`].
+    ///
+    /// # Panics
+    /// If `out` is not a block.
+    pub fn predict(&mut self, coord: BlockCoord, vector: Vector, out: &mut [i16]) {
+        let rest = self.look_at(coord, vector);
+        self.stitched.warp(MotionVector { translation: rest, rotation: [0; 3] }, out);
+    }
+
+    /// Stitches the reference around the place that a vector points to, and returns the rest of it in quarter voxels.
+    pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector) -> [i8; 3] {
+        let blocks = vector.map(|v| (v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS));
+        let centre = coord.offset(blocks.map(i32::from));
+        if self.centre != Some(centre) {
+            self.reference.reference().stitch_at(centre, &mut self.stitched);
+            self.centre = Some(centre);
+        }
+        std::array::from_fn(|axis| (vector[axis] - blocks[axis] * BLOCK_QUARTERS) as i8)
+    }
+
+    /// What was stitched last.
+    #[must_use]
+    pub fn stitched(&self) -> &StitchedReference {
+        &self.stitched
+    }
+}
+
+/// Predicts a block from its neighbours: their surface continued, or zero where there is too little of it.
+///
+/// `around`: its neighbours by slot, as indices into `samples`, which holds them one after the other.
+pub fn predict_spatially(around: &Neighbourhood, samples: &[i16], limit: i16, out: &mut [i16]) {
+    let mut fit = SurfaceFit::new();
+    for (slot, block) in around.iter().enumerate() {
+        if let Some(block) = block.filter(|_| slot != 13) {
+            let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|s| s as i32 - 1);
+            fit.add_neighbour(offset, &samples[block as usize * BLOCK_SAMPLES..][..BLOCK_SAMPLES]);
+        }
+    }
+    if !fit.predict(limit, out) {
+        out.fill(0);
+    }
+}
+
+/// Adds a block's residual to its prediction and clamps to the truncation distance.
+pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: &[i32], samples: &mut [i16]) {
+    let mut residual = [0; BLOCK_SAMPLES];
+    for (k, level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
+        residual[usize::from(parameters.scan[k])] = quantizer.dequantize(*level);
+    }
+    parameters.transform.inverse(&mut residual);
+    let limit = i32::from(parameters.grid.truncation.codes());
+    for (sample, difference) in samples.iter_mut().zip(residual) {
+        *sample = (i32::from(*sample) + i32::from(difference)).clamp(-limit, limit) as i16;
+    }
+}
+
+/// The samples of a frame's blocks before the in-loop filter, block after block.
+#[must_use]
+pub fn reconstruct(
+    parameters: &MainParameters,
+    quantizer: &Quantizer,
+    slices: SliceLayout,
+    symbols: &FrameSymbols,
+    causal: &CausalBlocks,
+    reference: Option<&MainReference>,
+) -> Vec<i16> {
+    let mut samples = vec![0; symbols.coords.len() * BLOCK_SAMPLES];
+    if let Some(reference) = reference {
+        samples.par_chunks_exact_mut(BLOCK_SAMPLES).enumerate().for_each_init(
+            || TemporalPredictor::new(reference),
+            |predictor, (block, out)| {
+                if let Some(vector) = symbols.modes[block].vector() {
+                    predictor.predict(symbols.coords[block], vector, out);
+                    finish_block(parameters, quantizer, symbols, block, out);
+                }
+            },
+        );
+    }
+    let mut rest = &mut samples[..];
+    let mut parts = Vec::new();
+    for range in slices.ranges() {
+        let (part, after) = rest.split_at_mut(range.len() * BLOCK_SAMPLES);
+        parts.push((range, part));
+        rest = after;
+    }
+    parts.into_par_iter().for_each(|(range, part)| {
+        let limit = parameters.grid.truncation.codes();
+        for block in range.clone().filter(|block| symbols.modes[*block] == BlockMode::Spatial) {
+            let local = block - range.start;
+            let around = causal.of(block).map(|n| n.map(|n| n - range.start as u32));
+            let (before, out) = part.split_at_mut(local * BLOCK_SAMPLES);
+            let out = &mut out[..BLOCK_SAMPLES];
+            predict_spatially(&around, before, limit, out);
+            finish_block(parameters, quantizer, symbols, block, out);
+        }
+    });
+    samples
+}
+
+fn finish_block(
+    parameters: &MainParameters,
+    quantizer: &Quantizer,
+    symbols: &FrameSymbols,
+    block: usize,
+    samples: &mut [i16],
+) {
+    if symbols.counts[block] > 0 {
+        let levels = &symbols.levels[block * COEFFICIENTS..][..COEFFICIENTS];
+        add_residual(parameters, quantizer, levels, samples);
+    }
+}
+
+/// Filters the reconstructed blocks and extends them: the decoded volume but for its masks.
+#[must_use]
+pub fn filter_and_extend(
+    parameters: &MainParameters,
+    header: &MainFrameHeader,
+    symbols: &FrameSymbols,
+    mut samples: Vec<i16>,
+) -> Extended {
+    if header.filter > 0 {
+        let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation.codes());
+        smooth_faces(symbols, filter, &mut samples);
+    }
+    extend(&SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new()))
+}

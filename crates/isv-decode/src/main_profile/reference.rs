@@ -1,0 +1,58 @@
+//! The frame before, as the next one sees it.
+
+use super::{FrameSymbols, Vector};
+use crate::Reference;
+use crate::extension::Extended;
+use isv_volume::{BlockCoord, SparseVolume};
+
+/// A decoded frame: its volume with the extension, and what its blocks were coded as.
+#[derive(Clone, Debug)]
+pub struct MainReference {
+    reference: Reference,
+    /// For each block of the volume, how it was coded; `None` if the decoder made it up.
+    coded: Vec<Option<CodedBlock>>,
+}
+
+/// What the next frame's contexts and vectors want to know of a coded block.
+#[derive(Clone, Copy, Debug)]
+pub struct CodedBlock {
+    /// Its vector, if it had one.
+    pub vector: Option<Vector>,
+    /// How many of its levels were not zero.
+    pub count: u8,
+}
+
+impl MainReference {
+    /// Of the extended volume of a frame and the frame's symbols, whose blocks are the coded ones in the same order.
+    #[must_use]
+    pub fn new(extended: Extended, symbols: &FrameSymbols) -> Self {
+        let mut blocks = symbols.modes.iter().zip(&symbols.counts);
+        let mut next = || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
+        let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
+        Self { reference: Reference::new(extended.volume), coded }
+    }
+
+    /// The volume: coded blocks and those around them.
+    #[must_use]
+    pub fn volume(&self) -> &SparseVolume {
+        self.reference.volume()
+    }
+
+    /// The volume with its look-up.
+    #[must_use]
+    pub fn reference(&self) -> &Reference {
+        &self.reference
+    }
+
+    /// How the block at a coordinate was coded, if it was.
+    #[must_use]
+    pub fn coded(&self, coord: BlockCoord) -> Option<CodedBlock> {
+        self.reference.index().get(coord).and_then(|block| self.coded[block as usize])
+    }
+
+    /// How a block of the volume was coded, if it was.
+    #[must_use]
+    pub fn coded_at(&self, block: usize) -> Option<CodedBlock> {
+        self.coded[block]
+    }
+}

@@ -1,0 +1,73 @@
+//! What a frame's bytes say, before any arithmetic on samples.
+
+use isv_volume::BlockCoord;
+
+/// Where in the frame before a block's samples come from: a translation in quarter voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Vector(pub [i16; 3]);
+
+impl Vector {
+    /// No motion.
+    pub const ZERO: Self = Self([0; 3]);
+    /// Largest component, in quarter voxels: 32 voxels.
+    pub const LIMIT: i16 = 128;
+
+    /// Whether every component is within [`Self::LIMIT`].
+    #[must_use]
+    pub fn in_range(self) -> bool {
+        self.0.iter().all(|component| component.abs() <= Self::LIMIT)
+    }
+}
+
+/// How a block is predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockMode {
+    /// From its neighbours: their surface continued.
+    Spatial,
+    /// From the frame before, with a vector among the candidates that decoder and encoder both know.
+    Merged {
+        /// Its place among the candidates.
+        candidate: u8,
+        /// The vector it is.
+        vector: Vector,
+    },
+    /// From the frame before, with a vector of its own.
+    New {
+        /// The vector.
+        vector: Vector,
+    },
+}
+
+impl BlockMode {
+    /// The vector, if the block is predicted from the frame before.
+    #[must_use]
+    pub fn vector(self) -> Option<Vector> {
+        match self {
+            Self::Spatial => None,
+            Self::Merged { vector, .. } | Self::New { vector } => Some(vector),
+        }
+    }
+
+    /// Class in contexts: 0 merged, 1 new, 2 spatial.
+    #[must_use]
+    pub fn class(self) -> usize {
+        match self {
+            Self::Merged { .. } => 0,
+            Self::New { .. } => 1,
+            Self::Spatial => 2,
+        }
+    }
+}
+
+/// The decoded symbols of one frame, without its masks, which need the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameSymbols {
+    /// Coded blocks in Morton order.
+    pub coords: Vec<BlockCoord>,
+    /// How each is predicted.
+    pub modes: Vec<BlockMode>,
+    /// [`super::COEFFICIENTS`] levels a block, block after block, in scan order.
+    pub levels: Vec<i32>,
+    /// How many of them are not zero, a block.
+    pub counts: Vec<u8>,
+}

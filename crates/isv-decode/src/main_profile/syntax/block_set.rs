@@ -1,0 +1,152 @@
+//! The set of coded blocks. A keyframe's is an octree; after it, each block of the reference's volume has a flag, in the
+//! context of the surface that is expected there, and the few blocks beyond it are an octree again.
+
+use crate::main_profile::MainReference;
+use crate::main_profile::activity::{Activity, expected_activity};
+use crate::syntax::SyntaxError;
+use crate::syntax::block_set::BlockSetModels as OctreeModels;
+use isv_entropy::{BitModel, RangeDecoder};
+use isv_volume::{BlockCoord, Neighbourhood};
+
+/// Models of the set of blocks.
+#[derive(Clone, Debug)]
+pub struct BlockSetModels {
+    /// Blocks that the reference's volume does not have.
+    pub octree: OctreeModels,
+    by_class: [BitModel; Activity::CLASSES * 32],
+    by_distance: [BitModel; Activity::FINE_CLASSES * 4],
+    by_surprise: [BitModel; Activity::CLASSES * 7 * 10 * 2],
+}
+
+impl Default for BlockSetModels {
+    fn default() -> Self {
+        Self {
+            octree: OctreeModels::default(),
+            by_class: [BitModel::default(); Activity::CLASSES * 32],
+            by_distance: [BitModel::default(); Activity::FINE_CLASSES * 4],
+            by_surprise: [BitModel::default(); Activity::CLASSES * 7 * 10 * 2],
+        }
+    }
+}
+
+impl BlockSetModels {
+    /// The models of a flag in a context.
+    pub fn flag(&mut self, context: FlagContext) -> [&mut BitModel; 3] {
+        [
+            &mut self.by_class[context.by_class],
+            &mut self.by_distance[context.by_distance],
+            &mut self.by_surprise[context.by_surprise],
+        ]
+    }
+
+    /// Reads a set of `count` blocks, in Morton order.
+    ///
+    /// # Errors
+    /// A set that does not hold as many blocks as the frame header says or holds one twice, or bytes that end too early.
+    pub fn read(
+        &mut self,
+        bytes: &[u8],
+        count: usize,
+        reference: Option<&MainReference>,
+    ) -> Result<Vec<BlockCoord>, SyntaxError> {
+        let mut decoder = RangeDecoder::new(bytes);
+        let Some(reference) = reference else {
+            return self.octree.decode(&mut decoder, count, None);
+        };
+        let mut flags = ExpectedBlocks::new(reference);
+        let mut coords = Vec::new();
+        for candidate in 0..flags.len() {
+            let coded = decoder.decode_mixed(self.flag(flags.context(candidate)));
+            flags.set(candidate, coded);
+            if coded {
+                coords.push(reference.volume().coords()[candidate]);
+            }
+        }
+        let Some(rest) = count.checked_sub(coords.len()) else {
+            return Err(SyntaxError("the block set holds more blocks than announced"));
+        };
+        if rest > 0 {
+            coords.extend(self.octree.decode(&mut decoder, rest, None)?);
+            coords.sort_unstable_by_key(|coord| coord.morton());
+            if coords.windows(2).any(|pair| pair[0] == pair[1]) {
+                return Err(SyntaxError("the block set holds a block twice"));
+            }
+        }
+        if decoder.overran() {
+            return Err(SyntaxError("the block set ends too early"));
+        }
+        Ok(coords)
+    }
+}
+
+/// Contexts of one flag, as indices of its models.
+#[derive(Clone, Copy, Debug)]
+pub struct FlagContext {
+    by_class: usize,
+    by_distance: usize,
+    by_surprise: usize,
+}
+
+/// The blocks of the reference's volume, which may be coded again, and what is known of them.
+#[derive(Debug)]
+pub struct ExpectedBlocks<'a> {
+    reference: &'a MainReference,
+    activity: Vec<Activity>,
+    around: Vec<Neighbourhood>,
+    /// Whether each is coded, as far as is known.
+    coded: Vec<bool>,
+}
+
+/// Slots of the faces before a block, of those after it, and of the edges that can come before.
+const BEHIND: [usize; 3] = [12, 10, 4];
+const AHEAD: [usize; 3] = [14, 16, 22];
+const EDGES: [usize; 9] = [9, 3, 1, 11, 15, 5, 7, 21, 19];
+
+impl<'a> ExpectedBlocks<'a> {
+    /// All blocks of a reference's volume; none is known to be coded.
+    #[must_use]
+    pub fn new(reference: &'a MainReference) -> Self {
+        let volume = reference.volume();
+        let index = reference.reference().index();
+        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
+        let coded = vec![false; volume.block_count()];
+        Self { reference, activity: expected_activity(reference), around, coded }
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.coded.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.coded.is_empty()
+    }
+
+    /// Notes whether a candidate is coded.
+    pub fn set(&mut self, candidate: usize, coded: bool) {
+        self.coded[candidate] = coded;
+    }
+
+    /// Context of a candidate's flag, once the flags before it are known.
+    #[must_use]
+    pub fn context(&self, candidate: usize) -> FlagContext {
+        let around = &self.around[candidate];
+        let count = |slots: &[usize], is: &dyn Fn(usize) -> bool| {
+            slots.iter().filter(|slot| around[**slot].is_some_and(|block| is(block as usize))).count()
+        };
+        let coded = |block: usize| self.coded[block];
+        let expected = |block: usize| self.activity[block].is_expected();
+        let (behind, behind_expected) = (count(&BEHIND, &coded), count(&BEHIND, &expected));
+        let (ahead, edges) = (count(&AHEAD, &expected), count(&EDGES, &coded));
+        let was = usize::from(self.reference.coded_at(candidate).is_some());
+        let activity = self.activity[candidate];
+        FlagContext {
+            by_class: ((activity.class() * 4 + behind) * 4 + ahead) * 2 + was,
+            by_distance: activity.fine_class() * 4 + behind,
+            by_surprise: ((activity.class() * 7 + 3 + behind - behind_expected) * 10 + edges) * 2 + was,
+        }
+    }
+}

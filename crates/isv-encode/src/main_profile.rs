@@ -1,0 +1,21 @@
+//! Profile `main`, encoder's side.
+//!
+//! ```text
+//! SparseVolume ─ target: which blocks, which voxels matter ─ motion_search ─┐
+//!                                                                           ▼
+//!        block by block: candidates ─ prediction ─ pursuit: levels ─> the choice of least error + lambda x bits ─> syntax
+//!                                        ▲                                  │
+//!                                        └── samples as the decoder has them┘
+//! ```
+
+mod encoder;
+mod field_dct;
+mod level_costs;
+mod motion_search;
+mod pursuit;
+mod slice;
+mod syntax;
+mod target;
+
+pub(crate) use encoder::MainEncoder;
+pub use encoder::{Band, FrameQuality, MainSettings};

@@ -1,0 +1,96 @@
+//! What levels cost in bits, by what was coded lately. The pursuit asks thousands of times a block, so this is a table and
+//! not the models themselves, whose contexts it averages.
+
+use isv_decode::main_profile::COEFFICIENTS;
+
+/// Magnitudes from here on cost the same.
+const MAGNITUDES: usize = 32;
+/// Counts from here on cost the same.
+const COUNTS: usize = 70;
+/// Blocks after which the table is made anew.
+const REFRESH: u32 = 32;
+/// What is left of the statistics of a frame in the next.
+const DECAY: f32 = 0.5;
+/// Bits saved on each place because places come in order and not as a list.
+const ORDER_BITS: f32 = 1.0;
+
+/// Statistics of coded levels and the costs that follow.
+#[derive(Clone, Debug)]
+pub(crate) struct LevelCosts {
+    seen_places: [f32; COEFFICIENTS],
+    seen_magnitudes: [f32; MAGNITUDES],
+    seen_counts: [f32; COUNTS],
+    since_refresh: u32,
+    /// Bits of a level at a place, its sign included and its magnitude not.
+    place: [f32; COEFFICIENTS],
+    /// Bits of a magnitude, from 1.
+    magnitude: [f32; MAGNITUDES],
+    /// Bits of the number of levels in a block.
+    count: [f32; COUNTS],
+}
+
+impl LevelCosts {
+    /// Costs before anything was coded: low frequencies, small levels and few of them are likely.
+    pub(crate) fn new() -> Self {
+        let mut costs = Self {
+            seen_places: std::array::from_fn(|k| 20.0 * (-(k as f32) / 25.0).exp() + 0.05),
+            seen_magnitudes: std::array::from_fn(|m| 20.0 * 0.3f32.powi(m as i32) + 0.01),
+            seen_counts: std::array::from_fn(|n| 10.0 * 0.8f32.powi(n as i32) + 0.01),
+            since_refresh: 0,
+            place: [0.0; COEFFICIENTS],
+            magnitude: [0.0; MAGNITUDES],
+            count: [0.0; COUNTS],
+        };
+        costs.refresh();
+        costs
+    }
+
+    /// Bits of a level at a place in scan order; nothing for zero.
+    #[inline(always)]
+    pub(crate) fn level(&self, k: usize, level: i32) -> f32 {
+        match level.unsigned_abs() as usize {
+            0 => 0.0,
+            magnitude => self.place[k] + self.magnitude[magnitude.min(MAGNITUDES) - 1],
+        }
+    }
+
+    /// Bits of how many levels a block has.
+    #[inline(always)]
+    pub(crate) fn count(&self, count: usize) -> f32 {
+        self.count[count.min(COUNTS - 1)]
+    }
+
+    /// Learns from a coded block.
+    pub(crate) fn learn(&mut self, levels: &[i32]) {
+        let mut count = 0;
+        for (k, level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
+            count += 1;
+            self.seen_places[k] += 1.0;
+            self.seen_magnitudes[(level.unsigned_abs() as usize).min(MAGNITUDES) - 1] += 1.0;
+        }
+        self.seen_counts[count.min(COUNTS - 1)] += 1.0;
+        self.since_refresh += 1;
+        if self.since_refresh == REFRESH {
+            self.refresh();
+        }
+    }
+
+    /// Gives the next frame's statistics more weight than this one's.
+    pub(crate) fn age(&mut self) {
+        self.seen_places.iter_mut().for_each(|seen| *seen = *seen * DECAY + 0.01);
+        self.seen_magnitudes.iter_mut().for_each(|seen| *seen *= DECAY);
+        self.seen_counts.iter_mut().for_each(|seen| *seen *= DECAY);
+        self.refresh();
+    }
+
+    fn refresh(&mut self) {
+        self.since_refresh = 0;
+        let bits = |seen: f32, total: f32| -(seen / total).log2();
+        let total: f32 = self.seen_places.iter().sum();
+        self.place = self.seen_places.map(|seen| (bits(seen, total) - ORDER_BITS).max(0.3) + 1.0);
+        let total: f32 = self.seen_magnitudes.iter().sum();
+        self.magnitude = self.seen_magnitudes.map(|seen| bits(seen + 1e-3, total));
+        let total: f32 = self.seen_counts.iter().sum();
+        self.count = self.seen_counts.map(|seen| bits(seen + 0.02, total));
+    }
+}

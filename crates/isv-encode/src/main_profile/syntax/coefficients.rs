@@ -1,0 +1,69 @@
+//! Quantized coefficients, block after block.
+
+use isv_decode::main_profile::syntax::coefficients::{
+    CoefficientModels, CountContext, UNARY_MAGNITUDES, nonzero_lower,
+};
+use isv_decode::main_profile::{COEFFICIENTS, MainParameters};
+use isv_entropy::{MAGNITUDE_LIMIT, RangeEncoder};
+
+/// Writes the levels of a block.
+pub(crate) fn write(
+    models: &mut CoefficientModels,
+    parameters: &MainParameters,
+    encoder: &mut RangeEncoder,
+    context: &CountContext,
+    levels: &[i32],
+) {
+    let count = levels.iter().filter(|level| **level != 0).count();
+    for n in 0..COEFFICIENTS.min(count + 1) {
+        encoder.encode_mixed(models.count(n, context), n == count);
+    }
+    let mut remaining = count;
+    for k in 0..COEFFICIENTS {
+        if remaining == 0 {
+            break;
+        }
+        let certain = COEFFICIENTS - k == remaining;
+        let sum = parameters.index_sum(k);
+        if !certain {
+            let lower = nonzero_lower(parameters, levels, k);
+            encoder
+                .encode_mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
+        }
+        if levels[k] != 0 {
+            write_level(models, encoder, context.spatial, k, count, sum, levels[k]);
+            remaining -= 1;
+        }
+    }
+}
+
+fn write_level(
+    models: &mut CoefficientModels,
+    encoder: &mut RangeEncoder,
+    spatial: usize,
+    k: usize,
+    count: usize,
+    sum: usize,
+    level: i32,
+) {
+    let magnitude = level.unsigned_abs();
+    for m in 1..=magnitude.min(UNARY_MAGNITUDES) {
+        encoder.encode_mixed(models.magnitude(spatial, m, k, count, sum), m == magnitude);
+    }
+    if magnitude > UNARY_MAGNITUDES {
+        write_exp_golomb(encoder, magnitude - UNARY_MAGNITUDES - 1);
+    }
+    encoder.encode_raw(u32::from(level < 0), 1);
+}
+
+/// An Exp-Golomb code of order 0.
+fn write_exp_golomb(encoder: &mut RangeEncoder, value: u32) {
+    let exponent = (value + 1).ilog2();
+    for _ in 0..exponent {
+        encoder.encode_raw(1, 1);
+    }
+    if exponent < MAGNITUDE_LIMIT.ilog2() {
+        encoder.encode_raw(0, 1);
+    }
+    encoder.encode_raw(value + 1 - (1 << exponent), exponent);
+}

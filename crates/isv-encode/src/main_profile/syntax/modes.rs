@@ -1,0 +1,35 @@
+//! How blocks are predicted, and vectors.
+
+use super::DecisionSink;
+use isv_decode::main_profile::syntax::modes::{ModeContext, ModeModels};
+use isv_decode::main_profile::BlockMode;
+
+/// Writes the mode of a block. `step`: of new vectors, in quarter voxels.
+pub(crate) fn write(
+    models: &mut ModeModels,
+    sink: &mut impl DecisionSink,
+    context: &ModeContext,
+    mode: BlockMode,
+    step: i32,
+) {
+    sink.mixed(models.spatial(context), mode == BlockMode::Spatial);
+    match mode {
+        BlockMode::Spatial => {}
+        BlockMode::New { vector } => {
+            sink.mixed(models.new_vector(context), true);
+            let first = context.candidates.as_slice()[0];
+            for axis in 0..3 {
+                let difference = i32::from(vector.0[axis]) - i32::from(first.0[axis]);
+                debug_assert_eq!(difference % step, 0);
+                sink.integer(models.component(axis, context), difference / step);
+            }
+        }
+        BlockMode::Merged { candidate, .. } => {
+            sink.mixed(models.new_vector(context), false);
+            let last = context.candidates.len() - 1;
+            for k in 0..last.min(usize::from(candidate) + 1) {
+                sink.mixed(models.merge(k, context), k == usize::from(candidate));
+            }
+        }
+    }
+}
