@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use isv::decode::volume_hash;
 use isv::encode::{Encoder, EncoderSettings, MotionMode};
-use isv::format::{FrameRate, PacketWriter, Prediction, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_testkit::ball;
 use std::fmt::Write;
@@ -86,12 +86,13 @@ fn encode(case: &Case) -> Result<(Vec<u8>, Vec<u64>)> {
         truncation: Truncation::from_voxels(case.truncation)?,
     };
     let header = StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters {
+            coefficients: case.coefficients,
+            dc_step: case.steps[0],
+            ac_step: case.steps[1],
+        }),
         grid,
         frame_rate: FrameRate { numerator: 30, denominator: 1 },
-        coefficients: case.coefficients,
-        dc_step: case.steps[0],
-        ac_step: case.steps[1],
     };
     let motion = MotionMode::Fixed(case.motion);
     let settings =

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use glam::DVec3;
 use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{FrameRate, PacketWriter, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, SignDecision, ingest_mesh};
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_volume};
 use isv::volume::{BlockEdge, Grid, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelSize};
@@ -142,12 +142,9 @@ fn arrays(volume: &SparseVolume) -> Result<Vec<u8>> {
 /// Two frames, the second one predicted.
 fn stream(volume: &SparseVolume) -> Result<Vec<u8>> {
     let header = StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 }),
         grid: grid(),
         frame_rate: FrameRate { numerator: 30, denominator: 1 },
-        coefficients: 20,
-        dc_step: 819,
-        ac_step: 2048,
     };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header)?;

@@ -3,7 +3,9 @@
 use anyhow::{Context, Result, ensure};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Prediction, Profile, StreamHeader};
+use isv::format::{
+    FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
+};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::metrics::{CompareOptions, compare};
@@ -20,12 +22,9 @@ pub(crate) fn header() -> Result<StreamHeader> {
     };
     let frame_rate = FrameRate { numerator: 30, denominator: 1 };
     Ok(StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid,
         frame_rate,
-        coefficients: 64,
-        dc_step: 819,
-        ac_step: 8192,
     })
 }
 

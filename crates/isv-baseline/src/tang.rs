@@ -10,7 +10,10 @@ use isv_decode::syntax::{EntropyState, SyntaxError, most_slices};
 use isv_decode::{FrameSymbols, Limits};
 use isv_encode::BLOCKS_PER_SLICE;
 use isv_encode::syntax::{self, SymbolSegments};
-use isv_format::{FormatError, FrameHeader, FramePayload, Prediction, SliceLayout, SlicePayload};
+use isv_format::{
+    FormatError, FrameCoding, FrameHeader, FramePayload, PaperParameters, Prediction, Profile, SliceLayout,
+    SlicePayload,
+};
 use isv_kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv_kernels::warp::MotionVector;
 use isv_volume::{Grid, SparseVolume};
@@ -30,6 +33,15 @@ pub struct TangSettings {
     /// Quantizer step of all of them. The transform is orthonormal, so one step for all gives the least squared error for
     /// the rate (`docs/design/017-baselines.md`).
     pub step: StepSize,
+}
+
+impl TangSettings {
+    /// The profile of isv whose frames these are, but for the transform.
+    fn profile(&self) -> Profile {
+        let step = self.step.sixteenths();
+        let coefficients = self.coefficients as u16;
+        Profile::Paper(PaperParameters { coefficients, dc_step: step, ac_step: step })
+    }
 }
 
 /// A frame as coded.
@@ -142,6 +154,7 @@ fn frame_of(blocks: usize, segments: &SymbolSegments) -> TangFrame {
         prediction: Prediction::None,
         blocks: blocks as u32,
         slices: slices.len() as u16,
+        coding: FrameCoding::Paper,
         volume_hash: None,
     };
     let (block_set, masks) = (&segments.block_set, &segments.masks);
@@ -157,6 +170,7 @@ fn frame_of(blocks: usize, segments: &SymbolSegments) -> TangFrame {
 #[derive(Clone, Debug)]
 pub struct TangDecoder {
     codec: BlockCodec,
+    profile: Profile,
     limits: Limits,
     entropy: EntropyState,
     frames: u64,
@@ -170,7 +184,13 @@ impl TangDecoder {
     #[must_use]
     pub fn new(basis: &BlockBasis, settings: TangSettings, limits: Limits) -> Self {
         let codec = BlockCodec::new(basis, settings);
-        Self { codec, limits, entropy: EntropyState::new(settings.coefficients), frames: 0 }
+        Self {
+            codec,
+            profile: settings.profile(),
+            limits,
+            entropy: EntropyState::new(settings.coefficients),
+            frames: 0,
+        }
     }
 
     /// Decodes the next frame from all of its bytes.
@@ -178,7 +198,7 @@ impl TangDecoder {
     /// # Errors
     /// See [`TangError`]. The decoder is then as it was before.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<SparseVolume, TangError> {
-        let payload = FramePayload::parse(bytes, 0, false)?;
+        let payload = FramePayload::parse(bytes, 0, false, &self.profile)?;
         self.check(&payload)?;
         let mut entropy = self.entropy.clone();
         let symbols = read_symbols(&mut entropy, &self.codec.grid, &payload)

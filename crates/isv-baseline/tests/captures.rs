@@ -2,7 +2,7 @@
 
 use isv_baseline::{BlockBasis, BlockMoments, Draco, TangEncoder, TangFrame, TangSettings, simplify};
 use isv_encode::{Encoder, EncoderSettings};
-use isv_format::{FrameRate, Profile, StreamHeader};
+use isv_format::{FrameRate, PaperParameters, Profile, StreamHeader};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_kernels::quant::StepSize;
 use isv_metrics::{CompareOptions, compare};
@@ -65,12 +65,9 @@ fn under_the_dct_it_is_isv_intra() {
     let Some(volumes) = volumes("dancer", 1) else { return };
     for step in [1024, 2048, 4096] {
         let header = StreamHeader {
-            profile: Profile::Paper,
+            profile: Profile::Paper(PaperParameters { coefficients: 48, dc_step: step, ac_step: step }),
             grid: grid(),
             frame_rate: FrameRate { numerator: 30, denominator: 1 },
-            coefficients: 48,
-            dc_step: step,
-            ac_step: step,
         };
         let mut isv = Encoder::new(&header, EncoderSettings { gop: 1, ..EncoderSettings::default() });
         let isv_bytes = isv.encode(&volumes[0]).payload().to_bytes().len();

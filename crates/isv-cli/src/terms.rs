@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use isv::decode::Lod;
 use isv::encode::MotionMode;
-use isv::format::{Prediction, Profile};
+use isv::format::Prediction;
 use isv::ingest::SignMode;
 
 /// `--profile`
@@ -11,6 +11,8 @@ use isv::ingest::SignMode;
 pub(crate) enum ProfileName {
     /// The codec as the paper describes it
     Paper,
+    /// The tools that compress best
+    Main,
 }
 
 /// `--as`
@@ -93,14 +95,6 @@ pub(crate) enum SignName {
     Offset,
 }
 
-impl From<ProfileName> for Profile {
-    fn from(name: ProfileName) -> Self {
-        match name {
-            ProfileName::Paper => Self::Paper,
-        }
-    }
-}
-
 impl From<MotionName> for MotionMode {
     fn from(name: MotionName) -> Self {
         match name {
@@ -141,13 +135,6 @@ impl FormName {
             Self::Points => "points",
             Self::Volume => "volumes",
         }
-    }
-}
-
-/// The name of a profile.
-pub(crate) fn profile(profile: Profile) -> &'static str {
-    match profile {
-        Profile::Paper => "paper",
     }
 }
 

@@ -292,10 +292,12 @@ fn a_flipped_bit() {
 fn a_hash_that_does_not_match() {
     let (work, bytes) = Workspace::with_stream(3);
     let mut reader = PacketReader::new(&bytes[..]).unwrap();
-    let mut writer = PacketWriter::new(Vec::new(), reader.header().unwrap()).unwrap();
+    let header = *reader.header().unwrap();
+    let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
     for frame in 0..3 {
         let packet = reader.next_frame().unwrap().unwrap();
-        let mut payload = FramePayload::parse(&packet.payload, packet.payload_at(), true).unwrap();
+        let at = packet.payload_at();
+        let mut payload = FramePayload::parse(&packet.payload, at, true, &header.profile).unwrap();
         if frame == 1 {
             payload.header.volume_hash = Some(7);
         }
@@ -353,6 +355,12 @@ fn wrong_command_lines() {
     encode(&["--offset", "9"]).fails(2, &["--offset 9: "]);
     encode(&["--gop", "0"]).fails(2, &["--gop"]);
     encode(&["--fps", "0"]).fails(2, &["--fps", "30000/1001"]);
+    let main = |more: &[&str]| encode(&[&["--profile", "main"], more].concat());
+    for knob in [["--motion", "3dof"], ["--coefficients", "64"], ["--dc-step", "1mm"], ["--ac-step", "9mm"]] {
+        main(&knob)
+            .fails(2, &[&format!("{}: this is a setting of profile paper, not of profile main", knob[0])]);
+    }
+    main(&["--block", "16"]).fails(2, &["--block 16: profile main has blocks of 8^3 voxels"]);
     encode(&["--motion", "4dof"]).fails(2, &["4dof", "6dof"]);
     encode(&["--units", "furlong"]).fails(2, &["unit `furlong` is not one of"]);
     encode(&["--threads", "100000"]).fails(2, &["--threads 100000: at most 256"]);

@@ -3,7 +3,7 @@
 mod support;
 
 use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{FrameRate, PacketWriter, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use serde_json::Value;
 use std::fs;
@@ -23,12 +23,9 @@ fn empty_stream(frames: usize) -> Vec<u8> {
     };
     let frame_rate = FrameRate { numerator: 30, denominator: 1 };
     let header = StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid,
         frame_rate,
-        coefficients: 64,
-        dc_step: 819,
-        ac_step: 8192,
     };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();

@@ -1,12 +1,12 @@
-//! The stream header's settings, made ready for use.
+//! The settings of a stream of profile `paper`, made ready for use.
 
-use isv_format::StreamHeader;
+use isv_format::PaperParameters;
 use isv_kernels::dct::BlockTransform;
 use isv_kernels::quant::{Quantizer, StepSize};
 use isv_kernels::scan::scan_order;
 use isv_volume::Grid;
 
-/// Transform, quantizers and scan of a stream.
+/// Transform, quantizers and scan of a stream of profile `paper`.
 #[derive(Clone, Debug)]
 pub struct CodingParameters {
     /// The grid of every frame.
@@ -22,23 +22,23 @@ pub struct CodingParameters {
 }
 
 impl CodingParameters {
-    /// Parameters of a checked header.
+    /// Parameters of a checked header: its grid and those of its profile.
     ///
     /// # Panics
-    /// If the header's steps are out of range; [`StreamHeader::parse`] lets none through that is.
+    /// If the steps are out of range; [`isv_format::StreamHeader::parse`] lets none through that is.
     #[must_use]
-    pub fn new(header: &StreamHeader) -> Self {
-        let transform = BlockTransform::new(header.grid.edge, header.grid.truncation);
+    pub fn new(grid: Grid, paper: &PaperParameters) -> Self {
+        let transform = BlockTransform::new(grid.edge, grid.truncation);
         let quantizer = |step| {
             let step = StepSize::new(step).expect("the header's steps are in range");
             Quantizer::new(step, transform.coefficient_exponent())
         };
         Self {
-            grid: header.grid,
+            grid,
             transform,
-            dc: quantizer(header.dc_step),
-            ac: quantizer(header.ac_step),
-            scan: scan_order(header.grid.edge, usize::from(header.coefficients)),
+            dc: quantizer(paper.dc_step),
+            ac: quantizer(paper.ac_step),
+            scan: scan_order(grid.edge, usize::from(paper.coefficients)),
         }
     }
 

@@ -6,7 +6,7 @@ use crate::syntax::{self, SymbolSegments};
 use isv_decode::reconstruct::{predict, reconstruct};
 use isv_decode::syntax::{EntropyState, most_slices};
 use isv_decode::{CodingParameters, FrameSymbols, Reference, volume_hash};
-use isv_format::{FrameHeader, FramePayload, Prediction, SlicePayload, StreamHeader};
+use isv_format::{FrameCoding, FrameHeader, FramePayload, Prediction, Profile, SlicePayload, StreamHeader};
 use isv_kernels::warp::MotionVector;
 use isv_volume::SparseVolume;
 
@@ -127,11 +127,14 @@ impl Encoder {
     /// An encoder for the frames of a stream.
     ///
     /// # Panics
-    /// If `settings.gop` is 0.
+    /// If `settings.gop` is 0 or the profile is not `paper`.
     #[must_use]
     pub fn new(header: &StreamHeader, settings: EncoderSettings) -> Self {
         assert!(settings.gop > 0, "a GOP has at least one frame");
-        let parameters = CodingParameters::new(header);
+        let Profile::Paper(paper) = &header.profile else {
+            panic!("profile {} is not encoded here", header.profile.name())
+        };
+        let parameters = CodingParameters::new(header.grid, paper);
         let state = State { entropy: EntropyState::new(parameters.coefficients()), reference: None };
         Self { parameters, settings, state, frames: 0 }
     }
@@ -204,6 +207,7 @@ impl Encoder {
             prediction,
             blocks: volume.block_count() as u32,
             slices,
+            coding: FrameCoding::Paper,
             volume_hash: self.settings.checksums.then(|| volume_hash(&decoded)),
         };
         let state = State { entropy, reference: Some(Reference::new(decoded)) };

@@ -4,7 +4,7 @@ mod support;
 
 use isv_decode::volume_hash;
 use isv_encode::{EncoderSettings, MotionMode, surface_rms_voxels};
-use isv_format::Prediction;
+use isv_format::{PaperParameters, Prediction, Profile};
 use support::{ball, decode, encode, header};
 
 fn settings(motion: MotionMode) -> EncoderSettings {
@@ -33,7 +33,7 @@ fn decoder_agrees_with_the_encoders_reconstruction() {
 #[test]
 fn small_steps_and_all_coefficients_are_nearly_lossless() {
     let mut header = header(8, 8, 512);
-    (header.dc_step, header.ac_step) = (16, 16);
+    header.profile = Profile::Paper(PaperParameters { coefficients: 512, dc_step: 16, ac_step: 16 });
     let volumes: Vec<_> = (0..3).map(|t| ball(header.grid, f64::from(t))).collect();
     let (bytes, _) = encode(&header, settings(MotionMode::Fixed(Prediction::ThreeDof)), &volumes);
     for (source, decoded) in volumes.iter().zip(&decode(&bytes).0) {

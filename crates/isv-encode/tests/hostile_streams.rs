@@ -4,7 +4,9 @@ mod support;
 
 use isv_decode::{DecodeError, Decoder, Limits, Lod};
 use isv_encode::{EncoderSettings, MotionMode};
-use isv_format::{FrameHeader, FramePayload, Packet, PacketKind, PacketReader, Prediction, SlicePayload};
+use isv_format::{
+    FrameCoding, FrameHeader, FramePayload, Packet, PacketKind, PacketReader, Prediction, SlicePayload,
+};
 use proptest::prelude::*;
 use support::{ball, decode, encode, header};
 
@@ -100,7 +102,13 @@ fn too_many_blocks_are_refused_before_memory_is_taken() {
     let reader = PacketReader::new(&bytes[..]).unwrap();
     let mut decoder = Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000 });
     let payload = FramePayload {
-        header: FrameHeader { prediction: Prediction::None, blocks: u32::MAX, slices: 1, volume_hash: None },
+        header: FrameHeader {
+            prediction: Prediction::None,
+            blocks: u32::MAX,
+            slices: 1,
+            coding: FrameCoding::Paper,
+            volume_hash: None,
+        },
         block_set: &[],
         masks: &[],
         slices: vec![SlicePayload::default()],

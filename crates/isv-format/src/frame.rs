@@ -1,7 +1,8 @@
 //! The payload of a frame packet: its header, and segments that are entropy coded.
 
-use crate::FormatError;
 use crate::bytes::{ByteReader, put_varint};
+use crate::header::STEP_LIMIT;
+use crate::{FormatError, Profile};
 
 /// Where the prediction of a frame's blocks comes from (Sec. 3.4 and 3.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,8 +31,13 @@ impl Prediction {
         self as u8
     }
 
-    fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| p.code() == code)
+    /// The prediction of a code, if the profile has it: `main` translates or does not predict.
+    fn from_code(code: u8, profile: &Profile) -> Option<Self> {
+        let known: &[Self] = match profile {
+            Profile::Paper(_) => &Self::ALL,
+            Profile::Main => &[Self::None, Self::ThreeDof],
+        };
+        known.iter().copied().find(|p| p.code() == code)
     }
 }
 
@@ -59,6 +65,62 @@ impl SliceLayout {
     }
 }
 
+/// The fields of a frame header that only some profiles have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameCoding {
+    /// None: the stream header states all that profile `paper` needs.
+    Paper,
+    /// Those of profile `main`.
+    Main(MainFrameHeader),
+}
+
+/// What each frame of profile `main` states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MainFrameHeader {
+    /// Quantizer step of all coefficients in sixteenths of a code, `1 ..= 2^20`.
+    pub step: u32,
+    /// Strength of the in-loop filter in sixty-fourths, `0 ..= 32`; 0 is off.
+    pub filter: u8,
+    /// The most that the in-loop filter changes a sample by, in codes; 0 if the filter is off.
+    pub filter_limit: u8,
+    /// Whether motion vectors count half voxels instead of quarters.
+    pub half_voxel_vectors: bool,
+}
+
+impl MainFrameHeader {
+    /// Largest [`Self::step`].
+    pub const MAX_STEP: u32 = STEP_LIMIT;
+    /// Largest [`Self::filter`].
+    pub const MAX_FILTER: u8 = 32;
+
+    /// Bit of the filter's byte that holds [`Self::half_voxel_vectors`].
+    const HALF_VOXEL_VECTORS: u8 = 1 << 6;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        put_varint(out, self.step);
+        out.push(self.filter | if self.half_voxel_vectors { Self::HALF_VOXEL_VECTORS } else { 0 });
+        if self.filter > 0 {
+            out.push(self.filter_limit);
+        }
+    }
+
+    fn parse(fields: &mut ByteReader) -> Result<Self, FormatError> {
+        let at = fields.at();
+        let step = fields.varint()?;
+        if !(1..=Self::MAX_STEP).contains(&step) {
+            return Err(FormatError::malformed(at, format!("quantizer step {step}")));
+        }
+        let at = fields.at();
+        let byte = fields.u8()?;
+        let filter = byte & !Self::HALF_VOXEL_VECTORS;
+        if filter > Self::MAX_FILTER {
+            return Err(FormatError::malformed(at, format!("filter strength {filter}")));
+        }
+        let filter_limit = if filter > 0 { fields.u8()? } else { 0 };
+        Ok(Self { step, filter, filter_limit, half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0 })
+    }
+}
+
 /// The fields at the head of a frame payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameHeader {
@@ -68,6 +130,8 @@ pub struct FrameHeader {
     pub blocks: u32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
+    /// What else the stream's profile has a frame state.
+    pub coding: FrameCoding,
     /// XXH64 of the decoded volume, if the frame carries it.
     pub volume_hash: Option<u64>,
 }
@@ -75,6 +139,41 @@ pub struct FrameHeader {
 impl FrameHeader {
     /// Most slices a frame may have.
     pub const MAX_SLICES: u16 = 256;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        out.push(self.prediction.code());
+        put_varint(out, self.blocks);
+        put_varint(out, u32::from(self.slices));
+        if let FrameCoding::Main(main) = &self.coding {
+            main.put(out);
+        }
+        if let Some(hash) = self.volume_hash {
+            out.extend(hash.to_le_bytes());
+        }
+    }
+
+    fn parse(fields: &mut ByteReader, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
+        let at = fields.at();
+        let code = fields.u8()?;
+        let prediction = Prediction::from_code(code, profile).ok_or_else(|| {
+            FormatError::malformed(
+                at,
+                format!("prediction {code} is not known in profile {}", profile.name()),
+            )
+        })?;
+        let blocks = fields.varint()?;
+        let at = fields.at();
+        let slices = fields.varint()?;
+        if !(1..=u32::from(Self::MAX_SLICES)).contains(&slices) {
+            return Err(FormatError::malformed(at, format!("{slices} slices")));
+        }
+        let coding = match profile {
+            Profile::Paper(_) => FrameCoding::Paper,
+            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields)?),
+        };
+        let volume_hash = if hashed { Some(fields.u64()?) } else { None };
+        Ok(Self { prediction, blocks, slices: slices as u16, coding, volume_hash })
+    }
 }
 
 /// The entropy-coded segments of one slice.
@@ -103,12 +202,8 @@ impl<'a> FramePayload<'a> {
     /// The payload as bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out = vec![self.header.prediction.code()];
-        put_varint(&mut out, self.header.blocks);
-        put_varint(&mut out, u32::from(self.header.slices));
-        if let Some(hash) = self.header.volume_hash {
-            out.extend(hash.to_le_bytes());
-        }
+        let mut out = Vec::new();
+        self.header.put(&mut out);
         let segments = || {
             let slices = self.slices.iter().flat_map(|s| [s.motion, s.coefficients]);
             [self.block_set, self.masks].into_iter().chain(slices)
@@ -118,24 +213,15 @@ impl<'a> FramePayload<'a> {
         out
     }
 
-    /// Takes a payload apart. `at` is where it begins in the stream, `hashed` the flag in its packet's header.
+    /// Takes a payload apart. `at` is where it begins in the stream, `hashed` the flag in its packet's header, `profile` the
+    /// stream's.
     ///
     /// # Errors
     /// Fields out of range, segments that do not fill the payload exactly.
-    pub fn parse(bytes: &'a [u8], at: u64, hashed: bool) -> Result<Self, FormatError> {
+    pub fn parse(bytes: &'a [u8], at: u64, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
         let mut fields = ByteReader::new(bytes, at, "a frame header");
-        let code = fields.u8()?;
-        let prediction = Prediction::from_code(code)
-            .ok_or_else(|| FormatError::malformed(at, format!("prediction {code} is not known")))?;
-        let blocks = fields.varint()?;
-        let slices_at = fields.at();
-        let slices = fields.varint()?;
-        if !(1..=u32::from(FrameHeader::MAX_SLICES)).contains(&slices) {
-            return Err(FormatError::malformed(slices_at, format!("{slices} slices")));
-        }
-        let volume_hash = if hashed { Some(fields.u64()?) } else { None };
-        let header = FrameHeader { prediction, blocks, slices: slices as u16, volume_hash };
-        let lengths = (0..2 + 2 * slices).map(|_| fields.varint()).collect::<Result<Vec<_>, _>>()?;
+        let header = FrameHeader::parse(&mut fields, hashed, profile)?;
+        let lengths = (0..2 + 2 * header.slices).map(|_| fields.varint()).collect::<Result<Vec<_>, _>>()?;
         let segments = lengths.iter().map(|n| fields.take(*n as usize)).collect::<Result<Vec<_>, _>>()?;
         if !fields.is_empty() {
             return Err(FormatError::malformed(fields.at(), "bytes left over after a frame's segments"));
@@ -148,13 +234,19 @@ impl<'a> FramePayload<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PaperParameters;
 
-    fn payload() -> FramePayload<'static> {
+    const PAPER: Profile = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 });
+    const MAIN_HEADER: MainFrameHeader =
+        MainFrameHeader { step: 1 << 20, filter: 32, filter_limit: 255, half_voxel_vectors: true };
+
+    fn payload(coding: FrameCoding) -> FramePayload<'static> {
         FramePayload {
             header: FrameHeader {
                 prediction: Prediction::ThreeDof,
                 blocks: 4500,
                 slices: 2,
+                coding,
                 volume_hash: Some(0x0123_4567_89ab_cdef),
             },
             block_set: &[1, 2, 3],
@@ -166,20 +258,89 @@ mod tests {
         }
     }
 
+    /// A payload of each profile.
+    fn payloads() -> [(Profile, FramePayload<'static>); 2] {
+        [(PAPER, payload(FrameCoding::Paper)), (Profile::Main, payload(FrameCoding::Main(MAIN_HEADER)))]
+    }
+
+    /// Asserts that a payload is refused for the field at byte `place`.
+    fn assert_malformed(payload: &FramePayload, profile: &Profile, place: u64) {
+        match FramePayload::parse(&payload.to_bytes(), 0, true, profile) {
+            Err(FormatError::Malformed { at, .. }) => assert_eq!(at, place, "{:?}", payload.header),
+            other => panic!("{other:?}"),
+        }
+    }
+
     #[test]
     fn payload_roundtrips() {
-        let bytes = payload().to_bytes();
-        assert_eq!(FramePayload::parse(&bytes, 0, true).unwrap(), payload());
+        for (profile, payload) in payloads() {
+            let bytes = payload.to_bytes();
+            assert_eq!(FramePayload::parse(&bytes, 0, true, &profile).unwrap(), payload);
+        }
+    }
+
+    #[test]
+    fn fields_of_main_roundtrip() {
+        let headers = [
+            MAIN_HEADER,
+            MainFrameHeader { step: 1, filter: 0, filter_limit: 0, half_voxel_vectors: false },
+            MainFrameHeader { step: 1024, filter: 0, filter_limit: 0, half_voxel_vectors: true },
+            MainFrameHeader { step: 1024, filter: 1, filter_limit: 0, half_voxel_vectors: false },
+        ];
+        for header in headers {
+            let payload = payload(FrameCoding::Main(header));
+            let bytes = payload.to_bytes();
+            assert_eq!(FramePayload::parse(&bytes, 0, true, &Profile::Main).unwrap(), payload);
+        }
+    }
+
+    #[test]
+    fn fields_of_main_follow_the_slices() {
+        let header = MainFrameHeader { step: 300, filter: 20, filter_limit: 40, half_voxel_vectors: true };
+        let bytes = payload(FrameCoding::Main(header)).to_bytes();
+        assert_eq!(bytes[..9], [2, 0x94, 0x23, 2, 0xac, 0x02, 0x54, 40, 0xef]);
+    }
+
+    #[test]
+    fn fields_out_of_range_are_refused_by_place() {
+        let wrong = [
+            (4, MainFrameHeader { step: 0, ..MAIN_HEADER }),
+            (4, MainFrameHeader { step: (1 << 20) + 1, ..MAIN_HEADER }),
+            (7, MainFrameHeader { filter: 33, ..MAIN_HEADER }),
+            (7, MainFrameHeader { filter: 0x80, ..MAIN_HEADER }),
+        ];
+        for (place, header) in wrong {
+            assert_malformed(&payload(FrameCoding::Main(header)), &Profile::Main, place);
+        }
+        for (profile, mut payload) in payloads() {
+            payload.header.slices = 257;
+            assert_malformed(&payload, &profile, 3);
+        }
+    }
+
+    #[test]
+    fn main_translates_or_does_not_predict() {
+        let mut payload = payload(FrameCoding::Main(MAIN_HEADER));
+        for prediction in [Prediction::ZeroMotion, Prediction::SixDof] {
+            payload.header.prediction = prediction;
+            assert_malformed(&payload, &Profile::Main, 0);
+        }
+        for prediction in [Prediction::None, Prediction::ThreeDof] {
+            payload.header.prediction = prediction;
+            assert!(FramePayload::parse(&payload.to_bytes(), 0, true, &Profile::Main).is_ok());
+        }
     }
 
     #[test]
     fn every_prefix_and_one_byte_more_fail() {
-        let mut bytes = payload().to_bytes();
-        for length in 0..bytes.len() {
-            assert!(FramePayload::parse(&bytes[..length], 0, true).is_err(), "{length} bytes");
+        for (profile, payload) in payloads() {
+            let mut bytes = payload.to_bytes();
+            for length in 0..bytes.len() {
+                assert!(FramePayload::parse(&bytes[..length], 0, true, &profile).is_err(), "{length} bytes");
+            }
+            bytes.push(0);
+            assert!(FramePayload::parse(&bytes, 0, true, &profile).is_err());
         }
-        bytes.push(0);
-        assert!(FramePayload::parse(&bytes, 0, true).is_err());
     }
 
     #[test]

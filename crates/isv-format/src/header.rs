@@ -11,13 +11,55 @@ pub const MAGIC: [u8; 8] = *b"\x89ISV\r\n\x1a\n";
 pub const FORMAT_VERSION: u16 = 1;
 
 /// Largest quantizer step, in sixteenths of a code.
-const STEP_LIMIT: u32 = 1 << 20;
+pub(crate) const STEP_LIMIT: u32 = 1 << 20;
 
-/// Which of the codec's two sets of tools a stream uses.
+/// Profile byte of [`Profile::Paper`].
+const PAPER: u8 = 0;
+/// Profile byte of [`Profile::Main`].
+const MAIN: u8 = 1;
+
+/// Which of the codec's two sets of tools a stream uses, and what the set needs to know for all frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
     /// The paper as written.
-    Paper,
+    Paper(PaperParameters),
+    /// The tools that compress best. Blocks have edge 8, and each frame states its own parameters.
+    Main,
+}
+
+impl Profile {
+    /// Its name: `paper` or `main`.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Paper(_) => "paper",
+            Self::Main => "main",
+        }
+    }
+}
+
+/// What holds for every frame of a stream of profile `paper`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PaperParameters {
+    /// How many coefficients of a block are coded: K in Sec. 3.3, 1 up to a block's voxels.
+    pub coefficients: u16,
+    /// DC step in sixteenths of a code, `1 ..= 2^20`.
+    pub dc_step: u32,
+    /// AC step in sixteenths of a code, `1 ..= 2^20`.
+    pub ac_step: u32,
+}
+
+impl PaperParameters {
+    /// Ranges of the fields, in blocks of some number of voxels.
+    fn check(&self, block_voxels: usize) -> Result<(), FormatError> {
+        require((1..=block_voxels).contains(&usize::from(self.coefficients)), 32, || {
+            format!("{} coefficients in a block of {block_voxels} voxels", self.coefficients)
+        })?;
+        for (at, step) in [(36, self.dc_step), (40, self.ac_step)] {
+            require((1..=STEP_LIMIT).contains(&step), at, || format!("quantizer step {step}"))?;
+        }
+        Ok(())
+    }
 }
 
 /// Frames a second as a fraction.
@@ -46,18 +88,12 @@ impl FrameRate {
 /// What holds for every frame of a stream. 48 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamHeader {
-    /// The set of tools.
+    /// The set of tools and its parameters.
     pub profile: Profile,
     /// Voxel size, block edge and truncation.
     pub grid: Grid,
     /// Nominal frame rate.
     pub frame_rate: FrameRate,
-    /// How many coefficients of a block are coded: K in Sec. 3.3, 1 up to a block's voxels.
-    pub coefficients: u16,
-    /// DC step in sixteenths of a code, `1 ..= 2^20`.
-    pub dc_step: u32,
-    /// AC step in sixteenths of a code, `1 ..= 2^20`.
-    pub ac_step: u32,
 }
 
 impl StreamHeader {
@@ -72,7 +108,8 @@ impl StreamHeader {
         out.extend(FORMAT_VERSION.to_le_bytes());
         out.extend((Self::BYTES as u16).to_le_bytes());
         out.push(match self.profile {
-            Profile::Paper => 0,
+            Profile::Paper(_) => PAPER,
+            Profile::Main => MAIN,
         });
         out.push(self.grid.edge.log2() as u8);
         out.push(self.grid.truncation.voxels() as u8);
@@ -80,10 +117,15 @@ impl StreamHeader {
         out.extend(self.grid.voxel_size.nanometres().to_le_bytes());
         out.extend(self.frame_rate.numerator.to_le_bytes());
         out.extend(self.frame_rate.denominator.to_le_bytes());
-        out.extend(self.coefficients.to_le_bytes());
-        out.extend([0; 2]);
-        out.extend(self.dc_step.to_le_bytes());
-        out.extend(self.ac_step.to_le_bytes());
+        match self.profile {
+            Profile::Paper(paper) => {
+                out.extend(paper.coefficients.to_le_bytes());
+                out.extend([0; 2]);
+                out.extend(paper.dc_step.to_le_bytes());
+                out.extend(paper.ac_step.to_le_bytes());
+            }
+            Profile::Main => out.extend([0; 12]),
+        }
         out.extend(crc32fast::hash(&out).to_le_bytes());
         out.try_into().expect("the fields above fill the header")
     }
@@ -115,7 +157,7 @@ impl StreamHeader {
     /// The fields after the length, in order.
     fn parse_fields(fields: &mut ByteReader) -> Result<Self, FormatError> {
         let profile = fields.u8()?;
-        require(profile == 0, 12, || format!("profile {profile} is not known"))?;
+        require(profile == PAPER || profile == MAIN, 12, || format!("profile {profile} is not known"))?;
         let edge_log2 = fields.u8()?;
         let edge = BlockEdge::from_voxels(1u32.checked_shl(u32::from(edge_log2)).unwrap_or(0));
         let truncation = Truncation::from_voxels(u32::from(fields.u8()?));
@@ -123,22 +165,32 @@ impl StreamHeader {
         require(reserved == 0, 15, || format!("reserved byte is {reserved}"))?;
         let voxel_size = VoxelSize::from_nanometres(fields.u64()?);
         let frame_rate = FrameRate { numerator: fields.u32()?, denominator: fields.u32()? };
-        let coefficients = fields.u16()?;
-        let reserved = fields.u16()?;
-        require(reserved == 0, 34, || format!("reserved field is {reserved}"))?;
+        let profile = Self::parse_profile(profile, fields)?;
         let malformed = |at, error: isv_volume::GridError| FormatError::malformed(at, error.to_string());
         Ok(Self {
-            profile: Profile::Paper,
+            profile,
             grid: Grid {
                 edge: edge.map_err(|e| malformed(13, e))?,
                 truncation: truncation.map_err(|e| malformed(14, e))?,
                 voxel_size: voxel_size.map_err(|e| malformed(16, e))?,
             },
             frame_rate,
-            coefficients,
-            dc_step: fields.u32()?,
-            ac_step: fields.u32()?,
         })
+    }
+
+    /// The fields from byte 32 on, which are reserved outside profile `paper`.
+    fn parse_profile(profile: u8, fields: &mut ByteReader) -> Result<Profile, FormatError> {
+        let reserved = |at, field: u32| require(field == 0, at, || format!("reserved field is {field}"));
+        let coefficients = fields.u16()?;
+        reserved(34, u32::from(fields.u16()?))?;
+        let (dc_step, ac_step) = (fields.u32()?, fields.u32()?);
+        if profile == PAPER {
+            return Ok(Profile::Paper(PaperParameters { coefficients, dc_step, ac_step }));
+        }
+        reserved(32, u32::from(coefficients))?;
+        reserved(36, dc_step)?;
+        reserved(40, ac_step)?;
+        Ok(Profile::Main)
     }
 
     /// Ranges of the fields that no type checks.
@@ -147,14 +199,13 @@ impl StreamHeader {
         require(rate.numerator > 0 && rate.denominator > 0, 24, || {
             format!("frame rate {}/{}", rate.numerator, rate.denominator)
         })?;
-        let voxels = self.grid.edge.block_voxels();
-        require((1..=voxels).contains(&usize::from(self.coefficients)), 32, || {
-            format!("{} coefficients in a block of {voxels} voxels", self.coefficients)
-        })?;
-        for (at, step) in [(36, self.dc_step), (40, self.ac_step)] {
-            require((1..=STEP_LIMIT).contains(&step), at, || format!("quantizer step {step}"))?;
+        let edge = self.grid.edge;
+        match self.profile {
+            Profile::Paper(paper) => paper.check(edge.block_voxels()),
+            Profile::Main => require(edge == BlockEdge::E8, 13, || {
+                format!("block edge {} in profile main, which has edge 8", edge.voxels())
+            }),
         }
-        Ok(())
     }
 }
 
@@ -166,49 +217,86 @@ fn require(condition: bool, at: u64, what: impl FnOnce() -> String) -> Result<()
 pub(crate) mod tests {
     use super::*;
 
+    const PAPER_PARAMETERS: PaperParameters =
+        PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 };
+
     pub(crate) fn header() -> StreamHeader {
         StreamHeader {
-            profile: Profile::Paper,
+            profile: Profile::Paper(PAPER_PARAMETERS),
             grid: Grid {
                 voxel_size: VoxelSize::from_metres(0.005).unwrap(),
                 edge: BlockEdge::E8,
                 truncation: Truncation::from_voxels(8).unwrap(),
             },
             frame_rate: FrameRate { numerator: 30, denominator: 1 },
-            coefficients: 64,
-            dc_step: 819,
-            ac_step: 8192,
+        }
+    }
+
+    fn main_header() -> StreamHeader {
+        StreamHeader { profile: Profile::Main, ..header() }
+    }
+
+    /// Asserts that a header is refused for the field at byte `place`.
+    fn assert_malformed(bytes: &[u8; StreamHeader::BYTES], place: u64) {
+        match StreamHeader::parse(bytes) {
+            Err(FormatError::Malformed { at, .. }) => assert_eq!(at, place),
+            other => panic!("byte {place}: {other:?}"),
         }
     }
 
     #[test]
     fn header_roundtrips() {
-        assert_eq!(StreamHeader::parse(&header().to_bytes()).unwrap(), header());
+        for header in [header(), main_header()] {
+            assert_eq!(StreamHeader::parse(&header.to_bytes()).unwrap(), header);
+        }
     }
 
     #[test]
     fn every_flipped_bit_is_noticed() {
-        let bytes = header().to_bytes();
-        for bit in 0..bytes.len() * 8 {
-            let mut damaged = bytes;
-            damaged[bit / 8] ^= 1 << (bit % 8);
-            assert!(StreamHeader::parse(&damaged).is_err(), "bit {bit}");
+        for bytes in [header(), main_header()].map(|header| header.to_bytes()) {
+            for bit in 0..bytes.len() * 8 {
+                let mut damaged = bytes;
+                damaged[bit / 8] ^= 1 << (bit % 8);
+                assert!(StreamHeader::parse(&damaged).is_err(), "bit {bit}");
+            }
         }
     }
 
     #[test]
     fn fields_out_of_range_are_refused_by_place() {
-        let mut wrong: Vec<(u64, StreamHeader)> = vec![];
-        wrong.push((24, StreamHeader { frame_rate: FrameRate { numerator: 0, denominator: 1 }, ..header() }));
-        wrong.push((32, StreamHeader { coefficients: 513, ..header() }));
-        wrong.push((36, StreamHeader { dc_step: 0, ..header() }));
-        wrong.push((40, StreamHeader { ac_step: STEP_LIMIT + 1, ..header() }));
-        for (place, header) in wrong {
-            match StreamHeader::parse(&header.to_bytes()) {
-                Err(FormatError::Malformed { at, .. }) => assert_eq!(at, place),
-                other => panic!("{other:?}"),
-            }
+        let rate = FrameRate { numerator: 0, denominator: 1 };
+        assert_malformed(&StreamHeader { frame_rate: rate, ..header() }.to_bytes(), 24);
+        let wrong = [
+            (32, PaperParameters { coefficients: 513, ..PAPER_PARAMETERS }),
+            (36, PaperParameters { dc_step: 0, ..PAPER_PARAMETERS }),
+            (40, PaperParameters { ac_step: STEP_LIMIT + 1, ..PAPER_PARAMETERS }),
+        ];
+        for (place, paper) in wrong {
+            let header = StreamHeader { profile: Profile::Paper(paper), ..header() };
+            assert_malformed(&header.to_bytes(), place);
         }
+    }
+
+    #[test]
+    fn profile_main_has_edge_8_and_no_fields_of_the_paper() {
+        for edge in [BlockEdge::E4, BlockEdge::E16] {
+            let header = StreamHeader { grid: Grid { edge, ..header().grid }, ..main_header() };
+            assert_malformed(&header.to_bytes(), 13);
+        }
+        for byte in 32..44 {
+            let place = [32, 34, 36, 36, 40, 40][(byte - 32) / 2];
+            assert_malformed(&with_byte(&main_header(), byte, 1), place);
+        }
+        assert_malformed(&with_byte(&main_header(), 12, 2), 12);
+    }
+
+    /// A header with one byte changed, its checksum right.
+    fn with_byte(header: &StreamHeader, byte: usize, value: u8) -> [u8; StreamHeader::BYTES] {
+        let mut bytes = header.to_bytes();
+        bytes[byte] = value;
+        let (body, checksum) = bytes.split_at_mut(StreamHeader::BYTES - 4);
+        checksum.copy_from_slice(&crc32fast::hash(body).to_le_bytes());
+        bytes
     }
 
     #[test]

@@ -19,8 +19,10 @@ mod reader;
 mod writer;
 
 pub use error::FormatError;
-pub use frame::{FrameHeader, FramePayload, Prediction, SliceLayout, SlicePayload};
-pub use header::{FORMAT_VERSION, FrameRate, MAGIC, Profile, StreamHeader};
+pub use frame::{
+    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
+};
+pub use header::{FORMAT_VERSION, FrameRate, MAGIC, PaperParameters, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;

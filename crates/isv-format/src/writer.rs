@@ -76,7 +76,7 @@ impl<W: Write> PacketWriter<W> {
 mod tests {
     use super::*;
     use crate::header::tests::header;
-    use crate::{FrameHeader, PacketReader, Prediction, SlicePayload};
+    use crate::{FrameCoding, FrameHeader, PacketReader, Prediction, SlicePayload};
     use std::io::Cursor;
 
     fn stream() -> Vec<u8> {
@@ -84,7 +84,13 @@ mod tests {
         for frame in 0..3u64 {
             let coefficients = [frame as u8; 30];
             let payload = FramePayload {
-                header: FrameHeader { prediction: Prediction::None, blocks: 1, slices: 1, volume_hash: None },
+                header: FrameHeader {
+                    prediction: Prediction::None,
+                    blocks: 1,
+                    slices: 1,
+                    coding: FrameCoding::Paper,
+                    volume_hash: None,
+                },
                 block_set: &[7],
                 masks: &[],
                 slices: vec![SlicePayload { motion: &[], coefficients: &coefficients }],

@@ -5,7 +5,7 @@ mod support;
 
 use glam::DVec3;
 use isv_encode::{Encoder, EncoderSettings, MotionMode};
-use isv_format::{FrameRate, Prediction, Profile, StreamHeader};
+use isv_format::{FrameRate, PaperParameters, Prediction, Profile, StreamHeader};
 use isv_ingest::{
     MeshIngest, PointIngest, PointSign, SignMode, decide_point_sign, decide_sign, estimate_normals,
     ingest_mesh, ingest_points,
@@ -71,12 +71,9 @@ fn unobserved(volume: &SparseVolume) -> usize {
 /// Bytes of all frames coded with the paper's profile and 3-DoF motion, and the mean error of what is decoded.
 fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
     let header = StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid: *volumes[0].grid(),
         frame_rate: FrameRate { numerator: 30, denominator: 1 },
-        coefficients: 64,
-        dc_step: 819,
-        ac_step: 8192,
     };
     let settings = EncoderSettings { motion: MotionMode::Fixed(Prediction::ThreeDof), ..Default::default() };
     let mut encoder = Encoder::new(&header, settings);

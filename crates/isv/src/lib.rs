@@ -7,7 +7,7 @@
 //! ```
 //! use isv::decode::{Decoder, Limits};
 //! use isv::encode::{Encoder, EncoderSettings};
-//! use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+//! use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 //! use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 //!
 //! let grid = Grid {
@@ -16,12 +16,13 @@
 //!     truncation: Truncation::from_voxels(8)?,
 //! };
 //! let header = StreamHeader {
-//!     profile: Profile::Paper,
+//!     profile: Profile::Paper(PaperParameters {
+//!         coefficients: 64,
+//!         dc_step: 819,
+//!         ac_step: 8192,
+//!     }),
 //!     grid,
 //!     frame_rate: FrameRate { numerator: 30, denominator: 1 },
-//!     coefficients: 64,
-//!     dc_step: 819,
-//!     ac_step: 8192,
 //! };
 //! let volume = SparseVolume::empty(grid); // in earnest: `isv::ingest::ingest_mesh`
 //!

@@ -9,7 +9,9 @@ use crate::terms;
 use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Prediction, Profile, StreamHeader};
+use isv::format::{
+    FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
+};
 use isv::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
 use isv::io::{Format, write_mesh};
 use isv::metrics::{CompareOptions, compare};
@@ -229,16 +231,13 @@ fn header() -> Result<StreamHeader> {
     // A step is in sixteenths of a code, of which a voxel of 5 mm has 256: 1 mm and 10 mm.
     let (dc_step, ac_step) = (16 * 256 / 5, 16 * 256 * 10 / 5);
     Ok(StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step, ac_step }),
         grid: Grid {
             voxel_size: VoxelSize::from_metres(0.005)?,
             edge: BlockEdge::E8,
             truncation: Truncation::from_voxels(8)?,
         },
         frame_rate: FrameRate { numerator: 30, denominator: 1 },
-        coefficients: 64,
-        dc_step,
-        ac_step,
     })
 }
 

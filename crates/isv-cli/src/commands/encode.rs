@@ -2,6 +2,7 @@
 
 mod header;
 mod ingest;
+mod paper;
 mod volumes;
 
 use crate::ahead::Ahead;
@@ -11,13 +12,12 @@ use crate::interrupt;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
-use crate::terms::MotionName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
-use isv::format::{PacketWriter, StreamHeader};
+use isv::format::{PacketWriter, Profile, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -45,9 +45,6 @@ pub(crate) struct Args {
     /// A keyframe at least every this many frames
     #[arg(long, value_name = "FRAMES", default_value = "30")]
     gop: NonZero<u32>,
-    /// How frames between keyframes are predicted
-    #[arg(long, value_enum, default_value = "3dof")]
-    motion: MotionName,
     #[command(flatten)]
     header: HeaderArgs,
     #[command(flatten)]
@@ -79,7 +76,7 @@ impl Args {
 
     fn encoder_settings(&self) -> EncoderSettings {
         EncoderSettings {
-            motion: self.motion.into(),
+            motion: self.header.motion(),
             gop: self.gop.get(),
             checksums: self.checksums,
             ..EncoderSettings::default()
@@ -100,6 +97,9 @@ fn origin(text: &str) -> Result<[f64; 3], String> {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let capture = Capture::open(&args.input, &args.hints()?)?;
     let header = args.header.header(&capture)?;
+    if header.profile == Profile::Main {
+        bail!("this version cannot encode profile main");
+    }
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
     let maker = args.ingest.volume_maker(header.grid, Arc::clone(&progress))?;

@@ -8,7 +8,8 @@ use crate::terms;
 use anyhow::{Context, Result};
 use comfy_table::{Table, presets};
 use isv::format::{
-    FORMAT_VERSION, FormatError, FramePayload, Packet, PacketKind, PacketReader, Prediction, StreamHeader,
+    FORMAT_VERSION, FormatError, FramePayload, Packet, PacketKind, PacketReader, PaperParameters, Prediction,
+    Profile, StreamHeader,
 };
 use isv::kernels::quant::STEP_FRACTION_BITS;
 use isv::volume::CODES_PER_VOXEL;
@@ -36,9 +37,8 @@ struct StreamInfo {
     voxel_size_m: f64,
     truncation_voxels: u32,
     block_edge: usize,
-    coefficients: u16,
-    dc_step_mm: f64,
-    ac_step_mm: f64,
+    #[serde(flatten)]
+    paper: Option<PaperInfo>,
     /// The whole file.
     bytes: u64,
     bitrate_mbps: f64,
@@ -47,6 +47,14 @@ struct StreamInfo {
     /// Frame numbers.
     keyframes: Vec<usize>,
     packets: Vec<PacketInfo>,
+}
+
+/// What only profile `paper` states for a whole stream.
+#[derive(Debug, Serialize)]
+struct PaperInfo {
+    coefficients: u16,
+    dc_step_mm: f64,
+    ac_step_mm: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -72,20 +80,18 @@ impl StreamInfo {
         let name = || stream::name(path);
         let mut reader = PacketReader::new(source).with_context(name)?;
         let header = *reader.header().expect("a reader that began at the header has it");
-        let packets = read_packets(&mut reader).with_context(name)?;
+        let packets = read_packets(&mut reader, &header.profile).with_context(name)?;
         let fps = header.frame_rate.per_second();
         let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
         Ok(Self {
             format_version: FORMAT_VERSION,
-            profile: terms::profile(header.profile),
+            profile: header.profile.name(),
             frames: packets.len(),
             fps,
             voxel_size_m: header.grid.voxel_size.metres(),
             truncation_voxels: header.grid.truncation.voxels(),
             block_edge: header.grid.edge.voxels(),
-            coefficients: header.coefficients,
-            dc_step_mm: step_mm(&header, header.dc_step),
-            ac_step_mm: step_mm(&header, header.ac_step),
+            paper: PaperInfo::of(&header),
             bytes,
             bitrate_mbps: megabits_per_second(bytes, packets.len(), fps),
             complete: reader.complete(),
@@ -114,15 +120,10 @@ impl StreamInfo {
                 self.truncation_voxels
             ),
         );
-        row(
-            "quantizer",
-            format!(
-                "{} coefficients, DC step {}, AC step {}",
-                self.coefficients,
-                length(self.dc_step_mm / 1e3),
-                length(self.ac_step_mm / 1e3)
-            ),
-        );
+        if let Some(PaperInfo { coefficients, dc_step_mm, ac_step_mm }) = self.paper {
+            let [dc_step, ac_step] = [dc_step_mm, ac_step_mm].map(|step_mm| length(step_mm / 1e3));
+            row("quantizer", format!("{coefficients} coefficients, DC step {dc_step}, AC step {ac_step}"));
+        }
         for (kind, packets) in self.packets_by_kind() {
             let bytes = packets.iter().map(|p| p.bytes).sum::<usize>() / packets.len();
             let blocks = packets.iter().map(|p| p.blocks as usize).sum::<usize>() / packets.len();
@@ -156,21 +157,31 @@ impl StreamInfo {
 }
 
 /// Describes the packets up to the end, or up to a cut.
-fn read_packets(reader: &mut PacketReader<impl std::io::Read>) -> Result<Vec<PacketInfo>> {
+fn read_packets(reader: &mut PacketReader<impl std::io::Read>, profile: &Profile) -> Result<Vec<PacketInfo>> {
     let mut packets = Vec::new();
     loop {
         match reader.next_frame() {
-            Ok(Some(packet)) => packets.push(PacketInfo::of(&packet)?),
+            Ok(Some(packet)) => packets.push(PacketInfo::of(&packet, profile)?),
             Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(packets),
             Err(error) => return Err(error.into()),
         }
     }
 }
 
+impl PaperInfo {
+    fn of(header: &StreamHeader) -> Option<Self> {
+        let Profile::Paper(PaperParameters { coefficients, dc_step, ac_step }) = header.profile else {
+            return None;
+        };
+        let [dc_step_mm, ac_step_mm] = [dc_step, ac_step].map(|step| step_mm(header, step));
+        Some(Self { coefficients, dc_step_mm, ac_step_mm })
+    }
+}
+
 impl PacketInfo {
-    fn of(packet: &Packet) -> Result<Self> {
+    fn of(packet: &Packet, profile: &Profile) -> Result<Self> {
         let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
-        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed)?.header;
+        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, profile)?.header;
         Ok(Self {
             bytes: packet.total_bytes(),
             keyframe: packet.is_keyframe(),

@@ -2,22 +2,19 @@
 
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{Encoder, EncoderSettings};
-use isv_format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 pub(crate) use isv_testkit::ball;
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 
 pub(crate) fn header(edge: u32, truncation: u32, coefficients: u16) -> StreamHeader {
     StreamHeader {
-        profile: Profile::Paper,
+        profile: Profile::Paper(PaperParameters { coefficients, dc_step: 819, ac_step: 2048 }),
         grid: Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::from_voxels(edge).unwrap(),
             truncation: Truncation::from_voxels(truncation).unwrap(),
         },
         frame_rate: FrameRate { numerator: 30, denominator: 1 },
-        coefficients,
-        dc_step: 819,
-        ac_step: 2048,
     }
 }
 

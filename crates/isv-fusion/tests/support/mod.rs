@@ -1,7 +1,7 @@
 //! Coding with the paper's profile, and measures.
 
 use isv_encode::{Encoder, EncoderSettings};
-use isv_format::{FrameRate, Profile, StreamHeader};
+use isv_format::{FrameRate, PaperParameters, Profile, StreamHeader};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use std::path::PathBuf;
@@ -36,12 +36,13 @@ impl Coder {
     pub(crate) fn new(grid: Grid) -> Self {
         let step = |metres: f64| (metres / grid.voxel_size.metres() * 256.0 * 16.0).round() as u32;
         let header = StreamHeader {
-            profile: Profile::Paper,
+            profile: Profile::Paper(PaperParameters {
+                coefficients: 64,
+                dc_step: step(0.001),
+                ac_step: step(0.01),
+            }),
             grid,
             frame_rate: FrameRate { numerator: 30, denominator: 1 },
-            coefficients: 64,
-            dc_step: step(0.001),
-            ac_step: step(0.01),
         };
         Self(Encoder::new(&header, EncoderSettings::default()))
     }

@@ -6,7 +6,7 @@ use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{Encoder, EncoderSettings, MotionMode};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::volume::TriangleMesh;
 
 pub(crate) struct PaperEncoding {
@@ -28,12 +28,13 @@ impl PaperEncoding {
         settings: &StudySettings,
     ) -> Result<Self, StudyError> {
         let header = StreamHeader {
-            profile: Profile::Paper,
+            profile: Profile::Paper(PaperParameters {
+                coefficients,
+                dc_step: step_size(steps[0], settings)?.sixteenths(),
+                ac_step: step_size(steps[1], settings)?.sixteenths(),
+            }),
             grid: settings.ingest.grid,
             frame_rate,
-            coefficients,
-            dc_step: step_size(steps[0], settings)?.sixteenths(),
-            ac_step: step_size(steps[1], settings)?.sixteenths(),
         };
         let encoder = EncoderSettings { motion, gop: settings.gop, ..EncoderSettings::default() };
         Ok(Self {

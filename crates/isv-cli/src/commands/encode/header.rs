@@ -1,14 +1,15 @@
 //! The part of the command line that goes into the stream's header.
 
+use super::paper::PaperArgs;
 use crate::capture::{Capture, default_voxel_size};
 use crate::failure::usage;
 use crate::frame_rate;
 use crate::length::Length;
 use crate::terms::ProfileName;
 use anyhow::Result;
-use isv::format::{FrameRate, StreamHeader};
-use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
-use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, Truncation, VoxelSize};
+use isv::encode::MotionMode;
+use isv::format::{FrameRate, Profile, StreamHeader};
+use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 
 const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 /// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
@@ -31,22 +32,16 @@ pub(super) struct HeaderArgs {
     /// Edge of a voxel, with a unit; without it, that of the input if it is volumes, or else 5mm
     #[arg(long, value_name = "LENGTH")]
     voxel: Option<Length>,
-    /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8
+    /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8. Profile
+    /// main has blocks of 8
     #[arg(long, value_name = "VOXELS")]
     block: Option<u32>,
     /// How far from the surface distances are kept, in voxels, 2 to 16; without it, as the input if it is volumes, or
     /// else 8
     #[arg(long, value_name = "VOXELS")]
     truncation: Option<u32>,
-    /// Transform coefficients coded of each block
-    #[arg(long, value_name = "K", default_value = "64")]
-    coefficients: u16,
-    /// Quantizer step of a block's mean, with a unit
-    #[arg(long, value_name = "LENGTH", default_value = "1mm")]
-    dc_step: Length,
-    /// Quantizer step of all other coefficients, with a unit
-    #[arg(long, value_name = "LENGTH", default_value = "10mm")]
-    ac_step: Length,
+    #[command(flatten)]
+    paper: PaperArgs,
 }
 
 impl HeaderArgs {
@@ -54,13 +49,15 @@ impl HeaderArgs {
     pub(super) fn header(&self, capture: &Capture) -> Result<StreamHeader> {
         let grid = self.grid(capture.grid())?;
         Ok(StreamHeader {
-            profile: self.profile.into(),
+            profile: self.profile(&grid)?,
             grid,
             frame_rate: self.fps.or(capture.frame_rate()).unwrap_or(DEFAULT_FRAME_RATE),
-            coefficients: self.coefficients(grid.edge)?,
-            dc_step: step("--dc-step", self.dc_step, grid.voxel_size)?,
-            ac_step: step("--ac-step", self.ac_step, grid.voxel_size)?,
         })
+    }
+
+    /// How frames between keyframes are predicted in profile `paper`.
+    pub(super) fn motion(&self) -> MotionMode {
+        self.paper.motion()
     }
 
     /// The frame rate asked for, if any.
@@ -85,50 +82,86 @@ impl HeaderArgs {
     /// The grid: what was asked for, else what the capture has, else the defaults.
     fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
         let default = captured.unwrap_or(default_grid());
-        let edge = self.block.map_or(Ok(default.edge), BlockEdge::from_voxels);
         Ok(Grid {
             voxel_size: self.voxel_size()?.unwrap_or(default.voxel_size),
-            edge: edge.map_err(|error| usage(format!("--block: {error}")))?,
+            edge: self.edge(default.edge)?,
             truncation: self.truncation()?.unwrap_or(default.truncation),
         })
     }
 
-    fn coefficients(&self, edge: BlockEdge) -> Result<u16> {
-        let (asked, most) = (self.coefficients, edge.block_voxels());
-        if !(1..=most).contains(&usize::from(asked)) {
-            let edge = edge.voxels();
-            return Err(usage(format!(
-                "--coefficients {asked}: a block of {edge}^3 voxels has 1 to {most} of them"
-            )));
+    /// The edge of a block: what was asked for, else `default`; in profile `main` always 8.
+    fn edge(&self, default: BlockEdge) -> Result<BlockEdge> {
+        match (self.profile, self.block) {
+            (ProfileName::Main, None | Some(8)) => Ok(BlockEdge::E8),
+            (ProfileName::Main, Some(other)) => {
+                Err(usage(format!("--block {other}: profile main has blocks of 8^3 voxels")))
+            }
+            (ProfileName::Paper, None) => Ok(default),
+            (ProfileName::Paper, Some(edge)) => {
+                BlockEdge::from_voxels(edge).map_err(|error| usage(format!("--block: {error}")))
+            }
         }
-        Ok(asked)
     }
-}
 
-/// A quantizer step as a stream states it: in sixteenths of a code. `flag` is its name in messages.
-fn step(flag: &str, length: Length, voxel: VoxelSize) -> Result<u32> {
-    let per_metre = f64::from(CODES_PER_VOXEL << STEP_FRACTION_BITS) / voxel.metres();
-    let step = (length.metres() * per_metre).round();
-    let ends = [*StepSize::RANGE.start(), *StepSize::RANGE.end()].map(f64::from);
-    if (ends[0]..=ends[1]).contains(&step) {
-        return Ok(step as u32);
+    /// The profile; a setting of another one is refused.
+    fn profile(&self, grid: &Grid) -> Result<Profile> {
+        match (self.profile, self.paper.first_given()) {
+            (ProfileName::Paper, _) => Ok(Profile::Paper(self.paper.parameters(grid)?)),
+            (ProfileName::Main, None) => Ok(Profile::Main),
+            (ProfileName::Main, Some(flag)) => {
+                Err(usage(format!("{flag}: this is a setting of profile paper, not of profile main")))
+            }
+        }
     }
-    let [least, most] = ends.map(|step| Length::from_metres(step / per_metre));
-    let voxel = Length::from_metres(voxel.metres());
-    Err(usage(format!("{flag} {length}: at voxels of {voxel} a step is between {least} and {most}")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::Parser;
+    use isv::format::PaperParameters;
+
+    #[derive(Debug, Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        header: HeaderArgs,
+    }
+
+    /// The grid and the profile of a command line, or its sentence.
+    fn parse(flags: &[&str], captured: Option<Grid>) -> Result<(Grid, Profile), String> {
+        let CommandLine { header } = CommandLine::parse_from([&["encode"], flags].concat());
+        let grid = header.grid(captured).map_err(|error| error.to_string())?;
+        let profile = header.profile(&grid).map_err(|error| error.to_string())?;
+        Ok((grid, profile))
+    }
 
     #[test]
-    fn steps_are_sixteenths_of_a_code() {
-        let voxel = VoxelSize::from_metres(0.005).unwrap();
-        let step = |text: &str| step("--ac-step", text.parse().unwrap(), voxel);
-        assert_eq!(step("10mm").unwrap(), 8192);
-        assert_eq!(step("1mm").unwrap(), 819);
-        let sentence = step("2m").unwrap_err().to_string();
-        assert_eq!(sentence, "--ac-step 2000mm: at voxels of 5mm a step is between 0.001221mm and 1280mm");
+    fn paper_has_the_settings_of_its_fig_12_unless_told() {
+        let paper = PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 };
+        assert_eq!(parse(&[], None).unwrap(), (default_grid(), Profile::Paper(paper)));
+        let (grid, profile) = parse(&["--block=4", "--coefficients=20", "--ac-step=5mm"], None).unwrap();
+        assert_eq!(grid.edge, BlockEdge::E4);
+        let told = PaperParameters { coefficients: 20, ac_step: 4096, ..paper };
+        assert_eq!(profile, Profile::Paper(told));
+    }
+
+    #[test]
+    fn main_has_blocks_of_8_whatever_the_capture_has() {
+        let captured = Grid { edge: BlockEdge::E4, ..default_grid() };
+        assert_eq!(parse(&[], Some(captured)).unwrap().0.edge, BlockEdge::E4);
+        for flags in [&["--profile=main"][..], &["--profile=main", "--block=8"]] {
+            assert_eq!(parse(flags, Some(captured)).unwrap(), (default_grid(), Profile::Main));
+        }
+        let sentence = parse(&["--profile=main", "--block=16"], None).unwrap_err();
+        assert_eq!(sentence, "--block 16: profile main has blocks of 8^3 voxels");
+    }
+
+    #[test]
+    fn main_refuses_the_settings_of_paper_even_at_their_defaults() {
+        for flag in ["--motion=3dof", "--coefficients=64", "--dc-step=1mm", "--ac-step=10mm"] {
+            let sentence = parse(&["--profile=main", flag], None).unwrap_err();
+            let name = flag.split('=').next().unwrap();
+            assert_eq!(sentence, format!("{name}: this is a setting of profile paper, not of profile main"));
+        }
     }
 }

@@ -1,0 +1,200 @@
+//! The decoder of profile `paper`.
+
+use super::{DecodedFrame, Limits};
+use crate::reconstruct::{predict, reconstruct};
+use crate::reduced::{Lod, ReducedFrame, ReducedParameters};
+use crate::syntax::{self, EntropyState, SyntaxError};
+use crate::{CodingParameters, DecodeError, FrameSymbols, Reference, ReferenceBlocks};
+use isv_format::{
+    FrameHeader, FramePayload, Packet, PacketKind, PaperParameters, Prediction, Profile, SliceLayout,
+};
+use isv_volume::{Grid, GridError, SparseVolume};
+use rayon::prelude::*;
+
+/// [`super::Decoder`] for streams of profile `paper`.
+#[derive(Debug)]
+pub(super) struct PaperDecoder {
+    profile: Profile,
+    parameters: CodingParameters,
+    limits: Limits,
+    entropy: EntropyState,
+    /// At reduced resolution, what the coding parameters become there.
+    reduced: Option<ReducedParameters>,
+    reference: Option<DecodedReference>,
+    /// Frames between the last keyframe and the reference, modulo `2^16`.
+    since_keyframe: u16,
+    frames: u64,
+}
+
+/// The last frame, at the resolution that is decoded.
+#[derive(Debug)]
+enum DecodedReference {
+    Full(Reference),
+    Reduced(ReducedFrame),
+}
+
+impl DecodedReference {
+    fn blocks(&self) -> ReferenceBlocks<'_> {
+        match self {
+            Self::Full(reference) => reference.blocks(),
+            Self::Reduced(frame) => frame.blocks(),
+        }
+    }
+
+    fn volume(&self) -> &SparseVolume {
+        match self {
+            Self::Full(reference) => reference.volume(),
+            Self::Reduced(frame) => frame.volume(),
+        }
+    }
+}
+
+impl PaperDecoder {
+    /// A decoder for the frames of a stream.
+    pub(super) fn new(grid: Grid, paper: PaperParameters, limits: Limits) -> Self {
+        let parameters = CodingParameters::new(grid, &paper);
+        Self {
+            profile: Profile::Paper(paper),
+            limits,
+            entropy: EntropyState::new(parameters.coefficients()),
+            parameters,
+            reduced: None,
+            reference: None,
+            since_keyframe: 0,
+            frames: 0,
+        }
+    }
+
+    /// A decoder at reduced resolution.
+    ///
+    /// # Errors
+    /// As [`super::Decoder::with_lod`].
+    pub(super) fn with_lod(self, lod: Lod) -> Result<Self, GridError> {
+        let reduced = match lod {
+            Lod::Full => None,
+            _ => Some(ReducedParameters::new(&self.parameters, lod)?),
+        };
+        Ok(Self { reduced, ..self })
+    }
+
+    /// Decodes a frame packet.
+    ///
+    /// # Errors
+    /// As [`super::Decoder::decode`].
+    pub(super) fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+        // Taken out, so that an error leaves no reference behind.
+        let reference = self.reference.take();
+        let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
+            return Err(self.malformed(packet, "an index where a frame should be"));
+        };
+        if keyframe {
+            self.entropy = EntropyState::new(self.parameters.coefficients());
+        } else {
+            self.check_sequence(packet, reference.as_ref())?;
+        }
+        let reference = reference.filter(|_| !keyframe);
+        let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &self.profile)?;
+        self.check_limits(packet, &payload.header)?;
+        if keyframe && payload.header.prediction != Prediction::None {
+            return Err(self.malformed(packet, "a keyframe that predicts from another frame"));
+        }
+        let symbols = self
+            .read_symbols(&payload, reference.as_ref().map(DecodedReference::blocks))
+            .map_err(|SyntaxError(what)| self.malformed(packet, what))?;
+        let decoded = self.reconstruct(symbols, reference);
+        self.frames += 1;
+        self.since_keyframe = packet.header.since_keyframe;
+        Ok(DecodedFrame {
+            volume: self.reference.insert(decoded).volume(),
+            timestamp_ns: packet.header.timestamp_ns,
+            keyframe,
+            stated_hash: payload.header.volume_hash.filter(|_| self.reduced.is_none()),
+        })
+    }
+
+    /// The frame of some symbols, at the resolution that is decoded.
+    fn reconstruct(&self, symbols: FrameSymbols, reference: Option<DecodedReference>) -> DecodedReference {
+        let parameters = &self.parameters;
+        if let Some(reduced) = &self.reduced {
+            let before = match &reference {
+                Some(DecodedReference::Reduced(frame)) => Some(frame),
+                _ => None,
+            };
+            return DecodedReference::Reduced(reduced.reconstruct(parameters, symbols, before));
+        }
+        let before = match &reference {
+            Some(DecodedReference::Full(reference)) => Some(reference),
+            _ => None,
+        };
+        let prediction = predict(parameters, &symbols, before);
+        DecodedReference::Full(Reference::new(reconstruct(parameters, symbols, prediction)))
+    }
+
+    /// Frames decoded so far.
+    pub(super) fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    fn malformed(&self, packet: &Packet, what: &'static str) -> DecodeError {
+        DecodeError::Malformed { frame: self.frames, at: packet.at, what }
+    }
+
+    /// Whether a frame that predicts follows the frame that it predicts from.
+    fn check_sequence(
+        &self,
+        packet: &Packet,
+        reference: Option<&DecodedReference>,
+    ) -> Result<(), DecodeError> {
+        if reference.is_none() {
+            return Err(DecodeError::NoReference { at: packet.at });
+        }
+        let (expected, found) = (self.since_keyframe.wrapping_add(1), packet.header.since_keyframe);
+        if expected != found {
+            return Err(DecodeError::MissingFrame { at: packet.at, expected, found });
+        }
+        Ok(())
+    }
+
+    fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {
+        let limit = self.limits.frame_voxels / self.parameters.grid.edge.block_voxels();
+        if header.blocks as usize > limit {
+            return Err(DecodeError::TooManyBlocks { at: packet.at, blocks: header.blocks as usize, limit });
+        }
+        if usize::from(header.slices) > syntax::most_slices(self.parameters.coefficients()) {
+            return Err(self.malformed(packet, "more slices than this many coefficients allow"));
+        }
+        Ok(())
+    }
+
+    /// The mirror image of the encoder's `write_symbols`.
+    fn read_symbols(
+        &mut self,
+        payload: &FramePayload,
+        reference: Option<ReferenceBlocks>,
+    ) -> Result<FrameSymbols, SyntaxError> {
+        let header = &payload.header;
+        let edge = self.parameters.grid.edge;
+        let blocks = header.blocks as usize;
+        let coords = self.entropy.block_set.read(payload.block_set, blocks, reference)?;
+        let unobserved = self.entropy.masks.read(payload.masks, edge, &coords, reference)?;
+        let references = FrameSymbols::find_references(&coords, header.prediction, reference);
+        let neighbours = syntax::CausalNeighbours::new(&coords, header.prediction.has_motion());
+        let layout = SliceLayout::new(blocks, usize::from(header.slices));
+        let slices = self.entropy.slices(usize::from(header.slices));
+        let decoded: Vec<_> = slices
+            .par_iter_mut()
+            .zip(layout.ranges().collect::<Vec<_>>())
+            .zip(&payload.slices)
+            .map(|((models, range), bytes)| {
+                let sources = &references[range.clone()];
+                let motion =
+                    models.motion.read(bytes.motion, header.prediction, edge, range, sources, &neighbours)?;
+                let levels = models.coefficients.read(bytes.coefficients, sources)?;
+                Ok((motion, levels))
+            })
+            .collect::<Result<_, SyntaxError>>()?;
+        let (motion, levels): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
+        let (motion, levels) = (motion.concat(), levels.concat());
+        Ok(FrameSymbols { prediction: header.prediction, coords, unobserved, references, motion, levels })
+    }
+}
