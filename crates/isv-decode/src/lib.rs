@@ -12,6 +12,7 @@
 
 mod decoder;
 mod error;
+pub mod extension;
 mod hash;
 mod parameters;
 pub mod reconstruct;

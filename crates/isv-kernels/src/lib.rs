@@ -8,11 +8,15 @@
 //! | [`dct`] | 3-D DCT of a residual block and back (Sec. 3.3) |
 //! | [`scan`] | the K lowest frequencies, by index sum (Sec. 3.3) |
 //! | [`quant`] | fixed DC step, tunable AC step (Sec. 3.3) |
+//! | [`deblock`] | smoothing across faces of blocks (profile `main`) |
+//! | [`extrapolation`] | the field beside coded blocks (profile `main`) |
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
 //!
 //! Beyond the paper, [`surface_fit`] predicts a block from those around it.
 
 pub mod dct;
+pub mod deblock;
+pub mod extrapolation;
 pub mod quant;
 mod reduced_warp;
 pub mod scan;

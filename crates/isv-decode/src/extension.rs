@@ -1,0 +1,128 @@
+//! Extension of a decoded frame into the blocks around the coded ones (profile `main`).
+//!
+//! The coded blocks hold the surface and little more. Motion compensation and whoever resamples the field need some of what
+//! lies around it: every block of the 26-neighbourhood that was not coded is extrapolated. Such a block has one sign, for what
+//! was not coded holds no surface. Where two of them meet with different signs, neither side is observed.
+
+mod dilation;
+
+use isv_kernels::extrapolation::{Block, CodedNeighbours, extrapolate};
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex, Neighbourhood, SparseVolume, VoxelMask};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+pub use dilation::extended_count;
+
+/// Samples of a block: the extension is defined for an edge of 8.
+const BLOCK_VOXELS: usize = 512;
+
+/// A decoded frame with the blocks around its coded ones.
+#[derive(Clone, Debug)]
+pub struct Extended {
+    /// Coded and extrapolated blocks.
+    pub volume: SparseVolume,
+    /// Whether each block of the volume was coded.
+    pub coded: Vec<bool>,
+}
+
+/// Extends a volume of coded blocks to their 26-neighbourhood, within the range of coordinates.
+///
+/// Coded blocks keep their samples and masks. [`extended_count`] tells the number of blocks beforehand: up to 27 times as many.
+///
+/// # Panics
+/// If the block edge is not 8.
+#[must_use]
+pub fn extend(coded: &SparseVolume) -> Extended {
+    assert_eq!(coded.grid().edge, BlockEdge::E8, "the extension is defined for blocks of 8 voxels");
+    let coords = dilation::dilate(coded.coords());
+    let index = BlockIndex::new(&coords);
+    let sources = coded_blocks(coded, &coords);
+    let mut samples = vec![0; coords.len() * BLOCK_VOXELS];
+    let sides: Vec<Side> = samples
+        .as_chunks_mut::<BLOCK_VOXELS>()
+        .0
+        .par_iter_mut()
+        .zip(&coords)
+        .zip(&sources)
+        .map(|((out, coord), source)| match source {
+            Some(block) => {
+                *out = *coded_block(coded, *block);
+                Side::Coded
+            }
+            None => {
+                let around = index.neighbourhood(*coord);
+                let neighbours = coded_neighbours(coded, &sources, &around);
+                let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), out);
+                Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) }
+            }
+        })
+        .collect();
+    let masks = masks(coded, &sources, &sides);
+    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples, masks);
+    Extended { volume, coded: sources.iter().map(Option::is_some).collect() }
+}
+
+/// What the masks need to know of a block.
+enum Side {
+    /// It was coded.
+    Coded,
+    /// It was not: whether it lies inside, and its face neighbours in the order of [`FACES`].
+    Extrapolated { inside: bool, faces: [Option<u32>; 6] },
+}
+
+/// The faces of a block: slot of the neighbour, then axis and layer of the voxels that touch it.
+const FACES: [(usize, (usize, usize)); 6] =
+    [(12, (0, 0)), (14, (0, 7)), (10, (1, 0)), (16, (1, 7)), (4, (2, 0)), (22, (2, 7))];
+
+/// For each block of the extended volume, its index among the coded ones.
+fn coded_blocks(coded: &SparseVolume, coords: &[BlockCoord]) -> Vec<Option<u32>> {
+    let mut next = 0;
+    let find = |coord: &BlockCoord| {
+        let found = coded.coords().get(next as usize) == Some(coord);
+        next += u32::from(found);
+        found.then(|| next - 1)
+    };
+    coords.iter().map(find).collect()
+}
+
+fn coded_block(coded: &SparseVolume, block: u32) -> &Block {
+    coded.block(block as usize).try_into().expect("blocks of an edge of 8")
+}
+
+fn coded_neighbours<'a>(
+    coded: &'a SparseVolume,
+    sources: &[Option<u32>],
+    around: &Neighbourhood,
+) -> CodedNeighbours<'a> {
+    around.map(|block| Some(coded_block(coded, sources[block? as usize]?)))
+}
+
+/// Masks of the coded blocks, and both sides of the faces on which extrapolated blocks of different signs meet.
+fn masks(coded: &SparseVolume, sources: &[Option<u32>], sides: &[Side]) -> BTreeMap<u32, VoxelMask> {
+    let mask = |(block, (source, side)): (usize, (&Option<u32>, &Side))| {
+        let mask = match side {
+            Side::Coded => coded.unobserved((*source)? as usize).cloned(),
+            Side::Extrapolated { inside, faces } => conflicts(*inside, faces, sides),
+        };
+        Some((block as u32, mask?))
+    };
+    sources.iter().zip(sides).enumerate().filter_map(mask).collect()
+}
+
+/// The voxels of an extrapolated block that touch an extrapolated block of the other sign, if there are any.
+fn conflicts(inside: bool, faces: &[Option<u32>; 6], sides: &[Side]) -> Option<VoxelMask> {
+    let mut mask = VoxelMask::empty(BlockEdge::E8);
+    for (neighbour, (_, (axis, layer))) in faces.iter().zip(FACES) {
+        let opposed = neighbour.is_some_and(|block| {
+            matches!(sides[block as usize], Side::Extrapolated { inside: other, .. } if other != inside)
+        });
+        if opposed {
+            let touching = |voxel: &usize| voxel >> (3 * axis) & 7 == layer;
+            (0..BLOCK_VOXELS).filter(touching).for_each(|voxel| mask.insert(voxel));
+        }
+    }
+    (!mask.is_empty()).then_some(mask)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,266 @@
+use super::*;
+use isv_testkit::Random;
+use isv_volume::{COORD_LIMIT, Grid, Truncation, VolumeBuilder, VoxelSize};
+
+const EDGE: i32 = 8;
+
+fn grid(truncation: u32) -> Grid {
+    Grid {
+        voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(truncation).unwrap(),
+    }
+}
+
+/// Position of a voxel of a block.
+fn position(voxel: usize) -> [i32; 3] {
+    [voxel % 8, voxel / 8 % 8, voxel / 64].map(|c| c as i32)
+}
+
+/// A volume of some blocks, whose samples follow from the voxel's position in the world.
+fn volume(coords: &[[i32; 3]], sample: impl Fn([i32; 3]) -> i32) -> SparseVolume {
+    let mut builder = VolumeBuilder::new(grid(16));
+    for coord in coords {
+        let samples = (0..BLOCK_VOXELS).map(|voxel| {
+            let local = position(voxel);
+            sample([0, 1, 2].map(|a| coord[a] * EDGE + local[a])).clamp(-4096, 4096) as i16
+        });
+        builder.push(BlockCoord::from(*coord), samples.collect(), None);
+    }
+    builder.finish()
+}
+
+/// Random blocks in a cube of five blocks a side: smooth fields, steps and noise, some with masks.
+fn random_volume(seed: u64, truncation: u32) -> SparseVolume {
+    let mut random = Random::new(seed);
+    let limit = f64::from(truncation * 256);
+    let mut builder = VolumeBuilder::new(grid(truncation));
+    let density = random.signed() * 0.5 - 0.5;
+    for block in 0..125 {
+        if random.signed() > density {
+            continue;
+        }
+        let (slope, base, noise) = (random.point() * 300.0, random.signed() * 500.0, random.signed());
+        let noise = noise.powi(3).abs() * 2.0 * limit;
+        let samples = (0..BLOCK_VOXELS).map(|voxel| {
+            let [x, y, z] = position(voxel).map(f64::from);
+            let value = base + slope.x * x + slope.y * y + slope.z * z + noise * random.signed();
+            value.clamp(-limit, limit).round() as i16
+        });
+        let samples = samples.collect();
+        let mut mask = VoxelMask::empty(BlockEdge::E8);
+        mask.insert(((random.signed() + 1.0) * 255.0) as usize);
+        builder.push([block % 5, block / 5 % 5, block / 25].into(), samples, Some(mask));
+    }
+    builder.finish()
+}
+
+/// The extension as the format document has it, voxel by voxel.
+mod plain {
+    use super::*;
+
+    pub(super) type Field = BTreeMap<[i32; 3], (Vec<i32>, bool, Vec<usize>)>;
+
+    fn offsets() -> impl Iterator<Item = [i32; 3]> {
+        (0..27).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]).filter(|d| *d != [0; 3])
+    }
+
+    /// The nearest voxel of the neighbour at an offset to a voxel of the middle block, in the middle block's coordinates.
+    fn nearest(x: [i32; 3], d: [i32; 3]) -> [i32; 3] {
+        [0, 1, 2].map(|a| x[a].clamp(d[a] * EDGE, d[a] * EDGE + EDGE - 1))
+    }
+
+    fn sample(block: &[i16], y: [i32; 3]) -> i32 {
+        let [x, y, z] = y.map(|c| c.rem_euclid(EDGE) as usize);
+        block[(z * 8 + y) * 8 + x].into()
+    }
+
+    fn l1(x: [i32; 3], y: [i32; 3]) -> i32 {
+        (0..3).map(|a| (x[a] - y[a]).abs()).sum()
+    }
+
+    fn is_inside(around: &[([i32; 3], &[i16])]) -> bool {
+        let has_faces = around.iter().any(|(d, _)| l1(*d, [0; 3]) == 1);
+        let mut sum = 0;
+        for (d, block) in around {
+            for x in (0..BLOCK_VOXELS).map(position) {
+                let y = nearest(x, *d);
+                if !has_faces || l1(x, y) == 1 {
+                    sum += sample(block, y).clamp(-256, 256);
+                }
+            }
+        }
+        sum < 0
+    }
+
+    fn magnitude(x: [i32; 3], around: &[([i32; 3], &[i16])], inside: bool, limit: i32) -> i32 {
+        let candidates = around.iter().map(|(d, block)| {
+            let y = nearest(x, *d);
+            let mut value = sample(block, y);
+            for a in 0..3 {
+                let mut behind = y;
+                behind[a] -= (x[a] - y[a]).signum();
+                let slope = (sample(block, y) - sample(block, behind)).clamp(-256, 256);
+                value += slope * (x[a] - y[a]).abs();
+            }
+            (l1(x, y), (if inside { -value } else { value }).clamp(5, limit))
+        });
+        candidates.min().unwrap().1
+    }
+
+    pub(super) fn extend(coded: &SparseVolume) -> Field {
+        let limit = i32::from(coded.grid().truncation.codes());
+        let index = coded.index();
+        let mut field = Field::new();
+        for (block, coord) in coded.coords().iter().enumerate() {
+            let mask = (0..BLOCK_VOXELS).filter(|v| coded.unobserved(block).is_some_and(|m| m.contains(*v)));
+            let samples = coded.block(block).iter().map(|s| i32::from(*s)).collect();
+            field.insert(coord.to_array(), (samples, true, mask.collect()));
+            for beside in offsets().map(|d| coord.offset(d)).filter(|c| c.in_range()) {
+                if index.get(beside).is_none() {
+                    let around = offsets().filter_map(|d| Some((d, index.get(beside.offset(d))?)));
+                    let around: Vec<_> = around.map(|(d, b)| (d, coded.block(b as usize))).collect();
+                    let inside = is_inside(&around);
+                    let sign = if inside { -1 } else { 1 };
+                    let samples = (0..BLOCK_VOXELS)
+                        .map(|voxel| sign * magnitude(position(voxel), &around, inside, limit))
+                        .collect();
+                    field.insert(beside.to_array(), (samples, false, Vec::new()));
+                }
+            }
+        }
+        mask_conflicts(&mut field);
+        field
+    }
+
+    fn mask_conflicts(field: &mut Field) {
+        let extrapolated =
+            |block: [i32; 3], field: &Field| field.get(&block).is_some_and(|(_, coded, _)| !coded);
+        let coords: Vec<_> = field.keys().copied().filter(|c| extrapolated(*c, field)).collect();
+        for coord in coords {
+            let conflicting = |voxel: &usize| {
+                let x = position(*voxel);
+                offsets().filter(|d| l1(*d, [0; 3]) == 1).any(|d| {
+                    let y = [0, 1, 2].map(|a| x[a] + d[a]);
+                    let block = [0, 1, 2].map(|a| coord[a] + y[a].div_euclid(EDGE));
+                    let [i, j, k] = y.map(|c| c.rem_euclid(EDGE) as usize);
+                    block != coord
+                        && extrapolated(block, field)
+                        && (field[&block].0[(k * 8 + j) * 8 + i] < 0) != (field[&coord].0[*voxel] < 0)
+                })
+            };
+            let mask = (0..BLOCK_VOXELS).filter(conflicting).collect();
+            field.get_mut(&coord).unwrap().2 = mask;
+        }
+    }
+}
+
+/// Asserts that a volume's extension is that of the plain reference; how many masks it has.
+fn check(coded: &SparseVolume) -> usize {
+    let Extended { volume, coded: flags } = extend(coded);
+    let expected = plain::extend(coded);
+    assert_eq!(volume.block_count(), expected.len());
+    assert_eq!(extended_count(coded.coords()), expected.len());
+    assert!(volume.coords().windows(2).all(|pair| pair[0].morton() < pair[1].morton()));
+    for (block, coord) in volume.coords().iter().enumerate() {
+        let (samples, was_coded, mask) = &expected[&coord.to_array()];
+        let got: Vec<i32> = volume.block(block).iter().map(|s| i32::from(*s)).collect();
+        assert_eq!(&got, samples, "{coord:?}");
+        assert_eq!(flags[block], *was_coded, "{coord:?}");
+        let unobserved = volume.unobserved(block);
+        let got: Vec<usize> =
+            (0..BLOCK_VOXELS).filter(|v| unobserved.is_some_and(|m| m.contains(*v))).collect();
+        assert_eq!(&got, mask, "{coord:?}");
+    }
+    volume.unobserved_masks().len()
+}
+
+#[test]
+fn random_blocks_are_extended_as_the_plain_reference_does() {
+    let mut conflicts = 0;
+    for seed in 0..24 {
+        let coded = random_volume(seed, [2, 8, 16][seed as usize % 3]);
+        conflicts += check(&coded) - coded.block_count();
+    }
+    assert!(conflicts > 100, "{conflicts} extrapolated blocks with masks");
+}
+
+#[test]
+fn a_plane_through_a_row_of_blocks_goes_on_as_a_plane() {
+    // Slopes within one voxel a voxel, and a plane that passes through the row alone.
+    let plane = |[x, y, z]: [i32; 3]| 250 * y - 1000 + 3 * x - 2 * z;
+    let row: Vec<[i32; 3]> = (-2..2).map(|x| [x, 0, 0]).collect();
+    let extended = extend(&volume(&row, plane));
+    assert_eq!(extended.volume.block_count(), 6 * 9);
+    assert_eq!(extended.coded.iter().filter(|coded| **coded).count(), 4);
+    for (block, coord) in extended.volume.coords().iter().enumerate() {
+        // Beside the row the plane goes on through blocks that hold one sign: there only one half can follow it.
+        if coord.y == 0 && !extended.coded[block] {
+            continue;
+        }
+        for (voxel, sample) in extended.volume.block(block).iter().enumerate() {
+            let local = position(voxel);
+            let expected = plane([0, 1, 2].map(|a| coord.to_array()[a] * EDGE + local[a])).clamp(-4096, 4096);
+            assert_eq!(i32::from(*sample), expected, "voxel {voxel} of {coord:?}");
+        }
+    }
+}
+
+#[test]
+fn an_extrapolated_block_has_one_sign() {
+    for seed in 100..110 {
+        let Extended { volume, coded } = extend(&random_volume(seed, 8));
+        for block in (0..volume.block_count()).filter(|block| !coded[*block]) {
+            let samples = volume.block(block);
+            assert!(samples.iter().all(|s| s.signum() == samples[0].signum() && s.abs() >= 5));
+        }
+    }
+}
+
+#[test]
+fn both_sides_of_a_face_between_signs_are_unobserved() {
+    // Two blocks apart by two blocks, one wholly inside and one wholly outside.
+    let coded = volume(&[[0, 0, 0], [3, 0, 0]], |[x, ..]| if x < 16 { -700 } else { 700 });
+    let Extended { volume, .. } = extend(&coded);
+    for (block, coord) in volume.coords().iter().enumerate() {
+        let layer = match coord.x {
+            1 => Some(7),
+            2 => Some(0),
+            _ => None,
+        };
+        let got = volume
+            .unobserved(block)
+            .map(|mask| (0..BLOCK_VOXELS).filter(|voxel| mask.contains(*voxel)).collect::<Vec<_>>());
+        let expected = layer.map(|layer| (0..BLOCK_VOXELS).filter(|voxel| voxel % 8 == layer).collect());
+        assert_eq!(got, expected, "{coord:?}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let coded = random_volume(7, 8);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| extend(&coded))
+    };
+    let alone = on(1);
+    for threads in [2, 3, 8] {
+        let together = on(threads);
+        assert!(alone.volume == together.volume && alone.coded == together.coded, "{threads} threads");
+    }
+}
+
+#[test]
+fn nothing_extends_to_nothing() {
+    let Extended { volume, coded } = extend(&SparseVolume::empty(grid(8)));
+    assert_eq!((volume.block_count(), coded.len()), (0, 0));
+}
+
+#[test]
+fn blocks_beyond_the_limit_of_coordinates_are_left_out() {
+    let (first, last) = (-COORD_LIMIT, COORD_LIMIT - 1);
+    let corners = [[first; 3], [last; 3], [first, 0, last]];
+    let coded = volume(&corners, |[x, y, z]| (x ^ y ^ z) % 500);
+    assert_eq!(extended_count(coded.coords()), 8 + 8 + 12);
+    check(&coded);
+}
