@@ -37,28 +37,20 @@ pub fn extend(coded: &SparseVolume) -> Extended {
     let coords = dilation::dilate(coded.coords());
     let index = BlockIndex::new(&coords);
     let sources = coded_blocks(coded, &coords);
-    let mut samples = vec![0; coords.len() * BLOCK_VOXELS];
-    let sides: Vec<Side> = samples
-        .as_chunks_mut::<BLOCK_VOXELS>()
-        .0
-        .par_iter_mut()
-        .zip(&coords)
-        .zip(&sources)
-        .map(|((out, coord), source)| match source {
-            Some(block) => {
-                *out = *coded_block(coded, *block);
-                Side::Coded
-            }
-            None => {
-                let around = index.neighbourhood(*coord);
-                let neighbours = coded_neighbours(coded, &sources, &around);
-                let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), out);
-                Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) }
-            }
-        })
-        .collect();
-    let masks = masks(coded, &sources, &sides);
-    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples, masks);
+    let block = |(coord, source): (&BlockCoord, &Option<u32>)| match source {
+        Some(block) => (*coded_block(coded, *block), Side::Coded),
+        None => {
+            let around = index.neighbourhood(*coord);
+            let neighbours = coded_neighbours(coded, &sources, &around);
+            let mut samples = [0; BLOCK_VOXELS];
+            let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), &mut samples);
+            (samples, Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) })
+        }
+    };
+    let (mut samples, mut sides) = (Vec::new(), Vec::new());
+    coords.par_iter().zip(&sources).map(block).unzip_into_vecs(&mut samples, &mut sides);
+    let masks = masks(coded, &sides);
+    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples.into_flattened(), masks);
     Extended { volume, coded: sources.iter().map(Option::is_some).collect() }
 }
 
@@ -98,30 +90,39 @@ fn coded_neighbours<'a>(
 }
 
 /// Masks of the coded blocks, and both sides of the faces on which extrapolated blocks of different signs meet.
-fn masks(coded: &SparseVolume, sources: &[Option<u32>], sides: &[Side]) -> BTreeMap<u32, VoxelMask> {
-    let mask = |(block, (source, side)): (usize, (&Option<u32>, &Side))| {
+fn masks(coded: &SparseVolume, sides: &[Side]) -> BTreeMap<u32, VoxelMask> {
+    let mut masks = BTreeMap::new();
+    let mut kept = coded.unobserved_masks().iter().peekable();
+    let mut source = 0;
+    for (block, side) in sides.iter().enumerate() {
         let mask = match side {
-            Side::Coded => coded.unobserved((*source)? as usize).cloned(),
+            Side::Coded => {
+                source += 1;
+                kept.next_if(|(masked, _)| **masked == source - 1).map(|(_, mask)| mask.clone())
+            }
             Side::Extrapolated { inside, faces } => conflicts(*inside, faces, sides),
         };
-        Some((block as u32, mask?))
-    };
-    sources.iter().zip(sides).enumerate().filter_map(mask).collect()
+        masks.extend(mask.map(|mask| (block as u32, mask)));
+    }
+    masks
 }
 
 /// The voxels of an extrapolated block that touch an extrapolated block of the other sign, if there are any.
 fn conflicts(inside: bool, faces: &[Option<u32>; 6], sides: &[Side]) -> Option<VoxelMask> {
-    let mut mask = VoxelMask::empty(BlockEdge::E8);
-    for (neighbour, (_, (axis, layer))) in faces.iter().zip(FACES) {
-        let opposed = neighbour.is_some_and(|block| {
+    let opposed = |neighbour: &Option<u32>| {
+        neighbour.is_some_and(|block| {
             matches!(sides[block as usize], Side::Extrapolated { inside: other, .. } if other != inside)
-        });
-        if opposed {
-            let touching = |voxel: &usize| voxel >> (3 * axis) & 7 == layer;
-            (0..BLOCK_VOXELS).filter(touching).for_each(|voxel| mask.insert(voxel));
-        }
+        })
+    };
+    if !faces.iter().any(opposed) {
+        return None;
     }
-    (!mask.is_empty()).then_some(mask)
+    let mut mask = VoxelMask::empty(BlockEdge::E8);
+    for (_, (_, (axis, layer))) in faces.iter().zip(FACES).filter(|(neighbour, _)| opposed(neighbour)) {
+        let touching = |voxel: &usize| voxel >> (3 * axis) & 7 == layer;
+        (0..BLOCK_VOXELS).filter(touching).for_each(|voxel| mask.insert(voxel));
+    }
+    Some(mask)
 }
 
 #[cfg(test)]

@@ -10,6 +10,8 @@ use isv_volume::CODES_PER_VOXEL;
 const EDGE: usize = 8;
 /// Samples of a block, x fastest.
 pub type Block = [i16; EDGE * EDGE * EDGE];
+/// Those of one z.
+type Plane = [i16; EDGE * EDGE];
 /// The coded blocks around a block: entry `(dz + 1) * 9 + (dy + 1) * 3 + (dx + 1)` is the one at offset `(dx, dy, dz)`. The
 /// entry of the block itself is not looked at.
 pub type CodedNeighbours<'a> = [Option<&'a Block>; 27];
@@ -52,6 +54,9 @@ const fn nearer_slots() -> [u32; 27] {
     table
 }
 
+/// How many coordinates of a slot's offset are not zero: 1 for faces, 2 for edges, 3 for corners.
+const RANKS: [usize; 27] = [3, 2, 3, 2, 1, 2, 3, 2, 3, 2, 1, 2, 1, 0, 1, 2, 1, 2, 3, 2, 3, 2, 1, 2, 3, 2, 3];
+
 /// How the voxels of the middle block lie to a neighbour along one axis.
 struct Approach {
     /// The neighbour's nearest coordinate.
@@ -85,34 +90,35 @@ impl Approach {
 /// - `neighbours`: samples within the truncation; at least one is there.
 /// - `truncation`: magnitude of no sample exceeds it; 512 to 4096 codes.
 ///
-/// Every sample has the sign of [`is_inside`]. Its magnitude follows from the neighbour with the nearest voxel by L1 distance
+/// Every sample has the sign of the vote of the blocks that touch it (`is_inside`). Its magnitude follows from the neighbour with the nearest voxel by L1 distance
 /// (at equal distances, the smaller magnitude): that voxel's sample, plus for each axis the slope there, clamped to one voxel
 /// a voxel, times the distance along the axis.
 pub fn extrapolate(neighbours: &CodedNeighbours, truncation: i16, out: &mut Block) -> bool {
-    let inside = is_inside(neighbours);
-    let present = present_slots(neighbours);
     vectorized(
         #[inline(always)]
         || {
+            let inside = is_inside(neighbours);
             let sign = if inside { -1 } else { 1 };
-            let mut nearest = [i32::MAX; EDGE * EDGE * EDGE];
+            let present = present_slots(neighbours);
+            let mut keys = [i32::MAX; EDGE * EDGE * EDGE];
             for (slot, neighbour) in neighbours.iter().enumerate().filter(|(slot, _)| *slot != 13) {
                 let Some(block) = neighbour.filter(|_| present & NEARER[slot] == 0) else { continue };
                 if offset(slot)[0] == 0 {
-                    continue_field::<false>(block, offset(slot), sign, truncation, &mut nearest);
+                    continue_field::<false>(block, offset(slot), sign, truncation, &mut keys);
                 } else {
-                    continue_field::<true>(block, offset(slot), sign, truncation, &mut nearest);
+                    continue_field::<true>(block, offset(slot), sign, truncation, &mut keys);
                 }
             }
-            for (sample, key) in out.iter_mut().zip(&nearest) {
+            for (sample, key) in out.iter_mut().zip(&keys) {
                 *sample = sign * (key & ((1 << MAGNITUDE_BITS) - 1)) as i16;
             }
+            inside
         },
-    );
-    inside
+    )
 }
 
 /// Which entries are there, one bit a slot.
+#[inline(always)]
 fn present_slots(neighbours: &CodedNeighbours) -> u32 {
     neighbours.iter().enumerate().map(|(slot, block)| u32::from(block.is_some()) << slot).sum()
 }
@@ -124,60 +130,115 @@ fn continue_field<const ALONG_X: bool>(
     offset: [i32; 3],
     sign: i16,
     truncation: i16,
-    nearest: &mut [i32; EDGE * EDGE * EDGE],
+    keys: &mut [i32; EDGE * EDGE * EDGE],
 ) {
     let [ax, ay, az] = offset.map(Approach::new);
-    let row = |y: usize, z: usize| -> &[i16; EDGE] {
-        block[(z * EDGE + y) * EDGE..][..EDGE].try_into().expect("a row of samples")
-    };
-    for (index, keys) in nearest.as_chunks_mut::<EDGE>().0.iter_mut().enumerate() {
-        let (y, z) = (index % EDGE, index / EDGE);
-        let samples = row(ay.nearest[y], az.nearest[z]);
-        let behind_y = row(ay.behind[y], az.nearest[z]);
-        let behind_z = row(ay.nearest[y], az.behind[z]);
-        for x in 0..EDGE {
-            let at = if ALONG_X { ax.nearest[0] } else { x };
-            let sample = samples[at];
-            let slope = |behind: i16| (sample - behind).clamp(-STEEPEST, STEEPEST);
-            let mut value =
-                sample + slope(behind_y[at]) * ay.distance[y] + slope(behind_z[at]) * az.distance[z];
-            if ALONG_X {
-                value += slope(samples[ax.behind[0]]) * ax.distance[x];
-            }
-            let magnitude = i32::from((sign * value).clamp(LEAST, truncation));
-            let distance = i32::from(ax.distance[x] + ay.distance[y] + az.distance[z]);
-            keys[x] = keys[x].min(distance << MAGNITUDE_BITS | magnitude);
+    let mut distances = [0; EDGE * EDGE];
+    for (index, distance) in distances.iter_mut().enumerate() {
+        *distance = i32::from(ax.distance[index % EDGE] + ay.distance[index / EDGE]) << MAGNITUDE_BITS;
+    }
+    let nearest = |z: usize| nearest_plane::<ALONG_X>(block, &ax, &ay, z);
+    let mut slopes = [0; EDGE * EDGE];
+    add_slopes(&mut slopes, &nearest(az.nearest[0]), &nearest(az.behind[0]), &[1; EDGE * EDGE]);
+    let mut level = [0; EDGE * EDGE];
+    for (z, keys) in keys.as_chunks_mut::<{ EDGE * EDGE }>().0.iter_mut().enumerate() {
+        if z == 0 || offset[2] == 0 {
+            level = level_plane::<ALONG_X>(block, &ax, &ay, az.nearest[z]);
         }
+        let away = az.distance[z];
+        let distance_z = i32::from(away) << MAGNITUDE_BITS;
+        for index in 0..EDGE * EDGE {
+            let value = sign * (level[index] + slopes[index] * away);
+            let magnitude = i32::from(value.clamp(LEAST, truncation));
+            keys[index] = keys[index].min(distances[index] + distance_z + magnitude);
+        }
+    }
+}
+
+/// The neighbour's nearest samples to the voxels of a plane across z that look at its plane `z`.
+#[inline(always)]
+fn nearest_plane<const ALONG_X: bool>(block: &Block, ax: &Approach, ay: &Approach, z: usize) -> Plane {
+    let mut plane = [0; EDGE * EDGE];
+    let rows = &block.as_chunks::<{ EDGE * EDGE }>().0[z].as_chunks::<EDGE>().0;
+    for (y, out) in plane.as_chunks_mut::<EDGE>().0.iter_mut().enumerate() {
+        let row = rows[ay.nearest[y]];
+        *out = if ALONG_X { [row[ax.nearest[0]]; EDGE] } else { row };
+    }
+    plane
+}
+
+/// [`nearest_plane`], continued along x and y.
+#[inline(always)]
+fn level_plane<const ALONG_X: bool>(block: &Block, ax: &Approach, ay: &Approach, z: usize) -> Plane {
+    let nearest = nearest_plane::<ALONG_X>(block, ax, ay, z);
+    let mut level = nearest;
+    let rows = &block.as_chunks::<{ EDGE * EDGE }>().0[z].as_chunks::<EDGE>().0;
+    let (mut behind, mut away) = ([0; EDGE * EDGE], [0; EDGE * EDGE]);
+    for y in 0..EDGE {
+        let row = rows[ay.behind[y]];
+        for x in 0..EDGE {
+            behind[y * EDGE + x] = if ALONG_X { row[ax.nearest[0]] } else { row[x] };
+            away[y * EDGE + x] = ay.distance[y];
+        }
+    }
+    add_slopes(&mut level, &nearest, &behind, &away);
+    if ALONG_X {
+        for y in 0..EDGE {
+            for x in 0..EDGE {
+                behind[y * EDGE + x] = rows[ay.nearest[y]][ax.behind[0]];
+                away[y * EDGE + x] = ax.distance[x];
+            }
+        }
+        add_slopes(&mut level, &nearest, &behind, &away);
+    }
+    level
+}
+
+/// Adds the slopes along an axis times the distances along it.
+#[inline(always)]
+fn add_slopes(plane: &mut Plane, nearest: &Plane, behind: &Plane, away: &Plane) {
+    for index in 0..EDGE * EDGE {
+        let slope = (nearest[index] - behind[index]).clamp(-STEEPEST, STEEPEST);
+        plane[index] += slope * away[index];
     }
 }
 
 /// Whether a block lies inside: the samples of its face neighbours that touch it, each clamped to one voxel, sum to less than
 /// zero. Without face neighbours, those of edge neighbours count once and those of corner neighbours eight times.
-#[must_use]
-pub fn is_inside(neighbours: &CodedNeighbours) -> bool {
-    let rank = |slot: usize| offset(slot).iter().filter(|d| **d != 0).count();
-    let sum_of = |wanted: usize| -> i32 {
-        let slots = (0..27).filter(|slot| rank(*slot) == wanted);
-        slots.filter_map(|slot| Some(touching_sum(neighbours[slot]?, offset(slot)))).sum()
-    };
-    let has_faces = (0..27).any(|slot| rank(slot) == 1 && neighbours[slot].is_some());
-    let votes = if has_faces { sum_of(1) } else { sum_of(2) + EDGE as i32 * sum_of(3) };
+#[inline(always)]
+fn is_inside(neighbours: &CodedNeighbours) -> bool {
+    let mut sums = [0; 4];
+    let mut has_faces = false;
+    for (slot, neighbour) in neighbours.iter().enumerate() {
+        let rank = RANKS[slot];
+        has_faces |= rank == 1 && neighbour.is_some();
+        if let Some(block) = neighbour.filter(|_| rank == 1 || !has_faces) {
+            sums[rank] += touching_sum(block, offset(slot));
+        }
+    }
+    let votes = if has_faces { sums[1] } else { sums[2] + EDGE as i32 * sums[3] };
     votes < 0
 }
 
 /// Sum of a neighbour's samples that touch the middle block, each clamped to one voxel.
+#[inline(always)]
 fn touching_sum(block: &Block, offset: [i32; 3]) -> i32 {
-    let [xs, ys, zs] = offset.map(|direction| match direction {
+    let touching = |direction: i32| match direction {
         0 => 0..EDGE,
         1 => 0..1,
         _ => EDGE - 1..EDGE,
-    });
+    };
+    let [xs, ys, zs] = offset.map(touching);
+    let vote = |sample: i16| i32::from(sample.clamp(-STEEPEST, STEEPEST));
     let mut sum = 0;
     for z in zs {
         for y in ys.clone() {
-            for x in xs.clone() {
-                sum += i32::from(block[(z * EDGE + y) * EDGE + x].clamp(-STEEPEST, STEEPEST));
-            }
+            let row = &block.as_chunks::<EDGE>().0[z * EDGE + y];
+            sum += if offset[0] == 0 {
+                row.iter().map(|sample| vote(*sample)).sum()
+            } else {
+                vote(row[xs.start])
+            };
         }
     }
     sum
