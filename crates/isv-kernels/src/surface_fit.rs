@@ -62,7 +62,7 @@ pub struct SurfaceFit {
     /// `[c][b][column]`, `b + c <= 2`.
     products: [[[i32; POSITIONS]; 3]; 3],
     /// Voxels that count.
-    counts: [i32; POSITIONS],
+    count: i32,
     /// Bit `(dz + 1) * 9 + (dy + 1) * 3 + dx + 1` of the neighbours that were added.
     added: u32,
 }
@@ -77,12 +77,7 @@ impl SurfaceFit {
     /// No neighbours yet.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            weights: [[[0; POSITIONS]; 5]; 5],
-            products: [[[0; POSITIONS]; 3]; 3],
-            counts: [0; POSITIONS],
-            added: 0,
-        }
+        Self { weights: [[[0; POSITIONS]; 5]; 5], products: [[[0; POSITIONS]; 3]; 3], count: 0, added: 0 }
     }
 
     /// Adds the block at `offset` `[x, y, z]`, in blocks, from the one to be predicted: its `8^3` samples, x fastest, any
@@ -98,9 +93,11 @@ impl SurfaceFit {
         let samples: &[i16; VOXELS] = samples.try_into().expect("a block of 8^3 samples");
         vectorized(
             #[inline(always)]
-            || match offset[0] {
-                0 => self.add_rows::<8>(offset, samples),
-                _ => self.add_rows::<4>(offset, samples),
+            || match (offset[0], offset[1]) {
+                (0, 0) => self.add_pillars::<8, 8, 64>(offset, samples),
+                (0, _) => self.add_pillars::<8, 4, 32>(offset, samples),
+                (_, 0) => self.add_pillars::<4, 8, 32>(offset, samples),
+                _ => self.add_pillars::<4, 4, 16>(offset, samples),
             },
         );
     }
@@ -113,7 +110,7 @@ impl SurfaceFit {
     pub fn predict(&self, limit: i16, out: &mut [i16]) -> bool {
         assert!(limit >= 0, "limit {limit} is negative");
         let out: &mut [i16; VOXELS] = out.try_into().expect("a block of 8^3 samples");
-        if self.counts.iter().sum::<i32>() < FEWEST_VOXELS {
+        if self.count < FEWEST_VOXELS {
             return false;
         }
         vectorized(
@@ -123,49 +120,36 @@ impl SurfaceFit {
         true
     }
 
-    /// Adds the `N` voxels nearest to the block of each row that is near it.
+    /// Adds a neighbour that has `X` by `Y` pillars near the block, `N` in all.
     #[inline(always)]
-    fn add_rows<const N: usize>(&mut self, offset: [i32; 3], samples: &[i16; VOXELS]) {
-        let [x0, column] =
-            [near(offset[0]).start, (position(near(offset[0]).start, offset[0]) + 15) as usize / 2];
-        let mut reach_x = [0; N];
-        for (i, reach) in reach_x.iter_mut().enumerate() {
-            *reach = position(x0 + i, offset[0]).abs();
-        }
-        for voxel_z in near(offset[2]) {
-            let z = position(voxel_z, offset[2]);
-            let mut plane = Plane::<N> { weights: [[0; N]; 5], products: [[0; N]; 3], counts: [0; N] };
-            for voxel_y in near(offset[1]) {
-                let y = position(voxel_y, offset[1]);
-                let start = (voxel_z * EDGE + voxel_y) * EDGE + x0;
-                plane.add_row(y, y.abs().max(z.abs()), &reach_x, &samples[start..start + N]);
+    fn add_pillars<const X: usize, const Y: usize, const N: usize>(
+        &mut self,
+        offset: [i32; 3],
+        samples: &[i16; VOXELS],
+    ) {
+        let pillars = Pillars::<N>::new::<X>(offset, samples);
+        let column = (position(near(offset[0]).start, offset[0]) + 15) as usize / 2;
+        for row in 0..Y {
+            let y_powers = powers(position(near(offset[1]).start + row, offset[1]));
+            for c in 0..5 {
+                for b in 0..5 - c {
+                    let sums = &mut self.weights[c][b][column..column + X];
+                    for i in 0..X {
+                        sums[i] += pillars.weights[c][row * X + i] * y_powers[b];
+                    }
+                }
             }
-            self.add_plane(z, column, &plane);
-        }
-    }
-
-    /// Adds the sums of one z to the columns from `column` on.
-    #[inline(always)]
-    fn add_plane<const N: usize>(&mut self, z: i32, column: usize, plane: &Plane<N>) {
-        for c in 0..5 {
-            for b in 0..5 - c {
-                let sums = &mut self.weights[c][b][column..column + N];
-                for i in 0..N {
-                    sums[i] += plane.weights[b][i] * z.pow(c as u32);
+            for c in 0..3 {
+                for b in 0..3 - c {
+                    let sums = &mut self.products[c][b][column..column + X];
+                    for i in 0..X {
+                        sums[i] += pillars.products[c][row * X + i] * y_powers[b];
+                    }
                 }
             }
         }
-        for c in 0..3 {
-            for b in 0..3 - c {
-                let sums = &mut self.products[c][b][column..column + N];
-                for i in 0..N {
-                    sums[i] += plane.products[b][i] * z.pow(c as u32);
-                }
-            }
-        }
-        let counts = &mut self.counts[column..column + N];
         for i in 0..N {
-            counts[i] += plane.counts[i];
+            self.count += pillars.counts[i];
         }
     }
 
@@ -203,34 +187,76 @@ impl SurfaceFit {
     }
 }
 
+/// `[a][column]`: `x^a`.
+const X_POWERS: [[i32; POSITIONS]; 5] = {
+    let mut powers = [[1; POSITIONS]; 5];
+    let mut i = 0;
+    while i < 4 * POSITIONS {
+        let (a, column) = (i / POSITIONS, i % POSITIONS);
+        powers[a + 1][column] = powers[a][column] * (2 * column as i32 - 15);
+        i += 1;
+    }
+    powers
+};
+
 /// Length of a row of the equations.
 const ROW: usize = 12;
 
-/// Sums over the rows of one z, a lane for each x.
-struct Plane<const N: usize> {
-    /// `[b][lane]`: `sum w y^b`.
+/// Sums over z in one neighbour, for each x and y of its voxels near the block, x fastest.
+struct Pillars<const N: usize> {
+    /// `[c][pillar]`: `sum w z^c`.
     weights: [[i32; N]; 5],
-    /// `[b][lane]`: `sum w s y^b`.
+    /// `[c][pillar]`: `sum w s z^c`.
     products: [[i32; N]; 3],
+    /// Voxels that count.
     counts: [i32; N],
 }
 
-impl<const N: usize> Plane<N> {
-    /// Adds the row at `y`. `reach` is the larger of `|y|` and `|z|`, `reach_x` is `|x|`.
+impl<const N: usize> Pillars<N> {
+    /// Of a neighbour with `X` pillars a row.
     #[inline(always)]
-    fn add_row(&mut self, y: i32, reach: i32, reach_x: &[i32; N], samples: &[i16]) {
+    fn new<const X: usize>(offset: [i32; 3], samples: &[i16; VOXELS]) -> Self {
+        let [x0, y0] = [near(offset[0]).start, near(offset[1]).start];
+        // The larger of |x| and |y|.
+        let mut reach = [0; N];
+        for (i, reach) in reach.iter_mut().enumerate() {
+            *reach = position(x0 + i % X, offset[0]).abs().max(position(y0 + i / X, offset[1]).abs());
+        }
+        let mut pillars = Self { weights: [[0; N]; 5], products: [[0; N]; 3], counts: [0; N] };
+        for voxel_z in near(offset[2]) {
+            let mut layer = [0; N];
+            for (row, values) in layer.as_chunks_mut::<X>().0.iter_mut().enumerate() {
+                let start = (voxel_z * EDGE + y0 + row) * EDGE + x0;
+                values.copy_from_slice(&samples[start..start + X]);
+            }
+            pillars.add_layer(position(voxel_z, offset[2]), &reach, &layer);
+        }
+        pillars
+    }
+
+    /// Adds the voxels of one z.
+    #[inline(always)]
+    fn add_layer(&mut self, z: i32, reach: &[i32; N], layer: &[i16; N]) {
+        let (mut weights, mut products) = ([0; N], [0; N]);
         for i in 0..N {
-            let sample = i32::from(samples[i]);
-            // Half a voxel of weight's distance for each layer of two half voxels, 64 codes for a half voxel.
-            let weight = weight(sample.abs() + 64 * (reach.max(reach_x[i]) - 7));
-            let product = weight * sample;
-            for b in 0..5 {
-                self.weights[b][i] += weight * y.pow(b as u32);
+            let sample = i32::from(layer[i]);
+            // A layer of two half voxels adds half a voxel to the distance: 64 codes for each half voxel.
+            weights[i] = weight(sample.abs() + 64 * (reach[i].max(z.abs()) - 7));
+            products[i] = weights[i] * sample;
+        }
+        let z_powers = powers(z);
+        for c in 0..5 {
+            for i in 0..N {
+                self.weights[c][i] += weights[i] * z_powers[c];
             }
-            for b in 0..3 {
-                self.products[b][i] += product * y.pow(b as u32);
+        }
+        for c in 0..3 {
+            for i in 0..N {
+                self.products[c][i] += products[i] * z_powers[c];
             }
-            self.counts[i] += i32::from(weight > 0);
+        }
+        for i in 0..N {
+            self.counts[i] += weights[i].min(1);
         }
     }
 }
@@ -258,15 +284,22 @@ fn weight(distance: i32) -> i32 {
     let octaves = (distance.min(FARTHEST) * LOG2_E) >> 8;
     let fraction = octaves & 255;
     let mantissa = 1024 - 2 * fraction - ((fraction * (256 - fraction) * 11) >> 12);
-    if distance <= FARTHEST { ((mantissa >> (octaves >> 8)) + 1) >> 1 } else { 0 }
+    // A mask instead of a branch, for vectors: all ones up to FARTHEST, else 0.
+    (((mantissa >> (octaves >> 8)) + 1) >> 1) & ((distance - FARTHEST - 1) >> 31)
+}
+
+/// The powers 0 to 4 of a position.
+#[inline(always)]
+fn powers(p: i32) -> [i32; 5] {
+    [1, p, p * p, p * p * p, p * p * p * p]
 }
 
 /// `sum x^a` times the columns.
 #[inline(always)]
 fn along_x(columns: &[i32; POSITIONS], a: usize) -> i64 {
     let mut sum = 0;
-    for (i, column) in columns.iter().enumerate() {
-        sum += i64::from(*column) * i64::from((2 * i as i32 - 15).pow(a as u32));
+    for i in 0..POSITIONS {
+        sum += i64::from(columns[i]) * i64::from(X_POWERS[a][i]);
     }
     sum
 }
