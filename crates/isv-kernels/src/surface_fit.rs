@@ -6,7 +6,7 @@
 //! `k0 + kx x + ky y + kz z + kxx x^2 + ... + kyz y z` to them with a small ridge. The block's prediction is that quadric.
 //!
 //! All of it is integers. Positions are odd numbers of half voxels from the block's centre, -15 to 15; in the equations they
-//! count eighths of a block's edge, so that no monomial exceeds 1 and the matrix is well conditioned.
+//! count block edges, so that no monomial exceeds 1 and the matrix is well conditioned.
 //! Edge 8 only (`docs/spec/format.md`, spatial prediction).
 
 use crate::simd::vectorized;
@@ -28,10 +28,10 @@ const FARTHEST: i32 = 1001;
 /// `256 log2(e)`.
 const LOG2_E: i32 = 369;
 
-/// Fraction bits of the matrix: weights of all voxels together stay below `2^19` (see [`SurfaceFit`]).
-const MATRIX_BITS: u32 = 12;
-/// Fraction bits of the right side: weight times sample stays below `2^26` over all voxels.
-const RIGHT_BITS: u32 = 5;
+/// Fraction bits of the matrix: weights of all voxels together stay below `2^21` (see [`SurfaceFit`]).
+const MATRIX_BITS: u32 = 10;
+/// Fraction bits of the right side: products of weight and sample sum to less than `2^28`.
+const RIGHT_BITS: u32 = 3;
 /// Fraction bits of an elimination factor.
 const FACTOR_BITS: u32 = 20;
 /// Fraction bits of the coefficients while they are solved for, in codes.
@@ -51,10 +51,10 @@ const RIDGE: [i32; TERMS] = [2097, 655, 655, 655, 15360, 15360, 15360, 15360, 15
 
 /// What a block's neighbours say about the surface inside it: moments of their weighted voxels.
 ///
-/// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. A weight is at most 311, 188, 114 and 69 in
-/// the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: all weights sum to less than `2^19`. A column of one x is at
-/// most 256 voxels, over which `y^4` sums to `16 * 206992` and `y^2 z^2` to `1360^2`, so `311 * 16 * 206992 < 2^30` bounds its
-/// moments. `w |s|` is at most 29600, so `29600 * 16 * 1360 < 2^30` bounds those with samples.
+/// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. Weights, 2048 at a distance of 0, are at most
+/// 1238, 755, 458 and 277 in the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: they sum to less than `2^21`. Products
+/// of weight and sample are at most 117648, 71022, 43200 and 26361 there and sum to less than `2^28`. With the powers of y and
+/// z no sum over the voxels of one x exceeds `3/4 2^31` (test `sums_stay_within_their_bounds`).
 #[derive(Clone, Debug)]
 pub struct SurfaceFit {
     /// `[c][b][column]`, `b + c <= 4`.
@@ -277,13 +277,13 @@ fn position(voxel: usize, d: i32) -> i32 {
     2 * voxel as i32 + 16 * d - 7
 }
 
-/// `512 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]: a power of two, its fraction by a
+/// `2048 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]: a power of two, its fraction by a
 /// parabola, rounded half up.
 #[inline(always)]
 fn weight(distance: i32) -> i32 {
-    let octaves = (distance.min(FARTHEST) * LOG2_E) >> 8;
+    let octaves = (distance.min(FARTHEST) * LOG2_E + 128) >> 8;
     let fraction = octaves & 255;
-    let mantissa = 1024 - 2 * fraction - ((fraction * (256 - fraction) * 11) >> 12);
+    let mantissa = 4096 - 8 * fraction - ((fraction * (256 - fraction) * 11) >> 10);
     // A mask instead of a branch, for vectors: all ones up to FARTHEST, else 0.
     (((mantissa >> (octaves >> 8)) + 1) >> 1) & ((distance - FARTHEST - 1) >> 31)
 }
@@ -304,14 +304,16 @@ fn along_x(columns: &[i32; POSITIONS], a: usize) -> i64 {
     sum
 }
 
-/// A moment of half voxels to that of eighths of the edge, 16 half voxels, with `bits` fraction bits. It fits, as all monomials are
-/// within 1 then: `497744 * 2^12 + 2097 < 2^31`, `46.9e6 * 2^5 < 2^31`.
+/// A moment of half voxels to that of 16 half voxels, with `bits` fraction bits. All monomials are within 1 then, so the bounds of
+/// weights and products hold: both fit 32 bits, the matrix with its ridge too.
 #[inline(always)]
 fn scaled(moment: i64, bits: u32, degree: u32) -> i32 {
-    match bits.checked_sub(4 * degree) {
-        Some(up) => (moment << up) as i32,
-        None => round_shift(moment, 4 * degree - bits) as i32,
-    }
+    let scaled = match bits.checked_sub(4 * degree) {
+        Some(up) => moment << up,
+        None => round_shift(moment, 4 * degree - bits),
+    };
+    debug_assert!(i32::try_from(scaled).is_ok(), "{scaled} in 32 bits");
+    scaled as i32
 }
 
 /// Gaussian elimination without exchanges, as the matrix is symmetric and positive: coefficients in codes, with
@@ -458,8 +460,7 @@ mod tests {
         }
         for k in 0..TERMS {
             let pivot_row = rows[k];
-            for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
-                let _ = i;
+            for (_, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
                 let factor = row[k] / pivot_row[k];
                 (0..=TERMS).for_each(|j| row[j] -= factor * pivot_row[j]);
             }
@@ -471,16 +472,14 @@ mod tests {
         (count >= 8).then(|| (0..VOXELS).map(value).collect())
     }
 
-    /// Mean and largest difference from real numbers, and the number of voxels, where the prediction is within 1024 codes.
+    /// Sum and largest of the differences from real numbers where those are within 1024 codes, and how many these are.
     fn difference(blocks: &[([i32; 3], Vec<i16>)]) -> (f64, f64, usize) {
         let Some(real) = real_prediction(blocks) else { return (0.0, 0.0, 0) };
         let mut out = [0; VOXELS];
         assert!(fit(blocks).predict(MU, &mut out));
-        let near: Vec<f64> = (0..VOXELS)
-            .filter(|i| real[*i].abs() < 1024.0)
-            .map(|i| (f64::from(out[i]) - real[i]).abs())
-            .collect();
-        (near.iter().sum(), near.iter().fold(0.0, |a, b| a.max(*b)), near.len())
+        let pairs = real.iter().zip(out).filter(|(real, _)| real.abs() < 1024.0);
+        let differences: Vec<f64> = pairs.map(|(real, sample)| (f64::from(sample) - real).abs()).collect();
+        (differences.iter().sum(), differences.iter().copied().fold(0.0, f64::max), differences.len())
     }
 
     /// A field from a family of planes, spheres and cylinders that pass near the block.
@@ -500,6 +499,21 @@ mod tests {
         })
     }
 
+    /// Some of the neighbours of a block in a field, with noise of about that many codes.
+    fn some_neighbours(
+        field: &dyn Fn([f64; 3]) -> f64,
+        noise: f64,
+        random: &mut impl FnMut() -> f64,
+    ) -> Vec<([i32; 3], Vec<i16>)> {
+        let share = 0.05 + 0.5 * random();
+        let chosen: Vec<[i32; 3]> = offsets().into_iter().filter(|_| random() < share).collect();
+        let mut noisy = |sample: i16| {
+            let error = (random() + random() - 1.0) * noise * 6f64.sqrt();
+            (sample + error as i16).clamp(-MU, MU)
+        };
+        chosen.into_iter().map(|d| (d, block(field, d).into_iter().map(&mut noisy).collect())).collect()
+    }
+
     #[test]
     fn fits_are_those_of_real_numbers() {
         for noise in [0.0, 20.0, 80.0] {
@@ -507,29 +521,155 @@ mod tests {
             for case in 0..600 {
                 let mut random = random(case as u64 + 1);
                 let field = shape(case, &mut random);
-                let share = 0.05 + 0.5 * random();
-                let mut blocks = Vec::new();
-                for offset in offsets() {
-                    if random() < share {
-                        let mut samples = block(&field, offset);
-                        for sample in &mut samples {
-                            *sample = (*sample + ((random() + random() - 1.0) * noise * 2.45) as i16)
-                                .clamp(-MU, MU);
-                        }
-                        blocks.push((offset, samples));
-                    }
-                }
-                let (case_sum, case_largest, near) = difference(&blocks);
-                if case_largest > 8.0 {
-                    println!(
-                        "case {case}, {} blocks, noise {noise}: {case_largest}, {}",
-                        blocks.len(),
-                        case_sum / near as f64
-                    );
-                }
-                (sum, largest, voxels) = (sum + case_sum, f64::max(largest, case_largest), voxels + near);
+                let (of_case, most, count) = difference(&some_neighbours(&field, noise, &mut random));
+                (sum, largest, voxels) = (sum + of_case, f64::max(largest, most), voxels + count);
             }
-            println!("noise {noise}: mean {}, largest {largest}, {voxels} voxels", sum / voxels as f64);
+            let mean = sum / voxels as f64;
+            println!("noise {noise}: mean {mean:.3} codes, largest {largest:.1}, {voxels} voxels");
+            assert!(voxels > 100_000 && mean < 0.5 && largest < 8.0, "noise {noise}: {mean}, {largest}");
         }
+    }
+
+    #[test]
+    fn planes_are_continued() {
+        let mut out = [0; VOXELS];
+        for (normal, distance) in [([0.0, 0.0, 1.0], 0.0), ([0.6, 0.0, 0.8], 1.5), ([-0.48, 0.6, 0.64], -2.0)]
+        {
+            let plane = |p: [f64; 3]| 256.0 * ((0..3).map(|i| p[i] * normal[i]).sum::<f64>() - distance);
+            let faces = [[-1, 0, 0], [0, -1, 0], [0, 0, -1]];
+            assert!(fit(&faces.map(|d| (d, block(&plane, d)))).predict(MU, &mut out));
+            for (sample, exact) in out.iter().zip(block(&plane, [0; 3])) {
+                assert!(
+                    (sample - exact).abs() <= 6 || exact.abs() > 1024,
+                    "{normal:?}: {sample} for {exact}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn order_does_not_matter() {
+        let mut random = random(7);
+        let field = shape(1, &mut random);
+        let mut blocks = some_neighbours(&field, 50.0, &mut random);
+        assert!(blocks.len() > 2);
+        let mut outs = [[0; VOXELS]; 2];
+        assert!(fit(&blocks).predict(MU, &mut outs[0]));
+        blocks.reverse();
+        blocks.rotate_left(1);
+        assert!(fit(&blocks).predict(MU, &mut outs[1]));
+        assert_eq!(outs[0], outs[1]);
+    }
+
+    /// Overflow checks are on in tests.
+    #[test]
+    fn hostile_samples_do_not_overflow() {
+        let mut random = random(3);
+        // Heaviest weights, largest products of weight and sample, the ends of the range and of the weights, noise.
+        let ranges =
+            [[0, 0], [256, 256], [-256, -256], [-256, 256], [-1, 1], [i16::MIN, i16::MAX], [i16::MIN; 2]];
+        let more = [[873, 873], [-874, 873], [i16::MAX; 2], [-1001, 1001], [-300, 900]];
+        for (case, [low, high]) in ranges.into_iter().chain(more).cycle().take(1200).enumerate() {
+            let share = [1.0, 0.5, 0.1][case % 3];
+            let mut sample = || match case / 12 % 3 {
+                0 => [low, high][usize::from(random() < 0.5)],
+                1 => (f64::from(low) + random() * (f64::from(high) - f64::from(low))).round() as i16,
+                _ => [low, high, i16::MAX, i16::MIN][(random() * 4.0 * share) as usize],
+            };
+            let every = [1, 2, 7, 26][case / 36 % 4];
+            let blocks: Vec<_> = offsets()
+                .into_iter()
+                .skip(case % every)
+                .step_by(every)
+                .map(|d| (d, (0..VOXELS).map(|_| sample()).collect()))
+                .collect();
+            for limit in [0, 512, i16::MAX] {
+                let mut out = [0; VOXELS];
+                fit(&blocks).predict(limit, &mut out);
+                assert!(out.iter().all(|s| s.unsigned_abs() <= limit.unsigned_abs()));
+            }
+        }
+    }
+
+    /// Equations that no samples give: the solver's bounds are its own.
+    #[test]
+    fn the_solver_saturates() {
+        let mut random = random(5);
+        for case in 0..2000 {
+            let mut rows = [[0; ROW]; TERMS];
+            for entry in rows.as_flattened_mut() {
+                *entry = match case % 3 {
+                    0 => [i32::MIN, i32::MAX, 0, -1][(random() * 4.0) as usize],
+                    1 => ((random() - 0.5) * 2f64.powi(32)) as i32,
+                    _ => ((random() - 0.5) * 2f64.powf(32.0 * random())) as i32,
+                };
+            }
+            let quadric = solve(rows);
+            assert!(quadric.iter().all(|k| i64::from(k.abs()) <= COEFFICIENT_LIMIT));
+        }
+        for sign in [-1, 1] {
+            let mut out = [0; VOXELS];
+            evaluate(&[sign * COEFFICIENT_LIMIT as i32; TERMS], i32::from(i16::MAX), &mut out);
+            assert_eq!(out[VOXELS - 1], sign as i16 * i16::MAX);
+        }
+    }
+
+    #[test]
+    fn too_few_voxels_are_no_prediction() {
+        let mut samples = vec![2000; VOXELS];
+        samples[..7].fill(0);
+        let mut out = [77; VOXELS];
+        assert!(!SurfaceFit::new().predict(MU, &mut out));
+        assert!(!fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
+        assert_eq!(out, [77; VOXELS]);
+        samples[7] = -873;
+        assert!(fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
+        samples[7] = -874;
+        assert!(!fit(&[([0, 1, 0], samples)]).predict(MU, &mut out));
+    }
+
+    #[test]
+    fn weights_are_exponentials() {
+        for distance in 128..=FARTHEST {
+            let exact = 2048.0 * (-f64::from(distance) / 256.0).exp();
+            assert!((f64::from(weight(distance)) - exact).abs() < 5.0, "{distance}: {}", weight(distance));
+        }
+        assert_eq!([FARTHEST, FARTHEST + 1, 40_000].map(weight), [41, 0, 0]);
+    }
+
+    /// What [`SurfaceFit`] says of its bounds, by the heaviest weight and the largest product in each layer.
+    #[test]
+    fn sums_stay_within_their_bounds() {
+        let heaviest = [0, 1, 2, 3, 4].map(|layer| i64::from(weight(128 * layer)));
+        let largest = [0, 1, 2, 3, 4]
+            .map(|layer| i64::from((0..FARTHEST).map(|s| weight(s + 128 * layer) * s).max().unwrap()));
+        let positions = || (-15i64..=15).step_by(2);
+        let (mut weights, mut products) = (0, 0);
+        for x in positions() {
+            let (mut column_weights, mut column_products) = ([0; 2], 0);
+            for (y, z) in positions().flat_map(|y| positions().map(move |z| (y, z))) {
+                let layer = (y.abs().max(z.abs()).max(x.abs()) - 7) / 2;
+                if layer > 0 {
+                    weights += heaviest[layer as usize];
+                    products += largest[layer as usize];
+                    column_weights[0] += heaviest[layer as usize] * y.pow(4);
+                    column_weights[1] += heaviest[layer as usize] * y.pow(2) * z.pow(2);
+                    column_products += largest[layer as usize] * y.pow(2);
+                }
+            }
+            assert!(column_weights.iter().all(|sum| *sum < 3 << 29) && column_products < 3 << 29);
+        }
+        assert!(weights << MATRIX_BITS < (1 << 31) - (1 << 25) && products << RIGHT_BITS < 3 << 29);
+    }
+
+    /// The example of the format document.
+    #[test]
+    fn predictions_are_those_of_the_format_document() {
+        let left = (0..512).map(|i| 90 * (i % 8) + 30 * (i / 8 % 8) - 60 * (i / 64) - 400).collect();
+        let below = (0..512).map(|i| (i % 8 - 3) * (i / 8 % 8 - 4) * 9 + 200 * (i / 64) - 1100).collect();
+        let mut out = [0; VOXELS];
+        assert!(fit(&[([-1, 0, 0], left), ([0, 1, -1], below)]).predict(1024, &mut out));
+        assert_eq!(out[..8], [171, 198, 219, 234, 245, 250, 250, 244]);
+        assert_eq!(out[504..], [170, 290, 405, 515, 620, 719, 813, 902]);
     }
 }
