@@ -6,7 +6,7 @@
 //! `k0 + kx x + ky y + kz z + kxx x^2 + ... + kyz y z` to them with a small ridge. The block's prediction is that quadric.
 //!
 //! All of it is integers. Positions are odd numbers of half voxels from the block's centre, -15 to 15; in the equations they
-//! count eighths of a block's edge, so that no monomial exceeds 1 and the matrix is well conditioned.
+//! count block edges, so that no monomial exceeds 1 and the matrix is well conditioned.
 //! Edge 8 only (`docs/spec/format.md`, spatial prediction).
 
 use crate::simd::vectorized;
@@ -28,10 +28,10 @@ const FARTHEST: i32 = 1001;
 /// `256 log2(e)`.
 const LOG2_E: i32 = 369;
 
-/// Fraction bits of the matrix: weights of all voxels together stay below `2^19` (see [`SurfaceFit`]).
-const MATRIX_BITS: u32 = 12;
-/// Fraction bits of the right side: weight times sample stays below `2^26` over all voxels.
-const RIGHT_BITS: u32 = 5;
+/// Fraction bits of the matrix: weights of all voxels together stay below `2^21` (see [`SurfaceFit`]).
+const MATRIX_BITS: u32 = 10;
+/// Fraction bits of the right side: products of weight and sample sum to less than `2^28`.
+const RIGHT_BITS: u32 = 3;
 /// Fraction bits of an elimination factor.
 const FACTOR_BITS: u32 = 20;
 /// Fraction bits of the coefficients while they are solved for, in codes.
@@ -51,10 +51,10 @@ const RIDGE: [i32; TERMS] = [2097, 655, 655, 655, 15360, 15360, 15360, 15360, 15
 
 /// What a block's neighbours say about the surface inside it: moments of their weighted voxels.
 ///
-/// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. A weight is at most 311, 188, 114 and 69 in
-/// the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: all weights sum to less than `2^19`. A column of one x is at
-/// most 256 voxels, over which `y^4` sums to `16 * 206992` and `y^2 z^2` to `1360^2`, so `311 * 16 * 206992 < 2^30` bounds its
-/// moments. `w |s|` is at most 29600, so `29600 * 16 * 1360 < 2^30` bounds those with samples.
+/// For each of 16 positions along x it holds `sum w y^b z^c` and `sum w s y^b z^c`. Weights, 2048 at a distance of 0, are at most
+/// 1238, 755, 458 and 277 in the layers 1 to 4, which have 488, 728, 1016 and 1352 voxels: they sum to less than `2^21`. Products
+/// of weight and sample are at most 117648, 71022, 43200 and 26361 there and sum to less than `2^28`. With the powers of y and
+/// z no sum over the voxels of one x exceeds `3/4 2^31` (test `sums_stay_within_their_bounds`).
 #[derive(Clone, Debug)]
 pub struct SurfaceFit {
     /// `[c][b][column]`, `b + c <= 4`.
@@ -62,7 +62,7 @@ pub struct SurfaceFit {
     /// `[c][b][column]`, `b + c <= 2`.
     products: [[[i32; POSITIONS]; 3]; 3],
     /// Voxels that count.
-    counts: [i32; POSITIONS],
+    count: i32,
     /// Bit `(dz + 1) * 9 + (dy + 1) * 3 + dx + 1` of the neighbours that were added.
     added: u32,
 }
@@ -77,12 +77,7 @@ impl SurfaceFit {
     /// No neighbours yet.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            weights: [[[0; POSITIONS]; 5]; 5],
-            products: [[[0; POSITIONS]; 3]; 3],
-            counts: [0; POSITIONS],
-            added: 0,
-        }
+        Self { weights: [[[0; POSITIONS]; 5]; 5], products: [[[0; POSITIONS]; 3]; 3], count: 0, added: 0 }
     }
 
     /// Adds the block at `offset` `[x, y, z]`, in blocks, from the one to be predicted: its `8^3` samples, x fastest, any
@@ -98,9 +93,11 @@ impl SurfaceFit {
         let samples: &[i16; VOXELS] = samples.try_into().expect("a block of 8^3 samples");
         vectorized(
             #[inline(always)]
-            || match offset[0] {
-                0 => self.add_rows::<8>(offset, samples),
-                _ => self.add_rows::<4>(offset, samples),
+            || match (offset[0], offset[1]) {
+                (0, 0) => self.add_pillars::<8, 8, 64>(offset, samples),
+                (0, _) => self.add_pillars::<8, 4, 32>(offset, samples),
+                (_, 0) => self.add_pillars::<4, 8, 32>(offset, samples),
+                _ => self.add_pillars::<4, 4, 16>(offset, samples),
             },
         );
     }
@@ -113,7 +110,7 @@ impl SurfaceFit {
     pub fn predict(&self, limit: i16, out: &mut [i16]) -> bool {
         assert!(limit >= 0, "limit {limit} is negative");
         let out: &mut [i16; VOXELS] = out.try_into().expect("a block of 8^3 samples");
-        if self.counts.iter().sum::<i32>() < FEWEST_VOXELS {
+        if self.count < FEWEST_VOXELS {
             return false;
         }
         vectorized(
@@ -123,49 +120,36 @@ impl SurfaceFit {
         true
     }
 
-    /// Adds the `N` voxels nearest to the block of each row that is near it.
+    /// Adds a neighbour that has `X` by `Y` pillars near the block, `N` in all.
     #[inline(always)]
-    fn add_rows<const N: usize>(&mut self, offset: [i32; 3], samples: &[i16; VOXELS]) {
-        let [x0, column] =
-            [near(offset[0]).start, (position(near(offset[0]).start, offset[0]) + 15) as usize / 2];
-        let mut reach_x = [0; N];
-        for (i, reach) in reach_x.iter_mut().enumerate() {
-            *reach = position(x0 + i, offset[0]).abs();
-        }
-        for voxel_z in near(offset[2]) {
-            let z = position(voxel_z, offset[2]);
-            let mut plane = Plane::<N> { weights: [[0; N]; 5], products: [[0; N]; 3], counts: [0; N] };
-            for voxel_y in near(offset[1]) {
-                let y = position(voxel_y, offset[1]);
-                let start = (voxel_z * EDGE + voxel_y) * EDGE + x0;
-                plane.add_row(y, y.abs().max(z.abs()), &reach_x, &samples[start..start + N]);
+    fn add_pillars<const X: usize, const Y: usize, const N: usize>(
+        &mut self,
+        offset: [i32; 3],
+        samples: &[i16; VOXELS],
+    ) {
+        let pillars = Pillars::<N>::new::<X>(offset, samples);
+        let column = (position(near(offset[0]).start, offset[0]) + 15) as usize / 2;
+        for row in 0..Y {
+            let y_powers = powers(position(near(offset[1]).start + row, offset[1]));
+            for c in 0..5 {
+                for b in 0..5 - c {
+                    let sums = &mut self.weights[c][b][column..column + X];
+                    for i in 0..X {
+                        sums[i] += pillars.weights[c][row * X + i] * y_powers[b];
+                    }
+                }
             }
-            self.add_plane(z, column, &plane);
-        }
-    }
-
-    /// Adds the sums of one z to the columns from `column` on.
-    #[inline(always)]
-    fn add_plane<const N: usize>(&mut self, z: i32, column: usize, plane: &Plane<N>) {
-        for c in 0..5 {
-            for b in 0..5 - c {
-                let sums = &mut self.weights[c][b][column..column + N];
-                for i in 0..N {
-                    sums[i] += plane.weights[b][i] * z.pow(c as u32);
+            for c in 0..3 {
+                for b in 0..3 - c {
+                    let sums = &mut self.products[c][b][column..column + X];
+                    for i in 0..X {
+                        sums[i] += pillars.products[c][row * X + i] * y_powers[b];
+                    }
                 }
             }
         }
-        for c in 0..3 {
-            for b in 0..3 - c {
-                let sums = &mut self.products[c][b][column..column + N];
-                for i in 0..N {
-                    sums[i] += plane.products[b][i] * z.pow(c as u32);
-                }
-            }
-        }
-        let counts = &mut self.counts[column..column + N];
         for i in 0..N {
-            counts[i] += plane.counts[i];
+            self.count += pillars.counts[i];
         }
     }
 
@@ -203,34 +187,76 @@ impl SurfaceFit {
     }
 }
 
+/// `[a][column]`: `x^a`.
+const X_POWERS: [[i32; POSITIONS]; 5] = {
+    let mut powers = [[1; POSITIONS]; 5];
+    let mut i = 0;
+    while i < 4 * POSITIONS {
+        let (a, column) = (i / POSITIONS, i % POSITIONS);
+        powers[a + 1][column] = powers[a][column] * (2 * column as i32 - 15);
+        i += 1;
+    }
+    powers
+};
+
 /// Length of a row of the equations.
 const ROW: usize = 12;
 
-/// Sums over the rows of one z, a lane for each x.
-struct Plane<const N: usize> {
-    /// `[b][lane]`: `sum w y^b`.
+/// Sums over z in one neighbour, for each x and y of its voxels near the block, x fastest.
+struct Pillars<const N: usize> {
+    /// `[c][pillar]`: `sum w z^c`.
     weights: [[i32; N]; 5],
-    /// `[b][lane]`: `sum w s y^b`.
+    /// `[c][pillar]`: `sum w s z^c`.
     products: [[i32; N]; 3],
+    /// Voxels that count.
     counts: [i32; N],
 }
 
-impl<const N: usize> Plane<N> {
-    /// Adds the row at `y`. `reach` is the larger of `|y|` and `|z|`, `reach_x` is `|x|`.
+impl<const N: usize> Pillars<N> {
+    /// Of a neighbour with `X` pillars a row.
     #[inline(always)]
-    fn add_row(&mut self, y: i32, reach: i32, reach_x: &[i32; N], samples: &[i16]) {
+    fn new<const X: usize>(offset: [i32; 3], samples: &[i16; VOXELS]) -> Self {
+        let [x0, y0] = [near(offset[0]).start, near(offset[1]).start];
+        // The larger of |x| and |y|.
+        let mut reach = [0; N];
+        for (i, reach) in reach.iter_mut().enumerate() {
+            *reach = position(x0 + i % X, offset[0]).abs().max(position(y0 + i / X, offset[1]).abs());
+        }
+        let mut pillars = Self { weights: [[0; N]; 5], products: [[0; N]; 3], counts: [0; N] };
+        for voxel_z in near(offset[2]) {
+            let mut layer = [0; N];
+            for (row, values) in layer.as_chunks_mut::<X>().0.iter_mut().enumerate() {
+                let start = (voxel_z * EDGE + y0 + row) * EDGE + x0;
+                values.copy_from_slice(&samples[start..start + X]);
+            }
+            pillars.add_layer(position(voxel_z, offset[2]), &reach, &layer);
+        }
+        pillars
+    }
+
+    /// Adds the voxels of one z.
+    #[inline(always)]
+    fn add_layer(&mut self, z: i32, reach: &[i32; N], layer: &[i16; N]) {
+        let (mut weights, mut products) = ([0; N], [0; N]);
         for i in 0..N {
-            let sample = i32::from(samples[i]);
-            // Half a voxel of weight's distance for each layer of two half voxels, 64 codes for a half voxel.
-            let weight = weight(sample.abs() + 64 * (reach.max(reach_x[i]) - 7));
-            let product = weight * sample;
-            for b in 0..5 {
-                self.weights[b][i] += weight * y.pow(b as u32);
+            let sample = i32::from(layer[i]);
+            // A layer of two half voxels adds half a voxel to the distance: 64 codes for each half voxel.
+            weights[i] = weight(sample.abs() + 64 * (reach[i].max(z.abs()) - 7));
+            products[i] = weights[i] * sample;
+        }
+        let z_powers = powers(z);
+        for c in 0..5 {
+            for i in 0..N {
+                self.weights[c][i] += weights[i] * z_powers[c];
             }
-            for b in 0..3 {
-                self.products[b][i] += product * y.pow(b as u32);
+        }
+        for c in 0..3 {
+            for i in 0..N {
+                self.products[c][i] += products[i] * z_powers[c];
             }
-            self.counts[i] += i32::from(weight > 0);
+        }
+        for i in 0..N {
+            self.counts[i] += weights[i].min(1);
         }
     }
 }
@@ -251,34 +277,43 @@ fn position(voxel: usize, d: i32) -> i32 {
     2 * voxel as i32 + 16 * d - 7
 }
 
-/// `512 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]: a power of two, its fraction by a
+/// `2048 exp(-distance / 256)` for a distance in codes of at least 128, 0 beyond [`FARTHEST`]: a power of two, its fraction by a
 /// parabola, rounded half up.
 #[inline(always)]
 fn weight(distance: i32) -> i32 {
-    let octaves = (distance.min(FARTHEST) * LOG2_E) >> 8;
+    let octaves = (distance.min(FARTHEST) * LOG2_E + 128) >> 8;
     let fraction = octaves & 255;
-    let mantissa = 1024 - 2 * fraction - ((fraction * (256 - fraction) * 11) >> 12);
-    if distance <= FARTHEST { ((mantissa >> (octaves >> 8)) + 1) >> 1 } else { 0 }
+    let mantissa = 4096 - 8 * fraction - ((fraction * (256 - fraction) * 11) >> 10);
+    // A mask instead of a branch, for vectors: all ones up to FARTHEST, else 0.
+    (((mantissa >> (octaves >> 8)) + 1) >> 1) & ((distance - FARTHEST - 1) >> 31)
+}
+
+/// The powers 0 to 4 of a position.
+#[inline(always)]
+fn powers(p: i32) -> [i32; 5] {
+    [1, p, p * p, p * p * p, p * p * p * p]
 }
 
 /// `sum x^a` times the columns.
 #[inline(always)]
 fn along_x(columns: &[i32; POSITIONS], a: usize) -> i64 {
     let mut sum = 0;
-    for (i, column) in columns.iter().enumerate() {
-        sum += i64::from(*column) * i64::from((2 * i as i32 - 15).pow(a as u32));
+    for i in 0..POSITIONS {
+        sum += i64::from(columns[i]) * i64::from(X_POWERS[a][i]);
     }
     sum
 }
 
-/// A moment of half voxels to that of eighths of the edge, 16 half voxels, with `bits` fraction bits. It fits, as all monomials are
-/// within 1 then: `497744 * 2^12 + 2097 < 2^31`, `46.9e6 * 2^5 < 2^31`.
+/// A moment of half voxels to that of 16 half voxels, with `bits` fraction bits. All monomials are within 1 then, so the bounds of
+/// weights and products hold: both fit 32 bits, the matrix with its ridge too.
 #[inline(always)]
 fn scaled(moment: i64, bits: u32, degree: u32) -> i32 {
-    match bits.checked_sub(4 * degree) {
-        Some(up) => (moment << up) as i32,
-        None => round_shift(moment, 4 * degree - bits) as i32,
-    }
+    let scaled = match bits.checked_sub(4 * degree) {
+        Some(up) => moment << up,
+        None => round_shift(moment, 4 * degree - bits),
+    };
+    debug_assert!(i32::try_from(scaled).is_ok(), "{scaled} in 32 bits");
+    scaled as i32
 }
 
 /// Gaussian elimination without exchanges, as the matrix is symmetric and positive: coefficients in codes, with
@@ -425,8 +460,7 @@ mod tests {
         }
         for k in 0..TERMS {
             let pivot_row = rows[k];
-            for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
-                let _ = i;
+            for (_, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
                 let factor = row[k] / pivot_row[k];
                 (0..=TERMS).for_each(|j| row[j] -= factor * pivot_row[j]);
             }
@@ -438,33 +472,46 @@ mod tests {
         (count >= 8).then(|| (0..VOXELS).map(value).collect())
     }
 
-    /// Mean and largest difference from real numbers, and the number of voxels, where the prediction is within 1024 codes.
+    /// Sum and largest of the differences from real numbers where those are within 1024 codes, and how many these are.
     fn difference(blocks: &[([i32; 3], Vec<i16>)]) -> (f64, f64, usize) {
         let Some(real) = real_prediction(blocks) else { return (0.0, 0.0, 0) };
         let mut out = [0; VOXELS];
         assert!(fit(blocks).predict(MU, &mut out));
-        let near: Vec<f64> = (0..VOXELS)
-            .filter(|i| real[*i].abs() < 1024.0)
-            .map(|i| (f64::from(out[i]) - real[i]).abs())
-            .collect();
-        (near.iter().sum(), near.iter().fold(0.0, |a, b| a.max(*b)), near.len())
+        let pairs = real.iter().zip(out).filter(|(real, _)| real.abs() < 1024.0);
+        let differences: Vec<f64> = pairs.map(|(real, sample)| (f64::from(sample) - real).abs()).collect();
+        (differences.iter().sum(), differences.iter().copied().fold(0.0, f64::max), differences.len())
     }
 
-    /// A field from a family of planes, spheres and cylinders that pass near the block.
-    fn shape(case: usize, random: &mut impl FnMut() -> f64) -> Box<dyn Fn([f64; 3]) -> f64> {
+    /// A plane (kind 0), sphere (1) or cylinder (2) that passes near the block.
+    fn shape(kind: usize, random: &mut impl FnMut() -> f64) -> Box<dyn Fn([f64; 3]) -> f64> {
         let mut signed = |scale: f64| (random() - 0.5) * 2.0 * scale;
         let direction = [signed(1.0), signed(1.0), signed(1.0)];
         let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
         let normal = direction.map(|d| d / length);
         let (distance, radius) = (signed(5.0), 4.0 + 40.0 * signed(1.0).powi(2));
         let centre = normal.map(|n| n * (distance + radius));
-        let kept: [f64; 3] = if case % 3 == 2 { [1.0, 1.0, 0.0] } else { [1.0; 3] };
+        let kept: [f64; 3] = if kind == 2 { [1.0, 1.0, 0.0] } else { [1.0; 3] };
         Box::new(move |p| {
             let along: f64 = (0..3).map(|i| p[i] * normal[i]).sum();
             let round: f64 =
                 (0..3).map(|i| kept[i] * (p[i] - centre[i]).powi(2)).sum::<f64>().sqrt() - radius;
-            256.0 * if case % 3 == 0 { along - distance } else { round }
+            256.0 * if kind == 0 { along - distance } else { round }
         })
+    }
+
+    /// Some of the neighbours of a block in a field, with noise of about that many codes.
+    fn some_neighbours(
+        field: &dyn Fn([f64; 3]) -> f64,
+        noise: f64,
+        random: &mut impl FnMut() -> f64,
+    ) -> Vec<([i32; 3], Vec<i16>)> {
+        let share = 0.05 + 0.5 * random();
+        let chosen: Vec<[i32; 3]> = offsets().into_iter().filter(|_| random() < share).collect();
+        let mut noisy = |sample: i16| {
+            let error = (random() + random() - 1.0) * noise * 6f64.sqrt();
+            (sample + error as i16).clamp(-MU, MU)
+        };
+        chosen.into_iter().map(|d| (d, block(field, d).into_iter().map(&mut noisy).collect())).collect()
     }
 
     #[test]
@@ -473,30 +520,156 @@ mod tests {
             let (mut sum, mut largest, mut voxels) = (0.0, 0.0, 0);
             for case in 0..600 {
                 let mut random = random(case as u64 + 1);
-                let field = shape(case, &mut random);
-                let share = 0.05 + 0.5 * random();
-                let mut blocks = Vec::new();
-                for offset in offsets() {
-                    if random() < share {
-                        let mut samples = block(&field, offset);
-                        for sample in &mut samples {
-                            *sample = (*sample + ((random() + random() - 1.0) * noise * 2.45) as i16)
-                                .clamp(-MU, MU);
-                        }
-                        blocks.push((offset, samples));
-                    }
-                }
-                let (case_sum, case_largest, near) = difference(&blocks);
-                if case_largest > 8.0 {
-                    println!(
-                        "case {case}, {} blocks, noise {noise}: {case_largest}, {}",
-                        blocks.len(),
-                        case_sum / near as f64
-                    );
-                }
-                (sum, largest, voxels) = (sum + case_sum, f64::max(largest, case_largest), voxels + near);
+                let field = shape(case % 3, &mut random);
+                let (of_case, most, count) = difference(&some_neighbours(&field, noise, &mut random));
+                (sum, largest, voxels) = (sum + of_case, f64::max(largest, most), voxels + count);
             }
-            println!("noise {noise}: mean {}, largest {largest}, {voxels} voxels", sum / voxels as f64);
+            let mean = sum / voxels as f64;
+            println!("noise {noise}: mean {mean:.3} codes, largest {largest:.1}, {voxels} voxels");
+            assert!(voxels > 100_000 && mean < 0.5 && largest < 8.0, "noise {noise}: {mean}, {largest}");
         }
+    }
+
+    /// But for what the ridge pulls, 1/16 voxel at most.
+    #[test]
+    fn planes_are_continued() {
+        let mut out = [0; VOXELS];
+        for (normal, distance) in [([0.0, 0.0, 1.0], 0.0), ([0.6, 0.0, 0.8], 1.5), ([-0.48, 0.6, 0.64], -2.0)]
+        {
+            let plane = |p: [f64; 3]| 256.0 * ((0..3).map(|i| p[i] * normal[i]).sum::<f64>() - distance);
+            let faces = [[-1, 0, 0], [0, -1, 0], [0, 0, -1]].map(|d| (d, block(&plane, d)));
+            assert!(fit(&faces).predict(MU, &mut out));
+            let real = real_prediction(&faces).unwrap();
+            for (i, exact) in block(&plane, [0; 3]).into_iter().enumerate().filter(|(_, s)| s.abs() < 1024) {
+                assert!((out[i] - exact).abs() <= 16, "{normal:?}: {} for {exact}", out[i]);
+                assert!((f64::from(out[i]) - real[i]).abs() < 1.0, "{normal:?}: {} for {}", out[i], real[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn order_does_not_matter() {
+        let mut random = random(7);
+        let field = shape(1, &mut random);
+        let mut blocks = some_neighbours(&field, 50.0, &mut random);
+        assert!(blocks.len() > 2);
+        let mut outs = [[0; VOXELS]; 2];
+        assert!(fit(&blocks).predict(MU, &mut outs[0]));
+        blocks.reverse();
+        blocks.rotate_left(1);
+        assert!(fit(&blocks).predict(MU, &mut outs[1]));
+        assert_eq!(outs[0], outs[1]);
+    }
+
+    /// Overflow checks are on in tests.
+    #[test]
+    fn hostile_samples_do_not_overflow() {
+        let mut random = random(3);
+        // Heaviest weights, largest products of weight and sample, the ends of the range and of the weights, noise.
+        let ranges =
+            [[0, 0], [256, 256], [-256, -256], [-256, 256], [-1, 1], [i16::MIN, i16::MAX], [i16::MIN; 2]];
+        let more = [[873, 873], [-874, 873], [i16::MAX; 2], [-1001, 1001], [-300, 900]];
+        for (case, [low, high]) in ranges.into_iter().chain(more).cycle().take(1200).enumerate() {
+            let share = [1.0, 0.5, 0.1][case % 3];
+            let mut sample = || match case / 12 % 3 {
+                0 => [low, high][usize::from(random() < 0.5)],
+                1 => (f64::from(low) + random() * (f64::from(high) - f64::from(low))).round() as i16,
+                _ => [low, high, i16::MAX, i16::MIN][(random() * 4.0 * share) as usize],
+            };
+            let every = [1, 2, 7, 26][case / 36 % 4];
+            let blocks: Vec<_> = offsets()
+                .into_iter()
+                .skip(case % every)
+                .step_by(every)
+                .map(|d| (d, (0..VOXELS).map(|_| sample()).collect()))
+                .collect();
+            for limit in [0, 512, i16::MAX] {
+                let mut out = [0; VOXELS];
+                fit(&blocks).predict(limit, &mut out);
+                assert!(out.iter().all(|s| s.unsigned_abs() <= limit.unsigned_abs()));
+            }
+        }
+    }
+
+    /// Equations that no samples give: the solver's bounds are its own.
+    #[test]
+    fn the_solver_saturates() {
+        let mut random = random(5);
+        for case in 0..2000 {
+            let mut rows = [[0; ROW]; TERMS];
+            for entry in rows.as_flattened_mut() {
+                *entry = match case % 3 {
+                    0 => [i32::MIN, i32::MAX, 0, -1][(random() * 4.0) as usize],
+                    1 => ((random() - 0.5) * 2f64.powi(32)) as i32,
+                    _ => ((random() - 0.5) * 2f64.powf(32.0 * random())) as i32,
+                };
+            }
+            let quadric = solve(rows);
+            assert!(quadric.iter().all(|k| i64::from(k.abs()) <= COEFFICIENT_LIMIT));
+        }
+        for sign in [-1, 1] {
+            let mut out = [0; VOXELS];
+            evaluate(&[sign * COEFFICIENT_LIMIT as i32; TERMS], i32::from(i16::MAX), &mut out);
+            assert_eq!(out[VOXELS - 1], sign as i16 * i16::MAX);
+        }
+    }
+
+    #[test]
+    fn too_few_voxels_are_no_prediction() {
+        let mut samples = vec![2000; VOXELS];
+        samples[..7].fill(0);
+        let mut out = [77; VOXELS];
+        assert!(!SurfaceFit::new().predict(MU, &mut out));
+        assert!(!fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
+        assert_eq!(out, [77; VOXELS]);
+        samples[7] = -873;
+        assert!(fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
+        samples[7] = -874;
+        assert!(!fit(&[([0, 1, 0], samples)]).predict(MU, &mut out));
+    }
+
+    #[test]
+    fn weights_are_exponentials() {
+        for distance in 128..=FARTHEST {
+            let exact = 2048.0 * (-f64::from(distance) / 256.0).exp();
+            assert!((f64::from(weight(distance)) - exact).abs() < 5.0, "{distance}: {}", weight(distance));
+        }
+        assert_eq!([FARTHEST, FARTHEST + 1, 40_000].map(weight), [41, 0, 0]);
+    }
+
+    /// What [`SurfaceFit`] says of its bounds, by the heaviest weight and the largest product in each layer.
+    #[test]
+    fn sums_stay_within_their_bounds() {
+        let heaviest = [0, 1, 2, 3, 4].map(|layer| i64::from(weight(128 * layer)));
+        let largest = [0, 1, 2, 3, 4]
+            .map(|layer| i64::from((0..FARTHEST).map(|s| weight(s + 128 * layer) * s).max().unwrap()));
+        let positions = || (-15i64..=15).step_by(2);
+        let (mut weights, mut products) = (0, 0);
+        for x in positions() {
+            let (mut column_weights, mut column_products) = ([0; 2], 0);
+            for (y, z) in positions().flat_map(|y| positions().map(move |z| (y, z))) {
+                let layer = (y.abs().max(z.abs()).max(x.abs()) - 7) / 2;
+                if layer > 0 {
+                    weights += heaviest[layer as usize];
+                    products += largest[layer as usize];
+                    column_weights[0] += heaviest[layer as usize] * y.pow(4);
+                    column_weights[1] += heaviest[layer as usize] * y.pow(2) * z.pow(2);
+                    column_products += largest[layer as usize] * y.pow(2);
+                }
+            }
+            assert!(column_weights.iter().all(|sum| *sum < 3 << 29) && column_products < 3 << 29);
+        }
+        assert!(weights << MATRIX_BITS < (1 << 31) - (1 << 25) && products << RIGHT_BITS < 3 << 29);
+    }
+
+    /// The example of the format document.
+    #[test]
+    fn predictions_are_those_of_the_format_document() {
+        let left = (0..512).map(|i| 90 * (i % 8) + 30 * (i / 8 % 8) - 60 * (i / 64) - 400).collect();
+        let below = (0..512).map(|i| (i % 8 - 3) * (i / 8 % 8 - 4) * 9 + 200 * (i / 64) - 1100).collect();
+        let mut out = [0; VOXELS];
+        assert!(fit(&[([-1, 0, 0], left), ([0, 1, -1], below)]).predict(1024, &mut out));
+        assert_eq!(out[..8], [171, 198, 219, 234, 245, 250, 250, 244]);
+        assert_eq!(out[504..], [170, 290, 405, 515, 620, 719, 813, 902]);
     }
 }
