@@ -4,6 +4,7 @@ mod conformance;
 mod fuzz_seeds;
 mod ingest_table;
 mod lod_table;
+mod main_table;
 mod paper_results;
 mod paper_table;
 mod regression;
@@ -18,6 +19,16 @@ use std::path::PathBuf;
 enum Command {
     /// Measure the paper's profile on a mesh sequence, every byte counted: the table that the README quotes
     PaperTable { folder: String, frames: Option<usize> },
+    /// Measure profile main on a mesh sequence under settings such as step=2.2,trials=1
+    MainTable {
+        folder: String,
+        #[arg(long, default_value = "1000000")]
+        frames: usize,
+        /// Edge of a voxel in millimetres
+        #[arg(long, default_value = "5")]
+        voxel: f64,
+        settings: Vec<String>,
+    },
     /// Measure decoding at reduced resolution on a mesh sequence
     LodTable { folder: String, frames: Option<usize> },
     /// Measure the ingest of the sequences `dancer` and `monastery` in a folder
@@ -58,6 +69,9 @@ enum Command {
 fn main() -> Result<()> {
     match Command::parse() {
         Command::PaperTable { folder, frames } => paper_table::run(&folder, frames.unwrap_or(usize::MAX)),
+        Command::MainTable { folder, frames, voxel, settings } => {
+            main_table::run(&folder, frames, voxel, &settings)
+        }
         Command::LodTable { folder, frames } => {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }

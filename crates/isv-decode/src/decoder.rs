@@ -1,11 +1,14 @@
 //! The decoder: one packet, one volume.
 
+mod main;
 mod paper;
+mod sequence;
 
 use crate::reduced::Lod;
 use crate::{DecodeError, volume_hash};
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{GridError, SparseVolume};
+use main::MainDecoder;
 use paper::PaperDecoder;
 
 /// Bounds on what a stream may ask of its decoder.
@@ -43,8 +46,7 @@ pub struct Decoder(ProfileDecoder);
 #[derive(Debug)]
 enum ProfileDecoder {
     Paper(Box<PaperDecoder>),
-    /// Of `main` only the container is known so far.
-    Main,
+    Main(Box<MainDecoder>),
 }
 
 impl Decoder {
@@ -56,7 +58,7 @@ impl Decoder {
                 let decoder = PaperDecoder::new(header.grid, paper, limits);
                 ProfileDecoder::Paper(Box::new(decoder))
             }
-            Profile::Main => ProfileDecoder::Main,
+            Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
         })
     }
 
@@ -72,7 +74,7 @@ impl Decoder {
     pub fn with_lod(header: &StreamHeader, limits: Limits, lod: Lod) -> Result<Self, GridError> {
         Ok(Self(match Self::new(header, limits).0 {
             ProfileDecoder::Paper(decoder) => ProfileDecoder::Paper(Box::new(decoder.with_lod(lod)?)),
-            ProfileDecoder::Main => ProfileDecoder::Main,
+            ProfileDecoder::Main(decoder) => ProfileDecoder::Main(decoder),
         }))
     }
 
@@ -85,7 +87,7 @@ impl Decoder {
     pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
         match &mut self.0 {
             ProfileDecoder::Paper(decoder) => decoder.decode(packet),
-            ProfileDecoder::Main => Err(DecodeError::Profile { profile: Profile::Main.name() }),
+            ProfileDecoder::Main(decoder) => decoder.decode(packet),
         }
     }
 
@@ -109,7 +111,7 @@ impl Decoder {
     fn frames(&self) -> u64 {
         match &self.0 {
             ProfileDecoder::Paper(decoder) => decoder.frames(),
-            ProfileDecoder::Main => 0,
+            ProfileDecoder::Main(decoder) => decoder.frames(),
         }
     }
 }

@@ -14,6 +14,7 @@ mod decoder;
 mod error;
 pub mod extension;
 mod hash;
+pub mod main_profile;
 mod parameters;
 pub mod reconstruct;
 mod reduced;

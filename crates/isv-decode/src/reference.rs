@@ -57,6 +57,11 @@ impl Reference {
     /// A block that is not there lies wholly beyond the truncation band, so its samples are the truncation distance, with
     /// the sign of the centre block's voxel nearest to it (the middle one along an axis on which neither is ahead).
     pub fn stitch(&self, centre: u32, out: &mut StitchedReference) {
+        self.stitch_at(self.volume.coords()[centre as usize], out);
+    }
+
+    /// [`Self::stitch`] at any coordinate. If there is no block, the others that are not there lie outside the surface.
+    pub fn stitch_at(&self, centre: BlockCoord, out: &mut StitchedReference) {
         let limit = self.volume.grid().truncation.codes();
         stitch(self.blocks(), centre, limit, |block| self.volume.block(block as usize), out);
     }
@@ -65,20 +70,21 @@ impl Reference {
 /// [`Reference::stitch`] of blocks whose samples are had by index, at any resolution.
 pub(crate) fn stitch<'a>(
     blocks: ReferenceBlocks,
-    centre: u32,
+    centre: BlockCoord,
     limit: i16,
     samples: impl Fn(u32) -> &'a [i16],
     out: &mut StitchedReference,
 ) {
     let side = out.block_side();
     let nearest = |offset: usize| [0, side / 2, side - 1][offset];
-    let neighbourhood = blocks.index.neighbourhood(blocks.coords[centre as usize]);
+    let neighbourhood = blocks.index.neighbourhood(centre);
+    let centre = neighbourhood[13].map(&samples);
     for (slot, neighbour) in neighbourhood.into_iter().enumerate() {
         match neighbour {
             Some(block) => out.put_block(slot, samples(block)),
             None => {
                 let [x, y, z] = [slot % 3, slot / 3 % 3, slot / 9].map(nearest);
-                let inside = samples(centre)[(z * side + y) * side + x] < 0;
+                let inside = centre.is_some_and(|centre| centre[(z * side + y) * side + x] < 0);
                 out.fill_block(slot, if inside { -limit } else { limit });
             }
         }

@@ -1,5 +1,6 @@
 //! The encoder: one volume, one frame payload.
 
+use crate::main_profile::{MainEncoder, MainSettings};
 use crate::motion_search::search_motion;
 use crate::residual::quantized_residual;
 use crate::syntax::{self, SymbolSegments};
@@ -24,7 +25,7 @@ pub enum MotionMode {
 }
 
 /// Choices that a stream's header does not record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderSettings {
     /// Prediction of frames that are not keyframes.
     pub motion: MotionMode,
@@ -34,11 +35,19 @@ pub struct EncoderSettings {
     pub checksums: bool,
     /// Number of slices; `None` for one to every 16,384 blocks.
     pub slices: Option<u16>,
+    /// Choices of profile `main`.
+    pub main: MainSettings,
 }
 
 impl Default for EncoderSettings {
     fn default() -> Self {
-        Self { motion: MotionMode::Fixed(Prediction::ThreeDof), gop: 30, checksums: false, slices: None }
+        Self {
+            motion: MotionMode::Fixed(Prediction::ThreeDof),
+            gop: 30,
+            checksums: false,
+            slices: None,
+            main: MainSettings::default(),
+        }
     }
 }
 
@@ -52,6 +61,10 @@ pub struct EncodedFrame {
 }
 
 impl EncodedFrame {
+    pub(crate) fn new(keyframe: bool, header: FrameHeader, segments: SymbolSegments) -> Self {
+        Self { keyframe, header, segments }
+    }
+
     /// The payload for a [`isv_format::PacketWriter`].
     #[must_use]
     pub fn payload(&self) -> FramePayload<'_> {
@@ -110,10 +123,24 @@ impl EncodedFrame {
 /// Codes the frames of a stream in order.
 #[derive(Debug)]
 pub struct Encoder {
+    settings: EncoderSettings,
+    profile: ProfileEncoder,
+    frames: u64,
+}
+
+/// An encoder of each profile.
+#[derive(Debug)]
+enum ProfileEncoder {
+    Paper(Box<PaperEncoder>),
+    Main(Box<MainEncoder>),
+}
+
+/// The encoder of profile `paper`.
+#[derive(Debug)]
+struct PaperEncoder {
     parameters: CodingParameters,
     settings: EncoderSettings,
     state: State,
-    frames: u64,
 }
 
 /// What one frame leaves behind for the next.
@@ -127,16 +154,19 @@ impl Encoder {
     /// An encoder for the frames of a stream.
     ///
     /// # Panics
-    /// If `settings.gop` is 0 or the profile is not `paper`.
+    /// If `settings.gop` is 0.
     #[must_use]
     pub fn new(header: &StreamHeader, settings: EncoderSettings) -> Self {
         assert!(settings.gop > 0, "a GOP has at least one frame");
-        let Profile::Paper(paper) = &header.profile else {
-            panic!("profile {} is not encoded here", header.profile.name())
+        let profile = match &header.profile {
+            Profile::Paper(paper) => {
+                let parameters = CodingParameters::new(header.grid, paper);
+                let state = State { entropy: EntropyState::new(parameters.coefficients()), reference: None };
+                ProfileEncoder::Paper(Box::new(PaperEncoder { parameters, settings, state }))
+            }
+            Profile::Main => ProfileEncoder::Main(Box::new(MainEncoder::new(header.grid, settings.main))),
         };
-        let parameters = CodingParameters::new(header.grid, paper);
-        let state = State { entropy: EntropyState::new(parameters.coefficients()), reference: None };
-        Self { parameters, settings, state, frames: 0 }
+        Self { settings, profile, frames: 0 }
     }
 
     /// Codes the next frame.
@@ -144,8 +174,30 @@ impl Encoder {
     /// # Panics
     /// If the volume is not on the stream's grid.
     pub fn encode(&mut self, volume: &SparseVolume) -> EncodedFrame {
-        assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
         let keyframe = self.frames.is_multiple_of(u64::from(self.settings.gop));
+        self.frames += 1;
+        match &mut self.profile {
+            ProfileEncoder::Paper(encoder) => encoder.encode(volume, keyframe),
+            ProfileEncoder::Main(encoder) => {
+                let wanted = self.settings.slices.unwrap_or(1).clamp(1, FrameHeader::MAX_SLICES);
+                encoder.encode(volume, keyframe, wanted, self.settings.checksums)
+            }
+        }
+    }
+
+    /// What the decoder will have after the last frame; `None` before the first.
+    #[must_use]
+    pub fn reconstruction(&self) -> Option<&SparseVolume> {
+        match &self.profile {
+            ProfileEncoder::Paper(encoder) => encoder.state.reference.as_ref().map(Reference::volume),
+            ProfileEncoder::Main(encoder) => encoder.reconstruction(),
+        }
+    }
+}
+
+impl PaperEncoder {
+    fn encode(&mut self, volume: &SparseVolume, keyframe: bool) -> EncodedFrame {
+        assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
         if keyframe {
             self.state =
                 State { entropy: EntropyState::new(self.parameters.coefficients()), reference: None };
@@ -160,14 +212,7 @@ impl Encoder {
         let (frame, state) =
             coded.min_by_key(|(frame, _)| frame.segment_bytes()).expect("at least one candidate");
         self.state = state;
-        self.frames += 1;
         frame
-    }
-
-    /// What the decoder will have after the last frame; `None` before the first.
-    #[must_use]
-    pub fn reconstruction(&self) -> Option<&SparseVolume> {
-        self.state.reference.as_ref().map(Reference::volume)
     }
 
     /// Codes a frame under one kind of prediction, leaving the encoder as it is.

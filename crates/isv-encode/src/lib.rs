@@ -12,6 +12,7 @@
 
 mod distortion;
 mod encoder;
+mod main_profile;
 mod motion_search;
 mod normal_equations;
 mod residual;
@@ -19,3 +20,4 @@ pub mod syntax;
 
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
+pub use main_profile::{Band, FrameQuality, MainSettings};

@@ -79,7 +79,7 @@ pub enum FrameCoding {
 pub struct MainFrameHeader {
     /// Quantizer step of all coefficients in sixteenths of a code, `1 ..= 2^20`.
     pub step: u32,
-    /// Strength of the in-loop filter in sixty-fourths, `0 ..= 32`; 0 is off.
+    /// Strength of the in-loop filter in sixty-fourths, `0 ..= 25`; 0 is off.
     pub filter: u8,
     /// The most that the in-loop filter changes a sample by, in codes; 0 if the filter is off.
     pub filter_limit: u8,
@@ -91,7 +91,13 @@ impl MainFrameHeader {
     /// Largest [`Self::step`].
     pub const MAX_STEP: u32 = STEP_LIMIT;
     /// Largest [`Self::filter`].
-    pub const MAX_FILTER: u8 = 32;
+    pub const MAX_FILTER: u8 = 25;
+
+    /// Step of new motion vectors in quarter voxels.
+    #[must_use]
+    pub fn vector_step(&self) -> i32 {
+        if self.half_voxel_vectors { 2 } else { 1 }
+    }
 
     /// Bit of the filter's byte that holds [`Self::half_voxel_vectors`].
     const HALF_VOXEL_VECTORS: u8 = 1 << 6;

@@ -94,6 +94,17 @@ impl SparseVolume {
         &self.unobserved
     }
 
+    /// The volume with further masks, by block index: they take the place of those that their blocks have.
+    ///
+    /// # Panics
+    /// In debug builds, if a mask is empty or of no block.
+    #[must_use]
+    pub fn with_unobserved(mut self, masks: BTreeMap<u32, VoxelMask>) -> Self {
+        debug_assert!(masks.iter().all(|(block, m)| (*block as usize) < self.coords.len() && !m.is_empty()));
+        self.unobserved.extend(masks);
+        self
+    }
+
     /// The volume of those blocks, by index, that are wanted.
     #[must_use]
     pub fn select(&self, wanted: impl Fn(usize) -> bool) -> Self {

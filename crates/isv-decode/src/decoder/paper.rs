@@ -1,5 +1,6 @@
 //! The decoder of profile `paper`.
 
+use super::sequence::Sequence;
 use super::{DecodedFrame, Limits};
 use crate::reconstruct::{predict, reconstruct};
 use crate::reduced::{Lod, ReducedFrame, ReducedParameters};
@@ -21,9 +22,7 @@ pub(super) struct PaperDecoder {
     /// At reduced resolution, what the coding parameters become there.
     reduced: Option<ReducedParameters>,
     reference: Option<DecodedReference>,
-    /// Frames between the last keyframe and the reference, modulo `2^16`.
-    since_keyframe: u16,
-    frames: u64,
+    sequence: Sequence,
 }
 
 /// The last frame, at the resolution that is decoded.
@@ -60,8 +59,7 @@ impl PaperDecoder {
             parameters,
             reduced: None,
             reference: None,
-            since_keyframe: 0,
-            frames: 0,
+            sequence: Sequence::default(),
         }
     }
 
@@ -85,25 +83,24 @@ impl PaperDecoder {
         // Taken out, so that an error leaves no reference behind.
         let reference = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
-            return Err(self.malformed(packet, "an index where a frame should be"));
+            return Err(self.sequence.malformed(packet, "an index where a frame should be"));
         };
         if keyframe {
             self.entropy = EntropyState::new(self.parameters.coefficients());
         } else {
-            self.check_sequence(packet, reference.as_ref())?;
+            self.sequence.check(packet, reference.is_some())?;
         }
         let reference = reference.filter(|_| !keyframe);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &self.profile)?;
         self.check_limits(packet, &payload.header)?;
         if keyframe && payload.header.prediction != Prediction::None {
-            return Err(self.malformed(packet, "a keyframe that predicts from another frame"));
+            return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
         let symbols = self
             .read_symbols(&payload, reference.as_ref().map(DecodedReference::blocks))
-            .map_err(|SyntaxError(what)| self.malformed(packet, what))?;
+            .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         let decoded = self.reconstruct(symbols, reference);
-        self.frames += 1;
-        self.since_keyframe = packet.header.since_keyframe;
+        self.sequence.advance(packet);
         Ok(DecodedFrame {
             volume: self.reference.insert(decoded).volume(),
             timestamp_ns: packet.header.timestamp_ns,
@@ -132,27 +129,7 @@ impl PaperDecoder {
 
     /// Frames decoded so far.
     pub(super) fn frames(&self) -> u64 {
-        self.frames
-    }
-
-    fn malformed(&self, packet: &Packet, what: &'static str) -> DecodeError {
-        DecodeError::Malformed { frame: self.frames, at: packet.at, what }
-    }
-
-    /// Whether a frame that predicts follows the frame that it predicts from.
-    fn check_sequence(
-        &self,
-        packet: &Packet,
-        reference: Option<&DecodedReference>,
-    ) -> Result<(), DecodeError> {
-        if reference.is_none() {
-            return Err(DecodeError::NoReference { at: packet.at });
-        }
-        let (expected, found) = (self.since_keyframe.wrapping_add(1), packet.header.since_keyframe);
-        if expected != found {
-            return Err(DecodeError::MissingFrame { at: packet.at, expected, found });
-        }
-        Ok(())
+        self.sequence.frames()
     }
 
     fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {
@@ -161,7 +138,7 @@ impl PaperDecoder {
             return Err(DecodeError::TooManyBlocks { at: packet.at, blocks: header.blocks as usize, limit });
         }
         if usize::from(header.slices) > syntax::most_slices(self.parameters.coefficients()) {
-            return Err(self.malformed(packet, "more slices than this many coefficients allow"));
+            return Err(self.sequence.malformed(packet, "more slices than this many coefficients allow"));
         }
         Ok(())
     }

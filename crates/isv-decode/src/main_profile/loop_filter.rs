@@ -1,5 +1,6 @@
 //! The in-loop filter of a frame: which faces between blocks are smoothed.
 
+use super::reconstruct::BLOCK_SAMPLES;
 use super::{BlockMode, FrameSymbols};
 use isv_kernels::deblock::{FaceFilter, smooth_face};
 use isv_volume::BlockIndex;
@@ -18,8 +19,8 @@ pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: 
                 continue;
             }
             // Morton order puts the upper block after the lower one.
-            let (before, after) = samples.split_at_mut(upper * 512);
-            smooth_face(axis, &mut before[lower * 512..][..512], &mut after[..512], filter);
+            let (before, after) = samples.as_chunks_mut::<BLOCK_SAMPLES>().0.split_at_mut(upper);
+            smooth_face(axis, &mut before[lower], &mut after[0], filter);
         }
     }
 }

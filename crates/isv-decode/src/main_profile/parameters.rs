@@ -1,6 +1,5 @@
 //! What holds for every frame of a stream in profile `main`.
 
-use isv_format::StreamHeader;
 use isv_kernels::dct::BlockTransform;
 use isv_kernels::quant::{Quantizer, StepSize};
 use isv_kernels::scan::scan_order;
@@ -23,13 +22,12 @@ pub struct MainParameters {
 }
 
 impl MainParameters {
-    /// Parameters of a checked header.
+    /// Parameters of the grid of a checked header.
     ///
     /// # Panics
-    /// If the block edge is not 8; [`StreamHeader::parse`] lets none through that is not.
+    /// If the block edge is not 8; [`isv_format::StreamHeader::parse`] lets no other through in this profile.
     #[must_use]
-    pub fn new(header: &StreamHeader) -> Self {
-        let grid = header.grid;
+    pub fn new(grid: Grid) -> Self {
         assert_eq!(grid.edge, BlockEdge::E8, "profile main has blocks of 8 voxels");
         let scan = scan_order(grid.edge, COEFFICIENTS);
         let place = |position: usize| scan.iter().position(|p| usize::from(*p) == position).map(|k| k as u8);

@@ -157,7 +157,8 @@ pub fn filter_and_extend(
     mut samples: Vec<i16>,
 ) -> Extended {
     if header.filter > 0 {
-        let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation.codes());
+        let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation);
+        let filter = filter.expect("the frame header's filter is in range");
         smooth_faces(symbols, filter, &mut samples);
     }
     extend(&SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new()))

@@ -3,7 +3,8 @@
 use super::{FrameSymbols, Vector};
 use crate::Reference;
 use crate::extension::Extended;
-use isv_volume::{BlockCoord, SparseVolume};
+use isv_volume::{BlockCoord, SparseVolume, VoxelMask};
+use std::collections::BTreeMap;
 
 /// A decoded frame: its volume with the extension, and what its blocks were coded as.
 #[derive(Clone, Debug)]
@@ -23,13 +24,19 @@ pub struct CodedBlock {
 }
 
 impl MainReference {
-    /// Of the extended volume of a frame and the frame's symbols, whose blocks are the coded ones in the same order.
+    /// Of the extended volume of a frame, the frame's symbols, whose blocks are the coded ones in the same order, and their
+    /// masks, by index among the coded.
     #[must_use]
-    pub fn new(extended: Extended, symbols: &FrameSymbols) -> Self {
+    pub fn new(extended: Extended, symbols: &FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
+        let places: Vec<u32> =
+            (0..).zip(&extended.coded).filter(|(_, coded)| **coded).map(|(i, _)| i).collect();
+        let masks = masks.into_iter().map(|(block, mask)| (places[block as usize], mask)).collect();
+        let volume = extended.volume.with_unobserved(masks);
         let mut blocks = symbols.modes.iter().zip(&symbols.counts);
-        let mut next = || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
+        let mut next =
+            || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
         let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
-        Self { reference: Reference::new(extended.volume), coded }
+        Self { reference: Reference::new(volume), coded }
     }
 
     /// The volume: coded blocks and those around them.

@@ -136,7 +136,7 @@ impl ReducedFrame {
         if motion == MotionVector::ZERO {
             out.copy_from_slice(samples(source));
         } else {
-            stitch(self.blocks(), source, parameters.limit, samples, stitched);
+            stitch(self.blocks(), self.blocks().coords[source as usize], parameters.limit, samples, stitched);
             stitched.warp(motion, out);
             out.iter_mut().for_each(|sample| *sample = (*sample).clamp(-parameters.limit, parameters.limit));
         }

@@ -151,7 +151,9 @@ impl NormalEquations {
             let squared = residual * residual;
             self.error += near.weight * squared;
             let weight = near.weight / (1.0 + squared);
-            for (entry, product) in self.matrix.iter_mut().zip([gx * gx, gx * gy, gx * gz, gy * gy, gy * gz, gz * gz]) {
+            for (entry, product) in
+                self.matrix.iter_mut().zip([gx * gx, gx * gy, gx * gz, gy * gy, gy * gz, gz * gz])
+            {
                 *entry += weight * product;
             }
             for (entry, slope) in self.gradient.iter_mut().zip([gx, gy, gz]) {
@@ -168,6 +170,7 @@ impl NormalEquations {
         let (a, b, c) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
         let (d, e, f) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
         let determinant = xx * a + xy * b + xz * c;
-        [a * gx + b * gy + c * gz, b * gx + d * gy + e * gz, c * gx + e * gy + f * gz].map(|v| v / determinant)
+        [a * gx + b * gy + c * gz, b * gx + d * gy + e * gz, c * gx + e * gy + f * gz]
+            .map(|v| v / determinant)
     }
 }

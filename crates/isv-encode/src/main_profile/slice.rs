@@ -1,6 +1,5 @@
 //! The blocks of a slice, one after the other: candidates, their cost, the choice, its symbols.
 
-use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::motion_search::{Shift, refine, to_shift};
 use super::pursuit::{Pursued, Pursuit};
@@ -236,15 +235,28 @@ impl<'a> SliceEncoder<'a> {
     fn code(&mut self, block: usize, trial: Trial, context: Option<&ModeContext>) {
         let frame = self.frame;
         if let Some(context) = context {
-            syntax::modes::write(&mut self.models.modes, &mut self.mode_encoder, context, trial.mode, frame.vector_step);
+            syntax::modes::write(
+                &mut self.models.modes,
+                &mut self.mode_encoder,
+                context,
+                trial.mode,
+                frame.vector_step,
+            );
         }
         let levels = &trial.pursued.levels;
         let counts = &self.coded.counts;
         let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
         let count = |n: usize| counts[n - self.range.start];
-        let context = CountContext::new(frame.coords[block], block, trial.mode, frame.causal, count, reference);
+        let context =
+            CountContext::new(frame.coords[block], block, trial.mode, frame.causal, count, reference);
         let models = &mut self.models.coefficients;
-        syntax::coefficients::write(models, frame.parameters, &mut self.coefficient_encoder, &context, levels);
+        syntax::coefficients::write(
+            models,
+            frame.parameters,
+            &mut self.coefficient_encoder,
+            &context,
+            levels,
+        );
         self.costs[usize::from(trial.mode == BlockMode::Spatial)].learn(levels);
         let count = levels.iter().filter(|level| **level != 0).count() as u8;
         let mut samples = trial.prediction;

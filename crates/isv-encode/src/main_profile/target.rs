@@ -73,7 +73,12 @@ fn target(volume: &SparseVolume, index: &BlockIndex, block: usize, band: Band) -
         };
         if !unobserved && (crossed.contains(voxel) || sample.abs() < NEAR) {
             let offset = (voxel / 64 * 24 + voxel / 8 % 8) * 24 + voxel % 8;
-            near.push(NearVoxel { voxel: voxel as u16, offset, sample, weight: weights[voxel].max(NEAR_WEIGHT) });
+            near.push(NearVoxel {
+                voxel: voxel as u16,
+                offset,
+                sample,
+                weight: weights[voxel].max(NEAR_WEIGHT),
+            });
         }
     }
     Some(BlockTarget { coord: volume.coords()[block], samples, weights, only_sign, near })

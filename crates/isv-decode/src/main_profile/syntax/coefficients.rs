@@ -122,8 +122,14 @@ impl CoefficientModels {
         let mut counts = Vec::with_capacity(range.len());
         for block in range.clone() {
             let local = block - range.start;
-            let context =
-                CountContext::new(coords[block], block, modes[local], causal, |n| counts[n - range.start], reference);
+            let context = CountContext::new(
+                coords[block],
+                block,
+                modes[local],
+                causal,
+                |n| counts[n - range.start],
+                reference,
+            );
             let levels = &mut levels[local * COEFFICIENTS..][..COEFFICIENTS];
             counts.push(self.read_block(parameters, &mut decoder, &context, levels));
             if decoder.overran() {

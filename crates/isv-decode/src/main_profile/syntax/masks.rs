@@ -115,7 +115,8 @@ impl<'a> CrossedCells<'a> {
             for z in zs.clone() {
                 for y in ys.clone() {
                     for x in xs.clone() {
-                        let sample = samples[((z - zs.start + z0) * 8 + y - ys.start + y0) * 8 + x - xs.start + x0];
+                        let sample =
+                            samples[((z - zs.start + z0) * 8 + y - ys.start + y0) * 8 + x - xs.start + x0];
                         signs[(z * SIDE + y) * SIDE + x] = if sample < 0 { INSIDE } else { OUTSIDE };
                     }
                 }

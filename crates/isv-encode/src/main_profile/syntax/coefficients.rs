@@ -27,8 +27,7 @@ pub(crate) fn write(
         let sum = parameters.index_sum(k);
         if !certain {
             let lower = nonzero_lower(parameters, levels, k);
-            encoder
-                .encode_mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
+            encoder.encode_mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
         }
         if levels[k] != 0 {
             write_level(models, encoder, context.spatial, k, count, sum, levels[k]);

@@ -51,7 +51,8 @@ pub(crate) fn write(
         let Some(mask) = mask else { continue };
         let corners = cells.corners(*coord);
         for voxel in (0..BlockEdge::E8.block_voxels()).filter(|voxel| corners.contains(*voxel)) {
-            encoder.encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, mask)], mask.contains(voxel));
+            encoder
+                .encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, mask)], mask.contains(voxel));
         }
     }
     encoder.finish()

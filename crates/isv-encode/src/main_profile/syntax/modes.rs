@@ -1,8 +1,8 @@
 //! How blocks are predicted, and vectors.
 
 use super::DecisionSink;
-use isv_decode::main_profile::syntax::modes::{ModeContext, ModeModels};
 use isv_decode::main_profile::BlockMode;
+use isv_decode::main_profile::syntax::modes::{ModeContext, ModeModels};
 
 /// Writes the mode of a block. `step`: of new vectors, in quarter voxels.
 pub(crate) fn write(

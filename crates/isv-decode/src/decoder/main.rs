@@ -1,0 +1,157 @@
+//! The decoder of profile `main`.
+
+use super::sequence::Sequence;
+use super::{DecodedFrame, Limits};
+use crate::DecodeError;
+use crate::extension::extended_count;
+use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
+use crate::main_profile::syntax::EntropyState;
+use crate::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
+use crate::syntax::SyntaxError;
+use isv_format::{
+    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
+    SliceLayout,
+};
+use isv_volume::{BlockCoord, Grid};
+use rayon::prelude::*;
+
+/// [`super::Decoder`] for streams of profile `main`.
+#[derive(Debug)]
+pub(super) struct MainDecoder {
+    parameters: MainParameters,
+    limits: Limits,
+    entropy: EntropyState,
+    reference: Option<MainReference>,
+    sequence: Sequence,
+}
+
+impl MainDecoder {
+    /// A decoder for the frames of a stream.
+    pub(super) fn new(grid: Grid, limits: Limits) -> Self {
+        let parameters = MainParameters::new(grid);
+        let (entropy, sequence) = (EntropyState::default(), Sequence::default());
+        Self { parameters, limits, entropy, reference: None, sequence }
+    }
+
+    /// Frames decoded so far.
+    pub(super) fn frames(&self) -> u64 {
+        self.sequence.frames()
+    }
+
+    /// Decodes a frame packet.
+    ///
+    /// # Errors
+    /// As [`super::Decoder::decode`].
+    pub(super) fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+        // Taken out, so that an error leaves no reference behind.
+        let reference = self.reference.take();
+        let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
+            return Err(self.sequence.malformed(packet, "an index where a frame should be"));
+        };
+        if keyframe {
+            self.entropy = EntropyState::default();
+        } else {
+            self.sequence.check(packet, reference.is_some())?;
+        }
+        let reference = reference.filter(|_| !keyframe);
+        let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
+        self.check_limit(packet, payload.header.blocks as usize)?;
+        if keyframe && payload.header.prediction != Prediction::None {
+            return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
+        }
+        let FrameCoding::Main(main) = payload.header.coding else {
+            unreachable!("the payload was parsed as one of profile main")
+        };
+        let blocks = payload.header.blocks as usize;
+        let coords = self
+            .entropy
+            .block_set
+            .read(payload.block_set, blocks, reference.as_ref())
+            .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
+        self.check_limit(packet, extended_count(&coords))?;
+        let decoded = self
+            .read_frame(&payload, &main, coords, reference.as_ref())
+            .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
+        self.sequence.advance(packet);
+        Ok(DecodedFrame {
+            volume: self.reference.insert(decoded).volume(),
+            timestamp_ns: packet.header.timestamp_ns,
+            keyframe,
+            stated_hash: payload.header.volume_hash,
+        })
+    }
+
+    fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
+        let limit = self.limits.frame_voxels / BLOCK_SAMPLES;
+        if blocks > limit { Err(DecodeError::TooManyBlocks { at: packet.at, blocks, limit }) } else { Ok(()) }
+    }
+
+    /// The frame, from its block set on.
+    fn read_frame(
+        &mut self,
+        payload: &FramePayload,
+        main: &MainFrameHeader,
+        coords: Vec<BlockCoord>,
+        reference: Option<&MainReference>,
+    ) -> Result<MainReference, SyntaxError> {
+        let header = &payload.header;
+        let layout = SliceLayout::new(coords.len(), usize::from(header.slices));
+        let causal = CausalBlocks::new(&coords, layout.ranges());
+        // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
+        let before = reference.filter(|_| header.prediction != Prediction::None);
+        let symbols = self.read_symbols(payload, main, coords, &causal, before)?;
+        let quantizer = self.parameters.quantizer(main.step);
+        let samples = reconstruct(&self.parameters, &quantizer, layout, &symbols, &causal, before);
+        let extended = filter_and_extend(&self.parameters, main, &symbols, samples);
+        let blocks = reference.map(|reference| reference.reference().blocks());
+        let masks = self.entropy.masks.read(payload.masks, &symbols.coords, &extended.volume, blocks)?;
+        Ok(MainReference::new(extended, &symbols, masks))
+    }
+
+    /// The modes and levels of all slices.
+    fn read_symbols(
+        &mut self,
+        payload: &FramePayload,
+        main: &MainFrameHeader,
+        coords: Vec<BlockCoord>,
+        causal: &CausalBlocks,
+        reference: Option<&MainReference>,
+    ) -> Result<FrameSymbols, SyntaxError> {
+        let FrameHeader { slices, .. } = payload.header;
+        let ranges: Vec<_> = SliceLayout::new(coords.len(), usize::from(slices)).ranges().collect();
+        let parameters = &self.parameters;
+        let slices = self.entropy.slices(usize::from(slices)).par_iter_mut().zip(ranges).zip(&payload.slices);
+        let decoded: Vec<_> = slices
+            .map(|((models, range), bytes)| {
+                let modes = match reference {
+                    Some(reference) => models.modes.read(
+                        bytes.motion,
+                        &coords,
+                        range.clone(),
+                        causal,
+                        reference,
+                        main.vector_step(),
+                    )?,
+                    None => vec![BlockMode::Spatial; range.len()],
+                };
+                let (levels, counts) = models.coefficients.read(
+                    parameters,
+                    bytes.coefficients,
+                    &coords,
+                    range,
+                    &modes,
+                    causal,
+                    reference,
+                )?;
+                Ok((modes, levels, counts))
+            })
+            .collect::<Result<_, SyntaxError>>()?;
+        let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
+        for (modes, levels, counts) in decoded {
+            symbols.modes.extend(modes);
+            symbols.levels.extend(levels);
+            symbols.counts.extend(counts);
+        }
+        Ok(symbols)
+    }
+}

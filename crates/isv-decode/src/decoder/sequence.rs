@@ -1,0 +1,42 @@
+//! Where in its stream a decoder is.
+
+use crate::DecodeError;
+use isv_format::Packet;
+
+/// Frames decoded so far, and since the last keyframe.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sequence {
+    /// Frames between the last keyframe and the reference, modulo `2^16`.
+    since_keyframe: u16,
+    frames: u64,
+}
+
+impl Sequence {
+    /// Frames decoded so far.
+    pub(super) fn frames(self) -> u64 {
+        self.frames
+    }
+
+    /// Counts a frame that was decoded.
+    pub(super) fn advance(&mut self, packet: &Packet) {
+        self.frames += 1;
+        self.since_keyframe = packet.header.since_keyframe;
+    }
+
+    /// What is wrong with the frame that is being decoded.
+    pub(super) fn malformed(self, packet: &Packet, what: &'static str) -> DecodeError {
+        DecodeError::Malformed { frame: self.frames, at: packet.at, what }
+    }
+
+    /// Whether a frame that predicts follows the frame that it predicts from.
+    pub(super) fn check(self, packet: &Packet, has_reference: bool) -> Result<(), DecodeError> {
+        if !has_reference {
+            return Err(DecodeError::NoReference { at: packet.at });
+        }
+        let (expected, found) = (self.since_keyframe.wrapping_add(1), packet.header.since_keyframe);
+        if expected != found {
+            return Err(DecodeError::MissingFrame { at: packet.at, expected, found });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,148 @@
+//! Profile `main` on a real sequence: rate, error and time under several settings.
+
+use crate::takes::Sequence;
+use anyhow::{Context, Result, bail, ensure};
+use isv::decode::{Decoder, Limits};
+use isv::encode::{EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::metrics::{CompareOptions, GeometryError, compare};
+use isv::surface::{SurfaceOptions, extract_surface};
+use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv_study::Take;
+use std::path::Path;
+use std::time::Instant;
+
+/// Measures the first `frames` frames of a folder of meshes in metres, once for each of `settings`, which are lists such as
+/// `step=2.2,trials=1`, and prints a table.
+pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String]) -> Result<()> {
+    let grid = Grid {
+        voxel_size: VoxelSize::from_metres(voxel_mm / 1000.0)?,
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8)?,
+    };
+    let header = StreamHeader {
+        profile: Profile::Main,
+        grid,
+        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+    };
+    let ingest = MeshIngest::new(grid);
+    let (mut meshes, mut volumes, mut sign) = (Vec::new(), Vec::new(), None);
+    for mesh in Sequence::open(Path::new(folder), frames)?.meshes().map_err(anyhow::Error::from_boxed)? {
+        let mesh = mesh.map_err(anyhow::Error::from_boxed)?;
+        let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
+        volumes.push(ingest_mesh(&mesh, &ingest, sign)?);
+        meshes.push(mesh);
+    }
+    ensure!(!volumes.is_empty(), "{folder} has no frames");
+    println!(
+        "| settings | file, Mbps | GOP 30, Mbps | keyframe, B | P-frame, B | blocks | masks | modes | coefficients | bits of \
+         occupancy a block | point to surface, mm | Hausdorff, mm | normals, degrees | components | encode, ms | decode, ms |"
+    );
+    println!("|{}", "---|".repeat(16));
+    let none = [String::new()];
+    for text in if settings.is_empty() { &none[..] } else { settings } {
+        let row = measure(&header, &parse(text)?, &meshes, &volumes)?;
+        println!("| {text} {row}");
+    }
+    Ok(())
+}
+
+/// Settings from a list of `name=value`.
+fn parse(text: &str) -> Result<EncoderSettings> {
+    let mut settings = EncoderSettings::default();
+    let main: &mut MainSettings = &mut settings.main;
+    for pair in text.split(',').filter(|pair| !pair.is_empty()) {
+        let (name, value) = pair.split_once('=').context("settings are name=value")?;
+        match name {
+            "step" => main.quality.step = value.parse()?,
+            "lambda" => main.quality = FrameQuality { lambda: value.parse()?, ..main.quality },
+            "trials" => main.trials = value.parse()?,
+            "filter" => main.filter.0 = value.parse()?,
+            "half" => main.half_voxel_vectors = value.parse()?,
+            "slices" => settings.slices = Some(value.parse()?),
+            "gop" => settings.gop = value.parse()?,
+            _ => bail!("there is no setting {name}"),
+        }
+    }
+    Ok(settings)
+}
+
+fn measure(
+    header: &StreamHeader,
+    settings: &EncoderSettings,
+    meshes: &[TriangleMesh],
+    volumes: &[SparseVolume],
+) -> Result<String> {
+    let mut encoder = Encoder::new(header, *settings);
+    let mut writer = PacketWriter::new(Vec::new(), header)?;
+    let (mut frames, mut encode_ms): (Vec<(EncodedFrame, usize)>, _) = (Vec::new(), Vec::new());
+    let mut reconstructions = Vec::new();
+    for volume in volumes {
+        let start = Instant::now();
+        let frame = encoder.encode(volume);
+        encode_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        let timestamp = header.frame_rate.timestamp_ns(frames.len() as u64);
+        let bytes = writer.write_frame(frame.keyframe, timestamp, &frame.payload())?;
+        frames.push((frame, bytes));
+        reconstructions.push(encoder.reconstruction().cloned());
+    }
+    let stream = writer.finish()?;
+    let (decoded, decode_ms) = decode(&stream)?;
+    ensure!(
+        decoded.iter().zip(&reconstructions).all(|(a, b)| Some(a) == b.as_ref()),
+        "the decoder disagrees with the encoder"
+    );
+    let options = CompareOptions { spacing_m: 0.005, seed: 1 };
+    let errors: Vec<GeometryError> = meshes
+        .iter()
+        .zip(&decoded)
+        .map(|(mesh, volume)| {
+            compare(mesh, &extract_surface(volume, &SurfaceOptions { normals: false }), &options)
+        })
+        .collect::<Result<_, _>>()?;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let part = |get: &dyn Fn(&EncodedFrame) -> usize| {
+        mean(&frames.iter().skip(1).map(|(frame, _)| get(frame) as f64).collect::<Vec<_>>())
+    };
+    let sizes: Vec<f64> = frames.iter().map(|(_, bytes)| *bytes as f64).collect();
+    let error = |get: fn(&GeometryError) -> Option<f64>| {
+        mean(&errors.iter().map(|e| get(e).unwrap_or(f64::NAN)).collect::<Vec<_>>())
+    };
+    let p_frame = mean(&sizes[1..]);
+    let blocks = part(&|f| f.payload().header.blocks as usize);
+    let block_set = part(&|f| f.bytes_blocks() - f.bytes_masks());
+    Ok(format!(
+        "| {:.3} | {:.3} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.2} | {:.3} | {:.1} | {:.2} | {:.1} | {:.0} | {:.0} |",
+        stream.len() as f64 * 240.0 / volumes.len() as f64 / 1e6,
+        (sizes[0] + 29.0 * p_frame) * 8.0 / 1e6,
+        sizes[0],
+        p_frame,
+        block_set,
+        part(&EncodedFrame::bytes_masks),
+        part(&EncodedFrame::bytes_motion),
+        part(&EncodedFrame::bytes_coefficients),
+        8.0 * block_set / blocks,
+        error(|e| e.p2s_mean_mm),
+        error(|e| e.hausdorff_mm),
+        error(|e| e.normal_error_deg),
+        error(|e| e.components_test),
+        mean(&encode_ms[1.min(encode_ms.len() - 1)..]),
+        mean(&decode_ms[1.min(decode_ms.len() - 1)..]),
+    ))
+}
+
+/// The decoded volumes, and the milliseconds of each packet.
+fn decode(stream: &[u8]) -> Result<(Vec<SparseVolume>, Vec<f64>)> {
+    let mut reader = PacketReader::new(stream)?;
+    let header = reader.header().context("a stream begins with its header")?;
+    let mut decoder = Decoder::new(header, Limits::default());
+    let (mut volumes, mut decode_ms) = (Vec::new(), Vec::new());
+    while let Some(packet) = reader.next_frame()? {
+        let start = Instant::now();
+        let volume = decoder.decode(&packet)?.volume;
+        decode_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        volumes.push(volume.clone());
+    }
+    Ok((volumes, decode_ms))
+}
