@@ -129,23 +129,23 @@ impl SurfaceFit {
     ) {
         let pillars = Pillars::<N>::new::<X>(offset, samples);
         let column = (position(near(offset[0]).start, offset[0]) + 15) as usize / 2;
+        let mut y_powers = [[0; Y]; 5];
         for row in 0..Y {
-            let y_powers = powers(position(near(offset[1]).start + row, offset[1]));
-            for c in 0..5 {
-                for b in 0..5 - c {
-                    let sums = &mut self.weights[c][b][column..column + X];
-                    for i in 0..X {
-                        sums[i] += pillars.weights[c][row * X + i] * y_powers[b];
-                    }
-                }
+            let row_powers = powers(position(near(offset[1]).start + row, offset[1]));
+            for b in 0..5 {
+                y_powers[b][row] = row_powers[b];
             }
-            for c in 0..3 {
-                for b in 0..3 - c {
-                    let sums = &mut self.products[c][b][column..column + X];
-                    for i in 0..X {
-                        sums[i] += pillars.products[c][row * X + i] * y_powers[b];
-                    }
-                }
+        }
+        for c in 0..5 {
+            for b in 0..5 - c {
+                let sums = &mut self.weights[c][b][column..column + X];
+                add_rows::<X, Y, N>(sums, &pillars.weights[c], &y_powers[b]);
+            }
+        }
+        for c in 0..3 {
+            for b in 0..3 - c {
+                let sums = &mut self.products[c][b][column..column + X];
+                add_rows::<X, Y, N>(sums, &pillars.products[c], &y_powers[b]);
             }
         }
         for i in 0..N {
@@ -258,6 +258,24 @@ impl<const N: usize> Pillars<N> {
         for i in 0..N {
             self.counts[i] += weights[i].min(1);
         }
+    }
+}
+
+/// Adds `Y` rows of `X` terms, each times its factor.
+#[inline(always)]
+fn add_rows<const X: usize, const Y: usize, const N: usize>(
+    sums: &mut [i32],
+    terms: &[i32; N],
+    factors: &[i32; Y],
+) {
+    let mut totals = [0; X];
+    for (row, factor) in terms.as_chunks::<X>().0.iter().zip(factors) {
+        for i in 0..X {
+            totals[i] += row[i] * factor;
+        }
+    }
+    for i in 0..X {
+        sums[i] += totals[i];
     }
 }
 
