@@ -174,14 +174,16 @@ fn level_plane<const ALONG_X: bool>(block: &Block, ax: &Approach, ay: &Approach,
     let mut level = nearest;
     let rows = &block.as_chunks::<{ EDGE * EDGE }>().0[z].as_chunks::<EDGE>().0;
     let (mut behind, mut away) = ([0; EDGE * EDGE], [0; EDGE * EDGE]);
-    for y in 0..EDGE {
-        let row = rows[ay.behind[y]];
-        for x in 0..EDGE {
-            behind[y * EDGE + x] = if ALONG_X { row[ax.nearest[0]] } else { row[x] };
-            away[y * EDGE + x] = ay.distance[y];
+    if ay.distance[0] != 0 {
+        for y in 0..EDGE {
+            let row = rows[ay.behind[y]];
+            for x in 0..EDGE {
+                behind[y * EDGE + x] = if ALONG_X { row[ax.nearest[0]] } else { row[x] };
+                away[y * EDGE + x] = ay.distance[y];
+            }
         }
+        add_slopes(&mut level, &nearest, &behind, &away);
     }
-    add_slopes(&mut level, &nearest, &behind, &away);
     if ALONG_X {
         for y in 0..EDGE {
             for x in 0..EDGE {
