@@ -26,6 +26,11 @@ impl VoxelMask {
         self.words[voxel / 64] |= 1 << (voxel % 64);
     }
 
+    /// Adds all voxels of another set in a block of the same edge.
+    pub fn insert_all(&mut self, other: &Self) {
+        self.words.iter_mut().zip(&other.words).for_each(|(word, more)| *word |= more);
+    }
+
     /// Takes a voxel out.
     pub fn remove(&mut self, voxel: usize) {
         self.words[voxel / 64] &= !(1 << (voxel % 64));

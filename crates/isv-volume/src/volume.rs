@@ -3,6 +3,7 @@
 use crate::{BlockCoord, Grid, VoxelMask};
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// A frame: blocks in Morton order, each voxel a signed-distance code in `-truncation..=truncation`.
 ///
@@ -94,14 +95,19 @@ impl SparseVolume {
         &self.unobserved
     }
 
-    /// The volume with further masks, by block index: they take the place of those that their blocks have.
+    /// The volume with further unobserved voxels, by block index.
     ///
     /// # Panics
     /// In debug builds, if a mask is empty or of no block.
     #[must_use]
     pub fn with_unobserved(mut self, masks: BTreeMap<u32, VoxelMask>) -> Self {
         debug_assert!(masks.iter().all(|(block, m)| (*block as usize) < self.coords.len() && !m.is_empty()));
-        self.unobserved.extend(masks);
+        for (block, mask) in masks {
+            match self.unobserved.entry(block) {
+                Entry::Vacant(entry) => drop(entry.insert(mask)),
+                Entry::Occupied(mut entry) => entry.get_mut().insert_all(&mask),
+            }
+        }
         self
     }
 

@@ -104,7 +104,7 @@ impl MainDecoder {
         let samples = reconstruct(&self.parameters, &quantizer, layout, &symbols, &causal, before);
         let extended = filter_and_extend(&self.parameters, main, &symbols, samples);
         let blocks = reference.map(|reference| reference.reference().blocks());
-        let masks = self.entropy.masks.read(payload.masks, &symbols.coords, &extended.volume, blocks)?;
+        let masks = self.entropy.masks.read(payload.masks, &extended.volume, blocks)?;
         Ok(MainReference::new(extended, &symbols, masks))
     }
 

@@ -24,13 +24,10 @@ pub struct CodedBlock {
 }
 
 impl MainReference {
-    /// Of the extended volume of a frame, the frame's symbols, whose blocks are the coded ones in the same order, and their
-    /// masks, by index among the coded.
+    /// Of the extended volume of a frame, the frame's symbols, whose blocks are the coded ones in the same order, and its masks,
+    /// by index in the volume.
     #[must_use]
     pub fn new(extended: Extended, symbols: &FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
-        let places: Vec<u32> =
-            (0..).zip(&extended.coded).filter(|(_, coded)| **coded).map(|(i, _)| i).collect();
-        let masks = masks.into_iter().map(|(block, mask)| (places[block as usize], mask)).collect();
         let volume = extended.volume.with_unobserved(masks);
         let mut blocks = symbols.modes.iter().zip(&symbols.counts);
         let mut next =

@@ -163,13 +163,12 @@ impl MainEncoder {
         let extended = filter_and_extend(&self.parameters, &main, &symbols, samples);
         let index = volume.index();
         let unobserved = |block: usize| {
-            let block = index.get(symbols.coords[block])?;
-            volume.unobserved(block as usize).cloned()
+            let block = index.get(extended.volume.coords()[block])?;
+            volume.unobserved(block as usize)
         };
-        let masks = syntax::masks::writable(&symbols.coords, &extended.volume, unobserved);
         let before = reference.map(|reference| reference.reference().blocks());
-        let mask_bytes =
-            syntax::masks::write(&mut entropy.masks, &symbols.coords, &masks, &extended.volume, before);
+        let (masks, mask_bytes) =
+            syntax::masks::write(&mut entropy.masks, &extended.volume, unobserved, before);
         let decoded = MainReference::new(extended, &symbols, masks);
         let header = FrameHeader {
             prediction: if reference.is_some() { Prediction::ThreeDof } else { Prediction::None },

@@ -13,16 +13,13 @@ use std::collections::BTreeMap;
 pub struct MaskModels(pub VoxelModels);
 
 impl MaskModels {
-    /// Reads the masks of a frame's coded blocks, by their index among the coded.
-    ///
-    /// `volume`: the frame's samples, extended.
+    /// Reads the masks of a frame's blocks, coded or made up, by their index in its extended volume.
     ///
     /// # Errors
     /// A block whose mask is announced but empty, or bytes that end too early.
     pub fn read(
         &mut self,
         bytes: &[u8],
-        coords: &[BlockCoord],
         volume: &SparseVolume,
         reference: Option<ReferenceBlocks>,
     ) -> Result<BTreeMap<u32, VoxelMask>, SyntaxError> {
@@ -33,14 +30,16 @@ impl MaskModels {
             return Ok(masks);
         }
         let cells = CrossedCells::new(volume);
-        let index = BlockIndex::new(coords);
-        for (block, coord) in coords.iter().enumerate() {
-            let context = MaskContext::new(*coord, &index, &masks, reference);
+        for (block, coord) in volume.coords().iter().enumerate() {
+            let corners = cells.corners(*coord);
+            if corners.is_empty() {
+                continue;
+            }
+            let context = MaskContext::new(*coord, cells.index(), &masks, reference);
             if !decoder.decode(&mut models.block[context.block()]) {
                 continue;
             }
             let mut mask = VoxelMask::empty(BlockEdge::E8);
-            let corners = cells.corners(*coord);
             for voxel in (0..BlockEdge::E8.block_voxels()).filter(|voxel| corners.contains(*voxel)) {
                 if decoder.decode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, &mask)]) {
                     mask.insert(voxel);
@@ -64,68 +63,87 @@ impl MaskModels {
 /// Voxels of a block and one layer around it, along an axis.
 const SIDE: usize = 10;
 
-/// The cells of a volume whose corners differ in sign.
+/// The cells of a volume whose corners differ in sign and are all there and observed.
+///
+/// Signs are bits, a row along x a number.
 #[derive(Debug)]
-pub struct CrossedCells<'a> {
-    volume: &'a SparseVolume,
+pub struct CrossedCells {
     index: BlockIndex,
+    /// For each block, its rows of voxels inside the surface, and of unobserved ones, x in the lowest bit.
+    rows: Vec<[(u8, u8); 64]>,
 }
 
-impl<'a> CrossedCells<'a> {
+impl CrossedCells {
     /// Of a volume with blocks of edge 8.
     #[must_use]
-    pub fn new(volume: &'a SparseVolume) -> Self {
-        Self { volume, index: volume.index() }
+    pub fn new(volume: &SparseVolume) -> Self {
+        let rows = (0..volume.block_count()).map(|block| {
+            let mask = volume.unobserved(block);
+            let samples = volume.block(block).as_chunks::<8>().0;
+            std::array::from_fn(|row| {
+                let inside = (0..8).fold(0, |bits, x| bits | u8::from(samples[row][x] < 0) << x);
+                let unobserved = mask.map_or(0, |mask| (mask.words()[row / 8] >> (row % 8 * 8)) as u8);
+                (inside, unobserved)
+            })
+        });
+        Self { index: volume.index(), rows: rows.collect() }
     }
 
-    /// The voxels of a block that are corners of crossed cells. Cells with a corner in a block that is not there do not count.
+    /// Look-up of the volume's blocks.
+    #[must_use]
+    pub fn index(&self) -> &BlockIndex {
+        &self.index
+    }
+
+    /// The voxels of a block that are corners of crossed cells.
     #[must_use]
     pub fn corners(&self, coord: BlockCoord) -> VoxelMask {
-        let inside = self.signs_around(coord);
-        let mut corners = VoxelMask::empty(BlockEdge::E8);
-        // Cells by their lowest corner, which can be in the layer before the block.
+        let (inside, outside) = self.rows_around(coord);
+        // Crossed cells by their lowest corner, which can be in the layer before the block.
+        let mut crossed = [0u16; SIDE * SIDE];
         for z in 0..SIDE - 1 {
             for y in 0..SIDE - 1 {
-                for x in 0..SIDE - 1 {
-                    let corner = |c: usize| [x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)];
-                    let signs = (0..8).map(corner).map(|[x, y, z]| inside[(z * SIDE + y) * SIDE + x]);
-                    let seen = signs.fold(0, |seen, sign| seen | sign);
-                    if seen != OUTSIDE | INSIDE {
-                        continue;
-                    }
-                    for corner in (0..8).map(corner).filter(|c| c.iter().all(|v| (1..=8).contains(v))) {
-                        let [x, y, z] = corner.map(|v| v - 1);
-                        corners.insert((z * 8 + y) * 8 + x);
-                    }
-                }
+                let rows = [0, 1, SIDE, SIDE + 1].map(|step| z * SIDE + y + step);
+                let all = |bits: &dyn Fn(usize) -> u16| {
+                    let four = rows.iter().fold(u16::MAX, |all, row| all & bits(*row));
+                    four & four >> 1
+                };
+                let there = all(&|row| inside[row] | outside[row]);
+                crossed[z * SIDE + y] = there & !all(&|row| inside[row]) & !all(&|row| outside[row]);
             }
+        }
+        let mut corners = VoxelMask::empty(BlockEdge::E8);
+        for (z, y) in (0..64).map(|row| (row / 8, row % 8)) {
+            let cells = [0, 1, SIDE, SIDE + 1].iter().fold(0, |any, step| any | crossed[z * SIDE + y + step]);
+            let voxels = (cells | cells << 1) >> 1;
+            (0..8).filter(|x| voxels >> x & 1 != 0).for_each(|x| corners.insert((z * 8 + y) * 8 + x));
         }
         corners
     }
 
-    /// Signs of a block's voxels and the layer around them, x fastest.
-    fn signs_around(&self, coord: BlockCoord) -> [u8; SIDE * SIDE * SIDE] {
-        let mut signs = [MISSING; SIDE * SIDE * SIDE];
+    /// Rows of a block's voxels and the layer around them, those inside the surface and those outside.
+    fn rows_around(&self, coord: BlockCoord) -> ([u16; SIDE * SIDE], [u16; SIDE * SIDE]) {
+        let (mut inside, mut outside) = ([0; SIDE * SIDE], [0; SIDE * SIDE]);
         for (slot, block) in self.index.neighbourhood(coord).into_iter().enumerate() {
             let Some(block) = block else { continue };
-            let samples = self.volume.block(block as usize);
-            // Where the neighbour's voxels are in the array, and which of them.
-            let span = |step: usize| [(0..1, 7), (1..9, 0), (9..10, 0)][step].clone();
-            let [(xs, x0), (ys, y0), (zs, z0)] = [slot % 3, slot / 3 % 3, slot / 9].map(span);
+            let rows = &self.rows[block as usize];
+            // Where the neighbour's rows are around the block, and which of them: its last, all, or its first.
+            let span = |step: usize| [(0, 7..8), (1, 0..8), (9, 0..1)][step].clone();
+            let [(y0, ys), (z0, zs)] = [slot / 3 % 3, slot / 9].map(span);
+            let along_x = |bits: u8| match slot % 3 {
+                0 => u16::from(bits >> 7),
+                1 => u16::from(bits) << 1,
+                _ => u16::from(bits & 1) << 9,
+            };
             for z in zs.clone() {
                 for y in ys.clone() {
-                    for x in xs.clone() {
-                        let sample =
-                            samples[((z - zs.start + z0) * 8 + y - ys.start + y0) * 8 + x - xs.start + x0];
-                        signs[(z * SIDE + y) * SIDE + x] = if sample < 0 { INSIDE } else { OUTSIDE };
-                    }
+                    let (negative, unobserved) = rows[z * 8 + y];
+                    let to = (z - zs.start + z0) * SIDE + y - ys.start + y0;
+                    inside[to] |= along_x(negative & !unobserved);
+                    outside[to] |= along_x(!negative & !unobserved);
                 }
             }
         }
-        signs
+        (inside, outside)
     }
 }
-
-const OUTSIDE: u8 = 1;
-const INSIDE: u8 = 2;
-const MISSING: u8 = 4;

@@ -4,56 +4,49 @@ use isv_decode::ReferenceBlocks;
 use isv_decode::main_profile::syntax::masks::{CrossedCells, MaskModels};
 use isv_decode::syntax::masks::MaskContext;
 use isv_entropy::RangeEncoder;
-use isv_volume::{BlockCoord, BlockEdge, BlockIndex, SparseVolume, VoxelMask};
+use isv_volume::{BlockEdge, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
-/// What of the masks of coded blocks, by block, can be written: their voxels in cells that the decoded surface crosses.
-pub(crate) fn writable(
-    coords: &[BlockCoord],
-    volume: &SparseVolume,
-    unobserved: impl Fn(usize) -> Option<VoxelMask>,
-) -> BTreeMap<u32, VoxelMask> {
-    let cells = CrossedCells::new(volume);
-    let mut masks = BTreeMap::new();
-    for (block, coord) in coords.iter().enumerate() {
-        let Some(wanted) = unobserved(block) else { continue };
-        let corners = cells.corners(*coord);
-        let mut mask = VoxelMask::empty(BlockEdge::E8);
-        let voxels = 0..BlockEdge::E8.block_voxels();
-        voxels.filter(|v| wanted.contains(*v) && corners.contains(*v)).for_each(|v| mask.insert(v));
-        if !mask.is_empty() {
-            masks.insert(block as u32, mask);
-        }
-    }
-    masks
-}
-
-/// Writes the masks of a frame's coded blocks.
-pub(crate) fn write(
+/// Writes what can be written of the masks of a frame's blocks, coded or made up: their voxels in cells that the decoded surface
+/// crosses. Returns it too, by index in the extended `volume`.
+///
+/// `unobserved`: the source's mask of such a block.
+pub(crate) fn write<'a>(
     models: &mut MaskModels,
-    coords: &[BlockCoord],
-    masks: &BTreeMap<u32, VoxelMask>,
     volume: &SparseVolume,
+    unobserved: impl Fn(usize) -> Option<&'a VoxelMask>,
     reference: Option<ReferenceBlocks>,
-) -> Vec<u8> {
+) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
     let models = &mut models.0;
     let mut encoder = RangeEncoder::new();
-    encoder.encode(&mut models.any, !masks.is_empty());
-    if masks.is_empty() {
-        return encoder.finish();
+    let mut masks = BTreeMap::new();
+    let any = (0..volume.block_count()).any(|block| unobserved(block).is_some());
+    encoder.encode(&mut models.any, any);
+    if !any {
+        return (masks, encoder.finish());
     }
     let cells = CrossedCells::new(volume);
-    let index = BlockIndex::new(coords);
-    for (block, coord) in coords.iter().enumerate() {
-        let context = MaskContext::new(*coord, &index, masks, reference);
-        let mask = masks.get(&(block as u32));
+    for (block, coord) in volume.coords().iter().enumerate() {
+        let corners = cells.corners(*coord);
+        if corners.is_empty() {
+            continue;
+        }
+        let context = MaskContext::new(*coord, cells.index(), &masks, reference);
+        let mask = unobserved(block).and_then(|wanted| common(wanted, &corners));
         encoder.encode(&mut models.block[context.block()], mask.is_some());
         let Some(mask) = mask else { continue };
-        let corners = cells.corners(*coord);
         for voxel in (0..BlockEdge::E8.block_voxels()).filter(|voxel| corners.contains(*voxel)) {
-            encoder
-                .encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, mask)], mask.contains(voxel));
+            encoder.encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, &mask)], mask.contains(voxel));
         }
+        masks.insert(block as u32, mask);
     }
-    encoder.finish()
+    (masks, encoder.finish())
+}
+
+/// Voxels of both masks, if there are any.
+fn common(a: &VoxelMask, b: &VoxelMask) -> Option<VoxelMask> {
+    let mut mask = VoxelMask::empty(BlockEdge::E8);
+    let voxels = 0..BlockEdge::E8.block_voxels();
+    voxels.filter(|voxel| a.contains(*voxel) && b.contains(*voxel)).for_each(|voxel| mask.insert(voxel));
+    (!mask.is_empty()).then_some(mask)
 }
