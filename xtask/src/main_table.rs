@@ -93,7 +93,7 @@ fn measure(
         decoded.iter().zip(&reconstructions).all(|(a, b)| Some(a) == b.as_ref()),
         "the decoder disagrees with the encoder"
     );
-    let options = CompareOptions { spacing_m: 0.005, seed: 1 };
+    let options = CompareOptions { spacing_m: header.grid.voxel_size.metres(), seed: 1 };
     let errors: Vec<GeometryError> = meshes
         .iter()
         .zip(&decoded)
