@@ -4,6 +4,7 @@
 //! the command line was wrong; each failure is one sentence on stderr.
 
 mod ahead;
+mod bit_rate;
 mod capture;
 mod commands;
 mod failure;

@@ -2,12 +2,12 @@
 
 use clap::ValueEnum;
 use isv::decode::Lod;
-use isv::encode::MotionMode;
+use isv::encode::{MotionMode, Preset};
 use isv::format::Prediction;
 use isv::ingest::SignMode;
 
 /// `--profile`
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProfileName {
     /// The codec as the paper describes it
     Paper,
@@ -57,6 +57,17 @@ pub(crate) enum MotionName {
     Auto,
 }
 
+/// `--preset`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum PresetName {
+    /// Fast enough for a person as she is captured
+    Realtime,
+    /// A good size for the time
+    Balanced,
+    /// The smallest, however long it takes
+    Archive,
+}
+
 /// `--band`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BandName {
@@ -103,6 +114,16 @@ impl From<MotionName> for MotionMode {
             MotionName::ThreeDof => Self::Fixed(Prediction::ThreeDof),
             MotionName::SixDof => Self::Fixed(Prediction::SixDof),
             MotionName::Auto => Self::Auto,
+        }
+    }
+}
+
+impl From<PresetName> for Preset {
+    fn from(name: PresetName) -> Self {
+        match name {
+            PresetName::Realtime => Self::Realtime,
+            PresetName::Balanced => Self::Balanced,
+            PresetName::Archive => Self::Archive,
         }
     }
 }

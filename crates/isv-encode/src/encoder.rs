@@ -7,13 +7,18 @@ use crate::syntax::{self, SymbolSegments};
 use isv_decode::reconstruct::{predict, reconstruct};
 use isv_decode::syntax::{EntropyState, most_slices};
 use isv_decode::{CodingParameters, FrameSymbols, Reference, volume_hash};
-use isv_format::{FrameCoding, FrameHeader, FramePayload, Prediction, Profile, SlicePayload, StreamHeader};
+use isv_format::{
+    FrameCoding, FrameHeader, FramePayload, PacketHeader, Prediction, Profile, SlicePayload, StreamHeader,
+};
 use isv_kernels::warp::MotionVector;
 use isv_volume::SparseVolume;
 
 /// Blocks a slice holds at most, unless the number of slices is given or has reached its limit. A person at 5 mm is one
 /// slice; the models of more would have to learn everything again.
 pub const BLOCKS_PER_SLICE: usize = 1 << 14;
+
+/// Bytes of a frame in a stream's index.
+const INDEX_ENTRY_BYTES: usize = 8;
 
 /// How frames that are not keyframes are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,11 +34,12 @@ pub enum MotionMode {
 pub struct EncoderSettings {
     /// Prediction of frames that are not keyframes.
     pub motion: MotionMode,
-    /// A keyframe every this many frames; not 0.
+    /// A keyframe at least every this many frames; not 0.
     pub gop: u32,
     /// Whether frames carry a hash of the decoded volume (8 bytes).
     pub checksums: bool,
-    /// Number of slices; `None` for one to every 16,384 blocks.
+    /// Number of slices; `None` for one to every 16,384 blocks in profile `paper`, and what [`Self::main`] says in profile
+    /// `main`.
     pub slices: Option<u16>,
     /// Choices of profile `main`.
     pub main: MainSettings,
@@ -115,6 +121,11 @@ impl EncodedFrame {
         self.segments.slices.iter().map(|s| s.dc_bits / 8.0).sum()
     }
 
+    /// Bytes that the frame adds to a stream: packet and entry in the index.
+    pub(crate) fn stream_bytes(&self) -> usize {
+        PacketHeader::BYTES + self.payload().to_bytes().len() + INDEX_ENTRY_BYTES
+    }
+
     fn segment_bytes(&self) -> usize {
         self.bytes_blocks() + self.bytes_motion() + self.bytes_coefficients()
     }
@@ -125,7 +136,8 @@ impl EncodedFrame {
 pub struct Encoder {
     settings: EncoderSettings,
     profile: ProfileEncoder,
-    frames: u64,
+    /// Frames since the last keyframe and with it; 0 before the first.
+    since_keyframe: u32,
 }
 
 /// An encoder of each profile.
@@ -164,9 +176,11 @@ impl Encoder {
                 let state = State { entropy: EntropyState::new(parameters.coefficients()), reference: None };
                 ProfileEncoder::Paper(Box::new(PaperEncoder { parameters, settings, state }))
             }
-            Profile::Main => ProfileEncoder::Main(Box::new(MainEncoder::new(header.grid, settings.main))),
+            Profile::Main => {
+                ProfileEncoder::Main(Box::new(MainEncoder::new(header.grid, settings.main, settings.gop)))
+            }
         };
-        Self { settings, profile, frames: 0 }
+        Self { settings, profile, since_keyframe: 0 }
     }
 
     /// Codes the next frame.
@@ -174,15 +188,20 @@ impl Encoder {
     /// # Panics
     /// If the volume is not on the stream's grid.
     pub fn encode(&mut self, volume: &SparseVolume) -> EncodedFrame {
-        let keyframe = self.frames.is_multiple_of(u64::from(self.settings.gop));
-        self.frames += 1;
-        match &mut self.profile {
+        let keyframe = self.since_keyframe.is_multiple_of(self.settings.gop);
+        let frame = match &mut self.profile {
             ProfileEncoder::Paper(encoder) => encoder.encode(volume, keyframe),
             ProfileEncoder::Main(encoder) => {
-                let wanted = self.settings.slices.unwrap_or(1).clamp(1, FrameHeader::MAX_SLICES);
+                let wanted = self
+                    .settings
+                    .slices
+                    .unwrap_or(self.settings.main.slices)
+                    .clamp(1, FrameHeader::MAX_SLICES);
                 encoder.encode(volume, keyframe, wanted, self.settings.checksums)
             }
-        }
+        };
+        self.since_keyframe = if frame.keyframe { 1 } else { self.since_keyframe + 1 };
+        frame
     }
 
     /// What the decoder will have after the last frame; `None` before the first.

@@ -12,10 +12,14 @@ mod encoder;
 mod field_dct;
 mod level_costs;
 mod motion_search;
+mod preset;
 mod pursuit;
+mod rate_control;
 mod slice;
 mod syntax;
 mod target;
 
 pub(crate) use encoder::MainEncoder;
 pub use encoder::{Band, FrameQuality, MainSettings};
+pub use preset::Preset;
+pub use rate_control::{Bitrate, RateTarget};

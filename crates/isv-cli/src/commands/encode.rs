@@ -3,6 +3,7 @@
 mod header;
 mod ingest;
 mod paper;
+mod target;
 mod volumes;
 
 use crate::ahead::Ahead;
@@ -17,7 +18,7 @@ use anyhow::{Result, bail};
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
-use isv::format::{PacketWriter, Profile, StreamHeader};
+use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -74,11 +75,12 @@ impl Args {
         Ok(Hints { voxel_size, truncation, frame_rate, origin_m, ..usual })
     }
 
-    fn encoder_settings(&self) -> EncoderSettings {
+    fn encoder_settings(&self, header: &StreamHeader) -> EncoderSettings {
         EncoderSettings {
             motion: self.header.motion(),
             gop: self.gop.get(),
             checksums: self.checksums,
+            main: self.header.target().settings(header, self.ingest.band()),
             ..EncoderSettings::default()
         }
     }
@@ -97,17 +99,14 @@ fn origin(text: &str) -> Result<[f64; 3], String> {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let capture = Capture::open(&args.input, &args.hints()?)?;
     let header = args.header.header(&capture)?;
-    if header.profile == Profile::Main {
-        bail!("this version cannot encode profile main");
-    }
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
-    let maker = args.ingest.volume_maker(header.grid, Arc::clone(&progress))?;
+    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
     use_threads(args.threads)?;
     interrupt::listen()?;
     let mut job = Job {
         header,
-        encoder: Encoder::new(&header, args.encoder_settings()),
+        encoder: Encoder::new(&header, args.encoder_settings(&header)),
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
@@ -197,7 +196,7 @@ impl Job {
             bytes_masks: coded.bytes_masks(),
             bytes_dc: coded.bytes_dc(),
             blocks_band: frame.blocks_band,
-            blocks_coded: frame.volume.block_count(),
+            blocks_coded: coded.payload().header.blocks as usize,
             keyframe: coded.keyframe,
             surface_rms_mm: surface_rms_voxels(&frame.volume, decoded) * voxel_mm,
         }

@@ -4,14 +4,16 @@ use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::motion_search::search_cubes;
 use super::pursuit::Pursuit;
+use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
 use super::slice::{CodedSlice, FrameContext, SliceEncoder};
 use super::syntax;
 use super::target::{BlockTarget, targets};
+use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::main_profile::reconstruct::filter_and_extend;
 use isv_decode::main_profile::syntax::EntropyState;
-use isv_decode::main_profile::{CausalBlocks, FrameSymbols, MainParameters, MainReference};
+use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::volume_hash;
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
@@ -42,10 +44,22 @@ impl FrameQuality {
     /// What lambda is multiplied by in keyframes, whose errors stay until the next one.
     const KEYFRAME_LAMBDA: f32 = 0.4;
 
+    /// Steps of the qualities 0 and 100, in voxels.
+    const STEP_OF_0: f32 = 8.0;
+    const STEP_OF_100: f32 = 0.6;
+
     /// The quality of a step.
     #[must_use]
     pub fn of_step(step: f32) -> Self {
         Self { step, lambda: Self::LAMBDA }
+    }
+
+    /// The step of a quality from 0 to 100: 8 voxels to 0.6 voxel, geometrically, as eyes judge by ratios. 50 is 2.2
+    /// voxels.
+    #[must_use]
+    pub fn of_quality(quality: f32) -> Self {
+        let share = quality.clamp(0.0, 100.0) / 100.0;
+        Self::of_step(Self::STEP_OF_0 * (Self::STEP_OF_100 / Self::STEP_OF_0).powf(share))
     }
 
     /// The step as it is coded.
@@ -58,8 +72,10 @@ impl FrameQuality {
 /// Choices of the encoder of profile `main`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MainSettings {
-    /// How much frames may be distorted.
+    /// How much frames may be distorted, where no rate and no error is aimed at.
     pub quality: FrameQuality,
+    /// What the steps of frames are chosen for.
+    pub target: RateTarget,
     /// Which blocks are coded.
     pub band: Band,
     /// How many vectors of a block are coded to see what they cost, 1 or more.
@@ -68,16 +84,23 @@ pub struct MainSettings {
     pub filter: (u8, u8),
     /// Whether vectors count half voxels and not quarters.
     pub half_voxel_vectors: bool,
+    /// Whether frames are also coded with the other step of vectors, and the better one kept.
+    pub try_quarter_voxels: bool,
+    /// Slices of a frame, where the encoder's settings do not say.
+    pub slices: u16,
 }
 
 impl Default for MainSettings {
     fn default() -> Self {
         Self {
             quality: FrameQuality::of_step(2.2),
+            target: RateTarget::Constant,
             band: Band::Surface,
             trials: 2,
             filter: (13, 38),
             half_voxel_vectors: true,
+            try_quarter_voxels: false,
+            slices: 1,
         }
     }
 }
@@ -89,6 +112,26 @@ pub(crate) struct MainEncoder {
     pub(crate) settings: MainSettings,
     dct: FieldDct,
     state: State,
+    rate: RateControl,
+}
+
+/// A frame to be coded, however often.
+#[derive(Clone, Copy, Debug)]
+struct Source<'a> {
+    volume: &'a SparseVolume,
+    targets: &'a [BlockTarget],
+    slices: u16,
+    checksum: bool,
+}
+
+/// A frame as coded once.
+#[derive(Debug)]
+struct CodedFrame {
+    frame: EncodedFrame,
+    /// What it leaves behind.
+    state: State,
+    /// Share of the blocks that are predicted from their neighbours.
+    spatial_share: f64,
 }
 
 /// What one frame leaves behind for the next.
@@ -100,13 +143,17 @@ struct State {
     reference: Option<MainReference>,
 }
 
+/// A frame of which more than this share of the blocks is predicted from neighbours is also tried as a keyframe.
+const CUT_SHARE: f64 = 0.6;
+
 impl MainEncoder {
-    pub(crate) fn new(grid: Grid, settings: MainSettings) -> Self {
+    pub(crate) fn new(grid: Grid, settings: MainSettings, gop: u32) -> Self {
         let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
-        Self { parameters, settings, dct, state: State::default() }
+        let rate = RateControl::new(settings.target, gop);
+        Self { parameters, settings, dct, state: State::default(), rate }
     }
 
-    /// Codes the next frame in this many slices.
+    /// Codes the next frame in this many slices. A frame that is cheaper as a keyframe becomes one.
     pub(crate) fn encode(
         &mut self,
         volume: &SparseVolume,
@@ -115,14 +162,50 @@ impl MainEncoder {
         checksum: bool,
     ) -> EncodedFrame {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
-        if keyframe {
-            let costs = std::mem::take(&mut self.state.costs);
-            self.state = State { costs, ..State::default() };
-        }
         let targets = targets(volume, self.settings.band);
-        let (frame, state) = self.encode_targets(volume, &targets, keyframe, slices, checksum);
-        self.state = state;
-        frame
+        let source = Source { volume, targets: &targets, slices, checksum };
+        let mut facts = FrameFacts { keyframe, blocks: targets.len() };
+        let constant = self.settings.quality;
+        let mut step = self.rate.first_step(facts, f64::from(constant.step));
+        for before in 0.. {
+            let coded =
+                self.encode_or_cut(&source, facts.keyframe, FrameQuality { step: step as f32, ..constant });
+            facts.keyframe = coded.frame.keyframe;
+            let attempt = self.attempt(&source, &coded, facts, step, before);
+            match self.rate.retry(&attempt) {
+                Some(other) => step = other,
+                None => {
+                    self.rate.learn(&attempt);
+                    self.state = coded.state;
+                    return coded.frame;
+                }
+            }
+        }
+        unreachable!("rate control ends")
+    }
+
+    /// What rate control is told of a coded frame.
+    fn attempt(
+        &self,
+        source: &Source,
+        coded: &CodedFrame,
+        frame: FrameFacts,
+        step: f64,
+        before: usize,
+    ) -> Attempt {
+        let decoded = coded.state.reference.as_ref().filter(|_| self.rate.needs_error());
+        let surface_rms = decoded.map_or(0.0, |decoded| surface_rms_voxels(source.volume, decoded.volume()));
+        Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms, before }
+    }
+
+    /// Codes a frame, and where most blocks do not resemble the frame before, as a keyframe too: whichever is smaller.
+    fn encode_or_cut(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
+        let coded = self.encode_frame(source, keyframe, quality);
+        if keyframe || coded.spatial_share <= CUT_SHARE {
+            return coded;
+        }
+        let cut = self.encode_frame(source, true, quality);
+        if cut.frame.stream_bytes() < coded.frame.stream_bytes() { cut } else { coded }
     }
 
     /// What the decoder will have after the last frame.
@@ -131,23 +214,25 @@ impl MainEncoder {
     }
 
     /// Codes a frame, leaving the encoder as it is.
-    fn encode_targets(
-        &self,
-        volume: &SparseVolume,
-        targets: &[BlockTarget],
-        keyframe: bool,
-        slices: u16,
-        checksum: bool,
-    ) -> (EncodedFrame, State) {
-        let reference = self.state.reference.as_ref();
+    fn encode_frame(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
+        let Source { volume, targets, slices, checksum } = *source;
+        let fresh;
+        let before = match keyframe {
+            true => {
+                fresh = State { costs: self.state.costs.clone(), ..State::default() };
+                &fresh
+            }
+            false => &self.state,
+        };
+        let reference = before.reference.as_ref();
         let coords: Vec<_> = targets.iter().map(|target| target.coord).collect();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
         let causal = CausalBlocks::new(&coords, layout.ranges());
-        let main = self.frame_header();
-        let mut entropy = self.state.entropy.clone();
+        let main = self.frame_header(quality);
+        let mut entropy = before.entropy.clone();
         let block_set = syntax::block_set::write(&mut entropy.block_set, &coords, reference);
-        let frame = self.frame_context(targets, &coords, &causal, &main, keyframe);
-        let (coded, costs) = self.code_slices(&frame, layout, &mut entropy);
+        let frame = self.frame_context(targets, &coords, &causal, reference, &main, quality);
+        let (coded, costs) = code_slices(&frame, layout, &mut entropy, &before.costs);
         drop(frame);
         let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
         let mut samples = Vec::new();
@@ -166,9 +251,11 @@ impl MainEncoder {
             let block = index.get(extended.volume.coords()[block])?;
             volume.unobserved(block as usize)
         };
-        let before = reference.map(|reference| reference.reference().blocks());
+        let blocks_before = reference.map(|reference| reference.reference().blocks());
         let (masks, mask_bytes) =
-            syntax::masks::write(&mut entropy.masks, &extended.volume, unobserved, before);
+            syntax::masks::write(&mut entropy.masks, &extended.volume, unobserved, blocks_before);
+        let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
+        let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
         let decoded = MainReference::new(extended, &symbols, masks);
         let header = FrameHeader {
             prediction: if reference.is_some() { Prediction::ThreeDof } else { Prediction::None },
@@ -179,13 +266,13 @@ impl MainEncoder {
         };
         let segments = SymbolSegments { block_set, masks: mask_bytes, slices: segments };
         let state = State { entropy, costs, reference: Some(decoded) };
-        (EncodedFrame::new(keyframe, header, segments), state)
+        CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
     }
 
-    fn frame_header(&self) -> MainFrameHeader {
+    fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
         MainFrameHeader {
-            step: self.settings.quality.code(),
+            step: quality.code(),
             filter,
             filter_limit: if filter > 0 { filter_limit } else { 0 },
             half_voxel_vectors: self.settings.half_voxel_vectors,
@@ -197,18 +284,18 @@ impl MainEncoder {
         targets: &'a [BlockTarget],
         coords: &'a [isv_volume::BlockCoord],
         causal: &'a CausalBlocks,
+        reference: Option<&'a MainReference>,
         main: &MainFrameHeader,
-        keyframe: bool,
+        quality: FrameQuality,
     ) -> FrameContext<'a> {
-        let FrameQuality { step, lambda } = self.settings.quality;
-        let share = if keyframe { FrameQuality::KEYFRAME_LAMBDA } else { 1.0 };
+        let FrameQuality { step, lambda } = quality;
+        let share = if reference.is_none() { FrameQuality::KEYFRAME_LAMBDA } else { 1.0 };
         let pursuit = Pursuit {
             dct: &self.dct,
             scan: &self.parameters.scan,
             step,
             lambda: share * lambda * step * step,
         };
-        let reference = self.state.reference.as_ref();
         FrameContext {
             parameters: &self.parameters,
             quantizer: self.parameters.quantizer(main.step),
@@ -221,25 +308,24 @@ impl MainEncoder {
             trials: self.settings.trials,
         }
     }
+}
 
-    /// Codes all slices of a frame.
-    fn code_slices(
-        &self,
-        frame: &FrameContext,
-        layout: SliceLayout,
-        entropy: &mut EntropyState,
-    ) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
-        let ranges: Vec<_> = layout.ranges().collect();
-        let fresh = || [LevelCosts::new(), LevelCosts::new()];
-        let costs: Vec<_> =
-            (0..ranges.len()).map(|s| self.state.costs.get(s).cloned().unwrap_or_else(fresh)).collect();
-        let slices = entropy.slices(ranges.len()).par_iter_mut().zip(ranges).zip(costs);
-        slices
-            .map(|((models, range), costs)| {
-                let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs).run();
-                costs.iter_mut().for_each(LevelCosts::age);
-                (coded, costs)
-            })
-            .unzip()
-    }
+/// Codes all slices of a frame. `before` has what levels cost in the slices of the frame before.
+fn code_slices(
+    frame: &FrameContext,
+    layout: SliceLayout,
+    entropy: &mut EntropyState,
+    before: &[[LevelCosts; 2]],
+) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
+    let ranges: Vec<_> = layout.ranges().collect();
+    let fresh = || [LevelCosts::new(), LevelCosts::new()];
+    let costs: Vec<_> = (0..ranges.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
+    let slices = entropy.slices(ranges.len()).par_iter_mut().zip(ranges).zip(costs);
+    slices
+        .map(|((models, range), costs)| {
+            let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs).run();
+            costs.iter_mut().for_each(LevelCosts::age);
+            (coded, costs)
+        })
+        .unzip()
 }

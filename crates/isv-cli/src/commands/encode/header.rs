@@ -1,6 +1,7 @@
 //! The part of the command line that goes into the stream's header.
 
 use super::paper::PaperArgs;
+use super::target::TargetArgs;
 use crate::capture::{Capture, default_voxel_size};
 use crate::failure::usage;
 use crate::frame_rate;
@@ -23,9 +24,9 @@ fn default_grid() -> Grid {
 
 #[derive(Debug, clap::Args)]
 pub(super) struct HeaderArgs {
-    /// The codec's set of tools
-    #[arg(long, value_enum, default_value = "paper")]
-    profile: ProfileName,
+    /// The codec's set of tools; without it, main
+    #[arg(long, value_enum)]
+    profile: Option<ProfileName>,
     /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
     #[arg(long, value_parser = frame_rate::parse)]
     fps: Option<FrameRate>,
@@ -42,6 +43,8 @@ pub(super) struct HeaderArgs {
     truncation: Option<u32>,
     #[command(flatten)]
     paper: PaperArgs,
+    #[command(flatten)]
+    target: TargetArgs,
 }
 
 impl HeaderArgs {
@@ -53,6 +56,16 @@ impl HeaderArgs {
             grid,
             frame_rate: self.fps.or(capture.frame_rate()).unwrap_or(DEFAULT_FRAME_RATE),
         })
+    }
+
+    /// The flags of profile `main`.
+    pub(super) fn target(&self) -> &TargetArgs {
+        &self.target
+    }
+
+    /// The profile asked for, or the default.
+    pub(super) fn profile_name(&self) -> ProfileName {
+        self.profile.unwrap_or(ProfileName::Main)
     }
 
     /// How frames between keyframes are predicted in profile `paper`.
@@ -91,10 +104,10 @@ impl HeaderArgs {
 
     /// The edge of a block: what was asked for, else `default`; in profile `main` always 8.
     fn edge(&self, default: BlockEdge) -> Result<BlockEdge> {
-        match (self.profile, self.block) {
+        match (self.profile_name(), self.block) {
             (ProfileName::Main, None | Some(8)) => Ok(BlockEdge::E8),
             (ProfileName::Main, Some(other)) => {
-                Err(usage(format!("--block {other}: profile main has blocks of 8^3 voxels")))
+                Err(usage(format!("--block {other}: profile main has blocks of 8^3 voxels{}", self.advice())))
             }
             (ProfileName::Paper, None) => Ok(default),
             (ProfileName::Paper, Some(edge)) => {
@@ -105,13 +118,27 @@ impl HeaderArgs {
 
     /// The profile; a setting of another one is refused.
     fn profile(&self, grid: &Grid) -> Result<Profile> {
-        match (self.profile, self.paper.first_given()) {
-            (ProfileName::Paper, _) => Ok(Profile::Paper(self.paper.parameters(grid)?)),
-            (ProfileName::Main, None) => Ok(Profile::Main),
-            (ProfileName::Main, Some(flag)) => {
-                Err(usage(format!("{flag}: this is a setting of profile paper, not of profile main")))
-            }
+        self.target.check()?;
+        match self.profile_name() {
+            ProfileName::Paper => match self.target.first_given() {
+                None => Ok(Profile::Paper(self.paper.parameters(grid)?)),
+                Some(flag) => {
+                    Err(usage(format!("{flag}: this is a setting of profile main, not of profile paper")))
+                }
+            },
+            ProfileName::Main => match self.paper.first_given() {
+                None => Ok(Profile::Main),
+                Some(flag) => Err(usage(format!(
+                    "{flag}: this is a setting of profile paper, not of profile main{}",
+                    self.advice()
+                ))),
+            },
         }
+    }
+
+    /// What to do about a setting of profile `paper`, for those who never asked for `main`.
+    fn advice(&self) -> &'static str {
+        if self.profile.is_none() { ": add --profile paper" } else { "" }
     }
 }
 
@@ -138,8 +165,9 @@ mod tests {
     #[test]
     fn paper_has_the_settings_of_its_fig_12_unless_told() {
         let paper = PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 };
-        assert_eq!(parse(&[], None).unwrap(), (default_grid(), Profile::Paper(paper)));
-        let (grid, profile) = parse(&["--block=4", "--coefficients=20", "--ac-step=5mm"], None).unwrap();
+        assert_eq!(parse(&["--profile=paper"], None).unwrap(), (default_grid(), Profile::Paper(paper)));
+        let knobs = ["--profile=paper", "--block=4", "--coefficients=20", "--ac-step=5mm"];
+        let (grid, profile) = parse(&knobs, None).unwrap();
         assert_eq!(grid.edge, BlockEdge::E4);
         let told = PaperParameters { coefficients: 20, ac_step: 4096, ..paper };
         assert_eq!(profile, Profile::Paper(told));
@@ -148,12 +176,14 @@ mod tests {
     #[test]
     fn main_has_blocks_of_8_whatever_the_capture_has() {
         let captured = Grid { edge: BlockEdge::E4, ..default_grid() };
-        assert_eq!(parse(&[], Some(captured)).unwrap().0.edge, BlockEdge::E4);
-        for flags in [&["--profile=main"][..], &["--profile=main", "--block=8"]] {
+        assert_eq!(parse(&["--profile=paper"], Some(captured)).unwrap().0.edge, BlockEdge::E4);
+        for flags in [&[][..], &["--profile=main"], &["--profile=main", "--block=8"]] {
             assert_eq!(parse(flags, Some(captured)).unwrap(), (default_grid(), Profile::Main));
         }
         let sentence = parse(&["--profile=main", "--block=16"], None).unwrap_err();
         assert_eq!(sentence, "--block 16: profile main has blocks of 8^3 voxels");
+        let sentence = parse(&["--block=16"], None).unwrap_err();
+        assert_eq!(sentence, "--block 16: profile main has blocks of 8^3 voxels: add --profile paper");
     }
 
     #[test]
@@ -162,6 +192,31 @@ mod tests {
             let sentence = parse(&["--profile=main", flag], None).unwrap_err();
             let name = flag.split('=').next().unwrap();
             assert_eq!(sentence, format!("{name}: this is a setting of profile paper, not of profile main"));
+            let kinder = parse(&[flag], None).unwrap_err();
+            assert_eq!(kinder, format!("{sentence}: add --profile paper"));
         }
+    }
+
+    #[test]
+    fn paper_refuses_the_settings_of_main() {
+        for flag in ["--quality=50", "--bitrate=2M", "--max-error=1mm", "--preset=archive"] {
+            let sentence = parse(&["--profile=paper", flag], None).unwrap_err();
+            assert!(
+                sentence.ends_with("this is a setting of profile main, not of profile paper"),
+                "{sentence}"
+            );
+        }
+    }
+
+    #[test]
+    fn one_target_at_a_time() {
+        let targets = ["--quality=50", "--bitrate=2M", "--max-error=1mm"];
+        for (one, other) in [(0, 1), (0, 2), (1, 2)] {
+            let sentence = parse(&[targets[one], targets[other]], None).unwrap_err();
+            assert!(sentence.ends_with(": only one of them can be met"), "{sentence}");
+        }
+        assert!(
+            parse(&["--passes=2"], None).is_err() && parse(&["--passes=2", "--bitrate=1M"], None).is_ok()
+        );
     }
 }

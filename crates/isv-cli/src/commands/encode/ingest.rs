@@ -4,7 +4,7 @@ use super::volumes::{DepthFusion, VolumeMaker};
 use crate::failure::usage;
 use crate::length::Length;
 use crate::progress::Progress;
-use crate::terms::{BandName, FusionName, NormalsName, SignName};
+use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
 use isv::fusion::{Accumulator, FusionSettings};
 use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest};
@@ -31,17 +31,27 @@ pub(super) struct IngestArgs {
     /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
     #[arg(long, value_name = "LENGTH")]
     max_depth: Option<Length>,
-    /// How much of the volume to code
-    #[arg(long, value_enum, default_value = "full")]
-    band: BandName,
+    /// How much of the volume to code; without it, surface in profile main and full in profile paper
+    #[arg(long, value_enum)]
+    band: Option<BandName>,
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
 }
 
 impl IngestArgs {
-    /// What makes volumes on a grid.
-    pub(super) fn volume_maker(&self, grid: Grid, progress: Arc<Progress>) -> Result<VolumeMaker> {
+    /// How much of the volume to code, if that was asked for.
+    pub(super) fn band(&self) -> Option<BandName> {
+        self.band
+    }
+
+    /// What makes volumes on a grid. Profile `main` has whole ones, of which its encoder codes what is asked for.
+    pub(super) fn volume_maker(
+        &self,
+        grid: Grid,
+        profile: ProfileName,
+        progress: Arc<Progress>,
+    ) -> Result<VolumeMaker> {
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
         let truncation = grid.truncation.voxels();
         if !(offset_voxels > 0.0 && offset_voxels <= f64::from(truncation)) {
@@ -62,7 +72,10 @@ impl IngestArgs {
                 FusionName::PerFrame => DepthFusion::PerFrame(fusion),
                 FusionName::Accumulate => DepthFusion::Accumulate(Box::new(Accumulator::new(fusion))),
             },
-            band: self.band,
+            band: match profile {
+                ProfileName::Main => BandName::Full,
+                ProfileName::Paper => self.band.unwrap_or(BandName::Full),
+            },
             progress,
         })
     }

@@ -1,0 +1,30 @@
+//! How much work the encoder takes on.
+
+use super::encoder::MainSettings;
+
+/// Sets of choices between speed and size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// For live encoding: one vector of each block is coded, and two slices at a time.
+    Realtime,
+    /// What serves most.
+    Balanced,
+    /// As small as it gets.
+    Archive,
+}
+
+impl Preset {
+    /// From the fastest to the smallest.
+    pub const ALL: [Self; 3] = [Self::Realtime, Self::Balanced, Self::Archive];
+
+    /// The settings of a preset; what it does not say is as in [`MainSettings::default`].
+    #[must_use]
+    pub fn settings(self) -> MainSettings {
+        let balanced = MainSettings::default();
+        match self {
+            Self::Realtime => MainSettings { trials: 1, slices: 2, ..balanced },
+            Self::Balanced => balanced,
+            Self::Archive => MainSettings { trials: 5, try_quarter_voxels: true, ..balanced },
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Which step each frame is coded with: one for all, what meets a rate, or what keeps within an error.
+//!
+//! ```text
+//! first_step ─> the frame coded ─> Attempt ─ retry ─> none: learn, go on to the next frame
+//!     ▲                                        └────> a step: the frame coded anew ─> Attempt ...
+//! ```
+//!
+//! Nothing here depends on time or threads: the same volumes give the same steps.
+
+mod bitrate;
+mod error_bound;
+
+pub use bitrate::Bitrate;
+use bitrate::BitrateControl;
+use error_bound::ErrorControl;
+
+/// The finest and the coarsest step that rate control takes, in voxels.
+const FINEST_STEP: f64 = 0.1;
+const COARSEST_STEP: f64 = 64.0;
+
+/// What the steps of a stream's frames are chosen for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RateTarget {
+    /// The step of the settings, in all frames.
+    Constant,
+    /// A rate.
+    Bitrate(Bitrate),
+    /// Each frame's [`surface_rms_voxels`](crate::surface_rms_voxels) is at most this, or what the finest step gives.
+    MaxError(f64),
+}
+
+/// A frame to be coded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FrameFacts {
+    pub keyframe: bool,
+    /// Coded blocks.
+    pub blocks: usize,
+}
+
+/// A frame as coded once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attempt {
+    pub frame: FrameFacts,
+    /// In voxels.
+    pub step: f64,
+    /// Bits in the stream, everything counted.
+    pub bits: f64,
+    /// In voxels; 0 where no target asks for it.
+    pub surface_rms: f64,
+    /// How many attempts were made before this one.
+    pub before: usize,
+}
+
+/// Chooses steps.
+#[derive(Clone, Debug)]
+pub(crate) enum RateControl {
+    Constant,
+    Bitrate(BitrateControl),
+    MaxError(ErrorControl),
+}
+
+impl RateControl {
+    pub(crate) fn new(target: RateTarget, gop: u32) -> Self {
+        match target {
+            RateTarget::Constant => Self::Constant,
+            RateTarget::Bitrate(bitrate) => Self::Bitrate(BitrateControl::new(bitrate, gop)),
+            RateTarget::MaxError(bound) => Self::MaxError(ErrorControl::new(bound)),
+        }
+    }
+
+    /// The step to code a frame with; `constant` is that of the settings.
+    pub(crate) fn first_step(&self, frame: FrameFacts, constant: f64) -> f64 {
+        match self {
+            Self::Constant => constant,
+            Self::Bitrate(control) => control.first_step(frame),
+            Self::MaxError(control) => control.first_step(frame),
+        }
+    }
+
+    /// The step to code the frame with anew, unless the attempt is good enough or as good as can be.
+    pub(crate) fn retry(&self, attempt: &Attempt) -> Option<f64> {
+        match self {
+            Self::Constant => None,
+            Self::Bitrate(control) => control.retry(attempt),
+            Self::MaxError(control) => control.retry(attempt),
+        }
+    }
+
+    /// Learns from the attempt that goes into the stream.
+    pub(crate) fn learn(&mut self, attempt: &Attempt) {
+        match self {
+            Self::Constant => {}
+            Self::Bitrate(control) => control.learn(attempt),
+            Self::MaxError(control) => control.learn(attempt),
+        }
+    }
+
+    pub(crate) fn needs_error(&self) -> bool {
+        matches!(self, Self::MaxError(_))
+    }
+}
