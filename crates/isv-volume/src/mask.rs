@@ -15,6 +15,12 @@ impl VoxelMask {
         Self { words: vec![0; edge.block_voxels() / 64].into() }
     }
 
+    /// The set of all voxels of a block of this edge.
+    #[must_use]
+    pub fn full(edge: BlockEdge) -> Self {
+        Self { words: vec![u64::MAX; edge.block_voxels() / 64].into() }
+    }
+
     /// Whether a voxel is in the set.
     #[must_use]
     pub fn contains(&self, voxel: usize) -> bool {

@@ -17,7 +17,7 @@ use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParame
 use isv_decode::volume_hash;
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
-use isv_volume::{CODES_PER_VOXEL, Grid, SparseVolume};
+use isv_volume::{CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
 /// Which blocks are coded.
@@ -247,13 +247,15 @@ impl MainEncoder {
         }
         let extended = filter_and_extend(&self.parameters, &main, &symbols, samples);
         let index = volume.index();
-        let unobserved = |block: usize| {
-            let block = index.get(extended.volume.coords()[block])?;
-            volume.unobserved(block as usize)
+        // What the source does not have is beyond its band or was not observed at all.
+        let nothing = VoxelMask::full(self.parameters.grid.edge);
+        let unobserved = |block: usize| match index.get(extended.volume.coords()[block]) {
+            Some(block) => volume.unobserved(block as usize),
+            None => Some(&nothing),
         };
         let blocks_before = reference.map(|reference| reference.reference().blocks());
         let (masks, mask_bytes) =
-            syntax::masks::write(&mut entropy.masks, &extended.volume, unobserved, blocks_before);
+            syntax::masks::write(&mut entropy.masks, volume, &extended.volume, unobserved, blocks_before);
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
         let decoded = MainReference::new(extended, &symbols, masks);

@@ -10,9 +10,10 @@ use std::collections::BTreeMap;
 /// Writes what can be written of the masks of a frame's blocks, coded or made up: their voxels in cells that the decoded surface
 /// crosses. Returns it too, by index in the extended `volume`.
 ///
-/// `unobserved`: the source's mask of such a block.
+/// Nothing is written if the source is wholly observed. `unobserved`: the source's mask of a block of the extended volume.
 pub(crate) fn write<'a>(
     models: &mut MaskModels,
+    source: &SparseVolume,
     volume: &SparseVolume,
     unobserved: impl Fn(usize) -> Option<&'a VoxelMask>,
     reference: Option<ReferenceBlocks>,
@@ -20,7 +21,7 @@ pub(crate) fn write<'a>(
     let models = &mut models.0;
     let mut encoder = RangeEncoder::new();
     let mut masks = BTreeMap::new();
-    let any = (0..volume.block_count()).any(|block| unobserved(block).is_some());
+    let any = !source.unobserved_masks().is_empty();
     encoder.encode(&mut models.any, any);
     if !any {
         return (masks, encoder.finish());
