@@ -16,6 +16,7 @@ mod pursuit;
 mod slice;
 mod syntax;
 mod target;
+mod weight_spectrum;
 
 pub(crate) use encoder::MainEncoder;
 pub use encoder::{Band, FrameQuality, MainSettings};

@@ -88,6 +88,8 @@ pub(crate) struct MainEncoder {
     parameters: MainParameters,
     pub(crate) settings: MainSettings,
     dct: FieldDct,
+    /// Place in scan order of each position, if it is coded.
+    places: [Option<u8>; 512],
     state: State,
 }
 
@@ -103,7 +105,9 @@ struct State {
 impl MainEncoder {
     pub(crate) fn new(grid: Grid, settings: MainSettings) -> Self {
         let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
-        Self { parameters, settings, dct, state: State::default() }
+        let mut places = [None; 512];
+        (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
+        Self { parameters, settings, dct, places, state: State::default() }
     }
 
     /// Codes the next frame in this many slices.
@@ -206,6 +210,7 @@ impl MainEncoder {
         let pursuit = Pursuit {
             dct: &self.dct,
             scan: &self.parameters.scan,
+            places: &self.places,
             step,
             lambda: share * lambda * step * step,
         };
