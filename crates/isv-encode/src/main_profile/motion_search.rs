@@ -172,51 +172,23 @@ impl NormalEquations {
     /// Rows of eight voxels, each lane apart. The same place in its cell for all of them. Large residuals are not believed as
     /// much: they may be another surface.
     #[inline(always)]
-    fn of_rows(near: &[NearRow], window: &WindowRows, [x, y, z]: Shift, every: usize) -> Self {
-        const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
-        let (mut matrix, mut gradient, mut error) = ([[0.0; 8]; 6], [[0.0; 8]; 3], [0.0; 8]);
+    fn of_rows(near: &[NearRow], window: &WindowRows, fraction: Shift, every: usize) -> Self {
+        let mut sums = LaneSums { matrix: [[0.0; 8]; 6], gradient: [[0.0; 8]; 3], error: [0.0; 8] };
         for near in near {
             let (row_y, row_z) = (near.row % 8, near.row / 8);
-            if (row_y + 2 * row_z) & (every - 1) != 0 {
-                continue;
-            }
-            let first = row_z * SIDE + row_y;
-            let rows = [first, first + 1, first + SIDE, first + SIDE + 1];
-            let [n00, n10, n01, n11] = [0, 1, 2, 3].map(|row| window.eight(rows[row], 0));
-            let [f00, f10, f01, f11] = [0, 1, 2, 3].map(|row| window.eight(rows[row], 1));
-            for i in 0..8 {
-                let [n00, n10, n01, n11] =
-                    [f32::from(n00[i]), f32::from(n10[i]), f32::from(n01[i]), f32::from(n11[i])];
-                let [s00, s10, s01, s11] = [
-                    f32::from(f00[i]) - n00,
-                    f32::from(f10[i]) - n10,
-                    f32::from(f01[i]) - n01,
-                    f32::from(f11[i]) - n11,
-                ];
-                let [v00, v10, v01, v11] = [n00 + x * s00, n10 + x * s10, n01 + x * s01, n11 + x * s11];
-                let [s0, s1] = [s00 + y * (s10 - s00), s01 + y * (s11 - s01)];
-                let [v0, v1] = [v00 + y * (v10 - v00), v01 + y * (v11 - v01)];
-                let gx = (s0 + z * (s1 - s0)) * SCALE;
-                let gy = ((v10 - v00) + z * ((v11 - v01) - (v10 - v00))) * SCALE;
-                let gz = (v1 - v0) * SCALE;
-                let residual = (v0 + z * (v1 - v0)) * SCALE - near.samples[i];
-                let squared = residual * residual;
-                error[i] += near.weights[i] * squared;
-                let weight = near.weights[i] / (1.0 + squared);
-                let [wx, wy, wz] = [weight * gx, weight * gy, weight * gz];
-                matrix[0][i] += wx * gx;
-                matrix[1][i] += wx * gy;
-                matrix[2][i] += wx * gz;
-                matrix[3][i] += wy * gy;
-                matrix[4][i] += wy * gz;
-                matrix[5][i] += wz * gz;
-                gradient[0][i] += wx * residual;
-                gradient[1][i] += wy * residual;
-                gradient[2][i] += wz * residual;
+            if (row_y + 2 * row_z) & (every - 1) == 0 {
+                sums.add_row(near, window, row_z * SIDE + row_y, fraction);
             }
         }
-        let sum = |lanes: [f32; 8]| lanes.iter().sum();
-        Self { matrix: matrix.map(sum), gradient: gradient.map(sum), error: sum(error) }
+        let mut total = Self::default();
+        for i in 0..6 {
+            total.matrix[i] = sums.matrix[i].iter().sum();
+        }
+        for i in 0..3 {
+            total.gradient[i] = sums.gradient[i].iter().sum();
+        }
+        total.error = sums.error.iter().sum();
+        total
     }
 
     fn plus(mut self, other: &Self) -> Self {
@@ -237,4 +209,68 @@ impl NormalEquations {
         [a * gx + b * gy + c * gz, b * gx + d * gy + e * gz, c * gx + e * gy + f * gz]
             .map(|v| v / determinant)
     }
+}
+
+/// [`NormalEquations`] of each lane of a row.
+struct LaneSums {
+    matrix: [[f32; 8]; 6],
+    gradient: [[f32; 8]; 3],
+    error: [f32; 8],
+}
+
+impl LaneSums {
+    /// Adds a row of a block; `first` is the row of the window in whose cells it lies, all at the same place `[x, y, z]`.
+    #[inline(always)]
+    fn add_row(&mut self, near: &NearRow, window: &WindowRows, first: usize, [x, y, z]: Shift) {
+        const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+        let [n00, s00] = ends(window, first);
+        let [n10, s10] = ends(window, first + 1);
+        let [n01, s01] = ends(window, first + SIDE);
+        let [n11, s11] = ends(window, first + SIDE + 1);
+        let (mut residual, mut slopes) = ([0.0; 8], [[0.0; 8]; 3]);
+        for i in 0..8 {
+            let [v00, v10] = [n00[i] + x * s00[i], n10[i] + x * s10[i]];
+            let [v01, v11] = [n01[i] + x * s01[i], n11[i] + x * s11[i]];
+            let [s0, s1] = [s00[i] + y * (s10[i] - s00[i]), s01[i] + y * (s11[i] - s01[i])];
+            let [v0, v1] = [v00 + y * (v10 - v00), v01 + y * (v11 - v01)];
+            slopes[0][i] = (s0 + z * (s1 - s0)) * SCALE;
+            slopes[1][i] = ((v10 - v00) + z * ((v11 - v01) - (v10 - v00))) * SCALE;
+            slopes[2][i] = (v1 - v0) * SCALE;
+            residual[i] = (v0 + z * (v1 - v0)) * SCALE - near.samples[i];
+        }
+        let mut weight = [0.0; 8];
+        for i in 0..8 {
+            let squared = residual[i] * residual[i];
+            self.error[i] += near.weights[i] * squared;
+            weight[i] = near.weights[i] / (1.0 + squared);
+        }
+        let mut entry = 0;
+        for a in 0..3 {
+            let mut weighted = [0.0; 8];
+            for i in 0..8 {
+                weighted[i] = weight[i] * slopes[a][i];
+            }
+            for i in 0..8 {
+                self.gradient[a][i] += weighted[i] * residual[i];
+            }
+            for b in a..3 {
+                for i in 0..8 {
+                    self.matrix[entry][i] += weighted[i] * slopes[b][i];
+                }
+                entry += 1;
+            }
+        }
+    }
+}
+
+/// Eight samples of a row of the window, and the differences to the next ones along x.
+#[inline(always)]
+fn ends(window: &WindowRows, row: usize) -> [[f32; 8]; 2] {
+    let (near, far) = (window.eight(row, 0), window.eight(row, 1));
+    let mut ends = [[0.0; 8]; 2];
+    for i in 0..8 {
+        ends[0][i] = f32::from(near[i]);
+        ends[1][i] = f32::from(far[i]) - f32::from(near[i]);
+    }
+    ends
 }
