@@ -15,8 +15,10 @@ pub mod reconstruct;
 mod reference;
 mod symbols;
 pub mod syntax;
+mod window;
 
 pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS};
 pub use parameters::{COEFFICIENTS, MainParameters};
 pub use reference::MainReference;
 pub use symbols::{BlockMode, FrameSymbols, Vector};
+pub use window::{Missing, Window};

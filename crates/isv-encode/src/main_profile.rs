@@ -18,6 +18,7 @@ mod rate_control;
 mod slice;
 mod syntax;
 mod target;
+mod weight_spectrum;
 
 pub(crate) use encoder::MainEncoder;
 pub use encoder::{Band, FrameQuality, MainSettings};

@@ -11,6 +11,7 @@
 //! | [`deblock`] | smoothing across faces of blocks (profile `main`) |
 //! | [`extrapolation`] | the field beside coded blocks (profile `main`) |
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
+//! | [`window`] | the same by quarter voxels, without rotation (profile `main`) |
 //!
 //! Beyond the paper, [`surface_fit`] predicts a block from those around it.
 
@@ -23,3 +24,4 @@ pub mod scan;
 pub mod simd;
 pub mod surface_fit;
 pub mod warp;
+pub mod window;

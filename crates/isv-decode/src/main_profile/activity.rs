@@ -1,13 +1,12 @@
 //! Where the surface is expected to be: the frame before, moved on as it was moving.
 
-use super::{MainReference, Vector};
-use isv_volume::{BlockCoord, BlockIndex};
+use super::{MainReference, Missing, Vector, Window};
+use isv_kernels::simd::vectorized;
+use isv_kernels::window::{SIDE, WindowRows};
 use rayon::prelude::*;
 
 /// Quarter voxels to a voxel.
 const QUARTERS: i32 = 4;
-/// Voxels of a block and the layer after it, along an axis.
-const SIDE: usize = 9;
 /// Stands for samples of blocks that are not there. No sample is as low.
 const UNKNOWN: i16 = i16::MIN;
 
@@ -64,7 +63,12 @@ pub fn expected_activity(reference: &MainReference) -> Vec<Activity> {
     let volume = reference.volume();
     (0..volume.block_count())
         .into_par_iter()
-        .map(|block| activity_at(reference, volume.coords()[block], drift(reference, block)))
+        .map_init(Window::default, |window, block| {
+            let (coord, drift) = (volume.coords()[block].to_array(), drift(reference, block));
+            let first = std::array::from_fn(|axis| 8 * coord[axis] + drift[axis]);
+            window.look_at(reference, first, Missing::Sample(UNKNOWN));
+            activity_in(window.rows())
+        })
         .collect()
 }
 
@@ -88,54 +92,28 @@ fn sum_around(reference: &MainReference, block: usize) -> ([i32; 3], i32) {
     })
 }
 
-/// Counts crossings in the reference at a block displaced by whole voxels, its far faces included.
-fn activity_at(reference: &MainReference, coord: BlockCoord, drift: [i32; 3]) -> Activity {
-    let window = window_at(reference, coord, drift);
-    let mut found = Activity { crossings: 0, nearest: u16::MAX };
-    for z in 0..SIDE - 1 {
-        for y in 0..SIDE - 1 {
-            for x in 0..SIDE - 1 {
-                let at = (z * SIDE + y) * SIDE + x;
-                let sample = window[at];
-                if sample == UNKNOWN {
-                    continue;
-                }
-                found.nearest = found.nearest.min(sample.unsigned_abs());
-                for stride in [1, SIDE, SIDE * SIDE] {
-                    let next = window[at + stride];
-                    found.crossings += u16::from(next != UNKNOWN && (next < 0) != (sample < 0));
+/// Counts crossings in a window, its far faces included.
+fn activity_in(window: &WindowRows) -> Activity {
+    vectorized(
+        #[inline(always)]
+        || {
+            let (mut nearest, mut crossings) = ([u16::MAX; 8], [0u16; 8]);
+            for row in (0..8).flat_map(|z| (0..8).map(move |y| z * SIDE + y)) {
+                let samples = window.eight(row, 0);
+                let after = [window.eight(row, 1), window.eight(row + 1, 0), window.eight(row + SIDE, 0)];
+                for lane in 0..8 {
+                    let sample = samples[lane];
+                    let known = sample != UNKNOWN;
+                    let distance = if known { sample.unsigned_abs() } else { u16::MAX };
+                    nearest[lane] = nearest[lane].min(distance);
+                    for next in after {
+                        let differs = (next[lane] ^ sample) < 0;
+                        crossings[lane] += u16::from(known & (next[lane] != UNKNOWN) & differs);
+                    }
                 }
             }
-        }
-    }
-    found
-}
-
-/// The reference's samples at a block displaced by whole voxels, with one more layer, x fastest.
-fn window_at(reference: &MainReference, coord: BlockCoord, drift: [i32; 3]) -> [i16; SIDE * SIDE * SIDE] {
-    let (index, volume): (&BlockIndex, _) = (reference.reference().index(), reference.volume());
-    let mut window = [UNKNOWN; SIDE * SIDE * SIDE];
-    let blocks = drift.map(|d| d.div_euclid(8));
-    let within = drift.map(|d| d.rem_euclid(8) as usize);
-    // The window spans two blocks along each axis, or three samples of it: 9 voxels from `within` on.
-    for slot in 0..8 {
-        let step = [slot & 1, slot >> 1 & 1, slot >> 2];
-        let offset = std::array::from_fn(|axis| blocks[axis] + step[axis] as i32);
-        let Some(block) = index.get(coord.offset(offset)) else { continue };
-        let samples = volume.block(block as usize);
-        // Voxels of the window along an axis that this block has, and where they begin in it.
-        let span = |axis: usize| {
-            let split = 8 - within[axis];
-            if step[axis] == 0 { (0..split.min(SIDE), within[axis]) } else { (split..SIDE, 0) }
-        };
-        let [(xs, x0), (ys, y0), (zs, z0)] = [span(0), span(1), span(2)];
-        for z in zs.clone() {
-            for y in ys.clone() {
-                let from = ((z - zs.start + z0) * 8 + y - ys.start + y0) * 8 + x0;
-                let to = (z * SIDE + y) * SIDE;
-                window[to + xs.start..to + xs.end].copy_from_slice(&samples[from..from + xs.len()]);
-            }
-        }
-    }
-    window
+            let nearest = nearest.into_iter().fold(u16::MAX, u16::min);
+            Activity { crossings: crossings.iter().sum(), nearest }
+        },
+    )
 }

@@ -1,65 +1,61 @@
 //! From symbols to samples. The encoder's closed loop is this code.
 
 use super::loop_filter::smooth_faces;
-use super::{BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Vector};
+use super::{
+    BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Missing, Vector,
+    Window,
+};
 use crate::extension::{Extended, extend};
 use isv_format::{MainFrameHeader, SliceLayout};
 use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::Quantizer;
 use isv_kernels::surface_fit::SurfaceFit;
-use isv_kernels::warp::{MotionVector, StitchedReference};
-use isv_volume::{BlockCoord, BlockEdge, Neighbourhood, SparseVolume};
+use isv_kernels::window::WindowRows;
+use isv_volume::{BlockCoord, Neighbourhood, SparseVolume};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Samples of a block.
 pub const BLOCK_SAMPLES: usize = 512;
 
-/// Quarter voxels along a block's edge.
+/// Quarter voxels in a voxel, and voxels and quarter voxels along a block's edge.
+const QUARTERS: i32 = 4;
+const EDGE: i32 = 8;
 const BLOCK_QUARTERS: i16 = 32;
 
-/// The reference around the place that a vector points to, kept while vectors point to the same blocks.
+/// The reference around the place that a vector points to, kept while vectors point to the same voxels.
 #[derive(Debug)]
 pub struct TemporalPredictor<'a> {
     reference: &'a MainReference,
-    stitched: StitchedReference,
-    centre: Option<BlockCoord>,
+    window: Window,
 }
 
 impl<'a> TemporalPredictor<'a> {
     /// Predictions from a reference.
     #[must_use]
     pub fn new(reference: &'a MainReference) -> Self {
-        Self { reference, stitched: StitchedReference::new(BlockEdge::E8), centre: None }
+        Self { reference, window: Window::default() }
     }
 
     /// Predicts the block at a coordinate: the reference's samples displaced by the vector.
     ///
-    /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to
-    /// are stitched, and the rest is [`StitchedReference::warp`].
-    ///
     /// # Panics
     /// If `out` is not a block.
     pub fn predict(&mut self, coord: BlockCoord, vector: Vector, out: &mut [i16]) {
-        let rest = self.look_at(coord, vector);
-        self.stitched.warp(MotionVector { translation: rest, rotation: [0; 3] }, out);
+        let out: &mut [i16; BLOCK_SAMPLES] = out.try_into().expect("a block of 8^3 samples");
+        let voxels = vector.0.map(|v| i32::from(v).div_euclid(QUARTERS));
+        let rest = vector.0.map(|v| i32::from(v).rem_euclid(QUARTERS) as u8);
+        self.look_at(coord, vector, voxels).translate(rest, out);
     }
 
-    /// Stitches the reference around the place that a vector points to, and returns the rest of it in quarter voxels.
-    pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector) -> [i8; 3] {
-        let blocks = vector.map(|v| (v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS));
-        let centre = coord.offset(blocks.map(i32::from));
-        if self.centre != Some(centre) {
-            self.reference.reference().stitch_at(centre, &mut self.stitched);
-            self.centre = Some(centre);
-        }
-        std::array::from_fn(|axis| (vector[axis] - blocks[axis] * BLOCK_QUARTERS) as i8)
-    }
-
-    /// What was stitched last.
-    #[must_use]
-    pub fn stitched(&self) -> &StitchedReference {
-        &self.stitched
+    /// The reference's samples at a block displaced by whole voxels. Blocks that are not there take their sign from the one
+    /// that the vector leads to, at most four voxels from there.
+    pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector, voxels: [i32; 3]) -> &WindowRows {
+        let blocks = vector.map(|v| i32::from((v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS)));
+        let coords = coord.to_array();
+        let first = std::array::from_fn(|axis| coords[axis] * EDGE + voxels[axis]);
+        self.window.look_at(self.reference, first, Missing::Truncation(coord.offset(blocks)));
+        self.window.rows()
     }
 }
 

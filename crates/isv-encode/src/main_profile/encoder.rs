@@ -111,6 +111,8 @@ pub(crate) struct MainEncoder {
     parameters: MainParameters,
     pub(crate) settings: MainSettings,
     dct: FieldDct,
+    /// Place in scan order of each position, if it is coded.
+    places: [Option<u8>; 512],
     state: State,
     rate: RateControl,
 }
@@ -150,7 +152,9 @@ impl MainEncoder {
     pub(crate) fn new(grid: Grid, settings: MainSettings, gop: u32) -> Self {
         let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
         let rate = RateControl::new(settings.target, gop);
-        Self { parameters, settings, dct, state: State::default(), rate }
+        let mut places = [None; 512];
+        (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
+        Self { parameters, settings, dct, places, state: State::default(), rate }
     }
 
     /// Codes the next frame in this many slices. A frame that is cheaper as a keyframe becomes one.
@@ -295,6 +299,7 @@ impl MainEncoder {
         let pursuit = Pursuit {
             dct: &self.dct,
             scan: &self.parameters.scan,
+            places: &self.places,
             step,
             lambda: share * lambda * step * step,
         };

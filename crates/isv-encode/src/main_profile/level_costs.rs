@@ -54,6 +54,18 @@ impl LevelCosts {
         }
     }
 
+    /// Bits of a level at a place, without its magnitude.
+    #[inline(always)]
+    pub(crate) fn place(&self, k: usize) -> f32 {
+        self.place[k]
+    }
+
+    /// Bits of the magnitude that takes the fewest.
+    #[inline(always)]
+    pub(crate) fn least_magnitude(&self) -> f32 {
+        self.magnitude.iter().fold(f32::INFINITY, |least, bits| least.min(*bits))
+    }
+
     /// Bits of how many levels a block has.
     #[inline(always)]
     pub(crate) fn count(&self, count: usize) -> f32 {

@@ -3,10 +3,14 @@
 //!
 //! Under weights that only the surface has, the basis functions are far from orthogonal and many sets of levels give the same
 //! surface; rounding the coefficients of a transform would send one of the long ones.
+//!
+//! Between changes only the slopes of the error are kept, as the inner products that a change needs are at hand
+//! ([`WeightSpectrum`]).
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::target::{BlockTarget, Field};
+use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::simd::vectorized;
 
@@ -17,6 +21,10 @@ const LEVELS: usize = 60;
 const LARGEST: i32 = 255;
 /// Levels that rounding would leave at zero by more than this are not considered.
 const LEAST: f32 = 0.35;
+/// A change has to pay this much.
+const LEAST_GAIN: f32 = 1e-6;
+/// Basis functions of less weighted energy are left alone.
+const LEAST_ENERGY: f32 = 1e-6;
 /// Rounds in which voxels of the wrong sign are added to those that matter.
 const SIGN_ROUNDS: usize = 5;
 /// A voxel of which only the sign matters has to stay this far from zero (or its own distance), in voxels.
@@ -30,6 +38,8 @@ const SIGN_WEIGHT: f32 = 0.3;
 pub(crate) struct Pursuit<'a> {
     pub dct: &'a FieldDct,
     pub scan: &'a [u16],
+    /// Place in scan order of each position, if it is coded.
+    pub places: &'a [Option<u8>; 512],
     /// Quantizer step in voxels of the orthonormal transform.
     pub step: f32,
     /// Weighted squared voxels that a bit is worth.
@@ -44,70 +54,128 @@ pub(crate) struct Pursued {
     pub cost: f32,
 }
 
+/// What follows from the weights of a block: the same for all its predictions.
+#[derive(Clone, Debug)]
+pub(crate) struct Metric {
+    spectrum: WeightSpectrum,
+    /// Weighted energy of each basis function.
+    energies: Field,
+}
+
+impl Metric {
+    #[inline(always)]
+    fn new(dct: &FieldDct, weights: &Field) -> Self {
+        let spectrum = WeightSpectrum::new(dct, weights);
+        let mut energies = [0.0; 512];
+        spectrum.energies(&mut energies);
+        Self { spectrum, energies }
+    }
+}
+
 impl Pursuit<'_> {
-    /// Levels of a block from its prediction, in voxels.
-    pub(crate) fn run(&self, target: &BlockTarget, prediction: &Field, costs: &LevelCosts) -> Pursued {
+    /// The metric of a block's weights.
+    pub(crate) fn metric(&self, target: &BlockTarget) -> Metric {
         vectorized(
             #[inline(always)]
-            || self.run_vectorized(target, prediction, costs),
+            || Metric::new(self.dct, &target.weights),
+        )
+    }
+
+    /// Levels of a block from its prediction, in voxels.
+    pub(crate) fn run(
+        &self,
+        target: &BlockTarget,
+        metric: &Metric,
+        prediction: &Field,
+        costs: &LevelCosts,
+    ) -> Pursued {
+        vectorized(
+            #[inline(always)]
+            || self.run_vectorized(target, metric, prediction, costs),
         )
     }
 
     #[inline(always)]
-    fn run_vectorized(&self, target: &BlockTarget, prediction: &Field, costs: &LevelCosts) -> Pursued {
-        let mut state = State { levels: [0; COEFFICIENTS], count: 0, error: [0.0; 512] };
-        let (mut goal, mut weights) = (target.samples, target.weights);
+    fn run_vectorized(
+        &self,
+        target: &BlockTarget,
+        metric: &Metric,
+        prediction: &Field,
+        costs: &LevelCosts,
+    ) -> Pursued {
+        let mut state = State {
+            levels: [0; COEFFICIENTS],
+            count: 0,
+            goal: target.samples,
+            weights: target.weights,
+            error: [0.0; 512],
+            guarded: [false; 512],
+        };
         for voxel in 0..512 {
-            state.error[voxel] = goal[voxel] - prediction[voxel];
+            state.error[voxel] = state.goal[voxel] - prediction[voxel];
         }
-        let mut guarded = [false; 512];
         for round in 0..SIGN_ROUNDS {
-            let mut found = false;
-            for voxel in 0..512 {
-                if guarded[voxel] || !target.only_sign.contains(voxel) {
-                    continue;
-                }
-                let sample = target.samples[voxel];
-                let sign = if sample < 0.0 { -1.0 } else { 1.0 };
-                let decoded = goal[voxel] - state.error[voxel];
-                if sign * decoded < sample.abs().min(SIGN_MARGIN) {
-                    (guarded[voxel], found) = (true, true);
-                    goal[voxel] = sign * sample.abs().min(SIGN_TARGET);
-                    state.error[voxel] = goal[voxel] - decoded;
-                    weights[voxel] = SIGN_WEIGHT;
-                }
-            }
-            if round > 0 && !found {
+            if state.guard_signs(target) {
+                let metric = Metric::new(self.dct, &state.weights);
+                self.descend(&mut state, &metric, costs);
+            } else if round == 0 {
+                self.descend(&mut state, metric, costs);
+            } else {
                 break;
             }
-            self.descend(&mut state, &weights, costs);
         }
-        let error: f32 = (0..512).map(|v| weights[v] * state.error[v] * state.error[v]).sum();
+        let mut squares = [0.0; 8];
+        for (error, weights) in state.error.as_chunks::<8>().0.iter().zip(state.weights.as_chunks::<8>().0) {
+            for lane in 0..8 {
+                squares[lane] += weights[lane] * error[lane] * error[lane];
+            }
+        }
         let levels = (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
-        let cost = error + self.lambda * (levels + costs.count(state.count));
+        let cost = squares.iter().sum::<f32>() + self.lambda * (levels + costs.count(state.count));
         Pursued { levels: state.levels, cost }
     }
 
     /// Changes levels until no change pays.
     #[inline(always)]
-    fn descend(&self, state: &mut State, weights: &Field, costs: &LevelCosts) {
-        let mut energies = [0.0; 512];
-        self.dct.energies(weights, &mut energies);
+    fn descend(&self, state: &mut State, metric: &Metric, costs: &LevelCosts) {
+        let (mut weighted, mut slopes) = ([0.0; 512], [0.0; 512]);
+        for voxel in 0..512 {
+            weighted[voxel] = state.weights[voxel] * state.error[voxel];
+        }
+        self.dct.forward(&weighted, &mut slopes);
+        let mut first = self.first_costs(state, metric, costs);
         for _ in 0..CHANGES {
-            let (mut weighted, mut gradient) = ([0.0; 512], [0.0; 512]);
-            for voxel in 0..512 {
-                weighted[voxel] = weights[voxel] * state.error[voxel];
-            }
-            self.dct.forward(&weighted, &mut gradient);
-            let Some((k, level)) = self.best_change(state, &energies, &gradient, costs) else { break };
+            let Some((k, level)) = self.best_change(state, metric, &first, &slopes, costs) else { break };
+            let position = usize::from(self.scan[k]);
             let change = (level - state.levels[k]) as f32 * self.step;
-            self.dct.add(usize::from(self.scan[k]), -change, &mut state.error);
+            metric.spectrum.add_products(position, -change, &mut slopes);
+            self.dct.add(position, -change, &mut state.error);
             state.count = state.count + usize::from(level != 0) - usize::from(state.levels[k] != 0);
             state.levels[k] = level;
+            first.least[position] =
+                if level == 0 { self.lambda * (costs.place(k) + first.magnitude) } else { f32::INFINITY };
             if state.count >= LEVELS {
                 break;
             }
         }
+    }
+
+    /// What the first level at a position costs at least, whatever it is.
+    #[inline(always)]
+    fn first_costs(&self, state: &State, metric: &Metric, costs: &LevelCosts) -> FirstCosts {
+        let magnitude = costs.least_magnitude();
+        let mut first = FirstCosts { magnitude, least: [f32::INFINITY; 512], inverses: [0.0; 512] };
+        for (k, position) in self.scan.iter().enumerate() {
+            let position = usize::from(*position);
+            let energy = metric.energies[position];
+            if energy >= LEAST_ENERGY {
+                first.inverses[position] = 1.0 / energy;
+                if state.levels[k] == 0 {
+                    first.least[position] = self.lambda * (costs.place(k) + magnitude);
+                }
+            }
+        }
+        first
     }
 
     /// The change of one level that pays the most.
@@ -115,22 +183,19 @@ impl Pursuit<'_> {
     fn best_change(
         &self,
         state: &State,
-        energies: &Field,
-        gradient: &Field,
+        metric: &Metric,
+        first: &FirstCosts,
+        slopes: &Field,
         costs: &LevelCosts,
     ) -> Option<(usize, i32)> {
-        let mut best = (-1e-6, None);
         let counts = [state.count.saturating_sub(1), state.count, state.count + 1].map(|n| costs.count(n));
-        for k in 0..COEFFICIENTS {
+        let mut best = (LEAST_GAIN, None);
+        let consider = |k: usize, best: &mut (f32, Option<(usize, i32)>)| {
             let position = usize::from(self.scan[k]);
-            let (energy, slope) = (energies[position], gradient[position]);
-            if energy < 1e-6 {
-                continue;
-            }
-            let now = state.levels[k];
-            let ideal = now as f32 + slope / (energy * self.step);
-            if now == 0 && ideal.abs() < LEAST {
-                continue;
+            let (energy, slope, now) = (metric.energies[position], slopes[position], state.levels[k]);
+            let ideal = now as f32 + slope * first.inverses[position] / self.step;
+            if energy < LEAST_ENERGY || (now == 0 && ideal.abs() < LEAST) {
+                return;
             }
             let below = ideal.floor() as i32;
             for level in [below, below + 1, 0] {
@@ -140,9 +205,34 @@ impl Pursuit<'_> {
                 let change = (level - now) as f32 * self.step;
                 let more = 1 + usize::from(level != 0) - usize::from(now != 0);
                 let bits = costs.level(k, level) - costs.level(k, now) + counts[more] - counts[1];
-                let gain = change * (change * energy - 2.0 * slope) + self.lambda * bits;
-                if gain < best.0 {
-                    best = (gain, Some((k, level)));
+                let gain = change * (2.0 * slope - change * energy) - self.lambda * bits;
+                if gain > best.0 {
+                    *best = (gain, Some((k, level)));
+                }
+            }
+        };
+        if state.count > 0 {
+            (0..COEFFICIENTS).filter(|k| state.levels[*k] != 0).for_each(|k| consider(k, &mut best));
+        }
+        // Of levels that are zero most need no closer look: even the ideal change would pay less.
+        let more = self.lambda * (counts[2] - counts[1]);
+        let mut most = [0.0; 8 * CODED_ROWS.len()];
+        for (row, most) in CODED_ROWS.into_iter().zip(most.as_chunks_mut::<8>().0) {
+            for lane in 0..8 {
+                let at = 8 * row + lane;
+                most[lane] = slopes[at] * slopes[at] * first.inverses[at] - first.least[at] - more;
+            }
+        }
+        for (row, most) in CODED_ROWS.into_iter().zip(most.as_chunks::<8>().0) {
+            let mut any = 0;
+            for lane in 0..8 {
+                any |= u32::from(most[lane] > best.0) << lane;
+            }
+            while any != 0 {
+                let at = 8 * row + any.trailing_zeros() as usize;
+                any &= any - 1;
+                if let Some(k) = self.places[at] {
+                    consider(usize::from(k), &mut best);
                 }
             }
         }
@@ -150,9 +240,58 @@ impl Pursuit<'_> {
     }
 }
 
-/// Levels so far and the error that they leave.
+/// What is known of the first level at each position.
+struct FirstCosts {
+    /// Bits of a magnitude at least.
+    magnitude: f32,
+    /// Lambda times the bits that it takes at least; infinite where there is a level already or can be none.
+    least: Field,
+    /// One over the energy of the basis function; zero if that is too little.
+    inverses: Field,
+}
+
+/// Levels so far, what they are to reach, and the error that they leave.
 struct State {
     levels: [i32; COEFFICIENTS],
     count: usize,
+    goal: Field,
+    weights: Field,
     error: Field,
+    /// Voxels that were of the wrong sign once.
+    guarded: [bool; 512],
+}
+
+impl State {
+    /// Gives weight to the voxels of which only the sign matters and whose sign is wrong. Whether there are new ones.
+    #[inline(always)]
+    fn guard_signs(&mut self, target: &BlockTarget) -> bool {
+        let mut found = false;
+        for row in 0..64 {
+            let at = 8 * row;
+            let mut wrong = 0u32;
+            for lane in 0..8 {
+                let sample = target.samples[at + lane];
+                let decoded = self.goal[at + lane] - self.error[at + lane];
+                let right = if sample < 0.0 { -decoded } else { decoded };
+                let distance = if sample < 0.0 { -sample } else { sample };
+                wrong |= u32::from((right < distance) & (right < SIGN_MARGIN)) << lane;
+            }
+            wrong &= (target.only_sign.words()[row / 8] >> (8 * (row % 8))) as u32 & 255;
+            while wrong != 0 {
+                let voxel = at + wrong.trailing_zeros() as usize;
+                wrong &= wrong - 1;
+                if self.guarded[voxel] {
+                    continue;
+                }
+                (self.guarded[voxel], found) = (true, true);
+                let sample = target.samples[voxel];
+                let decoded = self.goal[voxel] - self.error[voxel];
+                let distance = sample.abs().min(SIGN_TARGET);
+                self.goal[voxel] = if sample < 0.0 { -distance } else { distance };
+                self.error[voxel] = self.goal[voxel] - decoded;
+                self.weights[voxel] = SIGN_WEIGHT;
+            }
+        }
+        found
+    }
 }

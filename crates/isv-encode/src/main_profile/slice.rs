@@ -1,8 +1,8 @@
 //! The blocks of a slice, one after the other: candidates, their cost, the choice, its symbols.
 
 use super::level_costs::LevelCosts;
-use super::motion_search::{Shift, refine, to_shift};
-use super::pursuit::{Pursued, Pursuit};
+use super::motion_search::{NormalEquations, Shift, are_close, refine, to_shift};
+use super::pursuit::{Metric, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field};
 use isv_decode::main_profile::reconstruct::{
@@ -97,16 +97,17 @@ impl<'a> SliceEncoder<'a> {
         let mut predictor = reference.map(TemporalPredictor::new);
         for block in self.range.clone() {
             let context = reference.map(|reference| self.mode_context(block, reference));
+            let metric = self.frame.pursuit.metric(&self.frame.targets[block]);
             let mut best: Option<Trial> = None;
             if let (Some(predictor), Some(context)) = (&mut predictor, &context) {
                 for mode in self.temporal_modes(block, context, predictor) {
-                    let trial = self.try_temporal(block, mode, context, predictor);
+                    let trial = self.try_temporal(block, mode, context, predictor, &metric);
                     if best.as_ref().is_none_or(|best| trial.cost < best.cost) {
                         best = Some(trial);
                     }
                 }
             }
-            let spatial = self.try_spatial(block, context.as_ref());
+            let spatial = self.try_spatial(block, context.as_ref(), &metric);
             let best = match best {
                 Some(best) if best.cost <= spatial.cost => best,
                 _ => spatial,
@@ -134,26 +135,56 @@ impl<'a> SliceEncoder<'a> {
         predictor: &mut TemporalPredictor,
     ) -> Vec<BlockMode> {
         let target = &self.frame.targets[block];
+        let merges = context.candidates.as_slice().iter().enumerate();
         let mut modes: Vec<(f32, BlockMode)> = Vec::new();
-        for (k, vector) in context.candidates.as_slice().iter().enumerate() {
+        let mut best: Option<(f32, Shift, NormalEquations)> = None;
+        for (k, vector) in merges {
             let mode = BlockMode::Merged { candidate: k as u8, vector: *vector };
-            modes.push((self.vector_cost(target, mode, context, predictor), mode));
-        }
-        let best_merge = modes.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("there are candidates").1;
-        let (_, shifts) = self.frame.reference.as_ref().expect("temporal modes have a reference");
-        let mut starts: Vec<Shift> = best_merge.vector().map(to_shift).into_iter().collect();
-        starts.extend(&shifts[block]);
-        for start in starts {
-            for shift in [start, refine(predictor, target, start)] {
-                let Some(vector) = self.nearest_vector(shift, context) else { continue };
-                if !modes.iter().any(|(_, mode)| mode.vector() == Some(vector)) {
-                    let mode = BlockMode::New { vector };
-                    modes.push((self.vector_cost(target, mode, context, predictor), mode));
-                }
+            let shift = to_shift(*vector);
+            let system = NormalEquations::of_block(predictor, target, shift, 1);
+            let cost = system.error + self.mode_cost(mode, context);
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, shift, system));
             }
+            modes.push((cost, mode));
+        }
+        let (least, shift, system) = best.expect("there are candidates");
+        // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
+        let vector = context.candidates.as_slice()[0];
+        if self.mode_cost(BlockMode::New { vector }, context) < least {
+            self.add_new_vectors(block, (shift, system), context, predictor, &mut modes);
         }
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
         modes.into_iter().take(self.frame.trials).map(|(_, mode)| mode).collect()
+    }
+
+    /// Vectors found from the best to merge with and from the shifts of cubes.
+    fn add_new_vectors(
+        &mut self,
+        block: usize,
+        (best, system): (Shift, NormalEquations),
+        context: &ModeContext,
+        predictor: &mut TemporalPredictor,
+        modes: &mut Vec<(f32, BlockMode)>,
+    ) {
+        let target = &self.frame.targets[block];
+        let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
+        let mut starts = vec![(best, system)];
+        for cube in &cubes[block] {
+            if starts.iter().all(|(known, _)| !are_close(*known, *cube)) {
+                starts.push((*cube, NormalEquations::of_block(predictor, target, *cube, 1)));
+            }
+        }
+        for (start, system) in starts {
+            for shift in [start, refine(predictor, target, start, system)] {
+                let Some(vector) = self.nearest_vector(shift, context) else { continue };
+                if !modes.iter().any(|(_, mode)| mode.vector() == Some(vector)) {
+                    let mode = BlockMode::New { vector };
+                    let error = NormalEquations::of_block(predictor, target, to_shift(vector), 1).error;
+                    modes.push((error + self.mode_cost(mode, context), mode));
+                }
+            }
+        }
     }
 
     /// The vector nearest to a shift that is whole steps from the first candidate.
@@ -168,25 +199,9 @@ impl<'a> SliceEncoder<'a> {
         vector.in_range().then_some(vector)
     }
 
-    /// Weighted error of a prediction at the near voxels and lambda times the bits of its mode.
-    fn vector_cost(
-        &mut self,
-        target: &BlockTarget,
-        mode: BlockMode,
-        context: &ModeContext,
-        predictor: &mut TemporalPredictor,
-    ) -> f32 {
-        let mut prediction = [0; BLOCK_SAMPLES];
-        predictor.predict(target.coord, mode.vector().unwrap_or_default(), &mut prediction);
-        let error: f32 = target
-            .near
-            .iter()
-            .map(|near| {
-                let predicted = f32::from(prediction[usize::from(near.voxel)]) / CODES_PER_VOXEL as f32;
-                near.weight * (predicted - near.sample).powi(2)
-            })
-            .sum();
-        error + VECTOR_LAMBDA * self.frame.pursuit.lambda * self.mode_bits(mode, context)
+    /// Weighted error that the bits of a mode are worth, while modes are compared by their predictions.
+    fn mode_cost(&mut self, mode: BlockMode, context: &ModeContext) -> f32 {
+        VECTOR_LAMBDA * self.frame.pursuit.lambda * self.mode_bits(mode, context)
     }
 
     /// Bits of a mode by the models as they are.
@@ -202,18 +217,19 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         context: &ModeContext,
         predictor: &mut TemporalPredictor,
+        metric: &Metric,
     ) -> Trial {
         let mut prediction = [0; BLOCK_SAMPLES];
         predictor.predict(self.frame.coords[block], mode.vector().unwrap_or_default(), &mut prediction);
-        self.pursue(block, mode, prediction, Some(context))
+        self.pursue(block, mode, prediction, Some(context), metric)
     }
 
-    fn try_spatial(&mut self, block: usize, context: Option<&ModeContext>) -> Trial {
+    fn try_spatial(&mut self, block: usize, context: Option<&ModeContext>, metric: &Metric) -> Trial {
         let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
-        self.pursue(block, BlockMode::Spatial, prediction, context)
+        self.pursue(block, BlockMode::Spatial, prediction, context, metric)
     }
 
     fn pursue(
@@ -222,10 +238,11 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         prediction: [i16; BLOCK_SAMPLES],
         context: Option<&ModeContext>,
+        metric: &Metric,
     ) -> Trial {
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
-        let pursued = self.frame.pursuit.run(&self.frame.targets[block], &field, costs);
+        let pursued = self.frame.pursuit.run(&self.frame.targets[block], metric, &field, costs);
         let bits = context.map_or(0.0, |context| self.mode_bits(mode, context));
         let cost = pursued.cost + self.frame.pursuit.lambda * bits;
         Trial { mode, prediction, pursued, cost }

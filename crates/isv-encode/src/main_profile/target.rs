@@ -18,16 +18,15 @@ const WHOLE_BAND: f32 = 0.25;
 const NEAR: f32 = 1.5;
 const NEAR_WEIGHT: f32 = 0.3;
 
-/// A voxel that tells of motion.
+/// Eight voxels along x of which some tell of motion.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct NearVoxel {
-    /// Where it is in the block.
-    pub voxel: u16,
-    /// Where it is in a stitched neighbourhood, from the block's first voxel on.
-    pub offset: usize,
-    /// Its sample in voxels.
-    pub sample: f32,
-    pub weight: f32,
+pub(crate) struct NearRow {
+    /// Which row of the block: `8 z + y`.
+    pub row: usize,
+    /// Their samples in voxels.
+    pub samples: [f32; 8],
+    /// Their weights, 0 where they tell nothing.
+    pub weights: [f32; 8],
 }
 
 /// What one block is to become.
@@ -39,7 +38,7 @@ pub(crate) struct BlockTarget {
     pub weights: Field,
     /// Voxels whose samples do not matter as long as they keep their sign.
     pub only_sign: VoxelMask,
-    pub near: Vec<NearVoxel>,
+    pub near: Vec<NearRow>,
 }
 
 /// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all.
@@ -57,60 +56,83 @@ fn target(volume: &SparseVolume, index: &BlockIndex, block: usize, band: Band) -
     let mask = volume.unobserved(block);
     let (mut samples, mut weights) = ([0.0; 512], [0.0; 512]);
     let mut only_sign = VoxelMask::empty(volume.grid().edge);
-    let mut near = Vec::new();
-    for (voxel, code) in volume.block(block).iter().enumerate() {
-        let sample = f32::from(*code) / CODES_PER_VOXEL as f32;
-        let unobserved = mask.is_some_and(|mask| mask.contains(voxel));
-        samples[voxel] = sample;
-        weights[voxel] = match band {
-            _ if unobserved => UNOBSERVED,
-            _ if crossed.contains(voxel) => CROSSED,
-            Band::Full => WHOLE_BAND,
-            Band::Surface => {
-                only_sign.insert(voxel);
-                FAR
+    let mut near = Vec::with_capacity(64);
+    for (row, codes) in volume.block(block).as_chunks::<8>().0.iter().enumerate() {
+        let mut near_row = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
+        let byte = |mask: &VoxelMask| mask.words()[row / 8] >> (8 * (row % 8)) & 255;
+        let (crossed, unobserved) = (byte(&crossed), mask.map_or(0, byte));
+        for lane in 0..8 {
+            let sample = f32::from(codes[lane]) / CODES_PER_VOXEL as f32;
+            let [crossed, unobserved] = [crossed, unobserved].map(|bits| bits >> lane & 1 != 0);
+            let weight = match band {
+                _ if unobserved => UNOBSERVED,
+                _ if crossed => CROSSED,
+                Band::Full => WHOLE_BAND,
+                Band::Surface => {
+                    only_sign.insert(8 * row + lane);
+                    FAR
+                }
+            };
+            (samples[8 * row + lane], weights[8 * row + lane]) = (sample, weight);
+            near_row.samples[lane] = sample;
+            if !unobserved && (crossed || sample.abs() < NEAR) {
+                near_row.weights[lane] = weight.max(NEAR_WEIGHT);
             }
-        };
-        if !unobserved && (crossed.contains(voxel) || sample.abs() < NEAR) {
-            let offset = (voxel / 64 * 24 + voxel / 8 % 8) * 24 + voxel % 8;
-            near.push(NearVoxel {
-                voxel: voxel as u16,
-                offset,
-                sample,
-                weight: weights[voxel].max(NEAR_WEIGHT),
-            });
+        }
+        if near_row.weights != [0.0; 8] {
+            near.push(near_row);
         }
     }
     Some(BlockTarget { coord: volume.coords()[block], samples, weights, only_sign, near })
 }
 
 /// The observed voxels of a block with an observed face neighbour of the other sign.
+///
+/// A word holds one z, a bit a voxel: neighbours along x and y are a shift away, along z the next word.
 fn crossed_voxels(volume: &SparseVolume, index: &BlockIndex, block: usize) -> VoxelMask {
-    let mut crossed = VoxelMask::empty(volume.grid().edge);
-    let samples = volume.block(block);
-    let mask = volume.unobserved(block);
-    let observed = |mask: Option<&VoxelMask>, voxel: usize| !mask.is_some_and(|mask| mask.contains(voxel));
     let coord = volume.coords()[block];
-    for (axis, stride) in [1usize, 8, 64].into_iter().enumerate() {
-        let step = |by: i32| coord.offset(std::array::from_fn(|a| if a == axis { by } else { 0 }));
-        let [before, after] = [-1, 1].map(|by| index.get(step(by)).map(|block| block as usize));
-        for voxel in (0..512).filter(|voxel| observed(mask, *voxel)) {
-            let inside = samples[voxel] < 0;
-            let place = voxel / stride % 8;
-            let differs = |block: Option<usize>, voxel: usize| {
-                block.is_some_and(|block| {
-                    (volume.block(block)[voxel] < 0) != inside && observed(volume.unobserved(block), voxel)
-                })
+    let own = signs(volume, block);
+    let mut words = [0; 8];
+    for (axis, stride) in [1u32, 8, 64].into_iter().enumerate() {
+        let at = |by: i32| coord.offset(std::array::from_fn(|a| if a == axis { by } else { 0 }));
+        let beside = |by: i32| index.get(at(by)).map_or([(0, 0); 8], |block| signs(volume, block as usize));
+        let (before, after) = (beside(-1), beside(1));
+        // Lanes that have a neighbour below in the block.
+        let inner: u64 = [!0x0101_0101_0101_0101, !0xff, 0][axis];
+        for z in 0..8 {
+            let below = |part: fn((u64, u64)) -> u64| match axis {
+                2 => part(if z > 0 { own[z - 1] } else { before[7] }),
+                _ => part(own[z]) << stride & inner | part(before[z]) >> (7 * stride) & !inner,
             };
-            let (below, above) = match place {
-                0 => (differs(before, voxel + 7 * stride), differs(Some(block), voxel + stride)),
-                7 => (differs(Some(block), voxel - stride), differs(after, voxel - 7 * stride)),
-                _ => (differs(Some(block), voxel - stride), differs(Some(block), voxel + stride)),
+            let above = |part: fn((u64, u64)) -> u64| match axis {
+                2 => part(if z < 7 { own[z + 1] } else { after[0] }),
+                _ => {
+                    part(own[z]) >> stride & (inner >> stride)
+                        | part(after[z]) << (7 * stride) & !(inner >> stride)
+                }
             };
-            if below || above {
-                crossed.insert(voxel);
-            }
+            let (inside, observed) = own[z];
+            let differs = |beside: [u64; 2]| (inside ^ beside[0]) & observed & beside[1];
+            words[z] |= differs([below(|s| s.0), below(|s| s.1)]) | differs([above(|s| s.0), above(|s| s.1)]);
         }
     }
+    let mut crossed = VoxelMask::empty(volume.grid().edge);
+    for (z, word) in words.iter().enumerate() {
+        (0..64).filter(|bit| word >> bit & 1 != 0).for_each(|bit| crossed.insert(64 * z + bit));
+    }
     crossed
+}
+
+/// Which voxels of a block lie inside, and which are observed: a word a z.
+fn signs(volume: &SparseVolume, block: usize) -> [(u64, u64); 8] {
+    let mut words = [(0, !0); 8];
+    for (samples, (inside, _)) in volume.block(block).as_chunks::<64>().0.iter().zip(&mut words) {
+        for (bit, sample) in samples.iter().enumerate() {
+            *inside |= u64::from(*sample < 0) << bit;
+        }
+    }
+    if let Some(mask) = volume.unobserved(block) {
+        words.iter_mut().zip(mask.words()).for_each(|((_, observed), unobserved)| *observed = !unobserved);
+    }
+    words
 }

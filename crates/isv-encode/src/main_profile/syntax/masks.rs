@@ -37,7 +37,8 @@ pub(crate) fn write<'a>(
         encoder.encode(&mut models.block[context.block()], mask.is_some());
         let Some(mask) = mask else { continue };
         for voxel in (0..BlockEdge::E8.block_voxels()).filter(|voxel| corners.contains(*voxel)) {
-            encoder.encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, &mask)], mask.contains(voxel));
+            encoder
+                .encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, &mask)], mask.contains(voxel));
         }
         masks.insert(block as u32, mask);
     }

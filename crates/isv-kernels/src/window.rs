@@ -1,0 +1,118 @@
+//! Translation by quarter voxels, from just the samples that it reads: those of [`crate::warp`], bit for bit.
+//!
+//! All voxels of a block have the same fractions, so interpolation goes along x, then y, then z, in quarters: exact up to the
+//! one rounding at the end. Blocks of 8 voxels a side only.
+
+use crate::simd::vectorized;
+
+/// Voxels of a window along each axis: a block's and the layer after it.
+pub const SIDE: usize = 9;
+/// Rows of a window.
+pub const ROWS: usize = SIDE * SIDE;
+/// Samples of a row: two blocks'.
+pub const ROW: usize = 16;
+/// Samples of a block, x fastest.
+pub type Block = [i16; 512];
+
+/// The samples of a window, each row with those of both blocks that it touches.
+#[derive(Clone, Debug)]
+pub struct WindowRows {
+    /// `[9 z + y][x]`.
+    pub samples: [[i16; ROW]; ROWS],
+    /// Where in its row the window begins: 0 to 7.
+    pub first: usize,
+}
+
+impl Default for WindowRows {
+    fn default() -> Self {
+        Self { samples: [[0; ROW]; ROWS], first: 0 }
+    }
+}
+
+impl WindowRows {
+    /// Eight samples of a row of the window from its sample `x`, 0 or 1, on.
+    #[inline(always)]
+    #[must_use]
+    pub fn eight(&self, row: usize, x: usize) -> &[i16; 8] {
+        let start = (self.first & 7) + x;
+        self.samples[row][start..start + 8].try_into().expect("eight samples")
+    }
+
+    /// The block that begins at `quarters` `[x, y, z]`, 0 to 3, in the window's first cell. Samples are at most 4096 codes.
+    ///
+    /// # Panics
+    /// If `quarters` is above 3.
+    pub fn translate(&self, quarters: [u8; 3], out: &mut Block) {
+        assert!(quarters.iter().all(|q| *q < 4), "{quarters:?} quarters");
+        vectorized(
+            #[inline(always)]
+            || self.translate_vectorized(quarters.map(i32::from), out),
+        );
+    }
+
+    #[inline(always)]
+    fn translate_vectorized(&self, [x, y, z]: [i32; 3], out: &mut Block) {
+        if [x, y, z] == [0; 3] {
+            for (row, values) in out.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+                *values = *self.eight(row / 8 * SIDE + row % 8, 0);
+            }
+            return;
+        }
+        let mut along_x = [[0i32; 8]; ROWS];
+        for (row, sums) in along_x.iter_mut().enumerate() {
+            let (near, far) = (self.eight(row, 0), self.eight(row, 1));
+            for lane in 0..8 {
+                sums[lane] = 4 * i32::from(near[lane]) + x * (i32::from(far[lane]) - i32::from(near[lane]));
+            }
+        }
+        let mut along_y = [[0i32; 64]; SIDE];
+        for (layer, rows) in along_y.iter_mut().zip(along_x.as_chunks::<SIDE>().0) {
+            for (row, sums) in layer.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+                for lane in 0..8 {
+                    sums[lane] = 4 * rows[row][lane] + y * (rows[row + 1][lane] - rows[row][lane]);
+                }
+            }
+        }
+        for (layer, values) in out.as_chunks_mut::<64>().0.iter_mut().enumerate() {
+            let (near, far) = (&along_y[layer], &along_y[layer + 1]);
+            for lane in 0..64 {
+                let sum = 4 * near[lane] + z * (far[lane] - near[lane]);
+                values[lane] = ((sum + 32) >> 6) as i16;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::warp::{MotionVector, StitchedReference};
+    use isv_volume::BlockEdge;
+
+    #[test]
+    fn translations_are_those_of_the_warp() {
+        let mut seed = 1u32;
+        let mut noise = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((seed >> 8) % 8193) as i16 - 4096
+        };
+        let mut stitched = StitchedReference::new(BlockEdge::E8);
+        for slot in 0..27 {
+            stitched.put_block(slot, &std::array::from_fn::<_, 512, _>(|_| noise()));
+        }
+        for t in -16i8..16 {
+            let translation = [t, (t * 5) % 16, 3 - t];
+            let mut window = WindowRows::default();
+            let cell = translation.map(|t| (8 + t.div_euclid(4)) as usize);
+            window.first = cell[0] % 8;
+            for row in 0..ROWS {
+                let start = ((cell[2] + row / SIDE) * 24 + cell[1] + row % SIDE) * 24 + cell[0] / 8 * 8;
+                window.samples[row].copy_from_slice(&stitched.samples()[start..start + ROW]);
+            }
+            let (mut expected, mut found) = ([0; 512], [0; 512]);
+            stitched.warp(MotionVector { translation, rotation: [0; 3] }, &mut expected);
+            window.translate(translation.map(|t| t.rem_euclid(4) as u8), &mut found);
+            assert!(expected == found, "{translation:?}");
+        }
+    }
+}
