@@ -3,7 +3,9 @@
 use crate::takes::Sequence;
 use anyhow::{Context, Result, bail, ensure};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv::encode::{
+    Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
+};
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::metrics::{CompareOptions, GeometryError, compare};
@@ -60,12 +62,23 @@ fn parse(text: &str) -> Result<EncoderSettings> {
             "trials" => main.trials = value.parse()?,
             "filter" => main.filter.0 = value.parse()?,
             "half" => main.half_voxel_vectors = value.parse()?,
+            "preset" => *main = preset(value)?.settings(),
+            "quality" => main.quality = FrameQuality::of_quality(value.parse()?),
+            "error" => main.target = RateTarget::MaxError(value.parse()?),
+            "mbps" => {
+                main.target = RateTarget::Bitrate(Bitrate::new(1e6 * value.parse::<f64>()?, 30.0));
+            }
             "slices" => settings.slices = Some(value.parse()?),
             "gop" => settings.gop = value.parse()?,
             _ => bail!("there is no setting {name}"),
         }
     }
     Ok(settings)
+}
+
+fn preset(name: &str) -> Result<Preset> {
+    let found = Preset::ALL.into_iter().find(|preset| format!("{preset:?}").eq_ignore_ascii_case(name));
+    found.with_context(|| format!("there is no preset {name}"))
 }
 
 fn measure(

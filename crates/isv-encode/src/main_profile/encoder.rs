@@ -11,6 +11,7 @@ use super::target::{BlockTarget, targets};
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
+use isv_decode::extension::Extended;
 use isv_decode::main_profile::reconstruct::filter_and_extend;
 use isv_decode::main_profile::syntax::EntropyState;
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
@@ -84,8 +85,8 @@ pub struct MainSettings {
     pub filter: (u8, u8),
     /// Whether vectors count half voxels and not quarters.
     pub half_voxel_vectors: bool,
-    /// Whether frames are also coded with the other step of vectors, and the better one kept.
-    pub try_quarter_voxels: bool,
+    /// Whether frames are coded with both steps of vectors and under several strengths of the filter, to keep the best.
+    pub exhaustive: bool,
     /// Slices of a frame, where the encoder's settings do not say.
     pub slices: u16,
 }
@@ -99,7 +100,7 @@ impl Default for MainSettings {
             trials: 2,
             filter: (13, 38),
             half_voxel_vectors: true,
-            try_quarter_voxels: false,
+            exhaustive: false,
             slices: 1,
         }
     }
@@ -134,6 +135,8 @@ struct CodedFrame {
     state: State,
     /// Share of the blocks that are predicted from their neighbours.
     spatial_share: f64,
+    /// Weighted squared error.
+    error: f32,
 }
 
 /// What one frame leaves behind for the next.
@@ -147,6 +150,8 @@ struct State {
 
 /// A frame of which more than this share of the blocks is predicted from neighbours is also tried as a keyframe.
 const CUT_SHARE: f64 = 0.6;
+/// Strengths of the in-loop filter that are tried where time does not matter.
+const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
 impl MainEncoder {
     pub(crate) fn new(grid: Grid, settings: MainSettings, gop: u32) -> Self {
@@ -204,12 +209,25 @@ impl MainEncoder {
 
     /// Codes a frame, and where most blocks do not resemble the frame before, as a keyframe too: whichever is smaller.
     fn encode_or_cut(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
-        let coded = self.encode_frame(source, keyframe, quality);
+        let coded = self.encode_best(source, keyframe, quality);
         if keyframe || coded.spatial_share <= CUT_SHARE {
             return coded;
         }
-        let cut = self.encode_frame(source, true, quality);
+        let cut = self.encode_best(source, true, quality);
         if cut.frame.stream_bytes() < coded.frame.stream_bytes() { cut } else { coded }
+    }
+
+    /// Codes a frame with the step of vectors of the settings, and if time does not matter, with the other one too.
+    fn encode_best(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
+        let half = self.settings.half_voxel_vectors;
+        let coded = self.encode_frame(source, keyframe, quality, half);
+        if keyframe || !self.settings.exhaustive {
+            return coded;
+        }
+        let other = self.encode_frame(source, keyframe, quality, !half);
+        let lambda = quality.lambda * quality.step * quality.step;
+        let cost = |coded: &CodedFrame| coded.error + lambda * 8.0 * coded.frame.stream_bytes() as f32;
+        if cost(&other) < cost(&coded) { other } else { coded }
     }
 
     /// What the decoder will have after the last frame.
@@ -218,7 +236,13 @@ impl MainEncoder {
     }
 
     /// Codes a frame, leaving the encoder as it is.
-    fn encode_frame(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
+    fn encode_frame(
+        &self,
+        source: &Source,
+        keyframe: bool,
+        quality: FrameQuality,
+        half_voxel_vectors: bool,
+    ) -> CodedFrame {
         let Source { volume, targets, slices, checksum } = *source;
         let fresh;
         let before = match keyframe {
@@ -232,7 +256,7 @@ impl MainEncoder {
         let coords: Vec<_> = targets.iter().map(|target| target.coord).collect();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
         let causal = CausalBlocks::new(&coords, layout.ranges());
-        let main = self.frame_header(quality);
+        let main = self.frame_header(quality, half_voxel_vectors);
         let mut entropy = before.entropy.clone();
         let block_set = syntax::block_set::write(&mut entropy.block_set, &coords, reference);
         let frame = self.frame_context(targets, &coords, &causal, reference, &main, quality);
@@ -249,7 +273,7 @@ impl MainEncoder {
             let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
             segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
         }
-        let extended = filter_and_extend(&self.parameters, &main, &symbols, samples);
+        let (main, extended, error) = self.filter(targets, main, &symbols, samples);
         let index = volume.index();
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(self.parameters.grid.edge);
@@ -272,17 +296,38 @@ impl MainEncoder {
         };
         let segments = SymbolSegments { block_set, masks: mask_bytes, slices: segments };
         let state = State { entropy, costs, reference: Some(decoded) };
-        CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
+        CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share, error }
     }
 
-    fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
+    fn frame_header(&self, quality: FrameQuality, half_voxel_vectors: bool) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
-        MainFrameHeader {
-            step: quality.code(),
-            filter,
-            filter_limit: if filter > 0 { filter_limit } else { 0 },
-            half_voxel_vectors: self.settings.half_voxel_vectors,
+        let filter_limit = if filter > 0 { filter_limit } else { 0 };
+        MainFrameHeader { step: quality.code(), filter, filter_limit, half_voxel_vectors }
+    }
+
+    /// The frame's header, decoded volume and weighted error under the settings' filter, or if time does not matter, under the
+    /// best one.
+    fn filter(
+        &self,
+        targets: &[BlockTarget],
+        main: MainFrameHeader,
+        symbols: &FrameSymbols,
+        samples: Vec<i16>,
+    ) -> (MainFrameHeader, Extended, f32) {
+        let filtered = |main: MainFrameHeader, samples| {
+            let extended = filter_and_extend(&self.parameters, &main, symbols, samples);
+            let error = weighted_error(targets, &extended.volume);
+            (main, extended, error)
+        };
+        if !self.settings.exhaustive {
+            return filtered(main, samples);
         }
+        let limit = self.settings.filter.1;
+        let candidates = FILTERS.map(|filter| {
+            let filter_limit = if filter > 0 { limit } else { 0 };
+            filtered(MainFrameHeader { filter, filter_limit, ..main }, samples.clone())
+        });
+        candidates.into_iter().min_by(|a, b| a.2.total_cmp(&b.2)).expect("there are filters")
     }
 
     fn frame_context<'a>(
@@ -335,4 +380,17 @@ fn code_slices(
             (coded, costs)
         })
         .unzip()
+}
+
+/// Squared error in voxels of a decoded volume, by the weights of the targets.
+fn weighted_error(targets: &[BlockTarget], decoded: &SparseVolume) -> f32 {
+    let index = decoded.index();
+    let block_error = |target: &BlockTarget| -> f32 {
+        let block = index.get(target.coord).expect("targets are coded") as usize;
+        let voxels = target.samples.iter().zip(&target.weights).zip(decoded.block(block));
+        voxels
+            .map(|((s, weight), code)| weight * (s - f32::from(*code) / CODES_PER_VOXEL as f32).powi(2))
+            .sum()
+    };
+    targets.iter().map(block_error).sum()
 }

@@ -24,7 +24,7 @@ impl Preset {
         match self {
             Self::Realtime => MainSettings { trials: 1, slices: 2, ..balanced },
             Self::Balanced => balanced,
-            Self::Archive => MainSettings { trials: 5, try_quarter_voxels: true, ..balanced },
+            Self::Archive => MainSettings { trials: 5, exhaustive: true, ..balanced },
         }
     }
 }

@@ -1,0 +1,173 @@
+//! Profile `main`: rates are met, buffers and errors are kept, cuts become keyframes.
+
+mod support;
+
+use isv_encode::{
+    Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
+    surface_rms_voxels,
+};
+use isv_format::{PacketHeader, Profile, StreamHeader};
+use isv_testkit::volume_of;
+use isv_volume::SparseVolume;
+use support::ball;
+
+const FPS: f64 = 30.0;
+
+fn main_header() -> StreamHeader {
+    StreamHeader { profile: Profile::Main, ..support::header(8, 8, 64) }
+}
+
+fn settings(main: MainSettings) -> EncoderSettings {
+    EncoderSettings { gop: 30, main, ..EncoderSettings::default() }
+}
+
+/// Bytes of each frame with its entry in the index, its surface error, and whether it is a keyframe.
+fn encode<'a>(
+    settings: EncoderSettings,
+    volumes: impl IntoIterator<Item = &'a SparseVolume>,
+) -> Vec<(usize, f64, bool)> {
+    let mut encoder = Encoder::new(&main_header(), settings);
+    let mut one = |volume: &SparseVolume| {
+        let frame = encoder.encode(volume);
+        let error = surface_rms_voxels(volume, encoder.reconstruction().unwrap());
+        (stream_bytes(&frame), error, frame.keyframe)
+    };
+    volumes.into_iter().map(&mut one).collect()
+}
+
+fn stream_bytes(frame: &EncodedFrame) -> usize {
+    PacketHeader::BYTES + frame.payload().to_bytes().len() + 8
+}
+
+/// A ball that rolls to and fro.
+fn rolling(frames: usize) -> Vec<SparseVolume> {
+    (0..frames).map(|t| ball(main_header().grid, 4.0 * (t as f64 / 7.0).sin())).collect()
+}
+
+/// A box that has nothing in common with the ball.
+fn block() -> SparseVolume {
+    let distance = |[x, y, z]: [f64; 3]| {
+        let q = [x.abs() - 19.0, (y + 3.0).abs() - 5.0, z.abs() - 12.0];
+        let outside = q.map(|d| d.max(0.0));
+        outside.iter().map(|d| d * d).sum::<f64>().sqrt()
+            + q[0].max(q[1]).max(q[2]).min(0.0)
+            + 0.6 * (0.7 * x).sin() * (0.9 * z).cos()
+    };
+    volume_of(main_header().grid, 5, distance, |_| false)
+}
+
+#[test]
+fn rates_are_met_within_5_percent_over_10_seconds_and_the_buffer_is_never_overrun() {
+    let cycle = rolling(44);
+    let constant = |step| {
+        let main = MainSettings { quality: FrameQuality::of_step(step), ..MainSettings::default() };
+        let frames = encode(settings(main), cycle.iter().take(30));
+        frames.iter().map(|f| 8.0 * f.0 as f64).sum::<f64>()
+    };
+    let (most, least) = (constant(0.8), constant(5.0));
+    assert!(most > 1.5 * least);
+    for share in [0.2, 0.5, 0.8] {
+        let rate = least.powf(1.0 - share) * most.powf(share);
+        let target = RateTarget::Bitrate(Bitrate::new(rate, FPS));
+        let main = MainSettings { target, ..MainSettings::default() };
+        let frames = encode(settings(main), cycle.iter().cycle().take(300));
+        let (mut level, mut fullest, mut total) = (0.0_f64, 0.0_f64, 0.0);
+        for (bytes, ..) in &frames {
+            let bits = 8.0 * *bytes as f64;
+            total += bits;
+            level += bits;
+            fullest = fullest.max(level);
+            level = (level - rate / FPS).max(0.0);
+        }
+        let accuracy = total / (10.0 * rate) - 1.0;
+        println!(
+            "{:.0} kbps: {:+.2} %, buffer at most {:.3} s",
+            rate / 1e3,
+            100.0 * accuracy,
+            fullest / rate
+        );
+        assert!(accuracy.abs() <= 0.05 && fullest <= rate, "{rate}: {accuracy}, {}", fullest / rate);
+    }
+}
+
+#[test]
+fn a_rate_is_kept_through_a_cut() {
+    let volumes: Vec<_> = rolling(40).into_iter().chain(std::iter::repeat_n(block(), 40)).collect();
+    let rate = 120e3;
+    let target = RateTarget::Bitrate(Bitrate { buffer_s: 0.4, ..Bitrate::new(rate, FPS) });
+    let frames = encode(settings(MainSettings { target, ..MainSettings::default() }), &volumes);
+    let mut level = 0.0_f64;
+    for (frame, (bytes, ..)) in frames.iter().enumerate() {
+        level += 8.0 * *bytes as f64;
+        assert!(level <= 0.4 * rate, "frame {frame}: {level}");
+        level = (level - rate / FPS).max(0.0);
+    }
+}
+
+#[test]
+fn no_frame_exceeds_the_error_asked_for() {
+    let volumes = rolling(20);
+    for bound in [0.02, 0.05, 0.12] {
+        let main = MainSettings { target: RateTarget::MaxError(bound), ..MainSettings::default() };
+        let frames = encode(settings(main), &volumes);
+        let errors: Vec<f64> = frames.iter().map(|f| f.1).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        println!("{bound}: mean {mean:.4}, {errors:.3?}");
+        assert!(errors.iter().all(|error| *error <= bound));
+        assert!(mean > 0.6 * bound, "{bound}: {mean} is better than was asked for");
+    }
+    let main = MainSettings { target: RateTarget::MaxError(1e-9), ..MainSettings::default() };
+    assert!(encode(settings(main), &volumes[..2])[1].1 > 1e-9, "the finest step is the end");
+}
+
+#[test]
+fn quality_is_monotone_in_bytes_and_error() {
+    let volumes = rolling(6);
+    let mut before: Option<(usize, f64)> = None;
+    for quality in [0.0, 20.0, 40.0, 60.0, 80.0, 100.0] {
+        let main = MainSettings { quality: FrameQuality::of_quality(quality), ..MainSettings::default() };
+        let frames = encode(settings(main), &volumes);
+        let bytes = frames.iter().map(|f| f.0).sum();
+        let error = frames.iter().map(|f| f.1).sum::<f64>() / frames.len() as f64;
+        println!("quality {quality}: {bytes} bytes, {error:.4} voxels");
+        assert!(before.is_none_or(|(b, e)| bytes > b && error < e), "{quality}");
+        before = Some((bytes, error));
+    }
+    assert_eq!(FrameQuality::of_quality(-5.0), FrameQuality::of_quality(0.0));
+}
+
+#[test]
+fn a_cut_becomes_a_keyframe_and_begins_a_gop() {
+    let mut volumes = rolling(5);
+    volumes.extend(std::iter::repeat_n(block(), 9));
+    let settings = EncoderSettings { gop: 8, ..settings(MainSettings::default()) };
+    let keyframes: Vec<usize> =
+        encode(settings, &volumes).iter().enumerate().filter(|(_, f)| f.2).map(|(n, _)| n).collect();
+    assert_eq!(keyframes, [0, 5, 13]);
+}
+
+#[test]
+fn more_work_makes_no_larger_frames_at_no_larger_error() {
+    let volumes = rolling(8);
+    let results = Preset::ALL.map(|preset| {
+        let frames = encode(settings(preset.settings()), &volumes);
+        (frames.iter().map(|f| f.0).sum::<usize>(), frames.iter().map(|f| f.1).sum::<f64>())
+    });
+    println!("{results:?}");
+    assert!(results[2].0 < results[1].0 && results[1].0 < results[0].0);
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads_under_rate_control() {
+    let volumes = rolling(8);
+    for target in [RateTarget::Bitrate(Bitrate::new(200e3, FPS)), RateTarget::MaxError(0.05)] {
+        let main = MainSettings { target, ..Preset::Realtime.settings() };
+        let with_threads = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| support::encode(&main_header(), settings(main), &volumes).0)
+        };
+        let one = with_threads(1);
+        assert!(one == with_threads(2) && one == with_threads(5), "{target:?}: streams differ");
+        support::decode(&one).1.unwrap();
+    }
+}
