@@ -4,7 +4,7 @@ use crate::takes::Sequence;
 use anyhow::{Context, Result, bail, ensure};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{
-    Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
+    Band, Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
 };
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
@@ -68,6 +68,8 @@ fn parse(text: &str) -> Result<EncoderSettings> {
             "mbps" => {
                 main.target = RateTarget::Bitrate(Bitrate::new(1e6 * value.parse::<f64>()?, 30.0));
             }
+            "without" => main.tools = main.tools.without(value)?,
+            "band" if value == "full" => main.band = Band::Full,
             "slices" => settings.slices = Some(value.parse()?),
             "gop" => settings.gop = value.parse()?,
             _ => bail!("there is no setting {name}"),

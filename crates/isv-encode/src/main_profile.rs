@@ -18,9 +18,11 @@ mod rate_control;
 mod slice;
 mod syntax;
 mod target;
+mod tools;
 mod weight_spectrum;
 
 pub(crate) use encoder::MainEncoder;
 pub use encoder::{Band, FrameQuality, MainSettings};
 pub use preset::Preset;
 pub use rate_control::{Bitrate, RateTarget};
+pub use tools::{Tools, UnknownTool};

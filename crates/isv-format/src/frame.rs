@@ -85,6 +85,8 @@ pub struct MainFrameHeader {
     pub filter_limit: u8,
     /// Whether motion vectors count half voxels instead of quarters.
     pub half_voxel_vectors: bool,
+    /// Whether blocks that are not predicted from the frame before are predicted by zero and not from their neighbours.
+    pub no_spatial_prediction: bool,
 }
 
 impl MainFrameHeader {
@@ -102,9 +104,14 @@ impl MainFrameHeader {
     /// Bit of the filter's byte that holds [`Self::half_voxel_vectors`].
     const HALF_VOXEL_VECTORS: u8 = 1 << 6;
 
+    /// Bit of the same byte that holds [`Self::no_spatial_prediction`].
+    const NO_SPATIAL_PREDICTION: u8 = 1 << 7;
+
     fn put(&self, out: &mut Vec<u8>) {
         put_varint(out, self.step);
-        out.push(self.filter | if self.half_voxel_vectors { Self::HALF_VOXEL_VECTORS } else { 0 });
+        let half = if self.half_voxel_vectors { Self::HALF_VOXEL_VECTORS } else { 0 };
+        let zero = if self.no_spatial_prediction { Self::NO_SPATIAL_PREDICTION } else { 0 };
+        out.push(self.filter | half | zero);
         if self.filter > 0 {
             out.push(self.filter_limit);
         }
@@ -118,12 +125,18 @@ impl MainFrameHeader {
         }
         let at = fields.at();
         let byte = fields.u8()?;
-        let filter = byte & !Self::HALF_VOXEL_VECTORS;
+        let filter = byte & !(Self::HALF_VOXEL_VECTORS | Self::NO_SPATIAL_PREDICTION);
         if filter > Self::MAX_FILTER {
             return Err(FormatError::malformed(at, format!("filter strength {filter}")));
         }
         let filter_limit = if filter > 0 { fields.u8()? } else { 0 };
-        Ok(Self { step, filter, filter_limit, half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0 })
+        Ok(Self {
+            step,
+            filter,
+            filter_limit,
+            half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0,
+            no_spatial_prediction: byte & Self::NO_SPATIAL_PREDICTION != 0,
+        })
     }
 }
 
@@ -243,8 +256,13 @@ mod tests {
     use crate::PaperParameters;
 
     const PAPER: Profile = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 });
-    const MAIN_HEADER: MainFrameHeader =
-        MainFrameHeader { step: 1 << 20, filter: 32, filter_limit: 255, half_voxel_vectors: true };
+    const MAIN_HEADER: MainFrameHeader = MainFrameHeader {
+        step: 1 << 20,
+        filter: 25,
+        filter_limit: 255,
+        half_voxel_vectors: true,
+        no_spatial_prediction: true,
+    };
 
     fn payload(coding: FrameCoding) -> FramePayload<'static> {
         FramePayload {
@@ -289,9 +307,27 @@ mod tests {
     fn fields_of_main_roundtrip() {
         let headers = [
             MAIN_HEADER,
-            MainFrameHeader { step: 1, filter: 0, filter_limit: 0, half_voxel_vectors: false },
-            MainFrameHeader { step: 1024, filter: 0, filter_limit: 0, half_voxel_vectors: true },
-            MainFrameHeader { step: 1024, filter: 1, filter_limit: 0, half_voxel_vectors: false },
+            MainFrameHeader {
+                step: 1,
+                filter: 0,
+                filter_limit: 0,
+                half_voxel_vectors: false,
+                no_spatial_prediction: false,
+            },
+            MainFrameHeader {
+                step: 1024,
+                filter: 0,
+                filter_limit: 0,
+                half_voxel_vectors: true,
+                no_spatial_prediction: false,
+            },
+            MainFrameHeader {
+                step: 1024,
+                filter: 1,
+                filter_limit: 0,
+                half_voxel_vectors: false,
+                no_spatial_prediction: false,
+            },
         ];
         for header in headers {
             let payload = payload(FrameCoding::Main(header));
@@ -302,7 +338,13 @@ mod tests {
 
     #[test]
     fn fields_of_main_follow_the_slices() {
-        let header = MainFrameHeader { step: 300, filter: 20, filter_limit: 40, half_voxel_vectors: true };
+        let header = MainFrameHeader {
+            step: 300,
+            filter: 20,
+            filter_limit: 40,
+            half_voxel_vectors: true,
+            no_spatial_prediction: true,
+        };
         let bytes = payload(FrameCoding::Main(header)).to_bytes();
         assert_eq!(bytes[..9], [2, 0x94, 0x23, 2, 0xac, 0x02, 0x54, 40, 0xef]);
     }

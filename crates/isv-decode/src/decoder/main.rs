@@ -100,8 +100,7 @@ impl MainDecoder {
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
         let before = reference.filter(|_| header.prediction != Prediction::None);
         let symbols = self.read_symbols(payload, main, coords, &causal, before)?;
-        let quantizer = self.parameters.quantizer(main.step);
-        let samples = reconstruct(&self.parameters, &quantizer, layout, &symbols, &causal, before);
+        let samples = reconstruct(&self.parameters, main, layout, &symbols, &causal, before);
         let extended = filter_and_extend(&self.parameters, main, &symbols, samples);
         let blocks = reference.map(|reference| reference.reference().blocks());
         let masks = self.entropy.masks.read(payload.masks, &extended.volume, blocks)?;

@@ -92,12 +92,13 @@ pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: 
 #[must_use]
 pub fn reconstruct(
     parameters: &MainParameters,
-    quantizer: &Quantizer,
+    header: &MainFrameHeader,
     slices: SliceLayout,
     symbols: &FrameSymbols,
     causal: &CausalBlocks,
     reference: Option<&MainReference>,
 ) -> Vec<i16> {
+    let quantizer = &parameters.quantizer(header.step);
     let mut samples = vec![0; symbols.coords.len() * BLOCK_SAMPLES];
     if let Some(reference) = reference {
         samples.par_chunks_exact_mut(BLOCK_SAMPLES).enumerate().for_each_init(
@@ -124,7 +125,9 @@ pub fn reconstruct(
             let around = causal.of(block).map(|n| n.map(|n| n - range.start as u32));
             let (before, out) = part.split_at_mut(local * BLOCK_SAMPLES);
             let out = &mut out[..BLOCK_SAMPLES];
-            predict_spatially(&around, before, limit, out);
+            if !header.no_spatial_prediction {
+                predict_spatially(&around, before, limit, out);
+            }
             finish_block(parameters, quantizer, symbols, block, out);
         }
     });

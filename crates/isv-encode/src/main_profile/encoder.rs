@@ -8,6 +8,7 @@ use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
 use super::slice::{CodedSlice, FrameContext, SliceEncoder};
 use super::syntax;
 use super::target::{BlockTarget, targets};
+use super::tools::Tools;
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
@@ -79,6 +80,8 @@ pub struct MainSettings {
     pub target: RateTarget,
     /// Which blocks are coded.
     pub band: Band,
+    /// Which tools are used.
+    pub tools: Tools,
     /// How many vectors of a block are coded to see what they cost, 1 or more.
     pub trials: usize,
     /// Strength of the in-loop filter in sixty-fourths, and the most that it changes, in codes.
@@ -97,6 +100,7 @@ impl Default for MainSettings {
             quality: FrameQuality::of_step(2.2),
             target: RateTarget::Constant,
             band: Band::Surface,
+            tools: Tools::ALL,
             trials: 2,
             filter: (13, 38),
             half_voxel_vectors: true,
@@ -171,7 +175,7 @@ impl MainEncoder {
         checksum: bool,
     ) -> EncodedFrame {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
-        let targets = targets(volume, self.settings.band);
+        let targets = targets(volume, self.settings.band, self.settings.tools);
         let source = Source { volume, targets: &targets, slices, checksum };
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let constant = self.settings.quality;
@@ -301,8 +305,15 @@ impl MainEncoder {
 
     fn frame_header(&self, quality: FrameQuality, half_voxel_vectors: bool) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
+        let filter = if self.settings.tools.filter { filter } else { 0 };
         let filter_limit = if filter > 0 { filter_limit } else { 0 };
-        MainFrameHeader { step: quality.code(), filter, filter_limit, half_voxel_vectors }
+        MainFrameHeader {
+            step: quality.code(),
+            filter,
+            filter_limit,
+            half_voxel_vectors,
+            no_spatial_prediction: !self.settings.tools.spatial,
+        }
     }
 
     /// The frame's header, decoded volume and weighted error under the settings' filter, or if time does not matter, under the
@@ -319,7 +330,7 @@ impl MainEncoder {
             let error = weighted_error(targets, &extended.volume);
             (main, extended, error)
         };
-        if !self.settings.exhaustive {
+        if !self.settings.tools.filter || !self.settings.exhaustive {
             return filtered(main, samples);
         }
         let limit = self.settings.filter.1;
@@ -347,6 +358,7 @@ impl MainEncoder {
             places: &self.places,
             step,
             lambda: share * lambda * step * step,
+            rounding: !self.settings.tools.pursuit,
         };
         FrameContext {
             parameters: &self.parameters,
@@ -358,6 +370,7 @@ impl MainEncoder {
             reference: reference.map(|reference| (reference, search_cubes(reference, targets))),
             vector_step: main.vector_step(),
             trials: self.settings.trials,
+            tools: self.settings.tools,
         }
     }
 }

@@ -44,6 +44,8 @@ pub(crate) struct Pursuit<'a> {
     pub step: f32,
     /// Weighted squared voxels that a bit is worth.
     pub lambda: f32,
+    /// Whether coefficients are rounded instead, whatever they cost.
+    pub rounding: bool,
 }
 
 /// Levels of a block and what they cost.
@@ -114,7 +116,10 @@ impl Pursuit<'_> {
         for voxel in 0..512 {
             state.error[voxel] = state.goal[voxel] - prediction[voxel];
         }
-        for round in 0..SIGN_ROUNDS {
+        if self.rounding {
+            self.round(&mut state);
+        }
+        for round in 0..if self.rounding { 0 } else { SIGN_ROUNDS } {
             if state.guard_signs(target) {
                 let metric = Metric::new(self.dct, &state.weights);
                 self.descend(&mut state, &metric, costs);
@@ -133,6 +138,21 @@ impl Pursuit<'_> {
         let levels = (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
         let cost = squares.iter().sum::<f32>() + self.lambda * (levels + costs.count(state.count));
         Pursued { levels: state.levels, cost }
+    }
+
+    /// The coefficients of the error, rounded.
+    #[inline(always)]
+    fn round(&self, state: &mut State) {
+        let mut coefficients = [0.0; 512];
+        self.dct.forward(&state.error.clone(), &mut coefficients);
+        for (k, position) in self.scan.iter().enumerate() {
+            let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
+            if level != 0 {
+                state.levels[k] = level;
+                state.count += 1;
+                self.dct.add(usize::from(*position), -(level as f32) * self.step, &mut state.error);
+            }
+        }
     }
 
     /// Changes levels until no change pays.

@@ -5,6 +5,7 @@ use super::motion_search::{NormalEquations, Shift, are_close, refine, to_shift};
 use super::pursuit::{Metric, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field};
+use super::tools::Tools;
 use isv_decode::main_profile::reconstruct::{
     BLOCK_SAMPLES, TemporalPredictor, add_residual, predict_spatially,
 };
@@ -38,6 +39,7 @@ pub(crate) struct FrameContext<'a> {
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
     pub trials: usize,
+    pub tools: Tools,
 }
 
 /// A slice as coded.
@@ -135,7 +137,9 @@ impl<'a> SliceEncoder<'a> {
         predictor: &mut TemporalPredictor,
     ) -> Vec<BlockMode> {
         let target = &self.frame.targets[block];
-        let merges = context.candidates.as_slice().iter().enumerate();
+        let Tools { motion, merging, .. } = self.frame.tools;
+        let allowed = |vector: Vector| (motion && merging) || vector == Vector::ZERO;
+        let merges = context.candidates.as_slice().iter().enumerate().filter(|(_, vector)| allowed(**vector));
         let mut modes: Vec<(f32, BlockMode)> = Vec::new();
         let mut best: Option<(f32, Shift, NormalEquations)> = None;
         for (k, vector) in merges {
@@ -151,7 +155,7 @@ impl<'a> SliceEncoder<'a> {
         let (least, shift, system) = best.expect("there are candidates");
         // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
         let vector = context.candidates.as_slice()[0];
-        if self.mode_cost(BlockMode::New { vector }, context) < least {
+        if motion && self.mode_cost(BlockMode::New { vector }, context) < least {
             self.add_new_vectors(block, (shift, system), context, predictor, &mut modes);
         }
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -228,7 +232,9 @@ impl<'a> SliceEncoder<'a> {
         let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
-        predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
+        if self.frame.tools.spatial {
+            predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
+        }
         self.pursue(block, BlockMode::Spatial, prediction, context, metric)
     }
 

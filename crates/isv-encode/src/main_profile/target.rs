@@ -1,6 +1,7 @@
 //! What a frame's blocks are to become, and how much each voxel matters.
 
 use super::encoder::Band;
+use super::tools::Tools;
 use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
@@ -11,6 +12,8 @@ pub(crate) type Field = [f32; 512];
 const CROSSED: f32 = 1.0;
 /// Weight of all other observed voxels, and of unobserved ones.
 const FAR: f32 = 0.001;
+/// The former, where signs are not guarded.
+const FAR_UNGUARDED: f32 = 0.01;
 const UNOBSERVED: f32 = 0.0005;
 /// Weight of every voxel when the whole band is wanted.
 const WHOLE_BAND: f32 = 0.25;
@@ -42,13 +45,19 @@ pub(crate) struct BlockTarget {
 }
 
 /// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all.
-pub(crate) fn targets(volume: &SparseVolume, band: Band) -> Vec<BlockTarget> {
+pub(crate) fn targets(volume: &SparseVolume, band: Band, tools: Tools) -> Vec<BlockTarget> {
     let index = volume.index();
     let blocks = (0..volume.block_count()).into_par_iter();
-    blocks.filter_map(|block| target(volume, &index, block, band)).collect()
+    blocks.filter_map(|block| target(volume, &index, block, band, tools)).collect()
 }
 
-fn target(volume: &SparseVolume, index: &BlockIndex, block: usize, band: Band) -> Option<BlockTarget> {
+fn target(
+    volume: &SparseVolume,
+    index: &BlockIndex,
+    block: usize,
+    band: Band,
+    tools: Tools,
+) -> Option<BlockTarget> {
     let crossed = crossed_voxels(volume, index, block);
     if crossed.is_empty() && band == Band::Surface {
         return None;
@@ -68,6 +77,8 @@ fn target(volume: &SparseVolume, index: &BlockIndex, block: usize, band: Band) -
                 _ if unobserved => UNOBSERVED,
                 _ if crossed => CROSSED,
                 Band::Full => WHOLE_BAND,
+                Band::Surface if !tools.weights => CROSSED,
+                Band::Surface if !tools.signs => FAR_UNGUARDED,
                 Band::Surface => {
                     only_sign.insert(8 * row + lane);
                     FAR
