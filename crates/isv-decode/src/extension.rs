@@ -23,6 +23,8 @@ pub struct Extended {
     pub volume: SparseVolume,
     /// Whether each block of the volume was coded.
     pub coded: Vec<bool>,
+    /// Look-up of the volume's blocks.
+    pub index: BlockIndex,
 }
 
 /// Extends a volume of coded blocks to their 26-neighbourhood, within the range of coordinates.
@@ -51,7 +53,7 @@ pub fn extend(coded: &SparseVolume) -> Extended {
     coords.par_iter().zip(&sources).map(block).unzip_into_vecs(&mut samples, &mut sides);
     let masks = masks(coded, &sides);
     let volume = SparseVolume::from_parts(*coded.grid(), coords, samples.into_flattened(), masks);
-    Extended { volume, coded: sources.iter().map(Option::is_some).collect() }
+    Extended { volume, coded: sources.iter().map(Option::is_some).collect(), index }
 }
 
 /// What the masks need to know of a block.

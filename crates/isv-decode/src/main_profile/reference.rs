@@ -36,7 +36,7 @@ impl MainReference {
         let mut next =
             || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
         let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
-        Self { reference: Reference::new(volume), coded }
+        Self { reference: Reference::with_index(volume, extended.index), coded }
     }
 
     /// The volume: coded blocks and those around them.

@@ -7,6 +7,7 @@ use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCoord, Neighbourhood};
+use rayon::prelude::*;
 
 /// Models of the set of blocks.
 #[derive(Clone, Debug)]
@@ -108,7 +109,7 @@ impl<'a> ExpectedBlocks<'a> {
     pub fn new(reference: &'a MainReference) -> Self {
         let volume = reference.volume();
         let index = reference.reference().index();
-        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
+        let around = volume.coords().par_iter().map(|coord| index.neighbourhood(*coord)).collect();
         let coded = vec![false; volume.block_count()];
         Self { reference, activity: expected_activity(reference), around, coded }
     }
