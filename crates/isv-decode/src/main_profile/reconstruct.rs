@@ -178,8 +178,9 @@ mod tests {
         let samples = (0..coords.len() * BLOCK_SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
         let (coded, index) = (vec![false; volume.block_count()], volume.index());
+        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
         let symbols = FrameSymbols { coords: vec![], modes: vec![], levels: vec![], counts: vec![] };
-        MainReference::new(Extended { volume, coded, index }, &symbols, BTreeMap::new())
+        MainReference::new(Extended { volume, coded, index, around }, &symbols, BTreeMap::new())
     }
 
     /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to
