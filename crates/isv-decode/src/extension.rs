@@ -23,6 +23,10 @@ pub struct Extended {
     pub volume: SparseVolume,
     /// Whether each block of the volume was coded.
     pub coded: Vec<bool>,
+    /// Look-up of the volume's blocks.
+    pub index: BlockIndex,
+    /// The blocks around each block of the volume.
+    pub around: Vec<Neighbourhood>,
 }
 
 /// Extends a volume of coded blocks to their 26-neighbourhood, within the range of coordinates.
@@ -37,21 +41,21 @@ pub fn extend(coded: &SparseVolume) -> Extended {
     let coords = dilation::dilate(coded.coords());
     let index = BlockIndex::new(&coords);
     let sources = coded_blocks(coded, &coords);
-    let block = |(coord, source): (&BlockCoord, &Option<u32>)| match source {
+    let around: Vec<_> = coords.par_iter().map(|coord| index.neighbourhood(*coord)).collect();
+    let block = |(around, source): (&Neighbourhood, &Option<u32>)| match source {
         Some(block) => (*coded_block(coded, *block), Side::Coded),
         None => {
-            let around = index.neighbourhood(*coord);
-            let neighbours = coded_neighbours(coded, &sources, &around);
+            let neighbours = coded_neighbours(coded, &sources, around);
             let mut samples = [0; BLOCK_VOXELS];
             let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), &mut samples);
             (samples, Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) })
         }
     };
     let (mut samples, mut sides) = (Vec::new(), Vec::new());
-    coords.par_iter().zip(&sources).map(block).unzip_into_vecs(&mut samples, &mut sides);
+    around.par_iter().zip(&sources).map(block).unzip_into_vecs(&mut samples, &mut sides);
     let masks = masks(coded, &sides);
     let volume = SparseVolume::from_parts(*coded.grid(), coords, samples.into_flattened(), masks);
-    Extended { volume, coded: sources.iter().map(Option::is_some).collect() }
+    Extended { volume, coded: sources.iter().map(Option::is_some).collect(), index, around }
 }
 
 /// What the masks need to know of a block.

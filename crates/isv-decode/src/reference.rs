@@ -30,6 +30,11 @@ impl Reference {
         Self { volume, index }
     }
 
+    /// [`Self::new`] with the look-up of the volume's blocks.
+    pub(crate) fn with_index(volume: SparseVolume, index: BlockIndex) -> Self {
+        Self { volume, index }
+    }
+
     /// The volume.
     #[must_use]
     pub fn volume(&self) -> &SparseVolume {

@@ -24,6 +24,7 @@ pub struct MortonCode(pub u64);
 impl BlockCoord {
     /// The coordinate `(x + dx, y + dy, z + dz)`.
     #[must_use]
+    #[inline]
     pub fn offset(self, [dx, dy, dz]: [i32; 3]) -> Self {
         Self { x: self.x + dx, y: self.y + dy, z: self.z + dz }
     }

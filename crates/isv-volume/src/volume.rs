@@ -54,6 +54,7 @@ impl SparseVolume {
 
     /// The grid the samples live on.
     #[must_use]
+    #[inline]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
@@ -66,6 +67,7 @@ impl SparseVolume {
 
     /// Block coordinates in Morton order.
     #[must_use]
+    #[inline]
     pub fn coords(&self) -> &[BlockCoord] {
         &self.coords
     }
@@ -78,6 +80,7 @@ impl SparseVolume {
 
     /// The `edge^3` samples of a block, x fastest, then y, then z.
     #[must_use]
+    #[inline]
     pub fn block(&self, index: usize) -> &[i16] {
         let n = self.grid.edge.block_voxels();
         &self.samples[index * n..(index + 1) * n]
@@ -195,6 +198,7 @@ impl BlockIndex {
 
     /// Index of the block at a coordinate.
     #[must_use]
+    #[inline]
     pub fn get(&self, coord: BlockCoord) -> Option<u32> {
         self.map.get(&coord).copied()
     }

@@ -85,8 +85,8 @@ fn drift(reference: &MainReference, block: usize) -> [i32; 3] {
 
 /// Sum and number of the vectors in a block's neighbourhood.
 fn sum_around(reference: &MainReference, block: usize) -> ([i32; 3], i32) {
-    let around = reference.reference().index().neighbourhood(reference.volume().coords()[block]);
-    let vectors = around.into_iter().flatten().filter_map(|n| reference.coded_at(n as usize)?.vector);
+    let around = reference.around(block).iter().flatten();
+    let vectors = around.filter_map(|n| reference.coded_at(*n as usize)?.vector);
     vectors.fold(([0; 3], 0), |(sum, count), Vector(v)| {
         (std::array::from_fn(|axis| sum[axis] + i32::from(v[axis])), count + 1)
     })

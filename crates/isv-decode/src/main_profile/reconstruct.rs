@@ -162,3 +162,47 @@ pub fn filter_and_extend(
     }
     extend(&SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_kernels::warp::{MotionVector, StitchedReference};
+    use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
+
+    fn reference() -> MainReference {
+        let grid = Grid {
+            voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(8).unwrap(),
+        };
+        let all = (0..64).map(|i| BlockCoord::from([i % 4 - 2, i / 4 % 4 - 2, i / 16 - 2]));
+        let mut coords: Vec<_> = all.filter(|c| (c.x * 5 + c.y * 3 + c.z) % 4 != 0).collect();
+        coords.sort_unstable_by_key(|coord| coord.morton());
+        let samples = (0..coords.len() * BLOCK_SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
+        let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
+        let (coded, index) = (vec![false; volume.block_count()], volume.index());
+        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
+        let symbols = FrameSymbols { coords: vec![], modes: vec![], levels: vec![], counts: vec![] };
+        MainReference::new(Extended { volume, coded, index, around }, &symbols, BTreeMap::new())
+    }
+
+    /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to
+    /// are stitched, and the rest is [`StitchedReference::warp`].
+    #[test]
+    fn predictions_are_warps_of_stitched_neighbourhoods() {
+        let reference = reference();
+        let mut predictor = TemporalPredictor::new(&reference);
+        let mut stitched = StitchedReference::new(BlockEdge::E8);
+        for n in 0..600i16 {
+            let vector = [n * 37 % 129 - 64, n * 53 % 127 - 63, n * 11 % 65 - 32];
+            let coord = BlockCoord::from([n % 5 - 2, n % 3 - 1, n % 4 - 2].map(i32::from));
+            let blocks = vector.map(|v| (v + 16).div_euclid(32));
+            let rest = std::array::from_fn(|axis| (vector[axis] - 32 * blocks[axis]) as i8);
+            reference.reference().stitch_at(coord.offset(blocks.map(i32::from)), &mut stitched);
+            let (mut expected, mut found) = ([0; BLOCK_SAMPLES], [0; BLOCK_SAMPLES]);
+            stitched.warp(MotionVector { translation: rest, rotation: [0; 3] }, &mut expected);
+            predictor.predict(coord, Vector(vector), &mut found);
+            assert!(expected == found, "{coord:?} {vector:?}");
+        }
+    }
+}

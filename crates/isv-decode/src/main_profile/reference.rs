@@ -3,7 +3,7 @@
 use super::{FrameSymbols, Vector};
 use crate::Reference;
 use crate::extension::Extended;
-use isv_volume::{BlockCoord, SparseVolume, VoxelMask};
+use isv_volume::{BlockCoord, Neighbourhood, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
 /// A decoded frame: its volume with the extension, and what its blocks were coded as.
@@ -12,6 +12,7 @@ pub struct MainReference {
     reference: Reference,
     /// For each block of the volume, how it was coded; `None` if the decoder made it up.
     coded: Vec<Option<CodedBlock>>,
+    around: Vec<Neighbourhood>,
 }
 
 /// What the next frame's contexts and vectors want to know of a coded block.
@@ -33,7 +34,7 @@ impl MainReference {
         let mut next =
             || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
         let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
-        Self { reference: Reference::new(volume), coded }
+        Self { reference: Reference::with_index(volume, extended.index), coded, around: extended.around }
     }
 
     /// The volume: coded blocks and those around them.
@@ -46,6 +47,12 @@ impl MainReference {
     #[must_use]
     pub fn reference(&self) -> &Reference {
         &self.reference
+    }
+
+    /// The blocks of the volume around one of them.
+    #[must_use]
+    pub fn around(&self, block: usize) -> &Neighbourhood {
+        &self.around[block]
     }
 
     /// How the block at a coordinate was coded, if it was.

@@ -72,6 +72,11 @@ impl LevelCosts {
         self.count[count.min(COUNTS - 1)]
     }
 
+    /// Bits of the number of levels that takes the fewest.
+    pub(crate) fn least_count(&self) -> f32 {
+        self.count.iter().fold(f32::INFINITY, |least, bits| least.min(*bits))
+    }
+
     /// Learns from a coded block.
     pub(crate) fn learn(&mut self, levels: &[i32]) {
         let mut count = 0;

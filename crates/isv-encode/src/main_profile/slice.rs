@@ -109,10 +109,12 @@ impl<'a> SliceEncoder<'a> {
                     }
                 }
             }
-            let spatial = self.try_spatial(block, context.as_ref(), &metric);
             let best = match best {
-                Some(best) if best.cost <= spatial.cost => best,
-                _ => spatial,
+                Some(best) if best.cost <= self.least_spatial_cost(context.as_ref()) => best,
+                best => {
+                    let spatial = self.try_spatial(block, context.as_ref(), &metric);
+                    best.filter(|best| best.cost <= spatial.cost).unwrap_or(spatial)
+                }
             };
             self.code(block, best, context.as_ref());
         }
@@ -226,6 +228,12 @@ impl<'a> SliceEncoder<'a> {
         let mut prediction = [0; BLOCK_SAMPLES];
         predictor.predict(self.frame.coords[block], mode.vector().unwrap_or_default(), &mut prediction);
         self.pursue(block, mode, prediction, Some(context), metric)
+    }
+
+    /// What a spatially predicted block costs if nothing is left to correct.
+    fn least_spatial_cost(&mut self, context: Option<&ModeContext>) -> f32 {
+        let bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
+        self.frame.pursuit.lambda * (bits + self.costs[1].least_count())
     }
 
     fn try_spatial(&mut self, block: usize, context: Option<&ModeContext>, metric: &Metric) -> Trial {

@@ -6,7 +6,7 @@ use crate::main_profile::activity::{Activity, expected_activity};
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
-use isv_volume::{BlockCoord, Neighbourhood};
+use isv_volume::BlockCoord;
 
 /// Models of the set of blocks.
 #[derive(Clone, Debug)]
@@ -92,7 +92,6 @@ pub struct FlagContext {
 pub struct ExpectedBlocks<'a> {
     reference: &'a MainReference,
     activity: Vec<Activity>,
-    around: Vec<Neighbourhood>,
     /// Whether each is coded, as far as is known.
     coded: Vec<bool>,
 }
@@ -107,10 +106,8 @@ impl<'a> ExpectedBlocks<'a> {
     #[must_use]
     pub fn new(reference: &'a MainReference) -> Self {
         let volume = reference.volume();
-        let index = reference.reference().index();
-        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
         let coded = vec![false; volume.block_count()];
-        Self { reference, activity: expected_activity(reference), around, coded }
+        Self { reference, activity: expected_activity(reference), coded }
     }
 
     /// How many there are.
@@ -133,7 +130,7 @@ impl<'a> ExpectedBlocks<'a> {
     /// Context of a candidate's flag, once the flags before it are known.
     #[must_use]
     pub fn context(&self, candidate: usize) -> FlagContext {
-        let around = &self.around[candidate];
+        let around = self.reference.around(candidate);
         let count = |slots: &[usize], is: &dyn Fn(usize) -> bool| {
             slots.iter().filter(|slot| around[**slot].is_some_and(|block| is(block as usize))).count()
         };
