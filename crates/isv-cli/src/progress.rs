@@ -26,7 +26,9 @@ impl Progress {
 
     /// The same with nothing to say: for a pass over frames that are looked at again.
     pub(crate) fn silent(total: Option<usize>, label: &'static str) -> Self {
-        Self { silent: true, ..Self::new(total, label) }
+        let mut progress = Self::new(total, label);
+        progress.silent = true;
+        progress
     }
 
     /// One step is done.

@@ -143,7 +143,16 @@ fn every_motion_mode_verifies() {
 #[test]
 fn the_knobs_reach_the_stream() {
     let work = Workspace::with_figure(3);
-    let knobs = ["--profile=paper", "--block", "4", "--truncation=4", "--coefficients=20", "--ac-step=2cm", "--fps", "29.97"];
+    let knobs = [
+        "--profile=paper",
+        "--block",
+        "4",
+        "--truncation=4",
+        "--coefficients=20",
+        "--ac-step=2cm",
+        "--fps",
+        "29.97",
+    ];
     let more = ["--frames", "1..3", "--units", "dm", "--sign", "offset", "--voxel", "2mm"];
     let run = work.isv(&[&["encode", "frames", "-o", "knobs.isv"], &knobs[..], &more].concat()).done();
     assert!(run.stderr().contains("offset shell (as --sign asks)"), "{}", run.stderr());
