@@ -7,6 +7,7 @@ use std::io::{IsTerminal, stderr};
 #[derive(Debug)]
 pub(crate) struct Progress {
     bar: ProgressBar,
+    silent: bool,
 }
 
 impl Progress {
@@ -20,7 +21,14 @@ impl Progress {
             None => "{msg} {pos} {elapsed}",
         };
         bar.set_style(ProgressStyle::with_template(template).expect("the templates above are well-formed"));
-        Self { bar }
+        Self { bar, silent: false }
+    }
+
+    /// The same with nothing to say: for a pass over frames that are looked at again.
+    pub(crate) fn silent(total: Option<usize>, label: &'static str) -> Self {
+        let mut progress = Self::new(total, label);
+        progress.silent = true;
+        progress
     }
 
     /// One step is done.
@@ -30,6 +38,9 @@ impl Progress {
 
     /// Says something on stderr, above the bar.
     pub(crate) fn note(&self, sentence: &str) {
+        if self.silent {
+            return;
+        }
         self.bar.suspend(|| eprintln!("{sentence}"));
     }
 }

@@ -347,11 +347,12 @@ fn wrong_command_lines() {
     let encode = |more: &[&str]| work.isv(&[&["encode", "frames", "-o", "out.isv"], more].concat());
     encode(&["--voxel", "5"]).fails(2, &["--voxel", "a length needs a unit"]);
     encode(&["--voxel", "2km"]).fails(2, &["--voxel", "unit `km`"]);
-    encode(&["--voxel", "0.1mm", "--ac-step", "1m"]).fails(2, &["--ac-step 1000mm: at voxels of 0.1mm"]);
+    let paper = |more: &[&str]| encode(&[&["--profile", "paper"], more].concat());
+    paper(&["--voxel", "0.1mm", "--ac-step", "1m"]).fails(2, &["--ac-step 1000mm: at voxels of 0.1mm"]);
     encode(&["--voxel", "5000m"]).fails(2, &["--voxel 5000000mm: voxel size 5000 m is outside"]);
-    encode(&["--block", "5"]).fails(2, &["--block: block edge 5"]);
+    paper(&["--block", "5"]).fails(2, &["--block: block edge 5"]);
     encode(&["--truncation", "99"]).fails(2, &["--truncation: truncation of 99"]);
-    encode(&["--coefficients", "513"]).fails(2, &["--coefficients 513: a block of 8^3 voxels has 1 to 512"]);
+    paper(&["--coefficients", "513"]).fails(2, &["--coefficients 513: a block of 8^3 voxels has 1 to 512"]);
     encode(&["--offset", "9"]).fails(2, &["--offset 9: "]);
     encode(&["--gop", "0"]).fails(2, &["--gop"]);
     encode(&["--fps", "0"]).fails(2, &["--fps", "30000/1001"]);
@@ -361,6 +362,14 @@ fn wrong_command_lines() {
             .fails(2, &[&format!("{}: this is a setting of profile paper, not of profile main", knob[0])]);
     }
     main(&["--block", "16"]).fails(2, &["--block 16: profile main has blocks of 8^3 voxels"]);
+    encode(&["--motion", "3dof"]).fails(2, &["--motion: ", "add --profile paper"]);
+    paper(&["--bitrate", "1M"]).fails(2, &["--bitrate: this is a setting of profile main"]);
+    encode(&["--quality", "50", "--max-error", "1mm"]).fails(2, &["--quality and --max-error: only one"]);
+    encode(&["--quality", "101"]).fails(2, &["--quality", "a number from 0 to 100"]);
+    encode(&["--bitrate", "2"]).fails(2, &["--bitrate", "as in 800k or 2M"]);
+    encode(&["--max-error", "1"]).fails(2, &["--max-error", "a length needs a unit"]);
+    encode(&["--passes", "2"]).fails(2, &["--passes needs --bitrate"]);
+    encode(&["--preset", "slow"]).fails(2, &["slow", "archive"]);
     encode(&["--motion", "4dof"]).fails(2, &["4dof", "6dof"]);
     encode(&["--units", "furlong"]).fails(2, &["unit `furlong` is not one of"]);
     encode(&["--threads", "100000"]).fails(2, &["--threads 100000: at most 256"]);

@@ -68,7 +68,7 @@ fn volumes_come_out_and_go_in_again_as_they_are() {
     assert_eq!(work.names("arrays"), ["frame_0000", "frame_0001"]);
     assert_eq!(work.names("arrays/frame_0000"), ["coords.npy", "grid.json", "tsdf.npy", "weight.npy"]);
     // Voxel size, block edge and truncation come from the arrays; steps as fine as these change next to nothing.
-    let fine = ["--dc-step", "0.1mm", "--ac-step", "0.1mm", "--coefficients", "512"];
+    let fine = ["--profile=paper", "--dc-step", "0.1mm", "--ac-step", "0.1mm", "--coefficients", "512"];
     work.isv(&[&["encode", "arrays", "-o", "arrays.isv"], &fine[..]].concat()).done();
     assert!(distance_mm(&work, "take.isv", "arrays.isv") < 0.05);
 
@@ -87,7 +87,8 @@ fn volumes_come_out_and_go_in_again_as_they_are() {
 #[test]
 fn a_stream_can_be_coded_anew() {
     let (work, _) = Workspace::with_stream(3);
-    work.isv(&["encode", "take.isv", "-o", "again.isv", "--motion", "6dof", "--frames", "1..3"]).done();
+    let sixdof = ["--profile=paper", "--motion", "6dof", "--frames", "1..3"];
+    work.isv(&[&["encode", "take.isv", "-o", "again.isv"], &sixdof[..]].concat()).done();
     let info = work.isv(&["info", "again.isv", "--json"]).json();
     assert_eq!((&info["frames"], &info["voxel_size_m"]), (&2.into(), &0.02.into()));
     assert_eq!(info["packets"][1]["prediction"], "6dof");

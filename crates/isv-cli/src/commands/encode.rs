@@ -1,9 +1,11 @@
 //! `isv encode`: a capture to a stream.
 
+mod auto_voxel;
 mod header;
 mod ingest;
 mod paper;
 mod target;
+mod two_pass;
 mod volumes;
 
 use crate::ahead::Ahead;
@@ -84,6 +86,21 @@ impl Args {
             ..EncoderSettings::default()
         }
     }
+
+    /// The encoder's settings, and the header's voxel size if that is to be found out.
+    fn settings(&self, header: &mut StreamHeader) -> Result<EncoderSettings> {
+        let mut settings = self.encoder_settings(header);
+        if self.header.voxel_is_auto() {
+            let choice = auto_voxel::choose(self, header, &settings)?;
+            header.grid.voxel_size = choice.voxel;
+            settings = self.encoder_settings(header);
+            settings.main.quality = choice.quality.unwrap_or(settings.main.quality);
+        }
+        match self.header.target().two_pass_rate() {
+            Some(rate) => two_pass::settings_for_rate(self, header, settings, rate),
+            None => Ok(settings),
+        }
+    }
 }
 
 /// Three numbers with commas between them.
@@ -98,15 +115,16 @@ fn origin(text: &str) -> Result<[f64; 3], String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let capture = Capture::open(&args.input, &args.hints()?)?;
-    let header = args.header.header(&capture)?;
+    let mut header = args.header.header(&capture)?;
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
-    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
     use_threads(args.threads)?;
     interrupt::listen()?;
+    let settings = args.settings(&mut header)?;
+    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
     let mut job = Job {
         header,
-        encoder: Encoder::new(&header, args.encoder_settings(&header)),
+        encoder: Encoder::new(&header, settings),
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),

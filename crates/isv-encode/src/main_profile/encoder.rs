@@ -120,6 +120,8 @@ pub(crate) struct MainEncoder {
     places: [Option<u8>; 512],
     state: State,
     rate: RateControl,
+    /// Of the last keyframe.
+    keyframe_bytes_per_block: f64,
 }
 
 /// A frame to be coded, however often.
@@ -143,6 +145,18 @@ struct CodedFrame {
     error: f32,
 }
 
+impl CodedFrame {
+    /// Error and lambda times the bits.
+    fn cost(&self, quality: FrameQuality) -> f32 {
+        let lambda = quality.lambda * quality.step * quality.step;
+        self.error + lambda * 8.0 * self.frame.stream_bytes() as f32
+    }
+
+    fn bytes_per_block(&self) -> f64 {
+        self.frame.stream_bytes() as f64 / f64::from(self.frame.payload().header.blocks.max(1))
+    }
+}
+
 /// What one frame leaves behind for the next.
 #[derive(Clone, Debug, Default)]
 struct State {
@@ -152,8 +166,10 @@ struct State {
     reference: Option<MainReference>,
 }
 
-/// A frame of which more than this share of the blocks is predicted from neighbours is also tried as a keyframe.
-const CUT_SHARE: f64 = 0.6;
+/// A frame is also tried as a keyframe if more than this share of its blocks is predicted from neighbours, or if its blocks take
+/// more than this share of the bytes that those of the last keyframe took.
+const CUT_SPATIAL_SHARE: f64 = 0.5;
+const CUT_BYTES_SHARE: f64 = 0.7;
 /// Strengths of the in-loop filter that are tried where time does not matter.
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
@@ -163,7 +179,15 @@ impl MainEncoder {
         let rate = RateControl::new(settings.target, gop);
         let mut places = [None; 512];
         (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
-        Self { parameters, settings, dct, places, state: State::default(), rate }
+        Self {
+            parameters,
+            settings,
+            dct,
+            places,
+            state: State::default(),
+            rate,
+            keyframe_bytes_per_block: 0.0,
+        }
     }
 
     /// Codes the next frame in this many slices. A frame that is cheaper as a keyframe becomes one.
@@ -189,6 +213,9 @@ impl MainEncoder {
                 Some(other) => step = other,
                 None => {
                     self.rate.learn(&attempt);
+                    if facts.keyframe {
+                        self.keyframe_bytes_per_block = coded.bytes_per_block();
+                    }
                     self.state = coded.state;
                     return coded.frame;
                 }
@@ -211,14 +238,16 @@ impl MainEncoder {
         Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms, before }
     }
 
-    /// Codes a frame, and where most blocks do not resemble the frame before, as a keyframe too: whichever is smaller.
+    /// Codes a frame, and where it hardly resembles the frame before, as a keyframe too: whichever costs less.
     fn encode_or_cut(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
         let coded = self.encode_best(source, keyframe, quality);
-        if keyframe || coded.spatial_share <= CUT_SHARE {
+        let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
+            && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
+        if keyframe || alike {
             return coded;
         }
         let cut = self.encode_best(source, true, quality);
-        if cut.frame.stream_bytes() < coded.frame.stream_bytes() { cut } else { coded }
+        if cut.cost(quality) < coded.cost(quality) { cut } else { coded }
     }
 
     /// Codes a frame with the step of vectors of the settings, and if time does not matter, with the other one too.
@@ -229,9 +258,7 @@ impl MainEncoder {
             return coded;
         }
         let other = self.encode_frame(source, keyframe, quality, !half);
-        let lambda = quality.lambda * quality.step * quality.step;
-        let cost = |coded: &CodedFrame| coded.error + lambda * 8.0 * coded.frame.stream_bytes() as f32;
-        if cost(&other) < cost(&coded) { other } else { coded }
+        if other.cost(quality) < coded.cost(quality) { other } else { coded }
     }
 
     /// What the decoder will have after the last frame.

@@ -11,6 +11,7 @@ use anyhow::Result;
 use isv::encode::MotionMode;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use std::str::FromStr;
 
 const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 /// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
@@ -22,6 +23,21 @@ fn default_grid() -> Grid {
     }
 }
 
+/// `--voxel`
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum VoxelArg {
+    Edge(Length),
+    Auto,
+}
+
+impl FromStr for VoxelArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" { Ok(Self::Auto) } else { text.parse().map(Self::Edge) }
+    }
+}
+
 #[derive(Debug, clap::Args)]
 pub(super) struct HeaderArgs {
     /// The codec's set of tools; without it, main
@@ -30,9 +46,10 @@ pub(super) struct HeaderArgs {
     /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
     #[arg(long, value_parser = frame_rate::parse)]
     fps: Option<FrameRate>,
-    /// Edge of a voxel, with a unit; without it, that of the input if it is volumes, or else 5mm
-    #[arg(long, value_name = "LENGTH")]
-    voxel: Option<Length>,
+    /// Edge of a voxel, with a unit; without it, that of the input if it is volumes, or else 5mm. With auto, of meshes and in
+    /// profile main, whichever of a few sizes serves the quality, rate or error best
+    #[arg(long, value_name = "LENGTH|auto")]
+    voxel: Option<VoxelArg>,
     /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8. Profile
     /// main has blocks of 8
     #[arg(long, value_name = "VOXELS")]
@@ -83,7 +100,15 @@ impl HeaderArgs {
         let checked = |voxel: Length| {
             VoxelSize::from_metres(voxel.metres()).map_err(|error| usage(format!("--voxel {voxel}: {error}")))
         };
-        self.voxel.map(checked).transpose()
+        match self.voxel {
+            Some(VoxelArg::Edge(edge)) => checked(edge).map(Some),
+            Some(VoxelArg::Auto) | None => Ok(None),
+        }
+    }
+
+    /// Whether the voxel size is to be found out.
+    pub(super) fn voxel_is_auto(&self) -> bool {
+        self.voxel == Some(VoxelArg::Auto)
     }
 
     /// The truncation asked for, if any.
@@ -119,6 +144,9 @@ impl HeaderArgs {
     /// The profile; a setting of another one is refused.
     fn profile(&self, grid: &Grid) -> Result<Profile> {
         self.target.check()?;
+        if self.voxel_is_auto() && self.profile_name() == ProfileName::Paper {
+            return Err(usage("--voxel auto: this is for profile main, not for profile paper"));
+        }
         match self.profile_name() {
             ProfileName::Paper => match self.target.first_given() {
                 None => Ok(Profile::Paper(self.paper.parameters(grid)?)),

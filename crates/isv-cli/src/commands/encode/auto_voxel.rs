@@ -1,0 +1,181 @@
+//! `--voxel auto`: the voxel size that serves the target best, by coding samples of the capture with several.
+
+use super::Args;
+use crate::capture::{Capture, CapturedFrame, Content};
+use crate::length::Length;
+use anyhow::{Result, bail};
+use isv::encode::{Encoder, EncoderSettings, FrameQuality, Preset, RateTarget};
+use isv::format::{PacketHeader, StreamHeader};
+use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::io::Geometry;
+use isv::metrics::{CompareOptions, compare};
+use isv::surface::{SurfaceOptions, extract_surface};
+use isv::volume::{TriangleMesh, VoxelSize};
+
+/// Voxels that are tried on something of a person's size, in metres, and that size.
+const CANDIDATES_M: [f64; 4] = [0.005, 0.0065, 0.008, 0.01];
+const PERSON_M: f64 = 1.8;
+/// Steps that each is tried with, over the smallest candidate.
+const STEPS: [f64; 2] = [1.2, 3.6];
+/// Frames of a sample: a keyframe and what follows it.
+const SAMPLE_FRAMES: usize = 3;
+
+/// What was chosen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Choice {
+    pub(super) voxel: VoxelSize,
+    /// Quality that gives the wanted error, where a quality was asked for.
+    pub(super) quality: Option<FrameQuality>,
+}
+
+/// What is wanted of a stream.
+#[derive(Clone, Copy, Debug)]
+enum Wanted {
+    /// The least error at this many bits a second.
+    Rate(f64),
+    /// The lowest rate at this error, in metres.
+    Error(f64),
+    /// The lowest rate at the error that a step has with the smallest candidate.
+    ErrorOfStep(f64),
+}
+
+/// Mean error in metres and bits a second of a candidate, as powers of the step, which is in metres.
+#[derive(Clone, Copy, Debug)]
+struct Curve {
+    voxel: VoxelSize,
+    /// By the logarithm of the step: that of the rate and that of the error, each `(at 0, slope)`.
+    rate: (f64, f64),
+    error: (f64, f64),
+}
+
+impl Curve {
+    fn through(voxel: VoxelSize, points: [(f64, f64, f64); 2]) -> Self {
+        let [(x0, rate0, error0), (x1, rate1, error1)] = points.map(|(a, b, c)| (a.ln(), b.ln(), c.ln()));
+        let line = |y0: f64, y1: f64| {
+            let slope = (y1 - y0) / (x1 - x0);
+            (y0 - slope * x0, slope)
+        };
+        Self { voxel, rate: line(rate0, rate1), error: line(error0, error1) }
+    }
+
+    fn at(line: (f64, f64), step: f64) -> f64 {
+        (line.0 + line.1 * step.ln()).exp()
+    }
+
+    fn step_at(line: (f64, f64), value: f64) -> f64 {
+        ((value.ln() - line.0) / line.1).exp()
+    }
+}
+
+/// Chooses a voxel size; says which and why on stderr.
+pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSettings) -> Result<Choice> {
+    let samples = samples(args)?;
+    let extent_m = samples[0][0].bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    if extent_m == 0.0 {
+        bail!("{}: --voxel auto needs a first frame with a surface: give a length", args.input);
+    }
+    // By powers of two, so that a person is one whether she stoops or reaches up.
+    let scale = (extent_m / PERSON_M).log2().round().exp2();
+    let mut curves = Vec::new();
+    for candidate_m in CANDIDATES_M {
+        let voxel = VoxelSize::from_metres(scale * candidate_m)?;
+        let point = |over: f64| measure(&samples, header, settings, voxel, over * scale * CANDIDATES_M[0]);
+        curves.push(Curve::through(voxel, [point(STEPS[0])?, point(STEPS[1])?]));
+    }
+    let wanted = match settings.main.target {
+        RateTarget::Bitrate(bitrate) => Wanted::Rate(bitrate.bits_per_second),
+        RateTarget::MaxError(voxels) => Wanted::Error(voxels * header.grid.voxel_size.metres()),
+        RateTarget::Constant => match args.header.target().two_pass_rate() {
+            Some(rate) => Wanted::Rate(rate),
+            None => Wanted::ErrorOfStep(f64::from(settings.main.quality.step) * curves[0].voxel.metres()),
+        },
+    };
+    let (choice, sentence) = best(&curves, wanted);
+    let step = Curve::step_at(choice.error, sentence.1);
+    eprintln!(
+        "voxels of {}: about {:.2} mm at {:.2} Mbps by {} sample frames, the best of {} to {}",
+        Length::from_metres(choice.voxel.metres()),
+        1e3 * sentence.1,
+        sentence.0 / 1e6,
+        samples.iter().map(Vec::len).sum::<usize>(),
+        Length::from_metres(curves[0].voxel.metres()),
+        Length::from_metres(curves[curves.len() - 1].voxel.metres()),
+    );
+    let quality = matches!(wanted, Wanted::ErrorOfStep(_))
+        .then(|| FrameQuality::of_step((step / choice.voxel.metres()) as f32));
+    Ok(Choice { voxel: choice.voxel, quality })
+}
+
+/// The best curve for what is wanted, with its rate and error there.
+fn best(curves: &[Curve], wanted: Wanted) -> (Curve, (f64, f64)) {
+    let at_error =
+        |curve: &Curve, error: f64| (Curve::at(curve.rate, Curve::step_at(curve.error, error)), error);
+    let points = curves.iter().map(|curve| match wanted {
+        Wanted::Rate(rate) => (rate, Curve::at(curve.error, Curve::step_at(curve.rate, rate))),
+        Wanted::Error(error) => at_error(curve, error),
+        Wanted::ErrorOfStep(step) => at_error(curve, Curve::at(curves[0].error, step)),
+    });
+    let cost = |point: &(f64, f64)| if matches!(wanted, Wanted::Rate(_)) { point.1 } else { point.0 };
+    let pairs = curves.iter().copied().zip(points);
+    pairs.min_by(|a, b| cost(&a.1).total_cmp(&cost(&b.1))).expect("there are candidates")
+}
+
+/// The first frames, and as many from the middle on.
+fn samples(args: &Args) -> Result<Vec<Vec<TriangleMesh>>> {
+    let open = || Capture::open(&args.input, &args.hints()?);
+    let capture = open()?;
+    capture.counted()?;
+    let range = capture.range(args.frames)?;
+    let mut starts = vec![range.start];
+    if range.len() >= 4 * SAMPLE_FRAMES {
+        starts.push(range.start + range.len() / 2);
+    }
+    let mesh = |frame: CapturedFrame| match frame.content {
+        Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
+        _ => bail!("{}: --voxel auto needs meshes: give a length, as in --voxel 5mm", frame.name),
+    };
+    let sample = |start: usize| -> Result<Vec<TriangleMesh>> {
+        let end = range.end.min(start + SAMPLE_FRAMES);
+        open()?.read(start..end)?.map(|frame| mesh(frame?)).collect()
+    };
+    starts.into_iter().map(sample).collect()
+}
+
+/// Step in metres, bits a second of a whole GOP and mean error in metres of the samples.
+fn measure(
+    samples: &[Vec<TriangleMesh>],
+    header: &StreamHeader,
+    settings: &EncoderSettings,
+    voxel: VoxelSize,
+    step_m: f64,
+) -> Result<(f64, f64, f64)> {
+    let mut header = *header;
+    header.grid.voxel_size = voxel;
+    let ingest = MeshIngest::new(header.grid);
+    let sign = decide_sign(&samples[0][0], ingest.sign).0;
+    let mut settings = *settings;
+    settings.main = isv::encode::MainSettings {
+        quality: FrameQuality::of_step((step_m / voxel.metres()) as f32),
+        band: settings.main.band,
+        ..Preset::Realtime.settings()
+    };
+    let (mut bits, mut errors) = ([Vec::new(), Vec::new()], Vec::new());
+    for meshes in samples {
+        let mut encoder = Encoder::new(&header, settings);
+        for mesh in meshes {
+            let frame = encoder.encode(&ingest_mesh(mesh, &ingest, sign)?);
+            let bytes = PacketHeader::BYTES + frame.payload().to_bytes().len();
+            bits[usize::from(!frame.keyframe)].push(8.0 * bytes as f64);
+        }
+        let decoded = encoder.reconstruction().expect("a sample has frames");
+        let surface = extract_surface(decoded, &SurfaceOptions { normals: false });
+        let options = CompareOptions { spacing_m: voxel.metres(), seed: 0 };
+        let last = meshes.last().expect("a sample has frames");
+        errors.push(compare(last, &surface, &options)?.p2s_rms_mm.unwrap_or(f64::NAN) / 1e3);
+    }
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let (keyframe, gop) = (mean(&bits[0]), f64::from(settings.gop));
+    let other = if bits[1].is_empty() { keyframe } else { mean(&bits[1]) };
+    let rate = (keyframe + (gop - 1.0) * other) / gop * header.frame_rate.per_second();
+    Ok((step_m, rate, mean(&errors)))
+}

@@ -1,0 +1,108 @@
+//! The one step that meets a rate, found by coding everything with others.
+
+use super::{Args, volumes};
+use crate::capture::Capture;
+use crate::interrupt;
+use crate::progress::Progress;
+use anyhow::{Result, bail};
+use isv::encode::{Encoder, EncoderSettings, FrameQuality};
+use isv::format::{PacketWriter, StreamHeader};
+use std::io::{self, Write};
+use std::sync::Arc;
+
+/// Passes that measure, at most.
+const PASSES: usize = 4;
+/// Close enough to the rate, as a share of it.
+const TOLERANCE: f64 = 0.01;
+/// Bytes fall with about this power of the step, until two passes say better.
+const EXPONENT: f64 = 0.9;
+/// What two passes may say it is.
+const EXPONENTS: std::ops::RangeInclusive<f64> = 0.3..=1.5;
+/// Steps in voxels that are tried.
+const STEPS: std::ops::RangeInclusive<f64> = 0.1..=64.0;
+
+/// The settings with the step at which the stream has about `rate` bits a second.
+pub(super) fn settings_for_rate(
+    args: &Args,
+    header: &StreamHeader,
+    settings: EncoderSettings,
+    rate: f64,
+) -> Result<EncoderSettings> {
+    Capture::open(&args.input, &args.hints()?)?.counted()?;
+    let with_step = |step: f64| {
+        let mut settings = settings;
+        settings.main.quality = FrameQuality { step: step as f32, ..settings.main.quality };
+        settings
+    };
+    let mut step = f64::from(settings.main.quality.step);
+    let mut exponent = EXPONENT;
+    let mut best = (f64::INFINITY, step);
+    let mut last: Option<(f64, f64)> = None;
+    for _ in 0..PASSES {
+        let excess = (measure_rate(args, header, with_step(step))? / rate).ln();
+        if excess.abs() < best.0 {
+            best = (excess.abs(), step);
+        }
+        if excess.abs() < TOLERANCE {
+            break;
+        }
+        if let Some((last_step, last_excess)) = last {
+            let slope = (last_excess - excess) / (step / last_step).ln();
+            exponent = slope.clamp(*EXPONENTS.start(), *EXPONENTS.end());
+        }
+        last = Some((step, excess));
+        let next = (step * (excess / exponent).exp()).clamp(*STEPS.start(), *STEPS.end());
+        if next == step {
+            break;
+        }
+        step = next;
+    }
+    Ok(with_step(best.1))
+}
+
+/// Bits a second of the stream under settings.
+fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -> Result<f64> {
+    let capture = Capture::open(&args.input, &args.hints()?)?;
+    let skip_bad_frames = args.skip_bad_frames && capture.frames_stand_alone();
+    let range = capture.range(args.frames)?;
+    let progress = Arc::new(Progress::silent(Some(range.len()), "measuring"));
+    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
+    let mut encoder = Encoder::new(header, settings);
+    let mut writer = PacketWriter::new(ByteCount(0), header)?;
+    let mut frames = 0u32;
+    for frame in volumes(capture.read(range)?, maker, false) {
+        match frame {
+            Ok(frame) => {
+                let coded = encoder.encode(&frame.volume);
+                writer.write_frame(coded.keyframe, 0, &coded.payload())?;
+                frames += 1;
+            }
+            Err(_) if skip_bad_frames => {}
+            Err(error) => return Err(error),
+        }
+        progress.step();
+    }
+    if interrupt::requested() {
+        bail!("interrupted before the last pass");
+    }
+    if frames == 0 {
+        bail!("{}: no frame could be used", args.input);
+    }
+    let seconds = f64::from(frames) / header.frame_rate.per_second();
+    Ok(writer.finish()?.0 as f64 * 8.0 / seconds)
+}
+
+/// Counts what is written.
+#[derive(Debug)]
+struct ByteCount(u64);
+
+impl Write for ByteCount {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0 += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
