@@ -12,6 +12,7 @@ use crate::ahead::Ahead;
 use crate::capture::{Capture, CapturedFrame, Frames, Hints};
 use crate::frame_range::FrameRange;
 use crate::interrupt;
+use crate::length::Length;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
@@ -19,7 +20,7 @@ use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
 use ingest::IngestArgs;
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, surface_rms_voxels};
+use isv::encode::{EncodedFrame, Encoder, EncoderSettings, RateTarget, surface_rms_voxels};
 use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
@@ -128,6 +129,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
+        target: Some(settings.main.target),
         first: range.start,
         frames: 0,
         skipped: 0,
@@ -162,6 +164,8 @@ struct Job {
     writer: PacketWriter<Output>,
     stats: StatsFile<EncodedFrameStats>,
     skip_bad_frames: bool,
+    /// What the encoder aims at, until it was said that it is out of reach.
+    target: Option<RateTarget>,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
@@ -172,13 +176,35 @@ impl Job {
     /// Encodes a frame, or deals with what is wrong with it.
     fn take(&mut self, frame: Result<IngestedFrame>, progress: &Progress) -> Result<()> {
         match frame {
-            Ok(frame) => self.encode(&frame),
+            Ok(frame) => {
+                self.encode(&frame)?;
+                self.note_missed_error(&frame, progress);
+                Ok(())
+            }
             Err(error) if self.skip_bad_frames => {
                 self.skipped += 1;
                 progress.note(&format!("skipped: {error:#}"));
                 Ok(())
             }
             Err(error) => Err(error),
+        }
+    }
+
+    /// Says once that a frame could not be brought within the error asked for.
+    fn note_missed_error(&mut self, frame: &IngestedFrame, progress: &Progress) {
+        let (Some(RateTarget::MaxError(bound)), Some(decoded)) = (self.target, self.encoder.reconstruction())
+        else {
+            return;
+        };
+        let voxel_m = self.header.grid.voxel_size.metres();
+        let error = surface_rms_voxels(&frame.volume, decoded);
+        if error > bound {
+            self.target = None;
+            let [error, bound] = [error, bound].map(|voxels| Length::from_metres(voxels * voxel_m));
+            progress.note(&format!(
+                "frame {}: {error} from what was captured even with the finest step, not {bound}: smaller voxels reach it",
+                frame.number
+            ));
         }
     }
 
