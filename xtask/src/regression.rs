@@ -24,8 +24,8 @@ const CLIPS: [(&str, usize, f64, f64); 6] = [
     ("monastery", 2, 0.08, 0.2),
 ];
 
-/// Kinds of prediction, all at the paper's steps for people, in proportion to the voxel.
-const CODECS: [&str; 4] = ["paper-intra", "paper-zero", "paper-3dof", "paper-6dof"];
+/// The paper's kinds of prediction, at its steps for people, in proportion to the voxel, and profile `main` at its default.
+const CODECS: [&str; 5] = ["paper-intra", "paper-zero", "paper-3dof", "paper-6dof", "main-balanced"];
 
 const HEADER: &str = "clip,setting,frames,bytes,p2s_mean_mm,normal_error_deg";
 
@@ -134,8 +134,10 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
         StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 0, first_frame: 0 };
     let codec: Codec = codec.parse()?;
     let subject = Subject::prepare(codec, take, &[], &settings)?.context("isv needs no program")?;
-    let point =
-        OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.2 * voxel_m, ac_step_m: 2.0 * voxel_m };
+    let point = match codec {
+        Codec::Main(_) => OperatingPoint::Step { step_m: 2.2 * voxel_m },
+        _ => OperatingPoint::Steps { coefficients: 64, dc_step_m: 0.2 * voxel_m, ac_step_m: 2.0 * voxel_m },
+    };
     let record = subject.measure(point, &mut || ())?.record;
     let value = |metric| record.value(metric).with_context(|| format!("{}: cannot be measured", take.name()));
     Ok(Row {

@@ -1,6 +1,6 @@
 //! The codecs of a study and the points at which they are measured.
 
-use isv::encode::MotionMode;
+use isv::encode::{MotionMode, Preset};
 use isv::format::Prediction;
 use isv::volume::{Grid, TriangleMesh};
 use std::fmt;
@@ -12,6 +12,8 @@ use thiserror::Error;
 pub enum Codec {
     /// isv, profile `paper`, with one kind of prediction, or the best for each frame.
     Paper(MotionMode),
+    /// isv, profile `main`, under a preset.
+    Main(Preset),
     /// Tang et al. 2018: blocks as in isv, a trained transform, every frame alone.
     Tang(Training),
     /// Google Draco on each frame's mesh, first simplified to a share of its faces, in percent.
@@ -41,6 +43,11 @@ pub enum OperatingPoint {
         dc_step_m: f64,
         /// Step of all others, in metres.
         ac_step_m: f64,
+    },
+    /// One step for all coefficients, in metres.
+    Step {
+        /// It.
+        step_m: f64,
     },
     /// K and one step for all coefficients, in metres.
     UniformStep {
@@ -91,17 +98,23 @@ const DC_SHARE: f64 = 0.1;
 /// Steps of the trained transform in voxels. It has no DC coefficient to protect: one step serves all.
 const UNIFORM_STEPS_VOXELS: [f64; POINTS] = [0.5, 1.0, 2.0, 4.0, 8.0];
 
+/// Steps of profile `main` in voxels; 2.2 is the encoder's default.
+const MAIN_STEPS_VOXELS: [f64; POINTS] = [0.9, 1.4, 2.2, 3.5, 5.5];
+
 /// Draco's bits beyond those that make its step a voxel: a mesh needs finer positions than a volume needs voxels.
 const BITS_BEYOND_A_VOXEL: [i32; POINTS] = [3, 2, 1, 0, -1];
 
 impl Codec {
     /// All of them, in the order of legends and tables.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 15] = [
         Self::Paper(MotionMode::Fixed(Prediction::None)),
         Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)),
         Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)),
         Self::Paper(MotionMode::Fixed(Prediction::SixDof)),
         Self::Paper(MotionMode::Auto),
+        Self::Main(Preset::Realtime),
+        Self::Main(Preset::Balanced),
+        Self::Main(Preset::Archive),
         Self::Tang(Training::Scene),
         Self::Tang(Training::CrossScene),
         Self::Draco { faces_percent: 100 },
@@ -115,6 +128,7 @@ impl Codec {
     #[must_use]
     pub fn description(self) -> String {
         match self {
+            Self::Main(preset) => format!("isv, profile main, preset {preset}"),
             Self::Paper(MotionMode::Fixed(Prediction::None)) => {
                 "isv, profile paper: every frame alone".to_owned()
             }
@@ -167,6 +181,7 @@ impl Codec {
                     ac_step_m,
                 }
             }
+            Self::Main(_) => OperatingPoint::Step { step_m: MAIN_STEPS_VOXELS[i] * scale.voxel_m },
             Self::Tang(_) => OperatingPoint::UniformStep {
                 coefficients: COEFFICIENTS,
                 step_m: UNIFORM_STEPS_VOXELS[i] * scale.voxel_m,
@@ -182,6 +197,7 @@ impl Codec {
 impl fmt::Display for Codec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Main(preset) => write!(f, "main-{preset}"),
             Self::Paper(MotionMode::Fixed(Prediction::None)) => f.write_str("paper-intra"),
             Self::Paper(MotionMode::Fixed(Prediction::ZeroMotion)) => f.write_str("paper-zero"),
             Self::Paper(MotionMode::Fixed(Prediction::ThreeDof)) => f.write_str("paper-3dof"),
@@ -210,6 +226,7 @@ impl fmt::Display for OperatingPoint {
         let mm = |metres: f64| (metres * 1e6).round() / 1e3;
         match *self {
             Self::Steps { coefficients, ac_step_m, .. } => write!(f, "k{coefficients}-ac{}mm", mm(ac_step_m)),
+            Self::Step { step_m } => write!(f, "step{}mm", mm(step_m)),
             Self::UniformStep { coefficients, step_m } => write!(f, "k{coefficients}-step{}mm", mm(step_m)),
             Self::PositionBits(bits) => write!(f, "{bits}-bit"),
         }

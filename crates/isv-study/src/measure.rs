@@ -2,7 +2,7 @@
 
 use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
-use crate::session::{DracoEncoding, Encoding, Memory, PaperEncoding, Stream, TangEncoding};
+use crate::session::{DracoEncoding, Encoding, IsvEncoding, Memory, Stream, TangEncoding};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::format::FrameRate;
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
@@ -82,7 +82,7 @@ impl<'a> Subject<'a> {
     ) -> Result<Option<Self>, StudyError> {
         let (mut basis, mut draco) = (None, None);
         match codec {
-            Codec::Paper(_) => {}
+            Codec::Paper(_) | Codec::Main(_) => {}
             Codec::Tang(Training::Scene) => basis = Some(train(&[take], settings)?),
             Codec::Tang(Training::CrossScene) if training.is_empty() => return Err(StudyError::NoTraining),
             Codec::Tang(Training::CrossScene) => basis = Some(train(training, settings)?),
@@ -106,7 +106,10 @@ impl<'a> Subject<'a> {
         Ok(match (self.codec, point, &self.basis, &self.draco) {
             (Codec::Paper(motion), OperatingPoint::Steps { coefficients, dc_step_m, ac_step_m }, _, _) => {
                 let (steps, rate) = ([dc_step_m, ac_step_m], self.take.frame_rate());
-                Box::new(PaperEncoding::new(motion, coefficients, steps, rate, settings)?)
+                Box::new(IsvEncoding::paper(motion, coefficients, steps, rate, settings)?)
+            }
+            (Codec::Main(preset), OperatingPoint::Step { step_m }, _, _) => {
+                Box::new(IsvEncoding::main(preset, step_m, self.take.frame_rate(), settings)?)
             }
             (Codec::Tang(_), OperatingPoint::UniformStep { coefficients, step_m }, Some(basis), _) => {
                 Box::new(TangEncoding::new(basis, coefficients, step_m, settings)?)

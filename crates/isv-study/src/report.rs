@@ -37,13 +37,16 @@ pub struct DeltaRow {
 /// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].
 const KIND_COLOURS: [&str; 6] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a"];
 
-/// Colours of codecs by family: isv blue and violet, trained transforms green, Draco from dark red to yellow.
-const CODEC_COLOURS: [(&str, &str); 12] = [
+/// Colours of codecs by family: isv's paper profile blue and violet, its main profile crimson, trained transforms green, Draco from dark red to yellow.
+const CODEC_COLOURS: [(&str, &str); 15] = [
     ("paper-intra", "#8fb8de"),
     ("paper-zero", "#5b8fc7"),
     ("paper-3dof", "#1450a0"),
     ("paper-6dof", "#6a4fb3"),
     ("paper-auto", "#0b2545"),
+    ("main-realtime", "#d977a8"),
+    ("main-balanced", "#b3145f"),
+    ("main-archive", "#5c0a33"),
     ("tang-scene", "#1f7a4d"),
     ("tang-cross", "#7bbf8e"),
     ("draco", "#7f1d1d"),

@@ -1,17 +1,17 @@
 //! One codec at one point on one take: frames in, a stream out, frames back.
 
 mod draco;
-mod paper;
+mod isv;
 mod tang;
 mod volumes;
 
+pub(crate) use self::isv::IsvEncoding;
 pub(crate) use draco::DracoEncoding;
-pub(crate) use paper::PaperEncoding;
 pub(crate) use tang::TangEncoding;
 
 use crate::StudyError;
 use crate::record::BytesByKind;
-use isv::volume::TriangleMesh;
+use ::isv::volume::TriangleMesh;
 use std::time::Instant;
 
 /// The encoding side.

@@ -50,8 +50,8 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Codecs to study, separated by commas, the first of which the others are summed up against; without it all but those
-    /// that lack what they need: paper-intra, paper-zero,
-    /// paper-3dof, paper-6dof, paper-auto, tang-scene, tang-cross, draco, draco-50, draco-25, draco-10, draco-5
+    /// that lack what they need: paper-intra, paper-zero, paper-3dof,
+    /// paper-6dof, paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25, draco-10, draco-5
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
     /// Operating points of each codec, from 5

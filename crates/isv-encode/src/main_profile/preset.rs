@@ -1,6 +1,7 @@
 //! How much work the encoder takes on.
 
 use super::encoder::MainSettings;
+use std::fmt;
 
 /// Sets of choices between speed and size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +12,16 @@ pub enum Preset {
     Balanced,
     /// As small as it gets.
     Archive,
+}
+
+impl fmt::Display for Preset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Realtime => "realtime",
+            Self::Balanced => "balanced",
+            Self::Archive => "archive",
+        })
+    }
 }
 
 impl Preset {

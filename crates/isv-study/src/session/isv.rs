@@ -1,15 +1,15 @@
-//! isv itself, profile `paper`.
+//! isv itself, either profile.
 
 use super::volumes::{VolumeMaker, step_size, surface};
 use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, MotionMode};
+use isv::encode::{Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
 use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::volume::TriangleMesh;
 
-pub(crate) struct PaperEncoding {
+pub(crate) struct IsvEncoding {
     header: StreamHeader,
     volumes: VolumeMaker,
     encoder: Encoder,
@@ -18,29 +18,46 @@ pub(crate) struct PaperEncoding {
     kinds: BytesByKind,
 }
 
-impl PaperEncoding {
-    /// `steps` are those of the DC coefficient and of all others, in metres.
-    pub(crate) fn new(
+impl IsvEncoding {
+    /// Profile `paper`. `steps` are those of the DC coefficient and of all others, in metres.
+    pub(crate) fn paper(
         motion: MotionMode,
         coefficients: u16,
         steps: [f64; 2],
         frame_rate: FrameRate,
         settings: &StudySettings,
     ) -> Result<Self, StudyError> {
-        let header = StreamHeader {
-            profile: Profile::Paper(PaperParameters {
-                coefficients,
-                dc_step: step_size(steps[0], settings)?.sixteenths(),
-                ac_step: step_size(steps[1], settings)?.sixteenths(),
-            }),
-            grid: settings.ingest.grid,
-            frame_rate,
-        };
-        let encoder = EncoderSettings { motion, gop: settings.gop, ..EncoderSettings::default() };
+        let profile = Profile::Paper(PaperParameters {
+            coefficients,
+            dc_step: step_size(steps[0], settings)?.sixteenths(),
+            ac_step: step_size(steps[1], settings)?.sixteenths(),
+        });
+        Self::new(profile, EncoderSettings { motion, ..EncoderSettings::default() }, frame_rate, settings)
+    }
+
+    /// Profile `main` under a preset, with one step for all frames, in metres.
+    pub(crate) fn main(
+        preset: Preset,
+        step_m: f64,
+        frame_rate: FrameRate,
+        settings: &StudySettings,
+    ) -> Result<Self, StudyError> {
+        let step = step_m / settings.ingest.grid.voxel_size.metres();
+        let main = MainSettings { quality: FrameQuality::of_step(step as f32), ..preset.settings() };
+        Self::new(Profile::Main, EncoderSettings { main, ..EncoderSettings::default() }, frame_rate, settings)
+    }
+
+    fn new(
+        profile: Profile,
+        encoder: EncoderSettings,
+        frame_rate: FrameRate,
+        settings: &StudySettings,
+    ) -> Result<Self, StudyError> {
+        let header = StreamHeader { profile, grid: settings.ingest.grid, frame_rate };
         Ok(Self {
             header,
             volumes: VolumeMaker::new(settings),
-            encoder: Encoder::new(&header, encoder),
+            encoder: Encoder::new(&header, EncoderSettings { gop: settings.gop, ..encoder }),
             writer: PacketWriter::new(Vec::new(), &header)?,
             frames: 0,
             kinds: BytesByKind::default(),
@@ -48,7 +65,7 @@ impl PaperEncoding {
     }
 }
 
-impl Encoding for PaperEncoding {
+impl Encoding for IsvEncoding {
     fn encode(&mut self, mesh: &TriangleMesh) -> Result<EncodedFrame, StudyError> {
         let (volume, prepare_ms) = self.volumes.make(mesh)?;
         let (frame, encode_ms) = timed(|| self.encoder.encode(&volume));
@@ -67,16 +84,16 @@ impl Encoding for PaperEncoding {
         let bytes = self.writer.finish()?;
         let mut kinds = self.kinds;
         kinds.headers = bytes.len() as f64 - kinds.named().iter().map(|(_, bytes)| bytes).sum::<f64>();
-        Ok(Box::new(PaperStream { bytes, kinds }))
+        Ok(Box::new(IsvStream { bytes, kinds }))
     }
 }
 
-struct PaperStream {
+struct IsvStream {
     bytes: Vec<u8>,
     kinds: BytesByKind,
 }
 
-impl Stream for PaperStream {
+impl Stream for IsvStream {
     fn bytes(&self) -> u64 {
         self.bytes.len() as u64
     }
