@@ -99,7 +99,8 @@ fn a_stream_can_be_coded_anew() {
 
 #[test]
 fn lower_levels_of_detail_are_coarser_and_close() {
-    let (work, _) = Workspace::with_stream(3);
+    let work = Workspace::with_figure(3);
+    work.isv(&[&support::ENCODE[..], &["--profile=paper"]].concat()).done();
     work.isv(&["decode", "take.isv", "-o", "1"]).done();
     let mut size = work.read("1/frame_0002.ply").len();
     for lod in ["2", "4"] {
