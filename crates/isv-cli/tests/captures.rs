@@ -63,7 +63,8 @@ fn points_come_out_and_go_in_again() {
 
 #[test]
 fn volumes_come_out_and_go_in_again_as_they_are() {
-    let (work, _) = Workspace::with_stream(2);
+    let work = Workspace::with_figure(2);
+    work.isv(&[&support::ENCODE[..], &["--profile=paper"]].concat()).done();
     work.isv(&["decode", "take.isv", "-o", "arrays", "--as", "volume"]).done();
     assert_eq!(work.names("arrays"), ["frame_0000", "frame_0001"]);
     assert_eq!(work.names("arrays/frame_0000"), ["coords.npy", "grid.json", "tsdf.npy", "weight.npy"]);
