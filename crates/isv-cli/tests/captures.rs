@@ -63,7 +63,8 @@ fn points_come_out_and_go_in_again() {
 
 #[test]
 fn volumes_come_out_and_go_in_again_as_they_are() {
-    let (work, _) = Workspace::with_stream(2);
+    let work = Workspace::with_figure(2);
+    work.isv(&[&support::ENCODE[..], &["--profile=paper"]].concat()).done();
     work.isv(&["decode", "take.isv", "-o", "arrays", "--as", "volume"]).done();
     assert_eq!(work.names("arrays"), ["frame_0000", "frame_0001"]);
     assert_eq!(work.names("arrays/frame_0000"), ["coords.npy", "grid.json", "tsdf.npy", "weight.npy"]);
@@ -99,7 +100,8 @@ fn a_stream_can_be_coded_anew() {
 
 #[test]
 fn lower_levels_of_detail_are_coarser_and_close() {
-    let (work, _) = Workspace::with_stream(3);
+    let work = Workspace::with_figure(3);
+    work.isv(&[&support::ENCODE[..], &["--profile=paper"]].concat()).done();
     work.isv(&["decode", "take.isv", "-o", "1"]).done();
     let mut size = work.read("1/frame_0002.ply").len();
     for lod in ["2", "4"] {

@@ -170,6 +170,8 @@ struct State {
 /// more than this share of the bytes that those of the last keyframe took.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
+/// How much more a keyframe may cost then: decoding can begin there.
+const CUT_BONUS: f32 = 1.25;
 /// Strengths of the in-loop filter that are tried where time does not matter.
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
@@ -247,7 +249,7 @@ impl MainEncoder {
             return coded;
         }
         let cut = self.encode_best(source, true, quality);
-        if cut.cost(quality) < coded.cost(quality) { cut } else { coded }
+        if cut.cost(quality) < CUT_BONUS * coded.cost(quality) { cut } else { coded }
     }
 
     /// Codes a frame with the step of vectors of the settings, and if time does not matter, with the other one too.
