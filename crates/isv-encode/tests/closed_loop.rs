@@ -8,7 +8,7 @@ use isv_format::{PaperParameters, Prediction, Profile};
 use support::{ball, decode, encode, header};
 
 fn settings(motion: MotionMode) -> EncoderSettings {
-    EncoderSettings { motion, gop: 4, checksums: true, slices: None }
+    EncoderSettings { motion, gop: 4, checksums: true, ..EncoderSettings::default() }
 }
 
 #[test]

@@ -14,7 +14,12 @@ fn stream() -> Vec<u8> {
     let header = header(8, 4, 30);
     let volumes: Vec<_> = (0..4).map(|t| ball(header.grid, f64::from(t))).collect();
     let motion = MotionMode::Fixed(Prediction::SixDof);
-    encode(&header, EncoderSettings { motion, gop: 2, checksums: true, slices: Some(2) }, &volumes).0
+    encode(
+        &header,
+        EncoderSettings { motion, gop: 2, checksums: true, slices: Some(2), ..Default::default() },
+        &volumes,
+    )
+    .0
 }
 
 #[test]

@@ -36,10 +36,10 @@ fn decoder_before(packets: &[Packet], frame: usize) -> Decoder {
 }
 
 /// What a decoder says to the payload of a frame after a change.
-fn decode_changed(
-    packets: &[Packet],
+fn decode_changed<'a>(
+    packets: &'a [Packet],
     frame: usize,
-    change: impl FnOnce(&mut FramePayload),
+    change: impl FnOnce(&mut FramePayload<'a>),
 ) -> Result<SparseVolume, DecodeError> {
     let mut payload = FramePayload::parse(&packets[frame].payload, 0, true, &Profile::Main).unwrap();
     change(&mut payload);

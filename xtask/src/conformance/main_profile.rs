@@ -9,6 +9,7 @@ use isv::format::{
     Prediction, Profile, SlicePayload, StreamHeader,
 };
 use isv::volume::{BlockCoord, Grid, SparseVolume, VolumeBuilder};
+use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
 use isv_testkit::{Random, ball, volume_of};
 
 /// All of them, by name.
@@ -146,7 +147,7 @@ impl NoiseFrame {
             block_set,
             // No masks: a random one is too often empty.
             masks: vec![0x80],
-            slices: (0..slices).map(|_| [bytes(80), bytes(900 / usize::from(slices))]).collect(),
+            slices: (0..slices).map(|_| [far_vector(&bytes(80)), bytes(900 / usize::from(slices))]).collect(),
         }
     }
 
@@ -155,6 +156,18 @@ impl NoiseFrame {
         let slices = slices.iter().map(|[motion, coefficients]| SlicePayload { motion, coefficients });
         FramePayload { header: *header, block_set, masks, slices: slices.collect() }
     }
+}
+
+/// Random modes after a first block with a vector of its own that leads far, as long as all models are fresh.
+fn far_vector(random: &[u8]) -> Vec<u8> {
+    let mut encoder = RangeEncoder::new();
+    encoder.encode(&mut BitModel::default(), false);
+    encoder.encode(&mut BitModel::default(), true);
+    for component in [55, -41, 30] {
+        IntegerModel::default().encode(&mut encoder, component);
+    }
+    random.iter().for_each(|byte| encoder.encode_raw(u32::from(*byte), 8));
+    encoder.finish()
 }
 
 /// A block that a plane cuts.
