@@ -1,15 +1,20 @@
 //! Makes the conformance streams: small, one feature after the other, each with the hashes of its decoded frames.
 
+mod main_profile;
+
 use anyhow::{Context, Result};
 use isv::decode::volume_hash;
 use isv::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_testkit::ball;
 use std::fmt::Write;
 use std::path::Path;
 
-/// A stream of four frames, the first a keyframe.
+/// A stream's bytes and the hashes of its frames.
+type Stream = (Vec<u8>, Vec<u64>);
+
+/// A stream of profile `paper`: four frames, the first a keyframe.
 struct Case {
     name: &'static str,
     edge: u32,
@@ -66,43 +71,49 @@ const CASES: [Case; 8] = [
 /// Writes every stream and the table of hashes into a folder.
 pub(crate) fn run(folder: &str) -> Result<()> {
     let folder = Path::new(folder);
+    let paper = CASES.iter().map(|case| Ok((case.name, encode_case(case)?))).collect::<Result<Vec<_>>>()?;
     let mut table = String::new();
-    for case in &CASES {
-        let (stream, hashes) = encode(case)?;
-        let path = folder.join(format!("{}.isv", case.name));
+    for (name, (stream, hashes)) in paper.into_iter().chain(main_profile::streams()?) {
+        let path = folder.join(format!("{name}.isv"));
         std::fs::write(&path, stream).with_context(|| path.display().to_string())?;
         for (frame, hash) in hashes.iter().enumerate() {
-            writeln!(table, "{}.isv {frame} {hash:016x}", case.name)?;
+            writeln!(table, "{name}.isv {frame} {hash:016x}")?;
         }
     }
     let path = folder.join("hashes.txt");
     std::fs::write(&path, table).with_context(|| path.display().to_string())
 }
 
-fn encode(case: &Case) -> Result<(Vec<u8>, Vec<u64>)> {
+fn encode_case(case: &Case) -> Result<Stream> {
+    let profile = Profile::Paper(PaperParameters {
+        coefficients: case.coefficients,
+        dc_step: case.steps[0],
+        ac_step: case.steps[1],
+    });
+    let header = header(profile, case.edge, case.truncation)?;
+    let motion = MotionMode::Fixed(case.motion);
+    let settings = EncoderSettings { motion, slices: Some(case.slices), ..Default::default() };
+    let volumes: Vec<_> = (0..4).map(|frame| ball(header.grid, f64::from(frame))).collect();
+    encode(&header, settings, &volumes)
+}
+
+fn header(profile: Profile, edge: u32, truncation: u32) -> Result<StreamHeader> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.005)?,
-        edge: BlockEdge::from_voxels(case.edge)?,
-        truncation: Truncation::from_voxels(case.truncation)?,
+        edge: BlockEdge::from_voxels(edge)?,
+        truncation: Truncation::from_voxels(truncation)?,
     };
-    let header = StreamHeader {
-        profile: Profile::Paper(PaperParameters {
-            coefficients: case.coefficients,
-            dc_step: case.steps[0],
-            ac_step: case.steps[1],
-        }),
-        grid,
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
-    };
-    let motion = MotionMode::Fixed(case.motion);
-    let settings =
-        EncoderSettings { motion, checksums: true, slices: Some(case.slices), ..Default::default() };
-    let mut encoder = Encoder::new(&header, settings);
-    let mut writer = PacketWriter::new(Vec::new(), &header)?;
+    Ok(StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } })
+}
+
+fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVolume]) -> Result<Stream> {
+    let mut encoder = Encoder::new(header, EncoderSettings { checksums: true, ..settings });
+    let mut writer = PacketWriter::new(Vec::new(), header)?;
     let mut hashes = Vec::new();
-    for frame in 0..4u64 {
-        let coded = encoder.encode(&ball(grid, frame as f64));
-        writer.write_frame(coded.keyframe, header.frame_rate.timestamp_ns(frame), &coded.payload())?;
+    for (frame, volume) in volumes.iter().enumerate() {
+        let coded = encoder.encode(volume);
+        let timestamp = header.frame_rate.timestamp_ns(frame as u64);
+        writer.write_frame(coded.keyframe, timestamp, &coded.payload())?;
         hashes.push(volume_hash(encoder.reconstruction().context("a frame was just encoded")?));
     }
     Ok((writer.finish()?, hashes))

@@ -40,9 +40,11 @@ pub(crate) fn run(corpus: &str) -> Result<()> {
     save("tum", TUM.as_bytes())?;
     save("depth_png", &depth_png()?)?;
     save("depth_exr", &depth_exr()?)?;
-    let volume = ingest_mesh(&mesh, &MeshIngest::new(grid()), SignDecision::Closed { flipped: false })?;
-    save("arrays", &arrays(&volume)?)?;
-    save("stream", &stream(&volume)?)?;
+    let volume = |grid| ingest_mesh(&mesh, &MeshIngest::new(grid), SignDecision::Closed { flipped: false });
+    let paper = Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 });
+    save("arrays", &arrays(&volume(grid(BlockEdge::E4))?)?)?;
+    save("stream", &stream(paper, &volume(grid(BlockEdge::E4))?)?)?;
+    save("stream", &stream(Profile::Main, &volume(grid(BlockEdge::E8))?)?)?;
     save("ingest", &(0..240u8).map(|i| i.wrapping_mul(37)).collect::<Vec<_>>())?;
     Ok(())
 }
@@ -53,10 +55,10 @@ fn save(folder: &Path, bytes: &[u8]) -> Result<()> {
     Ok(fs::write(folder.join(format!("seed_{}", bytes.len())), bytes)?)
 }
 
-fn grid() -> Grid {
+fn grid(edge: BlockEdge) -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(0.02).expect("in range"),
-        edge: BlockEdge::E4,
+        edge,
         truncation: Truncation::from_voxels(2).expect("in range"),
     }
 }
@@ -140,12 +142,9 @@ fn arrays(volume: &SparseVolume) -> Result<Vec<u8>> {
 }
 
 /// Two frames, the second one predicted.
-fn stream(volume: &SparseVolume) -> Result<Vec<u8>> {
-    let header = StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 }),
-        grid: grid(),
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
-    };
+fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
+    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let header = StreamHeader { profile, grid: *volume.grid(), frame_rate };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header)?;
     for _ in 0..2 {

@@ -5,10 +5,10 @@ mod support;
 use isv_decode::{DecodeError, Decoder, Limits, Lod};
 use isv_encode::{EncoderSettings, MotionMode};
 use isv_format::{
-    FrameCoding, FrameHeader, FramePayload, Packet, PacketKind, PacketReader, Prediction, SlicePayload,
+    FrameCoding, FrameHeader, FramePayload, PacketKind, PacketReader, Prediction, SlicePayload,
 };
 use proptest::prelude::*;
-use support::{ball, decode, encode, header};
+use support::{ball, decode, encode, forged, header, packets};
 
 fn stream() -> Vec<u8> {
     let header = header(8, 4, 30);
@@ -16,23 +16,10 @@ fn stream() -> Vec<u8> {
     let motion = MotionMode::Fixed(Prediction::SixDof);
     encode(
         &header,
-        EncoderSettings { motion, gop: 2, checksums: true, slices: Some(2), ..EncoderSettings::default() },
+        EncoderSettings { motion, gop: 2, checksums: true, slices: Some(2), ..Default::default() },
         &volumes,
     )
     .0
-}
-
-fn packets(bytes: &[u8]) -> Vec<Packet> {
-    let mut reader = PacketReader::new(bytes).unwrap();
-    std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
-}
-
-/// The packet with another payload, its header made to fit.
-fn forged(packet: &Packet, payload: Vec<u8>) -> Packet {
-    let mut packet = packet.clone();
-    packet.header.payload_bytes = payload.len() as u32;
-    packet.payload = payload;
-    packet
 }
 
 #[test]

@@ -13,12 +13,8 @@ const LODS: [Lod; 3] = [Lod::Full, Lod::Half, Lod::Quarter];
 
 fn stream(header: &StreamHeader, motion: Prediction, frames: usize) -> Vec<u8> {
     let volumes: Vec<_> = (0..frames).map(|t| ball(header.grid, t as f64)).collect();
-    let settings = EncoderSettings {
-        motion: MotionMode::Fixed(motion),
-        gop: 30,
-        checksums: true,
-        ..EncoderSettings::default()
-    };
+    let settings =
+        EncoderSettings { motion: MotionMode::Fixed(motion), checksums: true, ..Default::default() };
     encode(header, settings, &volumes).0
 }
 

@@ -79,6 +79,7 @@ impl BlockSetModels {
             check_overrun(decoder, "the block set ends too early")?;
             cells = children;
         }
+        check_overrun(decoder, "the block set ends too early")?;
         if cells.len() != count {
             return Err(SyntaxError("the block set holds fewer blocks than announced"));
         }

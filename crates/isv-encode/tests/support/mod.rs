@@ -1,14 +1,24 @@
 //! Whole-stream helpers.
+#![allow(dead_code, reason = "each test uses some")]
 
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{Encoder, EncoderSettings};
-use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv_format::{FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 pub(crate) use isv_testkit::ball;
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 
 pub(crate) fn header(edge: u32, truncation: u32, coefficients: u16) -> StreamHeader {
+    let paper = PaperParameters { coefficients, dc_step: 819, ac_step: 2048 };
+    header_of(Profile::Paper(paper), edge, truncation)
+}
+
+pub(crate) fn main_header(truncation: u32) -> StreamHeader {
+    header_of(Profile::Main, 8, truncation)
+}
+
+fn header_of(profile: Profile, edge: u32, truncation: u32) -> StreamHeader {
     StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients, dc_step: 819, ac_step: 2048 }),
+        profile,
         grid: Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::from_voxels(edge).unwrap(),
@@ -48,4 +58,18 @@ pub(crate) fn decode(bytes: &[u8]) -> (Vec<SparseVolume>, Result<(), DecodeError
         Ok(())
     })();
     (volumes, end)
+}
+
+/// The frame packets of a whole stream.
+pub(crate) fn packets(bytes: &[u8]) -> Vec<Packet> {
+    let mut reader = PacketReader::new(bytes).unwrap();
+    std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
+}
+
+/// The packet with another payload, its header made to fit. Past the reader nobody looks at the checksum.
+pub(crate) fn forged(packet: &Packet, payload: Vec<u8>) -> Packet {
+    let mut packet = packet.clone();
+    packet.header.payload_bytes = payload.len() as u32;
+    packet.payload = payload;
+    packet
 }

@@ -1,0 +1,146 @@
+//! Profile `main`: what the encoder reconstructs is what the decoder decodes, for every setting and number of threads.
+
+mod support;
+
+use isv_decode::volume_hash;
+use isv_encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv_format::Prediction;
+use isv_volume::{SparseVolume, VoxelMask};
+use support::{ball, decode, encode, main_header};
+
+fn settings(main: MainSettings, slices: u16) -> EncoderSettings {
+    EncoderSettings { gop: 4, checksums: true, slices: Some(slices), main, ..Default::default() }
+}
+
+fn balls(truncation: u32, frames: u32) -> Vec<SparseVolume> {
+    (0..frames).map(|t| ball(main_header(truncation).grid, f64::from(t))).collect()
+}
+
+/// Settings that differ in every tool.
+fn variants() -> [MainSettings; 4] {
+    let usual = MainSettings::default();
+    [
+        usual,
+        MainSettings { half_voxel_vectors: false, filter: (0, 0), trials: 1, ..usual },
+        MainSettings { filter: (25, 255), quality: FrameQuality::of_step(0.3), ..usual },
+        MainSettings { band: Band::Full, ..usual },
+    ]
+}
+
+#[test]
+fn decoder_agrees_with_the_encoders_reconstruction() {
+    for (truncation, slices) in [(8, 1), (2, 3), (16, 7)] {
+        let volumes = balls(truncation, 6);
+        for main in variants() {
+            let (bytes, hashes) = encode(&main_header(truncation), settings(main, slices), &volumes);
+            let (decoded, end) = decode(&bytes);
+            end.unwrap();
+            let found: Vec<u64> = decoded.iter().map(volume_hash).collect();
+            assert_eq!(found, hashes, "truncation {truncation}, {slices} slices, {main:?}");
+        }
+    }
+}
+
+/// Voxels that a volume's masks cover.
+fn masked(volume: &SparseVolume) -> usize {
+    volume.unobserved_masks().values().map(VoxelMask::count).sum()
+}
+
+#[test]
+fn masks_reach_the_decoder_and_cover_only_what_was_unobserved() {
+    let volumes = balls(8, 4);
+    let main = MainSettings { band: Band::Full, ..Default::default() };
+    let (bytes, _) = encode(&main_header(8), settings(main, 2), &volumes);
+    for (source, decoded) in volumes.iter().zip(&decode(&bytes).0) {
+        assert!(masked(decoded) > 0 && masked(decoded) < masked(source));
+        let index = decoded.index();
+        for (block, coord) in source.coords().iter().enumerate() {
+            let found = index.get(*coord).expect("every block of the band is coded");
+            let Some(mask) = decoded.unobserved(found as usize) else { continue };
+            let wanted = source.unobserved(block).expect("nothing else is masked");
+            assert!((0..512).all(|voxel| !mask.contains(voxel) || wanted.contains(voxel)));
+        }
+    }
+}
+
+#[test]
+fn finer_steps_come_closer_to_the_surface() {
+    let volumes = balls(8, 3);
+    let error = |step| {
+        let main = MainSettings { quality: FrameQuality::of_step(step), ..Default::default() };
+        let (bytes, _) = encode(&main_header(8), settings(main, 1), &volumes);
+        let decoded = decode(&bytes).0;
+        let errors = volumes.iter().zip(&decoded).map(|(source, decoded)| near_error(source, decoded));
+        (errors.fold(0.0, f64::max), bytes.len())
+    };
+    let [coarse, fine] = [2.2, 0.05].map(error);
+    println!("root mean square in voxels and bytes: {coarse:?}, {fine:?}");
+    assert!(fine.0 < 0.02 && fine.0 < coarse.0 / 2.0 && fine.1 > coarse.1 && coarse.0 < 0.3);
+}
+
+/// Root mean square difference in voxels of observed samples within half a voxel of the surface.
+fn near_error(source: &SparseVolume, decoded: &SparseVolume) -> f64 {
+    let index = decoded.index();
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (block, coord) in source.coords().iter().enumerate() {
+        let Some(found) = index.get(*coord) else { continue };
+        for (voxel, sample) in source.block(block).iter().enumerate() {
+            if sample.abs() < 128 && source.unobserved(block).is_none_or(|mask| !mask.contains(voxel)) {
+                let difference = f64::from(sample - decoded.block(found as usize)[voxel]) / 256.0;
+                squares += difference * difference;
+                count += 1.0;
+            }
+        }
+    }
+    assert!(count > 1000.0);
+    f64::sqrt(squares / count)
+}
+
+#[test]
+fn frames_after_the_first_take_fewer_bytes() {
+    let mut encoder = Encoder::new(&main_header(8), settings(MainSettings::default(), 1));
+    let sizes: Vec<_> = balls(8, 4)
+        .iter()
+        .map(|volume| {
+            let frame = encoder.encode(volume);
+            (frame.prediction(), frame.payload().to_bytes().len())
+        })
+        .collect();
+    println!("{sizes:?}");
+    assert_eq!(sizes[0].0, Prediction::None);
+    assert!(sizes[1..].iter().all(|(prediction, _)| *prediction == Prediction::ThreeDof));
+    assert!(sizes[1..].iter().all(|(_, bytes)| *bytes < sizes[0].1));
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let volumes = balls(8, 3);
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let bytes = encode(&main_header(8), settings(MainSettings::default(), 3), &volumes).0;
+            let (decoded, end) = decode(&bytes);
+            end.unwrap();
+            (bytes, decoded)
+        })
+    };
+    let one = with_threads(1);
+    for threads in [2, 5] {
+        assert!(one == with_threads(threads), "{threads} threads");
+    }
+}
+
+#[test]
+fn empty_frames_and_jumps_are_coded() {
+    let header = main_header(8);
+    let empty = SparseVolume::empty(header.grid);
+    let [near, far] = [0.0, 40.0].map(|t| ball(header.grid, t));
+    let volumes = [empty.clone(), near.clone(), empty.clone(), far.clone(), near];
+    let (bytes, hashes) =
+        encode(&header, EncoderSettings { gop: 9, ..settings(MainSettings::default(), 2) }, &volumes);
+    let (decoded, end) = decode(&bytes);
+    end.unwrap();
+    assert_eq!(decoded.iter().map(volume_hash).collect::<Vec<_>>(), hashes);
+    let blocks: Vec<_> = decoded.iter().map(SparseVolume::block_count).collect();
+    assert!(blocks[0] == 0 && blocks[2] == 0 && blocks[1] > 0 && blocks[4] > 0, "{blocks:?}");
+}

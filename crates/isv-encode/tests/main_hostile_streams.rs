@@ -1,0 +1,247 @@
+//! Profile `main`: cut, damaged and forged streams give whole frames or a typed error, never a panic, a hang or a false frame.
+
+mod support;
+
+use isv_decode::{DecodeError, Decoder, Limits};
+use isv_encode::{Band, EncoderSettings, MainSettings};
+use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
+use isv_format::{
+    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, Prediction, Profile, SlicePayload,
+    StreamHeader,
+};
+use isv_volume::{SparseVolume, VolumeBuilder};
+use std::sync::OnceLock;
+use support::{ball, decode, encode, forged, main_header, packets};
+
+const LIMITS: Limits = Limits { frame_voxels: 1 << 20 };
+
+/// Four frames of the ball with its hole in two GOPs and two slices.
+fn stream() -> &'static [u8] {
+    static STREAM: OnceLock<Vec<u8>> = OnceLock::new();
+    STREAM.get_or_init(|| {
+        let header = main_header(4);
+        let volumes: Vec<_> = (0..4).map(|t| ball(header.grid, f64::from(t))).collect();
+        let settings = EncoderSettings { gop: 2, checksums: true, slices: Some(2), ..Default::default() };
+        encode(&header, settings, &volumes).0
+    })
+}
+
+/// A decoder that waits for a frame of the stream.
+fn decoder_before(packets: &[Packet], frame: usize) -> Decoder {
+    let mut decoder = Decoder::new(&main_header(4), LIMITS);
+    for packet in &packets[frame / 2 * 2..frame] {
+        decoder.decode(packet).unwrap();
+    }
+    decoder
+}
+
+/// What a decoder says to the payload of a frame after a change.
+fn decode_changed<'a>(
+    packets: &'a [Packet],
+    frame: usize,
+    change: impl FnOnce(&mut FramePayload<'a>),
+) -> Result<SparseVolume, DecodeError> {
+    let mut payload = FramePayload::parse(&packets[frame].payload, 0, true, &Profile::Main).unwrap();
+    change(&mut payload);
+    let mut decoder = decoder_before(packets, frame);
+    let packet = forged(&packets[frame], payload.to_bytes());
+    decoder.decode(&packet).map(|frame| frame.volume.clone())
+}
+
+fn assert_malformed(result: Result<SparseVolume, DecodeError>, wanted: &str) {
+    match result {
+        Err(DecodeError::Malformed { what, .. }) => assert_eq!(what, wanted),
+        other => panic!("{other:?} instead of {wanted:?}"),
+    }
+}
+
+#[test]
+fn every_prefix_of_a_stream_yields_whole_frames() {
+    let bytes = stream();
+    let whole = decode(bytes).0;
+    let ends: Vec<usize> = packets(bytes).iter().map(|p| p.at as usize + 24 + p.payload.len()).collect();
+    for length in 0..bytes.len() {
+        // Only where another frame fits the number of frames changes; decoding is what takes long.
+        let fit = ends.iter().filter(|end| **end <= length).count();
+        if length < 60 || ends.iter().any(|end| length.abs_diff(*end) < 30) || length % 97 == 0 {
+            let (frames, _) = decode(&bytes[..length]);
+            assert!(frames == whole[..fit], "{length} bytes");
+        }
+    }
+}
+
+#[test]
+fn every_prefix_of_a_payload_is_refused() {
+    let packets = packets(stream());
+    for (frame, packet) in packets.iter().enumerate().take(2) {
+        for length in 0..packet.payload.len() {
+            let cut = forged(packet, packet.payload[..length].to_vec());
+            let error = decoder_before(&packets, frame).decode(&cut).unwrap_err();
+            assert!(matches!(error, DecodeError::Format(_)), "{length} bytes: {error}");
+        }
+    }
+}
+
+#[test]
+fn segments_that_end_too_early_are_refused() {
+    let packets = packets(stream());
+    for frame in 0..2 {
+        let what = |what: &str, change: fn(&mut FramePayload)| {
+            assert_malformed(decode_changed(&packets, frame, change), what);
+        };
+        what("the block set ends too early", |p| p.block_set = &p.block_set[..1]);
+        what("the coefficients end too early", |p| p.slices[1].coefficients = &p.slices[1].coefficients[..1]);
+        if frame > 0 {
+            what("the modes end too early", |p| p.slices[0].motion = &p.slices[0].motion[..1]);
+        }
+    }
+}
+
+#[test]
+fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
+    let packets = packets(stream());
+    let mut random = isv_testkit::Random::new(11);
+    let mut below = |end: usize| ((random.signed() + 1.0) / 2.0 * end as f64) as usize;
+    let (mut decoded, mut refused) = (0, 0);
+    for _ in 0..600 {
+        let frame = below(4);
+        let mut payload = packets[frame].payload.clone();
+        for _ in 0..=below(4) {
+            let place = below(payload.len());
+            payload[place] = below(256) as u8;
+        }
+        let mut decoder = decoder_before(&packets, frame);
+        match decoder.decode(&forged(&packets[frame], payload)) {
+            Ok(found) => {
+                let limit = found.volume.grid().truncation.codes();
+                assert!(found.volume.samples().iter().all(|sample| sample.abs() <= limit));
+                decoded += 1;
+            }
+            Err(_) => refused += 1,
+        }
+        // Either way the next keyframe decodes.
+        if frame < 2 && refused % 16 == 0 {
+            decoder.decode_and_verify(&packets[2]).unwrap();
+        }
+    }
+    println!("{decoded} decoded, {refused} refused");
+    assert!(decoded > 50 && refused > 50);
+}
+
+/// A keyframe that announces blocks and nothing else.
+fn announcing(blocks: u32, block_set: &[u8]) -> Vec<u8> {
+    let main = MainFrameHeader {
+        step: 9000,
+        filter: 0,
+        filter_limit: 0,
+        half_voxel_vectors: true,
+        no_spatial_prediction: false,
+    };
+    let payload = FramePayload {
+        header: FrameHeader {
+            prediction: Prediction::None,
+            blocks,
+            slices: 1,
+            coding: FrameCoding::Main(main),
+            volume_hash: Some(0),
+        },
+        block_set,
+        masks: &[],
+        slices: vec![SlicePayload::default()],
+    };
+    payload.to_bytes()
+}
+
+#[test]
+fn too_many_blocks_are_refused_before_memory_is_taken() {
+    let packet = &packets(stream())[0];
+    for blocks in [2049, u32::MAX] {
+        let error = decoder_before(&[], 0).decode(&forged(packet, announcing(blocks, &[]))).unwrap_err();
+        assert!(matches!(error, DecodeError::TooManyBlocks { limit: 2048, .. }), "{error}");
+    }
+}
+
+#[test]
+fn blocks_that_the_extension_would_add_count_towards_the_limit() {
+    // 125 blocks on their own, each with 26 to come around it.
+    let header = main_header(4);
+    let mut builder = VolumeBuilder::new(header.grid);
+    for block in 0..125 {
+        let coord = [block % 5, block / 5 % 5, block / 25].map(|c| 3 * c);
+        builder.push(coord.into(), vec![64; 512], None);
+    }
+    let bytes = whole_band(&header, &[builder.finish()]);
+    let decode = |blocks: usize| {
+        let mut decoder = Decoder::new(&header, Limits { frame_voxels: 512 * blocks });
+        decoder.decode(&packets(&bytes)[0]).map(|frame| frame.volume.block_count())
+    };
+    assert_eq!(decode(27 * 125).unwrap(), 27 * 125);
+    let error = decode(27 * 125 - 1).unwrap_err();
+    assert!(matches!(error, DecodeError::TooManyBlocks { blocks: 3375, limit: 3374, .. }), "{error}");
+}
+
+/// A stream of all blocks of some volumes.
+fn whole_band(header: &StreamHeader, volumes: &[SparseVolume]) -> Vec<u8> {
+    let main = MainSettings { band: Band::Full, ..Default::default() };
+    encode(header, EncoderSettings { main, checksums: true, ..Default::default() }, volumes).0
+}
+
+#[test]
+fn a_block_that_is_flagged_and_in_the_octree_too_is_refused() {
+    // Zero bytes decode to ones: flags for the corner of the range of coordinates and the 7 blocks beside it, then an octree
+    // of zeros, which is that corner again.
+    let header = main_header(4);
+    let mut builder = VolumeBuilder::new(header.grid);
+    builder.push([-(1 << 20); 3].into(), vec![64; 512], None);
+    let packets = packets(&whole_band(&header, &vec![builder.finish(); 2]));
+    for (blocks, wanted) in [
+        (7, "the block set holds more blocks than announced"),
+        (9, "the block set holds a block twice"),
+        (10, "the block set holds fewer blocks than announced"),
+    ] {
+        let mut payload = FramePayload::parse(&packets[1].payload, 0, true, &Profile::Main).unwrap();
+        (payload.header.blocks, payload.block_set) = (blocks, &[0; 64]);
+        let mut decoder = Decoder::new(&header, LIMITS);
+        decoder.decode(&packets[0]).unwrap();
+        let decoded = decoder.decode(&forged(&packets[1], payload.to_bytes()));
+        assert_malformed(decoded.map(|frame| frame.volume.clone()), wanted);
+    }
+}
+
+#[test]
+fn vectors_out_of_range_are_refused() {
+    let packets = packets(stream());
+    for steps in [65, -65, 1 << 20] {
+        // The first block of a GOP's first slice with modes: not spatial, a vector of its own, all models fresh.
+        let mut encoder = RangeEncoder::new();
+        encoder.encode(&mut BitModel::default(), false);
+        encoder.encode(&mut BitModel::default(), true);
+        IntegerModel::default().encode(&mut encoder, steps);
+        let mut bytes = encoder.finish();
+        bytes.resize(400, 0);
+        let refused = decode_changed(&packets, 1, |payload| payload.slices[0].motion = &bytes);
+        assert_malformed(refused, "a motion vector is out of range");
+    }
+}
+
+#[test]
+fn masks_without_a_voxel_are_refused() {
+    // Any masks: one. The first block: one. Then zeros for ever.
+    let bytes = [&[0x3f, 0xff, 0x7f][..], &[0xff; 600]].concat();
+    let packets = packets(stream());
+    let refused = decode_changed(&packets, 0, |payload| payload.masks = &bytes);
+    assert_malformed(refused, "a mask of unobserved voxels is empty");
+}
+
+#[test]
+fn a_frame_needs_the_one_before_it() {
+    let packets = packets(stream());
+    let mut decoder = decoder_before(&packets, 0);
+    assert!(matches!(decoder.decode(&packets[1]), Err(DecodeError::NoReference { .. })));
+    decoder.decode(&packets[2]).unwrap();
+    decoder.decode(&packets[3]).unwrap();
+    assert!(matches!(
+        decoder.decode(&packets[3]),
+        Err(DecodeError::MissingFrame { expected: 2, found: 1, .. })
+    ));
+}
