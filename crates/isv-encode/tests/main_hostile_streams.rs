@@ -86,29 +86,66 @@ fn every_prefix_of_a_payload_is_refused() {
 fn segments_that_end_too_early_are_refused() {
     let packets = packets(stream());
     for frame in 0..2 {
-        let what = |what: &str, change: fn(&mut FramePayload)| {
-            assert_malformed(decode_changed(&packets, frame, change), what);
-        };
-        what("the block set ends too early", |p| p.block_set = &p.block_set[..1]);
-        what("the coefficients end too early", |p| p.slices[1].coefficients = &p.slices[1].coefficients[..1]);
-        if frame > 0 {
-            what("the modes end too early", |p| p.slices[0].motion = &p.slices[0].motion[..1]);
+        let refused = decode_changed(&packets, frame, |p| {
+            p.slices[1].coefficients = &p.slices[1].coefficients[..1];
+        });
+        assert_malformed(refused, "the coefficients end too early");
+    }
+    let refused = decode_changed(&packets, 1, |p| p.slices[0].motion = &p.slices[0].motion[..1]);
+    assert_malformed(refused, "the modes end too early");
+    // One block, wherever it is, takes 68 bits.
+    let packet = forged(&packets[0], announcing(1, &[]));
+    let refused = decoder_before(&[], 0).decode(&packet).map(|frame| frame.volume.clone());
+    assert_malformed(refused, "the block set ends too early");
+}
+
+/// Random numbers below a bound.
+struct Below(isv_testkit::Random);
+
+impl Below {
+    fn draw(&mut self, end: usize) -> usize {
+        (((self.0.signed() + 1.0) / 2.0 * end as f64) as usize).min(end - 1)
+    }
+
+    /// Puts some random bytes into a run of bytes.
+    fn damage(&mut self, bytes: &mut [u8]) {
+        for _ in 0..=self.draw(4) {
+            bytes[self.draw(bytes.len())] = self.draw(256) as u8;
         }
     }
+}
+
+/// The payload with one of its segments damaged. Bytes to spare follow each, so that what is made of it is not just too long.
+fn damaged_segment(payload: &[u8], below: &mut Below) -> Vec<u8> {
+    let payload = FramePayload::parse(payload, 0, true, &Profile::Main).unwrap();
+    let slices = payload.slices.iter().flat_map(|slice| [slice.motion, slice.coefficients]);
+    let spare = |segment: &[u8]| [segment, &[0x55; 100]].concat();
+    let mut segments: Vec<_> =
+        [payload.block_set, payload.masks].into_iter().chain(slices).map(spare).collect();
+    let chosen = below.draw(segments.len());
+    below.damage(&mut segments[chosen]);
+    let slices = segments[2..].chunks_exact(2).map(|s| SlicePayload { motion: &s[0], coefficients: &s[1] });
+    FramePayload {
+        header: payload.header,
+        block_set: &segments[0],
+        masks: &segments[1],
+        slices: slices.collect(),
+    }
+    .to_bytes()
 }
 
 #[test]
 fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
     let packets = packets(stream());
-    let mut random = isv_testkit::Random::new(11);
-    let mut below = |end: usize| ((random.signed() + 1.0) / 2.0 * end as f64) as usize;
+    let mut below = Below(isv_testkit::Random::new(11));
     let (mut decoded, mut refused) = (0, 0);
-    for _ in 0..600 {
-        let frame = below(4);
+    for round in 0..600 {
+        let frame = below.draw(4);
         let mut payload = packets[frame].payload.clone();
-        for _ in 0..=below(4) {
-            let place = below(payload.len());
-            payload[place] = below(256) as u8;
+        if round % 2 == 0 {
+            below.damage(&mut payload);
+        } else {
+            payload = damaged_segment(&payload, &mut below);
         }
         let mut decoder = decoder_before(&packets, frame);
         match decoder.decode(&forged(&packets[frame], payload)) {
@@ -120,7 +157,7 @@ fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
             Err(_) => refused += 1,
         }
         // Either way the next keyframe decodes.
-        if frame < 2 && refused % 16 == 0 {
+        if frame < 2 && round % 20 == 0 {
             decoder.decode_and_verify(&packets[2]).unwrap();
         }
     }
