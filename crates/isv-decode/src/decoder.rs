@@ -62,19 +62,20 @@ impl Decoder {
         })
     }
 
-    /// A decoder that decodes at reduced resolution, for previews and weak devices: voxels of twice or four times the edge,
-    /// straight from the lowest coefficients, in blocks of as many voxels as the stream's.
+    /// A decoder that decodes at reduced resolution, for previews and weak devices: voxels of twice or four times the edge, in
+    /// blocks of as many voxels as the stream's; in profile `paper` straight from the lowest coefficients, in `main` from the full
+    /// decode.
     ///
     /// The truncation has as many times fewer voxels, rounded up, and no fewer than 2. A voxel is unobserved if half of the
-    /// stream's voxels in it or more are. What is decoded is exact integers too, but not the full decode sampled down:
-    /// between keyframes it drifts from that (`docs/design/013-lod.md`), and hashes that the stream states are skipped.
+    /// stream's voxels in it or more are. What is decoded is exact integers too, but in profile `paper` not the full decode sampled
+    /// down: between keyframes it drifts from that (`docs/design/013-lod.md`), and hashes that the stream states are skipped.
     ///
     /// # Errors
     /// [`GridError::VoxelSize`] if voxels would be larger than a kilometre.
     pub fn with_lod(header: &StreamHeader, limits: Limits, lod: Lod) -> Result<Self, GridError> {
         Ok(Self(match Self::new(header, limits).0 {
             ProfileDecoder::Paper(decoder) => ProfileDecoder::Paper(Box::new(decoder.with_lod(lod)?)),
-            ProfileDecoder::Main(decoder) => ProfileDecoder::Main(decoder),
+            ProfileDecoder::Main(decoder) => ProfileDecoder::Main(Box::new(decoder.with_lod(lod)?)),
         }))
     }
 

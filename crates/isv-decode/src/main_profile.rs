@@ -17,7 +17,7 @@ mod symbols;
 pub mod syntax;
 mod window;
 
-pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS};
+pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};
 pub use parameters::{COEFFICIENTS, MainParameters};
 pub use reference::MainReference;
 pub use symbols::{BlockMode, FrameSymbols, Vector};

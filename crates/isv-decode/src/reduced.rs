@@ -4,10 +4,14 @@
 //! voxels; its prediction is warped from a reference that is kept at that resolution. This drifts from a full decode that
 //! is sampled down, until the next keyframe: see `docs/design/013-lod.md` for how far.
 
+mod downsample;
 mod frame;
+mod grid;
 mod regroup;
 
+pub(crate) use downsample::downsample;
 pub(crate) use frame::{ReducedFrame, ReducedParameters};
+pub(crate) use grid::ReducedGrid;
 
 /// Level of detail: the edge of a decoded voxel, in voxels of the stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

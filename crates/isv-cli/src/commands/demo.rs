@@ -5,10 +5,9 @@ use crate::progress::Progress;
 use crate::stats::{megabits_per_second, timed};
 use crate::stream;
 use crate::table::table_of;
-use crate::terms;
 use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
+use isv::encode::{Encoder, EncoderSettings, MotionMode, Preset, surface_rms_voxels};
 use isv::format::{
     FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
@@ -23,8 +22,56 @@ use isv_spatial::Bvh;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The prediction whose results are written to files.
-const KEPT: Prediction = Prediction::ThreeDof;
+/// The codecs shown: the paper's best, and profile `main` under its presets.
+const CODECS: [DemoCodec; 4] = [
+    DemoCodec::Paper,
+    DemoCodec::Main(Preset::Realtime),
+    DemoCodec::Main(Preset::Balanced),
+    DemoCodec::Main(Preset::Archive),
+];
+
+/// The codec whose results are written to files: what `isv encode` does by default.
+const KEPT: DemoCodec = DemoCodec::Main(Preset::Balanced);
+
+/// A codec of the demo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum DemoCodec {
+    /// Profile `paper`, 3-DoF motion, at its steps for people.
+    Paper,
+    /// Profile `main`.
+    Main(Preset),
+}
+
+impl DemoCodec {
+    fn name(self) -> String {
+        match self {
+            Self::Paper => "paper, 3dof".to_owned(),
+            Self::Main(preset) => format!("main, {preset}"),
+        }
+    }
+
+    fn profile(self) -> Profile {
+        match self {
+            // A step is in sixteenths of a code, of which a voxel of 5 mm has 256: 1 mm and 10 mm.
+            Self::Paper => Profile::Paper(PaperParameters {
+                coefficients: 64,
+                dc_step: 16 * 256 / 5,
+                ac_step: 16 * 256 * 10 / 5,
+            }),
+            Self::Main(_) => Profile::Main,
+        }
+    }
+
+    fn settings(self) -> EncoderSettings {
+        let usual = EncoderSettings { checksums: true, ..EncoderSettings::default() };
+        match self {
+            Self::Paper => EncoderSettings { motion: MotionMode::Fixed(Prediction::ThreeDof), ..usual },
+            Self::Main(preset) => EncoderSettings { main: preset.settings(), ..usual },
+        }
+    }
+}
+
+const FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 
 /// Frames that are measured and drawn.
 const PICKS: usize = 4;
@@ -55,7 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     std::fs::create_dir_all(&args.output).with_context(|| format!("{folder}: cannot make this folder"))?;
     let take = Take::film(usize::from(args.frames))?;
     let mut table = table_of([
-        "motion",
+        "profile",
         "Mbps",
         "bytes a frame",
         "surface RMS mm",
@@ -63,29 +110,29 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         "encode ms a frame",
         "decode ms a frame",
     ]);
-    for prediction in Prediction::ALL {
-        let coded = take.encode(prediction)?;
+    for codec in CODECS {
+        let coded = take.encode(codec)?;
         let decoded = take.decode(&coded.bytes)?;
-        table.add_row(take.row(prediction, &coded, &decoded)?);
-        if prediction == KEPT {
+        table.add_row(take.row(codec, &coded, &decoded)?);
+        if codec == KEPT {
             take.write_files(&args.output, &coded, &decoded)?;
         }
     }
     print(&format!(
         "A figure of {} triangles, {} frames, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
-         {folder}/figure.isv       the stream with motion {}; isv info, verify, decode and render read it\n\
+         {folder}/figure.isv       the stream of profile {}; isv info, verify, decode and render read it\n\
          {folder}/comparison.png   frames as they were, the same frames decoded, and how far they are apart\n\
          {folder}/decoded          these frames as PLY files",
         take.shown[0].triangles.len(),
         take.volumes.len(),
         table.trim_fmt(),
-        terms::prediction(KEPT),
+        KEPT.name(),
     ))
 }
 
 /// The frames to be coded.
 struct Take {
-    header: StreamHeader,
+    grid: Grid,
     volumes: Vec<SparseVolume>,
     /// Numbers of the frames that are measured and drawn.
     picks: Vec<usize>,
@@ -93,7 +140,7 @@ struct Take {
     shown: Vec<TriangleMesh>,
 }
 
-/// A take as coded under one kind of prediction.
+/// A take as coded by one codec.
 struct Coded {
     bytes: Vec<u8>,
     /// Mean over frames.
@@ -113,14 +160,14 @@ struct Decoded {
 impl Take {
     /// Animates the figure and samples its distance field.
     fn film(frames: usize) -> Result<Self> {
-        let header = header()?;
+        let grid = grid()?;
         let picks = picks(frames);
         let progress = Progress::new(Some(frames), "animating");
         let (mut volumes, mut shown) = (Vec::new(), Vec::new());
-        let ingest = MeshIngest::new(header.grid);
+        let ingest = MeshIngest::new(grid);
         let mut sign: Option<SignDecision> = None;
         for frame in 0..frames {
-            let time_s = frame as f64 / header.frame_rate.per_second();
+            let time_s = frame as f64 / FRAME_RATE.per_second();
             let mesh = figure_mesh(time_s, VoxelSize::from_metres(MODEL_VOXEL_M)?);
             let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
             volumes.push(ingest_mesh(&mesh, &ingest, sign)?);
@@ -129,26 +176,25 @@ impl Take {
             }
             progress.step();
         }
-        Ok(Self { header, volumes, picks, shown })
+        Ok(Self { grid, volumes, picks, shown })
     }
 
-    fn encode(&self, prediction: Prediction) -> Result<Coded> {
+    fn encode(&self, codec: DemoCodec) -> Result<Coded> {
         let progress = Progress::new(Some(self.volumes.len()), "encoding");
-        let motion = MotionMode::Fixed(prediction);
-        let settings = EncoderSettings { motion, checksums: true, ..EncoderSettings::default() };
-        let mut encoder = Encoder::new(&self.header, settings);
-        let mut writer = PacketWriter::new(Vec::new(), &self.header)?;
+        let header = StreamHeader { profile: codec.profile(), grid: self.grid, frame_rate: FRAME_RATE };
+        let mut encoder = Encoder::new(&header, codec.settings());
+        let mut writer = PacketWriter::new(Vec::new(), &header)?;
         let (mut surface_rms, mut encode_ms) = (0.0, 0.0);
         for (frame, volume) in self.volumes.iter().enumerate() {
             let (coded, ms) = timed(|| encoder.encode(volume));
-            let timestamp_ns = self.header.frame_rate.timestamp_ns(frame as u64);
+            let timestamp_ns = FRAME_RATE.timestamp_ns(frame as u64);
             writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
             let decoded = encoder.reconstruction().expect("a frame was just encoded");
             surface_rms += surface_rms_voxels(volume, decoded);
             encode_ms += ms;
             progress.step();
         }
-        let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
+        let voxel_mm = self.grid.voxel_size.metres() * 1e3;
         let surface_rms_mm = surface_rms / self.volumes.len() as f64 * voxel_mm;
         Ok(Coded { bytes: writer.finish()?, surface_rms_mm, encode_ms })
     }
@@ -157,7 +203,8 @@ impl Take {
     fn decode(&self, bytes: &[u8]) -> Result<Decoded> {
         let progress = Progress::new(Some(self.volumes.len()), "decoding");
         let mut packets = PacketReader::new(bytes)?;
-        let mut decoder = Decoder::new(&self.header, Limits::default());
+        let header = packets.header().context("the figure's stream has no header")?;
+        let mut decoder = Decoder::new(header, Limits::default());
         let mut decoded = Decoded { shown: Vec::new(), decode_ms: 0.0 };
         let mut frame = 0;
         while let Some(packet) = packets.next_frame()? {
@@ -173,7 +220,7 @@ impl Take {
         Ok(decoded)
     }
 
-    fn row(&self, prediction: Prediction, coded: &Coded, decoded: &Decoded) -> Result<Vec<String>> {
+    fn row(&self, codec: DemoCodec, coded: &Coded, decoded: &Decoded) -> Result<Vec<String>> {
         let frames = self.volumes.len();
         let bytes = coded.bytes.len();
         let mut p2s_mean_mm = 0.0;
@@ -182,8 +229,8 @@ impl Take {
             p2s_mean_mm += error.p2s_mean_mm.expect("both are surfaces");
         }
         Ok(vec![
-            terms::prediction(prediction).to_owned(),
-            format!("{:.2}", megabits_per_second(bytes as u64, frames, self.header.frame_rate.per_second())),
+            codec.name(),
+            format!("{:.2}", megabits_per_second(bytes as u64, frames, FRAME_RATE.per_second())),
             (bytes / frames).to_string(),
             format!("{:.3}", coded.surface_rms_mm),
             format!("{:.3}", p2s_mean_mm / self.shown.len() as f64),
@@ -226,18 +273,12 @@ impl Take {
     }
 }
 
-/// What `isv encode` does by default.
-fn header() -> Result<StreamHeader> {
-    // A step is in sixteenths of a code, of which a voxel of 5 mm has 256: 1 mm and 10 mm.
-    let (dc_step, ac_step) = (16 * 256 / 5, 16 * 256 * 10 / 5);
-    Ok(StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step, ac_step }),
-        grid: Grid {
-            voxel_size: VoxelSize::from_metres(0.005)?,
-            edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8)?,
-        },
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+/// What `isv encode` takes by default.
+fn grid() -> Result<Grid> {
+    Ok(Grid {
+        voxel_size: VoxelSize::from_metres(0.005)?,
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8)?,
     })
 }
 

@@ -6,13 +6,16 @@ use crate::DecodeError;
 use crate::extension::extended_count;
 use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
 use crate::main_profile::syntax::EntropyState;
-use crate::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
+use crate::main_profile::{
+    BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference, SliceBlocks,
+};
+use crate::reduced::{Lod, ReducedGrid, downsample};
 use crate::syntax::SyntaxError;
 use isv_format::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
     SliceLayout,
 };
-use isv_volume::{BlockCoord, Grid};
+use isv_volume::{BlockCoord, Grid, GridError, SparseVolume};
 use rayon::prelude::*;
 
 /// [`super::Decoder`] for streams of profile `main`.
@@ -22,6 +25,8 @@ pub(super) struct MainDecoder {
     limits: Limits,
     entropy: EntropyState,
     reference: Option<MainReference>,
+    /// At reduced resolution, the grid there and the last frame on it.
+    reduced: Option<(ReducedGrid, SparseVolume)>,
     sequence: Sequence,
 }
 
@@ -30,7 +35,20 @@ impl MainDecoder {
     pub(super) fn new(grid: Grid, limits: Limits) -> Self {
         let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
-        Self { parameters, limits, entropy, reference: None, sequence }
+        Self { parameters, limits, entropy, reference: None, reduced: None, sequence }
+    }
+
+    /// A decoder at reduced resolution.
+    ///
+    /// # Errors
+    /// As [`super::Decoder::with_lod`].
+    pub(super) fn with_lod(self, lod: Lod) -> Result<Self, GridError> {
+        let grid = self.parameters.grid;
+        let reduced = match lod {
+            Lod::Full => None,
+            _ => Some((ReducedGrid::new(&grid, lod)?, SparseVolume::empty(grid))),
+        };
+        Ok(Self { reduced, ..self })
     }
 
     /// Frames decoded so far.
@@ -73,12 +91,15 @@ impl MainDecoder {
             .read_frame(&payload, &main, coords, reference.as_ref())
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         self.sequence.advance(packet);
-        Ok(DecodedFrame {
-            volume: self.reference.insert(decoded).volume(),
-            timestamp_ns: packet.header.timestamp_ns,
-            keyframe,
-            stated_hash: payload.header.volume_hash,
-        })
+        let full = self.reference.insert(decoded).volume();
+        let (volume, stated_hash) = match &mut self.reduced {
+            None => (full, payload.header.volume_hash),
+            Some((grid, volume)) => {
+                *volume = downsample(full, grid);
+                (&*volume, None)
+            }
+        };
+        Ok(DecodedFrame { volume, timestamp_ns: packet.header.timestamp_ns, keyframe, stated_hash })
     }
 
     fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
@@ -122,26 +143,15 @@ impl MainDecoder {
         let slices = self.entropy.slices(usize::from(slices)).par_iter_mut().zip(ranges).zip(&payload.slices);
         let decoded: Vec<_> = slices
             .map(|((models, range), bytes)| {
+                let blocks = SliceBlocks { coords: &coords, range, causal };
                 let modes = match reference {
-                    Some(reference) => models.modes.read(
-                        bytes.motion,
-                        &coords,
-                        range.clone(),
-                        causal,
-                        reference,
-                        main.vector_step(),
-                    )?,
-                    None => vec![BlockMode::Spatial; range.len()],
+                    Some(reference) => {
+                        models.modes.read(bytes.motion, &blocks, reference, main.vector_step())?
+                    }
+                    None => vec![BlockMode::Spatial; blocks.range.len()],
                 };
-                let (levels, counts) = models.coefficients.read(
-                    parameters,
-                    bytes.coefficients,
-                    &coords,
-                    range,
-                    &modes,
-                    causal,
-                    reference,
-                )?;
+                let (levels, counts) =
+                    models.coefficients.read(parameters, bytes.coefficients, &blocks, &modes, reference)?;
                 Ok((modes, levels, counts))
             })
             .collect::<Result<_, SyntaxError>>()?;

@@ -41,3 +41,14 @@ impl CausalBlocks {
         MERGE_NEIGHBOURS.iter().filter_map(move |slot| self.around[block][*slot].map(|n| n as usize))
     }
 }
+
+/// A slice's blocks, seen by its syntax.
+#[derive(Clone, Debug)]
+pub struct SliceBlocks<'a> {
+    /// All blocks of the frame.
+    pub coords: &'a [BlockCoord],
+    /// Those of the slice.
+    pub range: Range<usize>,
+    /// Which neighbours precede a block.
+    pub causal: &'a CausalBlocks,
+}

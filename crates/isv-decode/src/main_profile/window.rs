@@ -18,16 +18,10 @@ pub enum Missing {
 }
 
 /// A block's voxels and the layer after them along each axis.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Window {
     rows: WindowRows,
     place: Option<([i32; 3], Missing)>,
-}
-
-impl Default for Window {
-    fn default() -> Self {
-        Self { rows: WindowRows::default(), place: None }
-    }
 }
 
 impl Window {

@@ -1,23 +1,19 @@
 //! From symbols to samples at reduced resolution: the counterpart of `reconstruct`.
 
-use super::Lod;
 use super::regroup::regroup;
+use super::{Lod, ReducedGrid};
 use crate::reference::stitch;
 use crate::{CodingParameters, FrameSymbols, ReferenceBlocks};
 use isv_kernels::dct::ReducedTransform;
 use isv_kernels::warp::{MotionVector, StitchedReference};
-use isv_volume::{BlockCoord, BlockIndex, Grid, GridError, SparseVolume, Truncation, VoxelMask, VoxelSize};
+use isv_volume::{BlockCoord, BlockIndex, GridError, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// What [`CodingParameters`] become at reduced resolution.
 #[derive(Clone, Debug)]
 pub(crate) struct ReducedParameters {
-    pub(super) lod: Lod,
-    /// The grid of decoded volumes.
-    pub(super) grid: Grid,
-    /// Clamp of the samples: the stream's truncation in codes of the larger voxel.
-    pub(super) limit: i16,
+    grid: ReducedGrid,
     transform: ReducedTransform,
     /// The coded coefficients that the reduced transform reads, by number in scan order, and where it reads them.
     coefficients: Vec<(usize, usize)>,
@@ -36,18 +32,13 @@ pub(crate) struct ReducedFrame {
 }
 
 impl ReducedParameters {
-    /// Voxels grow with `lod`; the truncation shrinks by as much, rounded up to whole voxels, but to no less than 2.
+    /// At the resolution of `lod`.
     ///
     /// # Errors
-    /// [`GridError::VoxelSize`] if a voxel would be too large to be stated.
+    /// As [`ReducedGrid::new`].
     pub(crate) fn new(parameters: &CodingParameters, lod: Lod) -> Result<Self, GridError> {
         let full = parameters.grid;
-        let truncation = full.truncation.voxels().div_ceil(lod.voxels()).max(*Truncation::RANGE.start());
-        let grid = Grid {
-            voxel_size: VoxelSize::from_nanometres(full.voxel_size.nanometres() * u64::from(lod.voxels()))?,
-            edge: full.edge,
-            truncation: Truncation::from_voxels(truncation)?,
-        };
+        let grid = ReducedGrid::new(&full, lod)?;
         let transform = ReducedTransform::new(parameters.transform, lod.reduction());
         let (n, m) = (full.edge.voxels(), transform.side());
         let scan = parameters.scan.iter().map(|position| usize::from(*position)).enumerate();
@@ -56,8 +47,7 @@ impl ReducedParameters {
             .filter(|(_, frequency)| frequency.iter().all(|f| *f < m))
             .map(|(k, [u, v, w])| (k, (w * m + v) * m + u))
             .collect();
-        let limit = full.truncation.codes() >> lod.reduction();
-        Ok(Self { lod, grid, limit, transform, coefficients })
+        Ok(Self { grid, transform, coefficients })
     }
 
     /// Samples along an edge of a block.
@@ -79,19 +69,25 @@ impl ReducedParameters {
             .zip(symbols.levels.par_chunks_exact(parameters.coefficients()))
             .enumerate()
             .for_each_init(
-                || (StitchedReference::reduced(parameters.grid.edge, self.lod.reduction()), vec![0; voxels]),
+                || {
+                    (
+                        StitchedReference::reduced(parameters.grid.edge, self.grid.lod.reduction()),
+                        vec![0; voxels],
+                    )
+                },
                 |(stitched, residual), (block, (out, levels))| {
                     if let Some((reference, source)) = reference.zip(symbols.references[block]) {
                         reference.predict(self, source, symbols.motion[block], stitched, out);
                     }
                     if self.inverse_residual(parameters, levels, residual) {
                         for (sample, difference) in out.iter_mut().zip(&*residual) {
-                            *sample = sample.saturating_add(*difference).clamp(-self.limit, self.limit);
+                            *sample =
+                                sample.saturating_add(*difference).clamp(-self.grid.limit, self.grid.limit);
                         }
                     }
                 },
             );
-        let volume = regroup(self, &symbols.coords, &samples, &symbols.unobserved);
+        let volume = regroup(&self.grid, &symbols.coords, &samples, &symbols.unobserved);
         let index = BlockIndex::new(&symbols.coords);
         ReducedFrame { coords: symbols.coords, index, unobserved: symbols.unobserved, samples, volume }
     }
@@ -136,9 +132,16 @@ impl ReducedFrame {
         if motion == MotionVector::ZERO {
             out.copy_from_slice(samples(source));
         } else {
-            stitch(self.blocks(), self.blocks().coords[source as usize], parameters.limit, samples, stitched);
+            stitch(
+                self.blocks(),
+                self.blocks().coords[source as usize],
+                parameters.grid.limit,
+                samples,
+                stitched,
+            );
             stitched.warp(motion, out);
-            out.iter_mut().for_each(|sample| *sample = (*sample).clamp(-parameters.limit, parameters.limit));
+            out.iter_mut()
+                .for_each(|sample| *sample = (*sample).clamp(-parameters.grid.limit, parameters.grid.limit));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! From the stream's blocks at reduced resolution to whole blocks of larger voxels.
 
-use super::frame::ReducedParameters;
+use super::ReducedGrid;
 use isv_volume::{BlockCoord, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// A larger voxel is unobserved if half of its voxels or more are, and where no block of the stream is; samples are the
 /// truncation distance there.
 pub(super) fn regroup(
-    parameters: &ReducedParameters,
+    parameters: &ReducedGrid,
     coords: &[BlockCoord],
     samples: &[i16],
     unobserved: &BTreeMap<u32, VoxelMask>,
@@ -41,13 +41,13 @@ pub(super) fn regroup(
 
 /// Where a block of the stream lies in its group.
 struct Place<'a> {
-    parameters: &'a ReducedParameters,
+    parameters: &'a ReducedGrid,
     /// Its first voxel.
     corner: [usize; 3],
 }
 
 impl<'a> Place<'a> {
-    fn new(parameters: &'a ReducedParameters, coord: &BlockCoord) -> Self {
+    fn new(parameters: &'a ReducedGrid, coord: &BlockCoord) -> Self {
         let in_group = coord.to_array().map(|c| c & (parameters.lod.voxels() as i32 - 1));
         Self { parameters, corner: in_group.map(|c| c as usize * parameters.side()) }
     }

@@ -1,11 +1,12 @@
 //! Quantized coefficients, block after block: how many are not zero, where they are, and what they are.
 
 use super::modes::BEFORE_CLASSES;
-use crate::main_profile::{BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference};
+use crate::main_profile::{
+    BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference, SliceBlocks,
+};
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, MAGNITUDE_LIMIT, RangeDecoder};
 use isv_volume::BlockCoord;
-use std::ops::Range;
 
 /// Counts from here on share models.
 const COUNT_CLASSES: usize = 21;
@@ -102,7 +103,7 @@ impl CoefficientModels {
         ]
     }
 
-    /// Reads the levels of a slice's blocks, `range` of the frame's: [`COEFFICIENTS`] a block, and how many of them are not
+    /// Reads the levels of a slice's blocks: [`COEFFICIENTS`] a block, and how many of them are not
     /// zero. `modes`: of the slice's blocks.
     ///
     /// # Errors
@@ -111,10 +112,8 @@ impl CoefficientModels {
         &mut self,
         parameters: &MainParameters,
         bytes: &[u8],
-        coords: &[BlockCoord],
-        range: Range<usize>,
+        SliceBlocks { coords, range, causal }: &SliceBlocks,
         modes: &[BlockMode],
-        causal: &CausalBlocks,
         reference: Option<&MainReference>,
     ) -> Result<(Vec<i32>, Vec<u8>), SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
@@ -224,7 +223,8 @@ impl CountContext {
     ) -> Self {
         let neighbours = causal.merge_neighbours(block).take(4).map(|n| usize::from(count(n)));
         let (sum, known) = neighbours.fold((0, 0), |(sum, known), count| (sum + count, known + 1));
-        let around = if known == 0 { 0 } else { 1 + (2 * sum / known).min(AROUND_CLASSES - 2) };
+        let twice_mean = (2 * sum).checked_div(known);
+        let around = twice_mean.map_or(0, |mean: usize| 1 + mean.min(AROUND_CLASSES - 2));
         let coded = reference.and_then(|reference| reference.coded(coord));
         let before = coded.map_or(0, |coded| 1 + usize::from(coded.count).min(BEFORE_CLASSES - 2));
         Self { spatial: usize::from(mode == BlockMode::Spatial), around, before }

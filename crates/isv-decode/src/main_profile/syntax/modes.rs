@@ -1,10 +1,9 @@
 //! How blocks are predicted, and vectors.
 
-use crate::main_profile::{BlockMode, CausalBlocks, MainReference, Vector};
+use crate::main_profile::{BlockMode, CausalBlocks, MainReference, SliceBlocks, Vector};
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, IntegerModel, RangeDecoder};
 use isv_volume::BlockCoord;
-use std::ops::Range;
 
 /// Candidates to merge with: up to four vectors of neighbours, that of the frame before, none.
 pub const MOST_CANDIDATES: usize = 6;
@@ -50,16 +49,14 @@ impl ModeModels {
         &mut self.components[axis][usize::from(context.new > 0)]
     }
 
-    /// Reads the modes of a slice's blocks, `range` of the frame's. `step`: of new vectors, in quarter voxels.
+    /// Reads the modes of a slice's blocks. `step`: of new vectors, in quarter voxels.
     ///
     /// # Errors
     /// Vectors out of range, or bytes that end too early.
     pub fn read(
         &mut self,
         bytes: &[u8],
-        coords: &[BlockCoord],
-        range: Range<usize>,
-        causal: &CausalBlocks,
+        SliceBlocks { coords, range, causal }: &SliceBlocks,
         reference: &MainReference,
         step: i32,
     ) -> Result<Vec<BlockMode>, SyntaxError> {
