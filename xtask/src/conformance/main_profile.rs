@@ -119,14 +119,14 @@ struct NoiseFrame {
 }
 
 impl NoiseFrame {
-    /// A keyframe of one block.
+    /// A keyframe of one block with the largest level.
     fn first(header: &StreamHeader) -> Self {
         let volume = one_block(header.grid);
         let main = MainSettings { band: Band::Full, ..Default::default() };
         let mut encoder = Encoder::new(header, EncoderSettings { main, ..Default::default() });
         let frame = encoder.encode(&volume);
-        let FramePayload { header, block_set, masks, slices } = frame.payload();
-        let slices = slices.iter().map(|s| [s.motion.to_vec(), s.coefficients.to_vec()]).collect();
+        let FramePayload { header, block_set, masks, .. } = frame.payload();
+        let slices = vec![[Vec::new(), largest_level()]];
         Self { header, block_set: block_set.to_vec(), masks: masks.to_vec(), slices }
     }
 
@@ -168,6 +168,19 @@ fn far_vector(random: &[u8]) -> Vec<u8> {
         IntegerModel::default().encode(&mut encoder, component);
     }
     random.iter().for_each(|byte| encoder.encode_raw(u32::from(*byte), 8));
+    encoder.finish()
+}
+
+/// The coefficients of a block, under fresh models, of which the second is as large as can be written, and negative.
+fn largest_level() -> Vec<u8> {
+    let mut encoder = RangeEncoder::new();
+    let mut decide = |bit| encoder.encode(&mut BitModel::default(), bit);
+    // One level, not the first, but the second; beyond the unary code.
+    [false, true, false, true].into_iter().chain([false; 14]).for_each(&mut decide);
+    // An exponent of 20, its bits, the sign.
+    for (value, count) in [((1 << 20) - 1, 20), ((1 << 20) - 1, 20), (1, 1)] {
+        encoder.encode_raw(value, count);
+    }
     encoder.finish()
 }
 

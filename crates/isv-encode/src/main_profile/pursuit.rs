@@ -15,10 +15,10 @@ use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::simd::vectorized;
 
 /// Changes of levels at most, and levels at most.
-const CHANGES: usize = 80;
-const LEVELS: usize = 60;
+const CHANGES: usize = 400;
+const LEVELS: usize = 162;
 /// Largest magnitude that is considered.
-const LARGEST: i32 = 255;
+const LARGEST: i32 = 1 << 15;
 /// Levels that rounding would leave at zero by more than this are not considered.
 const LEAST: f32 = 0.35;
 /// A change has to pay this much.
