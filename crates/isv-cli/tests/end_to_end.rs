@@ -191,7 +191,7 @@ fn the_demo_needs_nothing() {
     let work = Workspace::new();
     let run = work.isv(&["demo", "-o", "shown", "--frames", "2"]).done();
     let text = String::from_utf8_lossy(run.stdout()).into_owned();
-    for word in ["Mbps", "none", "zero", "3dof", "6dof", "shown/comparison.png"] {
+    for word in ["Mbps", "3dof", "realtime", "balanced", "archive", "shown/comparison.png"] {
         assert!(text.contains(word), "{text}");
     }
     assert_eq!(work.names("shown"), ["comparison.png", "decoded", "figure.isv"]);

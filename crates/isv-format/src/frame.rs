@@ -346,7 +346,7 @@ mod tests {
             no_spatial_prediction: true,
         };
         let bytes = payload(FrameCoding::Main(header)).to_bytes();
-        assert_eq!(bytes[..9], [2, 0x94, 0x23, 2, 0xac, 0x02, 0x54, 40, 0xef]);
+        assert_eq!(bytes[..9], [2, 0x94, 0x23, 2, 0xac, 0x02, 0xd4, 40, 0xef]);
     }
 
     #[test]
@@ -355,7 +355,7 @@ mod tests {
             (4, MainFrameHeader { step: 0, ..MAIN_HEADER }),
             (4, MainFrameHeader { step: (1 << 20) + 1, ..MAIN_HEADER }),
             (7, MainFrameHeader { filter: 33, ..MAIN_HEADER }),
-            (7, MainFrameHeader { filter: 0x80, ..MAIN_HEADER }),
+            (7, MainFrameHeader { filter: 26, ..MAIN_HEADER }),
         ];
         for (place, header) in wrong {
             assert_malformed(&payload(FrameCoding::Main(header)), &Profile::Main, place);

@@ -5,7 +5,7 @@ use crate::failure::usage;
 use crate::length::Length;
 use crate::terms::{BandName, PresetName};
 use anyhow::Result;
-use isv::encode::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget};
+use isv::encode::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, Tools};
 use isv::format::StreamHeader;
 
 const DEFAULT_QUALITY: f32 = 50.0;
@@ -30,6 +30,9 @@ pub(super) struct TargetArgs {
     /// How much work to take on; without it, balanced
     #[arg(long, value_enum)]
     preset: Option<PresetName>,
+    /// For studies: tools to leave out, separated by commas
+    #[arg(long, value_name = "TOOL,..", hide = true)]
+    without: Option<Tools>,
 }
 
 impl TargetArgs {
@@ -47,7 +50,11 @@ impl TargetArgs {
 
     /// The first of these flags that was given.
     pub(super) fn first_given(&self) -> Option<&'static str> {
-        let others = [(self.passes.is_some(), "--passes"), (self.preset.is_some(), "--preset")];
+        let others = [
+            (self.passes.is_some(), "--passes"),
+            (self.preset.is_some(), "--preset"),
+            (self.without.is_some(), "--without"),
+        ];
         let flags = self.targets().into_iter().chain(others);
         flags.filter(|(given, _)| *given).map(|(_, flag)| flag).next()
     }
@@ -75,6 +82,7 @@ impl TargetArgs {
                 Some(BandName::Full) => Band::Full,
                 Some(BandName::Surface) | None => Band::Surface,
             },
+            tools: self.without.unwrap_or(Tools::ALL),
             ..preset.settings()
         }
     }
