@@ -7,7 +7,7 @@ use isv_encode::{EncoderSettings, MotionMode};
 use isv_format::{PacketReader, Prediction, StreamHeader};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{SparseVolume, VoxelSize};
-use support::{ball, encode, header};
+use support::{ball, encode, header, main_header};
 
 const LODS: [Lod; 3] = [Lod::Full, Lod::Half, Lod::Quarter];
 
@@ -153,4 +153,17 @@ fn voxels_beyond_a_kilometre_are_refused() {
     assert!(Decoder::with_lod(&header, Limits::default(), Lod::Quarter).is_err());
     assert_eq!([1, 2, 4].map(Lod::from_voxels), LODS.map(Some));
     assert_eq!([0, 3, 8].map(Lod::from_voxels), [None; 3]);
+}
+
+#[test]
+fn profile_main_is_a_full_decode_sampled_down() {
+    let bytes = stream(&main_header(8), Prediction::ThreeDof, 3);
+    let full = decode(&bytes, Lod::Full);
+    for lod in [Lod::Half, Lod::Quarter] {
+        for (full, reduced) in full.iter().zip(decode(&bytes, lod)) {
+            let drift = drift(full, &reduced, lod);
+            // Half a code of rounding.
+            assert!(drift < 0.002, "{lod:?}: {drift} voxels");
+        }
+    }
 }
