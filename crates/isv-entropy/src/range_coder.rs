@@ -32,15 +32,7 @@ impl RangeEncoder {
 
     /// Codes a bit under an adaptive model, which learns from it.
     pub fn encode(&mut self, model: &mut BitModel, bit: bool) {
-        let bound = (self.range >> 16) * model.probability_of_one();
-        if bit {
-            self.range = bound;
-        } else {
-            self.low += u64::from(bound);
-            self.range -= bound;
-        }
-        model.update(bit);
-        self.renormalize();
+        self.encode_mixed([model], bit);
     }
 
     /// Codes a bit under the mean of several models' estimates, all of which learn from it: each model sees the decision in
@@ -154,17 +146,7 @@ impl<'a> RangeDecoder<'a> {
 
     /// Decodes a bit under an adaptive model, which learns from it.
     pub fn decode(&mut self, model: &mut BitModel) -> bool {
-        let bound = (self.range >> 16) * model.probability_of_one();
-        let bit = self.code < bound;
-        if bit {
-            self.range = bound;
-        } else {
-            self.code -= bound;
-            self.range -= bound;
-        }
-        model.update(bit);
-        self.renormalize();
-        bit
+        self.decode_mixed([model])
     }
 
     /// Decodes a bit under the mean of several models' estimates, all of which learn from it.
