@@ -10,12 +10,6 @@ pub enum DecodeError {
     /// The container is at fault.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The stream is of a profile that this decoder does not decode.
-    #[error("streams of profile {profile} cannot be decoded by this version")]
-    Profile {
-        /// Name of the profile.
-        profile: &'static str,
-    },
     /// The packet's checksum is right, yet its contents break the format.
     #[error("frame {frame}, packet at byte {at}: {what}")]
     Malformed {
