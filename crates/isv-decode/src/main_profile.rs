@@ -8,6 +8,7 @@
 //! The encoder makes [`FrameSymbols`] and uses the parts of [`reconstruct`] for its closed loop, as in profile `paper`.
 
 pub mod activity;
+pub mod crossed_cells;
 mod loop_filter;
 mod neighbours;
 mod parameters;

@@ -20,4 +20,6 @@ pub mod syntax;
 
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
-pub use main_profile::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, Tools, UnknownTool};
+pub use main_profile::{
+    Band, Bitrate, FrameQuality, MainSettings, MotionEffort, Preset, RateTarget, Tools, UnknownTool,
+};

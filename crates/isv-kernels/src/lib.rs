@@ -10,6 +10,7 @@
 //! | [`quant`] | fixed DC step, tunable AC step (Sec. 3.3) |
 //! | [`deblock`] | smoothing across faces of blocks (profile `main`) |
 //! | [`extrapolation`] | the field beside coded blocks (profile `main`) |
+//! | [`signs`] | which samples lie inside, as bits |
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
 //! | [`window`] | the same by quarter voxels, without rotation (profile `main`) |
 //!
@@ -21,6 +22,7 @@ pub mod extrapolation;
 pub mod quant;
 mod reduced_warp;
 pub mod scan;
+pub mod signs;
 pub mod simd;
 pub mod surface_fit;
 pub mod warp;

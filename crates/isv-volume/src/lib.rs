@@ -18,6 +18,7 @@
 //! assert_eq!(volume.block_count(), 1);
 //! ```
 
+mod block_index;
 mod coord;
 mod depth;
 mod fit;
@@ -27,6 +28,7 @@ mod mesh;
 mod points;
 mod volume;
 
+pub use block_index::{BlockIndex, Neighbourhood};
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
 pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
 pub use fit::{FitError, round_up};
@@ -34,4 +36,4 @@ pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSiz
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};
 pub use points::{PointCloud, PointsError};
-pub use volume::{BlockIndex, Neighbourhood, SparseVolume, VolumeBuilder};
+pub use volume::{SparseVolume, VolumeBuilder};

@@ -21,6 +21,18 @@ impl VoxelMask {
         Self { words: vec![u64::MAX; edge.block_voxels() / 64].into() }
     }
 
+    /// The set of the voxels whose bits are set, lowest voxel index in the lowest bit.
+    #[must_use]
+    pub fn from_words(words: &[u64]) -> Self {
+        Self { words: words.into() }
+    }
+
+    /// The voxels that are in both sets, in a block of the same edge.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        Self { words: self.words.iter().zip(&other.words).map(|(a, b)| a & b).collect() }
+    }
+
     /// Whether a voxel is in the set.
     #[must_use]
     pub fn contains(&self, voxel: usize) -> bool {

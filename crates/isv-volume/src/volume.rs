@@ -1,7 +1,6 @@
 //! The sparse TSDF volume of one frame.
 
-use crate::{BlockCoord, Grid, VoxelMask};
-use rustc_hash::FxHashMap;
+use crate::{BlockCoord, BlockIndex, Grid, VoxelMask};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
@@ -179,42 +178,6 @@ impl VolumeBuilder {
     }
 }
 
-/// Block indices of a block's 3x3x3 neighbourhood; `None` where there is no block. Entry `(dz + 1) * 9 + (dy + 1) * 3 +
-/// (dx + 1)` is the neighbour at offset `(dx, dy, dz)`; entry 13 is the block itself.
-pub type Neighbourhood = [Option<u32>; 27];
-
-/// Look-up from block coordinate to block index.
-#[derive(Clone, Debug, Default)]
-pub struct BlockIndex {
-    map: FxHashMap<BlockCoord, u32>,
-}
-
-impl BlockIndex {
-    /// Indexes a block list.
-    #[must_use]
-    pub fn new(coords: &[BlockCoord]) -> Self {
-        Self { map: coords.iter().enumerate().map(|(i, c)| (*c, i as u32)).collect() }
-    }
-
-    /// Index of the block at a coordinate.
-    #[must_use]
-    #[inline]
-    pub fn get(&self, coord: BlockCoord) -> Option<u32> {
-        self.map.get(&coord).copied()
-    }
-
-    /// Indices of the 3x3x3 blocks around a coordinate, which need not be a block itself.
-    #[must_use]
-    pub fn neighbourhood(&self, centre: BlockCoord) -> Neighbourhood {
-        let mut out = [None; 27];
-        for (slot, entry) in out.iter_mut().enumerate() {
-            let slot = slot as i32;
-            *entry = self.get(centre.offset([slot % 3 - 1, slot / 3 % 3 - 1, slot / 9 - 1]));
-        }
-        out
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,19 +218,5 @@ mod tests {
         assert_eq!(part.coords(), [[1, 0, 0], [3, 0, 0]].map(BlockCoord::from));
         assert_eq!([0, 1].map(|i| part.block(i)[63]), [1, 3]);
         assert_eq!([0, 1].map(|i| part.unobserved(i)), [None, Some(&mask)]);
-    }
-
-    #[test]
-    fn neighbourhood_runs_x_fastest_from_minus_one() {
-        let mut builder = VolumeBuilder::new(grid());
-        for c in [[0, 0, 0], [1, 0, 0], [0, 0, -1]] {
-            builder.push(c.into(), vec![0; 64], None);
-        }
-        let volume = builder.finish();
-        let around = volume.index().neighbourhood([0, 0, 0].into());
-        assert_eq!(around[13], volume.index().get([0, 0, 0].into()));
-        assert_eq!(around[14], volume.index().get([1, 0, 0].into()));
-        assert_eq!(around[4], volume.index().get([0, 0, -1].into()));
-        assert_eq!(around.iter().flatten().count(), 3);
     }
 }

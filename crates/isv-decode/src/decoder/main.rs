@@ -17,6 +17,7 @@ use isv_format::{
 };
 use isv_volume::{BlockCoord, Grid, GridError, SparseVolume};
 use rayon::prelude::*;
+use tracing::debug_span;
 
 /// [`super::Decoder`] for streams of profile `main`.
 #[derive(Debug)]
@@ -81,10 +82,8 @@ impl MainDecoder {
             unreachable!("the payload was parsed as one of profile main")
         };
         let blocks = payload.header.blocks as usize;
-        let coords = self
-            .entropy
-            .block_set
-            .read(payload.block_set, blocks, reference.as_ref())
+        let coords = debug_span!("block set")
+            .in_scope(|| self.entropy.block_set.read(payload.block_set, blocks, reference.as_ref()))
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         self.check_limit(packet, extended_count(&coords))?;
         let decoded = self
@@ -117,14 +116,17 @@ impl MainDecoder {
     ) -> Result<MainReference, SyntaxError> {
         let header = &payload.header;
         let layout = SliceLayout::new(coords.len(), usize::from(header.slices));
-        let causal = CausalBlocks::new(&coords, layout.ranges());
+        let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
         let before = reference.filter(|_| header.prediction != Prediction::None);
-        let symbols = self.read_symbols(payload, main, coords, &causal, before)?;
-        let samples = reconstruct(&self.parameters, main, layout, &symbols, &causal, before);
+        let symbols =
+            debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, coords, &causal, before))?;
+        let samples = debug_span!("prediction and residual")
+            .in_scope(|| reconstruct(&self.parameters, main, layout, &symbols, &causal, before));
         let extended = filter_and_extend(&self.parameters, main, &symbols, samples);
         let blocks = reference.map(|reference| reference.reference().blocks());
-        let masks = self.entropy.masks.read(payload.masks, &extended.volume, blocks)?;
+        let masks =
+            debug_span!("masks").in_scope(|| self.entropy.masks.read(payload.masks, &extended, blocks))?;
         Ok(MainReference::new(extended, &symbols, masks))
     }
 

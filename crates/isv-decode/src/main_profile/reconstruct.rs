@@ -14,6 +14,7 @@ use isv_kernels::window::WindowRows;
 use isv_volume::{BlockCoord, Neighbourhood, SparseVolume};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use tracing::debug_span;
 
 /// Samples of a block.
 pub const BLOCK_SAMPLES: usize = 512;
@@ -158,9 +159,10 @@ pub fn filter_and_extend(
     if header.filter > 0 {
         let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation);
         let filter = filter.expect("the frame header's filter is in range");
-        smooth_faces(symbols, filter, &mut samples);
+        debug_span!("loop filter").in_scope(|| smooth_faces(symbols, filter, &mut samples));
     }
-    extend(&SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new()))
+    let coded = SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new());
+    debug_span!("extension").in_scope(|| extend(&coded))
 }
 
 #[cfg(test)]

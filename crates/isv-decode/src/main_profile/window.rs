@@ -1,7 +1,7 @@
 //! The samples of a frame around a block that is displaced by whole voxels: what predicting the block reads.
 
 use super::MainReference;
-use isv_kernels::window::{ROW, ROWS, SIDE, WindowRows};
+use isv_kernels::window::{Block, SIDE, WindowRows};
 use isv_volume::BlockCoord;
 
 /// Voxels along a block's edge.
@@ -18,10 +18,18 @@ pub enum Missing {
 }
 
 /// A block's voxels and the layer after them along each axis.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Window {
     rows: WindowRows,
     place: Option<([i32; 3], Missing)>,
+    /// What stands for each of the 2x2x2 blocks that the window touches, where it is missing.
+    fills: Box<[Block; 8]>,
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self { rows: WindowRows::default(), place: None, fills: Box::new([[0; 512]; 8]) }
+    }
 }
 
 impl Window {
@@ -42,39 +50,52 @@ impl Window {
     fn load(&mut self, reference: &MainReference, first: [i32; 3], missing: Missing) {
         let lowest = BlockCoord::from(first.map(|c| c.div_euclid(EDGE)));
         let within = first.map(|c| c.rem_euclid(EDGE) as usize);
-        let (index, volume) = (reference.reference().index(), reference.volume());
+        let volume = reference.volume();
         let limit = volume.grid().truncation.codes();
-        let block = |coord: BlockCoord| {
-            let block: &[i16; 512] = volume.block(index.get(coord)? as usize).try_into().expect("edge 8");
-            Some(block)
-        };
-        let fill = |coord: BlockCoord| match missing {
-            Missing::Sample(sample) => sample,
-            Missing::Truncation(centre) => {
-                let nearest = [coord.x - centre.x, coord.y - centre.y, coord.z - centre.z]
-                    .map(|d| [0, EDGE / 2, EDGE - 1][(d.signum() + 1) as usize] as usize);
-                let [x, y, z] = nearest;
-                let inside = block(centre).is_some_and(|centre| centre[(z * 8 + y) * 8 + x] < 0);
-                if inside { -limit } else { limit }
+        let fill = |slot: usize| {
+            let coord = lowest.offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
+            match missing {
+                Missing::Sample(sample) => sample,
+                Missing::Truncation(centre) if is_inside_towards(reference, centre, coord) => -limit,
+                Missing::Truncation(_) => limit,
             }
         };
-        self.rows.first = within[0];
-        let slots: [_; 8] = std::array::from_fn(|slot| {
-            let coord = lowest.offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
-            // Along y and z a window that begins with a block ends in the next one, in its first layer.
-            block(coord).ok_or_else(|| [fill(coord); 8])
+        let slots = reference.reference().index().octet(lowest);
+        for slot in (0..8).filter(|slot| slots[*slot].is_none()) {
+            self.fills[slot].fill(fill(slot));
+        }
+        let blocks: [&Block; 8] = std::array::from_fn(|slot| match slots[slot] {
+            Some(block) => volume.block(block as usize).try_into().expect("blocks of an edge of 8"),
+            None => &self.fills[slot],
         });
-        for row in 0..ROWS {
-            let [y, z] = [within[1] + row % SIDE, within[2] + row / SIDE];
-            let (pair, start) = ((z / 8 * 2 + y / 8) * 2, (z % 8 * 8 + y % 8) * 8);
-            let out: &mut [i16; ROW] = &mut self.rows.samples[row];
-            for half in 0..2 {
-                let values: &[i16; 8] = match &slots[pair + half] {
-                    Ok(block) => block[start..start + 8].try_into().expect("eight samples"),
-                    Err(fill) => fill,
-                };
-                out[8 * half..8 * half + 8].copy_from_slice(values);
+        self.rows.first = within[0];
+        // Rows from a voxel on that lie in the first of two blocks along an axis, and in the second.
+        let halves = |axis: usize| [(0..8 - within[axis], within[axis]), (8 - within[axis]..SIDE, 0)];
+        for (along_z, (zs, z_within)) in halves(2).into_iter().enumerate() {
+            for (z, layer) in zs.zip(z_within..) {
+                for (along_y, (ys, y_within)) in halves(1).into_iter().enumerate() {
+                    let pair = (2 * along_z + along_y) * 2;
+                    let start = (8 * layer + y_within) * 8;
+                    let rows = &mut self.rows.samples[z * SIDE + ys.start..z * SIDE + ys.end];
+                    let [near, far] =
+                        [pair, pair + 1].map(|slot| &blocks[slot][start..start + 8 * rows.len()]);
+                    for (row, (near, far)) in
+                        rows.iter_mut().zip(near.as_chunks::<8>().0.iter().zip(far.as_chunks::<8>().0))
+                    {
+                        row[..8].copy_from_slice(near);
+                        row[8..].copy_from_slice(far);
+                    }
+                }
             }
         }
     }
+}
+
+/// Whether the voxel of a block that is nearest to another block lies inside; not if there is no block.
+fn is_inside_towards(reference: &MainReference, block: BlockCoord, other: BlockCoord) -> bool {
+    let nearest = [other.x - block.x, other.y - block.y, other.z - block.z]
+        .map(|d| [0, EDGE / 2, EDGE - 1][(d.signum() + 1) as usize] as usize);
+    let [x, y, z] = nearest;
+    let block = reference.reference().index().get(block);
+    block.is_some_and(|block| reference.volume().block(block as usize)[(z * 8 + y) * 8 + x] < 0)
 }

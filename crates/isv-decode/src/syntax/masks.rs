@@ -42,7 +42,7 @@ impl MaskModels {
         }
         let index = BlockIndex::new(coords);
         for (block, coord) in coords.iter().enumerate() {
-            let context = MaskContext::new(*coord, &index, &masks, reference);
+            let context = MaskContext::new(*coord, blocks_before(*coord, &index), &masks, reference);
             if !decoder.decode(&mut self.block[context.block()]) {
                 continue;
             }
@@ -61,6 +61,12 @@ impl MaskModels {
         check_overrun(&decoder, "the masks end too early")?;
         Ok(masks)
     }
+}
+
+/// The blocks before a block along x, y and z.
+#[must_use]
+pub fn blocks_before(coord: BlockCoord, index: &BlockIndex) -> [Option<u32>; 3] {
+    [[-1, 0, 0], [0, -1, 0], [0, 0, -1]].map(|offset| index.get(coord.offset(offset)))
 }
 
 /// What is known around a block when its mask is coded: the masks of the three blocks before it along the axes, and of
@@ -95,19 +101,18 @@ impl Neighbour<'_> {
 }
 
 impl<'a> MaskContext<'a> {
-    /// Context of the block at `coord`; `masks` holds those of the blocks before it.
+    /// Context of the block at `coord`. `before`: the blocks before it along x, y and z; `masks` holds theirs.
     #[must_use]
     pub fn new(
         coord: BlockCoord,
-        index: &BlockIndex,
+        before: [Option<u32>; 3],
         masks: &'a BTreeMap<u32, VoxelMask>,
         reference: Option<ReferenceBlocks<'a>>,
     ) -> Self {
-        let before =
-            [[-1, 0, 0], [0, -1, 0], [0, 0, -1]].map(|offset| match index.get(coord.offset(offset)) {
-                None => Neighbour::Absent,
-                Some(block) => masks.get(&block).map_or(Neighbour::Observed, Neighbour::Masked),
-            });
+        let before = before.map(|block| match block {
+            None => Neighbour::Absent,
+            Some(block) => masks.get(&block).map_or(Neighbour::Observed, Neighbour::Masked),
+        });
         let reference = match reference.and_then(|r| Some((r, r.index.get(coord)?))) {
             None => Neighbour::Absent,
             Some((r, block)) => r.unobserved.get(&block).map_or(Neighbour::Observed, Neighbour::Masked),

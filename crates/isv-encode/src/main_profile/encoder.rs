@@ -2,12 +2,12 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::search_cubes;
+use super::motion_search::{MotionEffort, search_cubes};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
 use super::slice::{CodedSlice, FrameContext, SliceEncoder};
 use super::syntax;
-use super::target::{BlockTarget, targets};
+use super::target::Targets;
 use super::tools::Tools;
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
@@ -21,6 +21,7 @@ use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLay
 use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::{CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::prelude::*;
+use tracing::debug_span;
 
 /// Which blocks are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +85,8 @@ pub struct MainSettings {
     pub tools: Tools,
     /// How many vectors of a block are coded to see what they cost, 1 or more.
     pub trials: usize,
+    /// How thoroughly motion is searched for.
+    pub effort: MotionEffort,
     /// Strength of the in-loop filter in sixty-fourths, and the most that it changes, in codes.
     pub filter: (u8, u8),
     /// Whether vectors count half voxels and not quarters.
@@ -102,6 +105,7 @@ impl Default for MainSettings {
             band: Band::Surface,
             tools: Tools::ALL,
             trials: 2,
+            effort: MotionEffort::THOROUGH,
             filter: (13, 38),
             half_voxel_vectors: true,
             exhaustive: false,
@@ -128,7 +132,7 @@ pub(crate) struct MainEncoder {
 #[derive(Clone, Copy, Debug)]
 struct Source<'a> {
     volume: &'a SparseVolume,
-    targets: &'a [BlockTarget],
+    targets: &'a Targets<'a>,
     slices: u16,
     checksum: bool,
 }
@@ -141,15 +145,14 @@ struct CodedFrame {
     state: State,
     /// Share of the blocks that are predicted from their neighbours.
     spatial_share: f64,
-    /// Weighted squared error.
-    error: f32,
 }
 
 impl CodedFrame {
     /// Error and lambda times the bits.
-    fn cost(&self, quality: FrameQuality) -> f32 {
+    fn cost(&self, targets: &Targets, quality: FrameQuality) -> f32 {
         let lambda = quality.lambda * quality.step * quality.step;
-        self.error + lambda * 8.0 * self.frame.stream_bytes() as f32
+        let decoded = self.state.reference.as_ref().expect("a coded frame leaves a reference").volume();
+        targets.weighted_error(decoded) + lambda * 8.0 * self.frame.stream_bytes() as f32
     }
 
     fn bytes_per_block(&self) -> f64 {
@@ -201,7 +204,8 @@ impl MainEncoder {
         checksum: bool,
     ) -> EncodedFrame {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
-        let targets = targets(volume, self.settings.band, self.settings.tools);
+        let targets =
+            debug_span!("targets").in_scope(|| Targets::new(volume, self.settings.band, self.settings.tools));
         let source = Source { volume, targets: &targets, slices, checksum };
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let constant = self.settings.quality;
@@ -249,7 +253,8 @@ impl MainEncoder {
             return coded;
         }
         let cut = self.encode_best(source, true, quality);
-        if cut.cost(quality) < CUT_BONUS * coded.cost(quality) { cut } else { coded }
+        let [cut_cost, cost] = [&cut, &coded].map(|frame| frame.cost(source.targets, quality));
+        if cut_cost < CUT_BONUS * cost { cut } else { coded }
     }
 
     /// Codes a frame with the step of vectors of the settings, and if time does not matter, with the other one too.
@@ -260,7 +265,8 @@ impl MainEncoder {
             return coded;
         }
         let other = self.encode_frame(source, keyframe, quality, !half);
-        if other.cost(quality) < coded.cost(quality) { other } else { coded }
+        let [other_cost, cost] = [&other, &coded].map(|frame| frame.cost(source.targets, quality));
+        if other_cost < cost { other } else { coded }
     }
 
     /// What the decoder will have after the last frame.
@@ -286,14 +292,16 @@ impl MainEncoder {
             false => &self.state,
         };
         let reference = before.reference.as_ref();
-        let coords: Vec<_> = targets.iter().map(|target| target.coord).collect();
+        let coords = targets.coords().to_vec();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let causal = CausalBlocks::new(&coords, layout.ranges());
+        let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
         let main = self.frame_header(quality, half_voxel_vectors);
         let mut entropy = before.entropy.clone();
-        let block_set = syntax::block_set::write(&mut entropy.block_set, &coords, reference);
-        let frame = self.frame_context(targets, &coords, &causal, reference, &main, quality);
-        let (coded, costs) = code_slices(&frame, layout, &mut entropy, &before.costs);
+        let block_set = debug_span!("block set")
+            .in_scope(|| syntax::block_set::write(&mut entropy.block_set, &coords, reference));
+        let frame = self.frame_context(targets, &causal, reference, &main, quality);
+        let (coded, costs) =
+            debug_span!("slices").in_scope(|| code_slices(&frame, layout, &mut entropy, &before.costs));
         drop(frame);
         let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
         let mut samples = Vec::new();
@@ -306,7 +314,7 @@ impl MainEncoder {
             let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
             segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
         }
-        let (main, extended, error) = self.filter(targets, main, &symbols, samples);
+        let (main, extended) = self.filter(targets, main, &symbols, samples);
         let index = volume.index();
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(self.parameters.grid.edge);
@@ -315,8 +323,9 @@ impl MainEncoder {
             None => Some(&nothing),
         };
         let blocks_before = reference.map(|reference| reference.reference().blocks());
-        let (masks, mask_bytes) =
-            syntax::masks::write(&mut entropy.masks, volume, &extended.volume, unobserved, blocks_before);
+        let (masks, mask_bytes) = debug_span!("masks").in_scope(|| {
+            syntax::masks::write(&mut entropy.masks, volume, &extended, unobserved, blocks_before)
+        });
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
         let decoded = MainReference::new(extended, &symbols, masks);
@@ -329,7 +338,7 @@ impl MainEncoder {
         };
         let segments = SymbolSegments { block_set, masks: mask_bytes, slices: segments };
         let state = State { entropy, costs, reference: Some(decoded) };
-        CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share, error }
+        CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
     }
 
     fn frame_header(&self, quality: FrameQuality, half_voxel_vectors: bool) -> MainFrameHeader {
@@ -345,41 +354,41 @@ impl MainEncoder {
         }
     }
 
-    /// The frame's header, decoded volume and weighted error under the settings' filter, or if time does not matter, under the
-    /// best one.
+    /// The frame's header and decoded volume under the settings' filter, or if time does not matter, under the one with the
+    /// least weighted error.
     fn filter(
         &self,
-        targets: &[BlockTarget],
+        targets: &Targets,
         main: MainFrameHeader,
         symbols: &FrameSymbols,
         samples: Vec<i16>,
-    ) -> (MainFrameHeader, Extended, f32) {
-        let filtered = |main: MainFrameHeader, samples| {
-            let extended = filter_and_extend(&self.parameters, &main, symbols, samples);
-            let error = weighted_error(targets, &extended.volume);
-            (main, extended, error)
-        };
+    ) -> (MainFrameHeader, Extended) {
+        let filtered =
+            |main: &MainFrameHeader, samples| filter_and_extend(&self.parameters, main, symbols, samples);
         if !self.settings.tools.filter || !self.settings.exhaustive {
-            return filtered(main, samples);
+            return (main, filtered(&main, samples));
         }
         let limit = self.settings.filter.1;
         let candidates = FILTERS.map(|filter| {
             let filter_limit = if filter > 0 { limit } else { 0 };
-            filtered(MainFrameHeader { filter, filter_limit, ..main }, samples.clone())
+            let main = MainFrameHeader { filter, filter_limit, ..main };
+            let extended = filtered(&main, samples.clone());
+            (targets.weighted_error(&extended.volume), main, extended)
         });
-        candidates.into_iter().min_by(|a, b| a.2.total_cmp(&b.2)).expect("there are filters")
+        let best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map(|(_, main, extended)| (main, extended)).expect("there are filters")
     }
 
     fn frame_context<'a>(
         &'a self,
-        targets: &'a [BlockTarget],
-        coords: &'a [isv_volume::BlockCoord],
+        targets: &'a Targets<'a>,
         causal: &'a CausalBlocks,
         reference: Option<&'a MainReference>,
         main: &MainFrameHeader,
         quality: FrameQuality,
     ) -> FrameContext<'a> {
         let FrameQuality { step, lambda } = quality;
+        let effort = self.settings.effort;
         let share = if reference.is_none() { FrameQuality::KEYFRAME_LAMBDA } else { 1.0 };
         let pursuit = Pursuit {
             dct: &self.dct,
@@ -394,11 +403,14 @@ impl MainEncoder {
             quantizer: self.parameters.quantizer(main.step),
             pursuit,
             targets,
-            coords,
             causal,
-            reference: reference.map(|reference| (reference, search_cubes(reference, targets))),
+            reference: reference.map(|reference| {
+                let shifts = debug_span!("cube search").in_scope(|| search_cubes(reference, targets, effort));
+                (reference, shifts)
+            }),
             vector_step: main.vector_step(),
             trials: self.settings.trials,
+            effort,
             tools: self.settings.tools,
         }
     }
@@ -422,17 +434,4 @@ fn code_slices(
             (coded, costs)
         })
         .unzip()
-}
-
-/// Squared error in voxels of a decoded volume, by the weights of the targets.
-fn weighted_error(targets: &[BlockTarget], decoded: &SparseVolume) -> f32 {
-    let index = decoded.index();
-    let block_error = |target: &BlockTarget| -> f32 {
-        let block = index.get(target.coord).expect("targets are coded") as usize;
-        let voxels = target.samples.iter().zip(&target.weights).zip(decoded.block(block));
-        voxels
-            .map(|((s, weight), code)| weight * (s - f32::from(*code) / CODES_PER_VOXEL as f32).powi(2))
-            .sum()
-    };
-    targets.iter().map(block_error).sum()
 }

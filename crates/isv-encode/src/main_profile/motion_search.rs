@@ -3,22 +3,19 @@
 //!
 //! All of it is the encoder's choice, in floating point; units are voxels.
 
-use super::target::{BlockTarget, NearRow};
+use super::target::{NearRow, Targets};
 use isv_decode::main_profile::reconstruct::TemporalPredictor;
 use isv_decode::main_profile::{MainReference, Vector};
 use isv_kernels::simd::vectorized;
 use isv_kernels::window::{SIDE, WindowRows};
-use isv_volume::CODES_PER_VOXEL;
+use isv_volume::{BlockCoord, CODES_PER_VOXEL};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Cubes whose blocks are searched together, as base-2 logarithms of their edge in blocks: large ones first.
 const CUBES: [u32; 2] = [2, 1];
 /// Of cubes one row of voxels in so many is looked at, each a power of two.
 const CUBE_ROWS: [usize; 2] = [4, 2];
-/// Gauss-Newton steps at most: of cubes and of single blocks.
-const CUBE_STEPS: usize = 8;
-const BLOCK_STEPS: usize = 5;
 /// Largest step, in voxels.
 const LONGEST_STEP: f32 = 2.0;
 /// Added to the diagonal of the normal equations, absolutely and as a share.
@@ -33,6 +30,9 @@ const CLOSE: f32 = 0.3;
 /// Starting points of a cube from the frame before, at most.
 const SEEDS_BEFORE: usize = 2;
 
+/// Voxels in a code.
+const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+
 /// A displacement in voxels.
 pub(crate) type Shift = [f32; 3];
 
@@ -41,53 +41,152 @@ pub(crate) fn to_shift(vector: Vector) -> Shift {
     vector.0.map(|quarters| f32::from(quarters) / 4.0)
 }
 
-/// For each block, the shifts of the cubes that it is in.
-pub(crate) fn search_cubes(reference: &MainReference, targets: &[BlockTarget]) -> Vec<Vec<Shift>> {
-    let mut found: Vec<Vec<Shift>> = vec![Vec::new(); targets.len()];
-    for (log2, every) in CUBES.into_iter().zip(CUBE_ROWS) {
-        let mut cubes: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
-        for (block, target) in targets.iter().enumerate() {
-            cubes.entry(target.coord.to_array().map(|c| c >> log2)).or_default().push(block);
-        }
-        let cubes: Vec<_> = cubes.into_values().collect();
-        let shifts: Vec<Shift> =
-            cubes.par_iter().map(|blocks| search_cube(reference, targets, blocks, every, &found)).collect();
-        for (blocks, shift) in cubes.iter().zip(shifts) {
-            blocks.iter().for_each(|block| found[*block].push(shift));
-        }
+/// How thoroughly motion is searched for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MotionEffort {
+    /// How many sizes of cubes are searched as a whole: 4^3 blocks, then 2^3.
+    pub cube_sizes: usize,
+    /// Gauss-Newton steps of a cube, at most.
+    pub cube_steps: usize,
+    /// Points that the search of a block starts from, at most: the best vector to merge with, then those of its cubes.
+    pub starts: usize,
+    /// Gauss-Newton steps of a block, at most.
+    pub block_steps: usize,
+    /// One row of a block's voxels in so many is looked at; a power of two.
+    pub rows: usize,
+}
+
+impl MotionEffort {
+    /// All that was found to pay.
+    pub const THOROUGH: Self = Self { cube_sizes: 2, cube_steps: 8, starts: 3, block_steps: 5, rows: 1 };
+}
+
+/// A block, looked for in the frame before.
+#[derive(Debug)]
+pub(crate) struct SoughtBlock<'a> {
+    predictor: TemporalPredictor<'a>,
+    coord: BlockCoord,
+    near: Vec<NearRow>,
+}
+
+impl<'a> SoughtBlock<'a> {
+    /// No block yet.
+    pub(crate) fn new(reference: &'a MainReference) -> Self {
+        Self { predictor: TemporalPredictor::new(reference), coord: [0; 3].into(), near: Vec::new() }
+    }
+
+    /// Turns to a block, of whose rows one in `every` is looked at.
+    pub(crate) fn turn_to(&mut self, targets: &Targets, block: usize, every: usize) {
+        self.coord = targets.coords()[block];
+        self.near.clear();
+        targets.near_rows(block, every, &mut self.near);
+    }
+
+    /// The block's samples as a vector predicts them.
+    pub(crate) fn predict(&mut self, vector: Vector, out: &mut [i16]) {
+        self.predictor.predict(self.coord, vector, out);
+    }
+
+    /// The weighted squared error at a shift.
+    pub(crate) fn error(&mut self, shift: Shift) -> f32 {
+        self.at(
+            shift,
+            #[inline(always)]
+            |near, window, fraction| weighted_error(near, window, fraction),
+        )
+    }
+
+    /// The normal equations at a shift.
+    pub(crate) fn equations(&mut self, shift: Shift) -> NormalEquations {
+        self.at(
+            shift,
+            #[inline(always)]
+            |near, window, fraction| NormalEquations::of_rows(near, window, fraction),
+        )
+    }
+
+    /// Works on the block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
+    #[inline(always)]
+    fn at<R>(&mut self, shift: Shift, work: impl FnOnce(&[NearRow], &WindowRows, Shift) -> R) -> R {
+        let quarters = Vector(shift.map(|s| (4.0 * s).round() as i16));
+        let voxels = shift.map(|s| s.floor() as i32);
+        let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
+        let window = self.predictor.look_at(self.coord, quarters, voxels);
+        vectorized(
+            #[inline(always)]
+            || work(&self.near, window, fraction),
+        )
+    }
+
+    /// The best shift that can be reached from one in so many steps.
+    pub(crate) fn refine(&mut self, start: Shift, steps: usize) -> Shift {
+        descend(&mut |shift| self.equations(shift), start, steps).1
+    }
+}
+
+/// For each size of cubes, the shifts of the cubes that the blocks are in.
+pub(crate) fn search_cubes<'a>(
+    reference: &'a MainReference,
+    targets: &Targets,
+    effort: MotionEffort,
+) -> Vec<Vec<Shift>> {
+    let mut found: Vec<Vec<Shift>> = Vec::new();
+    for (log2, every) in CUBES.into_iter().zip(CUBE_ROWS).take(effort.cube_sizes) {
+        let cubes = cubes(targets.coords(), log2);
+        let search = |sought: &mut Vec<SoughtBlock<'a>>, blocks: &Range<usize>| {
+            sought.resize_with(blocks.len().max(sought.len()), || SoughtBlock::new(reference));
+            for (sought, block) in sought.iter_mut().zip(blocks.clone()) {
+                sought.turn_to(targets, block, every);
+            }
+            let seeds = cube_seeds(reference, targets, blocks.clone(), &found);
+            search_cube(&mut sought[..blocks.len()], &seeds, effort.cube_steps)
+        };
+        let shifts: Vec<Shift> = cubes.par_iter().map_init(Vec::new, search).collect();
+        let each = cubes.iter().zip(shifts);
+        found.push(each.flat_map(|(blocks, shift)| std::iter::repeat_n(shift, blocks.len())).collect());
     }
     found
 }
 
-/// The shift of one cube: the best that can be reached from no motion, from that of larger cubes, and from those of the
-/// frame before.
-fn search_cube(
+/// The runs of blocks that are in the same cube: in Morton order they follow one another.
+fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
+    let cube = |coord: BlockCoord| coord.to_array().map(|c| c >> log2);
+    let mut end = 0;
+    let runs = coords.chunk_by(|a, b| cube(*a) == cube(*b)).map(|run| {
+        end += run.len();
+        end - run.len()..end
+    });
+    runs.collect()
+}
+
+/// Where the search of a cube starts: no motion, that of larger cubes, and those of the frame before.
+fn cube_seeds(
     reference: &MainReference,
-    targets: &[BlockTarget],
-    blocks: &[usize],
-    every: usize,
+    targets: &Targets,
+    mut blocks: Range<usize>,
     found: &[Vec<Shift>],
-) -> Shift {
+) -> Vec<Shift> {
     let mut seeds = vec![[0.0; 3]];
     let mut add = |seed: Shift| {
         if seeds.iter().all(|known| !are_close(*known, seed)) {
             seeds.push(seed);
         }
     };
-    found[blocks[0]].iter().for_each(|seed| add(*seed));
-    let before = blocks.iter().filter_map(|block| reference.coded(targets[*block].coord)?.vector);
+    found.iter().for_each(|shifts| add(shifts[blocks.start]));
+    let before = blocks.by_ref().filter_map(|block| reference.coded(targets.coords()[block])?.vector);
     before.map(to_shift).take(SEEDS_BEFORE).for_each(add);
-    let mut predictors: Vec<_> = blocks.iter().map(|_| TemporalPredictor::new(reference)).collect();
+    seeds
+}
+
+/// The best shift of the blocks of a cube that can be reached from the seeds.
+fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], steps: usize) -> Shift {
     let mut build = |shift: Shift| {
-        let systems = blocks.iter().zip(&mut predictors);
-        systems.fold(NormalEquations::default(), |sum, (block, predictor)| {
-            sum.plus(&NormalEquations::of_block(predictor, &targets[*block], shift, every))
-        })
+        let equations = sought.iter_mut().map(|block| block.equations(shift));
+        equations.fold(NormalEquations::default(), |sum, equations| sum.plus(&equations))
     };
     let mut best = (f32::INFINITY, [0.0; 3]);
     for seed in seeds {
-        let system = build(seed);
-        let result = descend(&mut build, system, seed, CUBE_STEPS);
+        let result = descend(&mut build, *seed, steps);
         if result.0 < best.0 {
             best = result;
         }
@@ -100,25 +199,10 @@ pub(crate) fn are_close(a: Shift, b: Shift) -> bool {
     a.iter().zip(b).all(|(a, b)| (a - b).abs() < CLOSE)
 }
 
-/// The best shift of a block that can be reached from one, where its equations are these.
-pub(crate) fn refine(
-    predictor: &mut TemporalPredictor,
-    target: &BlockTarget,
-    start: Shift,
-    system: NormalEquations,
-) -> Shift {
-    let mut build = |shift: Shift| NormalEquations::of_block(predictor, target, shift, 1);
-    descend(&mut build, system, start, BLOCK_STEPS).1
-}
-
-/// Gauss-Newton from a first guess, where the equations are these: the least error met, and where.
-fn descend(
-    build: &mut impl FnMut(Shift) -> NormalEquations,
-    mut system: NormalEquations,
-    start: Shift,
-    steps: usize,
-) -> (f32, Shift) {
+/// Gauss-Newton from a first guess: the least error met, and where.
+fn descend(build: &mut impl FnMut(Shift) -> NormalEquations, start: Shift, steps: usize) -> (f32, Shift) {
     let mut shift = start;
+    let mut system = build(start);
     let mut best = (system.error, start);
     for _ in 0..steps {
         let step = system.solve();
@@ -148,37 +232,17 @@ pub(crate) struct NormalEquations {
     /// xx, xy, xz, yy, yz, zz.
     matrix: [f32; 6],
     gradient: [f32; 3],
-    pub error: f32,
+    error: f32,
 }
 
 impl NormalEquations {
-    /// Those of the near voxels of a block, or of each `every`th row of them.
-    pub(crate) fn of_block(
-        predictor: &mut TemporalPredictor,
-        target: &BlockTarget,
-        shift: Shift,
-        every: usize,
-    ) -> Self {
-        let quarters = Vector(shift.map(|s| (4.0 * s).round() as i16));
-        let voxels = shift.map(|s| s.floor() as i32);
-        let window = predictor.look_at(target.coord, quarters, voxels);
-        let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
-        vectorized(
-            #[inline(always)]
-            || Self::of_rows(&target.near, window, fraction, every),
-        )
-    }
-
     /// Rows of eight voxels, each lane apart. The same place in its cell for all of them. Large residuals are not believed as
     /// much: they may be another surface.
     #[inline(always)]
-    fn of_rows(near: &[NearRow], window: &WindowRows, fraction: Shift, every: usize) -> Self {
+    fn of_rows(near: &[NearRow], window: &WindowRows, fraction: Shift) -> Self {
         let mut sums = LaneSums { matrix: [[0.0; 8]; 6], gradient: [[0.0; 8]; 3], error: [0.0; 8] };
         for near in near {
-            let (row_y, row_z) = (near.row % 8, near.row / 8);
-            if (row_y + 2 * row_z) & (every - 1) == 0 {
-                sums.add_row(near, window, row_z * SIDE + row_y, fraction);
-            }
+            sums.add_row(near, window, fraction);
         }
         let mut total = Self::default();
         for i in 0..6 {
@@ -211,6 +275,14 @@ impl NormalEquations {
     }
 }
 
+impl NearRow {
+    /// The row of a window in whose cells the voxels lie.
+    #[inline(always)]
+    fn first_window_row(&self) -> usize {
+        self.row / 8 * SIDE + self.row % 8
+    }
+}
+
 /// [`NormalEquations`] of each lane of a row.
 struct LaneSums {
     matrix: [[f32; 8]; 6],
@@ -219,10 +291,10 @@ struct LaneSums {
 }
 
 impl LaneSums {
-    /// Adds a row of a block; `first` is the row of the window in whose cells it lies, all at the same place `[x, y, z]`.
+    /// Adds a row of a block, all at the same place `[x, y, z]` in their cells.
     #[inline(always)]
-    fn add_row(&mut self, near: &NearRow, window: &WindowRows, first: usize, [x, y, z]: Shift) {
-        const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+    fn add_row(&mut self, near: &NearRow, window: &WindowRows, [x, y, z]: Shift) {
+        let first = near.first_window_row();
         let [n00, s00] = ends(window, first);
         let [n10, s10] = ends(window, first + 1);
         let [n01, s01] = ends(window, first + SIDE);
@@ -260,6 +332,33 @@ impl LaneSums {
                 entry += 1;
             }
         }
+    }
+}
+
+/// Weighted squared error of the rows of a block, the same as that of their [`NormalEquations`].
+#[inline(always)]
+fn weighted_error(near: &[NearRow], window: &WindowRows, fraction: Shift) -> f32 {
+    let mut errors = [0.0; 8];
+    for near in near {
+        add_errors(near, window, fraction, &mut errors);
+    }
+    errors.iter().sum()
+}
+
+/// Adds the weighted squared errors of a row, as [`LaneSums::add_row`] has them.
+#[inline(always)]
+fn add_errors(near: &NearRow, window: &WindowRows, [x, y, z]: Shift, errors: &mut [f32; 8]) {
+    let first = near.first_window_row();
+    let [n00, s00] = ends(window, first);
+    let [n10, s10] = ends(window, first + 1);
+    let [n01, s01] = ends(window, first + SIDE);
+    let [n11, s11] = ends(window, first + SIDE + 1);
+    for i in 0..8 {
+        let [v00, v10] = [n00[i] + x * s00[i], n10[i] + x * s10[i]];
+        let [v01, v11] = [n01[i] + x * s01[i], n11[i] + x * s11[i]];
+        let [v0, v1] = [v00 + y * (v10 - v00), v01 + y * (v11 - v01)];
+        let residual = (v0 + z * (v1 - v0)) * SCALE - near.samples[i];
+        errors[i] += near.weights[i] * (residual * residual);
     }
 }
 

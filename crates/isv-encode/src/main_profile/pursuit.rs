@@ -296,7 +296,7 @@ impl State {
                 let distance = if sample < 0.0 { -sample } else { sample };
                 wrong |= u32::from((right < distance) & (right < SIGN_MARGIN)) << lane;
             }
-            wrong &= (target.only_sign.words()[row / 8] >> (8 * (row % 8))) as u32 & 255;
+            wrong &= (target.only_sign[row / 8] >> (8 * (row % 8))) as u32 & 255;
             while wrong != 0 {
                 let voxel = at + wrong.trailing_zeros() as usize;
                 wrong &= wrong - 1;

@@ -1,14 +1,12 @@
 //! The blocks of a slice, one after the other: candidates, their cost, the choice, its symbols.
 
 use super::level_costs::LevelCosts;
-use super::motion_search::{NormalEquations, Shift, are_close, refine, to_shift};
+use super::motion_search::{MotionEffort, Shift, SoughtBlock, are_close, to_shift};
 use super::pursuit::{Metric, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
-use super::target::{BlockTarget, Field};
+use super::target::{BlockTarget, Field, Targets};
 use super::tools::Tools;
-use isv_decode::main_profile::reconstruct::{
-    BLOCK_SAMPLES, TemporalPredictor, add_residual, predict_spatially,
-};
+use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict_spatially};
 use isv_decode::main_profile::syntax::SliceModels;
 use isv_decode::main_profile::syntax::coefficients::CountContext;
 use isv_decode::main_profile::syntax::modes::ModeContext;
@@ -30,15 +28,15 @@ pub(crate) struct FrameContext<'a> {
     pub parameters: &'a MainParameters,
     pub quantizer: Quantizer,
     pub pursuit: Pursuit<'a>,
-    pub targets: &'a [BlockTarget],
-    pub coords: &'a [isv_volume::BlockCoord],
+    pub targets: &'a Targets<'a>,
     pub causal: &'a CausalBlocks,
-    /// The frame before, unless this one does without, and the shifts to start from of each block.
+    /// The frame before, unless this one does without, and for each size of cubes, the shifts of the blocks.
     pub reference: Option<(&'a MainReference, Vec<Vec<Shift>>)>,
     /// Step of new vectors in quarter voxels.
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
     pub trials: usize,
+    pub effort: MotionEffort,
     pub tools: Tools,
 }
 
@@ -96,14 +94,16 @@ impl<'a> SliceEncoder<'a> {
     /// Codes all blocks; gives back what levels cost after them.
     pub(crate) fn run(mut self) -> (CodedSlice, [LevelCosts; 2]) {
         let reference = self.frame.reference.as_ref().map(|(reference, _)| *reference);
-        let mut predictor = reference.map(TemporalPredictor::new);
+        let mut sought = reference.map(SoughtBlock::new);
         for block in self.range.clone() {
             let context = reference.map(|reference| self.mode_context(block, reference));
-            let metric = self.frame.pursuit.metric(&self.frame.targets[block]);
+            let target = self.frame.targets.block(block);
+            let metric = self.frame.pursuit.metric(&target);
             let mut best: Option<Trial> = None;
-            if let (Some(predictor), Some(context)) = (&mut predictor, &context) {
-                for mode in self.temporal_modes(block, context, predictor) {
-                    let trial = self.try_temporal(block, mode, context, predictor, &metric);
+            if let (Some(sought), Some(context)) = (&mut sought, &context) {
+                sought.turn_to(self.frame.targets, block, self.frame.effort.rows);
+                for mode in self.temporal_modes(block, context, sought) {
+                    let trial = self.try_temporal(&target, mode, context, sought, &metric);
                     if best.as_ref().is_none_or(|best| trial.cost < best.cost) {
                         best = Some(trial);
                     }
@@ -112,7 +112,7 @@ impl<'a> SliceEncoder<'a> {
             let best = match best {
                 Some(best) if best.cost <= self.least_spatial_cost(context.as_ref()) => best,
                 best => {
-                    let spatial = self.try_spatial(block, context.as_ref(), &metric);
+                    let spatial = self.try_spatial(block, &target, context.as_ref(), &metric);
                     best.filter(|best| best.cost <= spatial.cost).unwrap_or(spatial)
                 }
             };
@@ -128,7 +128,7 @@ impl<'a> SliceEncoder<'a> {
 
     fn mode_context(&self, block: usize, reference: &MainReference) -> ModeContext {
         let mode = |n: usize| self.coded.modes[n - self.range.start];
-        ModeContext::new(self.frame.coords[block], block, self.frame.causal, mode, reference)
+        ModeContext::new(self.frame.targets.coords()[block], block, self.frame.causal, mode, reference)
     }
 
     /// The most promising vectors: by weighted error of the prediction and the bits of the mode.
@@ -136,29 +136,27 @@ impl<'a> SliceEncoder<'a> {
         &mut self,
         block: usize,
         context: &ModeContext,
-        predictor: &mut TemporalPredictor,
+        sought: &mut SoughtBlock,
     ) -> Vec<BlockMode> {
-        let target = &self.frame.targets[block];
         let Tools { motion, merging, .. } = self.frame.tools;
         let allowed = |vector: Vector| (motion && merging) || vector == Vector::ZERO;
         let merges = context.candidates.as_slice().iter().enumerate().filter(|(_, vector)| allowed(**vector));
         let mut modes: Vec<(f32, BlockMode)> = Vec::new();
-        let mut best: Option<(f32, Shift, NormalEquations)> = None;
+        let mut best: Option<(f32, Shift)> = None;
         for (k, vector) in merges {
             let mode = BlockMode::Merged { candidate: k as u8, vector: *vector };
             let shift = to_shift(*vector);
-            let system = NormalEquations::of_block(predictor, target, shift, 1);
-            let cost = system.error + self.mode_cost(mode, context);
+            let cost = self.error_share() * sought.error(shift) + self.mode_cost(mode, context);
             if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, shift, system));
+                best = Some((cost, shift));
             }
             modes.push((cost, mode));
         }
-        let (least, shift, system) = best.expect("there are candidates");
+        let (least, shift) = best.expect("there are candidates");
         // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
         let vector = context.candidates.as_slice()[0];
         if motion && self.mode_cost(BlockMode::New { vector }, context) < least {
-            self.add_new_vectors(block, (shift, system), context, predictor, &mut modes);
+            self.add_new_vectors(block, shift, context, sought, &mut modes);
         }
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
         modes.into_iter().take(self.frame.trials).map(|(_, mode)| mode).collect()
@@ -168,29 +166,34 @@ impl<'a> SliceEncoder<'a> {
     fn add_new_vectors(
         &mut self,
         block: usize,
-        (best, system): (Shift, NormalEquations),
+        best: Shift,
         context: &ModeContext,
-        predictor: &mut TemporalPredictor,
+        sought: &mut SoughtBlock,
         modes: &mut Vec<(f32, BlockMode)>,
     ) {
-        let target = &self.frame.targets[block];
+        let MotionEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
-        let mut starts = vec![(best, system)];
-        for cube in &cubes[block] {
-            if starts.iter().all(|(known, _)| !are_close(*known, *cube)) {
-                starts.push((*cube, NormalEquations::of_block(predictor, target, *cube, 1)));
+        let mut starts = vec![best];
+        for cube in cubes.iter().map(|shifts| shifts[block]) {
+            if starts.iter().all(|known| !are_close(*known, cube)) {
+                starts.push(cube);
             }
         }
-        for (start, system) in starts {
-            for shift in [start, refine(predictor, target, start, system)] {
+        for start in starts.into_iter().take(most) {
+            for shift in [start, sought.refine(start, block_steps)] {
                 let Some(vector) = self.nearest_vector(shift, context) else { continue };
                 if !modes.iter().any(|(_, mode)| mode.vector() == Some(vector)) {
                     let mode = BlockMode::New { vector };
-                    let error = NormalEquations::of_block(predictor, target, to_shift(vector), 1).error;
+                    let error = self.error_share() * sought.error(to_shift(vector));
                     modes.push((error + self.mode_cost(mode, context), mode));
                 }
             }
         }
+    }
+
+    /// How many times the error of the voxels looked at a block's is.
+    fn error_share(&self) -> f32 {
+        self.frame.effort.rows as f32
     }
 
     /// The vector nearest to a shift that is whole steps from the first candidate.
@@ -219,15 +222,15 @@ impl<'a> SliceEncoder<'a> {
 
     fn try_temporal(
         &mut self,
-        block: usize,
+        target: &BlockTarget,
         mode: BlockMode,
         context: &ModeContext,
-        predictor: &mut TemporalPredictor,
+        sought: &mut SoughtBlock,
         metric: &Metric,
     ) -> Trial {
         let mut prediction = [0; BLOCK_SAMPLES];
-        predictor.predict(self.frame.coords[block], mode.vector().unwrap_or_default(), &mut prediction);
-        self.pursue(block, mode, prediction, Some(context), metric)
+        sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
+        self.pursue(target, mode, prediction, Some(context), metric)
     }
 
     /// What a spatially predicted block costs if nothing is left to correct.
@@ -236,19 +239,25 @@ impl<'a> SliceEncoder<'a> {
         self.frame.pursuit.lambda * (bits + self.costs[1].least_count())
     }
 
-    fn try_spatial(&mut self, block: usize, context: Option<&ModeContext>, metric: &Metric) -> Trial {
+    fn try_spatial(
+        &mut self,
+        block: usize,
+        target: &BlockTarget,
+        context: Option<&ModeContext>,
+        metric: &Metric,
+    ) -> Trial {
         let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
             predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
         }
-        self.pursue(block, BlockMode::Spatial, prediction, context, metric)
+        self.pursue(target, BlockMode::Spatial, prediction, context, metric)
     }
 
     fn pursue(
         &mut self,
-        block: usize,
+        target: &BlockTarget,
         mode: BlockMode,
         prediction: [i16; BLOCK_SAMPLES],
         context: Option<&ModeContext>,
@@ -256,7 +265,7 @@ impl<'a> SliceEncoder<'a> {
     ) -> Trial {
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
-        let pursued = self.frame.pursuit.run(&self.frame.targets[block], metric, &field, costs);
+        let pursued = self.frame.pursuit.run(target, metric, &field, costs);
         let bits = context.map_or(0.0, |context| self.mode_bits(mode, context));
         let cost = pursued.cost + self.frame.pursuit.lambda * bits;
         Trial { mode, prediction, pursued, cost }
@@ -278,8 +287,14 @@ impl<'a> SliceEncoder<'a> {
         let counts = &self.coded.counts;
         let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
         let count = |n: usize| counts[n - self.range.start];
-        let context =
-            CountContext::new(frame.coords[block], block, trial.mode, frame.causal, count, reference);
+        let context = CountContext::new(
+            frame.targets.coords()[block],
+            block,
+            trial.mode,
+            frame.causal,
+            count,
+            reference,
+        );
         let models = &mut self.models.coefficients;
         syntax::coefficients::write(
             models,

@@ -2,11 +2,15 @@
 
 use super::encoder::Band;
 use super::tools::Tools;
-use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, SparseVolume, VoxelMask};
+use isv_kernels::signs::inside;
+use isv_kernels::simd::vectorized;
+use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, SparseVolume};
 use rayon::prelude::*;
 
 /// Samples of a block in voxels.
 pub(crate) type Field = [f32; 512];
+/// One bit for each voxel of a block, a word a z.
+pub(crate) type Bits = [u64; 8];
 
 /// Weight of voxels at the ends of edges that the surface crosses: marching cubes reads those and no others.
 const CROSSED: f32 = 1.0;
@@ -21,6 +25,41 @@ const WHOLE_BAND: f32 = 0.25;
 const NEAR: f32 = 1.5;
 const NEAR_WEIGHT: f32 = 0.3;
 
+/// Voxels in a code.
+const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+
+/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all.
+#[derive(Debug)]
+pub(crate) struct Targets<'a> {
+    volume: &'a SparseVolume,
+    coords: Vec<BlockCoord>,
+    marks: Vec<Marks>,
+    /// Weight of observed voxels that are not at the ends of crossed edges.
+    elsewhere: f32,
+    /// Whether those only have to keep their sign.
+    only_sign: bool,
+}
+
+/// What is known of a block before its samples are looked at.
+#[derive(Clone, Copy, Debug)]
+struct Marks {
+    /// Its index in the volume.
+    block: u32,
+    /// Observed voxels with an observed face neighbour of the other sign.
+    crossed: Bits,
+    unobserved: Bits,
+}
+
+/// What one block is to become.
+#[derive(Clone, Debug)]
+pub(crate) struct BlockTarget {
+    pub samples: Field,
+    /// Weight of each voxel's squared error.
+    pub weights: Field,
+    /// Voxels whose samples do not matter as long as they keep their sign.
+    pub only_sign: Bits,
+}
+
 /// Eight voxels along x of which some tell of motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NearRow {
@@ -32,118 +71,173 @@ pub(crate) struct NearRow {
     pub weights: [f32; 8],
 }
 
-/// What one block is to become.
-#[derive(Clone, Debug)]
-pub(crate) struct BlockTarget {
-    pub coord: BlockCoord,
-    pub samples: Field,
-    /// Weight of each voxel's squared error.
-    pub weights: Field,
-    /// Voxels whose samples do not matter as long as they keep their sign.
-    pub only_sign: VoxelMask,
-    pub near: Vec<NearRow>,
-}
-
-/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all.
-pub(crate) fn targets(volume: &SparseVolume, band: Band, tools: Tools) -> Vec<BlockTarget> {
-    let index = volume.index();
-    let blocks = (0..volume.block_count()).into_par_iter();
-    blocks.filter_map(|block| target(volume, &index, block, band, tools)).collect()
-}
-
-fn target(
-    volume: &SparseVolume,
-    index: &BlockIndex,
-    block: usize,
-    band: Band,
-    tools: Tools,
-) -> Option<BlockTarget> {
-    let crossed = crossed_voxels(volume, index, block);
-    if crossed.is_empty() && band == Band::Surface {
-        return None;
+impl<'a> Targets<'a> {
+    /// The targets of a volume.
+    pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools) -> Self {
+        let index = volume.index();
+        let blocks = || (0..volume.block_count()).into_par_iter();
+        let signs: Vec<Signs> = blocks().map(|block| Signs::of_block(volume, block)).collect();
+        let marks = |block: usize| {
+            let crossed = crossed_voxels(volume.coords()[block], &signs[block], &signs, &index);
+            let wanted = crossed != [0; 8] || band == Band::Full;
+            let unobserved = signs[block].observed.map(|word| !word);
+            wanted.then_some(Marks { block: block as u32, crossed, unobserved })
+        };
+        let marks: Vec<Marks> = blocks().filter_map(marks).collect();
+        let coords = marks.iter().map(|marks| volume.coords()[marks.block as usize]).collect();
+        let elsewhere = match band {
+            Band::Full => WHOLE_BAND,
+            Band::Surface if !tools.weights => CROSSED,
+            Band::Surface if !tools.signs => FAR_UNGUARDED,
+            Band::Surface => FAR,
+        };
+        let only_sign = band == Band::Surface && tools.weights && tools.signs;
+        Self { volume, coords, marks, elsewhere, only_sign }
     }
-    let mask = volume.unobserved(block);
-    let (mut samples, mut weights) = ([0.0; 512], [0.0; 512]);
-    let mut only_sign = VoxelMask::empty(volume.grid().edge);
-    let mut near = Vec::with_capacity(64);
-    for (row, codes) in volume.block(block).as_chunks::<8>().0.iter().enumerate() {
-        let mut near_row = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
-        let byte = |mask: &VoxelMask| mask.words()[row / 8] >> (8 * (row % 8)) & 255;
-        let (crossed, unobserved) = (byte(&crossed), mask.map_or(0, byte));
-        for lane in 0..8 {
-            let sample = f32::from(codes[lane]) / CODES_PER_VOXEL as f32;
-            let [crossed, unobserved] = [crossed, unobserved].map(|bits| bits >> lane & 1 != 0);
-            let weight = match band {
-                _ if unobserved => UNOBSERVED,
-                _ if crossed => CROSSED,
-                Band::Full => WHOLE_BAND,
-                Band::Surface if !tools.weights => CROSSED,
-                Band::Surface if !tools.signs => FAR_UNGUARDED,
-                Band::Surface => {
-                    only_sign.insert(8 * row + lane);
-                    FAR
+
+    /// Where the blocks are.
+    pub(crate) fn coords(&self) -> &[BlockCoord] {
+        &self.coords
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.coords.len()
+    }
+
+    /// What a block is to become.
+    pub(crate) fn block(&self, block: usize) -> BlockTarget {
+        let Marks { block, crossed, unobserved } = self.marks[block];
+        let codes = self.volume.block(block as usize).as_chunks::<8>().0;
+        let (mut samples, mut weights) = ([0.0; 512], [0.0; 512]);
+        vectorized(
+            #[inline(always)]
+            || {
+                let rows = samples.as_chunks_mut::<8>().0.iter_mut().zip(weights.as_chunks_mut::<8>().0);
+                for (row, (samples, weights)) in rows.enumerate() {
+                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
+                    for lane in 0..8 {
+                        samples[lane] = f32::from(codes[row][lane]) * SCALE;
+                        let seen = if crossed >> lane & 1 != 0 { CROSSED } else { self.elsewhere };
+                        weights[lane] = if unobserved >> lane & 1 != 0 { UNOBSERVED } else { seen };
+                    }
                 }
-            };
-            (samples[8 * row + lane], weights[8 * row + lane]) = (sample, weight);
-            near_row.samples[lane] = sample;
-            if !unobserved && (crossed || sample.abs() < NEAR) {
-                near_row.weights[lane] = weight.max(NEAR_WEIGHT);
-            }
+            },
+        );
+        let mut only_sign = [0; 8];
+        if self.only_sign {
+            (0..8).for_each(|z| only_sign[z] = !crossed[z] & !unobserved[z]);
         }
-        if near_row.weights != [0.0; 8] {
-            near.push(near_row);
-        }
+        BlockTarget { samples, weights, only_sign }
     }
-    Some(BlockTarget { coord: volume.coords()[block], samples, weights, only_sign, near })
+
+    /// The rows of a block that tell of motion, or each `every`th of them, which is a power of two; added to `out`.
+    pub(crate) fn near_rows(&self, block: usize, every: usize, out: &mut Vec<NearRow>) {
+        let Marks { block, crossed, unobserved } = self.marks[block];
+        let codes = self.volume.block(block as usize).as_chunks::<8>().0;
+        let elsewhere = self.elsewhere.max(NEAR_WEIGHT);
+        vectorized(
+            #[inline(always)]
+            || {
+                for row in (0..64).filter(|row| (row % 8 + 2 * (row / 8)) & (every - 1) == 0) {
+                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
+                    let mut near = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
+                    for lane in 0..8 {
+                        let sample = f32::from(codes[row][lane]) * SCALE;
+                        let close = if sample.abs() < NEAR { elsewhere } else { 0.0 };
+                        let weight = if crossed >> lane & 1 != 0 { CROSSED } else { close };
+                        near.samples[lane] = sample;
+                        near.weights[lane] = if unobserved >> lane & 1 != 0 { 0.0 } else { weight };
+                    }
+                    if near.weights != [0.0; 8] {
+                        out.push(near);
+                    }
+                }
+            },
+        );
+    }
+
+    /// Weighted squared error in voxels of a decoded volume that has these blocks.
+    pub(crate) fn weighted_error(&self, decoded: &SparseVolume) -> f32 {
+        let index = decoded.index();
+        let block_error = |n: usize| -> f32 {
+            let target = self.block(n);
+            let block = index.get(self.coords[n]).expect("targets are coded") as usize;
+            let voxels = target.samples.iter().zip(&target.weights).zip(decoded.block(block));
+            voxels.map(|((s, weight), code)| weight * (s - f32::from(*code) * SCALE).powi(2)).sum()
+        };
+        let errors: Vec<f32> = (0..self.len()).into_par_iter().map(block_error).collect();
+        errors.iter().sum()
+    }
+}
+
+/// The bits of row `8 z + y`.
+#[inline(always)]
+fn row_bits(bits: &Bits, row: usize) -> u32 {
+    (bits[row / 8] >> (8 * (row % 8))) as u32 & 255
+}
+
+/// Which voxels of a block lie inside, and which are observed.
+#[derive(Clone, Copy, Debug)]
+struct Signs {
+    inside: Bits,
+    observed: Bits,
+}
+
+impl Signs {
+    /// Of a block that is not there: nothing was observed.
+    const NONE: Self = Self { inside: [0; 8], observed: [0; 8] };
+
+    fn of_block(volume: &SparseVolume, block: usize) -> Self {
+        let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
+        let mut observed = [!0; 8];
+        if let Some(mask) = volume.unobserved(block) {
+            observed.iter_mut().zip(mask.words()).for_each(|(observed, unobserved)| *observed = !unobserved);
+        }
+        Self { inside, observed }
+    }
 }
 
 /// The observed voxels of a block with an observed face neighbour of the other sign.
 ///
-/// A word holds one z, a bit a voxel: neighbours along x and y are a shift away, along z the next word.
-fn crossed_voxels(volume: &SparseVolume, index: &BlockIndex, block: usize) -> VoxelMask {
-    let coord = volume.coords()[block];
-    let own = signs(volume, block);
-    let mut words = [0; 8];
+/// Neighbours along x and y are a shift away, along z the next word.
+fn crossed_voxels(coord: BlockCoord, own: &Signs, signs: &[Signs], index: &BlockIndex) -> Bits {
+    let mut crossed = [0; 8];
     for (axis, stride) in [1u32, 8, 64].into_iter().enumerate() {
         let at = |by: i32| coord.offset(std::array::from_fn(|a| if a == axis { by } else { 0 }));
-        let beside = |by: i32| index.get(at(by)).map_or([(0, 0); 8], |block| signs(volume, block as usize));
+        let beside = |by: i32| index.get(at(by)).map_or(&Signs::NONE, |block| &signs[block as usize]);
         let (before, after) = (beside(-1), beside(1));
         // Lanes that have a neighbour below in the block.
         let inner: u64 = [!0x0101_0101_0101_0101, !0xff, 0][axis];
         for z in 0..8 {
-            let below = |part: fn((u64, u64)) -> u64| match axis {
-                2 => part(if z > 0 { own[z - 1] } else { before[7] }),
-                _ => part(own[z]) << stride & inner | part(before[z]) >> (7 * stride) & !inner,
+            let below = |part: fn(&Signs) -> &Bits| match axis {
+                2 => {
+                    if z > 0 {
+                        part(own)[z - 1]
+                    } else {
+                        part(before)[7]
+                    }
+                }
+                _ => part(own)[z] << stride & inner | part(before)[z] >> (7 * stride) & !inner,
             };
-            let above = |part: fn((u64, u64)) -> u64| match axis {
-                2 => part(if z < 7 { own[z + 1] } else { after[0] }),
+            let above = |part: fn(&Signs) -> &Bits| match axis {
+                2 => {
+                    if z < 7 {
+                        part(own)[z + 1]
+                    } else {
+                        part(after)[0]
+                    }
+                }
                 _ => {
-                    part(own[z]) >> stride & (inner >> stride)
-                        | part(after[z]) << (7 * stride) & !(inner >> stride)
+                    part(own)[z] >> stride & (inner >> stride)
+                        | part(after)[z] << (7 * stride) & !(inner >> stride)
                 }
             };
-            let (inside, observed) = own[z];
-            let differs = |beside: [u64; 2]| (inside ^ beside[0]) & observed & beside[1];
-            words[z] |= differs([below(|s| s.0), below(|s| s.1)]) | differs([above(|s| s.0), above(|s| s.1)]);
+            let differs =
+                |[inside, observed]: [u64; 2]| (own.inside[z] ^ inside) & own.observed[z] & observed;
+            crossed[z] |= differs([below(|s| &s.inside), below(|s| &s.observed)]);
+            crossed[z] |= differs([above(|s| &s.inside), above(|s| &s.observed)]);
         }
-    }
-    let mut crossed = VoxelMask::empty(volume.grid().edge);
-    for (z, word) in words.iter().enumerate() {
-        (0..64).filter(|bit| word >> bit & 1 != 0).for_each(|bit| crossed.insert(64 * z + bit));
     }
     crossed
-}
-
-/// Which voxels of a block lie inside, and which are observed: a word a z.
-fn signs(volume: &SparseVolume, block: usize) -> [(u64, u64); 8] {
-    let mut words = [(0, !0); 8];
-    for (samples, (inside, _)) in volume.block(block).as_chunks::<64>().0.iter().zip(&mut words) {
-        for (bit, sample) in samples.iter().enumerate() {
-            *inside |= u64::from(*sample < 0) << bit;
-        }
-    }
-    if let Some(mask) = volume.unobserved(block) {
-        words.iter_mut().zip(mask.words()).for_each(|((_, observed), unobserved)| *observed = !unobserved);
-    }
-    words
 }

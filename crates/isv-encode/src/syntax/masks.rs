@@ -1,7 +1,7 @@
 //! Unobserved voxels: a flag a block, and a bit a voxel in the blocks that have some.
 
 use isv_decode::ReferenceBlocks;
-use isv_decode::syntax::masks::{MaskContext, MaskModels};
+use isv_decode::syntax::masks::{MaskContext, MaskModels, blocks_before};
 use isv_entropy::RangeEncoder;
 use isv_volume::{BlockCoord, BlockEdge, BlockIndex, VoxelMask};
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ pub(super) fn write(
     let index = BlockIndex::new(coords);
     for (block, coord) in coords.iter().enumerate() {
         // The context looks only at the masks of blocks before this one.
-        let context = MaskContext::new(*coord, &index, masks, reference);
+        let context = MaskContext::new(*coord, blocks_before(*coord, &index), masks, reference);
         let mask = masks.get(&(block as u32));
         encoder.encode(&mut models.block[context.block()], mask.is_some());
         let Some(mask) = mask else { continue };

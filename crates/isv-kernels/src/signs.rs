@@ -1,0 +1,43 @@
+//! The signs of a block's samples as bits.
+
+use crate::simd::vectorized;
+
+/// Samples of a block of 8 voxels a side, x fastest.
+pub type Block = [i16; 512];
+
+/// Which samples of a block lie inside the surface, that is, are negative: a word a z, a bit a voxel, x fastest.
+#[must_use]
+pub fn inside(block: &Block) -> [u64; 8] {
+    vectorized(
+        #[inline(always)]
+        || {
+            let mut rows = [0u8; 64];
+            for (row, samples) in rows.iter_mut().zip(block.as_chunks::<8>().0) {
+                let mut bits = [0u16; 8];
+                for x in 0..8 {
+                    bits[x] = (samples[x] >> 15) as u16 & 1 << x;
+                }
+                *row = bits.iter().sum::<u16>() as u8;
+            }
+            let mut words = [0; 8];
+            for (word, rows) in words.iter_mut().zip(rows.as_chunks::<8>().0) {
+                *word = u64::from_le_bytes(*rows);
+            }
+            words
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_sample_has_its_bit() {
+        let block: Block = std::array::from_fn(|v| ((v * v * 31 + v) % 7) as i16 - 3);
+        let words = inside(&block);
+        for (voxel, sample) in block.iter().enumerate() {
+            assert_eq!(words[voxel / 64] >> (voxel % 64) & 1 != 0, *sample < 0, "{voxel}");
+        }
+    }
+}
