@@ -42,19 +42,25 @@ pub fn extend(coded: &SparseVolume) -> Extended {
     let index = BlockIndex::new(&coords);
     let sources = coded_blocks(coded, &coords);
     let around: Vec<_> = coords.par_iter().map(|coord| index.neighbourhood(*coord)).collect();
-    let block = |(around, source): (&Neighbourhood, &Option<u32>)| match source {
-        Some(block) => (*coded_block(coded, *block), Side::Coded),
-        None => {
-            let neighbours = coded_neighbours(coded, &sources, around);
-            let mut samples = [0; BLOCK_VOXELS];
-            let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), &mut samples);
-            (samples, Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) })
+    let fill = |((around, source), out): ((&Neighbourhood, &Option<u32>), &mut [i16])| {
+        let out: &mut Block = out.try_into().expect("blocks of an edge of 8");
+        match source {
+            Some(block) => {
+                out.copy_from_slice(coded.block(*block as usize));
+                Side::Coded
+            }
+            None => {
+                let neighbours = coded_neighbours(coded, &sources, around);
+                let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), out);
+                Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) }
+            }
         }
     };
-    let (mut samples, mut sides) = (Vec::new(), Vec::new());
-    around.par_iter().zip(&sources).map(block).unzip_into_vecs(&mut samples, &mut sides);
+    let mut samples = vec![0; coords.len() * BLOCK_VOXELS];
+    let blocks = around.par_iter().zip(&sources).zip(samples.par_chunks_exact_mut(BLOCK_VOXELS));
+    let sides: Vec<Side> = blocks.map(fill).collect();
     let masks = masks(coded, &sides);
-    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples.into_flattened(), masks);
+    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples, masks);
     Extended { volume, coded: sources.iter().map(Option::is_some).collect(), index, around }
 }
 

@@ -31,8 +31,15 @@ const fn lowest_corners() -> Layer {
 pub fn crossed_corners(extended: &Extended) -> Vec<Option<VoxelMask>> {
     let volume = &extended.volume;
     let blocks = (0..volume.block_count()).into_par_iter();
-    let signs: Vec<Signs> = blocks.map(|block| Signs::of_block(volume, block)).collect();
-    extended.around.par_iter().map(|around| corners_in(around, &signs)).collect()
+    let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks
+        .map(|block| {
+            let signs = Signs::of_block(volume, block);
+            (signs, Parts::of(&signs))
+        })
+        .unzip();
+    let corners =
+        |around: &Neighbourhood| if is_mixed(around, &parts) { corners_in(around, &signs) } else { None };
+    extended.around.par_iter().map(corners).collect()
 }
 
 /// Which observed voxels of a block lie inside and outside the surface: a word a z.
@@ -40,31 +47,60 @@ pub fn crossed_corners(extended: &Extended) -> Vec<Option<VoxelMask>> {
 struct Signs {
     inside: [u64; 8],
     outside: [u64; 8],
-    /// Whether there are any inside, and outside.
-    any: [bool; 2],
 }
 
 impl Signs {
     fn of_block(volume: &SparseVolume, block: usize) -> Self {
         let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
-        let mut signs = Self { inside, outside: inside.map(|word| !word), any: [false; 2] };
+        let mut signs = Self { inside, outside: inside.map(|word| !word) };
         if let Some(mask) = volume.unobserved(block) {
             for (z, unobserved) in mask.words().iter().enumerate() {
                 signs.inside[z] &= !unobserved;
                 signs.outside[z] &= !unobserved;
             }
         }
-        signs.any = [signs.inside, signs.outside].map(|words| words != [0; 8]);
         signs
     }
 }
 
+/// Whether a block has voxels inside, and outside, that touch the blocks around it: bit `s` for the block in whose
+/// neighbourhood this one has slot `s`.
+#[derive(Clone, Copy, Debug)]
+struct Parts {
+    inside: u32,
+    outside: u32,
+}
+
+impl Parts {
+    fn of(signs: &Signs) -> Self {
+        Self { inside: touching(&signs.inside), outside: touching(&signs.outside) }
+    }
+}
+
+/// The slots towards whose middle block some voxels of a set lie at the very face, edge or corner; all of the set for slot 13.
+fn touching(words: &[u64; 8]) -> u32 {
+    const ALONG_X: [u64; 3] = [0x8080_8080_8080_8080, !0, 0x0101_0101_0101_0101];
+    const ALONG_Y: [u64; 3] = [0xff << 56, !0, 0xff];
+    let along_z = [words[7], words.iter().fold(0, |any, word| any | word), words[0]];
+    let touches = |slot: usize| along_z[slot / 9] & ALONG_Y[slot / 3 % 3] & ALONG_X[slot % 3] != 0;
+    (0..27).fold(0, |slots, slot| slots | u32::from(touches(slot)) << slot)
+}
+
+/// Whether there are voxels of both signs in a block and the layer around it.
+fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
+    let (mut inside, mut outside) = (0, 0);
+    for (slot, block) in around.iter().enumerate() {
+        if let Some(block) = block {
+            let parts = parts[*block as usize];
+            inside |= parts.inside & 1 << slot;
+            outside |= parts.outside & 1 << slot;
+        }
+    }
+    inside != 0 && outside != 0
+}
+
 fn corners_in(around: &Neighbourhood, signs: &[Signs]) -> Option<VoxelMask> {
     let around = around.map(|block| Some(&signs[block? as usize]));
-    let any = |side: usize| around.iter().flatten().any(|signs| signs.any[side]);
-    if !(any(0) && any(1)) {
-        return None;
-    }
     let inside = layers(&around, |signs| &signs.inside);
     let outside = layers(&around, |signs| &signs.outside);
     // Crossed cells by their lowest corner, which can be in the layer before the block.
@@ -141,7 +177,7 @@ mod tests {
         };
         let mut coords: Vec<_> = (0..8).map(|i| BlockCoord::from([i % 2, i / 2 % 2, i / 4])).collect();
         coords.sort_unstable_by_key(|coord| coord.morton());
-        let samples = (0..8 * 512u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 20) as i16 - 1000).collect();
+        let samples = (0..8 * 512u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as i16 - 1000).collect();
         let words: [u64; 8] = std::array::from_fn(|z| 0x1357_9bdf_0246_8ace_u64.rotate_left(7 * z as u32));
         let masks = BTreeMap::from([(3, VoxelMask::from_words(&words))]);
         let extended = extend(&SparseVolume::from_parts(grid, coords, samples, masks));

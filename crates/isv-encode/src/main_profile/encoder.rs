@@ -424,7 +424,7 @@ fn code_slices(
     before: &[[LevelCosts; 2]],
 ) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
     let ranges: Vec<_> = layout.ranges().collect();
-    let fresh = || [LevelCosts::new(), LevelCosts::new()];
+    let fresh = || [0; 2].map(|_| LevelCosts::new(&frame.parameters.scan));
     let costs: Vec<_> = (0..ranges.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
     let slices = entropy.slices(ranges.len()).par_iter_mut().zip(ranges).zip(costs);
     slices

@@ -1,6 +1,7 @@
 //! What levels cost in bits, by what was coded lately. The pursuit asks thousands of times a block, so this is a table and
 //! not the models themselves, whose contexts it averages.
 
+use super::target::Field;
 use isv_decode::main_profile::COEFFICIENTS;
 
 /// Magnitudes from here on cost the same.
@@ -21,25 +22,38 @@ pub(crate) struct LevelCosts {
     seen_magnitudes: [f32; MAGNITUDES],
     seen_counts: [f32; COUNTS],
     since_refresh: u32,
+    /// Position in the block of each place.
+    scan: [u16; COEFFICIENTS],
     /// Bits of a level at a place, its sign included and its magnitude not.
     place: [f32; COEFFICIENTS],
+    /// The same by position in the block; infinite where nothing is coded.
+    place_at: Field,
     /// Bits of a magnitude, from 1.
     magnitude: [f32; MAGNITUDES],
     /// Bits of the number of levels in a block.
     count: [f32; COUNTS],
+    /// The fewest bits of each.
+    least_place: f32,
+    pub least_magnitude: f32,
+    pub least_count: f32,
 }
 
 impl LevelCosts {
     /// Costs before anything was coded: low frequencies, small levels and few of them are likely.
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(scan: &[u16]) -> Self {
         let mut costs = Self {
             seen_places: std::array::from_fn(|k| 20.0 * (-(k as f32) / 25.0).exp() + 0.05),
             seen_magnitudes: std::array::from_fn(|m| 20.0 * 0.3f32.powi(m as i32) + 0.01),
             seen_counts: std::array::from_fn(|n| 10.0 * 0.8f32.powi(n as i32) + 0.01),
             since_refresh: 0,
+            scan: scan.try_into().expect("a position for each place"),
+            place_at: [f32::INFINITY; 512],
             place: [0.0; COEFFICIENTS],
             magnitude: [0.0; MAGNITUDES],
             count: [0.0; COUNTS],
+            least_place: 0.0,
+            least_magnitude: 0.0,
+            least_count: 0.0,
         };
         costs.refresh();
         costs
@@ -60,10 +74,10 @@ impl LevelCosts {
         self.place[k]
     }
 
-    /// Bits of the magnitude that takes the fewest.
+    /// [`Self::place`] by position in the block; infinite where nothing is coded.
     #[inline(always)]
-    pub(crate) fn least_magnitude(&self) -> f32 {
-        self.magnitude.iter().fold(f32::INFINITY, |least, bits| least.min(*bits))
+    pub(crate) fn place_at(&self) -> &Field {
+        &self.place_at
     }
 
     /// Bits of how many levels a block has.
@@ -72,9 +86,10 @@ impl LevelCosts {
         self.count[count.min(COUNTS - 1)]
     }
 
-    /// Bits of the number of levels that takes the fewest.
-    pub(crate) fn least_count(&self) -> f32 {
-        self.count.iter().fold(f32::INFINITY, |least, bits| least.min(*bits))
+    /// Bits that the first level of a block takes at least.
+    #[inline(always)]
+    pub(crate) fn least_first(&self) -> f32 {
+        self.least_place + self.least_magnitude + self.count[1] - self.count[0]
     }
 
     /// Learns from a coded block.
@@ -105,9 +120,16 @@ impl LevelCosts {
         let bits = |seen: f32, total: f32| -(seen / total).log2();
         let total: f32 = self.seen_places.iter().sum();
         self.place = self.seen_places.map(|seen| (bits(seen, total) - ORDER_BITS).max(0.3) + 1.0);
+        for (position, bits) in self.scan.iter().zip(&self.place) {
+            self.place_at[usize::from(*position)] = *bits;
+        }
         let total: f32 = self.seen_magnitudes.iter().sum();
         self.magnitude = self.seen_magnitudes.map(|seen| bits(seen + 1e-3, total));
         let total: f32 = self.seen_counts.iter().sum();
         self.count = self.seen_counts.map(|seen| bits(seen + 0.02, total));
+        let least = |bits: &[f32]| bits.iter().copied().fold(f32::INFINITY, f32::min);
+        self.least_place = least(&self.place);
+        self.least_magnitude = least(&self.magnitude);
+        self.least_count = least(&self.count);
     }
 }

@@ -42,7 +42,7 @@ pub(crate) fn to_shift(vector: Vector) -> Shift {
 }
 
 /// How thoroughly motion is searched for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionEffort {
     /// How many sizes of cubes are searched as a whole: 4^3 blocks, then 2^3.
     pub cube_sizes: usize,
@@ -54,11 +54,34 @@ pub struct MotionEffort {
     pub block_steps: usize,
     /// One row of a block's voxels in so many is looked at; a power of two.
     pub rows: usize,
+    /// A vector whose error is worth fewer bits than this is taken without looking further.
+    pub good_enough: f32,
+    /// Spatial prediction is tried where the temporal one costs more bits than this.
+    pub spatial_from: f32,
 }
 
 impl MotionEffort {
     /// All that was found to pay.
-    pub const THOROUGH: Self = Self { cube_sizes: 2, cube_steps: 8, starts: 3, block_steps: 5, rows: 1 };
+    pub const THOROUGH: Self = Self {
+        cube_sizes: 2,
+        cube_steps: 8,
+        starts: 3,
+        block_steps: 5,
+        rows: 1,
+        good_enough: 0.0,
+        spatial_from: 0.0,
+    };
+
+    /// What pays most for its time.
+    pub const QUICK: Self = Self {
+        cube_sizes: 1,
+        cube_steps: 4,
+        starts: 2,
+        block_steps: 2,
+        rows: 2,
+        good_enough: 8.0,
+        spatial_from: 24.0,
+    };
 }
 
 /// A block, looked for in the frame before.
@@ -88,6 +111,7 @@ impl<'a> SoughtBlock<'a> {
     }
 
     /// The weighted squared error at a shift.
+    #[expect(clippy::redundant_closure, reason = "a function that is given by name is not inlined")]
     pub(crate) fn error(&mut self, shift: Shift) -> f32 {
         self.at(
             shift,
@@ -97,6 +121,7 @@ impl<'a> SoughtBlock<'a> {
     }
 
     /// The normal equations at a shift.
+    #[expect(clippy::redundant_closure, reason = "a function that is given by name is not inlined")]
     pub(crate) fn equations(&mut self, shift: Shift) -> NormalEquations {
         self.at(
             shift,

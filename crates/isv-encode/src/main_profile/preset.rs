@@ -1,12 +1,13 @@
 //! How much work the encoder takes on.
 
 use super::encoder::MainSettings;
+use super::motion_search::MotionEffort;
 use std::fmt;
 
 /// Sets of choices between speed and size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// For live encoding: one vector of each block is coded, and two slices at a time.
+    /// For live encoding: a shorter search for motion, of which one vector of each block is coded, and two slices at a time.
     Realtime,
     /// What serves most.
     Balanced,
@@ -33,7 +34,7 @@ impl Preset {
     pub fn settings(self) -> MainSettings {
         let balanced = MainSettings::default();
         match self {
-            Self::Realtime => MainSettings { trials: 1, slices: 2, ..balanced },
+            Self::Realtime => MainSettings { trials: 1, slices: 2, effort: MotionEffort::QUICK, ..balanced },
             Self::Balanced => balanced,
             Self::Archive => MainSettings { trials: 5, exhaustive: true, ..balanced },
         }

@@ -11,8 +11,8 @@ use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::target::{BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
+use fearless_simd::{Level, Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
-use isv_kernels::simd::vectorized;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
@@ -66,8 +66,8 @@ pub(crate) struct Metric {
 
 impl Metric {
     #[inline(always)]
-    fn new(dct: &FieldDct, weights: &Field) -> Self {
-        let spectrum = WeightSpectrum::new(dct, weights);
+    fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
+        let spectrum = WeightSpectrum::new(simd, dct, weights);
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         Self { spectrum, energies }
@@ -75,33 +75,23 @@ impl Metric {
 }
 
 impl Pursuit<'_> {
-    /// The metric of a block's weights.
-    pub(crate) fn metric(&self, target: &BlockTarget) -> Metric {
-        vectorized(
-            #[inline(always)]
-            || Metric::new(self.dct, &target.weights),
-        )
-    }
-
-    /// Levels of a block from its prediction, in voxels.
+    /// Levels of a block from its prediction, in voxels. `metric`: of the block's weights, once it was needed.
     pub(crate) fn run(
         &self,
         target: &BlockTarget,
-        metric: &Metric,
+        metric: &mut Option<Metric>,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
-        vectorized(
-            #[inline(always)]
-            || self.run_vectorized(target, metric, prediction, costs),
-        )
+        dispatch!(Level::new(), simd => self.run_vectorized(simd, target, metric, prediction, costs))
     }
 
     #[inline(always)]
-    fn run_vectorized(
+    fn run_vectorized<S: Simd>(
         &self,
+        simd: S,
         target: &BlockTarget,
-        metric: &Metric,
+        metric: &mut Option<Metric>,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
@@ -117,34 +107,39 @@ impl Pursuit<'_> {
             state.error[voxel] = state.goal[voxel] - prediction[voxel];
         }
         if self.rounding {
-            self.round(&mut state);
+            self.round(simd, &mut state);
         }
         for round in 0..if self.rounding { 0 } else { SIGN_ROUNDS } {
-            if state.guard_signs(target) {
-                let metric = Metric::new(self.dct, &state.weights);
-                self.descend(&mut state, &metric, costs);
-            } else if round == 0 {
-                self.descend(&mut state, metric, costs);
-            } else {
+            let guards = state.guard_signs(target);
+            if !guards && round > 0 {
                 break;
             }
-        }
-        let mut squares = [0.0; 8];
-        for (error, weights) in state.error.as_chunks::<8>().0.iter().zip(state.weights.as_chunks::<8>().0) {
-            for lane in 0..8 {
-                squares[lane] += weights[lane] * error[lane] * error[lane];
+            if state.count == 0 && state.weighted_error() <= self.lambda * costs.least_first() {
+                continue;
+            }
+            if guards {
+                let metric = Metric::new(simd, self.dct, &state.weights);
+                self.descend(simd, &mut state, &metric, costs);
+            } else {
+                if metric.is_none() {
+                    *metric = Some(Metric::new(simd, self.dct, &target.weights));
+                }
+                let metric = metric.as_ref().expect("it was just made");
+                self.descend(simd, &mut state, metric, costs);
             }
         }
-        let levels = (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
-        let cost = squares.iter().sum::<f32>() + self.lambda * (levels + costs.count(state.count));
-        Pursued { levels: state.levels, cost }
+        let mut bits = costs.count(state.count);
+        if state.count > 0 {
+            bits += (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
+        }
+        Pursued { levels: state.levels, cost: state.weighted_error() + self.lambda * bits }
     }
 
     /// The coefficients of the error, rounded.
     #[inline(always)]
-    fn round(&self, state: &mut State) {
+    fn round<S: Simd>(&self, simd: S, state: &mut State) {
         let mut coefficients = [0.0; 512];
-        self.dct.forward(&state.error.clone(), &mut coefficients);
+        self.dct.forward(simd, &state.error.clone(), &mut coefficients);
         for (k, position) in self.scan.iter().enumerate() {
             let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
             if level != 0 {
@@ -157,12 +152,12 @@ impl Pursuit<'_> {
 
     /// Changes levels until no change pays.
     #[inline(always)]
-    fn descend(&self, state: &mut State, metric: &Metric, costs: &LevelCosts) {
+    fn descend<S: Simd>(&self, simd: S, state: &mut State, metric: &Metric, costs: &LevelCosts) {
         let (mut weighted, mut slopes) = ([0.0; 512], [0.0; 512]);
         for voxel in 0..512 {
             weighted[voxel] = state.weights[voxel] * state.error[voxel];
         }
-        self.dct.forward(&weighted, &mut slopes);
+        self.dct.forward(simd, &weighted, &mut slopes);
         let mut first = self.first_costs(state, metric, costs);
         for _ in 0..CHANGES {
             let Some((k, level)) = self.best_change(state, metric, &first, &slopes, costs) else { break };
@@ -183,16 +178,20 @@ impl Pursuit<'_> {
     /// What the first level at a position costs at least, whatever it is.
     #[inline(always)]
     fn first_costs(&self, state: &State, metric: &Metric, costs: &LevelCosts) -> FirstCosts {
-        let magnitude = costs.least_magnitude();
+        let magnitude = costs.least_magnitude;
         let mut first = FirstCosts { magnitude, least: [f32::INFINITY; 512], inverses: [0.0; 512] };
-        for (k, position) in self.scan.iter().enumerate() {
-            let position = usize::from(*position);
-            let energy = metric.energies[position];
-            if energy >= LEAST_ENERGY {
-                first.inverses[position] = 1.0 / energy;
-                if state.levels[k] == 0 {
-                    first.least[position] = self.lambda * (costs.place(k) + magnitude);
-                }
+        for row in CODED_ROWS {
+            for position in 8 * row..8 * row + 8 {
+                let energy = metric.energies[position];
+                let there = energy >= LEAST_ENERGY;
+                first.inverses[position] = if there { 1.0 / energy } else { 0.0 };
+                let least = self.lambda * (costs.place_at()[position] + magnitude);
+                first.least[position] = if there { least } else { f32::INFINITY };
+            }
+        }
+        if state.count > 0 {
+            for k in (0..COEFFICIENTS).filter(|k| state.levels[*k] != 0) {
+                first.least[usize::from(self.scan[k])] = f32::INFINITY;
             }
         }
         first
@@ -282,6 +281,17 @@ struct State {
 }
 
 impl State {
+    #[inline(always)]
+    fn weighted_error(&self) -> f32 {
+        let mut squares = [0.0; 8];
+        for (error, weights) in self.error.as_chunks::<8>().0.iter().zip(self.weights.as_chunks::<8>().0) {
+            for lane in 0..8 {
+                squares[lane] += weights[lane] * error[lane] * error[lane];
+            }
+        }
+        squares.iter().sum()
+    }
+
     /// Gives weight to the voxels of which only the sign matters and whose sign is wrong. Whether there are new ones.
     #[inline(always)]
     fn guard_signs(&mut self, target: &BlockTarget) -> bool {

@@ -98,21 +98,21 @@ impl<'a> SliceEncoder<'a> {
         for block in self.range.clone() {
             let context = reference.map(|reference| self.mode_context(block, reference));
             let target = self.frame.targets.block(block);
-            let metric = self.frame.pursuit.metric(&target);
+            let mut metric = None;
             let mut best: Option<Trial> = None;
             if let (Some(sought), Some(context)) = (&mut sought, &context) {
                 sought.turn_to(self.frame.targets, block, self.frame.effort.rows);
                 for mode in self.temporal_modes(block, context, sought) {
-                    let trial = self.try_temporal(&target, mode, context, sought, &metric);
+                    let trial = self.try_temporal(&target, mode, context, sought, &mut metric);
                     if best.as_ref().is_none_or(|best| trial.cost < best.cost) {
                         best = Some(trial);
                     }
                 }
             }
             let best = match best {
-                Some(best) if best.cost <= self.least_spatial_cost(context.as_ref()) => best,
+                Some(best) if self.is_spatial_hopeless(best.cost, context.as_ref()) => best,
                 best => {
-                    let spatial = self.try_spatial(block, &target, context.as_ref(), &metric);
+                    let spatial = self.try_spatial(block, &target, context.as_ref(), &mut metric);
                     best.filter(|best| best.cost <= spatial.cost).unwrap_or(spatial)
                 }
             };
@@ -140,6 +140,7 @@ impl<'a> SliceEncoder<'a> {
     ) -> Vec<BlockMode> {
         let Tools { motion, merging, .. } = self.frame.tools;
         let allowed = |vector: Vector| (motion && merging) || vector == Vector::ZERO;
+        let good_enough = VECTOR_LAMBDA * self.frame.pursuit.lambda * self.frame.effort.good_enough;
         let merges = context.candidates.as_slice().iter().enumerate().filter(|(_, vector)| allowed(**vector));
         let mut modes: Vec<(f32, BlockMode)> = Vec::new();
         let mut best: Option<(f32, Shift)> = None;
@@ -147,15 +148,18 @@ impl<'a> SliceEncoder<'a> {
             let mode = BlockMode::Merged { candidate: k as u8, vector: *vector };
             let shift = to_shift(*vector);
             let cost = self.error_share() * sought.error(shift) + self.mode_cost(mode, context);
+            modes.push((cost, mode));
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, shift));
             }
-            modes.push((cost, mode));
+            if cost < good_enough {
+                break;
+            }
         }
         let (least, shift) = best.expect("there are candidates");
         // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
         let vector = context.candidates.as_slice()[0];
-        if motion && self.mode_cost(BlockMode::New { vector }, context) < least {
+        if motion && least >= good_enough && self.mode_cost(BlockMode::New { vector }, context) < least {
             self.add_new_vectors(block, shift, context, sought, &mut modes);
         }
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -226,17 +230,19 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         context: &ModeContext,
         sought: &mut SoughtBlock,
-        metric: &Metric,
+        metric: &mut Option<Metric>,
     ) -> Trial {
         let mut prediction = [0; BLOCK_SAMPLES];
         sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
         self.pursue(target, mode, prediction, Some(context), metric)
     }
 
-    /// What a spatially predicted block costs if nothing is left to correct.
-    fn least_spatial_cost(&mut self, context: Option<&ModeContext>) -> f32 {
-        let bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
-        self.frame.pursuit.lambda * (bits + self.costs[1].least_count())
+    /// Whether a temporal prediction is so cheap that the spatial one is not tried: no dearer than that is if nothing is left to
+    /// correct, or than is good enough.
+    fn is_spatial_hopeless(&mut self, temporal_cost: f32, context: Option<&ModeContext>) -> bool {
+        let mode_bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
+        let least_bits = (mode_bits + self.costs[1].least_count).max(self.frame.effort.spatial_from);
+        temporal_cost <= self.frame.pursuit.lambda * least_bits
     }
 
     fn try_spatial(
@@ -244,7 +250,7 @@ impl<'a> SliceEncoder<'a> {
         block: usize,
         target: &BlockTarget,
         context: Option<&ModeContext>,
-        metric: &Metric,
+        metric: &mut Option<Metric>,
     ) -> Trial {
         let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
@@ -261,7 +267,7 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         prediction: [i16; BLOCK_SAMPLES],
         context: Option<&ModeContext>,
-        metric: &Metric,
+        metric: &mut Option<Metric>,
     ) -> Trial {
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];

@@ -6,9 +6,10 @@
 
 use super::field_dct::{FieldDct, SCALES};
 use super::target::Field;
+use fearless_simd::Simd;
 
 /// Index sum of the last coefficient that is coded.
-const LAST_SUM: usize = 8;
+pub(crate) const LAST_SUM: usize = 8;
 /// Frequencies -7 to 14, padded.
 const EXTENDED: usize = 24;
 const ZERO: usize = 7;
@@ -36,9 +37,9 @@ pub(crate) struct WeightSpectrum {
 impl WeightSpectrum {
     /// The spectrum of a block's weights.
     #[inline(always)]
-    pub(crate) fn new(dct: &FieldDct, weights: &Field) -> Self {
+    pub(crate) fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
         let mut transformed = [0.0; 512];
-        dct.forward_all(weights, &mut transformed);
+        dct.forward_all(simd, weights, &mut transformed);
         let mut rows = [[0.0; EXTENDED]; 64];
         for (row, extended) in rows.iter_mut().enumerate() {
             let scale = SCALES[row / 8] * SCALES[row % 8];
@@ -127,19 +128,20 @@ fn folded_times(m: usize, factor: f32) -> (usize, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fearless_simd::{Level, dispatch};
 
     #[test]
     fn products_are_those_of_transformed_basis_functions() {
         let dct = FieldDct::new();
         let weights: Field = std::array::from_fn(|v| ((v * 37 + v * v) % 101) as f32 / 101.0);
-        let spectrum = WeightSpectrum::new(&dct, &weights);
+        let spectrum = dispatch!(Level::new(), simd => WeightSpectrum::new(simd, &dct, &weights));
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         for position in [0, 3, 7, 8 * 5 + 1, 64 * 7, 64 * 2 + 8 * 4 + 2, 64 * 5 + 8 * 3] {
             let (mut field, mut expected) = ([0.0; 512], [0.0; 512]);
             dct.add(position, -1.5, &mut field);
             field.iter_mut().zip(&weights).for_each(|(f, w)| *f *= w);
-            dct.forward_all(&field, &mut expected);
+            dispatch!(Level::new(), simd => dct.forward_all(simd, &field, &mut expected));
             let mut found = [0.0; 512];
             spectrum.add_products(position, -1.5, &mut found);
             for k in CODED_ROWS.into_iter().flat_map(|row| 8 * row..8 * row + 8) {
