@@ -29,19 +29,44 @@ pub struct Extended {
     pub around: Vec<Neighbourhood>,
 }
 
-/// Extends a volume of coded blocks to their 26-neighbourhood, within the range of coordinates.
-///
-/// Coded blocks keep their samples and masks. [`extended_count`] tells the number of blocks beforehand: up to 27 times as many.
-///
-/// # Panics
-/// If the block edge is not 8.
-#[must_use]
-pub fn extend(coded: &SparseVolume) -> Extended {
-    assert_eq!(coded.grid().edge, BlockEdge::E8, "the extension is defined for blocks of 8 voxels");
-    let coords = dilation::dilate(coded.coords());
-    let index = BlockIndex::new(&coords);
-    let sources = coded_blocks(coded, &coords);
-    let around: Vec<_> = coords.par_iter().map(|coord| index.neighbourhood(*coord)).collect();
+/// Which blocks a frame has once it is extended: all that can be said before its samples are known.
+#[derive(Clone, Debug)]
+pub struct ExtensionPlan {
+    coords: Vec<BlockCoord>,
+    index: BlockIndex,
+    around: Vec<Neighbourhood>,
+    /// For each block, its index among the coded ones.
+    sources: Vec<Option<u32>>,
+}
+
+impl ExtensionPlan {
+    /// Plans the extension of coded blocks to their 26-neighbourhood, within the range of coordinates. [`extended_count`] tells
+    /// the number of blocks beforehand: up to 27 times as many.
+    #[must_use]
+    pub fn new(coded: &[BlockCoord]) -> Self {
+        let coords = dilation::dilate(coded);
+        let index = BlockIndex::new(&coords);
+        let sources = coded_blocks(coded, &coords);
+        let around = coords.par_iter().map(|coord| index.neighbourhood(*coord)).collect();
+        Self { coords, index, around, sources }
+    }
+
+    /// Extends the volume of the planned blocks. They keep their samples and masks.
+    ///
+    /// # Panics
+    /// If the block edge is not 8, or the blocks are not those that were planned.
+    #[must_use]
+    pub fn extend(self, coded: &SparseVolume) -> Extended {
+        assert_eq!(coded.grid().edge, BlockEdge::E8, "the extension is defined for blocks of 8 voxels");
+        let Self { coords, index, around, sources } = self;
+        let (samples, sides) = fill(coded, &around, &sources);
+        let volume = SparseVolume::from_parts(*coded.grid(), coords, samples, masks(coded, &sides));
+        Extended { volume, coded: sources.iter().map(Option::is_some).collect(), index, around }
+    }
+}
+
+/// The samples of all blocks, and what masks need to know of them.
+fn fill(coded: &SparseVolume, around: &[Neighbourhood], sources: &[Option<u32>]) -> (Vec<i16>, Vec<Side>) {
     let fill = |((around, source), out): ((&Neighbourhood, &Option<u32>), &mut [i16])| {
         let out: &mut Block = out.try_into().expect("blocks of an edge of 8");
         match source {
@@ -50,18 +75,16 @@ pub fn extend(coded: &SparseVolume) -> Extended {
                 Side::Coded
             }
             None => {
-                let neighbours = coded_neighbours(coded, &sources, around);
+                let neighbours = coded_neighbours(coded, sources, around);
                 let inside = extrapolate(&neighbours, coded.grid().truncation.codes(), out);
                 Side::Extrapolated { inside, faces: FACES.map(|(slot, _)| around[slot]) }
             }
         }
     };
-    let mut samples = vec![0; coords.len() * BLOCK_VOXELS];
-    let blocks = around.par_iter().zip(&sources).zip(samples.par_chunks_exact_mut(BLOCK_VOXELS));
-    let sides: Vec<Side> = blocks.map(fill).collect();
-    let masks = masks(coded, &sides);
-    let volume = SparseVolume::from_parts(*coded.grid(), coords, samples, masks);
-    Extended { volume, coded: sources.iter().map(Option::is_some).collect(), index, around }
+    let mut samples = vec![0; sources.len() * BLOCK_VOXELS];
+    let blocks = around.par_iter().zip(sources).zip(samples.par_chunks_exact_mut(BLOCK_VOXELS));
+    let sides = blocks.map(fill).collect();
+    (samples, sides)
 }
 
 /// What the masks need to know of a block.
@@ -77,10 +100,10 @@ const FACES: [(usize, (usize, usize)); 6] =
     [(12, (0, 0)), (14, (0, 7)), (10, (1, 0)), (16, (1, 7)), (4, (2, 0)), (22, (2, 7))];
 
 /// For each block of the extended volume, its index among the coded ones.
-fn coded_blocks(coded: &SparseVolume, coords: &[BlockCoord]) -> Vec<Option<u32>> {
+fn coded_blocks(coded: &[BlockCoord], coords: &[BlockCoord]) -> Vec<Option<u32>> {
     let mut next = 0;
     let find = |coord: &BlockCoord| {
-        let found = coded.coords().get(next as usize) == Some(coord);
+        let found = coded.get(next as usize) == Some(coord);
         next += u32::from(found);
         found.then(|| next - 1)
     };

@@ -3,7 +3,7 @@
 use super::sequence::Sequence;
 use super::{DecodedFrame, Limits};
 use crate::DecodeError;
-use crate::extension::extended_count;
+use crate::extension::{ExtensionPlan, extended_count};
 use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
 use crate::main_profile::syntax::EntropyState;
 use crate::main_profile::{
@@ -119,11 +119,16 @@ impl MainDecoder {
         let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
         let before = reference.filter(|_| header.prediction != Prediction::None);
-        let symbols =
-            debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, coords, &causal, before))?;
+        // The blocks are known: those around them are found while the symbols are read.
+        let blocks = coords.clone();
+        let (plan, symbols) = rayon::join(
+            || debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&blocks)),
+            || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, coords, &causal, before)),
+        );
+        let symbols = symbols?;
         let samples = debug_span!("prediction and residual")
-            .in_scope(|| reconstruct(&self.parameters, main, layout, &symbols, &causal, before));
-        let extended = filter_and_extend(&self.parameters, main, &symbols, samples);
+            .in_scope(|| reconstruct(&self.parameters, main, &symbols, &causal, before));
+        let extended = filter_and_extend(&self.parameters, main, &symbols, samples, plan);
         let blocks = reference.map(|reference| reference.reference().blocks());
         let masks =
             debug_span!("masks").in_scope(|| self.entropy.masks.read(payload.masks, &extended, blocks))?;

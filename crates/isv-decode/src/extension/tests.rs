@@ -12,6 +12,10 @@ fn grid(truncation: u32) -> Grid {
     }
 }
 
+fn extend(coded: &SparseVolume) -> Extended {
+    ExtensionPlan::new(coded.coords()).extend(coded)
+}
+
 /// Position of a voxel of a block.
 fn position(voxel: usize) -> [i32; 3] {
     [voxel % 8, voxel / 8 % 8, voxel / 64].map(|c| c as i32)

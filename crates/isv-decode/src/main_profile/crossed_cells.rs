@@ -163,7 +163,7 @@ fn in_layer(word: u64, along_x: usize, along_y: usize) -> Layer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extension::extend;
+    use crate::extension::ExtensionPlan;
     use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VoxelSize};
     use std::collections::BTreeMap;
 
@@ -180,7 +180,8 @@ mod tests {
         let samples = (0..8 * 512u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as i16 - 1000).collect();
         let words: [u64; 8] = std::array::from_fn(|z| 0x1357_9bdf_0246_8ace_u64.rotate_left(7 * z as u32));
         let masks = BTreeMap::from([(3, VoxelMask::from_words(&words))]);
-        let extended = extend(&SparseVolume::from_parts(grid, coords, samples, masks));
+        let plan = ExtensionPlan::new(&coords);
+        let extended = plan.extend(&SparseVolume::from_parts(grid, coords, samples, masks));
         let volume = &extended.volume;
         // 1 inside, 0 outside, nothing where not there or not observed.
         let side = |voxel: [i32; 3]| {

@@ -5,8 +5,8 @@ use super::{
     BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Missing, Vector,
     Window,
 };
-use crate::extension::{Extended, extend};
-use isv_format::{MainFrameHeader, SliceLayout};
+use crate::extension::{Extended, ExtensionPlan};
+use isv_format::MainFrameHeader;
 use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::Quantizer;
 use isv_kernels::surface_fit::SurfaceFit;
@@ -18,6 +18,9 @@ use tracing::debug_span;
 
 /// Samples of a block.
 pub const BLOCK_SAMPLES: usize = 512;
+
+/// Blocks of a wave from which on threads share them.
+const WIDE_WAVE: usize = 32;
 
 /// Quarter voxels in a voxel, and voxels and quarter voxels along a block's edge.
 const QUARTERS: i32 = 4;
@@ -94,7 +97,6 @@ pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: 
 pub fn reconstruct(
     parameters: &MainParameters,
     header: &MainFrameHeader,
-    slices: SliceLayout,
     symbols: &FrameSymbols,
     causal: &CausalBlocks,
     reference: Option<&MainReference>,
@@ -112,27 +114,41 @@ pub fn reconstruct(
             },
         );
     }
-    let mut rest = &mut samples[..];
-    let mut parts = Vec::new();
-    for range in slices.ranges() {
-        let (part, after) = rest.split_at_mut(range.len() * BLOCK_SAMPLES);
-        parts.push((range, part));
-        rest = after;
-    }
-    parts.into_par_iter().for_each(|(range, part)| {
-        let limit = parameters.grid.truncation.codes();
-        for block in range.clone().filter(|block| symbols.modes[*block] == BlockMode::Spatial) {
-            let local = block - range.start;
-            let around = causal.of(block).map(|n| n.map(|n| n - range.start as u32));
-            let (before, out) = part.split_at_mut(local * BLOCK_SAMPLES);
-            let out = &mut out[..BLOCK_SAMPLES];
+    let limit = parameters.grid.truncation.codes();
+    for wave in spatial_waves(&symbols.modes, causal) {
+        let spatial_block = |block: &u32| {
+            let mut out = [0; BLOCK_SAMPLES];
             if !header.no_spatial_prediction {
-                predict_spatially(&around, before, limit, out);
+                predict_spatially(causal.of(*block as usize), &samples, limit, &mut out);
             }
-            finish_block(parameters, quantizer, symbols, block, out);
+            finish_block(parameters, quantizer, symbols, *block as usize, &mut out);
+            out
+        };
+        let done: Vec<_> = match wave.len() {
+            ..WIDE_WAVE => wave.iter().map(spatial_block).collect(),
+            _ => wave.par_iter().with_min_len(WIDE_WAVE / 4).map(spatial_block).collect(),
+        };
+        for (block, out) in wave.iter().zip(done) {
+            samples[*block as usize * BLOCK_SAMPLES..][..BLOCK_SAMPLES].copy_from_slice(&out);
         }
-    });
+    }
     samples
+}
+
+/// The spatially predicted blocks in waves: none is predicted from another one of its own or a later wave.
+fn spatial_waves(modes: &[BlockMode], causal: &CausalBlocks) -> Vec<Vec<u32>> {
+    let mut waves: Vec<Vec<u32>> = Vec::new();
+    // One more than the wave that a block is in; 0 if it is not predicted spatially.
+    let mut after = vec![0; modes.len()];
+    for block in (0..modes.len()).filter(|block| modes[*block] == BlockMode::Spatial) {
+        let wave = causal.of(block).iter().flatten().map(|n| after[*n as usize]).max().unwrap_or(0);
+        if wave == waves.len() {
+            waves.push(Vec::new());
+        }
+        waves[wave].push(block as u32);
+        after[block] = wave + 1;
+    }
+    waves
 }
 
 fn finish_block(
@@ -148,13 +164,14 @@ fn finish_block(
     }
 }
 
-/// Filters the reconstructed blocks and extends them: the decoded volume but for its masks.
+/// Filters the reconstructed blocks and extends them as planned: the decoded volume but for its masks.
 #[must_use]
 pub fn filter_and_extend(
     parameters: &MainParameters,
     header: &MainFrameHeader,
     symbols: &FrameSymbols,
     mut samples: Vec<i16>,
+    plan: ExtensionPlan,
 ) -> Extended {
     if header.filter > 0 {
         let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation);
@@ -162,7 +179,7 @@ pub fn filter_and_extend(
         debug_span!("loop filter").in_scope(|| smooth_faces(symbols, filter, &mut samples));
     }
     let coded = SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new());
-    debug_span!("extension").in_scope(|| extend(&coded))
+    debug_span!("extension").in_scope(|| plan.extend(&coded))
 }
 
 #[cfg(test)]

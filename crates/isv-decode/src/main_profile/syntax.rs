@@ -34,6 +34,12 @@ pub struct SliceModels {
 }
 
 impl EntropyState {
+    /// Models of the block set and of the first `count` slices, which can be coded at the same time.
+    pub fn block_set_and_slices(&mut self, count: usize) -> (&mut BlockSetModels, &mut [SliceModels]) {
+        self.slices(count);
+        (&mut self.block_set, &mut self.slices[..count])
+    }
+
     /// Models of the first `count` slices; a slice that earlier frames of the GOP did not have begins afresh.
     pub fn slices(&mut self, count: usize) -> &mut [SliceModels] {
         while self.slices.len() < count {

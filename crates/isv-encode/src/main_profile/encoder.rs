@@ -12,9 +12,9 @@ use super::tools::Tools;
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
-use isv_decode::extension::Extended;
+use isv_decode::extension::{Extended, ExtensionPlan};
 use isv_decode::main_profile::reconstruct::filter_and_extend;
-use isv_decode::main_profile::syntax::EntropyState;
+use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::volume_hash;
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
@@ -294,15 +294,21 @@ impl MainEncoder {
         let reference = before.reference.as_ref();
         let coords = targets.coords().to_vec();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
         let main = self.frame_header(quality, half_voxel_vectors);
         let mut entropy = before.entropy.clone();
-        let block_set = debug_span!("block set")
-            .in_scope(|| syntax::block_set::write(&mut entropy.block_set, &coords, reference));
-        let frame = self.frame_context(targets, &causal, reference, &main, quality);
-        let (coded, costs) =
-            debug_span!("slices").in_scope(|| code_slices(&frame, layout, &mut entropy, &before.costs));
-        drop(frame);
+        let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
+        let code_blocks = || {
+            let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
+            let frame = self.frame_context(targets, &causal, reference, &main, quality);
+            debug_span!("slices").in_scope(|| code_slices(&frame, layout, slice_models, &before.costs))
+        };
+        let code_set = || {
+            let plan = debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&coords));
+            let write = || syntax::block_set::write(block_set_models, &coords, reference);
+            (plan, debug_span!("block set").in_scope(write))
+        };
+        // What does not depend on one another fills the time in which one slice waits for the others.
+        let ((coded, costs), (plan, block_set)) = rayon::join(code_blocks, code_set);
         let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
         let mut samples = Vec::new();
         let mut segments = Vec::new();
@@ -314,7 +320,7 @@ impl MainEncoder {
             let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
             segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
         }
-        let (main, extended) = self.filter(targets, main, &symbols, samples);
+        let (main, extended) = self.filter(targets, main, &symbols, samples, plan);
         let index = volume.index();
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(self.parameters.grid.edge);
@@ -362,17 +368,19 @@ impl MainEncoder {
         main: MainFrameHeader,
         symbols: &FrameSymbols,
         samples: Vec<i16>,
+        plan: ExtensionPlan,
     ) -> (MainFrameHeader, Extended) {
-        let filtered =
-            |main: &MainFrameHeader, samples| filter_and_extend(&self.parameters, main, symbols, samples);
+        let filtered = |main: &MainFrameHeader, samples, plan| {
+            filter_and_extend(&self.parameters, main, symbols, samples, plan)
+        };
         if !self.settings.tools.filter || !self.settings.exhaustive {
-            return (main, filtered(&main, samples));
+            return (main, filtered(&main, samples, plan));
         }
         let limit = self.settings.filter.1;
         let candidates = FILTERS.map(|filter| {
             let filter_limit = if filter > 0 { limit } else { 0 };
             let main = MainFrameHeader { filter, filter_limit, ..main };
-            let extended = filtered(&main, samples.clone());
+            let extended = filtered(&main, samples.clone(), plan.clone());
             (targets.weighted_error(&extended.volume), main, extended)
         });
         let best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
@@ -420,13 +428,13 @@ impl MainEncoder {
 fn code_slices(
     frame: &FrameContext,
     layout: SliceLayout,
-    entropy: &mut EntropyState,
+    models: &mut [SliceModels],
     before: &[[LevelCosts; 2]],
 ) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
     let ranges: Vec<_> = layout.ranges().collect();
     let fresh = || [0; 2].map(|_| LevelCosts::new(&frame.parameters.scan));
     let costs: Vec<_> = (0..ranges.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
-    let slices = entropy.slices(ranges.len()).par_iter_mut().zip(ranges).zip(costs);
+    let slices = models.par_iter_mut().zip(ranges).zip(costs);
     slices
         .map(|((models, range), costs)| {
             let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs).run();

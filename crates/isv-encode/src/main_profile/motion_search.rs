@@ -58,6 +58,8 @@ pub struct MotionEffort {
     pub good_enough: f32,
     /// Spatial prediction is tried where the temporal one costs more bits than this.
     pub spatial_from: f32,
+    /// And only if the error of the spatial prediction is at most so many times that of the temporal one.
+    pub spatial_error_share: f32,
 }
 
 impl MotionEffort {
@@ -70,6 +72,7 @@ impl MotionEffort {
         rows: 1,
         good_enough: 0.0,
         spatial_from: 0.0,
+        spatial_error_share: f32::INFINITY,
     };
 
     /// What pays most for its time.
@@ -81,6 +84,7 @@ impl MotionEffort {
         rows: 2,
         good_enough: 8.0,
         spatial_from: 24.0,
+        spatial_error_share: 1.0,
     };
 }
 

@@ -54,6 +54,8 @@ pub(crate) struct Pursued {
     pub levels: [i32; COEFFICIENTS],
     /// Weighted squared error plus lambda times bits.
     pub cost: f32,
+    /// Weighted squared error of the prediction.
+    pub predicted_error: f32,
 }
 
 /// What follows from the weights of a block: the same for all its predictions.
@@ -106,6 +108,7 @@ impl Pursuit<'_> {
         for voxel in 0..512 {
             state.error[voxel] = state.goal[voxel] - prediction[voxel];
         }
+        let predicted_error = state.weighted_error();
         if self.rounding {
             self.round(simd, &mut state);
         }
@@ -132,7 +135,8 @@ impl Pursuit<'_> {
         if state.count > 0 {
             bits += (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
         }
-        Pursued { levels: state.levels, cost: state.weighted_error() + self.lambda * bits }
+        let cost = state.weighted_error() + self.lambda * bits;
+        Pursued { levels: state.levels, cost, predicted_error }
     }
 
     /// The coefficients of the error, rounded.

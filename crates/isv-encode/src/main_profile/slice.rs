@@ -109,13 +109,18 @@ impl<'a> SliceEncoder<'a> {
                     }
                 }
             }
-            let best = match best {
-                Some(best) if self.is_spatial_hopeless(best.cost, context.as_ref()) => best,
-                best => {
-                    let spatial = self.try_spatial(block, &target, context.as_ref(), &mut metric);
-                    best.filter(|best| best.cost <= spatial.cost).unwrap_or(spatial)
-                }
+            let spatial_wanted = match &best {
+                Some(best) => !self.is_spatial_hopeless(best.cost, context.as_ref()),
+                None => true,
             };
+            if spatial_wanted
+                && let Some(spatial) =
+                    self.try_spatial(block, &target, context.as_ref(), &mut metric, best.as_ref())
+                && best.as_ref().is_none_or(|best| spatial.cost < best.cost)
+            {
+                best = Some(spatial);
+            }
+            let best = best.expect("without a reference, the spatial prediction is tried");
             self.code(block, best, context.as_ref());
         }
         self.coded.mode_bytes = match reference {
@@ -245,20 +250,27 @@ impl<'a> SliceEncoder<'a> {
         temporal_cost <= self.frame.pursuit.lambda * least_bits
     }
 
+    /// The spatial prediction, unless its error is so much larger than that of the best temporal one that levels would not make up
+    /// for it.
     fn try_spatial(
         &mut self,
         block: usize,
         target: &BlockTarget,
         context: Option<&ModeContext>,
         metric: &mut Option<Metric>,
-    ) -> Trial {
+        temporal: Option<&Trial>,
+    ) -> Option<Trial> {
         let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
             predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
         }
-        self.pursue(target, BlockMode::Spatial, prediction, context, metric)
+        let share = self.frame.effort.spatial_error_share;
+        let hopeless = temporal.is_some_and(|temporal| {
+            share.is_finite() && target.weighted_error(&prediction) > share * temporal.pursued.predicted_error
+        });
+        (!hopeless).then(|| self.pursue(target, BlockMode::Spatial, prediction, context, metric))
     }
 
     fn pursue(

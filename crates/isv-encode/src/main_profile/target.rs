@@ -71,6 +71,26 @@ pub(crate) struct NearRow {
     pub weights: [f32; 8],
 }
 
+impl BlockTarget {
+    /// Weighted squared error in voxels of samples in codes.
+    pub(crate) fn weighted_error(&self, codes: &[i16; 512]) -> f32 {
+        vectorized(
+            #[inline(always)]
+            || {
+                let mut sums = [0.0; 8];
+                let rows = self.samples.as_chunks::<8>().0.iter().zip(self.weights.as_chunks::<8>().0);
+                for ((samples, weights), codes) in rows.zip(codes.as_chunks::<8>().0) {
+                    for lane in 0..8 {
+                        let error = samples[lane] - f32::from(codes[lane]) * SCALE;
+                        sums[lane] += weights[lane] * error * error;
+                    }
+                }
+                sums.iter().sum()
+            },
+        )
+    }
+}
+
 impl<'a> Targets<'a> {
     /// The targets of a volume.
     pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools) -> Self {
@@ -161,10 +181,8 @@ impl<'a> Targets<'a> {
     pub(crate) fn weighted_error(&self, decoded: &SparseVolume) -> f32 {
         let index = decoded.index();
         let block_error = |n: usize| -> f32 {
-            let target = self.block(n);
             let block = index.get(self.coords[n]).expect("targets are coded") as usize;
-            let voxels = target.samples.iter().zip(&target.weights).zip(decoded.block(block));
-            voxels.map(|((s, weight), code)| weight * (s - f32::from(*code) * SCALE).powi(2)).sum()
+            self.block(n).weighted_error(decoded.block(block).try_into().expect("blocks of an edge of 8"))
         };
         let errors: Vec<f32> = (0..self.len()).into_par_iter().map(block_error).collect();
         errors.iter().sum()
