@@ -1,29 +1,23 @@
 //! The cells that the surface of a decoded frame crosses. Marching cubes reads their corners, so of no other voxel does it
 //! matter whether it was observed.
 //!
-//! Signs are bits. A block and one layer of voxels around it are ten layers along z, each a number with ten bits a row.
+//! Signs are bits: a row of voxels along x is a number, a block and one layer of voxels around it are ten rows of ten bits in each
+//! of ten layers.
 
 use crate::extension::Extended;
 use isv_kernels::signs::inside;
+use isv_kernels::simd::vectorized;
 use isv_volume::{Neighbourhood, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
 /// Voxels of a block and one layer around it, along an axis.
 const SIDE: usize = 10;
-/// The voxels of one z, `x + 10 y`.
-type Layer = u128;
-/// Those that are the lowest corner of a cell within the layer.
-const LOWEST_CORNERS: Layer = lowest_corners();
-
-const fn lowest_corners() -> Layer {
-    let mut corners = 0;
-    let mut y = 0;
-    while y < SIDE - 1 {
-        corners |= 0x1ff << (SIDE * y);
-        y += 1;
-    }
-    corners
-}
+/// The rows of one z by y, `x` from the lowest bit on; what is beyond the tenth is empty.
+type Layer = [u16; 24];
+/// Rows that are worked on at a time.
+const LANES: usize = 16;
+/// The rows of a block, `8 z + y`.
+type Rows = [u8; 64];
 
 /// For each block of an extended volume, its voxels that are corners of crossed cells: cells whose corners differ in sign and
 /// are all there and observed. `None` where there are none.
@@ -31,36 +25,38 @@ const fn lowest_corners() -> Layer {
 pub fn crossed_corners(extended: &Extended) -> Vec<Option<VoxelMask>> {
     let volume = &extended.volume;
     let blocks = (0..volume.block_count()).into_par_iter();
-    let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks
-        .map(|block| {
-            let signs = Signs::of_block(volume, block);
-            (signs, Parts::of(&signs))
-        })
-        .unzip();
+    let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(|block| signs_of_block(volume, block)).unzip();
     let corners =
         |around: &Neighbourhood| if is_mixed(around, &parts) { corners_in(around, &signs) } else { None };
     extended.around.par_iter().map(corners).collect()
 }
 
-/// Which observed voxels of a block lie inside and outside the surface: a word a z.
+/// Which observed voxels of a block lie inside and outside the surface.
 #[derive(Clone, Copy, Debug)]
 struct Signs {
-    inside: [u64; 8],
-    outside: [u64; 8],
+    inside: Rows,
+    outside: Rows,
 }
 
-impl Signs {
-    fn of_block(volume: &SparseVolume, block: usize) -> Self {
-        let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
-        let mut signs = Self { inside, outside: inside.map(|word| !word) };
-        if let Some(mask) = volume.unobserved(block) {
-            for (z, unobserved) in mask.words().iter().enumerate() {
-                signs.inside[z] &= !unobserved;
-                signs.outside[z] &= !unobserved;
-            }
+/// Of a block: its signs, and where they lie.
+fn signs_of_block(volume: &SparseVolume, block: usize) -> (Signs, Parts) {
+    let mut inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
+    let mut outside = inside.map(|word| !word);
+    if let Some(mask) = volume.unobserved(block) {
+        for (z, unobserved) in mask.words().iter().enumerate() {
+            inside[z] &= !unobserved;
+            outside[z] &= !unobserved;
         }
-        signs
     }
+    let parts = Parts { inside: touching(&inside), outside: touching(&outside) };
+    (Signs { inside: rows(&inside), outside: rows(&outside) }, parts)
+}
+
+/// The rows of words of one z.
+fn rows(words: &[u64; 8]) -> Rows {
+    let mut rows = [0; 64];
+    rows.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(rows, word)| *rows = word.to_le_bytes());
+    rows
 }
 
 /// Whether a block has voxels inside, and outside, that touch the blocks around it: bit `s` for the block in whose
@@ -69,12 +65,6 @@ impl Signs {
 struct Parts {
     inside: u32,
     outside: u32,
-}
-
-impl Parts {
-    fn of(signs: &Signs) -> Self {
-        Self { inside: touching(&signs.inside), outside: touching(&signs.outside) }
-    }
 }
 
 /// The slots towards whose middle block some voxels of a set lie at the very face, edge or corner; all of the set for slot 13.
@@ -100,64 +90,65 @@ fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
 }
 
 fn corners_in(around: &Neighbourhood, signs: &[Signs]) -> Option<VoxelMask> {
-    let around = around.map(|block| Some(&signs[block? as usize]));
-    let inside = layers(&around, |signs| &signs.inside);
-    let outside = layers(&around, |signs| &signs.outside);
-    // Crossed cells by their lowest corner, which can be in the layer before the block.
-    let mut crossed = [0; SIDE - 1];
-    for (z, cells) in crossed.iter_mut().enumerate() {
-        let [low, high] = [z, z + 1].map(|z| [inside[z], outside[z]]);
-        let there = all_corners(low[0] | low[1], high[0] | high[1]);
-        *cells = there & !all_corners(low[0], high[0]) & !all_corners(low[1], high[1]) & LOWEST_CORNERS;
-    }
-    let mut words = [0; 8];
-    for (z, word) in words.iter_mut().enumerate() {
-        let cells = crossed[z] | crossed[z + 1];
-        let along_x = cells | cells << 1;
-        let corners = along_x | along_x << SIDE;
-        *word =
-            (0..8).fold(0, |word, y| word | u64::from((corners >> (SIDE * (y + 1) + 1)) as u8) << (8 * y));
-    }
+    let rows_of = |of: fn(&Signs) -> &Rows| around.map(|n| n.map_or(&[0; 64], |n| of(&signs[n as usize])));
+    let [inside, outside] = [rows_of(|signs| &signs.inside), rows_of(|signs| &signs.outside)];
+    let words = vectorized(
+        #[inline(always)]
+        || corner_words(&layers(&inside), &layers(&outside)),
+    );
     (words != [0; 8]).then(|| VoxelMask::from_words(&words))
 }
 
-/// The cells between two layers, by their lowest corner, of which all corners are in a set.
-fn all_corners(low: Layer, high: Layer) -> Layer {
-    let along_z = low & high;
-    let along_y = along_z & along_z >> SIDE;
-    along_y & along_y >> 1
+/// The corners of crossed cells among the voxels of the block in the middle: a word a z.
+#[inline(always)]
+fn corner_words(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> [u64; 8] {
+    // Crossed cells by their lowest corner, which can be in the layer before the block.
+    let mut crossed: [Layer; SIDE - 1] = [[0; 24]; SIDE - 1];
+    for z in 0..SIDE - 1 {
+        let ([in0, in1], [out0, out1]) = ([&inside[z], &inside[z + 1]], [&outside[z], &outside[z + 1]]);
+        for y in 0..LANES {
+            let all_in = in0[y] & in0[y + 1] & in1[y] & in1[y + 1];
+            let all_out = out0[y] & out0[y + 1] & out1[y] & out1[y + 1];
+            let [low, high] = [y, y + 1].map(|y| (in0[y] | out0[y]) & (in1[y] | out1[y]));
+            let there = low & high;
+            crossed[z][y] = (there & there >> 1) & !(all_in & all_in >> 1) & !(all_out & all_out >> 1);
+        }
+    }
+    let mut words = [0; 8];
+    for (z, word) in words.iter_mut().enumerate() {
+        let mut rows = [0; 8];
+        for y in 0..8 {
+            let cells = crossed[z][y] | crossed[z + 1][y] | crossed[z][y + 1] | crossed[z + 1][y + 1];
+            rows[y] = ((cells | cells << 1) >> 1) as u8;
+        }
+        *word = u64::from_le_bytes(rows);
+    }
+    words
 }
 
-/// The layers of a block and its surroundings, of one sign.
-fn layers<'a>(around: &[Option<&'a Signs>; 27], of: impl Fn(&'a Signs) -> &'a [u64; 8]) -> [Layer; SIDE] {
-    let mut layers = [0; SIDE];
-    for (slot, signs) in around.iter().enumerate() {
-        let Some(words) = signs.map(&of) else { continue };
-        let place = |word: u64| in_layer(word, slot % 3, slot / 3 % 3);
-        match slot / 9 {
-            0 => layers[0] |= place(words[7]),
-            1 => words.iter().enumerate().for_each(|(z, word)| layers[z + 1] |= place(*word)),
-            _ => layers[9] |= place(words[0]),
+/// The layers of a block and its surroundings from the rows of the blocks around it, those of one sign.
+#[inline(always)]
+fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
+    let mut layers = [[0; 24]; SIDE];
+    for (z, layer) in layers.iter_mut().enumerate() {
+        // Which block along z, and which of its layers.
+        let (along_z, within) = match z {
+            0 => (0, 7),
+            1..=8 => (1, z - 1),
+            _ => (2, 0),
+        };
+        let row = |along_y: usize, y: usize| {
+            let [before, level, after] =
+                [0, 1, 2].map(|along_x| around[9 * along_z + 3 * along_y + along_x][8 * within + y]);
+            u16::from(before >> 7) | u16::from(level) << 1 | u16::from(after & 1) << 9
+        };
+        layer[0] = row(0, 7);
+        for y in 0..8 {
+            layer[1 + y] = row(1, y);
         }
+        layer[9] = row(2, 0);
     }
     layers
-}
-
-/// What a word of the block at a step along x and y has in a layer around the middle block: steps are 0 before, 1 level, 2 after.
-fn in_layer(word: u64, along_x: usize, along_y: usize) -> Layer {
-    let row = |y: usize| {
-        let bits = Layer::from((word >> (8 * y)) as u8);
-        match along_x {
-            0 => bits >> 7,
-            1 => bits << 1,
-            _ => (bits & 1) << 9,
-        }
-    };
-    match along_y {
-        0 => row(7),
-        1 => (0..8).fold(0, |layer, y| layer | row(y) << (SIDE * (y + 1))),
-        _ => row(0) << (SIDE * 9),
-    }
 }
 
 #[cfg(test)]

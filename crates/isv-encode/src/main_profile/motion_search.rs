@@ -81,7 +81,7 @@ impl MotionEffort {
         cube_steps: 4,
         starts: 2,
         block_steps: 2,
-        rows: 2,
+        rows: 4,
         good_enough: 8.0,
         spatial_from: 24.0,
         spatial_error_share: 1.0,
