@@ -13,6 +13,7 @@ use super::target::{BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::simd::vectorized;
+use std::borrow::Cow;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
@@ -66,11 +67,19 @@ pub(crate) struct Metric {
 
 impl Metric {
     #[inline(always)]
-    fn new(dct: &FieldDct, weights: &Field) -> Self {
+    pub(super) fn new(dct: &FieldDct, weights: &Field) -> Self {
         let spectrum = WeightSpectrum::new(dct, weights);
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         Self { spectrum, energies }
+    }
+
+    /// The metric under which a position is left alone.
+    #[inline(always)]
+    pub(super) fn without(&self, position: usize) -> Self {
+        let mut metric = self.clone();
+        metric.energies[position] = 0.0;
+        metric
     }
 }
 
@@ -105,38 +114,14 @@ impl Pursuit<'_> {
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
-        let mut state = State {
-            levels: [0; COEFFICIENTS],
-            count: 0,
-            goal: target.samples,
-            weights: target.weights,
-            error: [0.0; 512],
-            guarded: [false; 512],
-        };
-        for voxel in 0..512 {
-            state.error[voxel] = state.goal[voxel] - prediction[voxel];
-        }
+        let mut state = State::new(target, prediction);
         if self.rounding {
             self.round(&mut state);
-        }
-        for round in 0..if self.rounding { 0 } else { SIGN_ROUNDS } {
-            if state.guard_signs(target) {
-                let metric = Metric::new(self.dct, &state.weights);
-                self.descend(&mut state, &metric, costs);
-            } else if round == 0 {
-                self.descend(&mut state, metric, costs);
-            } else {
-                break;
-            }
-        }
-        let mut squares = [0.0; 8];
-        for (error, weights) in state.error.as_chunks::<8>().0.iter().zip(state.weights.as_chunks::<8>().0) {
-            for lane in 0..8 {
-                squares[lane] += weights[lane] * error[lane] * error[lane];
-            }
+        } else {
+            self.settle(&mut state, &mut Cow::Borrowed(metric), target, costs);
         }
         let levels = (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
-        let cost = squares.iter().sum::<f32>() + self.lambda * (levels + costs.count(state.count));
+        let cost = state.weighted_error() + self.lambda * (levels + costs.count(state.count));
         Pursued { levels: state.levels, cost }
     }
 
@@ -155,9 +140,28 @@ impl Pursuit<'_> {
         }
     }
 
+    /// Changes levels until no change pays and no sign is in danger. The metric becomes that of the weights in the end.
+    #[inline(always)]
+    pub(super) fn settle(
+        &self,
+        state: &mut State,
+        metric: &mut Cow<Metric>,
+        target: &BlockTarget,
+        costs: &LevelCosts,
+    ) {
+        for round in 0..SIGN_ROUNDS {
+            if state.guard_signs(target) {
+                *metric = Cow::Owned(Metric::new(self.dct, &state.weights));
+            } else if round > 0 {
+                break;
+            }
+            self.descend(state, metric, costs);
+        }
+    }
+
     /// Changes levels until no change pays.
     #[inline(always)]
-    fn descend(&self, state: &mut State, metric: &Metric, costs: &LevelCosts) {
+    pub(super) fn descend(&self, state: &mut State, metric: &Metric, costs: &LevelCosts) {
         let (mut weighted, mut slopes) = ([0.0; 512], [0.0; 512]);
         for voxel in 0..512 {
             weighted[voxel] = state.weights[voxel] * state.error[voxel];
@@ -178,6 +182,15 @@ impl Pursuit<'_> {
                 break;
             }
         }
+    }
+
+    /// Gives a level up.
+    #[inline(always)]
+    pub(super) fn drop_level(&self, state: &mut State, k: usize) {
+        let change = state.levels[k] as f32 * self.step;
+        self.dct.add(usize::from(self.scan[k]), change, &mut state.error);
+        state.count -= 1;
+        state.levels[k] = 0;
     }
 
     /// What the first level at a position costs at least, whatever it is.
@@ -271,20 +284,72 @@ struct FirstCosts {
 }
 
 /// Levels so far, what they are to reach, and the error that they leave.
-struct State {
-    levels: [i32; COEFFICIENTS],
+#[derive(Clone)]
+pub(super) struct State {
+    pub levels: [i32; COEFFICIENTS],
     count: usize,
     goal: Field,
-    weights: Field,
+    pub weights: Field,
     error: Field,
     /// Voxels that were of the wrong sign once.
     guarded: [bool; 512],
 }
 
 impl State {
+    /// No levels.
+    #[inline(always)]
+    pub(super) fn new(target: &BlockTarget, prediction: &Field) -> Self {
+        let mut state = Self {
+            levels: [0; COEFFICIENTS],
+            count: 0,
+            goal: target.samples,
+            weights: target.weights,
+            error: [0.0; 512],
+            guarded: [false; 512],
+        };
+        for voxel in 0..512 {
+            state.error[voxel] = state.goal[voxel] - prediction[voxel];
+        }
+        state
+    }
+
+    /// Weighted squared error.
+    #[inline(always)]
+    pub(super) fn weighted_error(&self) -> f32 {
+        let mut squares = [0.0; 8];
+        for (error, weights) in self.error.as_chunks::<8>().0.iter().zip(self.weights.as_chunks::<8>().0) {
+            for lane in 0..8 {
+                squares[lane] += weights[lane] * error[lane] * error[lane];
+            }
+        }
+        squares.iter().sum()
+    }
+
+    /// Weighted squared error in truth: of voxels of which only the sign matters, those whose sign is safe count as far ones
+    /// whether they were in danger once or not.
+    #[inline(always)]
+    pub(super) fn true_error(&self, target: &BlockTarget) -> f32 {
+        let mut sums = [0.0; 8];
+        for row in 0..64 {
+            let only_sign = (target.only_sign.words()[row / 8] >> (8 * (row % 8))) as u32;
+            for lane in 0..8 {
+                let voxel = 8 * row + lane;
+                let sample = target.samples[voxel];
+                let decoded = self.goal[voxel] - self.error[voxel];
+                let error = sample - decoded;
+                let (right, distance) = if sample < 0.0 { (-decoded, -sample) } else { (decoded, sample) };
+                let missing = distance.min(SIGN_TARGET) - right;
+                let in_danger = (only_sign >> lane & 1 != 0) & (right < distance) & (right < SIGN_MARGIN);
+                let danger = if in_danger { SIGN_WEIGHT * missing * missing } else { 0.0 };
+                sums[lane] += target.weights[voxel] * error * error + danger;
+            }
+        }
+        sums.iter().sum()
+    }
+
     /// Gives weight to the voxels of which only the sign matters and whose sign is wrong. Whether there are new ones.
     #[inline(always)]
-    fn guard_signs(&mut self, target: &BlockTarget) -> bool {
+    pub(super) fn guard_signs(&mut self, target: &BlockTarget) -> bool {
         let mut found = false;
         for row in 0..64 {
             let at = 8 * row;

@@ -1,6 +1,7 @@
 //! The blocks of a slice, one after the other: candidates, their cost, the choice, its symbols.
 
 use super::level_costs::LevelCosts;
+use super::model_bits::ModelBits;
 use super::motion_search::{NormalEquations, Shift, are_close, refine, to_shift};
 use super::pursuit::{Metric, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
@@ -39,6 +40,8 @@ pub(crate) struct FrameContext<'a> {
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
     pub trials: usize,
+    /// Whether levels are refined under the models' own bits.
+    pub refinement: bool,
     pub tools: Tools,
 }
 
@@ -256,10 +259,27 @@ impl<'a> SliceEncoder<'a> {
     ) -> Trial {
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
-        let pursued = self.frame.pursuit.run(&self.frame.targets[block], metric, &field, costs);
+        let (pursuit, target) = (&self.frame.pursuit, &self.frame.targets[block]);
+        let pursued = if self.frame.refinement {
+            let count_context = self.count_context(block, mode);
+            let models = &mut self.models.coefficients;
+            let parameters = self.frame.parameters;
+            let mut bits = ModelBits { parameters, models, context: count_context, usual: costs };
+            pursuit.run_refined(target, metric, &field, &mut bits)
+        } else {
+            pursuit.run(target, metric, &field, costs)
+        };
         let bits = context.map_or(0.0, |context| self.mode_bits(mode, context));
         let cost = pursued.cost + self.frame.pursuit.lambda * bits;
         Trial { mode, prediction, pursued, cost }
+    }
+
+    /// What is known around a block when its number of levels is coded.
+    fn count_context(&self, block: usize, mode: BlockMode) -> CountContext {
+        let frame = self.frame;
+        let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
+        let count = |n: usize| self.coded.counts[n - self.range.start];
+        CountContext::new(frame.coords[block], block, mode, frame.causal, count, reference)
     }
 
     /// Writes a block's symbols, learns from them, and reconstructs it.
@@ -275,11 +295,7 @@ impl<'a> SliceEncoder<'a> {
             );
         }
         let levels = &trial.pursued.levels;
-        let counts = &self.coded.counts;
-        let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
-        let count = |n: usize| counts[n - self.range.start];
-        let context =
-            CountContext::new(frame.coords[block], block, trial.mode, frame.causal, count, reference);
+        let context = self.count_context(block, trial.mode);
         let models = &mut self.models.coefficients;
         syntax::coefficients::write(
             models,
