@@ -82,7 +82,7 @@ mod tests {
         let truncation = Truncation::from_voxels(8).unwrap();
         let parameters = MainParameters::new(Grid { voxel_size, edge: BlockEdge::E8, truncation });
         let coords = [BlockCoord::from([0, 0, 0])];
-        let causal = CausalBlocks::new(&coords, [0..1].into_iter());
+        let causal = CausalBlocks::new(&coords, std::iter::once(0..1));
         let context = CountContext::new(coords[0], 0, BlockMode::Spatial, &causal, |_| 0, None);
         let (mut models, mut encoder) = (CoefficientModels::default(), RangeEncoder::new());
         for of in (0..40).map(|n| n % 7) {
