@@ -11,10 +11,12 @@
 mod encoder;
 mod field_dct;
 mod level_costs;
+mod model_bits;
 mod motion_search;
 mod preset;
 mod pursuit;
 mod rate_control;
+mod refinement;
 mod slice;
 mod syntax;
 mod target;

@@ -158,6 +158,39 @@ fn more_work_makes_no_larger_frames_at_no_larger_error() {
 }
 
 #[test]
+fn archive_is_smaller_than_balanced_at_equal_error() {
+    let volumes = rolling(6);
+    let point = |main: MainSettings, step| {
+        let main = MainSettings { quality: FrameQuality::of_step(step), ..main };
+        let frames = encode(settings(main), &volumes);
+        let bytes = frames.iter().map(|f| f.0 as f64).sum::<f64>();
+        (bytes.ln(), (frames.iter().map(|f| f.1).sum::<f64>()).ln())
+    };
+    let [fine, coarse] = [1.4, 2.8].map(|step| point(Preset::Balanced.settings(), step));
+    let archive = point(Preset::Archive.settings(), 2.0);
+    assert!((coarse.1 - archive.1) * (archive.1 - fine.1) > 0.0, "{fine:?} {archive:?} {coarse:?}");
+    let share = (archive.1 - fine.1) / (coarse.1 - fine.1);
+    let balanced = fine.0 + share * (coarse.0 - fine.0);
+    let saved = 1.0 - (archive.0 - balanced).exp();
+    println!("archive saves {:.1} % at equal error", 100.0 * saved);
+    assert!(saved > 0.05, "{saved}");
+}
+
+#[test]
+fn the_refined_search_does_not_depend_on_the_number_of_threads() {
+    let volumes = rolling(3);
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let main = MainSettings { slices: 3, ..Preset::Archive.settings() };
+        pool.install(|| support::encode(&main_header(), settings(main), &volumes))
+    };
+    let (one, hashes) = with_threads(1);
+    assert!(one == with_threads(3).0, "streams differ");
+    let decoded = support::decode(&one).0;
+    assert!(decoded.iter().map(isv_decode::volume_hash).eq(hashes));
+}
+
+#[test]
 fn bytes_do_not_depend_on_the_number_of_threads_under_rate_control() {
     let volumes = rolling(8);
     for target in [RateTarget::Bitrate(Bitrate::new(200e3, FPS)), RateTarget::MaxError(0.05)] {

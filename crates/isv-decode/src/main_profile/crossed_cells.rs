@@ -72,8 +72,13 @@ fn touching(words: &[u64; 8]) -> u32 {
     const ALONG_X: [u64; 3] = [0x8080_8080_8080_8080, !0, 0x0101_0101_0101_0101];
     const ALONG_Y: [u64; 3] = [0xff << 56, !0, 0xff];
     let along_z = [words[7], words.iter().fold(0, |any, word| any | word), words[0]];
-    let touches = |slot: usize| along_z[slot / 9] & ALONG_Y[slot / 3 % 3] & ALONG_X[slot % 3] != 0;
-    (0..27).fold(0, |slots, slot| slots | u32::from(touches(slot)) << slot)
+    let mut slots = 0;
+    for (slot, bit) in (0..27).map(|slot| (slot, 1 << slot)) {
+        if along_z[slot / 9] & ALONG_Y[slot / 3 % 3] & ALONG_X[slot % 3] != 0 {
+            slots |= bit;
+        }
+    }
+    slots
 }
 
 /// Whether there are voxels of both signs in a block and the layer around it.
@@ -109,8 +114,9 @@ fn corner_words(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> [u64; 8] {
         for y in 0..LANES {
             let all_in = in0[y] & in0[y + 1] & in1[y] & in1[y + 1];
             let all_out = out0[y] & out0[y + 1] & out1[y] & out1[y + 1];
-            let [low, high] = [y, y + 1].map(|y| (in0[y] | out0[y]) & (in1[y] | out1[y]));
-            let there = low & high;
+            let there = (in0[y] | out0[y]) & (in1[y] | out1[y]);
+            let next = (in0[y + 1] | out0[y + 1]) & (in1[y + 1] | out1[y + 1]);
+            let there = there & next;
             crossed[z][y] = (there & there >> 1) & !(all_in & all_in >> 1) & !(all_out & all_out >> 1);
         }
     }
@@ -137,16 +143,16 @@ fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
             1..=8 => (1, z - 1),
             _ => (2, 0),
         };
-        let row = |along_y: usize, y: usize| {
-            let [before, level, after] =
-                [0, 1, 2].map(|along_x| around[9 * along_z + 3 * along_y + along_x][8 * within + y]);
-            u16::from(before >> 7) | u16::from(level) << 1 | u16::from(after & 1) << 9
-        };
-        layer[0] = row(0, 7);
-        for y in 0..8 {
-            layer[1 + y] = row(1, y);
+        for along_y in 0..3 {
+            let first = 9 * along_z + 3 * along_y;
+            let (before, level, after) = (around[first], around[first + 1], around[first + 2]);
+            // Which of the blocks' rows, and where the first of them goes.
+            let (rows, to) = [(7..8, 0), (0..8, 1), (0..1, SIDE - 1)][along_y].clone();
+            for (row, out) in (8 * within + rows.start..8 * within + rows.end).zip(&mut layer[to..]) {
+                *out =
+                    u16::from(before[row] >> 7) | u16::from(level[row]) << 1 | u16::from(after[row] & 1) << 9;
+            }
         }
-        layer[9] = row(2, 0);
     }
     layers
 }

@@ -42,10 +42,8 @@ pub struct FrameQuality {
 }
 
 impl FrameQuality {
-    /// Lambda that goes well with any step, in frames that others are not predicted from.
+    /// Lambda that goes well with any step, between keyframes.
     const LAMBDA: f32 = 0.03;
-    /// What lambda is multiplied by in keyframes, whose errors stay until the next one.
-    const KEYFRAME_LAMBDA: f32 = 0.4;
 
     /// Steps of the qualities 0 and 100, in voxels.
     const STEP_OF_0: f32 = 8.0;
@@ -63,6 +61,11 @@ impl FrameQuality {
     pub fn of_quality(quality: f32) -> Self {
         let share = quality.clamp(0.0, 100.0) / 100.0;
         Self::of_step(Self::STEP_OF_0 * (Self::STEP_OF_100 / Self::STEP_OF_0).powf(share))
+    }
+
+    /// Another step, and the lambda that there was.
+    fn with_step_share(self, share: f32) -> Self {
+        Self { step: share * self.step, lambda: self.lambda / (share * share) }
     }
 
     /// The step as it is coded.
@@ -91,8 +94,16 @@ pub struct MainSettings {
     pub filter: (u8, u8),
     /// Whether vectors count half voxels and not quarters.
     pub half_voxel_vectors: bool,
-    /// Whether frames are coded with both steps of vectors and under several strengths of the filter, to keep the best.
-    pub exhaustive: bool,
+    /// Whether several strengths of the filter are tried on each frame, to keep the best.
+    pub filter_search: bool,
+    /// Whether levels are searched from several starts, under the models' own bits, and each is given up to see if the others
+    /// do without it. Some ten times the work.
+    pub refinement: bool,
+    /// Steps that frames have over those that they were to have; lambda stays. Where levels are refined, fewer and larger ones
+    /// do.
+    pub step_share: f32,
+    /// Lambda of keyframes, whose errors stay until the next one, over that of other frames.
+    pub keyframe_lambda: f32,
     /// Slices of a frame, where the encoder's settings do not say.
     pub slices: u16,
 }
@@ -108,7 +119,10 @@ impl Default for MainSettings {
             effort: MotionEffort::THOROUGH,
             filter: (13, 38),
             half_voxel_vectors: true,
-            exhaustive: false,
+            filter_search: false,
+            refinement: false,
+            step_share: 1.0,
+            keyframe_lambda: 0.4,
             slices: 1,
         }
     }
@@ -175,7 +189,7 @@ const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// How much more a keyframe may cost then: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
-/// Strengths of the in-loop filter that are tried where time does not matter.
+/// Strengths of the in-loop filter that are tried where the best one is searched for.
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
 impl MainEncoder {
@@ -246,27 +260,15 @@ impl MainEncoder {
 
     /// Codes a frame, and where it hardly resembles the frame before, as a keyframe too: whichever costs less.
     fn encode_or_cut(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
-        let coded = self.encode_best(source, keyframe, quality);
+        let coded = self.encode_frame(source, keyframe, quality);
         let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
             && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
         if keyframe || alike {
             return coded;
         }
-        let cut = self.encode_best(source, true, quality);
+        let cut = self.encode_frame(source, true, quality);
         let [cut_cost, cost] = [&cut, &coded].map(|frame| frame.cost(source.targets, quality));
         if cut_cost < CUT_BONUS * cost { cut } else { coded }
-    }
-
-    /// Codes a frame with the step of vectors of the settings, and if time does not matter, with the other one too.
-    fn encode_best(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
-        let half = self.settings.half_voxel_vectors;
-        let coded = self.encode_frame(source, keyframe, quality, half);
-        if keyframe || !self.settings.exhaustive {
-            return coded;
-        }
-        let other = self.encode_frame(source, keyframe, quality, !half);
-        let [other_cost, cost] = [&other, &coded].map(|frame| frame.cost(source.targets, quality));
-        if other_cost < cost { other } else { coded }
     }
 
     /// What the decoder will have after the last frame.
@@ -275,14 +277,9 @@ impl MainEncoder {
     }
 
     /// Codes a frame, leaving the encoder as it is.
-    fn encode_frame(
-        &self,
-        source: &Source,
-        keyframe: bool,
-        quality: FrameQuality,
-        half_voxel_vectors: bool,
-    ) -> CodedFrame {
+    fn encode_frame(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
         let Source { volume, targets, slices, checksum } = *source;
+        let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
         let before = match keyframe {
             true => {
@@ -294,7 +291,7 @@ impl MainEncoder {
         let reference = before.reference.as_ref();
         let coords = targets.coords().to_vec();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let main = self.frame_header(quality, half_voxel_vectors);
+        let main = self.frame_header(quality);
         let mut entropy = before.entropy.clone();
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
         let code_blocks = || {
@@ -347,7 +344,7 @@ impl MainEncoder {
         CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
     }
 
-    fn frame_header(&self, quality: FrameQuality, half_voxel_vectors: bool) -> MainFrameHeader {
+    fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
         let filter = if self.settings.tools.filter { filter } else { 0 };
         let filter_limit = if filter > 0 { filter_limit } else { 0 };
@@ -355,12 +352,12 @@ impl MainEncoder {
             step: quality.code(),
             filter,
             filter_limit,
-            half_voxel_vectors,
+            half_voxel_vectors: self.settings.half_voxel_vectors,
             no_spatial_prediction: !self.settings.tools.spatial,
         }
     }
 
-    /// The frame's header and decoded volume under the settings' filter, or if time does not matter, under the one with the
+    /// The frame's header and decoded volume under the settings' filter, or if it is to be searched for, under the one with the
     /// least weighted error.
     fn filter(
         &self,
@@ -373,7 +370,7 @@ impl MainEncoder {
         let filtered = |main: &MainFrameHeader, samples, plan| {
             filter_and_extend(&self.parameters, main, symbols, samples, plan)
         };
-        if !self.settings.tools.filter || !self.settings.exhaustive {
+        if !self.settings.tools.filter || !self.settings.filter_search {
             return (main, filtered(&main, samples, plan));
         }
         let limit = self.settings.filter.1;
@@ -397,7 +394,7 @@ impl MainEncoder {
     ) -> FrameContext<'a> {
         let FrameQuality { step, lambda } = quality;
         let effort = self.settings.effort;
-        let share = if reference.is_none() { FrameQuality::KEYFRAME_LAMBDA } else { 1.0 };
+        let share = if reference.is_none() { self.settings.keyframe_lambda } else { 1.0 };
         let pursuit = Pursuit {
             dct: &self.dct,
             scan: &self.parameters.scan,
@@ -419,6 +416,7 @@ impl MainEncoder {
             vector_step: main.vector_step(),
             trials: self.settings.trials,
             effort,
+            refinement: self.settings.refinement && self.settings.tools.pursuit,
             tools: self.settings.tools,
         }
     }

@@ -7,11 +7,15 @@ use isv_decode::main_profile::COEFFICIENTS;
 /// Magnitudes from here on cost the same.
 const MAGNITUDES: usize = 32;
 /// Counts from here on cost the same.
-const COUNTS: usize = 70;
+pub(crate) const COUNTS: usize = 70;
 /// Blocks after which the table is made anew.
 const REFRESH: u32 = 32;
 /// What is left of the statistics of a frame in the next.
 const DECAY: f32 = 0.5;
+/// Bits of a place at least.
+const LEAST_PLACE_BITS: f32 = 0.3;
+/// Bits of a sign.
+const SIGN_BITS: f32 = 1.0;
 /// Bits saved on each place because places come in order and not as a list.
 const ORDER_BITS: f32 = 1.0;
 
@@ -57,6 +61,20 @@ impl LevelCosts {
         };
         costs.refresh();
         costs
+    }
+
+    /// The same, but for the bits of a block's number of levels.
+    pub(crate) fn with_counts(mut self, count: [f32; COUNTS]) -> Self {
+        self.count = count;
+        self.summarize();
+        self
+    }
+
+    /// The same, but for the bits that a level at each place takes more than none, its sign and magnitude left out.
+    pub(crate) fn with_places(mut self, bits: [f32; COEFFICIENTS]) -> Self {
+        self.place = bits.map(|bits| bits.max(LEAST_PLACE_BITS) + SIGN_BITS);
+        self.summarize();
+        self
     }
 
     /// Bits of a level at a place in scan order; nothing for zero.
@@ -119,14 +137,20 @@ impl LevelCosts {
         self.since_refresh = 0;
         let bits = |seen: f32, total: f32| -(seen / total).log2();
         let total: f32 = self.seen_places.iter().sum();
-        self.place = self.seen_places.map(|seen| (bits(seen, total) - ORDER_BITS).max(0.3) + 1.0);
-        for (position, bits) in self.scan.iter().zip(&self.place) {
-            self.place_at[usize::from(*position)] = *bits;
-        }
+        self.place =
+            self.seen_places.map(|seen| (bits(seen, total) - ORDER_BITS).max(LEAST_PLACE_BITS) + SIGN_BITS);
         let total: f32 = self.seen_magnitudes.iter().sum();
         self.magnitude = self.seen_magnitudes.map(|seen| bits(seen + 1e-3, total));
         let total: f32 = self.seen_counts.iter().sum();
         self.count = self.seen_counts.map(|seen| bits(seen + 0.02, total));
+        self.summarize();
+    }
+
+    /// Brings up to date what follows from the costs.
+    fn summarize(&mut self) {
+        for (position, bits) in self.scan.iter().zip(&self.place) {
+            self.place_at[usize::from(*position)] = *bits;
+        }
         let least = |bits: &[f32]| bits.iter().copied().fold(f32::INFINITY, f32::min);
         self.least_place = least(&self.place);
         self.least_magnitude = least(&self.magnitude);

@@ -13,6 +13,7 @@ use super::target::{BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use fearless_simd::{Level, Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
+use std::cell::OnceCell;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
@@ -68,11 +69,58 @@ pub(crate) struct Metric {
 
 impl Metric {
     #[inline(always)]
-    fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
+    pub(super) fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
         let spectrum = WeightSpectrum::new(simd, dct, weights);
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         Self { spectrum, energies }
+    }
+
+    /// The metric under which a position is left alone.
+    #[inline(always)]
+    pub(super) fn without(&self, position: usize) -> Self {
+        let mut metric = self.clone();
+        metric.energies[position] = 0.0;
+        metric
+    }
+}
+
+/// The metric of a state: that of its block, until weights change.
+#[derive(Clone)]
+pub(super) struct StateMetric<'a> {
+    block: &'a OnceCell<Metric>,
+    own: Option<Metric>,
+    is_block: bool,
+}
+
+impl<'a> StateMetric<'a> {
+    /// That of the block, which is made when it is first needed.
+    #[inline(always)]
+    pub(super) fn of_block(block: &'a OnceCell<Metric>) -> Self {
+        Self { block, own: None, is_block: true }
+    }
+
+    /// There is another metric from now on.
+    #[inline(always)]
+    fn weights_have_changed(&mut self) {
+        (self.own, self.is_block) = (None, false);
+    }
+
+    /// The metric of the weights as they are.
+    #[inline(always)]
+    pub(super) fn get<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) -> &Metric {
+        // No closures here: what they hold would not be compiled for the vector instructions.
+        if self.is_block {
+            if self.block.get().is_none() {
+                let made = self.block.set(Metric::new(simd, dct, weights));
+                debug_assert!(made.is_ok(), "nobody else sets it");
+            }
+            return self.block.get().expect("it was just made");
+        }
+        if self.own.is_none() {
+            self.own = Some(Metric::new(simd, dct, weights));
+        }
+        self.own.as_ref().expect("it was just made")
     }
 }
 
@@ -81,7 +129,7 @@ impl Pursuit<'_> {
     pub(crate) fn run(
         &self,
         target: &BlockTarget,
-        metric: &mut Option<Metric>,
+        metric: &OnceCell<Metric>,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
@@ -93,43 +141,16 @@ impl Pursuit<'_> {
         &self,
         simd: S,
         target: &BlockTarget,
-        metric: &mut Option<Metric>,
+        metric: &OnceCell<Metric>,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
-        let mut state = State {
-            levels: [0; COEFFICIENTS],
-            count: 0,
-            goal: target.samples,
-            weights: target.weights,
-            error: [0.0; 512],
-            guarded: [false; 512],
-        };
-        for voxel in 0..512 {
-            state.error[voxel] = state.goal[voxel] - prediction[voxel];
-        }
+        let mut state = State::new(target, prediction);
         let predicted_error = state.weighted_error();
         if self.rounding {
             self.round(simd, &mut state);
-        }
-        for round in 0..if self.rounding { 0 } else { SIGN_ROUNDS } {
-            let guards = state.guard_signs(target);
-            if !guards && round > 0 {
-                break;
-            }
-            if state.count == 0 && state.weighted_error() <= self.lambda * costs.least_first() {
-                continue;
-            }
-            if guards {
-                let metric = Metric::new(simd, self.dct, &state.weights);
-                self.descend(simd, &mut state, &metric, costs);
-            } else {
-                if metric.is_none() {
-                    *metric = Some(Metric::new(simd, self.dct, &target.weights));
-                }
-                let metric = metric.as_ref().expect("it was just made");
-                self.descend(simd, &mut state, metric, costs);
-            }
+        } else {
+            self.settle(simd, &mut state, &mut StateMetric::of_block(metric), target, costs);
         }
         let mut bits = costs.count(state.count);
         if state.count > 0 {
@@ -154,9 +175,33 @@ impl Pursuit<'_> {
         }
     }
 
+    /// Changes levels until no change pays and no sign is in danger. The metric follows the weights.
+    #[inline(always)]
+    pub(super) fn settle<S: Simd>(
+        &self,
+        simd: S,
+        state: &mut State,
+        metric: &mut StateMetric,
+        target: &BlockTarget,
+        costs: &LevelCosts,
+    ) {
+        for round in 0..SIGN_ROUNDS {
+            if state.guard_signs(target) {
+                metric.weights_have_changed();
+            } else if round > 0 {
+                break;
+            }
+            // Even a perfect level would pay no more than all of the error.
+            if state.count > 0 || state.weighted_error() > self.lambda * costs.least_first() {
+                let metric = metric.get(simd, self.dct, &state.weights);
+                self.descend(simd, state, metric, costs);
+            }
+        }
+    }
+
     /// Changes levels until no change pays.
     #[inline(always)]
-    fn descend<S: Simd>(&self, simd: S, state: &mut State, metric: &Metric, costs: &LevelCosts) {
+    pub(super) fn descend<S: Simd>(&self, simd: S, state: &mut State, metric: &Metric, costs: &LevelCosts) {
         let (mut weighted, mut slopes) = ([0.0; 512], [0.0; 512]);
         for voxel in 0..512 {
             weighted[voxel] = state.weights[voxel] * state.error[voxel];
@@ -177,6 +222,15 @@ impl Pursuit<'_> {
                 break;
             }
         }
+    }
+
+    /// Gives a level up.
+    #[inline(always)]
+    pub(super) fn drop_level(&self, state: &mut State, k: usize) {
+        let change = state.levels[k] as f32 * self.step;
+        self.dct.add(usize::from(self.scan[k]), change, &mut state.error);
+        state.count -= 1;
+        state.levels[k] = 0;
     }
 
     /// What the first level at a position costs at least, whatever it is.
@@ -274,19 +328,38 @@ struct FirstCosts {
 }
 
 /// Levels so far, what they are to reach, and the error that they leave.
-struct State {
-    levels: [i32; COEFFICIENTS],
+#[derive(Clone)]
+pub(super) struct State {
+    pub levels: [i32; COEFFICIENTS],
     count: usize,
     goal: Field,
-    weights: Field,
+    pub weights: Field,
     error: Field,
     /// Voxels that were of the wrong sign once.
     guarded: [bool; 512],
 }
 
 impl State {
+    /// No levels.
     #[inline(always)]
-    fn weighted_error(&self) -> f32 {
+    pub(super) fn new(target: &BlockTarget, prediction: &Field) -> Self {
+        let mut state = Self {
+            levels: [0; COEFFICIENTS],
+            count: 0,
+            goal: target.samples,
+            weights: target.weights,
+            error: [0.0; 512],
+            guarded: [false; 512],
+        };
+        for voxel in 0..512 {
+            state.error[voxel] = state.goal[voxel] - prediction[voxel];
+        }
+        state
+    }
+
+    /// Weighted squared error.
+    #[inline(always)]
+    pub(super) fn weighted_error(&self) -> f32 {
         let mut squares = [0.0; 8];
         for (error, weights) in self.error.as_chunks::<8>().0.iter().zip(self.weights.as_chunks::<8>().0) {
             for lane in 0..8 {
@@ -296,9 +369,31 @@ impl State {
         squares.iter().sum()
     }
 
+    /// Weighted squared error in truth: of voxels of which only the sign matters, those whose sign is safe count as far ones
+    /// whether they were in danger once or not.
+    #[inline(always)]
+    pub(super) fn true_error(&self, target: &BlockTarget) -> f32 {
+        let mut sums = [0.0; 8];
+        for row in 0..64 {
+            let only_sign = (target.only_sign[row / 8] >> (8 * (row % 8))) as u32;
+            for lane in 0..8 {
+                let voxel = 8 * row + lane;
+                let sample = target.samples[voxel];
+                let decoded = self.goal[voxel] - self.error[voxel];
+                let error = sample - decoded;
+                let (right, distance) = if sample < 0.0 { (-decoded, -sample) } else { (decoded, sample) };
+                let missing = distance.min(SIGN_TARGET) - right;
+                let in_danger = (only_sign >> lane & 1 != 0) & (right < distance) & (right < SIGN_MARGIN);
+                let danger = if in_danger { SIGN_WEIGHT * missing * missing } else { 0.0 };
+                sums[lane] += target.weights[voxel] * error * error + danger;
+            }
+        }
+        sums.iter().sum()
+    }
+
     /// Gives weight to the voxels of which only the sign matters and whose sign is wrong. Whether there are new ones.
     #[inline(always)]
-    fn guard_signs(&mut self, target: &BlockTarget) -> bool {
+    pub(super) fn guard_signs(&mut self, target: &BlockTarget) -> bool {
         let mut found = false;
         for row in 0..64 {
             let at = 8 * row;

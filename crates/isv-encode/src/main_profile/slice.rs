@@ -1,6 +1,7 @@
 //! The blocks of a slice, one after the other: candidates, their cost, the choice, its symbols.
 
 use super::level_costs::LevelCosts;
+use super::model_bits::ModelBits;
 use super::motion_search::{MotionEffort, Shift, SoughtBlock, are_close, to_shift};
 use super::pursuit::{Metric, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
@@ -16,6 +17,7 @@ use isv_decode::main_profile::{
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
 use isv_volume::CODES_PER_VOXEL;
+use std::cell::OnceCell;
 use std::ops::Range;
 
 /// Lambda of vectors over lambda of levels, while candidates are compared by their prediction alone: what a better vector
@@ -37,6 +39,8 @@ pub(crate) struct FrameContext<'a> {
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
     pub trials: usize,
     pub effort: MotionEffort,
+    /// Whether levels are refined under the models' own bits.
+    pub refinement: bool,
     pub tools: Tools,
 }
 
@@ -62,6 +66,17 @@ pub(crate) struct SliceEncoder<'a> {
     coded: CodedSlice,
     mode_encoder: RangeEncoder,
     coefficient_encoder: RangeEncoder,
+}
+
+/// The block that is coded now.
+struct BlockAtHand {
+    /// Its place in the frame.
+    number: usize,
+    target: BlockTarget,
+    /// Of the target's weights, once it was needed.
+    metric: OnceCell<Metric>,
+    /// Nothing in frames without a reference.
+    context: Option<ModeContext>,
 }
 
 /// A way to code a block.
@@ -95,33 +110,16 @@ impl<'a> SliceEncoder<'a> {
     pub(crate) fn run(mut self) -> (CodedSlice, [LevelCosts; 2]) {
         let reference = self.frame.reference.as_ref().map(|(reference, _)| *reference);
         let mut sought = reference.map(SoughtBlock::new);
-        for block in self.range.clone() {
-            let context = reference.map(|reference| self.mode_context(block, reference));
-            let target = self.frame.targets.block(block);
-            let mut metric = None;
-            let mut best: Option<Trial> = None;
-            if let (Some(sought), Some(context)) = (&mut sought, &context) {
-                sought.turn_to(self.frame.targets, block, self.frame.effort.rows);
-                for mode in self.temporal_modes(block, context, sought) {
-                    let trial = self.try_temporal(&target, mode, context, sought, &mut metric);
-                    if best.as_ref().is_none_or(|best| trial.cost < best.cost) {
-                        best = Some(trial);
-                    }
-                }
-            }
-            let spatial_wanted = match &best {
-                Some(best) => !self.is_spatial_hopeless(best.cost, context.as_ref()),
-                None => true,
+        for number in self.range.clone() {
+            let block = BlockAtHand {
+                number,
+                target: self.frame.targets.block(number),
+                metric: OnceCell::new(),
+                context: reference.map(|reference| self.mode_context(number, reference)),
             };
-            if spatial_wanted
-                && let Some(spatial) =
-                    self.try_spatial(block, &target, context.as_ref(), &mut metric, best.as_ref())
-                && best.as_ref().is_none_or(|best| spatial.cost < best.cost)
-            {
-                best = Some(spatial);
-            }
-            let best = best.expect("without a reference, the spatial prediction is tried");
-            self.code(block, best, context.as_ref());
+            let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&block, sought));
+            let best = self.spatial_if_better(&block, temporal);
+            self.code(&block, best);
         }
         self.coded.mode_bytes = match reference {
             Some(_) => self.mode_encoder.finish(),
@@ -134,6 +132,19 @@ impl<'a> SliceEncoder<'a> {
     fn mode_context(&self, block: usize, reference: &MainReference) -> ModeContext {
         let mode = |n: usize| self.coded.modes[n - self.range.start];
         ModeContext::new(self.frame.targets.coords()[block], block, self.frame.causal, mode, reference)
+    }
+
+    /// The best of the most promising vectors.
+    fn best_temporal(&mut self, block: &BlockAtHand, sought: &mut SoughtBlock) -> Option<Trial> {
+        let context = block.context.as_ref()?;
+        sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
+        let modes = self.temporal_modes(block.number, context, sought);
+        let trials = modes.into_iter().map(|mode| {
+            let mut prediction = [0; BLOCK_SAMPLES];
+            sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
+            self.pursue(block, mode, prediction)
+        });
+        trials.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// The most promising vectors: by weighted error of the prediction and the bits of the mode.
@@ -229,17 +240,23 @@ impl<'a> SliceEncoder<'a> {
         bits.0
     }
 
-    fn try_temporal(
-        &mut self,
-        target: &BlockTarget,
-        mode: BlockMode,
-        context: &ModeContext,
-        sought: &mut SoughtBlock,
-        metric: &mut Option<Metric>,
-    ) -> Trial {
-        let mut prediction = [0; BLOCK_SAMPLES];
-        sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
-        self.pursue(target, mode, prediction, Some(context), metric)
+    /// The spatial prediction if it costs less than the best temporal one, or if there is none.
+    fn spatial_if_better(&mut self, block: &BlockAtHand, temporal: Option<Trial>) -> Trial {
+        let Some(temporal) = temporal else {
+            let prediction = self.predict_spatially(block);
+            return self.pursue(block, BlockMode::Spatial, prediction);
+        };
+        if self.is_spatial_hopeless(temporal.cost, block.context.as_ref()) {
+            return temporal;
+        }
+        let prediction = self.predict_spatially(block);
+        let share = self.frame.effort.spatial_error_share;
+        let worst = share * temporal.pursued.predicted_error;
+        if share.is_finite() && block.target.weighted_error(&prediction) > worst {
+            return temporal;
+        }
+        let spatial = self.pursue(block, BlockMode::Spatial, prediction);
+        if spatial.cost < temporal.cost { spatial } else { temporal }
     }
 
     /// Whether a temporal prediction is so cheap that the spatial one is not tried: no dearer than that is if nothing is left to
@@ -250,49 +267,47 @@ impl<'a> SliceEncoder<'a> {
         temporal_cost <= self.frame.pursuit.lambda * least_bits
     }
 
-    /// The spatial prediction, unless its error is so much larger than that of the best temporal one that levels would not make up
-    /// for it.
-    fn try_spatial(
-        &mut self,
-        block: usize,
-        target: &BlockTarget,
-        context: Option<&ModeContext>,
-        metric: &mut Option<Metric>,
-        temporal: Option<&Trial>,
-    ) -> Option<Trial> {
-        let around = self.frame.causal.of(block).map(|n| n.map(|n| n - self.range.start as u32));
+    fn predict_spatially(&self, block: &BlockAtHand) -> [i16; BLOCK_SAMPLES] {
+        let around = self.frame.causal.of(block.number).map(|n| n.map(|n| n - self.range.start as u32));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
             predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
         }
-        let share = self.frame.effort.spatial_error_share;
-        let hopeless = temporal.is_some_and(|temporal| {
-            share.is_finite() && target.weighted_error(&prediction) > share * temporal.pursued.predicted_error
-        });
-        (!hopeless).then(|| self.pursue(target, BlockMode::Spatial, prediction, context, metric))
+        prediction
     }
 
-    fn pursue(
-        &mut self,
-        target: &BlockTarget,
-        mode: BlockMode,
-        prediction: [i16; BLOCK_SAMPLES],
-        context: Option<&ModeContext>,
-        metric: &mut Option<Metric>,
-    ) -> Trial {
+    fn pursue(&mut self, block: &BlockAtHand, mode: BlockMode, prediction: [i16; BLOCK_SAMPLES]) -> Trial {
+        let BlockAtHand { target, metric, context, .. } = block;
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
-        let pursued = self.frame.pursuit.run(target, metric, &field, costs);
-        let bits = context.map_or(0.0, |context| self.mode_bits(mode, context));
+        let pursuit = &self.frame.pursuit;
+        let pursued = if self.frame.refinement {
+            let count_context = self.count_context(block.number, mode);
+            let models = &mut self.models.coefficients;
+            let parameters = self.frame.parameters;
+            let mut bits = ModelBits { parameters, models, context: count_context, usual: costs };
+            pursuit.run_refined(target, metric, &field, &mut bits)
+        } else {
+            pursuit.run(target, metric, &field, costs)
+        };
+        let bits = context.as_ref().map_or(0.0, |context| self.mode_bits(mode, context));
         let cost = pursued.cost + self.frame.pursuit.lambda * bits;
         Trial { mode, prediction, pursued, cost }
     }
 
-    /// Writes a block's symbols, learns from them, and reconstructs it.
-    fn code(&mut self, block: usize, trial: Trial, context: Option<&ModeContext>) {
+    /// What is known around a block when its number of levels is coded.
+    fn count_context(&self, block: usize, mode: BlockMode) -> CountContext {
         let frame = self.frame;
-        if let Some(context) = context {
+        let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
+        let count = |n: usize| self.coded.counts[n - self.range.start];
+        CountContext::new(frame.targets.coords()[block], block, mode, frame.causal, count, reference)
+    }
+
+    /// Writes a block's symbols, learns from them, and reconstructs it.
+    fn code(&mut self, block: &BlockAtHand, trial: Trial) {
+        let frame = self.frame;
+        if let Some(context) = &block.context {
             syntax::modes::write(
                 &mut self.models.modes,
                 &mut self.mode_encoder,
@@ -302,17 +317,7 @@ impl<'a> SliceEncoder<'a> {
             );
         }
         let levels = &trial.pursued.levels;
-        let counts = &self.coded.counts;
-        let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
-        let count = |n: usize| counts[n - self.range.start];
-        let context = CountContext::new(
-            frame.targets.coords()[block],
-            block,
-            trial.mode,
-            frame.causal,
-            count,
-            reference,
-        );
+        let context = self.count_context(block.number, trial.mode);
         let models = &mut self.models.coefficients;
         syntax::coefficients::write(
             models,

@@ -11,6 +11,8 @@ use isv_entropy::{BitModel, IntegerModel, RangeEncoder, mixed_cost};
 pub(crate) trait DecisionSink {
     fn mixed<const N: usize>(&mut self, models: [&mut BitModel; N], bit: bool);
     fn integer(&mut self, model: &mut IntegerModel, value: i32);
+    /// The lowest `count` bits of `value`, highest first, each worth one bit.
+    fn raw(&mut self, value: u32, count: u32);
 }
 
 impl DecisionSink for RangeEncoder {
@@ -20,6 +22,10 @@ impl DecisionSink for RangeEncoder {
 
     fn integer(&mut self, model: &mut IntegerModel, value: i32) {
         model.encode(self, value);
+    }
+
+    fn raw(&mut self, value: u32, count: u32) {
+        self.encode_raw(value, count);
     }
 }
 
@@ -34,5 +40,9 @@ impl DecisionSink for BitCount {
 
     fn integer(&mut self, model: &mut IntegerModel, value: i32) {
         self.0 += model.cost(value);
+    }
+
+    fn raw(&mut self, _: u32, count: u32) {
+        self.0 += count as f32;
     }
 }

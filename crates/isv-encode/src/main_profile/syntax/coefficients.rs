@@ -1,22 +1,23 @@
 //! Quantized coefficients, block after block.
 
+use super::DecisionSink;
 use isv_decode::main_profile::syntax::coefficients::{
     CoefficientModels, CountContext, UNARY_MAGNITUDES, nonzero_lower,
 };
 use isv_decode::main_profile::{COEFFICIENTS, MainParameters};
-use isv_entropy::{MAGNITUDE_LIMIT, RangeEncoder};
+use isv_entropy::MAGNITUDE_LIMIT;
 
 /// Writes the levels of a block.
 pub(crate) fn write(
     models: &mut CoefficientModels,
     parameters: &MainParameters,
-    encoder: &mut RangeEncoder,
+    sink: &mut impl DecisionSink,
     context: &CountContext,
     levels: &[i32],
 ) {
     let count = levels.iter().filter(|level| **level != 0).count();
     for n in 0..COEFFICIENTS.min(count + 1) {
-        encoder.encode_mixed(models.count(n, context), n == count);
+        sink.mixed(models.count(n, context), n == count);
     }
     let mut remaining = count;
     for k in 0..COEFFICIENTS {
@@ -27,10 +28,10 @@ pub(crate) fn write(
         let sum = parameters.index_sum(k);
         if !certain {
             let lower = nonzero_lower(parameters, levels, k);
-            encoder.encode_mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
+            sink.mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
         }
         if levels[k] != 0 {
-            write_level(models, encoder, context.spatial, k, count, sum, levels[k]);
+            write_level(models, sink, context.spatial, k, count, sum, levels[k]);
             remaining -= 1;
         }
     }
@@ -38,7 +39,7 @@ pub(crate) fn write(
 
 fn write_level(
     models: &mut CoefficientModels,
-    encoder: &mut RangeEncoder,
+    sink: &mut impl DecisionSink,
     spatial: usize,
     k: usize,
     count: usize,
@@ -47,22 +48,22 @@ fn write_level(
 ) {
     let magnitude = level.unsigned_abs();
     for m in 1..=magnitude.min(UNARY_MAGNITUDES) {
-        encoder.encode_mixed(models.magnitude(spatial, m, k, count, sum), m == magnitude);
+        sink.mixed(models.magnitude(spatial, m, k, count, sum), m == magnitude);
     }
     if magnitude > UNARY_MAGNITUDES {
-        write_exp_golomb(encoder, magnitude - UNARY_MAGNITUDES - 1);
+        write_exp_golomb(sink, magnitude - UNARY_MAGNITUDES - 1);
     }
-    encoder.encode_raw(u32::from(level < 0), 1);
+    sink.raw(u32::from(level < 0), 1);
 }
 
 /// An Exp-Golomb code of order 0.
-fn write_exp_golomb(encoder: &mut RangeEncoder, value: u32) {
+fn write_exp_golomb(sink: &mut impl DecisionSink, value: u32) {
     let exponent = (value + 1).ilog2();
     for _ in 0..exponent {
-        encoder.encode_raw(1, 1);
+        sink.raw(1, 1);
     }
     if exponent < MAGNITUDE_LIMIT.ilog2() {
-        encoder.encode_raw(0, 1);
+        sink.raw(0, 1);
     }
-    encoder.encode_raw(value + 1 - (1 << exponent), exponent);
+    sink.raw(value + 1 - (1 << exponent), exponent);
 }
