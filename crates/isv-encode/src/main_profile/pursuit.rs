@@ -13,7 +13,6 @@ use super::target::{BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use fearless_simd::{Level, Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
-use std::cell::OnceCell;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
@@ -59,21 +58,27 @@ pub(crate) struct Pursued {
     pub predicted_error: f32,
 }
 
-/// What follows from the weights of a block: the same for all its predictions.
+/// What follows from weights.
 #[derive(Clone, Debug)]
-pub(crate) struct Metric {
+pub(super) struct Metric {
     spectrum: WeightSpectrum,
     /// Weighted energy of each basis function.
     energies: Field,
+    /// Whether it is that of the weights as they are.
+    is_current: bool,
 }
 
 impl Metric {
+    const NONE: Self = Self { spectrum: WeightSpectrum::NONE, energies: [0.0; 512], is_current: false };
+
+    /// Follows the weights, if it does not already. In place: it is large.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
-        let spectrum = WeightSpectrum::new(simd, dct, weights);
-        let mut energies = [0.0; 512];
-        spectrum.energies(&mut energies);
-        Self { spectrum, energies }
+    fn follow<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) {
+        if !self.is_current {
+            self.spectrum.transform(simd, dct, weights);
+            self.spectrum.energies(&mut self.energies);
+            self.is_current = true;
+        }
     }
 
     /// The metric under which a position is left alone.
@@ -85,55 +90,56 @@ impl Metric {
     }
 }
 
-/// The metric of a state: that of its block, until weights change.
-#[derive(Clone)]
-pub(super) struct StateMetric<'a> {
-    block: &'a OnceCell<Metric>,
-    own: Option<Metric>,
-    is_block: bool,
+/// The metrics that the pursuits of a block need: that of its weights, which is the same for all predictions, and that of the
+/// weights of a state whose signs were guarded.
+#[derive(Clone, Debug)]
+pub(crate) struct Metrics {
+    block: Metric,
+    guarded: Metric,
+    is_guarded: bool,
 }
 
-impl<'a> StateMetric<'a> {
-    /// That of the block, which is made when it is first needed.
-    #[inline(always)]
-    pub(super) fn of_block(block: &'a OnceCell<Metric>) -> Self {
-        Self { block, own: None, is_block: true }
+impl Metrics {
+    /// Of no block.
+    pub(crate) const NONE: Self = Self { block: Metric::NONE, guarded: Metric::NONE, is_guarded: false };
+
+    /// There is another block now.
+    pub(crate) fn forget(&mut self) {
+        self.block.is_current = false;
+        self.begin();
     }
 
-    /// There is another metric from now on.
+    /// There is another state now, whose weights are the block's.
+    pub(super) fn begin(&mut self) {
+        self.is_guarded = false;
+    }
+
+    /// The state has other weights now.
     #[inline(always)]
     fn weights_have_changed(&mut self) {
-        (self.own, self.is_block) = (None, false);
+        self.is_guarded = true;
+        self.guarded.is_current = false;
     }
 
-    /// The metric of the weights as they are.
+    /// The metric of a state's weights.
     #[inline(always)]
-    pub(super) fn get<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) -> &Metric {
-        // No closures here: what they hold would not be compiled for the vector instructions.
-        if self.is_block {
-            if self.block.get().is_none() {
-                let made = self.block.set(Metric::new(simd, dct, weights));
-                debug_assert!(made.is_ok(), "nobody else sets it");
-            }
-            return self.block.get().expect("it was just made");
-        }
-        if self.own.is_none() {
-            self.own = Some(Metric::new(simd, dct, weights));
-        }
-        self.own.as_ref().expect("it was just made")
+    pub(super) fn of<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) -> &Metric {
+        let metric = if self.is_guarded { &mut self.guarded } else { &mut self.block };
+        metric.follow(simd, dct, weights);
+        metric
     }
 }
 
 impl Pursuit<'_> {
-    /// Levels of a block from its prediction, in voxels. `metric`: of the block's weights, once it was needed.
+    /// Levels of a block from its prediction, in voxels. `metrics`: of the block.
     pub(crate) fn run(
         &self,
         target: &BlockTarget,
-        metric: &OnceCell<Metric>,
+        metrics: &mut Metrics,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
-        dispatch!(Level::new(), simd => self.run_vectorized(simd, target, metric, prediction, costs))
+        dispatch!(Level::new(), simd => self.run_vectorized(simd, target, metrics, prediction, costs))
     }
 
     #[inline(always)]
@@ -141,16 +147,17 @@ impl Pursuit<'_> {
         &self,
         simd: S,
         target: &BlockTarget,
-        metric: &OnceCell<Metric>,
+        metrics: &mut Metrics,
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
+        metrics.begin();
         let mut state = State::new(target, prediction);
         let predicted_error = state.weighted_error();
         if self.rounding {
             self.round(simd, &mut state);
         } else {
-            self.settle(simd, &mut state, &mut StateMetric::of_block(metric), target, costs);
+            self.settle(simd, &mut state, metrics, target, costs);
         }
         let mut bits = costs.count(state.count);
         if state.count > 0 {
@@ -175,25 +182,25 @@ impl Pursuit<'_> {
         }
     }
 
-    /// Changes levels until no change pays and no sign is in danger. The metric follows the weights.
+    /// Changes levels until no change pays and no sign is in danger.
     #[inline(always)]
     pub(super) fn settle<S: Simd>(
         &self,
         simd: S,
         state: &mut State,
-        metric: &mut StateMetric,
+        metrics: &mut Metrics,
         target: &BlockTarget,
         costs: &LevelCosts,
     ) {
         for round in 0..SIGN_ROUNDS {
             if state.guard_signs(target) {
-                metric.weights_have_changed();
+                metrics.weights_have_changed();
             } else if round > 0 {
                 break;
             }
             // Even a perfect level would pay no more than all of the error.
             if state.count > 0 || state.weighted_error() > self.lambda * costs.least_first() {
-                let metric = metric.get(simd, self.dct, &state.weights);
+                let metric = metrics.of(simd, self.dct, &state.weights);
                 self.descend(simd, state, metric, costs);
             }
         }

@@ -9,11 +9,10 @@
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
-use super::pursuit::{Metric, Pursued, Pursuit, State, StateMetric};
+use super::pursuit::{Metrics, Pursued, Pursuit, State};
 use super::target::{BlockTarget, Field};
 use fearless_simd::{Level, Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
-use std::cell::OnceCell;
 
 /// Lambdas of first descents over the one that counts: too many levels, the usual, too few.
 const STARTS: [f32; 3] = [1.0, 0.4, 2.5];
@@ -26,9 +25,9 @@ const BETTER: f32 = 0.9999;
 
 /// Levels that no change of one improves, and what follows from them.
 #[derive(Clone)]
-struct Settled<'a> {
+struct Settled {
     state: State,
-    metric: StateMetric<'a>,
+    metrics: Metrics,
     /// Weighted squared error plus lambda times bits, in truth.
     cost: f32,
 }
@@ -38,11 +37,11 @@ impl Pursuit<'_> {
     pub(crate) fn run_refined(
         &self,
         target: &BlockTarget,
-        metric: &OnceCell<Metric>,
+        metrics: &mut Metrics,
         prediction: &Field,
         bits: &mut ModelBits,
     ) -> Pursued {
-        dispatch!(Level::new(), simd => self.run_refined_vectorized(simd, target, metric, prediction, bits))
+        dispatch!(Level::new(), simd => self.run_refined_vectorized(simd, target, metrics, prediction, bits))
     }
 
     #[inline(always)]
@@ -50,7 +49,7 @@ impl Pursuit<'_> {
         &self,
         simd: S,
         target: &BlockTarget,
-        metric: &OnceCell<Metric>,
+        metrics: &mut Metrics,
         prediction: &Field,
         bits: &mut ModelBits,
     ) -> Pursued {
@@ -58,8 +57,8 @@ impl Pursuit<'_> {
         let predicted_error = state.weighted_error();
         let mut best = Pursued { levels: [0; COEFFICIENTS], cost: f32::INFINITY, predicted_error };
         for share in STARTS {
-            let metric = StateMetric::of_block(metric);
-            let start = Settled { state: state.clone(), metric, cost: f32::INFINITY };
+            metrics.begin();
+            let start = Settled { state: state.clone(), metrics: metrics.clone(), cost: f32::INFINITY };
             let settled = self.refine_from(simd, start, share, target, bits);
             if settled.cost < best.cost {
                 best = Pursued { levels: settled.state.levels, cost: settled.cost, predicted_error };
@@ -70,17 +69,17 @@ impl Pursuit<'_> {
 
     /// The best that is found from a first descent with this share of lambda.
     #[inline(always)]
-    fn refine_from<'a, S: Simd>(
+    fn refine_from<S: Simd>(
         &self,
         simd: S,
-        mut start: Settled<'a>,
+        mut start: Settled,
         share: f32,
         target: &BlockTarget,
         bits: &mut ModelBits,
-    ) -> Settled<'a> {
+    ) -> Settled {
         let costs = bits.costs_near(&start.state.levels);
         let eager = Pursuit { lambda: share * self.lambda, ..*self };
-        eager.settle(simd, &mut start.state, &mut start.metric, target, &costs);
+        eager.settle(simd, &mut start.state, &mut start.metrics, target, &costs);
         let mut best = self.settled(simd, start, target, &costs, bits);
         let costs = bits.costs_near(&best.state.levels);
         let again = self.settled(simd, best.clone(), target, &costs, bits);
@@ -115,7 +114,7 @@ impl Pursuit<'_> {
             self.drop_level(&mut without.state, k);
             // What it did is first for the others to do, or it would be back at once.
             let position = usize::from(self.scan[k]);
-            let metric = without.metric.get(simd, self.dct, &without.state.weights).without(position);
+            let metric = without.metrics.of(simd, self.dct, &without.state.weights).without(position);
             self.descend(simd, &mut without.state, &metric, &costs);
             let without = self.settled(simd, without, target, &costs, bits);
             if without.cost < best.cost * BETTER {
@@ -126,15 +125,15 @@ impl Pursuit<'_> {
     }
 
     #[inline(always)]
-    fn settled<'a, S: Simd>(
+    fn settled<S: Simd>(
         &self,
         simd: S,
-        mut from: Settled<'a>,
+        mut from: Settled,
         target: &BlockTarget,
         costs: &LevelCosts,
         bits: &mut ModelBits,
-    ) -> Settled<'a> {
-        self.settle(simd, &mut from.state, &mut from.metric, target, costs);
+    ) -> Settled {
+        self.settle(simd, &mut from.state, &mut from.metrics, target, costs);
         from.cost = from.state.true_error(target) + self.lambda * bits.of(&from.state.levels);
         from
     }

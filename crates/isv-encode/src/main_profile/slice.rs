@@ -3,7 +3,7 @@
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
 use super::motion_search::{MotionEffort, Shift, SoughtBlock, are_close, to_shift};
-use super::pursuit::{Metric, Pursued, Pursuit};
+use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field, Targets};
 use super::tools::Tools;
@@ -17,7 +17,6 @@ use isv_decode::main_profile::{
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
 use isv_volume::CODES_PER_VOXEL;
-use std::cell::OnceCell;
 use std::ops::Range;
 
 /// Lambda of vectors over lambda of levels, while candidates are compared by their prediction alone: what a better vector
@@ -69,12 +68,11 @@ pub(crate) struct SliceEncoder<'a> {
 }
 
 /// The block that is coded now.
-struct BlockAtHand {
+struct BlockAtHand<'a> {
     /// Its place in the frame.
     number: usize,
     target: BlockTarget,
-    /// Of the target's weights, once it was needed.
-    metric: OnceCell<Metric>,
+    metrics: &'a mut Metrics,
     /// Nothing in frames without a reference.
     context: Option<ModeContext>,
 }
@@ -110,15 +108,17 @@ impl<'a> SliceEncoder<'a> {
     pub(crate) fn run(mut self) -> (CodedSlice, [LevelCosts; 2]) {
         let reference = self.frame.reference.as_ref().map(|(reference, _)| *reference);
         let mut sought = reference.map(SoughtBlock::new);
+        let mut metrics = Metrics::NONE;
         for number in self.range.clone() {
-            let block = BlockAtHand {
+            metrics.forget();
+            let mut block = BlockAtHand {
                 number,
                 target: self.frame.targets.block(number),
-                metric: OnceCell::new(),
+                metrics: &mut metrics,
                 context: reference.map(|reference| self.mode_context(number, reference)),
             };
-            let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&block, sought));
-            let best = self.spatial_if_better(&block, temporal);
+            let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&mut block, sought));
+            let best = self.spatial_if_better(&mut block, temporal);
             self.code(&block, best);
         }
         self.coded.mode_bytes = match reference {
@@ -135,8 +135,8 @@ impl<'a> SliceEncoder<'a> {
     }
 
     /// The best of the most promising vectors.
-    fn best_temporal(&mut self, block: &BlockAtHand, sought: &mut SoughtBlock) -> Option<Trial> {
-        let context = block.context.as_ref()?;
+    fn best_temporal(&mut self, block: &mut BlockAtHand, sought: &mut SoughtBlock) -> Option<Trial> {
+        let context = &block.context?;
         sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
         let modes = self.temporal_modes(block.number, context, sought);
         let trials = modes.into_iter().map(|mode| {
@@ -241,7 +241,7 @@ impl<'a> SliceEncoder<'a> {
     }
 
     /// The spatial prediction if it costs less than the best temporal one, or if there is none.
-    fn spatial_if_better(&mut self, block: &BlockAtHand, temporal: Option<Trial>) -> Trial {
+    fn spatial_if_better(&mut self, block: &mut BlockAtHand, temporal: Option<Trial>) -> Trial {
         let Some(temporal) = temporal else {
             let prediction = self.predict_spatially(block);
             return self.pursue(block, BlockMode::Spatial, prediction);
@@ -277,8 +277,13 @@ impl<'a> SliceEncoder<'a> {
         prediction
     }
 
-    fn pursue(&mut self, block: &BlockAtHand, mode: BlockMode, prediction: [i16; BLOCK_SAMPLES]) -> Trial {
-        let BlockAtHand { target, metric, context, .. } = block;
+    fn pursue(
+        &mut self,
+        block: &mut BlockAtHand,
+        mode: BlockMode,
+        prediction: [i16; BLOCK_SAMPLES],
+    ) -> Trial {
+        let BlockAtHand { target, metrics, context, .. } = block;
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         let pursuit = &self.frame.pursuit;
@@ -287,9 +292,9 @@ impl<'a> SliceEncoder<'a> {
             let models = &mut self.models.coefficients;
             let parameters = self.frame.parameters;
             let mut bits = ModelBits { parameters, models, context: count_context, usual: costs };
-            pursuit.run_refined(target, metric, &field, &mut bits)
+            pursuit.run_refined(target, metrics, &field, &mut bits)
         } else {
-            pursuit.run(target, metric, &field, costs)
+            pursuit.run(target, metrics, &field, costs)
         };
         let bits = context.as_ref().map_or(0.0, |context| self.mode_bits(mode, context));
         let cost = pursued.cost + self.frame.pursuit.lambda * bits;

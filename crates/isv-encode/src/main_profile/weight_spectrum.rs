@@ -35,13 +35,15 @@ pub(crate) struct WeightSpectrum {
 }
 
 impl WeightSpectrum {
-    /// The spectrum of a block's weights.
+    /// That of no weights.
+    pub(crate) const NONE: Self = Self { rows: [[0.0; EXTENDED]; 64] };
+
+    /// Becomes the spectrum of a block's weights.
     #[inline(always)]
-    pub(crate) fn new<S: Simd>(simd: S, dct: &FieldDct, weights: &Field) -> Self {
+    pub(crate) fn transform<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) {
         let mut transformed = [0.0; 512];
         dct.forward_all(simd, weights, &mut transformed);
-        let mut rows = [[0.0; EXTENDED]; 64];
-        for (row, extended) in rows.iter_mut().enumerate() {
+        for (row, extended) in self.rows.iter_mut().enumerate() {
             let scale = SCALES[row / 8] * SCALES[row % 8];
             for u in 0..8 {
                 let sum = transformed[8 * row + u] / (scale * SCALES[u]);
@@ -52,7 +54,6 @@ impl WeightSpectrum {
                 }
             }
         }
-        Self { rows }
     }
 
     /// The weighted energy of every basis function, of coded rows.
@@ -134,7 +135,8 @@ mod tests {
     fn products_are_those_of_transformed_basis_functions() {
         let dct = FieldDct::new();
         let weights: Field = std::array::from_fn(|v| ((v * 37 + v * v) % 101) as f32 / 101.0);
-        let spectrum = dispatch!(Level::new(), simd => WeightSpectrum::new(simd, &dct, &weights));
+        let mut spectrum = WeightSpectrum::NONE;
+        dispatch!(Level::new(), simd => spectrum.transform(simd, &dct, &weights));
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         for position in [0, 3, 7, 8 * 5 + 1, 64 * 7, 64 * 2 + 8 * 4 + 2, 64 * 5 + 8 * 3] {
