@@ -15,6 +15,7 @@ mod length;
 mod matching;
 mod output;
 mod progress;
+mod stages;
 mod stats;
 mod stream;
 mod table;

@@ -1,8 +1,10 @@
 //! What `--stats` writes. The names of the fields are the keys of the JSON file.
 
+use crate::stages::Stages;
 use anyhow::Result;
 use isv::io::{AtomicFile, WriteError};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -46,6 +48,8 @@ pub(crate) struct DecodedFrameStats {
 #[derive(Debug, Serialize)]
 struct RunStats<'a, F> {
     frames: &'a [F],
+    /// Milliseconds in each stage of the codec, over all frames. Stages that run at the same time each count in full.
+    stages_ms: BTreeMap<&'static str, f64>,
     /// The most memory that was resident at a time; null where the system does not say.
     peak_memory_bytes: Option<u64>,
     wall_ms: f64,
@@ -54,7 +58,7 @@ struct RunStats<'a, F> {
 /// Collects the statistics of a run, if they were asked for.
 #[derive(Debug)]
 pub(crate) struct StatsFile<F> {
-    file: Option<AtomicFile>,
+    file: Option<(AtomicFile, Stages)>,
     frames: Vec<F>,
     started: Instant,
 }
@@ -62,7 +66,7 @@ pub(crate) struct StatsFile<F> {
 impl<F: Serialize> StatsFile<F> {
     /// Opens the file now, so that a path that cannot be written is refused before the work is done.
     pub(crate) fn create(path: Option<&Path>) -> Result<Self, WriteError> {
-        let file = path.map(AtomicFile::create).transpose()?;
+        let file = path.map(AtomicFile::create).transpose()?.map(|file| (file, Stages::listen()));
         Ok(Self { file, frames: Vec::new(), started: Instant::now() })
     }
 
@@ -83,12 +87,14 @@ impl<F: Serialize> StatsFile<F> {
 
     /// Writes the file.
     pub(crate) fn commit(self) -> Result<()> {
+        let wall_ms = self.wall_ms();
+        let Some((mut file, stages)) = self.file else { return Ok(()) };
         let run = RunStats {
             frames: &self.frames,
+            stages_ms: stages.milliseconds(),
             peak_memory_bytes: peak_memory_bytes(),
-            wall_ms: self.wall_ms(),
+            wall_ms,
         };
-        let Some(mut file) = self.file else { return Ok(()) };
         file.write_all((serde_json::to_string_pretty(&run)? + "\n").as_bytes())?;
         Ok(file.commit()?)
     }

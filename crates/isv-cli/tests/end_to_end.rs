@@ -62,7 +62,8 @@ fn statistics_have_their_keys() {
     let work = Workspace::with_figure(2);
     work.isv(&[&ENCODE[..], &["--stats", "encode.json"]].concat()).done();
     let stats: Value = serde_json::from_slice(&work.read("encode.json")).unwrap();
-    assert_keys(&stats, &["frames", "wall_ms"]);
+    assert_keys(&stats, &["frames", "stages_ms", "wall_ms"]);
+    assert_keys(&stats["stages_ms"], &["targets", "slices", "block set", "extension"]);
     assert_eq!(stats["peak_memory_bytes"].is_u64(), cfg!(target_os = "linux"));
     let keys = ["ingest_ms", "encode_ms", "bytes", "bytes_blocks", "bytes_motion", "bytes_coefficients"];
     assert_keys(&stats["frames"][1], &keys);
