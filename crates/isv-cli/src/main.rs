@@ -15,7 +15,6 @@ mod length;
 mod matching;
 mod output;
 mod progress;
-mod stages;
 mod stats;
 mod stream;
 mod table;

@@ -1,8 +1,8 @@
 //! What `--stats` writes. The names of the fields are the keys of the JSON file.
 
-use crate::stages::Stages;
 use anyhow::Result;
 use isv::io::{AtomicFile, WriteError};
+use isv_stages::Stages;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -91,7 +91,7 @@ impl<F: Serialize> StatsFile<F> {
         let Some((mut file, stages)) = self.file else { return Ok(()) };
         let run = RunStats {
             frames: &self.frames,
-            stages_ms: stages.milliseconds(),
+            stages_ms: stages.take_milliseconds(),
             peak_memory_bytes: peak_memory_bytes(),
             wall_ms,
         };

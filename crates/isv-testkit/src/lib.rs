@@ -6,6 +6,6 @@ mod random;
 mod volumes;
 
 pub use depth_camera::{camera_ring, look_at, render_depth};
-pub use meshes::{cube, open_box, sheet, soup, sphere};
+pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use random::Random;
 pub use volumes::{ball, volume_of};
