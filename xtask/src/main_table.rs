@@ -1,12 +1,11 @@
 //! Profile `main` on a real sequence: rate, error and time under several settings.
 
-use crate::takes::Sequence;
+use crate::takes::{Sequence, decode_stream};
 use anyhow::{Context, Result, bail, ensure};
-use isv::decode::{Decoder, Limits};
 use isv::encode::{
     Band, Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
 };
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::metrics::{CompareOptions, GeometryError, compare};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -107,7 +106,7 @@ fn measure(
         reconstructions.push(encoder.reconstruction().cloned());
     }
     let stream = writer.finish()?;
-    let (decoded, decode_ms) = decode(&stream)?;
+    let (decoded, decode_ms) = decode_stream(&stream, |_| ())?;
     ensure!(
         decoded.iter().zip(&reconstructions).all(|(a, b)| Some(a) == b.as_ref()),
         "the decoder disagrees with the encoder"
@@ -149,19 +148,4 @@ fn measure(
         mean(&encode_ms[1.min(encode_ms.len() - 1)..]),
         mean(&decode_ms[1.min(decode_ms.len() - 1)..]),
     ))
-}
-
-/// The decoded volumes, and the milliseconds of each packet.
-fn decode(stream: &[u8]) -> Result<(Vec<SparseVolume>, Vec<f64>)> {
-    let mut reader = PacketReader::new(stream)?;
-    let header = reader.header().context("a stream begins with its header")?;
-    let mut decoder = Decoder::new(header, Limits::default());
-    let (mut volumes, mut decode_ms) = (Vec::new(), Vec::new());
-    while let Some(packet) = reader.next_frame()? {
-        let start = Instant::now();
-        let volume = decoder.decode(&packet)?.volume;
-        decode_ms.push(start.elapsed().as_secs_f64() * 1e3);
-        volumes.push(volume.clone());
-    }
-    Ok((volumes, decode_ms))
 }

@@ -1,11 +1,9 @@
 //! The paper's profile on a real sequence: rate and error of each kind of prediction (its Fig. 10).
 
-use anyhow::{Context, Result, ensure};
-use isv::decode::{Decoder, Limits};
+use crate::takes::decode_stream;
+use anyhow::{Result, ensure};
 use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
-use isv::format::{
-    FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
-};
+use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::metrics::{CompareOptions, compare};
@@ -129,7 +127,9 @@ fn measure_row(
     volumes: &[SparseVolume],
 ) -> Result<Row> {
     let (stream, frames) = encode(header, prediction, volumes)?;
-    let (decoded, mut decode_ms) = decode(&stream)?;
+    let (decoded, mut decode_ms) = decode_stream(&stream, |volume| {
+        std::hint::black_box(extract_surface(volume, &SurfaceOptions { normals: false }));
+    })?;
     let voxel_mm = header.grid.voxel_size.metres() * 1000.0;
     let mbps = |part: fn(&CodedFrame) -> usize| {
         mean(frames.iter().skip(1).map(|f| part(f) as f64)) * header.frame_rate.per_second() * 8.0 / 1e6
@@ -173,22 +173,6 @@ fn encode(
         frames.push(CodedFrame { frame, bytes, encode_ms });
     }
     Ok((writer.finish()?, frames))
-}
-
-/// The decoded volumes, and the milliseconds from each packet to its mesh.
-fn decode(stream: &[u8]) -> Result<(Vec<SparseVolume>, Vec<f64>)> {
-    let mut reader = PacketReader::new(stream)?;
-    let header = reader.header().context("a stream begins with its header")?;
-    let mut decoder = Decoder::new(header, Limits::default());
-    let (mut volumes, mut decode_ms) = (Vec::new(), Vec::new());
-    while let Some(packet) = reader.next_frame()? {
-        let start = Instant::now();
-        let volume = decoder.decode(&packet)?.volume;
-        std::hint::black_box(extract_surface(volume, &SurfaceOptions { normals: false }));
-        decode_ms.push(milliseconds_since(start));
-        volumes.push(volume.clone());
-    }
-    Ok((volumes, decode_ms))
 }
 
 /// Mean over frames of the point-to-surface distance, in millimetres.

@@ -1,12 +1,14 @@
 //! What is measured: the project's own figure, and captures.
 
 use anyhow::{Context, Result};
-use isv::format::FrameRate;
+use isv::decode::{Decoder, Limits};
+use isv::format::{FrameRate, PacketReader};
 use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::volume::{TriangleMesh, VoxelSize};
+use isv::volume::{SparseVolume, TriangleMesh, VoxelSize};
 use isv_figure::figure_mesh;
 use isv_study::{Take, TakeError, TakeFrames};
 use std::path::Path;
+use std::time::Instant;
 
 /// Frames a second of all takes.
 pub(crate) const FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
@@ -77,4 +79,23 @@ impl Take for Figure {
             |frame| -> TriangleMesh { figure_mesh(frame as f64 / FRAME_RATE.per_second(), self.voxel) };
         Ok(Box::new((0..self.frames).map(move |frame| Ok(mesh(frame)))))
     }
+}
+
+/// The decoded volumes of a stream, and the milliseconds of each packet and of what is done with its volume.
+pub(crate) fn decode_stream(
+    stream: &[u8],
+    then: impl Fn(&SparseVolume),
+) -> Result<(Vec<SparseVolume>, Vec<f64>)> {
+    let mut reader = PacketReader::new(stream)?;
+    let header = reader.header().context("a stream begins with its header")?;
+    let mut decoder = Decoder::new(header, Limits::default());
+    let (mut volumes, mut decode_ms) = (Vec::new(), Vec::new());
+    while let Some(packet) = reader.next_frame()? {
+        let start = Instant::now();
+        let volume = decoder.decode(&packet)?.volume;
+        then(volume);
+        decode_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        volumes.push(volume.clone());
+    }
+    Ok((volumes, decode_ms))
 }
