@@ -21,5 +21,5 @@ pub mod syntax;
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
 pub use main_profile::{
-    Band, Bitrate, FrameQuality, MainSettings, MotionEffort, Preset, RateTarget, Tools, UnknownTool,
+    Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, SearchEffort, Tools, UnknownTool,
 };

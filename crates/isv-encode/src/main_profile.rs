@@ -25,7 +25,7 @@ mod weight_spectrum;
 
 pub(crate) use encoder::MainEncoder;
 pub use encoder::{Band, FrameQuality, MainSettings};
-pub use motion_search::MotionEffort;
+pub use motion_search::SearchEffort;
 pub use preset::Preset;
 pub use rate_control::{Bitrate, RateTarget};
 pub use tools::{Tools, UnknownTool};

@@ -2,7 +2,7 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::{MotionEffort, search_cubes};
+use super::motion_search::{SearchEffort, search_cubes};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
 use super::slice::{CodedSlice, FrameContext, SliceEncoder};
@@ -89,7 +89,7 @@ pub struct MainSettings {
     /// How many vectors of a block are coded to see what they cost, 1 or more.
     pub trials: usize,
     /// How thoroughly motion is searched for.
-    pub effort: MotionEffort,
+    pub effort: SearchEffort,
     /// Strength of the in-loop filter in sixty-fourths, and the most that it changes, in codes.
     pub filter: (u8, u8),
     /// Whether vectors count half voxels and not quarters.
@@ -116,7 +116,7 @@ impl Default for MainSettings {
             band: Band::Surface,
             tools: Tools::ALL,
             trials: 2,
-            effort: MotionEffort::THOROUGH,
+            effort: SearchEffort::THOROUGH,
             filter: (13, 38),
             half_voxel_vectors: true,
             filter_search: false,

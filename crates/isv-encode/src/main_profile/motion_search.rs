@@ -41,9 +41,9 @@ pub(crate) fn to_shift(vector: Vector) -> Shift {
     vector.0.map(|quarters| f32::from(quarters) / 4.0)
 }
 
-/// How thoroughly motion is searched for.
+/// How thoroughly predictions are searched for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionEffort {
+pub struct SearchEffort {
     /// How many sizes of cubes are searched as a whole: 4^3 blocks, then 2^3.
     pub cube_sizes: usize,
     /// Gauss-Newton steps of a cube, at most.
@@ -62,7 +62,7 @@ pub struct MotionEffort {
     pub spatial_error_share: f32,
 }
 
-impl MotionEffort {
+impl SearchEffort {
     /// All that was found to pay.
     pub const THOROUGH: Self = Self {
         cube_sizes: 2,
@@ -157,7 +157,7 @@ impl<'a> SoughtBlock<'a> {
 pub(crate) fn search_cubes<'a>(
     reference: &'a MainReference,
     targets: &Targets,
-    effort: MotionEffort,
+    effort: SearchEffort,
 ) -> Vec<Vec<Shift>> {
     let mut found: Vec<Vec<Shift>> = Vec::new();
     for (log2, every) in CUBES.into_iter().zip(CUBE_ROWS).take(effort.cube_sizes) {
@@ -192,7 +192,7 @@ fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
 fn cube_seeds(
     reference: &MainReference,
     targets: &Targets,
-    mut blocks: Range<usize>,
+    blocks: Range<usize>,
     found: &[Vec<Shift>],
 ) -> Vec<Shift> {
     let mut seeds = vec![[0.0; 3]];
@@ -202,7 +202,7 @@ fn cube_seeds(
         }
     };
     found.iter().for_each(|shifts| add(shifts[blocks.start]));
-    let before = blocks.by_ref().filter_map(|block| reference.coded(targets.coords()[block])?.vector);
+    let before = blocks.filter_map(|block| reference.coded(targets.coords()[block])?.vector);
     before.map(to_shift).take(SEEDS_BEFORE).for_each(add);
     seeds
 }

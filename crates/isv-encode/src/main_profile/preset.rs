@@ -1,7 +1,7 @@
 //! How much work the encoder takes on.
 
 use super::encoder::MainSettings;
-use super::motion_search::MotionEffort;
+use super::motion_search::SearchEffort;
 use std::fmt;
 
 /// Sets of choices between speed and size.
@@ -35,7 +35,7 @@ impl Preset {
     pub fn settings(self) -> MainSettings {
         let balanced = MainSettings::default();
         match self {
-            Self::Realtime => MainSettings { trials: 1, slices: 2, effort: MotionEffort::QUICK, ..balanced },
+            Self::Realtime => MainSettings { trials: 1, slices: 2, effort: SearchEffort::QUICK, ..balanced },
             Self::Balanced => balanced,
             Self::Archive => MainSettings {
                 trials: 3,

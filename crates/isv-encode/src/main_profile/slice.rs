@@ -2,7 +2,7 @@
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
-use super::motion_search::{MotionEffort, Shift, SoughtBlock, are_close, to_shift};
+use super::motion_search::{SearchEffort, Shift, SoughtBlock, are_close, to_shift};
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field, Targets};
@@ -37,7 +37,7 @@ pub(crate) struct FrameContext<'a> {
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
     pub trials: usize,
-    pub effort: MotionEffort,
+    pub effort: SearchEffort,
     /// Whether levels are refined under the models' own bits.
     pub refinement: bool,
     pub tools: Tools,
@@ -191,7 +191,7 @@ impl<'a> SliceEncoder<'a> {
         sought: &mut SoughtBlock,
         modes: &mut Vec<(f32, BlockMode)>,
     ) {
-        let MotionEffort { starts: most, block_steps, .. } = self.frame.effort;
+        let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
         let mut starts = vec![best];
         for cube in cubes.iter().map(|shifts| shifts[block]) {
