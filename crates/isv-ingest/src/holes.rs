@@ -6,8 +6,9 @@
 //!
 //! A crack all the way around a part counts as two wide holes, one on either side, as its two rims share no vertex.
 
+use crate::boundary::{Boundary, BoundaryEdge};
 use crate::tiles::VoxelMesh;
-use crate::topology::{BoundaryEdge, Topology};
+use crate::topology::NONE;
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 
@@ -24,22 +25,34 @@ pub(crate) struct WideHoles {
 
 impl WideHoles {
     /// The wide holes of a mesh; `None` if it has none.
-    pub(crate) fn find(mesh: &VoxelMesh, topology: &Topology) -> Option<Self> {
-        let wide = wide_vertices(&topology.boundary, &mesh.vertices, mesh.vertices.len());
+    pub(crate) fn find(mesh: &VoxelMesh) -> Option<Self> {
+        let boundary = Boundary::of(mesh);
+        let wide = wide_vertices(&boundary.edges, &mesh.vertices);
         if !wide.contains(&true) {
             return None;
         }
         let mut edges = vec![0u8; mesh.triangles.len()];
-        for edge in &topology.boundary {
-            edges[edge.face as usize] |= u8::from(wide[edge.from as usize]) << edge.side;
+        for edge in &boundary.edges {
+            edges[edge.side.face as usize] |= u8::from(wide[edge.from as usize]) << edge.side.side;
         }
-        let vertices = topology.welded.iter().map(|first| wide[*first as usize]).collect();
+        let vertices = boundary.welded.iter().map(|first| *first != NONE && wide[*first as usize]).collect();
         Some(Self { edges, vertices })
+    }
+
+    /// The holes of a part of the mesh, given as what its triangles and its vertices were ([`VoxelMesh::part`]).
+    pub(crate) fn part(&self, faces: &[u32], vertices: &[u32]) -> Self {
+        let edges = faces.iter().map(|face| self.edges[*face as usize]).collect();
+        Self { edges, vertices: vertices.iter().map(|vertex| self.has_vertex(*vertex)).collect() }
     }
 
     /// Whether an edge lies on a wide hole; asked of its owner.
     pub(crate) fn has_edge(&self, face: u32, side: usize) -> bool {
         self.edges[face as usize] >> side & 1 != 0
+    }
+
+    /// Whether a triangle does, if only at a corner.
+    pub(crate) fn touch(&self, mesh: &VoxelMesh, face: u32) -> bool {
+        mesh.triangles[face as usize].iter().any(|vertex| self.has_vertex(*vertex))
     }
 
     /// Whether a vertex lies on a wide hole.
@@ -49,7 +62,8 @@ impl WideHoles {
 }
 
 /// For each vertex whether it lies on a wide hole.
-fn wide_vertices(boundary: &[BoundaryEdge], positions: &[DVec3], count: usize) -> Vec<bool> {
+fn wide_vertices(boundary: &[BoundaryEdge], positions: &[DVec3]) -> Vec<bool> {
+    let count = positions.len();
     let mut parents: Vec<u32> = (0..count as u32).collect();
     for edge in boundary {
         let (a, b) = (root(&mut parents, edge.from), root(&mut parents, edge.to));
@@ -91,8 +105,8 @@ mod tests {
 
     fn marked(mesh: &isv_volume::TriangleMesh, scale: f64) -> usize {
         let vertices = mesh.vertices.iter().map(|v| *v * scale).collect();
-        let mesh = VoxelMesh { vertices, triangles: &mesh.triangles };
-        let holes = WideHoles::find(&mesh, &Topology::of(&mesh));
+        let mesh = VoxelMesh { vertices, triangles: (&mesh.triangles).into() };
+        let holes = WideHoles::find(&mesh);
         holes.map_or(0, |holes| holes.edges.iter().map(|bits| bits.count_ones() as usize).sum())
     }
 

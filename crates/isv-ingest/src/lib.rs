@@ -33,8 +33,10 @@
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 
+mod boundary;
 mod caps;
 mod cells;
+mod continuation;
 mod descent;
 mod error;
 mod faces;
@@ -45,6 +47,7 @@ mod points;
 mod regions;
 mod rim;
 mod sampler;
+mod scatter;
 mod sign;
 mod tiles;
 mod topology;
@@ -58,15 +61,16 @@ pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estim
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use caps::Blocks;
-use cells::Directions;
+use glam::IVec3;
 use holes::WideHoles;
 use isv_spatial::WindingNumber;
-use isv_volume::{Grid, SparseVolume, TriangleMesh};
+use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
-use sampler::{Sign, Source, Workspace, sample_tile};
+use rustc_hash::FxHashMap;
+use sampler::{Connections, Sign, Source, Workspace, sample_tile};
+use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
-use tiles::{Band, TileList};
-use topology::Topology;
+use tiles::{Band, Measure, Tile, TileList, VoxelMesh};
 
 /// Blocks a volume may have by default: 2 GiB of samples with blocks of 8 voxels.
 pub const DEFAULT_BLOCK_LIMIT: usize = 1 << 21;
@@ -74,8 +78,24 @@ pub const DEFAULT_BLOCK_LIMIT: usize = 1 << 21;
 /// The offset of Eq. 9 by default, in voxels: a shell three voxels thick, which marching cubes cannot miss.
 const DEFAULT_OFFSET: f64 = 1.5;
 
+/// In voxels, more than the length of a cell's diagonal: a voxel that far from the surface has only neighbours on its side.
+const CELL_DIAGONAL: f64 = 1.75;
+
 /// Tiles whose blocks are held apart from the volume at one time.
 const TILES_AT_ONCE: usize = 256;
+
+/// How far from the surface a volume has blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reach {
+    /// Wherever a voxel is in the truncation band. Distances are exact in all of it.
+    #[default]
+    Band,
+    /// Where a voxel is within a voxel's diagonal of the surface: the blocks that hold the surface and the corners of the cells
+    /// that it passes through, which is all that profile `main` codes unless it is told to code the band. Distances are exact up to
+    /// there; farther from the surface they are only about right. Several times as fast. Blocks of other edges than 8, which that
+    /// profile does not have, get the band.
+    Surface,
+}
 
 /// How meshes become volumes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,13 +108,21 @@ pub struct MeshIngest {
     pub offset_voxels: f64,
     /// Meshes that need more blocks are refused.
     pub max_blocks: usize,
+    /// How far from the surface there are to be blocks.
+    pub reach: Reach,
 }
 
 impl MeshIngest {
     /// The defaults on a grid: automatic sign, an offset of 1.5 voxels, [`DEFAULT_BLOCK_LIMIT`].
     #[must_use]
     pub fn new(grid: Grid) -> Self {
-        Self { grid, sign: SignMode::Auto, offset_voxels: DEFAULT_OFFSET, max_blocks: DEFAULT_BLOCK_LIMIT }
+        Self {
+            grid,
+            sign: SignMode::Auto,
+            offset_voxels: DEFAULT_OFFSET,
+            max_blocks: DEFAULT_BLOCK_LIMIT,
+            reach: Reach::Band,
+        }
     }
 }
 
@@ -118,29 +146,58 @@ pub fn ingest_mesh(
     let offset = limits::check_offset(settings, sign)?;
     limits::check_range(mesh, &settings.grid, offset)?;
     let band = Band::new(&settings.grid, offset);
-    let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
-    let list = limits::list_tiles(mesh, &voxel_mesh, settings, offset)?;
-    let closed = matches!(sign, SignDecision::Closed { .. });
-    let connect = || {
-        let topology = Topology::of(&voxel_mesh);
-        let holes = if closed { WideHoles::find(&voxel_mesh, &topology) } else { None };
-        (topology, holes)
+    let reach = if settings.grid.edge == BlockEdge::E8 { settings.reach } else { Reach::Band };
+    let near = match reach {
+        Reach::Band => band,
+        Reach::Surface => band.within(offset + CELL_DIAGONAL),
     };
-    let ((topology, holes), (directions, winding)) = rayon::join(connect, || {
-        rayon::join(|| Directions::of(&voxel_mesh), || closed.then(|| WindingNumber::new(mesh)))
-    });
+    let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
+    let list = limits::list_tiles(mesh, &voxel_mesh, settings, &near)?;
+    let closed = matches!(sign, SignDecision::Closed { .. });
+    let find_holes = || if closed { WideHoles::find(&voxel_mesh) } else { None };
+    let (holes, winding) = rayon::join(find_holes, || closed.then(|| WindingNumber::new(mesh)));
+    let exact_list;
+    let (tiles, connections) = match (reach, holes) {
+        (Reach::Band, holes) => {
+            let connections = Connections::new(Cow::Borrowed(&voxel_mesh), holes);
+            (list.tiles(Measure::Exact), Some(connections))
+        }
+        (Reach::Surface, None) => (list.tiles(Measure::Scatter), None),
+        (Reach::Surface, Some(holes)) => {
+            let (beside, connections) = beside_holes(&voxel_mesh, &holes, [&near, &band]);
+            exact_list = beside;
+            (replace(list.tiles(Measure::Scatter), exact_list.tiles(Measure::Exact)), Some(connections))
+        }
+    };
     let sign = match winding {
-        Some(winding) => Sign::Closed(winding, holes),
+        Some(winding) => Sign::Closed(winding),
         None => Sign::Offset(offset as f32),
     };
-    Ok(sample(&Source { grid: settings.grid, band, mesh: voxel_mesh, topology, directions, sign }, &list))
+    Ok(sample(&Source { grid: settings.grid, band, near, mesh: &voxel_mesh, connections, sign }, &tiles))
+}
+
+/// The tiles near wide holes with what is to be known to measure them exactly, which is where what is unobserved ends.
+fn beside_holes<'a>(mesh: &VoxelMesh, holes: &WideHoles, bands: [&Band; 2]) -> (TileList, Connections<'a>) {
+    let touching: Vec<u32> =
+        (0..mesh.triangles.len() as u32).filter(|face| holes.touch(mesh, *face)).collect();
+    let mut list = TileList::around(mesh, bands, &touching);
+    let faces = list.faces();
+    list.renumber(&faces);
+    let (part, vertices) = mesh.part(&faces);
+    (list, Connections::new(Cow::Owned(part), Some(holes.part(&faces, &vertices))))
+}
+
+/// Takes tiles of another list in place of those at the same coordinates. Both are in Morton order.
+fn replace<'a>(tiles: Vec<Tile<'a>>, others: Vec<Tile<'a>>) -> Vec<Tile<'a>> {
+    let others: FxHashMap<IVec3, Tile> = others.into_iter().map(|tile| (tile.coord, tile)).collect();
+    tiles.into_iter().map(|tile| others.get(&tile.coord).copied().unwrap_or(tile)).collect()
 }
 
 /// Samples all tiles.
-fn sample(source: &Source, list: &TileList) -> SparseVolume {
+fn sample(source: &Source, tiles: &[Tile]) -> SparseVolume {
     let mut blocks = Blocks::default();
     let workspaces = Mutex::new(Vec::new());
-    for tiles in list.tiles().chunks(TILES_AT_ONCE) {
+    for tiles in tiles.chunks(TILES_AT_ONCE) {
         let parts: Vec<_> = tiles
             .par_iter()
             .map(|tile| with_workspace(&workspaces, |work| sample_tile(source, tile, work)))

@@ -1,10 +1,11 @@
 //! Refusing what cannot be done, before it costs anything, and saying what could be.
 
 use crate::points::cubes::{boxes, reached};
-use crate::tiles::{Band, OverLimit, TILE_BLOCKS, TileList, VoxelMesh, count_blocks};
+use crate::tiles::{Band, Measure, OverLimit, TILE_BLOCKS, TileList, VoxelMesh, count_blocks};
 use crate::{IngestError, MeshIngest, PointIngest, PointSign, SignDecision};
 use glam::DVec3;
 use isv_volume::{FitError, Grid, PointCloud, TriangleMesh};
+use std::borrow::Cow;
 
 /// The offset in voxels: that of the settings for an open surface, zero for a closed one.
 pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<f64, IngestError> {
@@ -60,7 +61,10 @@ fn check_bounds(
 
 /// The mesh with the voxel edge as unit.
 pub(crate) fn in_voxels(mesh: &TriangleMesh, voxel_m: f64) -> VoxelMesh<'_> {
-    VoxelMesh { vertices: mesh.vertices.iter().map(|v| *v / voxel_m).collect(), triangles: &mesh.triangles }
+    VoxelMesh {
+        vertices: mesh.vertices.iter().map(|v| *v / voxel_m).collect(),
+        triangles: Cow::Borrowed(&mesh.triangles),
+    }
 }
 
 /// Lists the triangles of all tiles, or says which voxel size stays within the block limit.
@@ -68,16 +72,15 @@ pub(crate) fn list_tiles(
     mesh: &TriangleMesh,
     voxel_mesh: &VoxelMesh,
     settings: &MeshIngest,
-    offset: f64,
+    band: &Band,
 ) -> Result<TileList, IngestError> {
-    let band = Band::new(&settings.grid, offset);
     let limit = settings.max_blocks;
-    if let Ok(list) = TileList::build(voxel_mesh, &band, limit)
-        && count_blocks(voxel_mesh, &band, &list.tiles(), limit) <= limit
+    if let Ok(list) = TileList::build(voxel_mesh, band, limit)
+        && count_blocks(voxel_mesh, band, &list.tiles(Measure::Exact), limit) <= limit
     {
         return Ok(list);
     }
-    let count = |voxel_m| count_at(mesh, voxel_m, &band, limit);
+    let count = |voxel_m| count_at(mesh, voxel_m, band, limit);
     Err(FitError::too_many_blocks(&settings.grid, limit, mesh.area(), count).into())
 }
 
@@ -102,5 +105,5 @@ pub(crate) fn check_points_blocks(
 fn count_at(mesh: &TriangleMesh, voxel_m: f64, band: &Band, limit: usize) -> Option<usize> {
     let mesh = in_voxels(mesh, voxel_m);
     let list = TileList::build(&mesh, band, limit).map_err(|OverLimit| ()).ok()?;
-    Some(count_blocks(&mesh, band, &list.tiles(), 0)).filter(|blocks| *blocks <= limit)
+    Some(count_blocks(&mesh, band, &list.tiles(Measure::Exact), 0)).filter(|blocks| *blocks <= limit)
 }

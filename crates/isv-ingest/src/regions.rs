@@ -4,9 +4,7 @@
 //! distances add up to more than one voxel the balls cover the way between them, so both are on one side, and one
 //! winding number serves all voxels of a block connected that way.
 
-#[cfg(test)]
-use crate::descent::PARTS;
-use crate::descent::{part_number, part_position};
+use crate::descent::{PARTS, part_number, part_position};
 use isv_volume::{BlockEdge, VoxelMask};
 
 /// Slack, in voxels, for the rounding of distances.
@@ -143,15 +141,17 @@ impl Regions {
         }
     }
 
-    /// Finds the sides of all regions of some blocks of a tile, by asking `are_inside` about the deepest voxels of regions.
-    /// Shallow regions are mostly single voxels, and have the side of a deeper one that they are joined to diagonally.
+    /// Finds the sides of all regions of some blocks of a tile, by asking `are_inside` about the deepest voxels of groups of
+    /// regions that are joined across the faces between blocks. Shallow groups are mostly single voxels, and have the side of a
+    /// deeper one that they are joined to diagonally.
     pub(crate) fn settle(
         tile: &mut [Self],
         blocks: &[usize],
         edge: BlockEdge,
         are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>,
     ) {
-        ask(tile, blocks, SHALLOW, are_inside);
+        let groups = join_across_faces(tile, blocks, edge);
+        ask(tile, &groups, SHALLOW, are_inside);
         for &block in blocks {
             if !tile[block].inside.contains(&None) {
                 continue;
@@ -163,7 +163,7 @@ impl Regions {
                 }
             }
         }
-        ask(tile, blocks, 0.0, are_inside);
+        ask(tile, &groups, 0.0, are_inside);
     }
 
     /// Whether a voxel is inside, after [`Self::settle`].
@@ -172,20 +172,109 @@ impl Regions {
     }
 }
 
-/// Asks for the sides of the regions not known yet, of those that are `depth` deep.
-fn ask(tile: &mut [Regions], blocks: &[usize], depth: f32, are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>) {
-    let (mut unknown, mut voxels) = (Vec::new(), Vec::new());
+/// A region of a tile: its block there, and its number in the block.
+type TileRegion = (usize, usize);
+
+/// Regions of several blocks that are on one side.
+struct Group {
+    members: Vec<TileRegion>,
+    deepest: TileVoxel,
+    depth: f32,
+}
+
+/// Groups the regions of some blocks of a tile by which are joined, directly or not, by face neighbours in different blocks. Blocks
+/// with voxels on a wide hole stay by themselves: through a hole, joined voxels lead from inside to outside.
+fn join_across_faces(tile: &[Regions], blocks: &[usize], edge: BlockEdge) -> Vec<Group> {
+    let mut first = [0; PARTS];
+    let mut regions: Vec<TileRegion> = Vec::new();
     for &block in blocks {
-        let regions = &tile[block];
-        for (region, &deepest) in regions.deepest.iter().enumerate() {
-            if regions.inside[region].is_none() && regions.distances[deepest] >= depth {
-                unknown.push((block, region));
-                voxels.push((block, deepest));
+        first[block] = regions.len();
+        regions.extend((0..tile[block].inside.len()).map(|region| (block, region)));
+    }
+    let mut parents: Vec<usize> = (0..regions.len()).collect();
+    for &block in blocks {
+        for axis in 0..3 {
+            let mut position = part_position(block);
+            position[axis] += 1;
+            let other = if position[axis] < 4 { part_number(position) } else { continue };
+            let is_masked = tile[block].unobserved.is_some() || tile[other].unobserved.is_some();
+            if !tile[other].labels.is_empty() && !is_masked {
+                join_face(
+                    [&tile[block], &tile[other]],
+                    [first[block], first[other]],
+                    axis,
+                    edge,
+                    &mut parents,
+                );
             }
         }
     }
-    for ((block, region), side) in unknown.into_iter().zip(are_inside(&voxels)) {
-        tile[block].inside[region] = Some(side);
+    let mut numbers = vec![usize::MAX; regions.len()];
+    let mut groups: Vec<Group> = Vec::new();
+    for (region, &(block, number)) in regions.iter().enumerate() {
+        let root = root(&mut parents, region);
+        let voxel = tile[block].deepest[number];
+        let depth = tile[block].distances[voxel];
+        if numbers[root] == usize::MAX {
+            numbers[root] = groups.len();
+            groups.push(Group { members: Vec::new(), deepest: (block, voxel), depth });
+        }
+        let group = &mut groups[numbers[root]];
+        group.members.push((block, number));
+        if depth > group.depth {
+            (group.deepest, group.depth) = ((block, voxel), depth);
+        }
+    }
+    groups
+}
+
+/// Joins the regions on both sides of the face between two blocks, of which the second follows the first along an axis.
+/// `first`: the places of their regions in `parents`.
+fn join_face(
+    [lower, upper]: [&Regions; 2],
+    first: [usize; 2],
+    axis: usize,
+    edge: BlockEdge,
+    parents: &mut [usize],
+) {
+    let n = edge.voxels();
+    let strides = [1, n, n * n];
+    let (along, a, b) = (strides[axis], strides[(axis + 1) % 3], strides[(axis + 2) % 3]);
+    let mut last = (EXCLUDED, EXCLUDED);
+    for place in 0..n * n {
+        let above = place % n * a + place / n * b;
+        let below = above + (n - 1) * along;
+        let labels = (lower.labels[below], upper.labels[above]);
+        let joined = lower.distances[below] + upper.distances[above] > JOINED;
+        if !joined || labels == last || labels.0 == EXCLUDED || labels.1 == EXCLUDED {
+            continue;
+        }
+        last = labels;
+        let [p, q] = [first[0] + usize::from(labels.0), first[1] + usize::from(labels.1)]
+            .map(|region| root(parents, region));
+        parents[p.max(q)] = p.min(q);
+    }
+}
+
+/// The representative of a region, halving its path on the way.
+fn root(parents: &mut [usize], mut region: usize) -> usize {
+    while parents[region] != region {
+        parents[region] = parents[parents[region]];
+        region = parents[region];
+    }
+    region
+}
+
+/// Asks for the sides of the groups not known yet, of those that are `depth` deep.
+fn ask(tile: &mut [Regions], groups: &[Group], depth: f32, are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>) {
+    let is_unknown = |&(block, region): &TileRegion| tile[block].inside[region].is_none();
+    let unknown: Vec<&Group> =
+        groups.iter().filter(|group| group.depth >= depth && group.members.iter().any(is_unknown)).collect();
+    let voxels: Vec<TileVoxel> = unknown.iter().map(|group| group.deepest).collect();
+    for (group, side) in unknown.into_iter().zip(are_inside(&voxels)) {
+        for &(block, region) in &group.members {
+            tile[block].inside[region].get_or_insert(side);
+        }
     }
 }
 

@@ -1,40 +1,59 @@
 //! The samples of one tile.
 
 use crate::cells::{Cells, Directions, Parts};
+use crate::continuation::continue_outwards;
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
 use crate::regions::{Regions, TileVoxel};
-use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
+use crate::scatter::TileDistances;
+use crate::tiles::{Band, Measure, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
 use fearless_simd::{Level, dispatch};
 use glam::{DVec3, IVec3, Vec3};
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
+use std::borrow::Cow;
 
 /// Everything samples are made from.
 pub(crate) struct Source<'a> {
     pub(crate) grid: Grid,
+    /// Where distances are exact in tiles that are measured exactly.
     pub(crate) band: Band,
-    pub(crate) mesh: VoxelMesh<'a>,
-    pub(crate) topology: Topology,
-    pub(crate) directions: Directions,
+    /// Where they are exact in all others, and where blocks have to have a voxel.
+    pub(crate) near: Band,
+    /// The triangles of tiles that are measured near the surface only.
+    pub(crate) mesh: &'a VoxelMesh<'a>,
+    /// Those of tiles that are measured exactly, if there are any.
+    pub(crate) connections: Option<Connections<'a>>,
     pub(crate) sign: Sign,
 }
 
+/// Triangles, how they hang together, where they point, and the holes to keep open, if any.
+pub(crate) struct Connections<'a> {
+    mesh: Cow<'a, VoxelMesh<'a>>,
+    topology: Topology,
+    directions: Directions,
+    holes: Option<WideHoles>,
+}
+
+impl<'a> Connections<'a> {
+    pub(crate) fn new(mesh: Cow<'a, VoxelMesh<'a>>, holes: Option<WideHoles>) -> Self {
+        let (topology, directions) = rayon::join(|| Topology::of(&mesh), || Directions::of(&mesh));
+        Self { mesh, topology, directions, holes }
+    }
+}
+
 impl Source<'_> {
-    /// The holes to keep open, if any.
-    fn holes(&self) -> Option<&WideHoles> {
-        match &self.sign {
-            Sign::Closed(_, holes) => holes.as_ref(),
-            Sign::Offset(_) => None,
-        }
+    /// Whether there are holes to keep open.
+    pub(crate) fn has_wide_holes(&self) -> bool {
+        self.connections.as_ref().is_some_and(|connections| connections.holes.is_some())
     }
 }
 
 /// Where the sign of a sample comes from.
 pub(crate) enum Sign {
-    /// Eq. 8: the winding number in metres, and the holes to keep open, if any.
-    Closed(WindingNumber, Option<WideHoles>),
+    /// Eq. 8: the winding number in metres.
+    Closed(WindingNumber),
     /// Eq. 9: the offset in voxels.
     Offset(f32),
 }
@@ -58,6 +77,8 @@ pub(crate) struct Workspace {
     on_hole: Vec<[f32; LANES]>,
     /// The voxels of a block by their Morton numbers.
     voxels: Vec<u16>,
+    /// Distances near the surface in the tile at hand.
+    near: TileDistances,
     /// The blocks of the tile at hand.
     blocks: Vec<Regions>,
 }
@@ -70,6 +91,7 @@ impl Default for Workspace {
             nearest: Vec::new(),
             on_hole: Vec::new(),
             voxels: Vec::new(),
+            near: TileDistances::default(),
             blocks: (0..PARTS).map(|_| Regions::default()).collect(),
         }
     }
@@ -77,28 +99,16 @@ impl Default for Workspace {
 
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
-    let edge = source.band.tile_edge();
-    let parts = Parts {
-        mesh: &source.mesh,
-        topology: &source.topology,
-        directions: &source.directions,
-        holes: source.holes(),
-    };
-    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
-    work.cells.add(&parts, tile.faces());
-    work.lists.iter_mut().for_each(Vec::clear);
-    let Workspace { cells, lists, .. } = work;
-    let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
-    let band = source.band.width as f32;
-    dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
-    for octant in 0..LANES {
-        measure_octant(source, work, octant);
+    match tile.measure {
+        Measure::Exact => measure_exactly(source, tile, work),
+        Measure::Scatter => measure_near(source, tile, work),
     }
-    let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], band)).collect();
+    let near = source.near.width as f32;
+    let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], near)).collect();
     let coord = |block: usize| {
         BlockCoord::from((tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array())
     };
-    if let Sign::Closed(winding, _) = &source.sign {
+    if let Sign::Closed(winding) = &source.sign {
         find_sides(source, winding, work, &active, coord);
     }
     let size = source.grid.edge.block_voxels();
@@ -146,7 +156,7 @@ fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &
     for (sample, distance) in samples.iter_mut().zip(&block.distances) {
         *sample = code(grid, distance - offset);
     }
-    let Sign::Closed(winding, _) = &source.sign else { return };
+    let Sign::Closed(winding) = &source.sign else { return };
     for (voxel, sample) in samples.iter_mut().enumerate() {
         *sample = if block.is_inside(voxel) { -*sample } else { *sample };
     }
@@ -167,6 +177,54 @@ const ROUNDER: f32 = 12_582_912.0;
 fn code(grid: &Grid, distance: f32) -> i16 {
     let limit = f32::from(grid.truncation.codes());
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
+}
+
+/// Finds the distances and the unobserved voxels of the blocks of a tile, exactly in all of the band.
+fn measure_exactly(source: &Source, tile: &Tile, work: &mut Workspace) {
+    let edge = source.band.tile_edge();
+    let Connections { mesh, topology, directions, holes } =
+        source.connections.as_ref().expect("there are connections where tiles are measured exactly");
+    let parts = Parts { mesh, topology, directions, holes: holes.as_ref() };
+    work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
+    work.cells.add(&parts, tile.faces());
+    work.lists.iter_mut().for_each(Vec::clear);
+    let Workspace { cells, lists, .. } = work;
+    let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
+    let band = source.band.width as f32;
+    dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
+    for octant in 0..LANES {
+        measure_octant(source, work, octant);
+    }
+}
+
+/// Finds the distances of the blocks of a tile, exactly near the surface.
+fn measure_near(source: &Source, tile: &Tile, work: &mut Workspace) {
+    let edge = source.near.tile_edge();
+    let first = tile.coord.as_dvec3() * f64::from(edge) + 0.5;
+    let reach = source.near.width as f32;
+    let Workspace { near, blocks, .. } = work;
+    near.restart(edge as usize);
+    dispatch!(Level::new(), simd => near.scatter(simd, source.mesh, tile.faces(), first, reach));
+    for (block, taken) in blocks.iter_mut().enumerate() {
+        take_near(near, source.grid.edge, part_position(block), reach, taken);
+    }
+}
+
+/// Takes over the distances of a block that was measured near the surface, and continues them.
+fn take_near(near: &TileDistances, edge: BlockEdge, position: [i32; 3], reach: f32, taken: &mut Regions) {
+    let n = edge.voxels();
+    let first = position.map(|c| c as usize * n);
+    let rows = || (0..n * n).map(|row| near.row([first[0], first[1] + row % n, first[2] + row / n], n));
+    if !rows().flatten().any(|square| *square <= reach * reach) {
+        taken.restart(0);
+        return;
+    }
+    taken.restart(edge.block_voxels());
+    for (row, squares) in taken.distances.chunks_exact_mut(n).zip(rows()) {
+        row.iter_mut().zip(squares).for_each(|(distance, square)| *distance = square.sqrt());
+    }
+    let distances = &mut taken.distances[..];
+    dispatch!(Level::new(), simd => continue_outwards(simd, distances, reach));
 }
 
 /// Finds the distances and the unobserved voxels of the eight blocks of an octant of the tile.
@@ -200,7 +258,7 @@ fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: u
     if work.voxels.is_empty() {
         work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
     }
-    if source.holes().is_some() {
+    if source.has_wide_holes() {
         let on_hole = &work.on_hole.as_flattened()[block * size..][..size];
         for ((nearest, on_hole), voxel) in nearest.iter().zip(on_hole).zip(&work.voxels) {
             if nearest == on_hole && nearest.is_finite() {

@@ -9,6 +9,7 @@ use isv_spatial::closest_on_triangle;
 use isv_volume::{BlockCoord, Grid, MortonCode};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::borrow::Cow;
 
 /// Blocks along the edge of a tile.
 pub(crate) const TILE_BLOCKS: i32 = 4;
@@ -28,15 +29,31 @@ const LARGE: f64 = 0.5;
 const BEYOND: f64 = 1.75;
 
 /// A mesh in voxel units: positions divided by the voxel size.
+#[derive(Clone)]
 pub(crate) struct VoxelMesh<'a> {
     pub(crate) vertices: Vec<DVec3>,
-    pub(crate) triangles: &'a [[u32; 3]],
+    pub(crate) triangles: Cow<'a, [[u32; 3]]>,
 }
 
 impl VoxelMesh<'_> {
     pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
         let [a, b, c] = self.triangles[face as usize];
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
+    }
+
+    /// Some of the triangles, with their vertices; and for each of those which vertex it was.
+    pub(crate) fn part<'p>(&self, faces: &[u32]) -> (VoxelMesh<'p>, Vec<u32>) {
+        let mut numbers = FxHashMap::default();
+        let mut chosen = Vec::new();
+        let mut number = |vertex: u32| {
+            *numbers.entry(vertex).or_insert_with(|| {
+                chosen.push(vertex);
+                chosen.len() as u32 - 1
+            })
+        };
+        let triangles = faces.iter().map(|face| self.triangles[*face as usize].map(&mut number)).collect();
+        let vertices = chosen.iter().map(|vertex| self.vertices[*vertex as usize]).collect();
+        (VoxelMesh { vertices, triangles: Cow::Owned(triangles) }, chosen)
     }
 }
 
@@ -52,6 +69,11 @@ pub(crate) struct Band {
 impl Band {
     pub(crate) fn new(grid: &Grid, offset_voxels: f64) -> Self {
         Self { width: f64::from(grid.truncation.voxels()) + offset_voxels, edge: grid.edge.voxels() as i32 }
+    }
+
+    /// The same with another width.
+    pub(crate) fn within(&self, width: f64) -> Self {
+        Self { width, ..*self }
     }
 
     /// Edge of a tile.
@@ -83,10 +105,21 @@ impl Band {
     }
 }
 
+/// How the distances of a tile are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Measure {
+    /// Exactly in all of the band, with the parts of the mesh that are closest ([`crate::descent`]).
+    Exact,
+    /// Near the surface ([`crate::scatter`]), and from there on ([`crate::continuation`]).
+    Scatter,
+}
+
 /// The triangles of one tile.
+#[derive(Clone, Copy)]
 pub(crate) struct Tile<'a> {
     /// Position on the grid of tiles.
     pub(crate) coord: IVec3,
+    pub(crate) measure: Measure,
     faces: &'a [u32],
 }
 
@@ -141,12 +174,43 @@ impl TileList {
         Ok(gather(&listings))
     }
 
+    /// Lists the triangles in a band of those tiles that some chosen triangles are near, if only in a narrower band.
+    pub(crate) fn around(mesh: &VoxelMesh, [near, band]: [&Band; 2], chosen: &[u32]) -> Self {
+        let mut listing = Listing::default();
+        chosen.iter().for_each(|face| listing.add(*face, mesh.corners(*face), near));
+        let wanted: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
+        let listings: Vec<Vec<Entry>> = (0..mesh.triangles.len())
+            .into_par_iter()
+            .fold(Listing::default, |mut listing, face| {
+                listing.add_within(face as u32, mesh.corners(face as u32), band, Some(&wanted));
+                listing
+            })
+            .map(|listing| listing.entries)
+            .collect();
+        gather(&listings)
+    }
+
+    /// The triangles of all tiles, ascending, once each.
+    pub(crate) fn faces(&self) -> Vec<u32> {
+        let mut faces = self.faces.clone();
+        faces.sort_unstable();
+        faces.dedup();
+        faces
+    }
+
+    /// Names triangles by their places among some, which are ascending and hold all of them.
+    pub(crate) fn renumber(&mut self, faces: &[u32]) {
+        for face in &mut self.faces {
+            *face = faces.binary_search(face).expect("all triangles of the list are there") as u32;
+        }
+    }
+
     /// The tiles in Morton order.
-    pub(crate) fn tiles(&self) -> Vec<Tile<'_>> {
+    pub(crate) fn tiles(&self, measure: Measure) -> Vec<Tile<'_>> {
         let mut start = 0;
         let tile = |&(tile, end): &(MortonCode, usize)| {
             let coord = IVec3::from_array(tile.coord().to_array()) / TILE_BLOCKS;
-            Tile { coord, faces: &self.faces[std::mem::replace(&mut start, end)..end] }
+            Tile { coord, measure, faces: &self.faces[std::mem::replace(&mut start, end)..end] }
         };
         self.tiles.iter().map(tile).collect()
     }
@@ -198,8 +262,10 @@ fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Resul
 }
 
 /// A triangle to be listed.
-struct Triangle {
+struct Triangle<'a> {
     face: u32,
+    /// The only tiles to be listed in, if not all are.
+    wanted: Option<&'a FxHashSet<MortonCode>>,
     corners: [DVec3; 3],
     /// Its bounds.
     lo: DVec3,
@@ -220,6 +286,16 @@ struct Listing {
 
 impl Listing {
     fn add(&mut self, face: u32, corners: [DVec3; 3], band: &Band) {
+        self.add_within(face, corners, band, None);
+    }
+
+    fn add_within(
+        &mut self,
+        face: u32,
+        corners: [DVec3; 3],
+        band: &Band,
+        wanted: Option<&FxHashSet<MortonCode>>,
+    ) {
         let edge = f64::from(band.tile_edge());
         let [a, b, c] = corners;
         let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
@@ -228,7 +304,7 @@ impl Listing {
         self.add_range(
             tile_of(lo - band.width - BEYOND),
             tile_of(hi + band.width + BEYOND),
-            &Triangle { face, corners, lo, hi, is_large },
+            &Triangle { face, wanted, corners, lo, hi, is_large },
             band,
         );
         // Any point of a tile is less than a voxel from a voxel centre there, and bands are wider.
@@ -271,6 +347,9 @@ impl Listing {
 
     /// Adds a tile if the bounds of the triangle come close enough to its voxels, and the triangle itself, if it is large.
     fn add_tile(&mut self, tile: IVec3, triangle: &Triangle, band: &Band) {
+        if triangle.wanted.is_some_and(|wanted| !wanted.contains(&code(tile))) {
+            return;
+        }
         let edge = f64::from(band.tile_edge());
         let first = tile.as_dvec3() * edge + 0.5;
         let last = first + (edge - 1.0);

@@ -8,7 +8,7 @@ use glam::DVec3;
 use rustc_hash::FxHashMap;
 
 /// No vertex, or no triangle.
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// One side of one triangle.
 #[derive(Clone, Copy)]
@@ -30,9 +30,7 @@ pub(crate) struct Spoke {
 /// Edges and vertices of a mesh.
 pub(crate) struct Topology {
     /// For each vertex the first one at exactly the same position.
-    pub(crate) welded: Vec<u32>,
-    /// Edges with one face.
-    pub(crate) boundary: Vec<BoundaryEdge>,
+    welded: Vec<u32>,
     /// A byte a triangle: bit `i` if it owns its edge `i`, bit `3 + i` if it owns its corner `i`.
     owned: Vec<u8>,
     /// For the owner of an edge: another triangle at that edge, with another third corner, times four plus the number of its
@@ -43,16 +41,6 @@ pub(crate) struct Topology {
     starts: Vec<u32>,
 }
 
-/// An edge with one face, in the direction of that face.
-pub(crate) struct BoundaryEdge {
-    pub(crate) from: u32,
-    pub(crate) to: u32,
-    /// The triangle that owns it.
-    pub(crate) face: u32,
-    /// Which edge of that triangle it is.
-    pub(crate) side: u8,
-}
-
 /// One side of one triangle: its ends, the lower in the high half; the corner opposite, [`NONE`] if the triangle names a
 /// position twice; four times the triangle's index plus the number of the side.
 type Key = (u64, u32, u32);
@@ -60,29 +48,22 @@ type Key = (u64, u32, u32);
 impl Topology {
     pub(crate) fn of(mesh: &VoxelMesh) -> Self {
         let welded = weld(&mesh.vertices);
-        let sides = sorted_sides(mesh.triangles, &welded);
-        let mut owned = own_vertices(mesh.triangles, &welded);
+        let sides = sorted_sides(&mesh.triangles, &welded);
+        let mut owned = own_vertices(&mesh.triangles, &welded);
         let mut across = vec![[NONE; 3]; mesh.triangles.len()];
-        let (mut boundary, mut edges) = (Vec::new(), Vec::new());
+        let mut edges = Vec::new();
         for edge in sides.chunk_by(|a, b| a.0 == b.0) {
             let owner = edge.iter().map(|side| side.2).min().unwrap_or(0);
             let (face, side) = (owner / 4, (owner % 4) as usize);
             let ends = [0, 1].map(|i| welded[mesh.triangles[face as usize][(side + i) % 3] as usize]);
             let own_corner = welded[mesh.triangles[face as usize][(side + 2) % 3] as usize];
-            let mut opposite = edge.iter().map(|side| side.1).filter(|corner| *corner != NONE);
             owned[face as usize] |= 1 << side;
             let other = edge.iter().find(|side| side.1 != NONE && side.1 != own_corner);
             across[face as usize][side] = other.map_or(NONE, |side| side.2);
-            // Duplicates of a face do not hide a rim. Faces that name a position twice have no area and border nothing.
-            if let Some(first) = opposite.next()
-                && opposite.all(|corner| corner == first)
-            {
-                boundary.push(BoundaryEdge { from: ends[0], to: ends[1], face, side: side as u8 });
-            }
             edges.push((ends, Side { face, side: side as u8 }));
         }
         let (spokes, starts) = fans(&edges, mesh.vertices.len());
-        Self { welded, boundary, owned, across, spokes, starts }
+        Self { welded, owned, across, spokes, starts }
     }
 
     /// Whether a triangle owns its edge `side`.
@@ -111,9 +92,13 @@ impl Topology {
 /// For each vertex the first one at exactly the same position.
 fn weld(vertices: &[DVec3]) -> Vec<u32> {
     let mut first = FxHashMap::with_capacity_and_hasher(vertices.len(), Default::default());
+    vertices.iter().enumerate().map(|(i, v)| *first.entry(position_key(v)).or_insert(i as u32)).collect()
+}
+
+/// What equal positions have in common, and no others.
+pub(crate) fn position_key(position: &DVec3) -> [u64; 3] {
     // Adding zero turns -0 into 0.
-    let key = |v: &DVec3| (*v + 0.0).to_array().map(f64::to_bits);
-    vertices.iter().enumerate().map(|(i, v)| *first.entry(key(v)).or_insert(i as u32)).collect()
+    (*position + 0.0).to_array().map(f64::to_bits)
 }
 
 /// The sides of all triangles that are not points, sorted, by way of one bucket for each lower end.
@@ -144,7 +129,7 @@ fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
 }
 
 /// Where each bucket begins, and where the last ends, if items fall into the given buckets.
-fn running_sums(items: impl Iterator<Item = usize>, buckets: usize) -> Vec<u32> {
+pub(crate) fn running_sums(items: impl Iterator<Item = usize>, buckets: usize) -> Vec<u32> {
     let mut starts = vec![0u32; buckets + 1];
     for bucket in items {
         starts[bucket + 1] += 1;

@@ -1,7 +1,8 @@
 //! The bounding-volume hierarchy under both queries.
 
 use glam::DVec3;
-use isv_volume::TriangleMesh;
+use isv_volume::{BlockCoord, TriangleMesh};
+use rayon::prelude::*;
 
 /// Below this depth the surface-area heuristic may split unevenly; from here on every split halves the triangles, so
 /// the depth never passes [`MAX_DEPTH`], whatever the input.
@@ -9,6 +10,9 @@ const UNEVEN_DEPTH: usize = 40;
 
 /// Bound on the depth of a tree: [`UNEVEN_DEPTH`] plus the halvings of 2^32 triangles.
 pub(crate) const MAX_DEPTH: usize = UNEVEN_DEPTH + 32;
+
+/// Bits of a triangle's place along each axis: those of all three together are no more than [`UNEVEN_DEPTH`].
+const PLACE_BITS: u32 = 13;
 
 /// Buckets of the surface-area heuristic along the split axis.
 const BINS: usize = 16;
@@ -71,6 +75,31 @@ impl Item {
 }
 
 impl Tree {
+    /// Builds a tree with at most `leaf_size` triangles a leaf, by where triangles are: cubes are halved along each axis in turn,
+    /// which is found by sorting (Lauterbach et al. 2009, "Fast BVH construction on GPUs"). Far faster to build than
+    /// [`Self::build`], and a little slower to search.
+    ///
+    /// # Panics
+    /// As [`Self::build`].
+    pub(crate) fn by_place(mesh: &TriangleMesh, leaf_size: usize) -> Self {
+        assert!(!mesh.triangles.is_empty(), "a mesh without faces has no winding number");
+        let (lo, hi) = mesh.bounds().expect("a mesh with faces has vertices");
+        let scale =
+            f64::from(1 << PLACE_BITS) * (1.0 - 1e-9) / (hi - lo).max_element().max(f64::MIN_POSITIVE);
+        let place = |face: usize| {
+            let [a, b, c] = mesh.corners(face);
+            let middle = (a.min(b).min(c) - lo) * 0.5 + (a.max(b).max(c) - lo) * 0.5;
+            let place = BlockCoord::from((middle * scale).as_ivec3().to_array());
+            (place.morton().0, face as u32)
+        };
+        let mut places: Vec<Place> = (0..mesh.triangles.len()).into_par_iter().map(place).collect();
+        places.par_sort_unstable();
+        let order: Vec<u32> = places.iter().map(|place| place.1).collect();
+        let mut nodes = Vec::with_capacity(2 * places.len() / leaf_size + 1);
+        halve(&mut nodes, &places, 0, &Leaves { mesh, leaf_size });
+        Self { nodes, order }
+    }
+
     /// Builds a tree with at most `leaf_size` triangles a leaf, by the surface-area heuristic.
     ///
     /// # Panics
@@ -86,6 +115,39 @@ impl Tree {
         let nodes = build_range(&mut items, 0, 0, leaf_size);
         Self { nodes, order: items.iter().map(|item| item.face).collect() }
     }
+}
+
+/// Where a triangle is, as a Morton code, and which it is.
+type Place = (u64, u32);
+
+/// What nodes are made from.
+struct Leaves<'a> {
+    mesh: &'a TriangleMesh,
+    leaf_size: usize,
+}
+
+/// Adds the nodes of the subtree over some places in order, the first of which has position `base` in the tree's order; returns its
+/// box. Recursion is bounded: a code has [`PLACE_BITS`] bits for each axis, and triangles with equal ones are halved.
+fn halve(nodes: &mut Vec<Node>, places: &[Place], base: usize, leaves: &Leaves) -> (DVec3, DVec3) {
+    let here = nodes.len();
+    nodes.push(Node { lo: DVec3::ZERO, hi: DVec3::ZERO, link: base as u32, count: places.len() as u32 });
+    let (lo, hi) = if places.len() <= leaves.leaf_size {
+        let corners = places.iter().flat_map(|place| leaves.mesh.corners(place.1 as usize));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+    } else {
+        let differ = places[0].0 ^ places[places.len() - 1].0;
+        let middle = match differ.checked_ilog2() {
+            Some(bit) => places.partition_point(|place| place.0 >> bit & 1 == 0),
+            None => places.len() / 2,
+        };
+        let first = halve(nodes, &places[..middle], base, leaves);
+        nodes[here].link = (nodes.len() - here) as u32;
+        nodes[here].count = 0;
+        let second = halve(nodes, &places[middle..], base + middle, leaves);
+        (first.0.min(second.0), first.1.max(second.1))
+    };
+    (nodes[here].lo, nodes[here].hi) = (lo, hi);
+    (lo, hi)
 }
 
 /// Nodes of the subtree over `items`, whose first entry has position `base` in the tree's order.
@@ -201,11 +263,24 @@ mod tests {
 
     #[test]
     fn leaves_hold_every_triangle_once() {
-        let tree = Tree::build(&soup(3, 10_000), 4);
+        let mesh = soup(3, 10_000);
+        for tree in [Tree::build(&mesh, 4), Tree::by_place(&mesh, 4)] {
+            check_leaves(&tree, &mesh);
+        }
+    }
+
+    /// Checks that every triangle is in one leaf, and in the boxes of that and of all nodes above.
+    fn check_leaves(tree: &Tree, mesh: &TriangleMesh) {
         let mut faces = Vec::new();
         for (index, node) in tree.nodes.iter().enumerate() {
+            if let Content::Inner(a, b) = node.content(index) {
+                let children = [&tree.nodes[a], &tree.nodes[b]];
+                assert!(children.iter().all(|c| c.lo.cmpge(node.lo).all() && c.hi.cmple(node.hi).all()));
+            }
             if let Content::Leaf(range) = node.content(index) {
                 assert!(range.len() <= 4);
+                let corners = tree.order[range.clone()].iter().flat_map(|face| mesh.corners(*face as usize));
+                corners.for_each(|p| assert!(p.cmpge(node.lo).all() && p.cmple(node.hi).all()));
                 faces.extend_from_slice(&tree.order[range]);
             }
         }
@@ -217,9 +292,9 @@ mod tests {
     fn equal_centroids_and_exponential_spacing_stay_shallow() {
         let mut mesh = soup(4, 1);
         mesh.triangles = vec![[0, 1, 2]; 20_000];
-        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH);
+        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4)) <= MAX_DEPTH);
         mesh.vertices = (0..900).map(|i| DVec3::X * 2f64.powi(i - 450)).collect();
         mesh.triangles = (0..900).map(|i| [i; 3]).collect();
-        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH);
+        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4)) <= MAX_DEPTH);
     }
 }

@@ -8,10 +8,11 @@
 //! more than [`BETA`] times its radius is replaced by its Taylor expansion, triangles nearby are summed exactly.
 
 use crate::expansion::{Expansion, Points};
-use crate::tree::{Content, MAX_DEPTH, Tree};
+use crate::tree::{Content, MAX_DEPTH, Node, Tree};
 use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// A cluster is expanded when farther than this many of its radii (the value of Barill et al.). On coarse test meshes the
@@ -50,16 +51,21 @@ impl WindingNumber {
     /// If the mesh has no triangles or names vertices that are not there ([`TriangleMesh::validate`] tells).
     #[must_use]
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let Tree { nodes, order } = Tree::build(mesh, LEAF_SIZE);
-        let corners: Vec<_> = order.iter().map(|face| mesh.corners(*face as usize)).collect();
+        let Tree { nodes, order } = Tree::by_place(mesh, LEAF_SIZE);
+        let corners: Vec<_> = order.par_iter().map(|face| mesh.corners(*face as usize)).collect();
+        let leaf = |(index, node): (usize, &Node)| match node.content(index) {
+            Content::Leaf(range) => Some(Expansion::of_triangles(&corners[range])),
+            Content::Inner(..) => None,
+        };
+        let leaves: Vec<Option<Expansion>> = nodes.par_iter().enumerate().map(leaf).collect();
         let mut clusters: Vec<Cluster> = Vec::with_capacity(nodes.len());
         // Children follow their parents, so going backwards meets them first; `clusters` is filled in reverse.
         for (index, node) in nodes.iter().enumerate().rev() {
             let content = node.content(index);
             let built = |child: usize| &clusters[nodes.len() - 1 - child].far_field;
-            let far_field = match &content {
-                Content::Leaf(range) => Expansion::of_triangles(&corners[range.clone()]),
-                Content::Inner(a, b) => Expansion::join(built(*a), built(*b), node.lo, node.hi),
+            let far_field = match (&content, leaves[index]) {
+                (Content::Inner(a, b), None) => Expansion::join(built(*a), built(*b), node.lo, node.hi),
+                (_, leaf) => leaf.expect("leaves have been expanded"),
             };
             clusters.push(Cluster { far_field, radius_sq: far_field.radius.powi(2), content });
         }

@@ -1,0 +1,184 @@
+//! Distances near the surface, by scattering triangles into the voxels around them.
+//!
+//! A triangle is looked at once for each row of voxels that it may be near to, eight voxels at a time. It costs by the number of
+//! those voxels alone: nothing is asked about how triangles hang together, and nothing is searched for.
+
+use crate::descent::LANES;
+use crate::tiles::VoxelMesh;
+use fearless_simd::{f32x8, prelude::*};
+use glam::{DVec3, IVec3};
+
+/// A triangle whose height is below this, in voxels, is no more than its edges, which are never farther away than half of it.
+const FLAT: f64 = 1e-4;
+
+/// Farther than any voxel of a tile.
+const FAR_AWAY: f32 = 1e6;
+
+/// Squared distances in voxels from the voxel centres of a tile to some triangles, x fastest: exact where they are within reach,
+/// and no less elsewhere.
+#[derive(Default)]
+pub(crate) struct TileDistances {
+    edge: usize,
+    squares: Vec<f32>,
+}
+
+impl TileDistances {
+    /// Forgets everything, in a tile of `edge` voxels.
+    pub(crate) fn restart(&mut self, edge: usize) {
+        self.edge = edge;
+        self.squares.clear();
+        self.squares.resize(edge.pow(3), f32::INFINITY);
+    }
+
+    /// `count` squared distances from a voxel of the tile on, along x.
+    pub(crate) fn row(&self, [x, y, z]: [usize; 3], count: usize) -> &[f32] {
+        &self.squares[(z * self.edge + y) * self.edge + x..][..count]
+    }
+
+    /// Lowers the distances to those of some triangles, within `reach` voxels. `first`: the centre of the tile's first voxel.
+    #[inline(always)]
+    pub(crate) fn scatter<S: Simd>(
+        &mut self,
+        simd: S,
+        mesh: &VoxelMesh,
+        faces: impl Iterator<Item = u32>,
+        first: DVec3,
+        reach: f32,
+    ) {
+        let last = IVec3::splat(self.edge as i32 - 1);
+        for face in faces {
+            let corners = mesh.corners(face).map(|corner| corner - first);
+            let [a, b, c] = corners;
+            let lo = (a.min(b).min(c) - f64::from(reach)).ceil().as_ivec3().max(IVec3::ZERO);
+            let hi = (a.max(b).max(c) + f64::from(reach)).floor().as_ivec3().min(last);
+            if lo.cmple(hi).all() {
+                self.scatter_one(&Facet::new(simd, corners), lo, hi, reach);
+            }
+        }
+    }
+
+    /// Lowers the distances of the voxels `lo..=hi` to those of a triangle.
+    #[inline(always)]
+    fn scatter_one<S: Simd>(&mut self, facet: &Facet<S>, lo: IVec3, hi: IVec3, reach: f32) {
+        let simd = facet.heights.simd;
+        for z in lo.z..=hi.z {
+            for y in lo.y..=hi.y {
+                let heights = facet.heights_of_row(y, z);
+                let [from, to] = facet.near_the_plane(&heights, reach, lo.x, hi.x);
+                let row = (z as usize * self.edge + y as usize) * self.edge;
+                let mut x = from;
+                while x <= to {
+                    // Eight voxels that do not leave the row.
+                    let start = x.min((self.edge - LANES) as i32);
+                    let lower = &mut self.squares[row + start as usize..][..LANES];
+                    let found = facet.squares(&heights, start);
+                    f32x8::from_slice(simd, lower).min(found).store_slice(lower);
+                    x = start + LANES as i32;
+                }
+            }
+        }
+    }
+}
+
+/// A triangle, by the heights of a point above planes, a lane each: its own; the three that hold a side and are square to the
+/// triangle, which lies above them; and the three that are square to a side, at its start.
+struct Facet<S: Simd> {
+    /// Heights of the tile's first voxel centre, and how much they grow along each axis.
+    heights: f32x8<S>,
+    growth: [f32x8<S>; 3],
+    /// Growth of each height along eight voxels.
+    along_x: [f32x8<S>; LANES],
+    /// One over the growth of the first height along x; infinite if it does not grow.
+    across: f32,
+    /// Lengths of the sides.
+    lengths: [f32; 3],
+    /// What the heights above the sides are at least where the closest point is inside the triangle.
+    inside_from: f32,
+}
+
+/// Lanes of the planes.
+const OWN: usize = 0;
+const SIDES: usize = 1;
+const STARTS: usize = 4;
+
+impl<S: Simd> Facet<S> {
+    #[inline(always)]
+    fn new(simd: S, corners: [DVec3; 3]) -> Self {
+        const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+        let [a, b, c] = corners;
+        let area = (b - a).cross(c - a);
+        let edges = [b - a, c - b, a - c];
+        let lengths = edges.map(DVec3::length);
+        let longest = (0..3).fold(0, |a, b| if lengths[b] > lengths[a] { b } else { a });
+        let is_flat = area.length() <= FLAT * lengths[longest];
+        let normal = if is_flat {
+            (edges[longest] / lengths[longest]).any_orthonormal_vector()
+        } else {
+            area.normalize()
+        };
+        let (mut heights, mut growth) = ([0.0; LANES], [[0.0; LANES]; 3]);
+        let mut set = |plane: usize, normal: DVec3, point: DVec3| {
+            heights[plane] = -normal.dot(point) as f32;
+            (0..3).for_each(|axis| growth[axis][plane] = normal[axis] as f32);
+        };
+        set(OWN, normal, a);
+        for side in 0..3 {
+            let along = edges[side] / lengths[side];
+            set(SIDES + side, normal.cross(along), corners[side]);
+            set(STARTS + side, along, corners[side]);
+        }
+        let [x, ..] = growth;
+        let mut along_x = [f32x8::splat(simd, 0.0); LANES];
+        for (along_x, growth) in along_x.iter_mut().zip(x) {
+            *along_x = f32x8::simd_from(simd, STEPS) * growth;
+        }
+        Self {
+            heights: f32x8::simd_from(simd, heights),
+            growth: growth.map(|growth| f32x8::simd_from(simd, growth)),
+            along_x,
+            across: x[OWN].recip(),
+            lengths: lengths.map(|length| length as f32),
+            inside_from: if is_flat { FAR_AWAY } else { 0.0 },
+        }
+    }
+
+    /// Heights of the row's voxel at `x = 0`.
+    #[inline(always)]
+    fn heights_of_row(&self, y: i32, z: i32) -> f32x8<S> {
+        self.heights + self.growth[1] * y as f32 + self.growth[2] * z as f32
+    }
+
+    /// The first and the last of the voxels `from..=to` of a row that may be within reach of the triangle's plane; the first
+    /// is larger if there are none.
+    #[inline(always)]
+    fn near_the_plane(&self, row: &f32x8<S>, reach: f32, from: i32, to: i32) -> [i32; 2] {
+        let height = row[OWN];
+        let [a, b] = [(-reach - height) * self.across, (reach - height) * self.across];
+        if self.across.is_finite() {
+            [from.max(a.min(b).floor() as i32), to.min(a.max(b).ceil() as i32)]
+        } else if height.abs() <= reach {
+            [from, to]
+        } else {
+            [1, 0]
+        }
+    }
+
+    /// Squared distances of eight voxels of a row.
+    #[inline(always)]
+    fn squares(&self, row: &f32x8<S>, x: i32) -> f32x8<S> {
+        let first: [f32; LANES] = (*row + self.growth[0] * x as f32).into();
+        let height = |plane: usize| self.along_x[plane] + first[plane];
+        let own = height(OWN);
+        let own_sq = own * own;
+        let (mut lowest, mut beside) = (height(SIDES), f32x8::splat(own.simd, f32::INFINITY));
+        for side in 0..3 {
+            let inward = height(SIDES + side);
+            let after = height(STARTS + side);
+            let outside = (-after).max(after - self.lengths[side]).max(0.0);
+            lowest = lowest.min(inward);
+            beside = beside.min(inward * inward + outside * outside);
+        }
+        let inside = lowest.simd_ge(self.inside_from);
+        own_sq + inside.select(f32x8::splat(own.simd, 0.0), beside)
+    }
+}
