@@ -8,7 +8,7 @@ use crate::tiles::VoxelMesh;
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, IVec3};
 
-/// A triangle whose height is below this, in voxels, is no more than its edges, which are never farther away than half of it.
+/// A triangle whose height is below this, in voxels, is no more than its longest side.
 const FLAT: f64 = 1e-4;
 
 /// Farther than any voxel of a tile.
@@ -116,16 +116,19 @@ impl<S: Simd> Facet<S> {
         } else {
             area.normalize()
         };
-        let (mut heights, mut growth) = ([0.0; LANES], [[0.0; LANES]; 3]);
+        let (mut heights, mut growth, mut ends) = ([0.0; LANES], [[0.0; LANES]; 3], [0.0; 3]);
         let mut set = |plane: usize, normal: DVec3, point: DVec3| {
             heights[plane] = -normal.dot(point) as f32;
             (0..3).for_each(|axis| growth[axis][plane] = normal[axis] as f32);
         };
         set(OWN, normal, a);
-        for side in 0..3 {
+        for plane in 0..3 {
+            // The other sides of a flat triangle may point anywhere.
+            let side = if is_flat { longest } else { plane };
             let along = edges[side] / lengths[side];
-            set(SIDES + side, normal.cross(along), corners[side]);
-            set(STARTS + side, along, corners[side]);
+            set(SIDES + plane, normal.cross(along), corners[side]);
+            set(STARTS + plane, along, corners[side]);
+            ends[plane] = lengths[side] as f32;
         }
         let [x, ..] = growth;
         let mut along_x = [f32x8::splat(simd, 0.0); LANES];
@@ -137,7 +140,7 @@ impl<S: Simd> Facet<S> {
             growth: growth.map(|growth| f32x8::simd_from(simd, growth)),
             along_x,
             across: x[OWN].recip(),
-            lengths: lengths.map(|length| length as f32),
+            lengths: ends,
             inside_from: if is_flat { FAR_AWAY } else { 0.0 },
         }
     }

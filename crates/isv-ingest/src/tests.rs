@@ -1,6 +1,6 @@
 //! Ingest of shapes whose distance field is known.
 
-use crate::{IngestError, MeshIngest, SignDecision, ingest_mesh};
+use crate::{IngestError, MeshIngest, Reach, SignDecision, ingest_mesh};
 use glam::{DQuat, DVec3};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::{cube, open_box, sheet, sphere};
@@ -52,6 +52,72 @@ fn a_cube_is_sampled_exactly_at_every_block_edge() {
             .filter(|v| cube_distance(DVec3::from_array(v.map(f64::from)) + 0.5, 21.3).abs() < 8.0)
             .count();
         assert_eq!(in_band, expected);
+    }
+}
+
+/// By how much samples beyond 1.75 voxels may be too small, and are too large on average, in voxels. Where the surface is closest in
+/// another block, they are far too large.
+const TOO_SMALL: f64 = 0.3;
+const MEAN_ERROR: f64 = 1.0;
+
+/// Checks a volume that reaches no farther than the surface against one of the whole band.
+fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
+    let index = near.index();
+    let (mut too_small, mut sum, mut far, mut kept) = (0f64, 0.0, 0, 0);
+    for (block, coord) in whole.coords().iter().enumerate() {
+        let code = |sample: i16| f64::from(sample) / 256.0;
+        let observed = |volume: &SparseVolume, block: usize, v: usize| {
+            !volume.unobserved(block).is_some_and(|m| m.contains(v))
+        };
+        let has_near =
+            (0..512).any(|v| code(whole.block(block)[v]).abs() < 1.74 && observed(whole, block, v));
+        let Some(found) = index.get(*coord) else {
+            assert!(!has_near, "{name}: {coord:?} is missing");
+            continue;
+        };
+        kept += 1;
+        for (v, (a, b)) in near.block(found as usize).iter().zip(whole.block(block)).enumerate() {
+            let (got, exact) = (code(*a), code(*b));
+            let are_observed = [observed(near, found as usize, v), observed(whole, block, v)];
+            if are_observed != [true; 2] {
+                assert!(are_observed == [false; 2] || exact.abs() > 1.75, "{name}: {coord:?} {v}");
+                continue;
+            }
+            assert!(got.signum() == exact.signum() || exact.abs() < 2.0 / 256.0, "{name}: {got} for {exact}");
+            if exact.abs() < 1.7 {
+                assert!((got - exact).abs() < 1.5 / 256.0, "{name}: {got} for {exact} at {coord:?} {v}");
+            }
+            if exact.abs() >= 1.75 {
+                too_small = too_small.max(exact.abs() - got.abs());
+                sum += (got - exact).abs();
+                far += 1;
+            }
+        }
+    }
+    assert_eq!(kept, near.block_count(), "{name}: blocks that the whole band does not have");
+    let mean = sum / f64::from(far);
+    println!("{name}: {kept} of {} blocks, {too_small:.3} too small, {mean:.3} off", whole.block_count());
+    assert!(too_small < TOO_SMALL && mean < MEAN_ERROR, "{name}: {too_small}, {mean}");
+}
+
+#[test]
+fn reaching_no_farther_than_the_surface_agrees_with_the_band_near_it() {
+    let meshes = [
+        ("cube", cube(0.213), CLOSED),
+        ("sphere", sphere(0.3, 30), CLOSED),
+        ("fine sphere", sphere(0.3, 120), CLOSED),
+        ("open box", open_box(0.2), CLOSED),
+        ("sheet", sheet(0.3), SignDecision::Offset),
+    ];
+    for (name, mesh, sign) in meshes {
+        let turned = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
+        let vertices = mesh.vertices.iter().map(|v| turned * *v + DVec3::new(-0.4, 0.013, 7.0)).collect();
+        let mesh = TriangleMesh { vertices, ..mesh };
+        let whole = settings(0.01, BlockEdge::E8);
+        let near = MeshIngest { reach: Reach::Surface, ..whole };
+        let [near, whole] = [near, whole].map(|settings| ingest_mesh(&mesh, &settings, sign).unwrap());
+        assert!(near.block_count() < whole.block_count());
+        check_near(name, &near, &whole);
     }
 }
 

@@ -5,7 +5,7 @@ use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
+use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
 use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::volume::TriangleMesh;
 
@@ -56,7 +56,10 @@ impl IsvEncoding {
         let header = StreamHeader { profile, grid: settings.ingest.grid, frame_rate };
         Ok(Self {
             header,
-            volumes: VolumeMaker::new(settings),
+            volumes: match (profile, encoder.main.band) {
+                (Profile::Main, Band::Surface) => VolumeMaker::of_the_surface(settings),
+                _ => VolumeMaker::new(settings),
+            },
             encoder: Encoder::new(&header, EncoderSettings { gop: settings.gop, ..encoder }),
             writer: PacketWriter::new(Vec::new(), &header)?,
             frames: 0,

@@ -2,7 +2,7 @@
 
 use super::timed;
 use crate::{StudyError, StudySettings};
-use isv::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
+use isv::ingest::{MeshIngest, Reach, SignDecision, decide_sign, ingest_mesh};
 use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{CODES_PER_VOXEL, SparseVolume, TriangleMesh};
@@ -17,6 +17,12 @@ pub(super) struct VolumeMaker {
 impl VolumeMaker {
     pub(super) fn new(settings: &StudySettings) -> Self {
         Self { ingest: settings.ingest, sign: None, frame: settings.first_frame }
+    }
+
+    /// Volumes with no more than the blocks that profile `main` codes by default.
+    pub(super) fn of_the_surface(settings: &StudySettings) -> Self {
+        let ingest = MeshIngest { reach: Reach::Surface, ..settings.ingest };
+        Self { ingest, ..Self::new(settings) }
     }
 
     /// The volume of the next frame, and the milliseconds it took.

@@ -7,7 +7,7 @@ use crate::progress::Progress;
 use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
 use isv::fusion::{Accumulator, FusionSettings};
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
 use isv::volume::Grid;
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ impl IngestArgs {
         self.band
     }
 
-    /// What makes volumes on a grid. Profile `main` has whole ones, of which its encoder codes what is asked for.
+    /// What makes volumes on a grid, as far from the surface as is coded.
     pub(super) fn volume_maker(
         &self,
         grid: Grid,
@@ -59,10 +59,14 @@ impl IngestArgs {
                 "--offset {offset_voxels}: it must be above 0 and at most the truncation of {truncation} voxels"
             )));
         }
+        let reach = match (profile, self.band) {
+            (ProfileName::Main, None | Some(BandName::Surface)) => Reach::Surface,
+            _ => Reach::Band,
+        };
         let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
         let fusion = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
-            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks },
+            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks, reach },
             mesh_sign: None,
             loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },
