@@ -6,8 +6,9 @@ use crate::holes::WideHoles;
 use crate::regions::{Regions, TileVoxel};
 use crate::tiles::{Band, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::dispatch;
 use glam::{DVec3, IVec3, Vec3};
+use isv_kernels::simd;
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 
@@ -90,7 +91,7 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     let Workspace { cells, lists, .. } = work;
     let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
-    dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
+    dispatch!(simd::level(), simd => list_cells(simd, cells, &cube, band, lists));
     for octant in 0..LANES {
         measure_octant(source, work, octant);
     }
@@ -180,7 +181,7 @@ fn measure_octant(source: &Source, work: &mut Workspace, octant: usize) {
     let corner = IVec3::from_array(part_position(octant)) - 1;
     let cube = Cube { centre: (corner.as_vec3() + 0.5) * edge as f32, edge: edge as usize };
     let (listed, band) = ((&*cells, &lists[octant][..]), source.band.width as f32);
-    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
+    dispatch!(simd::level(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
     for block in 0..LANES {
         take_distances(source, work, octant, block);
     }
