@@ -37,7 +37,7 @@ pub enum Instructions {
     Simd128,
 }
 
-/// The sets that a machine can have, from the least on, and their names.
+/// All sets and their names, by number; of those of one kind of machine, the lesser come first.
 const NAMES: [(Instructions, &str); 8] = [
     (Instructions::Best, "auto"),
     (Instructions::Scalar, "scalar"),
@@ -56,7 +56,7 @@ impl Instructions {
         sets.filter(|set| set.level().is_some())
     }
 
-    /// What this machine calls the level; nothing if it does not have it.
+    /// The level to dispatch to; nothing if this machine does not have it.
     fn level(self) -> Option<Level> {
         let best = Level::new();
         match self {
@@ -178,7 +178,7 @@ fn chosen_level() -> Level {
 }
 
 /// Runs a piece of work with each instruction set that the machine has, for tests and benchmarks. One caller at a time; what the
-/// process does otherwise changes its instructions, too. What was chosen before is chosen again.
+/// process does otherwise changes its instructions, too. What was chosen before is chosen again. `work` may not call this.
 pub fn with_each<R>(mut work: impl FnMut() -> R) -> Vec<(Instructions, R)> {
     static TURN: Mutex<()> = Mutex::new(());
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
