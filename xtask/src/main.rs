@@ -3,6 +3,7 @@
 mod conformance;
 mod fuzz_seeds;
 mod ingest_table;
+mod instructions;
 mod lod_table;
 mod main_table;
 mod paper_results;
@@ -12,6 +13,7 @@ mod takes;
 
 use anyhow::Result;
 use clap::Parser;
+use isv::kernels::simd;
 use std::path::PathBuf;
 
 /// Measured tables, conformance streams and fuzz seeds of isv.
@@ -60,6 +62,18 @@ enum Command {
         #[arg(long)]
         update: bool,
     },
+    /// Count the instructions of the kernels and fail where there are more than in the table
+    Instructions {
+        /// The table
+        #[arg(long, default_value = "docs/results/instructions.md")]
+        table: PathBuf,
+        /// Write the counts into the table
+        #[arg(long)]
+        update: bool,
+    },
+    /// What `instructions` counts
+    #[command(name = instructions::COUNTED_COMMAND, hide = true)]
+    CountedKernels,
     /// Write the conformance streams and their hashes, after a change of the format
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
@@ -67,6 +81,7 @@ enum Command {
 }
 
 fn main() -> Result<()> {
+    simd::choose_by_environment()?;
     match Command::parse() {
         Command::PaperTable { folder, frames } => paper_table::run(&folder, frames.unwrap_or(usize::MAX)),
         Command::MainTable { folder, frames, voxel, settings } => {
@@ -78,6 +93,8 @@ fn main() -> Result<()> {
         Command::IngestTable { folder } => ingest_table::run(&folder),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
+        Command::Instructions { table, update } => instructions::run(&table, update),
+        Command::CountedKernels => instructions::run_kernels(),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
     }

@@ -21,14 +21,21 @@ mod table;
 mod terms;
 mod threads;
 
+use anyhow::Result;
 use clap::{Parser, Subcommand};
 use commands::{compare, decode, demo, encode, eval, info, render, verify};
+use failure::usage;
+use isv::kernels::simd::{self, Instructions};
 use std::process::ExitCode;
 
 /// Compress moving 3-D geometry: mesh sequences become sparse distance fields, coded like video.
 #[derive(Debug, Parser)]
 #[command(name = "isv", version, max_term_width = 110)]
 struct Cli {
+    /// The vector instructions to work with, for finding faults: auto, scalar, sse2, sse4.2, avx2, avx512, neon or simd128, if
+    /// the machine has them; results are the same with all of them
+    #[arg(long, value_name = "SET", global = true, env = simd::VARIABLE, hide_env_values = true, default_value_t)]
+    simd: Instructions,
     #[command(subcommand)]
     command: Command,
 }
@@ -46,11 +53,21 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let command = match Cli::try_parse() {
-        Ok(cli) => cli.command,
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
         Err(error) => return failure::report_command_line(&error),
     };
-    let done = match &command {
+    match simd::choose(cli.simd)
+        .map_err(|error| usage(format!("--simd: {error}")))
+        .and_then(|()| run(&cli.command))
+    {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => failure::report(&error),
+    }
+}
+
+fn run(command: &Command) -> Result<()> {
+    match command {
         Command::Demo(args) => demo::run(args),
         Command::Encode(args) => encode::run(args),
         Command::Decode(args) => decode::run(args),
@@ -59,9 +76,5 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => failure::report(&error),
     }
 }

@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use isv::io::{AtomicFile, WriteError};
+use isv::kernels::simd;
 use isv_stages::Stages;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -48,6 +49,8 @@ pub(crate) struct DecodedFrameStats {
 #[derive(Debug, Serialize)]
 struct RunStats<'a, F> {
     frames: &'a [F],
+    /// The vector instructions that were used.
+    simd: String,
     /// Milliseconds in each stage of the codec, over all frames. Stages that run at the same time each count in full.
     stages_ms: BTreeMap<&'static str, f64>,
     /// The most memory that was resident at a time; null where the system does not say.
@@ -91,6 +94,7 @@ impl<F: Serialize> StatsFile<F> {
         let Some((mut file, stages)) = self.file else { return Ok(()) };
         let run = RunStats {
             frames: &self.frames,
+            simd: simd::in_use().to_string(),
             stages_ms: stages.take_milliseconds(),
             peak_memory_bytes: peak_memory_bytes(),
             wall_ms,

@@ -77,6 +77,15 @@ fn no_faces() {
 }
 
 #[test]
+fn instructions_that_are_not_there() {
+    let work = Workspace::new();
+    let missing = if cfg!(target_arch = "x86_64") { "neon" } else { "sse2" };
+    let info = |set| work.isv(&["info", "gone.isv", "--simd", set]);
+    info(missing).fails(2, &["--simd: this machine does not have", missing, "it has scalar"]);
+    info("mmx").fails(2, &["--simd", "'mmx' is no instruction set"]);
+}
+
+#[test]
 fn captures_of_other_kinds() {
     let work = Workspace::new();
     let encode = |input: &str| work.isv(&["encode", input, "-o", "out.isv"]);

@@ -58,11 +58,26 @@ fn a_sequence_comes_back_through_every_command() {
 }
 
 #[test]
+fn the_option_goes_before_the_environment_and_both_are_obeyed() {
+    let (work, bytes) = Workspace::with_stream(2);
+    let used = || serde_json::from_slice::<Value>(&work.read("encode.json")).unwrap()["simd"].clone();
+    let args = [&ENCODE[..], &["--stats", "encode.json"]].concat();
+    let mut command = work.command(&args);
+    assert!(command.env("ISV_SIMD", "scalar").output().unwrap().status.success());
+    assert_eq!((used(), work.read("take.isv") == bytes), ("scalar".into(), true));
+    let mut command = work.command(&[&args[..], &["--simd", "auto"]].concat());
+    assert!(command.env("ISV_SIMD", "scalar").output().unwrap().status.success());
+    assert_eq!(work.read("take.isv"), bytes);
+    let vectors = cfg!(any(target_arch = "x86_64", target_arch = "aarch64"));
+    assert_eq!(used() != "scalar", vectors, "{}", used());
+}
+
+#[test]
 fn statistics_have_their_keys() {
     let work = Workspace::with_figure(2);
     work.isv(&[&ENCODE[..], &["--stats", "encode.json"]].concat()).done();
     let stats: Value = serde_json::from_slice(&work.read("encode.json")).unwrap();
-    assert_keys(&stats, &["frames", "stages_ms", "wall_ms"]);
+    assert_keys(&stats, &["frames", "simd", "stages_ms", "wall_ms"]);
     assert_keys(&stats["stages_ms"], &["targets", "slices", "block set", "extension"]);
     assert_eq!(stats["peak_memory_bytes"].is_u64(), cfg!(target_os = "linux"));
     let keys = ["ingest_ms", "encode_ms", "bytes", "bytes_blocks", "bytes_motion", "bytes_coefficients"];

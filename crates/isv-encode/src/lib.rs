@@ -20,6 +20,8 @@ pub mod syntax;
 
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
+#[doc(hidden)]
+pub use main_profile::probe;
 pub use main_profile::{
     Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, SearchEffort, Tools, UnknownTool,
 };

@@ -14,6 +14,7 @@ mod level_costs;
 mod model_bits;
 mod motion_search;
 mod preset;
+pub mod probe;
 mod pursuit;
 mod rate_control;
 mod refinement;

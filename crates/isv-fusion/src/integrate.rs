@@ -1,8 +1,8 @@
 //! What the views say about the voxels of one block (Eq. 3 to 5).
 
 use crate::view::{Surfel, View};
-use fearless_simd::{Level, Simd, dispatch};
 use glam::{DVec3, Vec3};
+use isv_kernels::simd::vectorized;
 use isv_volume::{BlockCoord, BlockEdge, Grid};
 
 /// Running sums over the readings of each voxel of a block, x fastest. Distances are in voxels, weights in those of a
@@ -58,14 +58,14 @@ impl BlockSums {
         if !block.may_be_seen(edge as f32) {
             return;
         }
-        dispatch!(Level::new(), simd => simd.vectorize(
+        vectorized(
             #[inline(always)]
             || match grid.edge {
                 BlockEdge::E4 => self.integrate_rows::<4>(&block),
                 BlockEdge::E8 => self.integrate_rows::<8>(&block),
                 BlockEdge::E16 => self.integrate_rows::<16>(&block),
-            }
-        ));
+            },
+        );
     }
 
     /// All voxels, a row of `EDGE` along x at a time.

@@ -5,7 +5,7 @@
 //! lie on the same surface, by least squares.
 
 use crate::FusionSettings;
-use fearless_simd::{Level, Simd, dispatch};
+use isv_kernels::simd::vectorized;
 use isv_volume::DepthImage;
 use rayon::prelude::*;
 
@@ -46,10 +46,10 @@ pub(crate) fn fit_planes(image: &DepthImage, settings: &FusionSettings) -> Vec<P
             row_fit.start(&padded, row);
             for slant in SLANTS {
                 let tolerance = Tolerance { noise: settings.noise as f32, slant: slant / focal };
-                dispatch!(Level::new(), simd => simd.vectorize(
+                vectorized(
                     #[inline(always)]
-                    || row_fit.gather(&padded, row, tolerance)
-                ));
+                    || row_fit.gather(&padded, row, tolerance),
+                );
                 row_fit.solve();
             }
             row_fit.finish(&padded, row, fits);

@@ -8,8 +8,9 @@ use crate::regions::{Regions, TileVoxel};
 use crate::scatter::TileDistances;
 use crate::tiles::{Band, Measure, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::dispatch;
 use glam::{DVec3, IVec3, Vec3};
+use isv_kernels::simd;
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 use std::borrow::Cow;
@@ -191,7 +192,7 @@ fn measure_exactly(source: &Source, tile: &Tile, work: &mut Workspace) {
     let Workspace { cells, lists, .. } = work;
     let cube = Cube { centre: Vec3::ZERO, edge: edge as usize };
     let band = source.band.width as f32;
-    dispatch!(Level::new(), simd => list_cells(simd, cells, &cube, band, lists));
+    dispatch!(simd::level(), simd => list_cells(simd, cells, &cube, band, lists));
     for octant in 0..LANES {
         measure_octant(source, work, octant);
     }
@@ -204,7 +205,7 @@ fn measure_near(source: &Source, tile: &Tile, work: &mut Workspace) {
     let reach = source.near.width as f32;
     let Workspace { near, blocks, .. } = work;
     near.restart(edge as usize);
-    dispatch!(Level::new(), simd => near.scatter(simd, source.mesh, tile.faces(), first, reach));
+    dispatch!(simd::level(), simd => near.scatter(simd, source.mesh, tile.faces(), first, reach));
     for (block, taken) in blocks.iter_mut().enumerate() {
         take_near(near, source.grid.edge, part_position(block), reach, taken);
     }
@@ -224,7 +225,7 @@ fn take_near(near: &TileDistances, edge: BlockEdge, position: [i32; 3], reach: f
         row.iter_mut().zip(squares).for_each(|(distance, square)| *distance = square.sqrt());
     }
     let distances = &mut taken.distances[..];
-    dispatch!(Level::new(), simd => continue_outwards(simd, distances, reach));
+    dispatch!(simd::level(), simd => continue_outwards(simd, distances, reach));
 }
 
 /// Finds the distances and the unobserved voxels of the eight blocks of an octant of the tile.
@@ -238,7 +239,7 @@ fn measure_octant(source: &Source, work: &mut Workspace, octant: usize) {
     let corner = IVec3::from_array(part_position(octant)) - 1;
     let cube = Cube { centre: (corner.as_vec3() + 0.5) * edge as f32, edge: edge as usize };
     let (listed, band) = ((&*cells, &lists[octant][..]), source.band.width as f32);
-    dispatch!(Level::new(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
+    dispatch!(simd::level(), simd => measure_cells(simd, listed, &cube, band, nearest, on_hole));
     for block in 0..LANES {
         take_distances(source, work, octant, block);
     }

@@ -9,8 +9,9 @@
 
 use crate::expansion::{Expansion, Points};
 use crate::tree::{Content, MAX_DEPTH, Node, Tree};
-use fearless_simd::{Level, dispatch, f64x8, prelude::*};
+use fearless_simd::{dispatch, f64x8, prelude::*};
 use glam::DVec3;
+use isv_kernels::simd;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -143,7 +144,7 @@ impl WindingNumber {
             } else {
                 let lane = |i: usize| eight[i.min(eight.len() - 1)];
                 let [x, y, z] = [0, 1, 2].map(|axis: usize| std::array::from_fn(|i| lane(i)[axis]));
-                let found = dispatch!(Level::new(), simd => self.sum_eight(simd, [x, y, z], beta));
+                let found = dispatch!(simd::level(), simd => self.sum_eight(simd, [x, y, z], beta));
                 numbers.extend_from_slice(&found[..eight.len()]);
             }
         }

@@ -10,7 +10,7 @@ use isv::encode::{Encoder, EncoderSettings, Preset};
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::kernels::simd::vectorized;
+use isv::kernels::simd::{self, vectorized};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_baseline::Draco;
@@ -32,8 +32,9 @@ const DRACO_BITS: u8 = 14;
 const DCT_MULTIPLY_ADDS: usize = 3 * 512 * 8;
 
 fn main() -> Result<()> {
+    simd::choose_by_environment()?;
     let stages = Stages::listen();
-    println!("{} threads", std::thread::available_parallelism()?);
+    println!("{} threads, {} instructions", std::thread::available_parallelism()?, simd::in_use());
     let figure = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxels(0.006)));
     measure("figure", 0.006, &figure.collect::<Vec<_>>(), &stages)?;
     let data = std::env::var_os("ISV_DATA")

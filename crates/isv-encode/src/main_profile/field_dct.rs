@@ -131,16 +131,16 @@ impl<S: Simd> Halves<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fearless_simd::{Level, dispatch};
+    use fearless_simd::dispatch;
+    use isv_kernels::simd;
 
     #[test]
     fn a_basis_function_has_one_coefficient_of_its_amount() {
         let dct = FieldDct::new();
-        let simd = Level::new();
         for position in [0, 3, 8 * 5, 64 * 7 + 8 + 2] {
             let (mut field, mut out) = ([0.0; 512], [0.0; 512]);
             dct.add(position, -2.5, &mut field);
-            dispatch!(simd, simd => dct.forward_all(simd, &field, &mut out));
+            dispatch!(simd::level(), simd => dct.forward_all(simd, &field, &mut out));
             for (k, value) in out.into_iter().enumerate() {
                 let expected = if k == position { -2.5 } else { 0.0 };
                 assert!((value - expected).abs() < 1e-5, "{position}: {k} {value}");

@@ -256,7 +256,7 @@ fn descend(build: &mut impl FnMut(Shift) -> NormalEquations, start: Shift, steps
 }
 
 /// Normal equations of a translation: `J^T W J` (upper triangle), `J^T W r` and the weighted squared residuals.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct NormalEquations {
     /// xx, xy, xz, yy, yz, zz.
     matrix: [f32; 6],

@@ -11,8 +11,9 @@ use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::target::{BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
+use isv_kernels::simd;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
@@ -139,7 +140,7 @@ impl Pursuit<'_> {
         prediction: &Field,
         costs: &LevelCosts,
     ) -> Pursued {
-        dispatch!(Level::new(), simd => self.run_vectorized(simd, target, metrics, prediction, costs))
+        dispatch!(simd::level(), simd => self.run_vectorized(simd, target, metrics, prediction, costs))
     }
 
     #[inline(always)]

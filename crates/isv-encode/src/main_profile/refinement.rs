@@ -11,8 +11,9 @@ use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
 use super::pursuit::{Metrics, Pursued, Pursuit, State};
 use super::target::{BlockTarget, Field};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
+use isv_kernels::simd;
 
 /// Lambdas of first descents over the one that counts: too many levels, the usual, too few.
 const STARTS: [f32; 3] = [1.0, 0.4, 2.5];
@@ -41,7 +42,7 @@ impl Pursuit<'_> {
         prediction: &Field,
         bits: &mut ModelBits,
     ) -> Pursued {
-        dispatch!(Level::new(), simd => self.run_refined_vectorized(simd, target, metrics, prediction, bits))
+        dispatch!(simd::level(), simd => self.run_refined_vectorized(simd, target, metrics, prediction, bits))
     }
 
     #[inline(always)]

@@ -129,21 +129,22 @@ fn folded_times(m: usize, factor: f32) -> (usize, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fearless_simd::{Level, dispatch};
+    use fearless_simd::dispatch;
+    use isv_kernels::simd;
 
     #[test]
     fn products_are_those_of_transformed_basis_functions() {
         let dct = FieldDct::new();
         let weights: Field = std::array::from_fn(|v| ((v * 37 + v * v) % 101) as f32 / 101.0);
         let mut spectrum = WeightSpectrum::NONE;
-        dispatch!(Level::new(), simd => spectrum.transform(simd, &dct, &weights));
+        dispatch!(simd::level(), simd => spectrum.transform(simd, &dct, &weights));
         let mut energies = [0.0; 512];
         spectrum.energies(&mut energies);
         for position in [0, 3, 7, 8 * 5 + 1, 64 * 7, 64 * 2 + 8 * 4 + 2, 64 * 5 + 8 * 3] {
             let (mut field, mut expected) = ([0.0; 512], [0.0; 512]);
             dct.add(position, -1.5, &mut field);
             field.iter_mut().zip(&weights).for_each(|(f, w)| *f *= w);
-            dispatch!(Level::new(), simd => dct.forward_all(simd, &field, &mut expected));
+            dispatch!(simd::level(), simd => dct.forward_all(simd, &field, &mut expected));
             let mut found = [0.0; 512];
             spectrum.add_products(position, -1.5, &mut found);
             for k in CODED_ROWS.into_iter().flat_map(|row| 8 * row..8 * row + 8) {

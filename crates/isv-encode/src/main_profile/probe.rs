@@ -1,0 +1,105 @@
+//! The encoder's inner loops by themselves, on the blocks of a volume of 8 voxels a block edge that follows another: for
+//! counting their instructions and for comparing instruction sets. Not a part of the interface.
+//!
+//! Each function prepares its input, hands the work over to be run, once or more, and gives back the results of the last run.
+
+use super::encoder::Band;
+use super::field_dct::FieldDct;
+use super::level_costs::LevelCosts;
+use super::motion_search::{NormalEquations, SoughtBlock};
+use super::pursuit::{Metrics, Pursuit};
+use super::target::{BlockTarget, Field, Targets};
+use super::tools::Tools;
+use isv_decode::extension::ExtensionPlan;
+use isv_decode::main_profile::{
+    BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
+};
+use isv_volume::{CODES_PER_VOXEL, SparseVolume};
+use std::collections::BTreeMap;
+
+/// Step in voxels and lambda in squared steps, about those of the presets.
+const STEP: f32 = 2.2;
+const LAMBDA: f32 = 0.03;
+/// Where blocks are looked for in the volume before, in voxels: between its samples along every axis.
+const SHIFT: [f32; 3] = [0.25, -0.5, 0.75];
+
+/// Runs a piece of work.
+pub type Runner<'a> = &'a mut dyn FnMut(&mut dyn FnMut());
+
+/// The levels of each block that the surface touches, by pursuit from the same block of the volume before.
+pub fn pursuit(before: &SparseVolume, volume: &SparseVolume, run: Runner) -> Vec<[i32; COEFFICIENTS]> {
+    let parameters = MainParameters::new(*volume.grid());
+    let (dct, costs) = (FieldDct::new(), LevelCosts::new(&parameters.scan));
+    let mut places = [None; 512];
+    (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
+    let pursuit = Pursuit {
+        dct: &dct,
+        scan: &parameters.scan,
+        places: &places,
+        step: STEP,
+        lambda: LAMBDA * STEP * STEP,
+        rounding: false,
+    };
+    let blocks = predicted_blocks(before, volume);
+    let mut metrics = Metrics::NONE;
+    let mut levels = vec![[0; COEFFICIENTS]; blocks.len()];
+    run(&mut || {
+        for ((target, prediction), levels) in blocks.iter().zip(&mut levels) {
+            metrics.forget();
+            *levels = pursuit.run(target, &mut metrics, prediction, &costs).levels;
+        }
+    });
+    levels
+}
+
+/// The normal equations of each block that the surface touches, displaced by the same part of a voxel.
+pub fn normal_equations(
+    before: &SparseVolume,
+    volume: &SparseVolume,
+    run: Runner,
+) -> Vec<impl PartialEq + std::fmt::Debug + use<>> {
+    let (reference, targets) = (reference(before), targets(volume));
+    let mut sought: Vec<_> = (0..targets.len()).map(|_| SoughtBlock::new(&reference)).collect();
+    sought.iter_mut().enumerate().for_each(|(block, sought)| sought.turn_to(&targets, block, 1));
+    let mut equations = vec![NormalEquations::default(); sought.len()];
+    run(&mut || {
+        for (sought, equations) in sought.iter_mut().zip(&mut equations) {
+            *equations = sought.equations(SHIFT);
+        }
+    });
+    equations
+}
+
+fn targets(volume: &SparseVolume) -> Targets<'_> {
+    Targets::new(volume, Band::Surface, Tools::ALL)
+}
+
+/// A volume as the frame before: the blocks that its surface touches, none of them predicted in time.
+fn reference(volume: &SparseVolume) -> MainReference {
+    let coords = targets(volume).coords().to_vec();
+    let index = volume.index();
+    let block = |coord| volume.block(index.get(coord).expect("targets are blocks of the volume") as usize);
+    let samples = coords.iter().flat_map(|coord| block(*coord)).copied().collect();
+    let coded = SparseVolume::from_parts(*volume.grid(), coords.clone(), samples, BTreeMap::new());
+    let extended = ExtensionPlan::new(&coords).extend(&coded);
+    let symbols = FrameSymbols {
+        modes: vec![BlockMode::Spatial; coords.len()],
+        levels: vec![0; COEFFICIENTS * coords.len()],
+        counts: vec![0; coords.len()],
+        coords,
+    };
+    MainReference::new(extended, &symbols, BTreeMap::new())
+}
+
+/// What the blocks are to become and their predictions, in voxels.
+fn predicted_blocks(before: &SparseVolume, volume: &SparseVolume) -> Vec<(BlockTarget, Field)> {
+    let (reference, targets) = (reference(before), targets(volume));
+    let mut sought = SoughtBlock::new(&reference);
+    let block = |block| {
+        sought.turn_to(&targets, block, 1);
+        let mut codes = [0; 512];
+        sought.predict(Vector::ZERO, &mut codes);
+        (targets.block(block), codes.map(|code| f32::from(code) / CODES_PER_VOXEL as f32))
+    };
+    (0..targets.len()).map(block).collect()
+}
