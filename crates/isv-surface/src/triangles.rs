@@ -1,64 +1,73 @@
 //! From crossed cells to triangles.
 
-use crate::bits::{PLUS_SLOTS, PaddedBits};
 use crate::cases::{CASES, Case, EDGES, edge_start};
 use crate::edges::{EdgeRow, SetBits};
-use isv_volume::{BlockEdge, Neighbourhood};
+use crate::window::SignWindow;
 
-/// Numbers of the vertices on all crossing edges of the volume.
-pub(crate) struct VertexIds<'a> {
-    pub(crate) edge: BlockEdge,
-    /// `edge^2` rows a block.
-    pub(crate) rows: &'a [EdgeRow],
-    /// Number of the first vertex of each block.
-    pub(crate) first: &'a [u32],
-}
+/// The vertices' numbers on the edges that start in a block and at the near sides of its plus neighbours: as far as the cells
+/// of the block reach. Other entries are left over from other blocks.
+pub(crate) struct VertexIds<const SIDE: usize>(Vec<u32>);
 
-/// Calls `visit` with the lowest corner and the case of each crossed cell of a block, in voxel order.
-pub(crate) fn for_each_crossed_cell(
-    bits: &PaddedBits,
-    edge: BlockEdge,
-    mut visit: impl FnMut([usize; 3], &Case),
-) {
-    let cases = &*CASES;
-    for z in 0..edge.voxels() {
-        for y in 0..edge.voxels() {
-            for x in SetBits(u64::from(bits.crossed_cells(y, z))) {
-                visit([x, y, z], &cases[bits.pattern(x, y, z)]);
-            }
-        }
+impl<const SIDE: usize> Default for VertexIds<SIDE> {
+    fn default() -> Self {
+        Self(vec![0; Self::LAYER * (SIDE + 1)])
     }
 }
 
-/// Writes the triangles of a block's cells; there are as many as places in `out`.
-pub(crate) fn fill_triangles(
-    out: &mut [[u32; 3]],
-    bits: &PaddedBits,
-    around: &Neighbourhood,
-    ids: &VertexIds,
-) {
-    let blocks = PLUS_SLOTS.map(|slot| around[slot]);
-    let mut places = out.iter_mut();
-    for_each_crossed_cell(bits, ids.edge, |cell, case| {
-        let mut vertices = [0; EDGES];
-        for edge in SetBits(u64::from(case.edges)) {
-            vertices[edge] = ids.vertex(&blocks, cell, edge);
+impl<const SIDE: usize> VertexIds<SIDE> {
+    /// Entries of a voxel, one an axis; of a row, a layer.
+    const VOXEL: usize = 3;
+    const ROW: usize = Self::VOXEL * (SIDE + 1);
+    const LAYER: usize = Self::ROW * (SIDE + 1);
+
+    /// From the entries of a cell's lowest corner to that of each of its edges.
+    const OF_EDGE: [usize; EDGES] = {
+        let mut offsets = [0; EDGES];
+        let mut edge = 0;
+        while edge < EDGES {
+            let (axis, [x, y, z]) = edge_start(edge);
+            offsets[edge] = z * Self::LAYER + y * Self::ROW + x * Self::VOXEL + axis;
+            edge += 1;
         }
-        for (triangle, place) in case.triangles().iter().zip(&mut places) {
-            *place = triangle.map(|edge| vertices[usize::from(edge)]);
+        offsets
+    };
+
+    /// Enters the vertices of a row of edges that starts in voxel `[x, y, z]`, given the number of its block's first vertex.
+    #[inline(always)]
+    pub(crate) fn enter(&mut self, row: EdgeRow, [x, y, z]: [usize; 3], first: u32) {
+        let start = z * Self::LAYER + y * Self::ROW + x * Self::VOXEL;
+        let entries = &mut self.0[start..][..Self::ROW - x * Self::VOXEL];
+        for (vertex, edge) in (first + row.first()..).zip(row.edges()) {
+            entries[edge] = vertex;
         }
-    });
+    }
+
+    /// Writes the triangles of a block's cells; there are as many as places in `out`.
+    #[inline(always)]
+    pub(crate) fn fill_triangles(&self, out: &mut [[u32; 3]], window: &SignWindow<SIDE>) {
+        let mut places = out.iter_mut();
+        for_each_crossed_cell(window, |[x, y, z], case| {
+            let cell = &self.0[z * Self::LAYER + y * Self::ROW + x * Self::VOXEL..];
+            for (triangle, place) in case.triangles().iter().zip(&mut places) {
+                *place = triangle.map(|edge| cell[Self::OF_EDGE[usize::from(edge)]]);
+            }
+        });
+    }
 }
 
-impl VertexIds<'_> {
-    /// The vertex on an edge of a cell; `blocks` are the block of the cell and its plus neighbours.
-    fn vertex(&self, blocks: &[Option<u32>; 8], cell: [usize; 3], edge: usize) -> u32 {
-        let side = self.edge.voxels();
-        let (axis, start) = edge_start(edge);
-        let at = [0, 1, 2].map(|i| cell[i] + start[i]);
-        let [bx, by, bz] = at.map(|c| c >> self.edge.log2());
-        let [x, y, z] = at.map(|c| c & (side - 1));
-        let block = blocks[bx | by << 1 | bz << 2].expect("corners of observed cells exist") as usize;
-        self.first[block] + self.rows[(block * side + z) * side + y].vertex(x, axis)
+/// Calls `visit` with the lowest corner and the case of each crossed cell of a block, in voxel order.
+#[inline(always)]
+pub(crate) fn for_each_crossed_cell<const SIDE: usize>(
+    window: &SignWindow<SIDE>,
+    mut visit: impl FnMut([usize; 3], &Case),
+) {
+    let cases = &*CASES;
+    for z in 0..SIDE {
+        for (y, crossed) in window.crossed_cells(z).into_iter().enumerate() {
+            let corners = window.cell_rows(y, z);
+            for x in SetBits(u64::from(crossed)) {
+                visit([x, y, z], &cases[corners.pattern(x)]);
+            }
+        }
     }
 }
