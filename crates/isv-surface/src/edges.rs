@@ -11,11 +11,16 @@ const FIRST_SHIFT: u32 = 48;
 pub(crate) struct EdgeRow(u64);
 
 impl EdgeRow {
-    /// From the crossing edges by axis, bit x for voxel x, and the number of vertices in the block before this row.
+    /// From the crossing edges by axis, bit x for voxel x.
     #[inline(always)]
-    pub(crate) fn new([x, y, z]: [u32; 3], first: u32) -> Self {
-        let bits = spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2;
-        Self(bits | u64::from(first) << FIRST_SHIFT)
+    pub(crate) fn new([x, y, z]: [u32; 3]) -> Self {
+        Self(spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2)
+    }
+
+    /// The same edges, given the number of vertices in the block before this row.
+    #[inline(always)]
+    pub(crate) fn with_first(self, first: u32) -> Self {
+        Self(self.bits() | u64::from(first) << FIRST_SHIFT)
     }
 
     /// Number of crossing edges in the row.
@@ -79,7 +84,7 @@ mod tests {
     #[test]
     fn vertices_are_numbered_in_voxel_order() {
         let axes = [0b1000_0000_0000_0001, 0b0101, 0b1000_0000_0000_0001];
-        let row = EdgeRow::new(axes, 12_000);
+        let row = EdgeRow::new(axes).with_first(12_000);
         assert_eq!(row.edges().collect::<Vec<_>>(), [0, 1, 2, 7, 45, 47]);
         assert_eq!(row.first_voxel().edges().collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!((row.count(), row.first(), row.first_voxel().first()), (6, 12_000, 12_000));

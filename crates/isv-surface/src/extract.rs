@@ -2,13 +2,14 @@
 
 use crate::edges::EdgeRow;
 use crate::normals::CodeWindow;
-use crate::signs::{MIN_BLOCKS, PLUS_SLOTS, Signs};
-use crate::triangles::{VertexIds, for_each_crossed_cell};
+use crate::signs::{PLUS_SLOTS, Signs};
+use crate::triangles::{CrossedCell, VertexIds, find_cells};
 use crate::vertices::EdgeZeros;
 use crate::window::SignWindow;
+use bytemuck::zeroed_vec;
 use glam::DVec3;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, SparseVolume, TriangleMesh};
+use isv_volume::{BlockEdge, BlockIndex, NeighbourWalk, Neighbourhood, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
 use tracing::debug_span;
 
@@ -40,180 +41,260 @@ pub fn extract_surface(volume: &SparseVolume, options: &SurfaceOptions) -> Trian
 
 fn extract<const SIDE: usize>(volume: &SparseVolume, options: &SurfaceOptions) -> TriangleMesh {
     let signs = debug_span!("surface signs").in_scope(|| Signs::<SIDE>::new(volume));
-    let surface = debug_span!("surface edges").in_scope(|| SurfaceBlocks::find(volume, &signs));
-    debug_span!("surface mesh").in_scope(|| surface.mesh(&signs, options))
+    let surface = debug_span!("surface edges").in_scope(|| Surface::find(volume, signs));
+    debug_span!("surface mesh").in_scope(|| surface.mesh(options))
 }
+
+/// Blocks that a thread works on at a time.
+const CHUNK: usize = 64;
 
 /// The crossing edges that start in a block.
 type EdgeRows<const SIDE: usize> = [[EdgeRow; SIDE]; SIDE];
 
 /// The blocks that hold any part of the surface.
-struct SurfaceBlocks<'a, const SIDE: usize> {
+struct Surface<'a, const SIDE: usize> {
     volume: &'a SparseVolume,
+    signs: Signs<SIDE>,
     index: BlockIndex,
     /// Their indices in the volume.
     blocks: Vec<u32>,
+    /// What is in them, so many blocks at a time.
+    chunks: Vec<Chunk<SIDE>>,
+}
+
+/// What is in some blocks.
+#[derive(Default)]
+struct Chunk<const SIDE: usize> {
     edges: Vec<EdgeRows<SIDE>>,
     counts: Vec<Counts>,
+    /// Block after block.
+    cells: Vec<CrossedCell>,
 }
 
-/// How much of the surface a block holds.
+/// How much of the surface a block or more of them hold.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
-    vertices: u32,
-    triangles: u32,
+    vertices: usize,
+    triangles: usize,
+    cells: usize,
 }
 
-impl<'a, const SIDE: usize> SurfaceBlocks<'a, SIDE> {
-    fn find(volume: &'a SparseVolume, signs: &Signs<SIDE>) -> Self {
+impl<'a, const SIDE: usize> Surface<'a, SIDE> {
+    fn find(volume: &'a SparseVolume, signs: Signs<SIDE>) -> Self {
         let index = volume.index();
         let blocks = signs.crossed_blocks(volume, &index);
-        let (edges, counts) = blocks
-            .par_iter()
-            .with_min_len(MIN_BLOCKS)
-            .map(|&block| {
-                let around = index.neighbourhood(volume.coords()[block as usize]);
+        let chunks = blocks
+            .par_chunks(CHUNK)
+            .map(|blocks| {
                 vectorized(
                     #[inline(always)]
-                    || find_edges(&SignWindow::gather(signs, &around)),
+                    || Chunk::find(volume, &signs, &index, blocks),
                 )
             })
-            .unzip();
-        Self { volume, index, blocks, edges, counts }
+            .collect();
+        Self { volume, signs, index, blocks, chunks }
     }
 
-    fn mesh(&self, signs: &Signs<SIDE>, options: &SurfaceOptions) -> TriangleMesh {
-        let first = self.first_vertices();
-        let vertex_counts = || self.counts.iter().map(|count| count.vertices as usize);
-        let triangle_counts = || self.counts.iter().map(|count| count.triangles as usize);
+    fn mesh(&self, options: &SurfaceOptions) -> TriangleMesh {
+        let totals: Vec<Counts> = self.chunks.iter().map(Chunk::total).collect();
+        let vertex_counts = || totals.iter().map(|total| total.vertices);
         let normal_counts = || vertex_counts().map(|count| if options.normals { count } else { 0 });
+        let triangle_counts = || totals.iter().map(|total| total.triangles);
         let mut mesh = TriangleMesh {
-            vertices: bytemuck::zeroed_vec(vertex_counts().sum()),
-            normals: bytemuck::zeroed_vec(normal_counts().sum()),
-            triangles: bytemuck::zeroed_vec(triangle_counts().sum()),
+            vertices: zeroed_vec(vertex_counts().sum()),
+            normals: zeroed_vec(normal_counts().sum()),
+            triangles: zeroed_vec(triangle_counts().sum()),
         };
+        let numbering = Numbering::new(self);
         let places = carve(&mut mesh.vertices, vertex_counts())
             .zip(carve(&mut mesh.normals, normal_counts()))
             .zip(carve(&mut mesh.triangles, triangle_counts()))
             .map(|((vertices, normals), triangles)| Place { vertices, normals, triangles })
             .collect::<Vec<_>>();
-        places.into_par_iter().enumerate().with_min_len(MIN_BLOCKS).for_each_init(
-            Scratch::<SIDE>::default,
-            |scratch, (place, out)| {
-                vectorized(
-                    #[inline(always)]
-                    || self.fill(place, out, scratch, signs, &first),
-                );
-            },
-        );
+        places.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (number, place)| {
+            vectorized(
+                #[inline(always)]
+                || self.fill_chunk(number, place, &numbering, scratch),
+            );
+        });
         mesh
     }
 
-    /// By the block's index in the volume, its place in the lists and the number of its first vertex.
-    fn first_vertices(&self) -> Vec<Option<(u32, u32)>> {
-        let mut first = vec![None; self.volume.block_count()];
-        let mut sum = 0u32;
-        for (place, (block, count)) in self.blocks.iter().zip(&self.counts).enumerate() {
-            first[*block as usize] = Some((place as u32, sum));
-            sum = sum.checked_add(count.vertices).expect("at most u32::MAX vertices");
-        }
-        first
-    }
-
+    /// Writes the part of the mesh that the blocks of a chunk hold.
     #[inline(always)]
-    fn fill(
-        &self,
-        place: usize,
-        out: Place,
-        scratch: &mut Scratch<SIDE>,
-        signs: &Signs<SIDE>,
-        first: &[Option<(u32, u32)>],
-    ) {
-        let block = self.blocks[place];
-        let around = self.index.neighbourhood(self.volume.coords()[block as usize]);
-        self.fill_vertices(place, &around, out.vertices, out.normals, signs, &mut scratch.codes);
-        self.enter_vertices(&around, first, &mut scratch.ids);
-        scratch.ids.fill_triangles(out.triangles, &SignWindow::gather(signs, &around));
+    fn fill_chunk(&self, number: usize, mut place: Place, numbering: &Numbering, scratch: &mut Scratch) {
+        let chunk = &self.chunks[number];
+        let mut walk = NeighbourWalk::new(&self.index);
+        let mut cells = &chunk.cells[..];
+        for (i, counts) in chunk.counts.iter().enumerate() {
+            let block = number * CHUNK + i;
+            let around = walk.neighbourhood(self.volume.coords()[self.blocks[block] as usize]);
+            let part = place.split_off(counts);
+            let (cells_here, others) = cells.split_at(counts.cells);
+            cells = others;
+            if !part.normals.is_empty() {
+                scratch.codes.gather(self.volume, &self.signs, &around);
+            }
+            self.fill_vertices(block, &around, part.vertices, part.normals, &scratch.codes);
+            self.enter_vertices(&around, numbering, &mut scratch.ids);
+            scratch.ids.fill_triangles(part.triangles, cells_here);
+        }
     }
 
     /// Writes the vertices of a block and, unless `normals` is empty, their normals.
     #[inline(always)]
     fn fill_vertices(
         &self,
-        place: usize,
+        block: usize,
         around: &Neighbourhood,
         vertices: &mut [DVec3],
         normals: &mut [DVec3],
-        signs: &Signs<SIDE>,
-        codes: &mut CodeWindow,
+        codes: &CodeWindow,
     ) {
-        let (volume, block) = (self.volume, self.blocks[place]);
-        let next = [around[PLUS_SLOTS[1]], around[PLUS_SLOTS[2]], around[PLUS_SLOTS[4]]];
-        let coord = volume.coords()[block as usize];
-        let zeros = EdgeZeros::<SIDE>::new(volume.samples(), volume.grid(), coord, block, next);
-        if !normals.is_empty() {
-            codes.gather(volume, signs, around);
-        }
+        let zeros = EdgeZeros::<SIDE>::new(self.volume, self.blocks[block], around);
         let mut number = 0;
-        for (z, layer) in self.edges[place].iter().enumerate() {
+        for (z, layer) in self.edges(block).iter().enumerate() {
             for (y, row) in layer.iter().enumerate() {
-                zeros.for_each(*row, y, z, |zero| {
+                for edge in row.edges() {
+                    let zero = zeros.on_edge([edge / 3, y, z], edge % 3);
                     vertices[number] = zero.position_m;
                     if let Some(normal) = normals.get_mut(number) {
                         *normal = codes.normal(&zero);
                     }
                     number += 1;
-                });
+                }
             }
         }
     }
 
     /// Enters the vertices that the cells of a block reach.
     #[inline(always)]
-    fn enter_vertices(&self, around: &Neighbourhood, first: &[Option<(u32, u32)>], ids: &mut VertexIds<SIDE>) {
+    fn enter_vertices(&self, around: &Neighbourhood, numbering: &Numbering, ids: &mut VertexIds) {
         for (step, slot) in PLUS_SLOTS.into_iter().enumerate() {
-            let Some((place, first)) = around[slot].and_then(|block| first[block as usize]) else { continue };
-            let edges = &self.edges[place as usize];
-            let reach = |axis: usize| if step >> axis & 1 == 0 { SIDE } else { 1 };
-            let start = |axis: usize| if step >> axis & 1 == 0 { 0 } else { SIDE };
-            for z in 0..reach(2) {
-                for y in 0..reach(1) {
-                    let row = if reach(0) == 1 { edges[z][y].first_voxel() } else { edges[z][y] };
-                    ids.enter(row, [start(0), start(1) + y, start(2) + z], first);
+            let Some((block, first)) = around[slot].and_then(|block| numbering.get(block)) else { continue };
+            let edges = self.edges(block);
+            let next = [step & 1 != 0, step & 2 != 0, step & 4 != 0];
+            let start = next.map(|next| if next { SIDE } else { 0 });
+            let reach = next.map(|next| if next { 1 } else { SIDE });
+            for z in 0..reach[2] {
+                for y in 0..reach[1] {
+                    let row = if next[0] { edges[z][y].first_voxel() } else { edges[z][y] };
+                    ids.enter(row, [start[0], start[1] + y, start[2] + z], first);
                 }
             }
         }
     }
+
+    #[inline(always)]
+    fn edges(&self, block: usize) -> &EdgeRows<SIDE> {
+        &self.chunks[block / CHUNK].edges[block % CHUNK]
+    }
 }
 
-/// What the threads keep between blocks.
+impl<const SIDE: usize> Chunk<SIDE> {
+    #[inline(always)]
+    fn find(volume: &SparseVolume, signs: &Signs<SIDE>, index: &BlockIndex, blocks: &[u32]) -> Self {
+        let mut chunk = Self {
+            edges: vec![[[EdgeRow::default(); SIDE]; SIDE]; blocks.len()],
+            counts: Vec::with_capacity(blocks.len()),
+            // As many as in a plane across each block.
+            cells: Vec::with_capacity(blocks.len() * SIDE * SIDE),
+        };
+        let mut walk = NeighbourWalk::new(index);
+        for (&block, edges) in blocks.iter().zip(&mut chunk.edges) {
+            let around = walk.neighbourhood(volume.coords()[block as usize]);
+            let window = SignWindow::gather(signs, &around);
+            let vertices = find_edges(&window, edges);
+            let cells_before = chunk.cells.len();
+            let triangles = find_cells(&window, &mut chunk.cells);
+            chunk.counts.push(Counts { vertices, triangles, cells: chunk.cells.len() - cells_before });
+        }
+        chunk
+    }
+
+    fn total(&self) -> Counts {
+        self.counts.iter().fold(Counts::default(), |sum, count| Counts {
+            vertices: sum.vertices + count.vertices,
+            triangles: sum.triangles + count.triangles,
+            cells: sum.cells + count.cells,
+        })
+    }
+}
+
+/// Finds the crossing edges that start in a block; returns how many there are.
+#[inline(always)]
+fn find_edges<const SIDE: usize>(window: &SignWindow<SIDE>, edges: &mut EdgeRows<SIDE>) -> usize {
+    let mut count = 0;
+    for (z, layer) in edges.iter_mut().enumerate() {
+        let crossings = window.crossings(z);
+        for y in 0..SIDE {
+            layer[y] = EdgeRow::new([crossings[0][y], crossings[1][y], crossings[2][y]]);
+        }
+        for row in layer {
+            *row = row.with_first(count);
+            count += row.count();
+        }
+    }
+    count as usize
+}
+
+/// The numbers of the blocks among those of the surface, and of their first vertices.
+struct Numbering {
+    /// Of each block of the volume, one more than its number among those of the surface; 0 for the others.
+    numbers: Vec<u32>,
+    first: Vec<u32>,
+}
+
+impl Numbering {
+    fn new<const SIDE: usize>(surface: &Surface<SIDE>) -> Self {
+        let mut numbers = vec![0; surface.volume.block_count()];
+        for (number, block) in (1..).zip(&surface.blocks) {
+            numbers[*block as usize] = number;
+        }
+        let counts = surface.chunks.iter().flat_map(|chunk| &chunk.counts);
+        let mut sum = 0u32;
+        let first = counts.map(|count| {
+            let first = sum;
+            sum = sum.checked_add(count.vertices as u32).expect("at most u32::MAX vertices");
+            first
+        });
+        Self { first: first.collect(), numbers }
+    }
+
+    /// The number of a block and that of its first vertex, if it holds any of the surface.
+    #[inline(always)]
+    fn get(&self, block: u32) -> Option<(usize, u32)> {
+        let number = self.numbers[block as usize].checked_sub(1)? as usize;
+        Some((number, self.first[number]))
+    }
+}
+
+/// What a thread keeps between chunks.
 #[derive(Default)]
-struct Scratch<const SIDE: usize> {
+struct Scratch {
     codes: CodeWindow,
-    ids: VertexIds<SIDE>,
+    ids: VertexIds,
 }
 
-/// Where the part of the mesh goes that a block holds.
+/// Where a part of the mesh goes.
 struct Place<'a> {
     vertices: &'a mut [DVec3],
     normals: &'a mut [DVec3],
     triangles: &'a mut [[u32; 3]],
 }
 
-/// The crossing edges that start in a block, and how much of the surface that makes.
-#[inline(always)]
-fn find_edges<const SIDE: usize>(window: &SignWindow<SIDE>) -> (EdgeRows<SIDE>, Counts) {
-    let mut edges = [[EdgeRow::default(); SIDE]; SIDE];
-    let mut counts = Counts::default();
-    for (z, layer) in edges.iter_mut().enumerate() {
-        let crossings = window.crossings(z);
-        for (y, row) in layer.iter_mut().enumerate() {
-            *row = EdgeRow::new([crossings[0][y], crossings[1][y], crossings[2][y]], counts.vertices);
-            counts.vertices += row.count();
+impl<'a> Place<'a> {
+    /// Takes so much from the front.
+    #[inline(always)]
+    fn split_off(&mut self, counts: &Counts) -> Self {
+        let normals = if self.normals.is_empty() { 0 } else { counts.vertices };
+        let enough = "a place for each vertex and triangle";
+        Self {
+            vertices: self.vertices.split_off_mut(..counts.vertices).expect(enough),
+            normals: self.normals.split_off_mut(..normals).expect(enough),
+            triangles: self.triangles.split_off_mut(..counts.triangles).expect(enough),
         }
     }
-    for_each_crossed_cell(window, |_, case| counts.triangles += case.triangles().len() as u32);
-    (edges, counts)
 }
 
 /// Cuts a slice into consecutive pieces of the given lengths.

@@ -50,8 +50,7 @@ impl CodeWindow {
                 out.copy_from_slice(&volume.block(block as usize)[from..][..x_count]);
                 if signs.has_unobserved(block) {
                     let observed = signs.observed(Some(block))[z + dz][y + dy] >> x;
-                    for (i, code) in out.iter_mut().enumerate().filter(|(i, _)| observed >> i & 1 == 0) {
-                        
+                    for (_, code) in out.iter_mut().enumerate().filter(|(i, _)| observed >> i & 1 == 0) {
                         *code = UNKNOWN;
                     }
                 }

@@ -2,7 +2,7 @@
 
 use isv_kernels::signs::inside_row;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockIndex, SparseVolume, VoxelMask};
+use isv_volume::{BlockIndex, NeighbourWalk, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
 /// A bit a voxel of a block: bit x of row `[z][y]`.
@@ -79,18 +79,23 @@ impl<const SIDE: usize> Signs<SIDE> {
     /// The blocks where cells start whose corners have both signs, in order: in no other does the surface cross a cell or an
     /// edge. In these it does, unless a corner was not observed.
     pub(crate) fn crossed_blocks(&self, volume: &SparseVolume, index: &BlockIndex) -> Vec<u32> {
-        let is_crossed = |block: &u32| {
+        let blocks = (0..volume.block_count() as u32).into_par_iter().with_min_len(MIN_BLOCKS);
+        let walks = blocks.map_init(|| NeighbourWalk::new(index), |walk, block| {
+            let around = vectorized(
+                #[inline(always)]
+                || walk.octet(volume.coords()[block as usize]),
+            );
             let (mut inside, mut outside) = (0, 0);
-            for (part, block) in index.octet(volume.coords()[*block as usize]).into_iter().enumerate() {
+            for (part, block) in around.into_iter().enumerate() {
                 if let Some(block) = block {
                     let parts = self.parts[block as usize];
                     inside |= parts.inside >> part & 1;
                     outside |= parts.outside >> part & 1;
                 }
             }
-            inside & outside != 0
-        };
-        (0..volume.block_count() as u32).into_par_iter().filter(is_crossed).collect()
+            (inside & outside != 0).then_some(block)
+        });
+        walks.flatten_iter().collect()
     }
 }
 

@@ -1,73 +1,105 @@
 //! From crossed cells to triangles.
 
-use crate::cases::{CASES, Case, EDGES, edge_start};
+use crate::cases::{CASES, EDGES, MAX_TRIANGLES, edge_start};
 use crate::edges::{EdgeRow, SetBits};
 use crate::window::SignWindow;
+use std::sync::LazyLock;
 
-/// The vertices' numbers on the edges that start in a block and at the near sides of its plus neighbours: as far as the cells
-/// of the block reach. Other entries are left over from other blocks.
-pub(crate) struct VertexIds<const SIDE: usize>(Vec<u32>);
+/// Entries of [`VertexIds`] from one voxel to the next along x, y and z, for the widest block and one voxel more.
+const STRIDES: [usize; 3] = [3, 3 * 17, 3 * 17 * 17];
+const ENTRIES: usize = 1 << ENTRY_BITS;
+const ENTRY_BITS: u32 = 14;
 
-impl<const SIDE: usize> Default for VertexIds<SIDE> {
+/// A cell that the surface crosses: its lowest corner's entry in [`VertexIds`], and above that the pattern of its signs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CrossedCell(u32);
+
+/// The triangles in a cell, their corners as entries of [`VertexIds`] counted from the cell's.
+#[derive(Clone, Copy, Debug, Default)]
+struct CellTriangles {
+    count: usize,
+    corners: [[usize; 3]; MAX_TRIANGLES],
+}
+
+/// By sign pattern.
+static TRIANGLES: LazyLock<[CellTriangles; 256]> = LazyLock::new(|| {
+    CASES.map(|case| {
+        let mut cell = CellTriangles { count: case.triangles().len(), ..CellTriangles::default() };
+        for (corners, triangle) in cell.corners.iter_mut().zip(case.triangles()) {
+            *corners = triangle.map(|edge| edge_entry(usize::from(edge)));
+        }
+        cell
+    })
+});
+
+/// The entry of a cell's edge, from that of its lowest corner on.
+fn edge_entry(edge: usize) -> usize {
+    debug_assert!(edge < EDGES);
+    let (axis, start) = edge_start(edge);
+    entry(start) + axis
+}
+
+/// The entry of the edge that starts in a voxel and runs along x.
+#[inline(always)]
+fn entry([x, y, z]: [usize; 3]) -> usize {
+    x * STRIDES[0] + y * STRIDES[1] + z * STRIDES[2]
+}
+
+/// Appends the crossed cells of a block, in voxel order; returns how many triangles are in them.
+#[inline(always)]
+pub(crate) fn find_cells<const SIDE: usize>(window: &SignWindow<SIDE>, cells: &mut Vec<CrossedCell>) -> usize {
+    let triangles = &*TRIANGLES;
+    let mut count = 0;
+    for z in 0..SIDE {
+        let crossed = window.crossed_cells(z);
+        for y in 0..SIDE {
+            let corners = window.cell_rows(y, z);
+            for x in SetBits(u64::from(crossed[y])) {
+                let pattern = corners.pattern(x);
+                count += triangles[pattern].count;
+                cells.push(CrossedCell((pattern << ENTRY_BITS | entry([x, y, z])) as u32));
+            }
+        }
+    }
+    count
+}
+
+/// The vertices' numbers on the edges that start in a block and at the near sides of its plus neighbours, as far as the cells
+/// of the block reach, by voxel and axis. Other entries are left over from other blocks.
+pub(crate) struct VertexIds(Box<[u32; ENTRIES]>);
+
+impl Default for VertexIds {
     fn default() -> Self {
-        Self(vec![0; Self::LAYER * (SIDE + 1)])
+        Self(Box::new([0; ENTRIES]))
     }
 }
 
-impl<const SIDE: usize> VertexIds<SIDE> {
-    /// Entries of a voxel, one an axis; of a row, a layer.
-    const VOXEL: usize = 3;
-    const ROW: usize = Self::VOXEL * (SIDE + 1);
-    const LAYER: usize = Self::ROW * (SIDE + 1);
-
-    /// From the entries of a cell's lowest corner to that of each of its edges.
-    const OF_EDGE: [usize; EDGES] = {
-        let mut offsets = [0; EDGES];
-        let mut edge = 0;
-        while edge < EDGES {
-            let (axis, [x, y, z]) = edge_start(edge);
-            offsets[edge] = z * Self::LAYER + y * Self::ROW + x * Self::VOXEL + axis;
-            edge += 1;
-        }
-        offsets
-    };
-
-    /// Enters the vertices of a row of edges that starts in voxel `[x, y, z]`, given the number of its block's first vertex.
+impl VertexIds {
+    /// Enters the vertices of a row of edges that starts in a voxel, given the number of its block's first vertex.
     #[inline(always)]
-    pub(crate) fn enter(&mut self, row: EdgeRow, [x, y, z]: [usize; 3], first: u32) {
-        let start = z * Self::LAYER + y * Self::ROW + x * Self::VOXEL;
-        let entries = &mut self.0[start..][..Self::ROW - x * Self::VOXEL];
-        for (vertex, edge) in (first + row.first()..).zip(row.edges()) {
-            entries[edge] = vertex;
+    pub(crate) fn enter(&mut self, row: EdgeRow, start: [usize; 3], first: u32) {
+        let start = entry(start);
+        let mut vertex = first + row.first();
+        for edge in row.edges() {
+            self.0[(start + edge) % ENTRIES] = vertex;
+            vertex += 1;
         }
     }
 
     /// Writes the triangles of a block's cells; there are as many as places in `out`.
     #[inline(always)]
-    pub(crate) fn fill_triangles(&self, out: &mut [[u32; 3]], window: &SignWindow<SIDE>) {
-        let mut places = out.iter_mut();
-        for_each_crossed_cell(window, |[x, y, z], case| {
-            let cell = &self.0[z * Self::LAYER + y * Self::ROW + x * Self::VOXEL..];
-            for (triangle, place) in case.triangles().iter().zip(&mut places) {
-                *place = triangle.map(|edge| cell[Self::OF_EDGE[usize::from(edge)]]);
+    pub(crate) fn fill_triangles(&self, out: &mut [[u32; 3]], cells: &[CrossedCell]) {
+        let table = &*TRIANGLES;
+        let mut rest = out;
+        for CrossedCell(cell) in cells {
+            let of_cell = &table[(cell >> ENTRY_BITS) as usize % 256];
+            let (places, others) = rest.split_at_mut(of_cell.count);
+            for (place, corners) in places.iter_mut().zip(&of_cell.corners) {
+                for i in 0..3 {
+                    place[i] = self.0[(*cell as usize + corners[i]) % ENTRIES];
+                }
             }
-        });
-    }
-}
-
-/// Calls `visit` with the lowest corner and the case of each crossed cell of a block, in voxel order.
-#[inline(always)]
-pub(crate) fn for_each_crossed_cell<const SIDE: usize>(
-    window: &SignWindow<SIDE>,
-    mut visit: impl FnMut([usize; 3], &Case),
-) {
-    let cases = &*CASES;
-    for z in 0..SIDE {
-        for (y, crossed) in window.crossed_cells(z).into_iter().enumerate() {
-            let corners = window.cell_rows(y, z);
-            for x in SetBits(u64::from(crossed)) {
-                visit([x, y, z], &cases[corners.pattern(x)]);
-            }
+            rest = others;
         }
     }
 }

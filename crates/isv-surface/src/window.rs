@@ -22,9 +22,20 @@ pub(crate) struct SignWindow<const SIDE: usize> {
 impl<const SIDE: usize> SignWindow<SIDE> {
     #[inline(always)]
     pub(crate) fn gather(signs: &Signs<SIDE>, around: &Neighbourhood) -> Self {
-        let inside = pad(|slot| signs.inside(around[slot]));
-        let observed = pad(|slot| signs.observed(around[slot]));
-        Self { inside, cells: whole_cells::<SIDE>(&observed) }
+        let inside = pad(
+            #[inline(always)]
+            |slot| signs.inside(around[slot]),
+        );
+        let all_observed = around.iter().all(|block| block.is_some_and(|block| !signs.has_unobserved(block)));
+        let cells = if all_observed {
+            [[u32::MAX; MAX_PADDED]; MAX_PADDED]
+        } else {
+            whole_cells::<SIDE>(&pad(
+                #[inline(always)]
+                |slot| signs.observed(around[slot]),
+            ))
+        };
+        Self { inside, cells }
     }
 
     /// The edges that start in voxels of layer z, cross the surface and belong to an observed cell, by axis: bit x of row y.
