@@ -3,7 +3,7 @@
 use crate::edges::EdgeRow;
 use crate::normals::CodeWindow;
 use crate::signs::{PLUS_SLOTS, Signs};
-use crate::triangles::{CrossedCell, VertexIds, find_cells};
+use crate::triangles::{CrossedCell, VertexIds, entry, find_cells};
 use crate::vertices::EdgeZeros;
 use crate::window::SignWindow;
 use bytemuck::zeroed_vec;
@@ -135,31 +135,35 @@ impl<'a, const SIDE: usize> Surface<'a, SIDE> {
             if !part.normals.is_empty() {
                 scratch.codes.gather(self.volume, &self.signs, &around);
             }
-            self.fill_vertices(block, &around, part.vertices, part.normals, &scratch.codes);
-            self.enter_vertices(&around, numbering, &mut scratch.ids);
+            self.fill_vertices(block, &around, numbering, part.vertices, part.normals, scratch);
+            self.enter_neighbours(&around, numbering, &mut scratch.ids);
             scratch.ids.fill_triangles(part.triangles, cells_here);
         }
     }
 
-    /// Writes the vertices of a block and, unless `normals` is empty, their normals.
+    /// Writes the vertices of a block, enters them and, unless `normals` is empty, writes their normals.
     #[inline(always)]
     fn fill_vertices(
         &self,
         block: usize,
         around: &Neighbourhood,
+        numbering: &Numbering,
         vertices: &mut [DVec3],
         normals: &mut [DVec3],
-        codes: &CodeWindow,
+        scratch: &mut Scratch,
     ) {
         let zeros = EdgeZeros::<SIDE>::new(self.volume, self.blocks[block], around);
+        let first = numbering.first[block];
         let mut number = 0;
         for (z, layer) in self.edges(block).iter().enumerate() {
             for (y, row) in layer.iter().enumerate() {
+                let start = entry([0, y, z]);
                 for edge in row.edges() {
                     let zero = zeros.on_edge([edge / 3, y, z], edge % 3);
-                    vertices[number] = zero.position_m;
+                    zeros.place(&zero, &mut vertices[number]);
+                    scratch.ids.set(start + edge, first + number as u32);
                     if let Some(normal) = normals.get_mut(number) {
-                        *normal = codes.normal(&zero);
+                        *normal = scratch.codes.normal(&zero);
                     }
                     number += 1;
                 }
@@ -167,10 +171,10 @@ impl<'a, const SIDE: usize> Surface<'a, SIDE> {
         }
     }
 
-    /// Enters the vertices that the cells of a block reach.
+    /// Enters the vertices of the neighbours that the cells of a block reach.
     #[inline(always)]
-    fn enter_vertices(&self, around: &Neighbourhood, numbering: &Numbering, ids: &mut VertexIds) {
-        for (step, slot) in PLUS_SLOTS.into_iter().enumerate() {
+    fn enter_neighbours(&self, around: &Neighbourhood, numbering: &Numbering, ids: &mut VertexIds) {
+        for (step, slot) in PLUS_SLOTS.into_iter().enumerate().skip(1) {
             let Some((block, first)) = around[slot].and_then(|block| numbering.get(block)) else { continue };
             let edges = self.edges(block);
             let next = [step & 1 != 0, step & 2 != 0, step & 4 != 0];
@@ -195,16 +199,17 @@ impl<const SIDE: usize> Chunk<SIDE> {
     #[inline(always)]
     fn find(volume: &SparseVolume, signs: &Signs<SIDE>, index: &BlockIndex, blocks: &[u32]) -> Self {
         let mut chunk = Self {
-            edges: vec![[[EdgeRow::default(); SIDE]; SIDE]; blocks.len()],
+            edges: Vec::with_capacity(blocks.len()),
             counts: Vec::with_capacity(blocks.len()),
             // As many as in a plane across each block.
             cells: Vec::with_capacity(blocks.len() * SIDE * SIDE),
         };
         let mut walk = NeighbourWalk::new(index);
-        for (&block, edges) in blocks.iter().zip(&mut chunk.edges) {
+        for &block in blocks {
             let around = walk.neighbourhood(volume.coords()[block as usize]);
             let window = SignWindow::gather(signs, &around);
-            let vertices = find_edges(&window, edges);
+            let (edges, vertices) = find_edges(&window);
+            chunk.edges.push(edges);
             let cells_before = chunk.cells.len();
             let triangles = find_cells(&window, &mut chunk.cells);
             chunk.counts.push(Counts { vertices, triangles, cells: chunk.cells.len() - cells_before });
@@ -221,9 +226,10 @@ impl<const SIDE: usize> Chunk<SIDE> {
     }
 }
 
-/// Finds the crossing edges that start in a block; returns how many there are.
+/// The crossing edges that start in a block, and how many there are.
 #[inline(always)]
-fn find_edges<const SIDE: usize>(window: &SignWindow<SIDE>, edges: &mut EdgeRows<SIDE>) -> usize {
+fn find_edges<const SIDE: usize>(window: &SignWindow<SIDE>) -> (EdgeRows<SIDE>, usize) {
+    let mut edges = [[EdgeRow::default(); SIDE]; SIDE];
     let mut count = 0;
     for (z, layer) in edges.iter_mut().enumerate() {
         let crossings = window.crossings(z);
@@ -235,7 +241,7 @@ fn find_edges<const SIDE: usize>(window: &SignWindow<SIDE>, edges: &mut EdgeRows
             count += row.count();
         }
     }
-    count as usize
+    (edges, count as usize)
 }
 
 /// The numbers of the blocks among those of the surface, and of their first vertices.

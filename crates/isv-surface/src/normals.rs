@@ -1,6 +1,6 @@
 //! The field's gradient at vertices.
 
-use crate::signs::Signs;
+use crate::signs::{Rows, Signs};
 use crate::vertices::EdgeZero;
 use glam::DVec3;
 use isv_volume::{Neighbourhood, SparseVolume};
@@ -13,6 +13,9 @@ const STRIDES: [usize; 3] = [1, MAX_WINDOW, MAX_WINDOW * MAX_WINDOW];
 
 /// Stands for a voxel that is missing or was not observed. No code is that low.
 const UNKNOWN: i16 = i16::MIN;
+
+/// The codes of a block that is not there.
+static MISSING: [i16; 4096] = [UNKNOWN; 4096];
 
 /// The codes of a block and what is around it, one voxel before and two after along every axis: as far as the differences
 /// reach at both ends of the edges that start in the block.
@@ -33,25 +36,45 @@ impl CodeWindow {
         signs: &Signs<SIDE>,
         around: &Neighbourhood,
     ) {
-        // Of the block before, this one and the next: the first voxel that is used, how many are, and where they go.
-        let spans = [(SIDE - 1, 1, 0), (0, SIDE, 1), (0, 2, SIDE + 1)];
+        for (dz, (z_first, z_count, z_out)) in spans::<SIDE>().into_iter().enumerate() {
+            for (dy, (y_first, y_count, y_out)) in spans::<SIDE>().into_iter().enumerate() {
+                let slot = dz * 9 + dy * 3;
+                let [left, middle, right] = [0, 1, 2].map(|dx| {
+                    let block = around[slot + dx];
+                    block.map_or(&MISSING[..SIDE.pow(3)], |block| volume.block(block as usize)).as_chunks().0
+                });
+                for z in 0..z_count {
+                    for y in 0..y_count {
+                        let row = (z_first + z) * SIDE + y_first + y;
+                        let out = &mut self.0[window_index([0, y_out + y, z_out + z])..][..MAX_WINDOW];
+                        let middle: &[i16; SIDE] = &middle[row];
+                        let (left, right): (&[i16; SIDE], &[i16; SIDE]) = (&left[row], &right[row]);
+                        out[0] = left[SIDE - 1];
+                        out[1..=SIDE].copy_from_slice(middle);
+                        out[SIDE + 1] = right[0];
+                        out[SIDE + 2] = right[1];
+                    }
+                }
+            }
+        }
         for (slot, block) in around.iter().enumerate() {
-            let [(x, x_count, x_out), (y, y_count, y_out), (z, z_count, z_out)] =
-                [spans[slot % 3], spans[slot / 3 % 3], spans[slot / 9]];
-            for row in 0..y_count * z_count {
-                let (dy, dz) = (row % y_count, row / y_count);
-                let start = ((z_out + dz) * MAX_WINDOW + y_out + dy) * MAX_WINDOW + x_out;
-                let out = &mut self.0[start..][..x_count];
-                let Some(block) = *block else {
-                    out.fill(UNKNOWN);
-                    continue;
-                };
-                let from = ((z + dz) * SIDE + y + dy) * SIDE + x;
-                out.copy_from_slice(&volume.block(block as usize)[from..][..x_count]);
-                if signs.has_unobserved(block) {
-                    let observed = signs.observed(Some(block))[z + dz][y + dy] >> x;
-                    for (_, code) in out.iter_mut().enumerate().filter(|(i, _)| observed >> i & 1 == 0) {
-                        *code = UNKNOWN;
+            if let Some(block) = block.filter(|block| signs.has_unobserved(*block)) {
+                self.hide(slot, signs.observed(Some(block)));
+            }
+        }
+    }
+
+    /// Forgets the codes of a block in the neighbourhood that were not observed.
+    #[cold]
+    fn hide<const SIDE: usize>(&mut self, slot: usize, observed: &Rows<SIDE>) {
+        let spans = spans::<SIDE>();
+        let [(x_first, x_count, x_out), (y_first, y_count, y_out), (z_first, z_count, z_out)] =
+            [slot % 3, slot / 3 % 3, slot / 9].map(|place| spans[place]);
+        for z in 0..z_count {
+            for y in 0..y_count {
+                for x in 0..x_count {
+                    if observed[z_first + z][y_first + y] >> (x_first + x) & 1 == 0 {
+                        self.0[window_index([x_out + x, y_out + y, z_out + z])] = UNKNOWN;
                     }
                 }
             }
@@ -62,7 +85,7 @@ impl CodeWindow {
     #[inline(always)]
     pub(crate) fn normal(&self, zero: &EdgeZero) -> DVec3 {
         let [x, y, z] = zero.lower;
-        let lower = ((z + 1) * MAX_WINDOW + y + 1) * MAX_WINDOW + x + 1;
+        let lower = window_index([x + 1, y + 1, z + 1]);
         let [a, b] = [self.gradient(lower), self.gradient(lower + STRIDES[zero.axis])];
         let along_edge = DVec3::AXES[zero.axis] * if zero.lower_inside { 1.0 } else { -1.0 };
         a.lerp(b, zero.fraction).normalize_or(along_edge)
@@ -83,6 +106,17 @@ impl CodeWindow {
         }
         DVec3::from_array(halves.map(f64::from)) * 0.5
     }
+}
+
+#[inline(always)]
+fn window_index([x, y, z]: [usize; 3]) -> usize {
+    (z * MAX_WINDOW + y) * MAX_WINDOW + x
+}
+
+/// Along an axis, of the block before, this one and the next: the first voxel that is used, how many are, and where they go.
+#[inline(always)]
+fn spans<const SIDE: usize>() -> [(usize, usize, usize); 3] {
+    [(SIDE - 1, 1, 0), (0, SIDE, 1), (0, 2, SIDE + 1)]
 }
 
 /// Twice the difference a voxel, of three codes some of which are unknown; 0 where it cannot be told.

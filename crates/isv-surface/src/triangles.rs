@@ -41,7 +41,7 @@ fn edge_entry(edge: usize) -> usize {
 
 /// The entry of the edge that starts in a voxel and runs along x.
 #[inline(always)]
-fn entry([x, y, z]: [usize; 3]) -> usize {
+pub(crate) fn entry([x, y, z]: [usize; 3]) -> usize {
     x * STRIDES[0] + y * STRIDES[1] + z * STRIDES[2]
 }
 
@@ -75,13 +75,19 @@ impl Default for VertexIds {
 }
 
 impl VertexIds {
+    /// Enters a vertex.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, entry: usize, vertex: u32) {
+        self.0[entry % ENTRIES] = vertex;
+    }
+
     /// Enters the vertices of a row of edges that starts in a voxel, given the number of its block's first vertex.
     #[inline(always)]
     pub(crate) fn enter(&mut self, row: EdgeRow, start: [usize; 3], first: u32) {
         let start = entry(start);
         let mut vertex = first + row.first();
         for edge in row.edges() {
-            self.0[(start + edge) % ENTRIES] = vertex;
+            self.set(start + edge, vertex);
             vertex += 1;
         }
     }

@@ -28,8 +28,6 @@ pub(crate) struct EdgeZero {
     /// Where between the two voxel centres the field is zero, in 0..1, both ends excluded.
     pub(crate) fraction: f64,
     pub(crate) lower_inside: bool,
-    /// World position in metres.
-    pub(crate) position_m: DVec3,
 }
 
 impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
@@ -62,9 +60,15 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
         let from = self.block + (z * SIDE + y) * SIDE + x;
         let to = from.wrapping_add(self.steps[axis][usize::from(lower[axis] == SIDE - 1)]);
         let [a, b] = [self.samples[from], self.samples[to]].map(|c| f64::from(if c == 0 { 1 } else { c }));
-        let fraction = a / (a - b);
-        let mut position_m = DVec3::new(self.centres_m[0][x], self.centres_m[1][y], self.centres_m[2][z]);
-        position_m[axis] = self.origin_m[axis] + (lower[axis] as f64 + fraction) * self.voxel_m;
-        EdgeZero { lower, axis, fraction, lower_inside: a < 0.0, position_m }
+        EdgeZero { lower, axis, fraction: a / (a - b), lower_inside: a < 0.0 }
+    }
+
+    /// Writes the world position of a vertex in metres.
+    #[inline(always)]
+    pub(crate) fn place(&self, zero: &EdgeZero, position_m: &mut DVec3) {
+        let [x, y, z] = zero.lower;
+        *position_m = DVec3::new(self.centres_m[0][x], self.centres_m[1][y], self.centres_m[2][z]);
+        let voxels = zero.lower[zero.axis] as f64 + zero.fraction;
+        position_m[zero.axis] = self.origin_m[zero.axis] + voxels * self.voxel_m;
     }
 }
