@@ -122,7 +122,8 @@ fn spans<const SIDE: usize>() -> [(usize, usize, usize); 3] {
 /// Twice the difference a voxel, of three codes some of which are unknown; 0 where it cannot be told.
 #[cold]
 fn doubled_difference(before: i16, here: i16, after: i16) -> i32 {
-    let [before, here, after] = [before, here, after].map(|code| (code != UNKNOWN).then_some(i32::from(code)));
+    let [before, here, after] =
+        [before, here, after].map(|code| (code != UNKNOWN).then_some(i32::from(code)));
     match (before, here, after) {
         (Some(before), _, Some(after)) => after - before,
         (Some(before), Some(here), None) => 2 * (here - before),

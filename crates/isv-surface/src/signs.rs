@@ -80,21 +80,24 @@ impl<const SIDE: usize> Signs<SIDE> {
     /// edge. In these it does, unless a corner was not observed.
     pub(crate) fn crossed_blocks(&self, volume: &SparseVolume, index: &BlockIndex) -> Vec<u32> {
         let blocks = (0..volume.block_count() as u32).into_par_iter().with_min_len(MIN_BLOCKS);
-        let walks = blocks.map_init(|| NeighbourWalk::new(index), |walk, block| {
-            let around = vectorized(
-                #[inline(always)]
-                || walk.octet(volume.coords()[block as usize]),
-            );
-            let (mut inside, mut outside) = (0, 0);
-            for (part, block) in around.into_iter().enumerate() {
-                if let Some(block) = block {
-                    let parts = self.parts[block as usize];
-                    inside |= parts.inside >> part & 1;
-                    outside |= parts.outside >> part & 1;
+        let walks = blocks.map_init(
+            || NeighbourWalk::new(index),
+            |walk, block| {
+                let around = vectorized(
+                    #[inline(always)]
+                    || walk.octet(volume.coords()[block as usize]),
+                );
+                let (mut inside, mut outside) = (0, 0);
+                for (part, block) in around.into_iter().enumerate() {
+                    if let Some(block) = block {
+                        let parts = self.parts[block as usize];
+                        inside |= parts.inside >> part & 1;
+                        outside |= parts.outside >> part & 1;
+                    }
                 }
-            }
-            (inside & outside != 0).then_some(block)
-        });
+                (inside & outside != 0).then_some(block)
+            },
+        );
         walks.flatten_iter().collect()
     }
 }

@@ -47,7 +47,10 @@ pub(crate) fn entry([x, y, z]: [usize; 3]) -> usize {
 
 /// Appends the crossed cells of a block, in voxel order; returns how many triangles are in them.
 #[inline(always)]
-pub(crate) fn find_cells<const SIDE: usize>(window: &SignWindow<SIDE>, cells: &mut Vec<CrossedCell>) -> usize {
+pub(crate) fn find_cells<const SIDE: usize>(
+    window: &SignWindow<SIDE>,
+    cells: &mut Vec<CrossedCell>,
+) -> usize {
     let triangles = &*TRIANGLES;
     let mut count = 0;
     for z in 0..SIDE {

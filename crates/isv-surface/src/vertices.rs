@@ -42,7 +42,8 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
         for axis in 0..3 {
             let stride = SIDE.pow(axis as u32);
             // No edge crosses into a block that is not there.
-            let beyond = around[PLUS_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
+            let beyond =
+                around[PLUS_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
             steps[axis] = [stride, beyond.wrapping_sub((SIDE - 1) * stride)];
             for voxel in 0..SIDE {
                 centres_m[axis][voxel] = origin_m[axis] + voxel as f64 * voxel_m;
