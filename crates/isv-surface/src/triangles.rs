@@ -88,10 +88,8 @@ impl VertexIds {
     #[inline(always)]
     pub(crate) fn enter(&mut self, row: EdgeRow, start: [usize; 3], first: u32) {
         let start = entry(start);
-        let mut vertex = first + row.first();
-        for edge in row.edges() {
+        for (vertex, edge) in (first + row.first()..).zip(row.edges()) {
             self.set(start + edge, vertex);
-            vertex += 1;
         }
     }
 
