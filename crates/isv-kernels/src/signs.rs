@@ -12,12 +12,8 @@ pub fn inside(block: &Block) -> [u64; 8] {
         #[inline(always)]
         || {
             let mut rows = [0u8; 64];
-            for (row, samples) in rows.iter_mut().zip(block.as_chunks::<8>().0) {
-                let mut bits = [0u16; 8];
-                for x in 0..8 {
-                    bits[x] = (samples[x] >> 15) as u16 & 1 << x;
-                }
-                *row = bits.iter().sum::<u16>() as u8;
+            for (row, samples) in rows.iter_mut().zip(block.as_chunks().0) {
+                *row = inside_row::<8>(samples) as u8;
             }
             let mut words = [0; 8];
             for (word, rows) in words.iter_mut().zip(rows.as_chunks::<8>().0) {
@@ -26,6 +22,17 @@ pub fn inside(block: &Block) -> [u64; 8] {
             words
         },
     )
+}
+
+/// The same of a row of up to 16 samples, to be inlined into [`vectorized`] work.
+#[must_use]
+#[inline(always)]
+pub fn inside_row<const SIDE: usize>(samples: &[i16; SIDE]) -> u16 {
+    let mut bits = [0; SIDE];
+    for x in 0..SIDE {
+        bits[x] = (samples[x] >> 15) as u16 & 1 << x;
+    }
+    bits.iter().sum()
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! The blocks that a surface needs.
 
-use crate::bits::{PaddedBits, SignRows};
+use crate::signs::Signs;
+use crate::window::SignWindow;
+use isv_kernels::simd::vectorized;
 use isv_volume::{BlockEdge, Neighbourhood, SparseVolume};
 use rayon::prelude::*;
 
@@ -12,19 +14,28 @@ use rayon::prelude::*;
 /// is the distance farther away, out to the truncation.
 #[must_use]
 pub fn surface_band(volume: &SparseVolume) -> SparseVolume {
-    let signs = SignRows::new(volume);
+    let keep = match volume.grid().edge {
+        BlockEdge::E4 => needed_blocks::<4>(volume),
+        BlockEdge::E8 => needed_blocks::<8>(volume),
+        BlockEdge::E16 => needed_blocks::<16>(volume),
+    };
+    volume.select(|block| keep[block])
+}
+
+/// Which blocks stay.
+fn needed_blocks<const SIDE: usize>(volume: &SparseVolume) -> Vec<bool> {
+    let signs = Signs::<SIDE>::new(volume);
     let index = volume.index();
-    let needed: Vec<(Neighbourhood, Slots)> = volume
-        .coords()
+    let crossed = signs.crossed_blocks(volume, &index);
+    let needed: Vec<(Neighbourhood, Slots)> = crossed
         .par_iter()
-        .filter_map(|&coord| {
-            let around = index.neighbourhood(coord);
-            let slots = if signs.may_cross(&around) {
-                needed_slots(&PaddedBits::gather(&signs, &around), volume.grid().edge)
-            } else {
-                0
-            };
-            (slots != 0).then_some((around, slots))
+        .map(|&block| {
+            let around = index.neighbourhood(volume.coords()[block as usize]);
+            let slots = vectorized(
+                #[inline(always)]
+                || needed_slots(&SignWindow::gather(&signs, &around)),
+            );
+            (around, slots)
         })
         .collect();
     let mut keep = vec![false; volume.block_count()];
@@ -35,25 +46,24 @@ pub fn surface_band(volume: &SparseVolume) -> SparseVolume {
             }
         }
     }
-    volume.select(|block| keep[block])
+    keep
 }
 
 /// Slots of a [`Neighbourhood`], one bit each.
 type Slots = u32;
 
 /// The blocks that the crossed cells of the middle block reach with a voxel of margin.
-fn needed_slots(bits: &PaddedBits, edge: BlockEdge) -> Slots {
-    let side = edge.voxels();
+#[inline(always)]
+fn needed_slots<const SIDE: usize>(window: &SignWindow<SIDE>) -> Slots {
     let mut slots = 0;
-    for z in 0..side {
-        for y in 0..side {
-            let cells = bits.crossed_cells(y, z);
+    for z in 0..SIDE {
+        for (y, cells) in window.crossed_cells(z).into_iter().enumerate() {
             if cells == 0 {
                 continue;
             }
-            let along_x = [cells & 1 != 0, true, cells >> (side - 2) != 0];
-            for (dz, near_z) in reach(z, side).into_iter().enumerate() {
-                for (dy, near_y) in reach(y, side).into_iter().enumerate() {
+            let along_x = [cells & 1 != 0, true, cells >> (SIDE - 2) != 0];
+            for (dz, near_z) in reach(z, SIDE).into_iter().enumerate() {
+                for (dy, near_y) in reach(y, SIDE).into_iter().enumerate() {
                     for (dx, near_x) in along_x.into_iter().enumerate() {
                         slots |= Slots::from(near_x && near_y && near_z) << (9 * dz + 3 * dy + dx);
                     }

@@ -11,28 +11,43 @@ const FIRST_SHIFT: u32 = 48;
 pub(crate) struct EdgeRow(u64);
 
 impl EdgeRow {
-    /// From the crossing edges by axis, bit x for voxel x, and the number of vertices in the block before this row.
-    pub(crate) fn new([x, y, z]: [u32; 3], first: u32) -> Self {
-        let bits = spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2;
-        Self(bits | u64::from(first) << FIRST_SHIFT)
+    /// From the crossing edges by axis, bit x for voxel x.
+    #[inline(always)]
+    pub(crate) fn new([x, y, z]: [u32; 3]) -> Self {
+        Self(spread_by_three(x) | spread_by_three(y) << 1 | spread_by_three(z) << 2)
+    }
+
+    /// The same edges, given the number of vertices in the block before this row.
+    #[inline(always)]
+    pub(crate) fn with_first(self, first: u32) -> Self {
+        Self(self.bits() | u64::from(first) << FIRST_SHIFT)
     }
 
     /// Number of crossing edges in the row.
+    #[inline(always)]
     pub(crate) fn count(self) -> u32 {
         self.bits().count_ones()
     }
 
-    /// Number, within the block, of the vertex on the edge that starts in voxel x and runs along an axis.
-    pub(crate) fn vertex(self, x: usize, axis: usize) -> u32 {
-        let below = (1u64 << (3 * x + axis)) - 1;
-        (self.0 >> FIRST_SHIFT) as u32 + (self.0 & below).count_ones()
+    /// Number, within the block, of the first vertex of the row.
+    #[inline(always)]
+    pub(crate) fn first(self) -> u32 {
+        (self.0 >> FIRST_SHIFT) as u32
     }
 
-    /// The crossing edges as `(x, axis)`, in the order of their vertices.
-    pub(crate) fn iter(self) -> impl Iterator<Item = (usize, usize)> {
-        SetBits(self.bits()).map(|bit| (bit / 3, bit % 3))
+    /// The row's edges in the order of their vertices: `3 x + axis`.
+    #[inline(always)]
+    pub(crate) fn edges(self) -> SetBits {
+        SetBits(self.bits())
     }
 
+    /// The row's part that starts in voxel 0.
+    #[inline(always)]
+    pub(crate) fn first_voxel(self) -> Self {
+        Self(self.0 & (u64::MAX << FIRST_SHIFT | 0b111))
+    }
+
+    #[inline(always)]
     fn bits(self) -> u64 {
         self.0 & ((1 << FIRST_SHIFT) - 1)
     }
@@ -44,6 +59,7 @@ pub(crate) struct SetBits(pub(crate) u64);
 impl Iterator for SetBits {
     type Item = usize;
 
+    #[inline(always)]
     fn next(&mut self) -> Option<usize> {
         let bit = self.0.trailing_zeros();
         self.0 &= self.0.wrapping_sub(1);
@@ -52,6 +68,7 @@ impl Iterator for SetBits {
 }
 
 /// Moves bit `i` of a 16-bit number to bit `3 i`.
+#[inline(always)]
 fn spread_by_three(v: u32) -> u64 {
     let mut v = u64::from(v);
     v = (v | v << 16) & 0x0000_0000_ff00_00ff;
@@ -67,12 +84,9 @@ mod tests {
     #[test]
     fn vertices_are_numbered_in_voxel_order() {
         let axes = [0b1000_0000_0000_0001, 0b0101, 0b1000_0000_0000_0001];
-        let row = EdgeRow::new(axes, 12_000);
-        let listed: Vec<_> = row.iter().collect();
-        assert_eq!(listed, [(0, 0), (0, 1), (0, 2), (2, 1), (15, 0), (15, 2)]);
-        assert_eq!(row.count(), 6);
-        for (i, (x, axis)) in listed.into_iter().enumerate() {
-            assert_eq!(row.vertex(x, axis), 12_000 + i as u32);
-        }
+        let row = EdgeRow::new(axes).with_first(12_000);
+        assert_eq!(row.edges().collect::<Vec<_>>(), [0, 1, 2, 7, 45, 47]);
+        assert_eq!(row.first_voxel().edges().collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!((row.count(), row.first(), row.first_voxel().first()), (6, 12_000, 12_000));
     }
 }

@@ -1,12 +1,13 @@
 //! The passes over a volume's blocks.
 
-use crate::bits::{PaddedBits, SignRows};
-use crate::edges::EdgeRow;
-use crate::triangles::{VertexIds, fill_triangles, for_each_crossed_cell};
-use crate::vertices::Sampler;
-use glam::DVec3;
-use isv_volume::{BlockEdge, Neighbourhood, SparseVolume, TriangleMesh};
+use crate::chunk::{CHUNK, Chunk, Counts};
+use crate::fill::{Numbering, Place, Scratch};
+use crate::signs::Signs;
+use bytemuck::zeroed_vec;
+use isv_kernels::simd::vectorized;
+use isv_volume::{BlockEdge, BlockIndex, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
+use tracing::debug_span;
 
 /// What to extract beside positions and triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,119 +28,71 @@ pub struct SurfaceOptions {
 /// If the surface has more than `u32::MAX` vertices, which takes over 10^9 voxels.
 #[must_use]
 pub fn extract_surface(volume: &SparseVolume, options: &SurfaceOptions) -> TriangleMesh {
-    let edge = volume.grid().edge;
-    let signs = SignRows::new(volume);
-    let (rows, blocks) = find_crossings(volume, &signs);
-    let first = first_vertices(volume.block_count(), &blocks);
-    let vertex_counts = || blocks.iter().map(|b| b.vertices as usize);
-
-    let vertex_total = vertex_counts().sum();
-    let mut mesh = TriangleMesh {
-        vertices: vec![DVec3::ZERO; vertex_total],
-        normals: vec![DVec3::ZERO; if options.normals { vertex_total } else { 0 }],
-        triangles: vec![[0; 3]; blocks.iter().map(|b| b.triangles as usize).sum()],
-    };
-    let normal_counts = vertex_counts().map(|n| if options.normals { n } else { 0 });
-    let places = carve(&mut mesh.vertices, vertex_counts())
-        .zip(carve(&mut mesh.normals, normal_counts))
-        .zip(carve(&mut mesh.triangles, blocks.iter().map(|b| b.triangles as usize)))
-        .collect::<Vec<_>>();
-    let ids = VertexIds { edge, rows: &rows, first: &first };
-    blocks.par_iter().zip(places).for_each(|(block, ((vertices, normals), triangles))| {
-        let sampler = Sampler { volume, signs: &signs, around: &block.around };
-        fill_vertices(vertices, normals, &sampler, block.index, &rows);
-        if block.triangles > 0 {
-            fill_triangles(triangles, &PaddedBits::gather(&signs, &block.around), &block.around, &ids);
-        }
-    });
-    mesh
-}
-
-/// A block that has vertices or triangles.
-struct SurfaceBlock {
-    index: usize,
-    around: Neighbourhood,
-    vertices: u32,
-    triangles: u32,
-}
-
-/// The crossing edges of all blocks, `edge^2` rows each, and the blocks that hold any part of the surface.
-fn find_crossings(volume: &SparseVolume, signs: &SignRows) -> (Vec<EdgeRow>, Vec<SurfaceBlock>) {
-    let edge = volume.grid().edge;
-    let rows_a_block = edge.voxels().pow(2);
-    let index = volume.index();
-    let mut rows = vec![EdgeRow::default(); volume.block_count() * rows_a_block];
-    let blocks = rows
-        .par_chunks_exact_mut(rows_a_block)
-        .zip(volume.coords())
-        .enumerate()
-        .filter_map(|(block, (rows, &coord))| {
-            let around = index.neighbourhood(coord);
-            if !signs.may_cross(&around) {
-                return None;
-            }
-            let bits = PaddedBits::gather(signs, &around);
-            let vertices = find_edges(rows, &bits, edge);
-            let mut triangles = 0;
-            for_each_crossed_cell(&bits, edge, |_, case| triangles += case.triangles().len() as u32);
-            (vertices + triangles > 0).then_some(SurfaceBlock { index: block, around, vertices, triangles })
-        })
-        .collect();
-    (rows, blocks)
-}
-
-/// Fills in the crossing edges that start in a block; returns how many there are.
-fn find_edges(rows: &mut [EdgeRow], bits: &PaddedBits, edge: BlockEdge) -> u32 {
-    let side = edge.voxels();
-    let mut count = 0;
-    for (i, row) in rows.iter_mut().enumerate() {
-        *row = EdgeRow::new(bits.crossings(i % side, i / side), count);
-        count += row.count();
+    match volume.grid().edge {
+        BlockEdge::E4 => extract::<4>(volume, options),
+        BlockEdge::E8 => extract::<8>(volume, options),
+        BlockEdge::E16 => extract::<16>(volume, options),
     }
-    count
 }
 
-/// Number of the first vertex of every block; 0 for blocks without any.
-fn first_vertices(block_count: usize, blocks: &[SurfaceBlock]) -> Vec<u32> {
-    let mut first = vec![0; block_count];
-    let mut sum = 0u32;
-    for block in blocks {
-        first[block.index] = sum;
-        sum = sum.checked_add(block.vertices).expect("at most u32::MAX vertices");
+fn extract<const SIDE: usize>(volume: &SparseVolume, options: &SurfaceOptions) -> TriangleMesh {
+    let signs = debug_span!("surface signs").in_scope(|| Signs::<SIDE>::new(volume));
+    let surface = debug_span!("surface cells").in_scope(|| Surface::find(volume, signs));
+    debug_span!("surface mesh").in_scope(|| surface.mesh(options))
+}
+
+/// The blocks that hold any part of a volume's surface.
+pub(crate) struct Surface<'a, const SIDE: usize> {
+    pub(crate) volume: &'a SparseVolume,
+    pub(crate) signs: Signs<SIDE>,
+    pub(crate) index: BlockIndex,
+    /// Their indices in the volume.
+    pub(crate) blocks: Vec<u32>,
+    /// What is in them, [`CHUNK`] blocks at a time.
+    pub(crate) chunks: Vec<Chunk<SIDE>>,
+}
+
+impl<'a, const SIDE: usize> Surface<'a, SIDE> {
+    fn find(volume: &'a SparseVolume, signs: Signs<SIDE>) -> Self {
+        let index = volume.index();
+        let blocks = signs.crossed_blocks(volume, &index);
+        let find = |blocks: &[u32]| {
+            vectorized(
+                #[inline(always)]
+                || Chunk::find(volume, &signs, &index, blocks),
+            )
+        };
+        let chunks = blocks.par_chunks(CHUNK).map(find).collect();
+        Self { volume, signs, index, blocks, chunks }
     }
-    first
+
+    fn mesh(&self, options: &SurfaceOptions) -> TriangleMesh {
+        let totals: Vec<Counts> = self.chunks.iter().map(Chunk::total).collect();
+        let vertex_counts = || totals.iter().map(|total| total.vertices);
+        let normal_counts = || vertex_counts().map(|count| if options.normals { count } else { 0 });
+        let triangle_counts = || totals.iter().map(|total| total.triangles);
+        let mut mesh = TriangleMesh {
+            vertices: zeroed_vec(vertex_counts().sum()),
+            normals: zeroed_vec(normal_counts().sum()),
+            triangles: zeroed_vec(triangle_counts().sum()),
+        };
+        let numbering = Numbering::new(self);
+        let places = carve(&mut mesh.vertices, vertex_counts())
+            .zip(carve(&mut mesh.normals, normal_counts()))
+            .zip(carve(&mut mesh.triangles, triangle_counts()))
+            .map(|((vertices, normals), triangles)| Place { vertices, normals, triangles })
+            .collect::<Vec<_>>();
+        places.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (number, place)| {
+            vectorized(
+                #[inline(always)]
+                || self.fill_chunk(number, place, &numbering, scratch),
+            );
+        });
+        mesh
+    }
 }
 
 /// Cuts a slice into consecutive pieces of the given lengths.
 fn carve<T>(mut rest: &mut [T], lengths: impl Iterator<Item = usize>) -> impl Iterator<Item = &mut [T]> {
-    lengths.map(move |length| {
-        let (piece, tail) = std::mem::take(&mut rest).split_at_mut(length);
-        rest = tail;
-        piece
-    })
-}
-
-/// Writes the vertices of a block and, unless `normals` is empty, their normals.
-fn fill_vertices(
-    vertices: &mut [DVec3],
-    normals: &mut [DVec3],
-    sampler: &Sampler,
-    block: usize,
-    rows: &[EdgeRow],
-) {
-    let grid = sampler.volume.grid();
-    let side = grid.edge.voxels();
-    let origin_m = grid.voxel_centre_m(sampler.volume.coords()[block], [0; 3]);
-    let rows_a_block = side * side;
-    let mut next = 0;
-    for (i, row) in rows[block * rows_a_block..][..rows_a_block].iter().enumerate() {
-        for (x, axis) in row.iter() {
-            let crossing = sampler.crossing([x, i % side, i / side], axis);
-            vertices[next] = crossing.position_m(origin_m, grid.voxel_size.metres());
-            if let Some(normal) = normals.get_mut(next) {
-                *normal = sampler.normal(&crossing);
-            }
-            next += 1;
-        }
-    }
+    lengths.map(move |length| rest.split_off_mut(..length).expect("lengths that add up to the slice's"))
 }

@@ -26,24 +26,32 @@
 //!
 //! # How it works
 //!
-//! 1. The signs of each block become bits, one word a row of voxels (`bits`).
-//! 2. Each block, padded by one voxel of its neighbours, finds the crossing edges that start in it with a few word
-//!    operations a row, and keeps them as a bit set that also numbers them (`edges`). Triangles are counted.
-//! 3. Running sums give each block its place in the output, and the blocks fill it in parallel: vertices (`vertices`),
-//!    then triangles (`triangles`), whose corners are found by a population count in the owning block's bit set.
+//! 1. The signs of each block become bits, one word a row of voxels (`signs`). From these and those at the near sides of its
+//!    neighbours follows which blocks the surface can cross. All that comes after looks at no others.
+//! 2. Each such block, padded by one voxel of its neighbours (`window`), finds the crossing edges that start in it with a few
+//!    word operations a row, keeps them as a bit set that also numbers them (`edges`), and lists its crossed cells (`chunk`).
+//! 3. Running sums give each block its place in the output, and the blocks fill it in parallel (`fill`): vertices
+//!    (`vertices`), their normals (`normals`), then triangles (`triangles`), whose corners are looked up among the vertices
+//!    of the block and of the near sides of its neighbours.
 //!
 //! Everything is in Morton order of blocks and voxel order within, so any number of threads gives the same mesh.
 //!
 //! What it does not do: place vertices by anything but linear interpolation, keep sharp edges, or simplify.
 
 mod band;
-mod bits;
 mod cases;
+mod chunk;
 mod edges;
 mod extract;
+mod fill;
+mod normals;
 mod sampling;
+mod signs;
+#[cfg(test)]
+mod tests;
 mod triangles;
 mod vertices;
+mod window;
 
 pub use band::surface_band;
 pub use extract::{SurfaceOptions, extract_surface};

@@ -1,81 +1,75 @@
-//! Where vertices lie on their edges, and the field's gradient there.
+//! Where vertices lie on their edges.
 
-use crate::bits::SignRows;
+use crate::signs::PLUS_SLOTS;
 use glam::DVec3;
 use isv_volume::{Neighbourhood, SparseVolume};
 
-/// The samples of a block and its neighbours.
-pub(crate) struct Sampler<'a> {
-    pub(crate) volume: &'a SparseVolume,
-    pub(crate) signs: &'a SignRows<'a>,
-    pub(crate) around: &'a Neighbourhood,
+/// The vertices on the edges that start in a block.
+pub(crate) struct EdgeZeros<'a, const SIDE: usize> {
+    /// All samples of the volume.
+    samples: &'a [i16],
+    /// Where those of the block begin.
+    block: usize,
+    /// From a sample to the next one along an axis: within the block, and from its last voxel into the next block.
+    steps: [[usize; 2]; 3],
+    /// Coordinates of the first voxel's centre in metres.
+    origin_m: DVec3,
+    voxel_m: f64,
+    /// The same of all voxels' along each axis.
+    centres_m: [[f64; SIDE]; 3],
 }
 
 /// A vertex between a voxel and the next one along an axis.
-pub(crate) struct Crossing {
-    lower: [i32; 3],
-    axis: usize,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeZero {
+    /// The voxel where the edge starts.
+    pub(crate) lower: [usize; 3],
+    pub(crate) axis: usize,
     /// Where between the two voxel centres the field is zero, in 0..1, both ends excluded.
-    fraction: f64,
-    lower_inside: bool,
+    pub(crate) fraction: f64,
+    pub(crate) lower_inside: bool,
 }
 
-impl Sampler<'_> {
-    /// The zero of the field between voxel `lower` of the block and the next one along `axis`, by linear interpolation.
+impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
+    /// Of a block, given those around it.
+    #[inline(always)]
+    pub(crate) fn new(volume: &'a SparseVolume, block: u32, around: &Neighbourhood) -> Self {
+        let first = |block: u32| block as usize * SIDE.pow(3);
+        let origin_m = volume.grid().voxel_centre_m(volume.coords()[block as usize], [0; 3]);
+        let voxel_m = volume.grid().voxel_size.metres();
+        let mut steps = [[0; 2]; 3];
+        let mut centres_m = [[0.0; SIDE]; 3];
+        for axis in 0..3 {
+            let stride = SIDE.pow(axis as u32);
+            // No edge crosses into a block that is not there.
+            let beyond =
+                around[PLUS_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
+            steps[axis] = [stride, beyond.wrapping_sub((SIDE - 1) * stride)];
+            for voxel in 0..SIDE {
+                centres_m[axis][voxel] = origin_m[axis] + voxel as f64 * voxel_m;
+            }
+        }
+        Self { samples: volume.samples(), block: first(block), steps, origin_m, voxel_m, centres_m }
+    }
+
+    /// The vertex between a voxel of the block and the next one along an axis: the zero of the field by linear interpolation.
     ///
     /// Code 0 counts as 1: a vertex on a voxel centre would coincide with those on the other edges from there.
-    pub(crate) fn crossing(&self, lower: [usize; 3], axis: usize) -> Crossing {
-        let lower = lower.map(|c| c as i32);
-        let [a, b] = [lower, step(lower, axis, 1)].map(|voxel| {
-            let code = self.code(voxel).expect("crossing edges lie between observed voxels");
-            f64::from(if code == 0 { 1 } else { code })
-        });
-        Crossing { lower, axis, fraction: a / (a - b), lower_inside: a < 0.0 }
+    #[inline(always)]
+    pub(crate) fn on_edge(&self, lower: [usize; 3], axis: usize) -> EdgeZero {
+        let [x, y, z] = lower;
+        let from = self.block + (z * SIDE + y) * SIDE + x;
+        let to = from.wrapping_add(self.steps[axis][usize::from(lower[axis] == SIDE - 1)]);
+        let [a, b] = [self.samples[from], self.samples[to]].map(|c| f64::from(if c == 0 { 1 } else { c }));
+        EdgeZero { lower, axis, fraction: a / (a - b), lower_inside: a < 0.0 }
     }
 
-    /// Unit gradient of the field, pointing outside, interpolated linearly along the edge.
-    pub(crate) fn normal(&self, crossing: &Crossing) -> DVec3 {
-        let [a, b] = [0, 1].map(|by| self.gradient(step(crossing.lower, crossing.axis, by)));
-        let along_edge = DVec3::AXES[crossing.axis] * if crossing.lower_inside { 1.0 } else { -1.0 };
-        a.lerp(b, crossing.fraction).normalize_or(along_edge)
+    /// Writes the world position of a vertex in metres.
+    #[inline(always)]
+    pub(crate) fn place(&self, zero: &EdgeZero, position_m: &mut DVec3) {
+        let [x, y, z] = zero.lower;
+        *position_m = DVec3::new(self.centres_m[0][x], self.centres_m[1][y], self.centres_m[2][z]);
+        let voxels = zero.lower[zero.axis] as f64 + zero.fraction;
+        position_m[zero.axis] = self.origin_m[zero.axis] + voxels * self.voxel_m;
     }
-
-    /// Differences of the codes around a voxel, per voxel: central where both neighbours were observed, else one-sided.
-    fn gradient(&self, voxel: [i32; 3]) -> DVec3 {
-        let here = self.code(voxel);
-        DVec3::from_array([0, 1, 2].map(|axis| {
-            let [before, after] = [-1, 1].map(|by| self.code(step(voxel, axis, by)));
-            let difference = |from: i16, to: i16| f64::from(to) - f64::from(from);
-            match (before, here, after) {
-                (Some(before), _, Some(after)) => difference(before, after) / 2.0,
-                (Some(before), Some(here), None) => difference(before, here),
-                (None, Some(here), Some(after)) => difference(here, after),
-                _ => 0.0,
-            }
-        }))
-    }
-
-    /// Code of a voxel at most one block away from the block; `None` if missing or unobserved.
-    fn code(&self, voxel: [i32; 3]) -> Option<i16> {
-        let edge = self.volume.grid().edge;
-        let [bx, by, bz] = voxel.map(|c| ((c >> edge.log2()) + 1) as usize);
-        let [x, y, z] = voxel.map(|c| c as usize & (edge.voxels() - 1));
-        let block = self.around[bz * 9 + by * 3 + bx]? as usize;
-        let index = edge.voxel_index(x, y, z);
-        self.signs.observed(block, index).then(|| self.volume.block(block)[index])
-    }
-}
-
-impl Crossing {
-    /// World position in metres, given that of voxel `[0, 0, 0]` of the block and the voxel edge.
-    pub(crate) fn position_m(&self, origin_m: DVec3, voxel_m: f64) -> DVec3 {
-        let mut voxels = DVec3::from_array(self.lower.map(f64::from));
-        voxels[self.axis] += self.fraction;
-        origin_m + voxels * voxel_m
-    }
-}
-
-fn step(mut voxel: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
-    voxel[axis] += by;
-    voxel
 }

@@ -33,7 +33,7 @@ struct Cell {
 }
 
 impl Cell {
-    #[inline]
+    #[inline(always)]
     fn get(self, bit: u32) -> Option<u32> {
         let there = self.blocks >> bit & 1 != 0;
         there.then(|| self.first + (self.blocks & ((1 << bit) - 1)).count_ones())
@@ -83,6 +83,16 @@ impl BlockIndex {
         self.cube::<2, 8>(lowest)
     }
 
+    /// A cell and those around it.
+    fn cells_around(&self, [x, y, z]: [i32; 3]) -> [Cell; 27] {
+        let mut cells = [Cell::default(); 27];
+        for (slot, cell) in (0..).zip(&mut cells) {
+            let place = [x + slot % 3 - 1, y + slot / 3 % 3 - 1, z + slot / 9 - 1];
+            *cell = self.cells.get(&place).copied().unwrap_or_default();
+        }
+        cells
+    }
+
     /// Indices of `SIDE^3` blocks from a coordinate on, x fastest. A cube of up to 5 blocks a side lies in at most two cells
     /// along each axis.
     #[inline]
@@ -114,6 +124,76 @@ impl BlockIndex {
     }
 }
 
+/// Looks for the blocks around one block after the other. Cells are looked up once for all blocks in them that follow each other,
+/// as they do in Morton order.
+#[derive(Clone, Debug)]
+pub struct NeighbourWalk<'a> {
+    index: &'a BlockIndex,
+    /// The cell that the last block was in.
+    cell: Option<[i32; 3]>,
+    /// It and those around it, in the order of a [`Neighbourhood`].
+    cells: [Cell; 27],
+}
+
+impl<'a> NeighbourWalk<'a> {
+    /// A walk that begins anywhere.
+    #[must_use]
+    pub fn new(index: &'a BlockIndex) -> Self {
+        Self { index, cell: None, cells: [Cell::default(); 27] }
+    }
+
+    /// As [`BlockIndex::neighbourhood`].
+    #[inline(always)]
+    pub fn neighbourhood(&mut self, centre: BlockCoord) -> Neighbourhood {
+        self.cube::<3, 27>(centre, -1)
+    }
+
+    /// As [`BlockIndex::octet`].
+    #[inline(always)]
+    pub fn octet(&mut self, lowest: BlockCoord) -> [Option<u32>; 8] {
+        self.cube::<2, 8>(lowest, 0)
+    }
+
+    /// Indices of `SIDE^3` blocks from `start` blocks beside a coordinate on.
+    #[inline(always)]
+    fn cube<const SIDE: usize, const BLOCKS: usize>(
+        &mut self,
+        coord: BlockCoord,
+        start: i32,
+    ) -> [Option<u32>; BLOCKS] {
+        let coord = coord.to_array();
+        self.enter(coord.map(|c| c >> CELL_LOG2));
+        // Along each axis, which cells the blocks are in and their bits there.
+        let mut along = [[(0, 0); SIDE]; 3];
+        for axis in 0..3 {
+            for step in 0..SIDE {
+                let c = (coord[axis] & 3) + start + step as i32;
+                let slot = ((c >> CELL_LOG2) + 1) as usize;
+                along[axis][step] = (slot * 3usize.pow(axis as u32), SPREAD[(c & 3) as usize] << axis);
+            }
+        }
+        let mut blocks = [None; BLOCKS];
+        for z in 0..SIDE {
+            for y in 0..SIDE {
+                for x in 0..SIDE {
+                    let [x_at, y_at, z_at] = [along[0][x], along[1][y], along[2][z]];
+                    let cell = self.cells[x_at.0 + y_at.0 + z_at.0];
+                    blocks[(z * SIDE + y) * SIDE + x] = cell.get(x_at.1 | y_at.1 | z_at.1);
+                }
+            }
+        }
+        blocks
+    }
+
+    #[inline(always)]
+    fn enter(&mut self, cell: [i32; 3]) {
+        if self.cell != Some(cell) {
+            self.cell = Some(cell);
+            self.cells = self.index.cells_around(cell);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,9 +220,12 @@ mod tests {
     #[test]
     fn neighbourhood_runs_x_fastest_from_minus_one() {
         let index = BlockIndex::new(&some_blocks());
+        let mut walk = NeighbourWalk::new(&index);
         for i in 0..22 * 22 * 22 {
             let centre = BlockCoord::from([i % 22 - 10, i / 22 % 22 - 12, i / 484 - 11]);
             let around = index.neighbourhood(centre);
+            assert_eq!(walk.neighbourhood(centre), around, "{centre:?}");
+            assert_eq!(walk.octet(centre), index.octet(centre), "{centre:?}");
             for (slot, neighbour) in around.into_iter().enumerate() {
                 let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|s| s as i32 - 1);
                 assert_eq!(neighbour, index.get(centre.offset(offset)), "{centre:?} {offset:?}");

@@ -131,11 +131,11 @@ fn decode(stream: &[u8], stages: &Stages, table: &mut Table) -> Result<SparseVol
     while let Some(packet) = reader.next_frame()? {
         let (frame, ms) = timed(|| decoder.decode(&packet));
         let volume = frame?.volume;
-        if decode_times.is_empty() {
-            drop(stages.take_milliseconds());
-        }
         decode_times.push(ms);
         surface_times.push(timed(|| extract_surface(volume, &SurfaceOptions::default())).1);
+        if last.is_none() {
+            drop(stages.take_milliseconds());
+        }
         last = Some(volume.clone());
     }
     let frames = decode_times.len() - 1;

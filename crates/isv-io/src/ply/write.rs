@@ -10,13 +10,12 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> 
     let faces = mesh.triangles.len();
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
     write_vertices(&mut out, &mesh.vertices, &mesh.normals)?;
-    for triangle in &mesh.triangles {
-        out.write_all(&[3])?;
-        for vertex in triangle {
-            out.write_all(&vertex.to_le_bytes())?;
-        }
-    }
-    Ok(())
+    write_records(&mut out, faces, |face| {
+        let mut record = [0; 13];
+        record[0] = 3;
+        put_words(&mut record[1..], mesh.triangles[face].map(u32::to_le_bytes));
+        record
+    })
 }
 
 /// Writes points: vertices without a face element. Coordinates and normals as with meshes.
@@ -36,12 +35,44 @@ fn write_vertex_header(out: &mut impl Write, vertices: usize, normals: bool) -> 
 }
 
 fn write_vertices(out: &mut impl Write, positions: &[DVec3], normals: &[DVec3]) -> io::Result<()> {
-    for (index, position) in positions.iter().enumerate() {
-        for vector in [Some(position), normals.get(index)].into_iter().flatten() {
-            for component in vector.as_vec3().to_array() {
-                out.write_all(&component.to_le_bytes())?;
-            }
+    if normals.is_empty() {
+        return write_records(out, positions.len(), |vertex| {
+            let mut record = [0; 12];
+            put_words(&mut record, words(positions[vertex]));
+            record
+        });
+    }
+    write_records(out, positions.len(), |vertex| {
+        let mut record = [0; 24];
+        put_words(&mut record[..12], words(positions[vertex]));
+        put_words(&mut record[12..], words(normals[vertex]));
+        record
+    })
+}
+
+/// The components of a vector as they stand in the file.
+fn words(vector: DVec3) -> [[u8; 4]; 3] {
+    vector.as_vec3().to_array().map(f32::to_le_bytes)
+}
+
+fn put_words(place: &mut [u8], words: [[u8; 4]; 3]) {
+    place.copy_from_slice(words.as_flattened());
+}
+
+/// Writes so many records of `BYTES` bytes, in large pieces.
+fn write_records<const BYTES: usize>(
+    out: &mut impl Write,
+    count: usize,
+    record: impl Fn(usize) -> [u8; BYTES],
+) -> io::Result<()> {
+    const AT_A_TIME: usize = 1 << 14;
+    let mut buffer = vec![[0; BYTES]; count.min(AT_A_TIME)];
+    for start in (0..count).step_by(AT_A_TIME) {
+        let piece = &mut buffer[..(count - start).min(AT_A_TIME)];
+        for (number, place) in (start..).zip(piece.iter_mut()) {
+            *place = record(number);
         }
+        out.write_all(piece.as_flattened())?;
     }
     Ok(())
 }
