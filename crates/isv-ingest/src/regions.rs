@@ -278,15 +278,33 @@ fn ask(tile: &mut [Regions], groups: &[Group], depth: f32, are_inside: &impl Fn(
     }
 }
 
-/// The side of a voxel by a neighbour across a face, an edge or a corner whose side is known, if that lies in the same tile:
-/// beside a slanting surface the balls that reach each other are those of diagonal neighbours.
+/// Ways to the voxels around a voxel, up to two steps along each axis, those next to it first.
+const WAYS: [[i32; 3]; 124] = {
+    let (mut ways, mut count, mut reach) = ([[0; 3]; 124], 0, 1);
+    while reach <= 2 {
+        let mut place = 0;
+        while place < 125 {
+            let way: [i32; 3] = [place % 5 - 2, place / 5 % 5 - 2, place / 25 - 2];
+            let is_near = way[0].abs() <= 1 && way[1].abs() <= 1 && way[2].abs() <= 1;
+            if place != 62 && is_near == (reach == 1) {
+                ways[count] = way;
+                count += 1;
+            }
+            place += 1;
+        }
+        reach += 1;
+    }
+    ways
+};
+
+/// The side of a voxel by one up to two steps away whose side is known, if that lies in the same tile: beside a slanting surface the
+/// balls that reach each other are those of voxels along its normal.
 fn side_by_neighbours(tile: &[Regions], block: usize, voxel: usize, edge: BlockEdge) -> Option<bool> {
     let (bits, last, n) = (edge.log2(), edge.voxels() as i32 - 1, 4 * edge.voxels() as i32);
     let (corner, at) = (part_position(block).map(|c| c << bits), voxel as i32);
     let [x, y, z] =
         [corner[0] + (at & last), corner[1] + (at >> bits & last), corner[2] + (at >> (2 * bits))];
-    for offset in 0..27 {
-        let [dx, dy, dz] = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+    for [dx, dy, dz] in WAYS {
         let place = [x + dx, y + dy, z + dz];
         if !place.iter().all(|c| (0..n).contains(c)) {
             continue;

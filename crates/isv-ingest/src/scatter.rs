@@ -61,21 +61,25 @@ impl TileDistances {
     #[inline(always)]
     fn scatter_one<S: Simd>(&mut self, facet: &Facet<S>, lo: IVec3, hi: IVec3, reach: f32) {
         let simd = facet.heights.simd;
-        for z in lo.z..=hi.z {
-            for y in lo.y..=hi.y {
-                let heights = facet.heights_of_row(y, z);
-                let [from, to] = facet.near_the_plane(&heights, reach, lo.x, hi.x);
-                let row = (z as usize * self.edge + y as usize) * self.edge;
-                let mut x = from;
-                while x <= to {
-                    // Eight voxels that do not leave the row.
-                    let start = x.min((self.edge - LANES) as i32);
-                    let lower = &mut self.squares[row + start as usize..][..LANES];
-                    let found = facet.squares(&heights, start);
-                    f32x8::from_slice(simd, lower).min(found).store_slice(lower);
-                    x = start + LANES as i32;
+        let around = (facet.radius + reach).powi(2);
+        let mut x = lo.x as usize;
+        while x <= hi.x as usize {
+            // Eight voxels of each row that do not leave it.
+            let start = x.min(self.edge - LANES);
+            let plane = facet.heights + facet.growth[0] * start as f32;
+            for z in lo.z..=hi.z {
+                for y in lo.y..=hi.y {
+                    let (dy, dz) = (y as f32 - facet.centre[0], z as f32 - facet.centre[1]);
+                    let heights = plane + facet.growth[1] * y as f32 + facet.growth[2] * z as f32;
+                    if dy * dy + dz * dz > around || facet.is_beyond(&heights, reach) {
+                        continue;
+                    }
+                    let row = (z as usize * self.edge + y as usize) * self.edge + start;
+                    let lower = &mut self.squares[row..][..LANES];
+                    f32x8::from_slice(simd, lower).min(facet.squares(heights)).store_slice(lower);
                 }
             }
+            x = start + LANES;
         }
     }
 }
@@ -88,8 +92,11 @@ struct Facet<S: Simd> {
     growth: [f32x8<S>; 3],
     /// Growth of each height along eight voxels.
     along_x: [f32x8<S>; LANES],
-    /// One over the growth of the first height along x; infinite if it does not grow.
-    across: f32,
+    /// Half of what the first height grows from the first of them to the last.
+    half_rise: f32,
+    /// A ball around it: the centre's y and z, and the radius.
+    centre: [f32; 2],
+    radius: f32,
     /// Lengths of the sides.
     lengths: [f32; 3],
     /// What the heights above the sides are at least where the closest point is inside the triangle.
@@ -130,6 +137,9 @@ impl<S: Simd> Facet<S> {
             set(STARTS + plane, along, corners[side]);
             ends[plane] = lengths[side] as f32;
         }
+        // About the smallest ball: that around the longest side, widened to the third corner.
+        let centre = 0.5 * (corners[longest] + corners[(longest + 1) % 3]);
+        let radius = corners.map(|corner| corner.distance(centre)).into_iter().fold(0.0, f64::max);
         let [x, ..] = growth;
         let mut along_x = [f32x8::splat(simd, 0.0); LANES];
         for (along_x, growth) in along_x.iter_mut().zip(x) {
@@ -139,37 +149,25 @@ impl<S: Simd> Facet<S> {
             heights: f32x8::simd_from(simd, heights),
             growth: growth.map(|growth| f32x8::simd_from(simd, growth)),
             along_x,
-            across: x[OWN].recip(),
+            half_rise: 0.5 * (LANES - 1) as f32 * x[OWN],
+            centre: [centre.y as f32, centre.z as f32],
+            // Of a triangle larger than a tile, rounding moves the ball by less than this.
+            radius: (radius * (1.0 + 1e-6) + 1e-3) as f32,
             lengths: ends,
             inside_from: if is_flat { FAR_AWAY } else { 0.0 },
         }
     }
 
-    /// Heights of the row's voxel at `x = 0`.
+    /// Whether eight voxels of a row are all farther than `reach` from the triangle's plane, given the heights of the first.
     #[inline(always)]
-    fn heights_of_row(&self, y: i32, z: i32) -> f32x8<S> {
-        self.heights + self.growth[1] * y as f32 + self.growth[2] * z as f32
+    fn is_beyond(&self, heights: &f32x8<S>, reach: f32) -> bool {
+        (heights[OWN] + self.half_rise).abs() > reach + self.half_rise.abs()
     }
 
-    /// The first and the last of the voxels `from..=to` of a row that may be within reach of the triangle's plane; the first
-    /// is larger if there are none.
+    /// Squared distances of eight voxels of a row, given the heights of the first.
     #[inline(always)]
-    fn near_the_plane(&self, row: &f32x8<S>, reach: f32, from: i32, to: i32) -> [i32; 2] {
-        let height = row[OWN];
-        let [a, b] = [(-reach - height) * self.across, (reach - height) * self.across];
-        if self.across.is_finite() {
-            [from.max(a.min(b).floor() as i32), to.min(a.max(b).ceil() as i32)]
-        } else if height.abs() <= reach {
-            [from, to]
-        } else {
-            [1, 0]
-        }
-    }
-
-    /// Squared distances of eight voxels of a row.
-    #[inline(always)]
-    fn squares(&self, row: &f32x8<S>, x: i32) -> f32x8<S> {
-        let first: [f32; LANES] = (*row + self.growth[0] * x as f32).into();
+    fn squares(&self, heights: f32x8<S>) -> f32x8<S> {
+        let first: [f32; LANES] = heights.into();
         let height = |plane: usize| self.along_x[plane] + first[plane];
         let own = height(OWN);
         let own_sq = own * own;

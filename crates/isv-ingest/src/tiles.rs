@@ -179,8 +179,22 @@ impl TileList {
         let mut listing = Listing::default();
         chosen.iter().for_each(|face| listing.add(*face, mesh.corners(*face), near));
         let wanted: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
+        let edge = f64::from(band.tile_edge());
+        let first_voxels =
+            wanted.iter().map(|tile| tile.coord().to_array().map(|c| f64::from(c * band.edge)));
+        let (wanted_lo, wanted_hi) = first_voxels
+            .map(DVec3::from_array)
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), first| {
+                (lo.min(first), hi.max(first + edge))
+            });
+        let reach = band.width + BEYOND;
         let listings: Vec<Vec<Entry>> = (0..mesh.triangles.len())
             .into_par_iter()
+            .filter(|face| {
+                let [a, b, c] = mesh.corners(*face as u32);
+                let (lo, hi) = (a.min(b).min(c) - reach, a.max(b).max(c) + reach);
+                lo.cmple(wanted_hi).all() && hi.cmpge(wanted_lo).all()
+            })
             .fold(Listing::default, |mut listing, face| {
                 listing.add_within(face as u32, mesh.corners(face as u32), band, Some(&wanted));
                 listing
