@@ -157,16 +157,15 @@ impl MainDecoder {
                     }
                     None => vec![BlockMode::Spatial; blocks.range.len()],
                 };
-                let (levels, counts) =
+                let levels =
                     models.coefficients.read(parameters, bytes.coefficients, &blocks, &modes, reference)?;
-                Ok((modes, levels, counts))
+                Ok((modes, levels))
             })
             .collect::<Result<_, SyntaxError>>()?;
-        let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
-        for (modes, levels, counts) in decoded {
+        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
+        for (modes, levels) in decoded {
             symbols.modes.extend(modes);
-            symbols.levels.extend(levels);
-            symbols.counts.extend(counts);
+            symbols.levels.append(&levels);
         }
         Ok(symbols)
     }

@@ -27,6 +27,6 @@ pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: 
 
 /// Whether two blocks go on from the frame before as one.
 fn is_continued(symbols: &FrameSymbols, a: usize, b: usize) -> bool {
-    let unchanged = |block: usize| symbols.modes[block] != BlockMode::Spatial && symbols.counts[block] == 0;
+    let unchanged = |block: usize| symbols.modes[block] != BlockMode::Spatial && symbols.levels.count(block) == 0;
     unchanged(a) && unchanged(b) && symbols.modes[a].vector() == symbols.modes[b].vector()
 }

@@ -2,8 +2,7 @@
 
 use super::loop_filter::smooth_faces;
 use super::{
-    BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Missing, Vector,
-    Window,
+    BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Missing, Vector, Window,
 };
 use crate::extension::{Extended, ExtensionPlan};
 use isv_format::MainFrameHeader;
@@ -47,9 +46,24 @@ impl<'a> TemporalPredictor<'a> {
     /// If `out` is not a block.
     pub fn predict(&mut self, coord: BlockCoord, vector: Vector, out: &mut [i16]) {
         let out: &mut [i16; BLOCK_SAMPLES] = out.try_into().expect("a block of 8^3 samples");
+        if let Some(block) = self.whole_block(coord, vector) {
+            out.copy_from_slice(block);
+            return;
+        }
         let voxels = vector.0.map(|v| i32::from(v).div_euclid(QUARTERS));
         let rest = vector.0.map(|v| i32::from(v).rem_euclid(QUARTERS) as u8);
         self.look_at(coord, vector, voxels).translate(rest, out);
+    }
+
+    /// The block of the reference that a vector of whole blocks leads to, if there is one: its samples are the prediction.
+    #[must_use]
+    pub fn whole_block(&self, coord: BlockCoord, Vector(vector): Vector) -> Option<&'a [i16; BLOCK_SAMPLES]> {
+        if vector.iter().any(|v| v % BLOCK_QUARTERS != 0) {
+            return None;
+        }
+        let place = coord.offset(vector.map(|v| i32::from(v / BLOCK_QUARTERS)));
+        let block = self.reference.reference().index().get(place)?;
+        Some(self.reference.volume().block(block as usize).try_into().expect("blocks of an edge of 8"))
     }
 
     /// The reference's samples at a block displaced by whole voxels. Blocks that are not there take their sign from the one
@@ -80,10 +94,15 @@ pub fn predict_spatially(around: &Neighbourhood, samples: &[i16], limit: i16, ou
 }
 
 /// Adds a block's residual to its prediction and clamps to the truncation distance.
-pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: &[i32], samples: &mut [i16]) {
+pub fn add_residual(
+    parameters: &MainParameters,
+    quantizer: &Quantizer,
+    levels: &[Level],
+    samples: &mut [i16],
+) {
     let mut residual = [0; BLOCK_SAMPLES];
-    for (k, level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
-        residual[usize::from(parameters.scan[k])] = quantizer.dequantize(*level);
+    for level in levels {
+        residual[usize::from(parameters.scan[usize::from(level.place)])] = quantizer.dequantize(level.value);
     }
     parameters.transform.inverse(&mut residual);
     let limit = i32::from(parameters.grid.truncation.codes());
@@ -158,8 +177,8 @@ fn finish_block(
     block: usize,
     samples: &mut [i16],
 ) {
-    if symbols.counts[block] > 0 {
-        let levels = &symbols.levels[block * COEFFICIENTS..][..COEFFICIENTS];
+    let levels = symbols.levels.of(block);
+    if !levels.is_empty() {
         add_residual(parameters, quantizer, levels, samples);
     }
 }
@@ -201,8 +220,11 @@ mod tests {
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
         let (coded, index) = (vec![false; volume.block_count()], volume.index());
         let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
-        let symbols = FrameSymbols { coords: vec![], modes: vec![], levels: vec![], counts: vec![] };
-        MainReference::new(Extended { volume, coded, index, around }, &symbols, BTreeMap::new())
+        MainReference::new(
+            Extended { volume, coded, index, around },
+            &FrameSymbols::default(),
+            BTreeMap::new(),
+        )
     }
 
     /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to

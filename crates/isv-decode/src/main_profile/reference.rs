@@ -30,9 +30,11 @@ impl MainReference {
     #[must_use]
     pub fn new(extended: Extended, symbols: &FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
         let volume = extended.volume.with_unobserved(masks);
-        let mut blocks = symbols.modes.iter().zip(&symbols.counts);
-        let mut next =
-            || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
+        let mut blocks = symbols.modes.iter().enumerate();
+        let mut next = || {
+            let (block, mode) = blocks.next()?;
+            Some(CodedBlock { vector: mode.vector(), count: symbols.levels.count(block) })
+        };
         let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
         Self { reference: Reference::with_index(volume, extended.index), coded, around: extended.around }
     }

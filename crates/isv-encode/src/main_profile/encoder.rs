@@ -2,7 +2,7 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::{SearchEffort, search_cubes};
+use super::motion_search::{CubeSearch, SearchEffort};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
 use super::slice::{CodedSlice, FrameContext, SliceEncoder};
@@ -306,13 +306,12 @@ impl MainEncoder {
         };
         // What does not depend on one another fills the time in which one slice waits for the others.
         let ((coded, costs), (plan, block_set)) = rayon::join(code_blocks, code_set);
-        let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
+        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
         let mut samples = Vec::new();
         let mut segments = Vec::new();
         for slice in coded {
             symbols.modes.extend(slice.modes);
-            symbols.levels.extend(slice.levels);
-            symbols.counts.extend(slice.counts);
+            symbols.levels.append(&slice.levels);
             samples.extend(slice.samples);
             let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
             segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
@@ -410,8 +409,8 @@ impl MainEncoder {
             targets,
             causal,
             reference: reference.map(|reference| {
-                let shifts = debug_span!("cube search").in_scope(|| search_cubes(reference, targets, effort));
-                (reference, shifts)
+                let search = || CubeSearch::new(reference, targets, effort);
+                (reference, debug_span!("cube search").in_scope(search))
             }),
             vector_step: main.vector_step(),
             trials: self.settings.trials,
