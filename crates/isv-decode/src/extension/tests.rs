@@ -13,7 +13,16 @@ fn grid(truncation: u32) -> Grid {
 }
 
 fn extend(coded: &SparseVolume) -> Extended {
-    ExtensionPlan::new(coded.coords()).extend(coded)
+    let plan = ExtensionPlan::new(coded.coords(), &Dilation::of(coded.coords()));
+    // What was in the room before is overwritten.
+    let mut samples = plan.room(vec![-1; 600 * BLOCK_VOXELS]);
+    for (block, place) in plan.places().iter().enumerate() {
+        samples[*place as usize * BLOCK_VOXELS..][..BLOCK_VOXELS].copy_from_slice(coded.block(block));
+    }
+    let masks = coded.unobserved_masks().iter();
+    let masks = masks.map(|(block, mask)| (plan.places()[*block as usize], mask.clone())).collect();
+    let extended = plan.extend(*coded.grid(), samples);
+    Extended { volume: extended.volume.with_unobserved(masks), ..extended }
 }
 
 /// Position of a voxel of a block.
@@ -164,7 +173,7 @@ fn check(coded: &SparseVolume) -> usize {
     let Extended { volume, coded: flags, .. } = extend(coded);
     let expected = plain::extend(coded);
     assert_eq!(volume.block_count(), expected.len());
-    assert_eq!(extended_count(coded.coords()), expected.len());
+    assert_eq!(Dilation::of(coded.coords()).count(), expected.len());
     assert!(volume.coords().windows(2).all(|pair| pair[0].morton() < pair[1].morton()));
     for (block, coord) in volume.coords().iter().enumerate() {
         let (samples, was_coded, mask) = &expected[&coord.to_array()];
@@ -265,6 +274,6 @@ fn blocks_beyond_the_limit_of_coordinates_are_left_out() {
     let (first, last) = (-COORD_LIMIT, COORD_LIMIT - 1);
     let corners = [[first; 3], [last; 3], [first, 0, last]];
     let coded = volume(&corners, |[x, y, z]| (x ^ y ^ z) % 500);
-    assert_eq!(extended_count(coded.coords()), 8 + 8 + 12);
+    assert_eq!(Dilation::of(coded.coords()).count(), 8 + 8 + 12);
     check(&coded);
 }

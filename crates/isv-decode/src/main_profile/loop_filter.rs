@@ -9,7 +9,9 @@ use isv_volume::BlockIndex;
 ///
 /// A face is left as it is if both blocks continue what the frame before had there: same vector, no levels. It was smoothed
 /// then, and smoothing it once a frame would wear the surface down.
-pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16]) {
+///
+/// `places`: where in `samples` each block is.
+pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16], places: &[u32]) {
     let index = BlockIndex::new(&symbols.coords);
     for axis in 0..3 {
         for (lower, coord) in symbols.coords.iter().enumerate() {
@@ -19,6 +21,7 @@ pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: 
                 continue;
             }
             // Morton order puts the upper block after the lower one.
+            let [lower, upper] = [lower, upper].map(|block| places[block] as usize);
             let (before, after) = samples.as_chunks_mut::<BLOCK_SAMPLES>().0.split_at_mut(upper);
             smooth_face(axis, &mut before[lower], &mut after[0], filter);
         }
@@ -27,6 +30,7 @@ pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: 
 
 /// Whether two blocks go on from the frame before as one.
 fn is_continued(symbols: &FrameSymbols, a: usize, b: usize) -> bool {
-    let unchanged = |block: usize| symbols.modes[block] != BlockMode::Spatial && symbols.levels.count(block) == 0;
+    let unchanged =
+        |block: usize| symbols.modes[block] != BlockMode::Spatial && symbols.levels.count(block) == 0;
     unchanged(a) && unchanged(b) && symbols.modes[a].vector() == symbols.modes[b].vector()
 }

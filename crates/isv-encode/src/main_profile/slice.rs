@@ -11,9 +11,7 @@ use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict
 use isv_decode::main_profile::syntax::SliceModels;
 use isv_decode::main_profile::syntax::coefficients::CountContext;
 use isv_decode::main_profile::syntax::modes::ModeContext;
-use isv_decode::main_profile::{
-    BlockLevels, BlockMode, CausalBlocks, MainParameters, MainReference, Vector,
-};
+use isv_decode::main_profile::{BlockLevels, BlockMode, CausalBlocks, MainParameters, MainReference, Vector};
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
 use isv_volume::CODES_PER_VOXEL;
@@ -48,10 +46,26 @@ pub(crate) struct FrameContext<'a> {
 pub(crate) struct CodedSlice {
     pub modes: Vec<BlockMode>,
     pub levels: BlockLevels,
-    /// Samples before the in-loop filter.
-    pub samples: Vec<i16>,
     pub mode_bytes: Vec<u8>,
     pub coefficient_bytes: Vec<u8>,
+}
+
+/// The part of an extended frame's samples that a slice's blocks are in.
+#[derive(Debug)]
+pub(crate) struct SliceSamples<'a> {
+    /// Blocks one after the other.
+    pub samples: &'a mut [i16],
+    /// Index of the first of them.
+    pub first: u32,
+    /// Index of each block of the frame.
+    pub places: &'a [u32],
+}
+
+impl SliceSamples<'_> {
+    /// Where in the part a block of the frame is.
+    fn place(&self, block: usize) -> u32 {
+        self.places[block] - self.first
+    }
 }
 
 /// Codes a slice.
@@ -62,6 +76,8 @@ pub(crate) struct SliceEncoder<'a> {
     models: &'a mut SliceModels,
     costs: [LevelCosts; 2],
     cube_scratch: CubeScratch<'a>,
+    /// Before the in-loop filter.
+    samples: SliceSamples<'a>,
     coded: CodedSlice,
     mode_encoder: RangeEncoder,
     coefficient_encoder: RangeEncoder,
@@ -92,17 +108,17 @@ impl<'a> SliceEncoder<'a> {
         range: Range<usize>,
         models: &'a mut SliceModels,
         costs: [LevelCosts; 2],
+        samples: SliceSamples<'a>,
     ) -> Self {
         let coded = CodedSlice {
             modes: Vec::with_capacity(range.len()),
             levels: BlockLevels::with_capacity(range.len()),
-            samples: Vec::with_capacity(range.len() * BLOCK_SAMPLES),
             mode_bytes: Vec::new(),
             coefficient_bytes: Vec::new(),
         };
         let (mode_encoder, coefficient_encoder) = (RangeEncoder::new(), RangeEncoder::new());
         let cube_scratch = Vec::new();
-        Self { frame, range, models, costs, cube_scratch, coded, mode_encoder, coefficient_encoder }
+        Self { frame, range, models, costs, cube_scratch, samples, coded, mode_encoder, coefficient_encoder }
     }
 
     /// Codes all blocks; gives back what levels cost after them.
@@ -270,11 +286,12 @@ impl<'a> SliceEncoder<'a> {
     }
 
     fn predict_spatially(&self, block: &BlockAtHand) -> [i16; BLOCK_SAMPLES] {
-        let around = self.frame.causal.of(block.number).map(|n| n.map(|n| n - self.range.start as u32));
+        let around = self.frame.causal.of(self.frame.targets.coords()[block.number], block.number);
+        let around = around.map(|n| n.map(|n| self.samples.place(n as usize)));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
-            predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
+            predict_spatially(&around, self.samples.samples, limit, &mut prediction);
         }
         prediction
     }
@@ -357,10 +374,11 @@ impl<'a> SliceEncoder<'a> {
         self.coded.modes.push(trial.mode);
         self.coded.levels.push(levels);
         let levels = self.coded.levels.of(block.number - self.range.start);
-        let mut samples = trial.prediction;
+        let place = self.samples.place(block.number) as usize;
+        let samples = &mut self.samples.samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES];
+        samples.copy_from_slice(&trial.prediction);
         if !levels.is_empty() {
-            add_residual(frame.parameters, &frame.quantizer, levels, &mut samples);
+            add_residual(frame.parameters, &frame.quantizer, levels, samples);
         }
-        self.coded.samples.extend(samples);
     }
 }
