@@ -3,7 +3,7 @@
 use super::reconstruct::BLOCK_SAMPLES;
 use super::{BlockMode, FrameSymbols};
 use isv_kernels::deblock::{FaceFilter, smooth_face};
-use isv_volume::BlockIndex;
+use isv_volume::{BlockIndex, NeighbourFinder};
 
 /// Smooths the faces between coded blocks along x, then y, then z.
 ///
@@ -13,10 +13,11 @@ use isv_volume::BlockIndex;
 /// `places`: where in `samples` each block is.
 pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16], places: &[u32]) {
     let index = BlockIndex::new(&symbols.coords);
-    for axis in 0..3 {
+    let mut finder = NeighbourFinder::new(&index);
+    for (axis, after) in [14, 16, 22].into_iter().enumerate() {
         for (lower, coord) in symbols.coords.iter().enumerate() {
-            let next = coord.offset(std::array::from_fn(|a| i32::from(a == axis)));
-            let Some(upper) = index.get(next).map(|block| block as usize) else { continue };
+            finder.turn_to(*coord);
+            let Some(upper) = finder.get(after).map(|block| block as usize) else { continue };
             if is_continued(symbols, lower, upper) {
                 continue;
             }
