@@ -9,6 +9,7 @@
 
 pub mod activity;
 pub mod crossed_cells;
+mod levels;
 mod loop_filter;
 mod neighbours;
 mod parameters;
@@ -18,6 +19,7 @@ mod symbols;
 pub mod syntax;
 mod window;
 
+pub use levels::{BlockLevels, Level};
 pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};
 pub use parameters::{COEFFICIENTS, MainParameters};
 pub use reference::MainReference;

@@ -41,6 +41,11 @@ impl Reference {
         &self.volume
     }
 
+    /// The volume alone.
+    pub(crate) fn into_volume(self) -> SparseVolume {
+        self.volume
+    }
+
     /// Its block look-up.
     #[must_use]
     pub fn index(&self) -> &BlockIndex {

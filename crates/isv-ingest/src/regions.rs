@@ -25,8 +25,10 @@ pub(crate) type TileVoxel = (usize, usize);
 /// The distances of the voxels of a block, and the regions they fall into; its buffers are reused from block to block.
 #[derive(Default)]
 pub(crate) struct Regions {
-    /// Unsigned distances in voxels, exact up to the band's width and more than it beyond.
+    /// Unsigned distances in voxels, exact as far as is certain, and no less than that beyond.
     pub(crate) distances: Vec<f32>,
+    /// Up to where distances are exact.
+    certain: f32,
     /// Voxels whose closest surface point lies on a wide hole. They belong to no region, for near a hole there is a way from
     /// inside to outside.
     pub(crate) unobserved: Option<VoxelMask>,
@@ -43,9 +45,10 @@ pub(crate) struct Regions {
 }
 
 impl Regions {
-    /// Forgets everything, and makes room for the distances of so many voxels.
-    pub(crate) fn restart(&mut self, voxels: usize) {
+    /// Forgets everything, and makes room for the distances of so many voxels, which will be exact up to `certain`.
+    pub(crate) fn restart(&mut self, voxels: usize, certain: f32) {
         self.distances.resize(voxels, 0.0);
+        self.certain = certain;
         self.unobserved = None;
         self.inside.clear();
         self.deepest.clear();
@@ -314,7 +317,8 @@ fn side_by_neighbours(tile: &[Regions], block: usize, voxel: usize, edge: BlockE
         let neighbour = edge.voxel_index(u, v, w);
         let Some(label) = other.labels.get(neighbour) else { continue };
         let length = ((dx * dx + dy * dy + dz * dz) as f32).sqrt();
-        let joined = tile[block].distances[voxel] + other.distances[neighbour] > length + SLACK;
+        let radius = other.distances[neighbour].min(other.certain);
+        let joined = tile[block].distances[voxel] + radius > length + SLACK;
         let side = other.inside.get(usize::from(*label)).copied().flatten();
         if joined && side.is_some() {
             return side;
@@ -335,6 +339,7 @@ mod tests {
         are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>,
     ) -> Vec<usize> {
         let mut tile: Vec<Regions> = (0..PARTS).map(|_| Regions::default()).collect();
+        tile[0].restart(0, f32::INFINITY);
         tile[0].distances.extend_from_slice(distances);
         tile[0].unobserved = excluded.cloned();
         tile[0].divide(BlockEdge::E4);

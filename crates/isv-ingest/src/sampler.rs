@@ -217,10 +217,10 @@ fn take_near(near: &TileDistances, edge: BlockEdge, position: [i32; 3], reach: f
     let first = position.map(|c| c as usize * n);
     let rows = || (0..n * n).map(|row| near.row([first[0], first[1] + row % n, first[2] + row / n], n));
     if !rows().flatten().any(|square| *square <= reach * reach) {
-        taken.restart(0);
+        taken.restart(0, reach);
         return;
     }
-    taken.restart(edge.block_voxels());
+    taken.restart(edge.block_voxels(), reach);
     for (row, squares) in taken.distances.chunks_exact_mut(n).zip(rows()) {
         row.iter_mut().zip(squares).for_each(|(distance, square)| *distance = square.sqrt());
     }
@@ -252,10 +252,10 @@ fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: u
     let nearest = &mut work.nearest.as_flattened_mut()[block * size..][..size];
     let taken = &mut work.blocks[octant * LANES + block];
     if !nearest.iter().any(|distance_sq| distance_sq.is_finite()) {
-        taken.restart(0);
+        taken.restart(0, width);
         return;
     }
-    taken.restart(size);
+    taken.restart(size, width);
     if work.voxels.is_empty() {
         work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
     }

@@ -4,7 +4,7 @@ use crate::edges::EdgeRow;
 use crate::signs::Signs;
 use crate::triangles::{CrossedCell, find_cells};
 use crate::window::SignWindow;
-use isv_volume::{BlockIndex, NeighbourWalk, SparseVolume};
+use isv_volume::{BlockIndex, NeighbourFinder, SparseVolume};
 
 /// Blocks that a thread works on at a time.
 pub(crate) const CHUNK: usize = 64;
@@ -43,9 +43,10 @@ impl<const SIDE: usize> Chunk<SIDE> {
             // As many as in a plane across each block.
             cells: Vec::with_capacity(blocks.len() * SIDE * SIDE),
         };
-        let mut walk = NeighbourWalk::new(index);
+        let mut finder = NeighbourFinder::new(index);
         for &block in blocks {
-            let around = walk.neighbourhood(volume.coords()[block as usize]);
+            finder.turn_to(volume.coords()[block as usize]);
+            let around = finder.neighbourhood();
             let window = SignWindow::gather(signs, &around);
             let (edges, vertices) = find_edges(&window);
             let cells_before = chunk.cells.len();

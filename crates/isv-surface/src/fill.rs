@@ -7,7 +7,7 @@ use crate::signs::PLUS_SLOTS;
 use crate::triangles::{VertexIds, entry};
 use crate::vertices::EdgeZeros;
 use glam::DVec3;
-use isv_volume::{NeighbourWalk, Neighbourhood};
+use isv_volume::{NeighbourFinder, Neighbourhood};
 
 /// Where a part of the mesh goes.
 pub(crate) struct Place<'a> {
@@ -66,11 +66,12 @@ impl<const SIDE: usize> Surface<'_, SIDE> {
         scratch: &mut Scratch,
     ) {
         let chunk = &self.chunks[number];
-        let mut walk = NeighbourWalk::new(&self.index);
+        let mut finder = NeighbourFinder::new(&self.index);
         let mut cells = &chunk.cells[..];
         for (i, counts) in chunk.counts.iter().enumerate() {
             let block = number * CHUNK + i;
-            let around = walk.neighbourhood(self.volume.coords()[self.blocks[block] as usize]);
+            finder.turn_to(self.volume.coords()[self.blocks[block] as usize]);
+            let around = finder.neighbourhood();
             let mut part = place.split_off(counts);
             let (cells_here, others) = cells.split_at(counts.cells);
             cells = others;

@@ -2,7 +2,7 @@
 
 use isv_kernels::signs::inside_row;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockIndex, NeighbourWalk, SparseVolume, VoxelMask};
+use isv_volume::{BlockIndex, NeighbourFinder, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
 /// A bit a voxel of a block: bit x of row `[z][y]`.
@@ -80,12 +80,15 @@ impl<const SIDE: usize> Signs<SIDE> {
     /// edge. In these it does, unless a corner was not observed.
     pub(crate) fn crossed_blocks(&self, volume: &SparseVolume, index: &BlockIndex) -> Vec<u32> {
         let blocks = (0..volume.block_count() as u32).into_par_iter().with_min_len(MIN_BLOCKS);
-        let walks = blocks.map_init(
-            || NeighbourWalk::new(index),
-            |walk, block| {
+        let found = blocks.map_init(
+            || NeighbourFinder::new(index),
+            |finder, block| {
                 let around = vectorized(
                     #[inline(always)]
-                    || walk.octet(volume.coords()[block as usize]),
+                    || {
+                        finder.turn_to(volume.coords()[block as usize]);
+                        finder.octet()
+                    },
                 );
                 let (mut inside, mut outside) = (0, 0);
                 for (part, block) in around.into_iter().enumerate() {
@@ -98,7 +101,7 @@ impl<const SIDE: usize> Signs<SIDE> {
                 (inside & outside != 0).then_some(block)
             },
         );
-        walks.flatten_iter().collect()
+        found.flatten_iter().collect()
     }
 }
 

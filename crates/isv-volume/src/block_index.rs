@@ -83,16 +83,6 @@ impl BlockIndex {
         self.cube::<2, 8>(lowest)
     }
 
-    /// A cell and those around it.
-    fn cells_around(&self, [x, y, z]: [i32; 3]) -> [Cell; 27] {
-        let mut cells = [Cell::default(); 27];
-        for (slot, cell) in (0..).zip(&mut cells) {
-            let place = [x + slot % 3 - 1, y + slot / 3 % 3 - 1, z + slot / 9 - 1];
-            *cell = self.cells.get(&place).copied().unwrap_or_default();
-        }
-        cells
-    }
-
     /// Indices of `SIDE^3` blocks from a coordinate on, x fastest. A cube of up to 5 blocks a side lies in at most two cells
     /// along each axis.
     #[inline]
@@ -124,72 +114,86 @@ impl BlockIndex {
     }
 }
 
-/// Looks for the blocks around one block after the other. Cells are looked up once for all blocks in them that follow each other,
-/// as they do in Morton order.
+/// For a block's place in its cell along an axis and a step of -1, 0 or 1 (plus one) from there: which of three cells along
+/// the axis that leads to, and the bit along it, spread.
+const STEPS: [[(usize, u32); 3]; 4] = [
+    [(0, SPREAD[3]), (1, SPREAD[0]), (1, SPREAD[1])],
+    [(1, SPREAD[0]), (1, SPREAD[1]), (1, SPREAD[2])],
+    [(1, SPREAD[1]), (1, SPREAD[2]), (1, SPREAD[3])],
+    [(1, SPREAD[2]), (1, SPREAD[3]), (2, SPREAD[0])],
+];
+
+/// The slots of a [`Neighbourhood`] that hold an octet.
+const OCTET: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
+
+/// Finds the blocks around one block after the other. What is known of a cell serves all of its blocks, so that blocks in
+/// Morton order take hardly any look-ups.
 #[derive(Clone, Debug)]
-pub struct NeighbourWalk<'a> {
+pub struct NeighbourFinder<'a> {
     index: &'a BlockIndex,
-    /// The cell that the last block was in.
-    cell: Option<[i32; 3]>,
-    /// It and those around it, in the order of a [`Neighbourhood`].
+    /// The cell that the middle block is in, if there is one yet.
+    place: Option<[i32; 3]>,
+    /// The 3x3x3 cells around it.
     cells: [Cell; 27],
+    /// Where in its cell the middle block is.
+    within: [usize; 3],
 }
 
-impl<'a> NeighbourWalk<'a> {
-    /// A walk that begins anywhere.
+impl<'a> NeighbourFinder<'a> {
+    /// A finder that has not turned to a block yet, and finds nothing.
     #[must_use]
     pub fn new(index: &'a BlockIndex) -> Self {
-        Self { index, cell: None, cells: [Cell::default(); 27] }
+        Self { index, place: None, cells: [Cell::default(); 27], within: [0; 3] }
     }
 
-    /// As [`BlockIndex::neighbourhood`].
-    #[inline(always)]
-    pub fn neighbourhood(&mut self, centre: BlockCoord) -> Neighbourhood {
-        self.cube::<3, 27>(centre, -1)
-    }
-
-    /// As [`BlockIndex::octet`].
-    #[inline(always)]
-    pub fn octet(&mut self, lowest: BlockCoord) -> [Option<u32>; 8] {
-        self.cube::<2, 8>(lowest, 0)
-    }
-
-    /// Indices of `SIDE^3` blocks from `start` blocks beside a coordinate on.
-    #[inline(always)]
-    fn cube<const SIDE: usize, const BLOCKS: usize>(
-        &mut self,
-        coord: BlockCoord,
-        start: i32,
-    ) -> [Option<u32>; BLOCKS] {
-        let coord = coord.to_array();
-        self.enter(coord.map(|c| c >> CELL_LOG2));
-        // Along each axis, which cells the blocks are in and their bits there.
-        let mut along = [[(0, 0); SIDE]; 3];
-        for axis in 0..3 {
-            for step in 0..SIDE {
-                let c = (coord[axis] & 3) + start + step as i32;
-                let slot = ((c >> CELL_LOG2) + 1) as usize;
-                along[axis][step] = (slot * 3usize.pow(axis as u32), SPREAD[(c & 3) as usize] << axis);
-            }
+    /// Turns to a coordinate, which need not be that of a block.
+    #[inline]
+    pub fn turn_to(&mut self, middle: BlockCoord) {
+        let middle = middle.to_array();
+        self.within = middle.map(|c| (c & 3) as usize);
+        let place = middle.map(|c| c >> CELL_LOG2);
+        if self.place != Some(place) {
+            self.place = Some(place);
+            self.find_cells(place);
         }
-        let mut blocks = [None; BLOCKS];
-        for z in 0..SIDE {
-            for y in 0..SIDE {
-                for x in 0..SIDE {
-                    let [x_at, y_at, z_at] = [along[0][x], along[1][y], along[2][z]];
-                    let cell = self.cells[x_at.0 + y_at.0 + z_at.0];
-                    blocks[(z * SIDE + y) * SIDE + x] = cell.get(x_at.1 | y_at.1 | z_at.1);
+    }
+
+    /// The block in a slot of the [`Neighbourhood`].
+    #[must_use]
+    #[inline]
+    pub fn get(&self, slot: usize) -> Option<u32> {
+        let [x, y, z] = self.within;
+        let [(cx, x), (cy, y), (cz, z)] =
+            [STEPS[x][slot % 3], STEPS[y][slot / 3 % 3], STEPS[z][slot / 9 % 3]];
+        self.cells[(cz * 3 + cy) * 3 + cx].get(x | y << 1 | z << 2)
+    }
+
+    /// The blocks in all slots.
+    #[must_use]
+    pub fn neighbourhood(&self) -> Neighbourhood {
+        let mut around = [None; 27];
+        let [xs, ys, zs] = self.within.map(|within| STEPS[within]);
+        for (layer, (cz, z)) in around.as_chunks_mut::<9>().0.iter_mut().zip(zs) {
+            for (row, (cy, y)) in layer.as_chunks_mut::<3>().0.iter_mut().zip(ys) {
+                for (neighbour, (cx, x)) in row.iter_mut().zip(xs) {
+                    *neighbour = self.cells[(cz * 3 + cy) * 3 + cx].get(x | y << 1 | z << 2);
                 }
             }
         }
-        blocks
+        around
     }
 
-    #[inline(always)]
-    fn enter(&mut self, cell: [i32; 3]) {
-        if self.cell != Some(cell) {
-            self.cell = Some(cell);
-            self.cells = self.index.cells_around(cell);
+    /// The middle block and those after it along each axis, as [`BlockIndex::octet`] has them.
+    #[must_use]
+    #[inline]
+    pub fn octet(&self) -> [Option<u32>; 8] {
+        OCTET.map(|slot| self.get(slot))
+    }
+
+    fn find_cells(&mut self, [x, y, z]: [i32; 3]) {
+        for (slot, cell) in (0..).zip(&mut self.cells) {
+            let place = [x + slot % 3 - 1, y + slot / 3 % 3 - 1, z + slot / 9 - 1];
+            *cell = self.index.cells.get(&place).copied().unwrap_or_default();
         }
     }
 }
@@ -220,12 +224,14 @@ mod tests {
     #[test]
     fn neighbourhood_runs_x_fastest_from_minus_one() {
         let index = BlockIndex::new(&some_blocks());
-        let mut walk = NeighbourWalk::new(&index);
+        let mut finder = NeighbourFinder::new(&index);
         for i in 0..22 * 22 * 22 {
             let centre = BlockCoord::from([i % 22 - 10, i / 22 % 22 - 12, i / 484 - 11]);
             let around = index.neighbourhood(centre);
-            assert_eq!(walk.neighbourhood(centre), around, "{centre:?}");
-            assert_eq!(walk.octet(centre), index.octet(centre), "{centre:?}");
+            finder.turn_to(centre);
+            assert_eq!(finder.neighbourhood(), around, "{centre:?}");
+            assert_eq!(finder.octet(), index.octet(centre), "{centre:?}");
+            assert_eq!(std::array::from_fn(|slot| finder.get(slot)), around, "{centre:?}");
             for (slot, neighbour) in around.into_iter().enumerate() {
                 let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|s| s as i32 - 1);
                 assert_eq!(neighbour, index.get(centre.offset(offset)), "{centre:?} {offset:?}");

@@ -77,6 +77,12 @@ impl SparseVolume {
         &self.samples
     }
 
+    /// All samples, for their memory to serve another volume.
+    #[must_use]
+    pub fn into_samples(self) -> Vec<i16> {
+        self.samples
+    }
+
     /// The `edge^3` samples of a block, x fastest, then y, then z.
     #[must_use]
     #[inline]

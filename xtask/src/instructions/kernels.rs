@@ -1,10 +1,12 @@
 //! The kernels that are counted, each on input that is the same everywhere: balls, a sphere of triangles, seeded noise.
 
 use anyhow::{Context, Error, Result};
-use isv::decode::extension::ExtensionPlan;
+use isv::decode::extension::Extended;
 use isv::decode::main_profile::reconstruct::add_residual;
 use isv::decode::main_profile::syntax::block_set::BlockSetModels;
-use isv::decode::main_profile::{BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference};
+use isv::decode::main_profile::{
+    BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference,
+};
 use isv::decode::syntax::SyntaxError;
 use isv::decode::{Decoder, Limits};
 use isv::encode::{Encoder, EncoderSettings, Preset, probe};
@@ -171,8 +173,9 @@ fn dequantization(inputs: &Inputs, counter: Counter) -> usize {
 
 fn residual(inputs: &Inputs, counter: Counter) -> usize {
     let parameters = MainParameters::new(inputs.header.grid);
-    let (quantizer, levels, mut samples) = (parameters.quantizer(9011), levels(), block(1));
-    counter(&mut || add_residual(&parameters, &quantizer, black_box(&levels), &mut samples));
+    let (quantizer, mut coded, mut samples) = (parameters.quantizer(9011), BlockLevels::default(), block(1));
+    coded.push(&levels());
+    counter(&mut || add_residual(&parameters, &quantizer, black_box(coded.of(0)), &mut samples));
     1
 }
 
@@ -260,8 +263,8 @@ fn deblocking(inputs: &Inputs, counter: Counter) -> usize {
 
 fn extension(inputs: &Inputs, counter: Counter) -> usize {
     let coded = inputs.coded_volume();
-    counter(&mut || drop(black_box(ExtensionPlan::new(coded.coords()).extend(&coded))));
-    ExtensionPlan::new(coded.coords()).extend(&coded).volume.block_count() - coded.block_count()
+    counter(&mut || drop(black_box(Extended::of(&coded))));
+    Extended::of(&coded).volume.block_count() - coded.block_count()
 }
 
 fn keyframe_block_set(inputs: &Inputs, counter: Counter) -> usize {
@@ -275,15 +278,12 @@ fn keyframe_block_set(inputs: &Inputs, counter: Counter) -> usize {
 fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let mut models = BlockSetModels::default();
     models.read(&inputs.block_sets[0], inputs.blocks[0], None).expect("a set of our own");
-    let extended = ExtensionPlan::new(&inputs.coded).extend(&inputs.coded_volume());
     let count = inputs.coded.len();
-    let symbols = FrameSymbols {
-        coords: inputs.coded.clone(),
-        modes: vec![BlockMode::Spatial; count],
-        levels: vec![0; COEFFICIENTS * count],
-        counts: vec![0; count],
-    };
-    let reference = MainReference::new(extended, &symbols, BTreeMap::new());
+    let mut none = BlockLevels::with_capacity(count);
+    (0..count).for_each(|_| none.push(&[]));
+    let symbols =
+        FrameSymbols { coords: inputs.coded.clone(), modes: vec![BlockMode::Spatial; count], levels: none };
+    let reference = MainReference::new(Extended::of(&inputs.coded_volume()), &symbols, BTreeMap::new());
     counter(&mut || {
         let read = models.clone().read(&inputs.block_sets[1], inputs.blocks[1], Some(&reference));
         assert_eq!(read.map(|coords| coords.len()), Ok(inputs.blocks[1]), "the set as it was written");

@@ -3,7 +3,7 @@
 use super::sequence::Sequence;
 use super::{DecodedFrame, Limits};
 use crate::DecodeError;
-use crate::extension::{ExtensionPlan, extended_count};
+use crate::extension::{Dilation, ExtensionPlan};
 use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
 use crate::main_profile::syntax::EntropyState;
 use crate::main_profile::{
@@ -17,6 +17,7 @@ use isv_format::{
 };
 use isv_volume::{BlockCoord, Grid, GridError, SparseVolume};
 use rayon::prelude::*;
+use std::mem::take;
 use tracing::debug_span;
 
 /// [`super::Decoder`] for streams of profile `main`.
@@ -26,6 +27,8 @@ pub(super) struct MainDecoder {
     limits: Limits,
     entropy: EntropyState,
     reference: Option<MainReference>,
+    /// Samples of the frame before the last, for their memory.
+    spare: Vec<i16>,
     /// At reduced resolution, the grid there and the last frame on it.
     reduced: Option<(ReducedGrid, SparseVolume)>,
     sequence: Sequence,
@@ -36,7 +39,7 @@ impl MainDecoder {
     pub(super) fn new(grid: Grid, limits: Limits) -> Self {
         let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
-        Self { parameters, limits, entropy, reference: None, reduced: None, sequence }
+        Self { parameters, limits, entropy, reference: None, spare: Vec::new(), reduced: None, sequence }
     }
 
     /// A decoder at reduced resolution.
@@ -63,16 +66,16 @@ impl MainDecoder {
     /// As [`super::Decoder::decode`].
     pub(super) fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
-        let reference = self.reference.take();
+        let last = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
             return Err(self.sequence.malformed(packet, "an index where a frame should be"));
         };
         if keyframe {
             self.entropy = EntropyState::default();
         } else {
-            self.sequence.check(packet, reference.is_some())?;
+            self.sequence.check(packet, last.is_some())?;
         }
-        let reference = reference.filter(|_| !keyframe);
+        let reference = last.as_ref().filter(|_| !keyframe);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
         self.check_limit(packet, payload.header.blocks as usize)?;
         if keyframe && payload.header.prediction != Prediction::None {
@@ -83,13 +86,15 @@ impl MainDecoder {
         };
         let blocks = payload.header.blocks as usize;
         let coords = debug_span!("block set")
-            .in_scope(|| self.entropy.block_set.read(payload.block_set, blocks, reference.as_ref()))
+            .in_scope(|| self.entropy.block_set.read(payload.block_set, blocks, reference))
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
-        self.check_limit(packet, extended_count(&coords))?;
+        let dilation = Dilation::of(&coords);
+        self.check_limit(packet, dilation.count())?;
         let decoded = self
-            .read_frame(&payload, &main, coords, reference.as_ref())
+            .read_frame(&payload, &main, coords, &dilation, reference)
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         self.sequence.advance(packet);
+        self.spare = last.map_or_else(Vec::new, MainReference::into_samples);
         let full = self.reference.insert(decoded).volume();
         let (volume, stated_hash) = match &mut self.reduced {
             None => (full, payload.header.volume_hash),
@@ -112,6 +117,7 @@ impl MainDecoder {
         payload: &FramePayload,
         main: &MainFrameHeader,
         coords: Vec<BlockCoord>,
+        dilation: &Dilation,
         reference: Option<&MainReference>,
     ) -> Result<MainReference, SyntaxError> {
         let header = &payload.header;
@@ -122,12 +128,15 @@ impl MainDecoder {
         // The blocks are known: those around them are found while the symbols are read.
         let blocks = coords.clone();
         let (plan, symbols) = rayon::join(
-            || debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&blocks)),
+            || debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&blocks, dilation)),
             || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, coords, &causal, before)),
         );
         let symbols = symbols?;
-        let samples = debug_span!("prediction and residual")
-            .in_scope(|| reconstruct(&self.parameters, main, &symbols, &causal, before));
+        let mut samples = plan.room(take(&mut self.spare));
+        debug_span!("prediction and residual").in_scope(|| {
+            let (parameters, places) = (&self.parameters, plan.places());
+            reconstruct(parameters, main, &symbols, &causal, before, places, &mut samples);
+        });
         let extended = filter_and_extend(&self.parameters, main, &symbols, samples, plan);
         let blocks = reference.map(|reference| reference.reference().blocks());
         let masks =
@@ -157,16 +166,15 @@ impl MainDecoder {
                     }
                     None => vec![BlockMode::Spatial; blocks.range.len()],
                 };
-                let (levels, counts) =
+                let levels =
                     models.coefficients.read(parameters, bytes.coefficients, &blocks, &modes, reference)?;
-                Ok((modes, levels, counts))
+                Ok((modes, levels))
             })
             .collect::<Result<_, SyntaxError>>()?;
-        let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
-        for (modes, levels, counts) in decoded {
+        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
+        for (modes, levels) in decoded {
             symbols.modes.extend(modes);
-            symbols.levels.extend(levels);
-            symbols.counts.extend(counts);
+            symbols.levels.append(&levels);
         }
         Ok(symbols)
     }

@@ -20,28 +20,39 @@ struct Cell {
     blocks: u64,
 }
 
-/// Number of blocks of a volume of these blocks once it is extended; in Morton order. Takes memory for the blocks that are
-/// there, not for those that are counted.
-#[must_use]
-pub fn extended_count(coords: &[BlockCoord]) -> usize {
-    count(&dilated_cells(coords))
+/// The blocks of a set and of its 26-neighbourhood within the range of coordinates. Takes memory for the blocks that are there,
+/// not for those that are added.
+#[derive(Clone, Debug)]
+pub struct Dilation {
+    /// Cells in order.
+    cells: Vec<Cell>,
 }
 
-/// The blocks of a set and of its 26-neighbourhood within the range of coordinates; in Morton order, as the set is.
-pub(super) fn dilate(coords: &[BlockCoord]) -> Vec<BlockCoord> {
-    let cells = dilated_cells(coords);
-    let mut dilated = Vec::with_capacity(count(&cells));
-    for Cell { code, mut blocks } in cells {
-        while blocks != 0 {
-            dilated.push(MortonCode(code << CELL_BITS | u64::from(blocks.trailing_zeros())).coord());
-            blocks &= blocks - 1;
-        }
+impl Dilation {
+    /// Of a set in Morton order.
+    #[must_use]
+    pub fn of(coords: &[BlockCoord]) -> Self {
+        Self { cells: dilated_cells(coords) }
     }
-    dilated
-}
 
-fn count(cells: &[Cell]) -> usize {
-    cells.iter().map(|cell| cell.blocks.count_ones() as usize).sum()
+    /// How many blocks there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.cells.iter().map(|cell| cell.blocks.count_ones() as usize).sum()
+    }
+
+    /// The blocks in Morton order.
+    #[must_use]
+    pub fn coords(&self) -> Vec<BlockCoord> {
+        let mut coords = Vec::with_capacity(self.count());
+        for Cell { code, mut blocks } in self.cells.iter().copied() {
+            while blocks != 0 {
+                coords.push(MortonCode(code << CELL_BITS | u64::from(blocks.trailing_zeros())).coord());
+                blocks &= blocks - 1;
+            }
+        }
+        coords
+    }
 }
 
 /// The neighbourhood, cell by cell in order.

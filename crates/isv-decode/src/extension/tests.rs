@@ -12,10 +12,6 @@ fn grid(truncation: u32) -> Grid {
     }
 }
 
-fn extend(coded: &SparseVolume) -> Extended {
-    ExtensionPlan::new(coded.coords()).extend(coded)
-}
-
 /// Position of a voxel of a block.
 fn position(voxel: usize) -> [i32; 3] {
     [voxel % 8, voxel / 8 % 8, voxel / 64].map(|c| c as i32)
@@ -161,10 +157,10 @@ mod plain {
 
 /// Asserts that a volume's extension is that of the plain reference; how many masks it has.
 fn check(coded: &SparseVolume) -> usize {
-    let Extended { volume, coded: flags, .. } = extend(coded);
+    let Extended { volume, coded: flags, .. } = Extended::of(coded);
     let expected = plain::extend(coded);
     assert_eq!(volume.block_count(), expected.len());
-    assert_eq!(extended_count(coded.coords()), expected.len());
+    assert_eq!(Dilation::of(coded.coords()).count(), expected.len());
     assert!(volume.coords().windows(2).all(|pair| pair[0].morton() < pair[1].morton()));
     for (block, coord) in volume.coords().iter().enumerate() {
         let (samples, was_coded, mask) = &expected[&coord.to_array()];
@@ -194,7 +190,7 @@ fn a_plane_through_a_row_of_blocks_goes_on_as_a_plane() {
     // Slopes within one voxel a voxel, and a plane that passes through the row alone.
     let plane = |[x, y, z]: [i32; 3]| 250 * y - 1000 + 3 * x - 2 * z;
     let row: Vec<[i32; 3]> = (-2..2).map(|x| [x, 0, 0]).collect();
-    let extended = extend(&volume(&row, plane));
+    let extended = Extended::of(&volume(&row, plane));
     assert_eq!(extended.volume.block_count(), 6 * 9);
     assert_eq!(extended.coded.iter().filter(|coded| **coded).count(), 4);
     for (block, coord) in extended.volume.coords().iter().enumerate() {
@@ -213,7 +209,7 @@ fn a_plane_through_a_row_of_blocks_goes_on_as_a_plane() {
 #[test]
 fn an_extrapolated_block_has_one_sign() {
     for seed in 100..110 {
-        let Extended { volume, coded, .. } = extend(&random_volume(seed, 8));
+        let Extended { volume, coded, .. } = Extended::of(&random_volume(seed, 8));
         for block in (0..volume.block_count()).filter(|block| !coded[*block]) {
             let samples = volume.block(block);
             assert!(samples.iter().all(|s| s.signum() == samples[0].signum() && s.abs() >= 5));
@@ -225,7 +221,7 @@ fn an_extrapolated_block_has_one_sign() {
 fn both_sides_of_a_face_between_signs_are_unobserved() {
     // Two blocks apart by two blocks, one wholly inside and one wholly outside.
     let coded = volume(&[[0, 0, 0], [3, 0, 0]], |[x, ..]| if x < 16 { -700 } else { 700 });
-    let Extended { volume, .. } = extend(&coded);
+    let Extended { volume, .. } = Extended::of(&coded);
     for (block, coord) in volume.coords().iter().enumerate() {
         let layer = match coord.x {
             1 => Some(7),
@@ -245,7 +241,7 @@ fn the_number_of_threads_changes_nothing() {
     let coded = random_volume(7, 8);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| extend(&coded))
+        pool.install(|| Extended::of(&coded))
     };
     let alone = on(1);
     for threads in [2, 3, 8] {
@@ -256,7 +252,7 @@ fn the_number_of_threads_changes_nothing() {
 
 #[test]
 fn nothing_extends_to_nothing() {
-    let Extended { volume, coded, .. } = extend(&SparseVolume::empty(grid(8)));
+    let Extended { volume, coded, .. } = Extended::of(&SparseVolume::empty(grid(8)));
     assert_eq!((volume.block_count(), coded.len()), (0, 0));
 }
 
@@ -265,6 +261,6 @@ fn blocks_beyond_the_limit_of_coordinates_are_left_out() {
     let (first, last) = (-COORD_LIMIT, COORD_LIMIT - 1);
     let corners = [[first; 3], [last; 3], [first, 0, last]];
     let coded = volume(&corners, |[x, y, z]| (x ^ y ^ z) % 500);
-    assert_eq!(extended_count(coded.coords()), 8 + 8 + 12);
+    assert_eq!(Dilation::of(coded.coords()).count(), 8 + 8 + 12);
     check(&coded);
 }

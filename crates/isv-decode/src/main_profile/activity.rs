@@ -1,8 +1,10 @@
 //! Where the surface is expected to be: the frame before, moved on as it was moving.
 
 use super::{MainReference, Missing, Vector, Window};
+use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
 use isv_kernels::window::{SIDE, WindowRows};
+use isv_volume::NeighbourFinder;
 use rayon::prelude::*;
 
 /// Quarter voxels to a voxel.
@@ -60,33 +62,114 @@ impl Activity {
 /// The activity of every block of the reference's volume, in its order.
 #[must_use]
 pub fn expected_activity(reference: &MainReference) -> Vec<Activity> {
-    let volume = reference.volume();
-    (0..volume.block_count())
-        .into_par_iter()
-        .map_init(Window::default, |window, block| {
-            let (coord, drift) = (volume.coords()[block].to_array(), drift(reference, block));
-            let first = std::array::from_fn(|axis| 8 * coord[axis] + drift[axis]);
-            window.look_at(reference, first, Missing::Sample(UNKNOWN));
-            activity_in(window.rows())
-        })
-        .collect()
+    let moving = moving_blocks(reference);
+    let standing = moving.iter().filter(|moving| !**moving).count();
+    // Both ways give the same for blocks that stand still.
+    let stills = if 2 * standing > moving.len() { stills(reference) } else { Vec::new() };
+    let activity = |(window, finder): &mut (Window, NeighbourFinder), block: usize| {
+        finder.turn_to(reference.volume().coords()[block]);
+        if stills.is_empty() || moving[block] {
+            activity_in(window_ahead(reference, block, window, finder))
+        } else {
+            activity_standing(block, &stills, finder)
+        }
+    };
+    let blocks = (0..moving.len()).into_par_iter();
+    blocks.map_init(|| (Window::default(), reference.finder()), activity).collect()
+}
+
+/// For each block, whether it or one around it has a vector other than zero. The others are expected to stay where they are.
+fn moving_blocks(reference: &MainReference) -> Vec<bool> {
+    let coords = reference.volume().coords();
+    let (mut moving, mut finder) = (vec![false; coords.len()], reference.finder());
+    for (block, coord) in coords.iter().enumerate() {
+        let vector = reference.coded_at(block).and_then(|coded| coded.vector);
+        if vector.is_some_and(|vector| vector != Vector::ZERO) {
+            finder.turn_to(*coord);
+            finder.neighbourhood().iter().flatten().for_each(|block| moving[*block as usize] = true);
+        }
+    }
+    moving
+}
+
+/// What the activity of a block that stays where it is takes of it and of those after it.
+#[derive(Clone, Copy, Debug)]
+struct Still {
+    /// Which voxels lie inside, a word a z.
+    inside: [u64; 8],
+    /// Smallest distance from the surface, in codes.
+    nearest: u16,
+}
+
+fn stills(reference: &MainReference) -> Vec<Still> {
+    let still = |samples: &[i16; 512]| Still { inside: inside(samples), nearest: nearest(samples) };
+    reference.volume().samples().as_chunks::<512>().0.par_iter().map(still).collect()
+}
+
+/// Smallest magnitude.
+fn nearest(samples: &[i16; 512]) -> u16 {
+    vectorized(
+        #[inline(always)]
+        || {
+            let mut nearest = [u16::MAX; 16];
+            for samples in samples.as_chunks::<16>().0 {
+                for lane in 0..16 {
+                    nearest[lane] = nearest[lane].min(samples[lane].unsigned_abs());
+                }
+            }
+            nearest.into_iter().fold(u16::MAX, u16::min)
+        },
+    )
+}
+
+/// [`activity_in`] the window that begins with a block. `finder`: at the block.
+fn activity_standing(block: usize, stills: &[Still], finder: &NeighbourFinder) -> Activity {
+    /// Voxels that have another one after them along x and y in their block, and the first along x.
+    const BEFORE_LAST: [u64; 2] = [0x7f7f_7f7f_7f7f_7f7f, !0 >> 8];
+    const FIRST_X: u64 = 0x0101_0101_0101_0101;
+    let Still { inside, nearest } = &stills[block];
+    // Where there is no block, no voxel differs from the last ones before it.
+    let after = |slot: usize| finder.get(slot).map(|block| &stills[block as usize].inside);
+    let [x, y, z] = [14, 16, 22].map(after);
+    let mut crossings = z.map_or(0, |z| (inside[7] ^ z[0]).count_ones());
+    for (layer, word) in inside.iter().enumerate() {
+        let differs = [word ^ word >> 1, word ^ word >> 8];
+        crossings += (differs[0] & BEFORE_LAST[0]).count_ones() + (differs[1] & BEFORE_LAST[1]).count_ones();
+        crossings += x.map_or(0, |x| ((word >> 7 ^ x[layer]) & FIRST_X).count_ones());
+        crossings += y.map_or(0, |y| ((word >> 56 ^ y[layer]) & 0xff).count_ones());
+    }
+    crossings += inside.windows(2).map(|pair| (pair[0] ^ pair[1]).count_ones()).sum::<u32>();
+    Activity { crossings: crossings as u16, nearest: *nearest }
+}
+
+/// The reference where the surface at a block is expected to come from. `finder`: at the block.
+fn window_ahead<'a>(
+    reference: &MainReference,
+    block: usize,
+    window: &'a mut Window,
+    finder: &NeighbourFinder,
+) -> &'a WindowRows {
+    let (coord, drift) = (reference.volume().coords()[block].to_array(), drift(reference, block, finder));
+    let first = std::array::from_fn(|axis| 8 * coord[axis] + drift[axis]);
+    window.look_at(reference, first, Missing::Sample(UNKNOWN));
+    window.rows()
 }
 
 /// The whole voxels by which the surface at a block is expected to go on moving: its vector, or the mean of those around it.
-fn drift(reference: &MainReference, block: usize) -> [i32; 3] {
+fn drift(reference: &MainReference, block: usize, finder: &NeighbourFinder) -> [i32; 3] {
     let own = reference.coded_at(block).and_then(|coded| coded.vector);
     let (sum, count) = match own {
         Some(vector) => (vector.0.map(i32::from), 1),
-        None => sum_around(reference, block),
+        None => sum_around(reference, finder),
     };
     // Rounded half up.
     sum.map(|s| if count == 0 { 0 } else { (2 * s + QUARTERS * count).div_euclid(2 * QUARTERS * count) })
 }
 
 /// Sum and number of the vectors in a block's neighbourhood.
-fn sum_around(reference: &MainReference, block: usize) -> ([i32; 3], i32) {
-    let around = reference.around(block).iter().flatten();
-    let vectors = around.filter_map(|n| reference.coded_at(*n as usize)?.vector);
+fn sum_around(reference: &MainReference, finder: &NeighbourFinder) -> ([i32; 3], i32) {
+    let around = (0..27).filter_map(|slot| finder.get(slot));
+    let vectors = around.filter_map(|n| reference.coded_at(n as usize)?.vector);
     vectors.fold(([0; 3], 0), |(sum, count), Vector(v)| {
         (std::array::from_fn(|axis| sum[axis] + i32::from(v[axis])), count + 1)
     })
@@ -116,4 +199,44 @@ fn activity_in(window: &WindowRows) -> Activity {
             Activity { crossings: crossings.iter().sum(), nearest }
         },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::extension::Extended;
+    use crate::main_profile::FrameSymbols;
+    use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+    use std::collections::BTreeMap;
+
+    /// Blocks of noise, some of whose neighbours are missing: by signs as by the window.
+    #[test]
+    fn what_stands_still_has_the_activity_of_its_window() {
+        let grid = Grid {
+            voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(8).unwrap(),
+        };
+        let all = (0..216).map(|i| BlockCoord::from([i % 6 - 3, i / 6 % 6 - 3, i / 36 - 3]));
+        let mut coords: Vec<_> = all.filter(|c| (c.x * 5 + c.y * 3 + c.z) % 4 != 0).collect();
+        coords.sort_unstable_by_key(|coord| coord.morton());
+        // Some blocks hardly leave one side, others are all noise.
+        let sample = |i: usize| {
+            let (block, noise) = (i / 512, (i as u32).wrapping_mul(2_654_435_761) >> 20);
+            (noise as i16 - 2048) / (1 + block % 5) as i16 + (block % 3 * 400) as i16
+        };
+        let samples = (0..coords.len() * 512).map(|i| sample(i).clamp(-2048, 2048)).collect();
+        let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
+        let (coded, index) = (vec![false; volume.block_count()], volume.index());
+        let extended = Extended { volume, coded, index };
+        let reference = MainReference::new(extended, &FrameSymbols::default(), BTreeMap::new());
+        let (mut window, mut finder) = (Window::default(), reference.finder());
+        let (stills, found) = (stills(&reference), expected_activity(&reference));
+        for (block, found) in found.into_iter().enumerate() {
+            finder.turn_to(reference.volume().coords()[block]);
+            let expected = activity_in(window_ahead(&reference, block, &mut window, &finder));
+            assert_eq!(activity_standing(block, &stills, &finder), expected);
+            assert_eq!(found, expected);
+        }
+    }
 }

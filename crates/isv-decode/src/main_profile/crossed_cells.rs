@@ -7,7 +7,7 @@
 use crate::extension::Extended;
 use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
-use isv_volume::{Neighbourhood, SparseVolume, VoxelMask};
+use isv_volume::{BlockCoord, NeighbourFinder, Neighbourhood, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 
 /// Voxels of a block and one layer around it, along an axis.
@@ -26,9 +26,13 @@ pub fn crossed_corners(extended: &Extended) -> Vec<Option<VoxelMask>> {
     let volume = &extended.volume;
     let blocks = (0..volume.block_count()).into_par_iter();
     let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(|block| signs_of_block(volume, block)).unzip();
-    let corners =
-        |around: &Neighbourhood| if is_mixed(around, &parts) { corners_in(around, &signs) } else { None };
-    extended.around.par_iter().map(corners).collect()
+    let corners = |finder: &mut NeighbourFinder, coord: &BlockCoord| {
+        finder.turn_to(*coord);
+        let around = finder.neighbourhood();
+        if is_mixed(&around, &parts) { corners_in(&around, &signs) } else { None }
+    };
+    let coords = volume.coords().par_iter();
+    coords.map_init(|| NeighbourFinder::new(&extended.index), corners).collect()
 }
 
 /// Which observed voxels of a block lie inside and outside the surface.
@@ -160,8 +164,7 @@ fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extension::ExtensionPlan;
-    use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VoxelSize};
+    use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
     use std::collections::BTreeMap;
 
     /// Around a block in the middle of others of noise, one of them with a mask: against a search of all cells.
@@ -174,11 +177,11 @@ mod tests {
         };
         let mut coords: Vec<_> = (0..8).map(|i| BlockCoord::from([i % 2, i / 2 % 2, i / 4])).collect();
         coords.sort_unstable_by_key(|coord| coord.morton());
-        let samples = (0..8 * 512u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as i16 - 1000).collect();
+        let noise: Vec<i16> =
+            (0..8 * 512u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 21) as i16 - 1000).collect();
         let words: [u64; 8] = std::array::from_fn(|z| 0x1357_9bdf_0246_8ace_u64.rotate_left(7 * z as u32));
         let masks = BTreeMap::from([(3, VoxelMask::from_words(&words))]);
-        let plan = ExtensionPlan::new(&coords);
-        let extended = plan.extend(&SparseVolume::from_parts(grid, coords, samples, masks));
+        let extended = Extended::of(&SparseVolume::from_parts(grid, coords, noise, masks));
         let volume = &extended.volume;
         // 1 inside, 0 outside, nothing where not there or not observed.
         let side = |voxel: [i32; 3]| {

@@ -1,6 +1,6 @@
 //! The blocks around a block that come before it in its slice.
 
-use isv_volume::{BlockCoord, BlockIndex, Neighbourhood};
+use isv_volume::{BlockCoord, BlockIndex, NeighbourFinder, Neighbourhood};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -8,10 +8,17 @@ use std::ops::Range;
 /// that Morton order puts before a block, then the edges that it can put before.
 pub const MERGE_NEIGHBOURS: [usize; 12] = [12, 10, 4, 9, 3, 1, 11, 15, 5, 21, 7, 19];
 
+/// Stands for a block that is not there.
+const NONE: u32 = u32::MAX;
+
 /// For each block of a frame, which of its neighbours precede it in its slice.
 #[derive(Clone, Debug)]
 pub struct CausalBlocks {
-    around: Vec<Neighbourhood>,
+    index: BlockIndex,
+    /// Where the slices begin.
+    starts: Vec<u32>,
+    /// The [`MERGE_NEIGHBOURS`] of each block, or [`NONE`].
+    merge: Vec<[u32; MERGE_NEIGHBOURS.len()]>,
 }
 
 impl CausalBlocks {
@@ -19,26 +26,33 @@ impl CausalBlocks {
     #[must_use]
     pub fn new(coords: &[BlockCoord], slices: impl Iterator<Item = Range<usize>>) -> Self {
         let index = BlockIndex::new(coords);
-        let mut around: Vec<Neighbourhood> = coords.par_iter().map(|c| index.neighbourhood(*c)).collect();
+        let (mut starts, mut merge) = (Vec::new(), Vec::with_capacity(coords.len()));
         for slice in slices {
-            for block in slice.clone() {
-                for neighbour in &mut around[block] {
-                    *neighbour = neighbour.filter(|n| (slice.start..block).contains(&(*n as usize)));
-                }
-            }
+            let start = slice.start as u32;
+            let find = |finder: &mut NeighbourFinder, block: usize| {
+                finder.turn_to(coords[block]);
+                MERGE_NEIGHBOURS.map(|slot| {
+                    finder.get(slot).filter(|n| (start..block as u32).contains(n)).unwrap_or(NONE)
+                })
+            };
+            merge.par_extend(slice.into_par_iter().map_init(|| NeighbourFinder::new(&index), find));
+            starts.push(start);
         }
-        Self { around }
+        Self { index, starts, merge }
     }
 
-    /// All neighbours of a block that precede it, by slot.
+    /// All neighbours of the block at a coordinate that precede it, by slot.
     #[must_use]
-    pub fn of(&self, block: usize) -> &Neighbourhood {
-        &self.around[block]
+    pub fn of(&self, coord: BlockCoord, block: usize) -> Neighbourhood {
+        let block = block as u32;
+        let slice = self.starts.partition_point(|start| *start <= block);
+        let start = self.starts[slice - 1];
+        self.index.neighbourhood(coord).map(|n| n.filter(|n| (start..block).contains(n)))
     }
 
     /// Those of [`MERGE_NEIGHBOURS`] that are there, in order.
     pub fn merge_neighbours(&self, block: usize) -> impl Iterator<Item = usize> + '_ {
-        MERGE_NEIGHBOURS.iter().filter_map(move |slot| self.around[block][*slot].map(|n| n as usize))
+        self.merge[block].iter().filter(|n| **n != NONE).map(|n| *n as usize)
     }
 }
 

@@ -2,8 +2,7 @@
 
 use super::loop_filter::smooth_faces;
 use super::{
-    BlockMode, COEFFICIENTS, CausalBlocks, FrameSymbols, MainParameters, MainReference, Missing, Vector,
-    Window,
+    BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Missing, Vector, Window,
 };
 use crate::extension::{Extended, ExtensionPlan};
 use isv_format::MainFrameHeader;
@@ -11,9 +10,8 @@ use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::Quantizer;
 use isv_kernels::surface_fit::SurfaceFit;
 use isv_kernels::window::WindowRows;
-use isv_volume::{BlockCoord, Neighbourhood, SparseVolume};
+use isv_volume::{BlockCoord, Neighbourhood};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use tracing::debug_span;
 
 /// Samples of a block.
@@ -47,9 +45,24 @@ impl<'a> TemporalPredictor<'a> {
     /// If `out` is not a block.
     pub fn predict(&mut self, coord: BlockCoord, vector: Vector, out: &mut [i16]) {
         let out: &mut [i16; BLOCK_SAMPLES] = out.try_into().expect("a block of 8^3 samples");
+        if let Some(block) = self.whole_block(coord, vector) {
+            out.copy_from_slice(block);
+            return;
+        }
         let voxels = vector.0.map(|v| i32::from(v).div_euclid(QUARTERS));
         let rest = vector.0.map(|v| i32::from(v).rem_euclid(QUARTERS) as u8);
         self.look_at(coord, vector, voxels).translate(rest, out);
+    }
+
+    /// The block of the reference that a vector of whole blocks leads to, if there is one: its samples are the prediction.
+    #[must_use]
+    pub fn whole_block(&self, coord: BlockCoord, Vector(vector): Vector) -> Option<&'a [i16; BLOCK_SAMPLES]> {
+        if vector.iter().any(|v| v % BLOCK_QUARTERS != 0) {
+            return None;
+        }
+        let place = coord.offset(vector.map(|v| i32::from(v / BLOCK_QUARTERS)));
+        let block = self.reference.reference().index().get(place)?;
+        Some(self.reference.volume().block(block as usize).try_into().expect("blocks of an edge of 8"))
     }
 
     /// The reference's samples at a block displaced by whole voxels. Blocks that are not there take their sign from the one
@@ -80,10 +93,15 @@ pub fn predict_spatially(around: &Neighbourhood, samples: &[i16], limit: i16, ou
 }
 
 /// Adds a block's residual to its prediction and clamps to the truncation distance.
-pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: &[i32], samples: &mut [i16]) {
+pub fn add_residual(
+    parameters: &MainParameters,
+    quantizer: &Quantizer,
+    levels: &[Level],
+    samples: &mut [i16],
+) {
     let mut residual = [0; BLOCK_SAMPLES];
-    for (k, level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
-        residual[usize::from(parameters.scan[k])] = quantizer.dequantize(*level);
+    for level in levels {
+        residual[usize::from(parameters.scan[usize::from(level.place)])] = quantizer.dequantize(level.value);
     }
     parameters.transform.inverse(&mut residual);
     let limit = i32::from(parameters.grid.truncation.codes());
@@ -92,19 +110,20 @@ pub fn add_residual(parameters: &MainParameters, quantizer: &Quantizer, levels: 
     }
 }
 
-/// The samples of a frame's blocks before the in-loop filter, block after block.
-#[must_use]
+/// The samples of a frame's blocks before the in-loop filter. `samples` is of the frame once extended, where the blocks have
+/// these `places`.
 pub fn reconstruct(
     parameters: &MainParameters,
     header: &MainFrameHeader,
     symbols: &FrameSymbols,
     causal: &CausalBlocks,
     reference: Option<&MainReference>,
-) -> Vec<i16> {
+    places: &[u32],
+    samples: &mut [i16],
+) {
     let quantizer = &parameters.quantizer(header.step);
-    let mut samples = vec![0; symbols.coords.len() * BLOCK_SAMPLES];
     if let Some(reference) = reference {
-        samples.par_chunks_exact_mut(BLOCK_SAMPLES).enumerate().for_each_init(
+        blocks_at(places, samples).into_par_iter().enumerate().for_each_init(
             || TemporalPredictor::new(reference),
             |predictor, (block, out)| {
                 if let Some(vector) = symbols.modes[block].vector() {
@@ -115,11 +134,13 @@ pub fn reconstruct(
         );
     }
     let limit = parameters.grid.truncation.codes();
-    for wave in spatial_waves(&symbols.modes, causal) {
+    for wave in spatial_waves(symbols, causal) {
         let spatial_block = |block: &u32| {
             let mut out = [0; BLOCK_SAMPLES];
             if !header.no_spatial_prediction {
-                predict_spatially(causal.of(*block as usize), &samples, limit, &mut out);
+                let around = causal.of(symbols.coords[*block as usize], *block as usize);
+                let around = around.map(|n| n.map(|n| places[n as usize]));
+                predict_spatially(&around, samples, limit, &mut out);
             }
             finish_block(parameters, quantizer, symbols, *block as usize, &mut out);
             out
@@ -129,19 +150,27 @@ pub fn reconstruct(
             _ => wave.par_iter().with_min_len(WIDE_WAVE / 4).map(spatial_block).collect(),
         };
         for (block, out) in wave.iter().zip(done) {
-            samples[*block as usize * BLOCK_SAMPLES..][..BLOCK_SAMPLES].copy_from_slice(&out);
+            let place = places[*block as usize] as usize;
+            samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES].copy_from_slice(&out);
         }
     }
-    samples
+}
+
+/// The blocks at these places, which are in order.
+fn blocks_at<'a>(places: &[u32], samples: &'a mut [i16]) -> Vec<&'a mut [i16; BLOCK_SAMPLES]> {
+    let mut places = places.iter().map(|place| *place as usize).peekable();
+    let blocks = samples.as_chunks_mut::<BLOCK_SAMPLES>().0.iter_mut().enumerate();
+    blocks.filter_map(|(place, block)| places.next_if_eq(&place).map(|_| block)).collect()
 }
 
 /// The spatially predicted blocks in waves: none is predicted from another one of its own or a later wave.
-fn spatial_waves(modes: &[BlockMode], causal: &CausalBlocks) -> Vec<Vec<u32>> {
+fn spatial_waves(FrameSymbols { coords, modes, .. }: &FrameSymbols, causal: &CausalBlocks) -> Vec<Vec<u32>> {
     let mut waves: Vec<Vec<u32>> = Vec::new();
     // One more than the wave that a block is in; 0 if it is not predicted spatially.
     let mut after = vec![0; modes.len()];
     for block in (0..modes.len()).filter(|block| modes[*block] == BlockMode::Spatial) {
-        let wave = causal.of(block).iter().flatten().map(|n| after[*n as usize]).max().unwrap_or(0);
+        let around = causal.of(coords[block], block);
+        let wave = around.iter().flatten().map(|n| after[*n as usize]).max().unwrap_or(0);
         if wave == waves.len() {
             waves.push(Vec::new());
         }
@@ -158,13 +187,14 @@ fn finish_block(
     block: usize,
     samples: &mut [i16],
 ) {
-    if symbols.counts[block] > 0 {
-        let levels = &symbols.levels[block * COEFFICIENTS..][..COEFFICIENTS];
+    let levels = symbols.levels.of(block);
+    if !levels.is_empty() {
         add_residual(parameters, quantizer, levels, samples);
     }
 }
 
-/// Filters the reconstructed blocks and extends them as planned: the decoded volume but for its masks.
+/// Filters the reconstructed blocks, which are at their places, and extends them as planned: the decoded volume but for its
+/// masks.
 #[must_use]
 pub fn filter_and_extend(
     parameters: &MainParameters,
@@ -176,17 +206,17 @@ pub fn filter_and_extend(
     if header.filter > 0 {
         let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation);
         let filter = filter.expect("the frame header's filter is in range");
-        debug_span!("loop filter").in_scope(|| smooth_faces(symbols, filter, &mut samples));
+        debug_span!("loop filter").in_scope(|| smooth_faces(symbols, filter, &mut samples, plan.places()));
     }
-    let coded = SparseVolume::from_parts(parameters.grid, symbols.coords.clone(), samples, BTreeMap::new());
-    debug_span!("extension").in_scope(|| plan.extend(&coded))
+    debug_span!("extension").in_scope(|| plan.extend(parameters.grid, samples))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use isv_kernels::warp::{MotionVector, StitchedReference};
-    use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
+    use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+    use std::collections::BTreeMap;
 
     fn reference() -> MainReference {
         let grid = Grid {
@@ -200,9 +230,7 @@ mod tests {
         let samples = (0..coords.len() * BLOCK_SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
         let (coded, index) = (vec![false; volume.block_count()], volume.index());
-        let around = volume.coords().iter().map(|coord| index.neighbourhood(*coord)).collect();
-        let symbols = FrameSymbols { coords: vec![], modes: vec![], levels: vec![], counts: vec![] };
-        MainReference::new(Extended { volume, coded, index, around }, &symbols, BTreeMap::new())
+        MainReference::new(Extended { volume, coded, index }, &FrameSymbols::default(), BTreeMap::new())
     }
 
     /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to

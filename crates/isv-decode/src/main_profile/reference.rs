@@ -3,7 +3,7 @@
 use super::{FrameSymbols, Vector};
 use crate::Reference;
 use crate::extension::Extended;
-use isv_volume::{BlockCoord, Neighbourhood, SparseVolume, VoxelMask};
+use isv_volume::{BlockCoord, NeighbourFinder, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
 /// A decoded frame: its volume with the extension, and what its blocks were coded as.
@@ -12,7 +12,6 @@ pub struct MainReference {
     reference: Reference,
     /// For each block of the volume, how it was coded; `None` if the decoder made it up.
     coded: Vec<Option<CodedBlock>>,
-    around: Vec<Neighbourhood>,
 }
 
 /// What the next frame's contexts and vectors want to know of a coded block.
@@ -30,11 +29,13 @@ impl MainReference {
     #[must_use]
     pub fn new(extended: Extended, symbols: &FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
         let volume = extended.volume.with_unobserved(masks);
-        let mut blocks = symbols.modes.iter().zip(&symbols.counts);
-        let mut next =
-            || blocks.next().map(|(mode, count)| CodedBlock { vector: mode.vector(), count: *count });
+        let mut blocks = symbols.modes.iter().enumerate();
+        let mut next = || {
+            let (block, mode) = blocks.next()?;
+            Some(CodedBlock { vector: mode.vector(), count: symbols.levels.count(block) })
+        };
         let coded = extended.coded.iter().map(|coded| if *coded { next() } else { None }).collect();
-        Self { reference: Reference::with_index(volume, extended.index), coded, around: extended.around }
+        Self { reference: Reference::with_index(volume, extended.index), coded }
     }
 
     /// The volume: coded blocks and those around them.
@@ -49,10 +50,16 @@ impl MainReference {
         &self.reference
     }
 
-    /// The blocks of the volume around one of them.
+    /// The samples of the volume, for their memory to serve another frame.
     #[must_use]
-    pub fn around(&self, block: usize) -> &Neighbourhood {
-        &self.around[block]
+    pub fn into_samples(self) -> Vec<i16> {
+        self.reference.into_volume().into_samples()
+    }
+
+    /// A finder of the blocks of the volume around others.
+    #[must_use]
+    pub fn finder(&self) -> NeighbourFinder<'_> {
+        NeighbourFinder::new(self.reference.index())
     }
 
     /// How the block at a coordinate was coded, if it was.

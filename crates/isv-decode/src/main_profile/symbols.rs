@@ -1,5 +1,6 @@
 //! What a frame's bytes say, before any arithmetic on samples.
 
+use super::BlockLevels;
 use isv_volume::BlockCoord;
 
 /// Where in the frame before a block's samples come from: a translation in quarter voxels.
@@ -60,14 +61,12 @@ impl BlockMode {
 }
 
 /// The decoded symbols of one frame, without its masks, which need the samples.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameSymbols {
     /// Coded blocks in Morton order.
     pub coords: Vec<BlockCoord>,
     /// How each is predicted.
     pub modes: Vec<BlockMode>,
-    /// [`super::COEFFICIENTS`] levels a block, block after block, in scan order.
-    pub levels: Vec<i32>,
-    /// How many of them are not zero, a block.
-    pub counts: Vec<u8>,
+    /// Their levels.
+    pub levels: BlockLevels,
 }

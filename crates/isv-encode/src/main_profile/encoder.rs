@@ -2,18 +2,18 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::{SearchEffort, search_cubes};
+use super::motion_search::{CubeSearch, SearchEffort};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
-use super::slice::{CodedSlice, FrameContext, SliceEncoder};
+use super::slice::{CodedSlice, FrameContext, SliceEncoder, SliceSamples};
 use super::syntax;
 use super::target::Targets;
 use super::tools::Tools;
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
-use isv_decode::extension::{Extended, ExtensionPlan};
-use isv_decode::main_profile::reconstruct::filter_and_extend;
+use isv_decode::extension::{Dilation, Extended, ExtensionPlan};
+use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::volume_hash;
@@ -21,6 +21,8 @@ use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLay
 use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::{CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::prelude::*;
+use std::mem::{replace, take};
+use std::ops::Range;
 use tracing::debug_span;
 
 /// Which blocks are coded.
@@ -137,6 +139,8 @@ pub(crate) struct MainEncoder {
     /// Place in scan order of each position, if it is coded.
     places: [Option<u8>; 512],
     state: State,
+    /// Samples of the frame before the last, for their memory.
+    spare: Vec<i16>,
     rate: RateControl,
     /// Of the last keyframe.
     keyframe_bytes_per_block: f64,
@@ -183,6 +187,13 @@ struct State {
     reference: Option<MainReference>,
 }
 
+impl State {
+    /// The samples of the reference, for their memory to serve another frame.
+    fn into_samples(self) -> Vec<i16> {
+        self.reference.map_or_else(Vec::new, MainReference::into_samples)
+    }
+}
+
 /// A frame is also tried as a keyframe if more than this share of its blocks is predicted from neighbours, or if its blocks take
 /// more than this share of the bytes that those of the last keyframe took.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
@@ -204,6 +215,7 @@ impl MainEncoder {
             dct,
             places,
             state: State::default(),
+            spare: Vec::new(),
             rate,
             keyframe_bytes_per_block: 0.0,
         }
@@ -224,19 +236,23 @@ impl MainEncoder {
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let constant = self.settings.quality;
         let mut step = self.rate.first_step(facts, f64::from(constant.step));
+        let mut spare = take(&mut self.spare);
         for before in 0.. {
-            let coded =
-                self.encode_or_cut(&source, facts.keyframe, FrameQuality { step: step as f32, ..constant });
+            let quality = FrameQuality { step: step as f32, ..constant };
+            let coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
             facts.keyframe = coded.frame.keyframe;
             let attempt = self.attempt(&source, &coded, facts, step, before);
             match self.rate.retry(&attempt) {
-                Some(other) => step = other,
+                Some(other) => {
+                    step = other;
+                    spare = coded.state.into_samples();
+                }
                 None => {
                     self.rate.learn(&attempt);
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
                     }
-                    self.state = coded.state;
+                    self.spare = replace(&mut self.state, coded.state).into_samples();
                     return coded.frame;
                 }
             }
@@ -259,14 +275,20 @@ impl MainEncoder {
     }
 
     /// Codes a frame, and where it hardly resembles the frame before, as a keyframe too: whichever costs less.
-    fn encode_or_cut(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
-        let coded = self.encode_frame(source, keyframe, quality);
+    fn encode_or_cut(
+        &self,
+        source: &Source,
+        keyframe: bool,
+        quality: FrameQuality,
+        spare: &mut Vec<i16>,
+    ) -> CodedFrame {
+        let coded = self.encode_frame(source, keyframe, quality, spare);
         let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
             && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
         if keyframe || alike {
             return coded;
         }
-        let cut = self.encode_frame(source, true, quality);
+        let cut = self.encode_frame(source, true, quality, spare);
         let [cut_cost, cost] = [&cut, &coded].map(|frame| frame.cost(source.targets, quality));
         if cut_cost < CUT_BONUS * cost { cut } else { coded }
     }
@@ -276,8 +298,14 @@ impl MainEncoder {
         self.state.reference.as_ref().map(MainReference::volume)
     }
 
-    /// Codes a frame, leaving the encoder as it is.
-    fn encode_frame(&self, source: &Source, keyframe: bool, quality: FrameQuality) -> CodedFrame {
+    /// Codes a frame, leaving the encoder as it is. `spare`: samples whose memory can be taken.
+    fn encode_frame(
+        &self,
+        source: &Source,
+        keyframe: bool,
+        quality: FrameQuality,
+        spare: &mut Vec<i16>,
+    ) -> CodedFrame {
         let Source { volume, targets, slices, checksum } = *source;
         let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
@@ -294,26 +322,26 @@ impl MainEncoder {
         let main = self.frame_header(quality);
         let mut entropy = before.entropy.clone();
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
+        let plan =
+            debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&coords, &Dilation::of(&coords)));
+        let mut samples = plan.room(take(spare));
         let code_blocks = || {
             let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
             let frame = self.frame_context(targets, &causal, reference, &main, quality);
-            debug_span!("slices").in_scope(|| code_slices(&frame, layout, slice_models, &before.costs))
+            let parts = slice_samples(&mut samples, plan.places(), layout);
+            debug_span!("slices").in_scope(|| code_slices(&frame, parts, slice_models, &before.costs))
         };
         let code_set = || {
-            let plan = debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&coords));
             let write = || syntax::block_set::write(block_set_models, &coords, reference);
-            (plan, debug_span!("block set").in_scope(write))
+            debug_span!("block set").in_scope(write)
         };
         // What does not depend on one another fills the time in which one slice waits for the others.
-        let ((coded, costs), (plan, block_set)) = rayon::join(code_blocks, code_set);
-        let mut symbols = FrameSymbols { coords, modes: vec![], levels: vec![], counts: vec![] };
-        let mut samples = Vec::new();
+        let ((coded, costs), block_set) = rayon::join(code_blocks, code_set);
+        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
         let mut segments = Vec::new();
         for slice in coded {
             symbols.modes.extend(slice.modes);
-            symbols.levels.extend(slice.levels);
-            symbols.counts.extend(slice.counts);
-            samples.extend(slice.samples);
+            symbols.levels.append(&slice.levels);
             let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
             segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
         }
@@ -410,8 +438,8 @@ impl MainEncoder {
             targets,
             causal,
             reference: reference.map(|reference| {
-                let shifts = debug_span!("cube search").in_scope(|| search_cubes(reference, targets, effort));
-                (reference, shifts)
+                let search = || CubeSearch::new(reference, targets, effort);
+                (reference, debug_span!("cube search").in_scope(search))
             }),
             vector_step: main.vector_step(),
             trials: self.settings.trials,
@@ -422,20 +450,38 @@ impl MainEncoder {
     }
 }
 
+/// The blocks of each slice, and their part of the samples of a frame once extended, where the blocks have these places.
+fn slice_samples<'a>(
+    mut samples: &'a mut [i16],
+    places: &'a [u32],
+    layout: SliceLayout,
+) -> Vec<(Range<usize>, SliceSamples<'a>)> {
+    let mut first = 0;
+    let mut part = |range: Range<usize>| {
+        let end =
+            places.get(range.end).map_or(first as usize + samples.len() / BLOCK_SAMPLES, |p| *p as usize);
+        let part =
+            samples.split_off_mut(..(end - first as usize) * BLOCK_SAMPLES).expect("places are in order");
+        let part = SliceSamples { samples: part, first, places };
+        first = end as u32;
+        (range, part)
+    };
+    layout.ranges().map(&mut part).collect()
+}
+
 /// Codes all slices of a frame. `before` has what levels cost in the slices of the frame before.
 fn code_slices(
     frame: &FrameContext,
-    layout: SliceLayout,
+    parts: Vec<(Range<usize>, SliceSamples)>,
     models: &mut [SliceModels],
     before: &[[LevelCosts; 2]],
 ) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
-    let ranges: Vec<_> = layout.ranges().collect();
     let fresh = || [0; 2].map(|_| LevelCosts::new(&frame.parameters.scan));
-    let costs: Vec<_> = (0..ranges.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
-    let slices = models.par_iter_mut().zip(ranges).zip(costs);
+    let costs: Vec<_> = (0..parts.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
+    let slices = models.par_iter_mut().zip(parts).zip(costs);
     slices
-        .map(|((models, range), costs)| {
-            let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs).run();
+        .map(|((models, (range, samples)), costs)| {
+            let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs, samples).run();
             costs.iter_mut().for_each(LevelCosts::age);
             (coded, costs)
         })

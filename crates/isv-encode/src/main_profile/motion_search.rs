@@ -11,6 +11,7 @@ use isv_kernels::window::{SIDE, WindowRows};
 use isv_volume::{BlockCoord, CODES_PER_VOXEL};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Cubes whose blocks are searched together, as base-2 logarithms of their edge in blocks: large ones first.
 const CUBES: [u32; 2] = [2, 1];
@@ -39,6 +40,11 @@ pub(crate) type Shift = [f32; 3];
 /// A vector's displacement.
 pub(crate) fn to_shift(vector: Vector) -> Shift {
     vector.0.map(|quarters| f32::from(quarters) / 4.0)
+}
+
+/// The vector nearest to a displacement.
+fn nearest_quarters(shift: Shift) -> Vector {
+    Vector(shift.map(|s| (4.0 * s).round() as i16))
 }
 
 /// How thoroughly predictions are searched for.
@@ -117,6 +123,15 @@ impl<'a> SoughtBlock<'a> {
     /// The weighted squared error at a shift.
     #[expect(clippy::redundant_closure, reason = "a function that is given by name is not inlined")]
     pub(crate) fn error(&mut self, shift: Shift) -> f32 {
+        let vector = nearest_quarters(shift);
+        if to_shift(vector) == shift
+            && let Some(block) = self.predictor.whole_block(self.coord, vector)
+        {
+            return vectorized(
+                #[inline(always)]
+                || weighted_error_of_block(&self.near, block),
+            );
+        }
         self.at(
             shift,
             #[inline(always)]
@@ -137,10 +152,9 @@ impl<'a> SoughtBlock<'a> {
     /// Works on the block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
     #[inline(always)]
     fn at<R>(&mut self, shift: Shift, work: impl FnOnce(&[NearRow], &WindowRows, Shift) -> R) -> R {
-        let quarters = Vector(shift.map(|s| (4.0 * s).round() as i16));
         let voxels = shift.map(|s| s.floor() as i32);
         let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
-        let window = self.predictor.look_at(self.coord, quarters, voxels);
+        let window = self.predictor.look_at(self.coord, nearest_quarters(shift), voxels);
         vectorized(
             #[inline(always)]
             || work(&self.near, window, fraction),
@@ -153,28 +167,100 @@ impl<'a> SoughtBlock<'a> {
     }
 }
 
-/// For each size of cubes, the shifts of the cubes that the blocks are in.
-pub(crate) fn search_cubes<'a>(
+/// The shifts of the cubes that the blocks of a frame are in, found when they are first asked for.
+#[derive(Debug)]
+pub(crate) struct CubeSearch<'a> {
     reference: &'a MainReference,
-    targets: &Targets,
-    effort: SearchEffort,
-) -> Vec<Vec<Shift>> {
-    let mut found: Vec<Vec<Shift>> = Vec::new();
-    for (log2, every) in CUBES.into_iter().zip(CUBE_ROWS).take(effort.cube_sizes) {
-        let cubes = cubes(targets.coords(), log2);
-        let search = |sought: &mut Vec<SoughtBlock<'a>>, blocks: &Range<usize>| {
-            sought.resize_with(blocks.len().max(sought.len()), || SoughtBlock::new(reference));
-            for (sought, block) in sought.iter_mut().zip(blocks.clone()) {
-                sought.turn_to(targets, block, every);
-            }
-            let seeds = cube_seeds(reference, targets, blocks.clone(), &found);
-            search_cube(&mut sought[..blocks.len()], &seeds, effort.cube_steps)
-        };
-        let shifts: Vec<Shift> = cubes.par_iter().map_init(Vec::new, search).collect();
-        let each = cubes.iter().zip(shifts);
-        found.push(each.flat_map(|(blocks, shift)| std::iter::repeat_n(shift, blocks.len())).collect());
+    targets: &'a Targets<'a>,
+    steps: usize,
+    /// Large cubes first.
+    sizes: Vec<Cubes>,
+}
+
+/// The cubes of one size.
+#[derive(Debug)]
+struct Cubes {
+    /// Of their blocks, one row of voxels in so many is looked at.
+    every: usize,
+    /// The blocks of each.
+    blocks: Vec<Range<usize>>,
+    /// The cube that each block is in.
+    of_block: Vec<u32>,
+    shifts: Vec<OnceLock<Shift>>,
+}
+
+impl Cubes {
+    fn new(coords: &[BlockCoord], log2: u32, every: usize) -> Self {
+        let blocks = cubes(coords, log2);
+        let of_block = (0..).zip(&blocks).flat_map(|(cube, blocks)| std::iter::repeat_n(cube, blocks.len()));
+        Self { every, of_block: of_block.collect(), shifts: vec![OnceLock::new(); blocks.len()], blocks }
     }
-    found
+
+    fn cube_of(&self, block: usize) -> usize {
+        self.of_block[block] as usize
+    }
+}
+
+/// What the search of a cube works with, one for each of its blocks.
+pub(crate) type CubeScratch<'a> = Vec<SoughtBlock<'a>>;
+
+impl<'a> CubeSearch<'a> {
+    /// Nothing is searched for yet, unless the effort is such that every block will ask.
+    pub(crate) fn new(reference: &'a MainReference, targets: &'a Targets<'a>, effort: SearchEffort) -> Self {
+        let sizes = CUBES.into_iter().zip(CUBE_ROWS).take(effort.cube_sizes);
+        let sizes = sizes.map(|(log2, every)| Cubes::new(targets.coords(), log2, every)).collect();
+        let search = Self { reference, targets, steps: effort.cube_steps, sizes };
+        if effort.good_enough == 0.0 {
+            search.search_all();
+        }
+        search
+    }
+
+    /// For each size, the shift of the cube that a block is in.
+    pub(crate) fn shifts(&self, block: usize, scratch: &mut CubeScratch<'a>) -> Vec<Shift> {
+        (0..self.sizes.len()).map(|size| self.shift(size, self.sizes[size].cube_of(block), scratch)).collect()
+    }
+
+    fn search_all(&self) {
+        for size in 0..self.sizes.len() {
+            (0..self.sizes[size].blocks.len()).into_par_iter().for_each_init(Vec::new, |scratch, cube| {
+                self.shift(size, cube, scratch);
+            });
+        }
+    }
+
+    /// The shift of a cube, which rests on those of larger ones.
+    fn shift(&self, size: usize, cube: usize, scratch: &mut CubeScratch<'a>) -> Shift {
+        let Cubes { every, blocks, shifts, .. } = &self.sizes[size];
+        if let Some(shift) = shifts[cube].get() {
+            return *shift;
+        }
+        let blocks = &blocks[cube];
+        let seeds = self.seeds(size, blocks.clone(), scratch);
+        *shifts[cube].get_or_init(|| {
+            scratch.resize_with(blocks.len().max(scratch.len()), || SoughtBlock::new(self.reference));
+            for (sought, block) in scratch.iter_mut().zip(blocks.clone()) {
+                sought.turn_to(self.targets, block, *every);
+            }
+            search_cube(&mut scratch[..blocks.len()], &seeds, self.steps)
+        })
+    }
+
+    /// Where the search of a cube starts: no motion, that of larger cubes, and those of the frame before.
+    fn seeds(&self, size: usize, blocks: Range<usize>, scratch: &mut CubeScratch<'a>) -> Vec<Shift> {
+        let mut seeds = vec![[0.0; 3]];
+        let mut add = |seed: Shift| {
+            if seeds.iter().all(|known| !are_close(*known, seed)) {
+                seeds.push(seed);
+            }
+        };
+        for larger in 0..size {
+            add(self.shift(larger, self.sizes[larger].cube_of(blocks.start), scratch));
+        }
+        let before = blocks.filter_map(|block| self.reference.coded(self.targets.coords()[block])?.vector);
+        before.map(to_shift).take(SEEDS_BEFORE).for_each(add);
+        seeds
+    }
 }
 
 /// The runs of blocks that are in the same cube: in Morton order they follow one another.
@@ -186,25 +272,6 @@ fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
         end - run.len()..end
     });
     runs.collect()
-}
-
-/// Where the search of a cube starts: no motion, that of larger cubes, and those of the frame before.
-fn cube_seeds(
-    reference: &MainReference,
-    targets: &Targets,
-    blocks: Range<usize>,
-    found: &[Vec<Shift>],
-) -> Vec<Shift> {
-    let mut seeds = vec![[0.0; 3]];
-    let mut add = |seed: Shift| {
-        if seeds.iter().all(|known| !are_close(*known, seed)) {
-            seeds.push(seed);
-        }
-    };
-    found.iter().for_each(|shifts| add(shifts[blocks.start]));
-    let before = blocks.filter_map(|block| reference.coded(targets.coords()[block])?.vector);
-    before.map(to_shift).take(SEEDS_BEFORE).for_each(add);
-    seeds
 }
 
 /// The best shift of the blocks of a cube that can be reached from the seeds.
@@ -370,6 +437,20 @@ fn weighted_error(near: &[NearRow], window: &WindowRows, fraction: Shift) -> f32
     let mut errors = [0.0; 8];
     for near in near {
         add_errors(near, window, fraction, &mut errors);
+    }
+    errors.iter().sum()
+}
+
+/// [`weighted_error`] where the cells' first corners are the voxels of a block.
+#[inline(always)]
+fn weighted_error_of_block(near: &[NearRow], block: &[i16; 512]) -> f32 {
+    let mut errors = [0.0; 8];
+    for near in near {
+        let samples = &block.as_chunks::<8>().0[near.row];
+        for i in 0..8 {
+            let residual = f32::from(samples[i]) * SCALE - near.samples[i];
+            errors[i] += near.weights[i] * (residual * residual);
+        }
     }
     errors.iter().sum()
 }

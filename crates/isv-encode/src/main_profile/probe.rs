@@ -10,9 +10,9 @@ use super::motion_search::{NormalEquations, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
 use super::target::{BlockTarget, Field, Targets};
 use super::tools::Tools;
-use isv_decode::extension::ExtensionPlan;
+use isv_decode::extension::Extended;
 use isv_decode::main_profile::{
-    BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
+    BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
 };
 use isv_volume::{CODES_PER_VOXEL, SparseVolume};
 use std::collections::BTreeMap;
@@ -81,14 +81,10 @@ fn reference(volume: &SparseVolume) -> MainReference {
     let block = |coord| volume.block(index.get(coord).expect("targets are blocks of the volume") as usize);
     let samples = coords.iter().flat_map(|coord| block(*coord)).copied().collect();
     let coded = SparseVolume::from_parts(*volume.grid(), coords.clone(), samples, BTreeMap::new());
-    let extended = ExtensionPlan::new(&coords).extend(&coded);
-    let symbols = FrameSymbols {
-        modes: vec![BlockMode::Spatial; coords.len()],
-        levels: vec![0; COEFFICIENTS * coords.len()],
-        counts: vec![0; coords.len()],
-        coords,
-    };
-    MainReference::new(extended, &symbols, BTreeMap::new())
+    let mut levels = BlockLevels::with_capacity(coords.len());
+    coords.iter().for_each(|_| levels.push(&[0; COEFFICIENTS]));
+    let symbols = FrameSymbols { modes: vec![BlockMode::Spatial; coords.len()], levels, coords };
+    MainReference::new(Extended::of(&coded), &symbols, BTreeMap::new())
 }
 
 /// What the blocks are to become and their predictions, in voxels.

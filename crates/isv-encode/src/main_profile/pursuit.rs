@@ -29,7 +29,7 @@ const LEAST_ENERGY: f32 = 1e-6;
 /// Rounds in which voxels of the wrong sign are added to those that matter.
 const SIGN_ROUNDS: usize = 5;
 /// A voxel of which only the sign matters has to stay this far from zero (or its own distance), in voxels.
-const SIGN_MARGIN: f32 = 0.5;
+pub(super) const SIGN_MARGIN: f32 = 0.5;
 /// Where it does not, this distance (or its own) becomes its target, with this weight.
 const SIGN_TARGET: f32 = 1.5;
 const SIGN_WEIGHT: f32 = 0.3;
@@ -141,6 +141,15 @@ impl Pursuit<'_> {
         costs: &LevelCosts,
     ) -> Pursued {
         dispatch!(simd::level(), simd => self.run_vectorized(simd, target, metrics, prediction, costs))
+    }
+
+    /// [`Self::run`] where the signs of the prediction hold and no level can pay, by its weighted error.
+    pub(crate) fn without_levels(&self, predicted_error: f32, costs: &LevelCosts) -> Option<Pursued> {
+        (predicted_error <= self.lambda * costs.least_first()).then(|| Pursued {
+            levels: [0; COEFFICIENTS],
+            cost: predicted_error + self.lambda * costs.count(0),
+            predicted_error,
+        })
     }
 
     #[inline(always)]

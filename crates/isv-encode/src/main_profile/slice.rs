@@ -2,7 +2,7 @@
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
-use super::motion_search::{SearchEffort, Shift, SoughtBlock, are_close, to_shift};
+use super::motion_search::{CubeScratch, CubeSearch, SearchEffort, Shift, SoughtBlock, are_close, to_shift};
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field, Targets};
@@ -11,9 +11,7 @@ use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict
 use isv_decode::main_profile::syntax::SliceModels;
 use isv_decode::main_profile::syntax::coefficients::CountContext;
 use isv_decode::main_profile::syntax::modes::ModeContext;
-use isv_decode::main_profile::{
-    BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference, Vector,
-};
+use isv_decode::main_profile::{BlockLevels, BlockMode, CausalBlocks, MainParameters, MainReference, Vector};
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
 use isv_volume::CODES_PER_VOXEL;
@@ -31,8 +29,8 @@ pub(crate) struct FrameContext<'a> {
     pub pursuit: Pursuit<'a>,
     pub targets: &'a Targets<'a>,
     pub causal: &'a CausalBlocks,
-    /// The frame before, unless this one does without, and for each size of cubes, the shifts of the blocks.
-    pub reference: Option<(&'a MainReference, Vec<Vec<Shift>>)>,
+    /// The frame before, unless this one does without, and the shifts of cubes.
+    pub reference: Option<(&'a MainReference, CubeSearch<'a>)>,
     /// Step of new vectors in quarter voxels.
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
@@ -47,12 +45,27 @@ pub(crate) struct FrameContext<'a> {
 #[derive(Debug)]
 pub(crate) struct CodedSlice {
     pub modes: Vec<BlockMode>,
-    pub levels: Vec<i32>,
-    pub counts: Vec<u8>,
-    /// Samples before the in-loop filter.
-    pub samples: Vec<i16>,
+    pub levels: BlockLevels,
     pub mode_bytes: Vec<u8>,
     pub coefficient_bytes: Vec<u8>,
+}
+
+/// The part of an extended frame's samples that a slice's blocks are in.
+#[derive(Debug)]
+pub(crate) struct SliceSamples<'a> {
+    /// Blocks one after the other.
+    pub samples: &'a mut [i16],
+    /// Index of the first of them.
+    pub first: u32,
+    /// Index of each block of the frame.
+    pub places: &'a [u32],
+}
+
+impl SliceSamples<'_> {
+    /// Where in the part a block of the frame is.
+    fn place(&self, block: usize) -> u32 {
+        self.places[block] - self.first
+    }
 }
 
 /// Codes a slice.
@@ -62,6 +75,9 @@ pub(crate) struct SliceEncoder<'a> {
     range: Range<usize>,
     models: &'a mut SliceModels,
     costs: [LevelCosts; 2],
+    cube_scratch: CubeScratch<'a>,
+    /// Before the in-loop filter.
+    samples: SliceSamples<'a>,
     coded: CodedSlice,
     mode_encoder: RangeEncoder,
     coefficient_encoder: RangeEncoder,
@@ -71,7 +87,8 @@ pub(crate) struct SliceEncoder<'a> {
 struct BlockAtHand<'a> {
     /// Its place in the frame.
     number: usize,
-    target: BlockTarget,
+    /// What it is to become, once that is asked for.
+    target: Option<BlockTarget>,
     metrics: &'a mut Metrics,
     /// Nothing in frames without a reference.
     context: Option<ModeContext>,
@@ -91,17 +108,17 @@ impl<'a> SliceEncoder<'a> {
         range: Range<usize>,
         models: &'a mut SliceModels,
         costs: [LevelCosts; 2],
+        samples: SliceSamples<'a>,
     ) -> Self {
         let coded = CodedSlice {
             modes: Vec::with_capacity(range.len()),
-            levels: Vec::with_capacity(range.len() * COEFFICIENTS),
-            counts: Vec::with_capacity(range.len()),
-            samples: Vec::with_capacity(range.len() * BLOCK_SAMPLES),
+            levels: BlockLevels::with_capacity(range.len()),
             mode_bytes: Vec::new(),
             coefficient_bytes: Vec::new(),
         };
         let (mode_encoder, coefficient_encoder) = (RangeEncoder::new(), RangeEncoder::new());
-        Self { frame, range, models, costs, coded, mode_encoder, coefficient_encoder }
+        let cube_scratch = Vec::new();
+        Self { frame, range, models, costs, cube_scratch, samples, coded, mode_encoder, coefficient_encoder }
     }
 
     /// Codes all blocks; gives back what levels cost after them.
@@ -113,7 +130,7 @@ impl<'a> SliceEncoder<'a> {
             metrics.forget();
             let mut block = BlockAtHand {
                 number,
-                target: self.frame.targets.block(number),
+                target: None,
                 metrics: &mut metrics,
                 context: reference.map(|reference| self.mode_context(number, reference)),
             };
@@ -194,7 +211,7 @@ impl<'a> SliceEncoder<'a> {
         let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
         let mut starts = vec![best];
-        for cube in cubes.iter().map(|shifts| shifts[block]) {
+        for cube in cubes.shifts(block, &mut self.cube_scratch) {
             if starts.iter().all(|known| !are_close(*known, cube)) {
                 starts.push(cube);
             }
@@ -252,7 +269,8 @@ impl<'a> SliceEncoder<'a> {
         let prediction = self.predict_spatially(block);
         let share = self.frame.effort.spatial_error_share;
         let worst = share * temporal.pursued.predicted_error;
-        if share.is_finite() && block.target.weighted_error(&prediction) > worst {
+        let error = |codes| self.frame.targets.prediction_error(block.number, codes).weighted;
+        if share.is_finite() && error(&prediction) > worst {
             return temporal;
         }
         let spatial = self.pursue(block, BlockMode::Spatial, prediction);
@@ -268,11 +286,12 @@ impl<'a> SliceEncoder<'a> {
     }
 
     fn predict_spatially(&self, block: &BlockAtHand) -> [i16; BLOCK_SAMPLES] {
-        let around = self.frame.causal.of(block.number).map(|n| n.map(|n| n - self.range.start as u32));
+        let around = self.frame.causal.of(self.frame.targets.coords()[block.number], block.number);
+        let around = around.map(|n| n.map(|n| self.samples.place(n as usize)));
         let mut prediction = [0; BLOCK_SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
-            predict_spatially(&around, &self.coded.samples, limit, &mut prediction);
+            predict_spatially(&around, self.samples.samples, limit, &mut prediction);
         }
         prediction
     }
@@ -283,29 +302,49 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         prediction: [i16; BLOCK_SAMPLES],
     ) -> Trial {
-        let BlockAtHand { target, metrics, context, .. } = block;
+        let pursued = match self.no_levels(block.number, mode, &prediction) {
+            Some(pursued) => pursued,
+            None => self.search_levels(block, mode, &prediction),
+        };
+        let bits = block.context.as_ref().map_or(0.0, |context| self.mode_bits(mode, context));
+        let cost = pursued.cost + self.frame.pursuit.lambda * bits;
+        Trial { mode, prediction, pursued, cost }
+    }
+
+    /// The end of a pursuit that is over before it begins, which is seen from the prediction's error alone.
+    fn no_levels(&self, block: usize, mode: BlockMode, prediction: &[i16; BLOCK_SAMPLES]) -> Option<Pursued> {
+        if self.frame.refinement || self.frame.pursuit.rounding {
+            return None;
+        }
+        let error = self.frame.targets.prediction_error(block, prediction);
+        let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
+        if error.signs_hold { self.frame.pursuit.without_levels(error.weighted, costs) } else { None }
+    }
+
+    fn search_levels(
+        &mut self,
+        block: &mut BlockAtHand,
+        mode: BlockMode,
+        prediction: &[i16; BLOCK_SAMPLES],
+    ) -> Pursued {
+        let target = block.target.get_or_insert_with(|| self.frame.targets.block(block.number));
         let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         let pursuit = &self.frame.pursuit;
-        let pursued = if self.frame.refinement {
-            let count_context = self.count_context(block.number, mode);
-            let models = &mut self.models.coefficients;
-            let parameters = self.frame.parameters;
-            let mut bits = ModelBits { parameters, models, context: count_context, usual: costs };
-            pursuit.run_refined(target, metrics, &field, &mut bits)
-        } else {
-            pursuit.run(target, metrics, &field, costs)
-        };
-        let bits = context.as_ref().map_or(0.0, |context| self.mode_bits(mode, context));
-        let cost = pursued.cost + self.frame.pursuit.lambda * bits;
-        Trial { mode, prediction, pursued, cost }
+        if !self.frame.refinement {
+            return pursuit.run(target, block.metrics, &field, costs);
+        }
+        let context = self.count_context(block.number, mode);
+        let (parameters, models) = (self.frame.parameters, &mut self.models.coefficients);
+        let mut bits = ModelBits { parameters, models, context, usual: costs };
+        pursuit.run_refined(target, block.metrics, &field, &mut bits)
     }
 
     /// What is known around a block when its number of levels is coded.
     fn count_context(&self, block: usize, mode: BlockMode) -> CountContext {
         let frame = self.frame;
         let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
-        let count = |n: usize| self.coded.counts[n - self.range.start];
+        let count = |n: usize| self.coded.levels.count(n - self.range.start);
         CountContext::new(frame.targets.coords()[block], block, mode, frame.causal, count, reference)
     }
 
@@ -332,14 +371,14 @@ impl<'a> SliceEncoder<'a> {
             levels,
         );
         self.costs[usize::from(trial.mode == BlockMode::Spatial)].learn(levels);
-        let count = levels.iter().filter(|level| **level != 0).count() as u8;
-        let mut samples = trial.prediction;
-        if count > 0 {
-            add_residual(frame.parameters, &frame.quantizer, levels, &mut samples);
-        }
         self.coded.modes.push(trial.mode);
-        self.coded.levels.extend(levels);
-        self.coded.counts.push(count);
-        self.coded.samples.extend(samples);
+        self.coded.levels.push(levels);
+        let levels = self.coded.levels.of(block.number - self.range.start);
+        let place = self.samples.place(block.number) as usize;
+        let samples = &mut self.samples.samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES];
+        samples.copy_from_slice(&trial.prediction);
+        if !levels.is_empty() {
+            add_residual(frame.parameters, &frame.quantizer, levels, samples);
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What a frame's blocks are to become, and how much each voxel matters.
 
 use super::encoder::Band;
+use super::pursuit::SIGN_MARGIN;
 use super::tools::Tools;
 use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
@@ -25,6 +26,8 @@ const WHOLE_BAND: f32 = 0.25;
 const NEAR: f32 = 1.5;
 const NEAR_WEIGHT: f32 = 0.3;
 
+/// [`SIGN_MARGIN`] in codes.
+const SIGN_MARGIN_CODES: i32 = (SIGN_MARGIN * CODES_PER_VOXEL as f32) as i32;
 /// Voxels in a code.
 const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
@@ -69,6 +72,15 @@ pub(crate) struct NearRow {
     pub samples: [f32; 8],
     /// Their weights, 0 where they tell nothing.
     pub weights: [f32; 8],
+}
+
+/// How far a prediction is from its block's target.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PredictionError {
+    /// Weighted squared error in voxels.
+    pub weighted: f32,
+    /// Whether all voxels of which only the sign matters are on their side, and by [`SIGN_MARGIN`] or their own distance.
+    pub signs_hold: bool,
 }
 
 impl BlockTarget {
@@ -127,20 +139,18 @@ impl<'a> Targets<'a> {
 
     /// What a block is to become.
     pub(crate) fn block(&self, block: usize) -> BlockTarget {
-        let Marks { block, crossed, unobserved } = self.marks[block];
-        let codes = self.volume.block(block as usize).as_chunks::<8>().0;
+        let Marks { crossed, unobserved, .. } = self.marks[block];
+        let (codes, elsewhere) = (self.codes(block), self.elsewhere);
         let (mut samples, mut weights) = ([0.0; 512], [0.0; 512]);
         vectorized(
             #[inline(always)]
             || {
                 let rows = samples.as_chunks_mut::<8>().0.iter_mut().zip(weights.as_chunks_mut::<8>().0);
-                for (row, (samples, weights)) in rows.enumerate() {
-                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
+                for (row, ((samples, weights), codes)) in rows.zip(codes.as_chunks::<8>().0).enumerate() {
                     for lane in 0..8 {
-                        samples[lane] = f32::from(codes[row][lane]) * SCALE;
-                        let seen = if crossed >> lane & 1 != 0 { CROSSED } else { self.elsewhere };
-                        weights[lane] = if unobserved >> lane & 1 != 0 { UNOBSERVED } else { seen };
+                        samples[lane] = f32::from(codes[lane]) * SCALE;
                     }
+                    *weights = row_weights(row_bits(&crossed, row), row_bits(&unobserved, row), elsewhere);
                 }
             },
         );
@@ -151,19 +161,50 @@ impl<'a> Targets<'a> {
         BlockTarget { samples, weights, only_sign }
     }
 
+    /// How far samples in codes are from what a block is to become; the same as by way of [`Self::block`].
+    pub(crate) fn prediction_error(&self, block: usize, prediction: &[i16; 512]) -> PredictionError {
+        let Marks { crossed, unobserved, .. } = self.marks[block];
+        let (codes, elsewhere) = (self.codes(block), self.elsewhere);
+        let (weighted, astray) = vectorized(
+            #[inline(always)]
+            || {
+                let (mut sums, mut astray) = ([0.0; 8], [0; 8]);
+                let rows = codes.as_chunks::<8>().0.iter().zip(prediction.as_chunks::<8>().0);
+                for (row, (codes, prediction)) in rows.enumerate() {
+                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
+                    let weights = row_weights(crossed, unobserved, elsewhere);
+                    for lane in 0..8 {
+                        let error = f32::from(codes[lane]) * SCALE - f32::from(prediction[lane]) * SCALE;
+                        sums[lane] += weights[lane] * error * error;
+                    }
+                    let only_sign = !crossed & !unobserved;
+                    for lane in 0..8 {
+                        let (code, predicted) = (i32::from(codes[lane]), i32::from(prediction[lane]));
+                        let right = if code < 0 { -predicted } else { predicted };
+                        let in_danger = right < code.abs().min(SIGN_MARGIN_CODES);
+                        astray[lane] |= i32::from(in_danger) & (only_sign >> lane) as i32;
+                    }
+                }
+                (sums.iter().sum(), astray)
+            },
+        );
+        PredictionError { weighted, signs_hold: !self.only_sign || astray == [0; 8] }
+    }
+
     /// The rows of a block that tell of motion, or each `every`th of them, which is a power of two; added to `out`.
     pub(crate) fn near_rows(&self, block: usize, every: usize, out: &mut Vec<NearRow>) {
-        let Marks { block, crossed, unobserved } = self.marks[block];
-        let codes = self.volume.block(block as usize).as_chunks::<8>().0;
+        let Marks { crossed, unobserved, .. } = self.marks[block];
+        let codes = self.codes(block).as_chunks::<8>().0;
         let elsewhere = self.elsewhere.max(NEAR_WEIGHT);
         vectorized(
             #[inline(always)]
             || {
                 for row in (0..64).filter(|row| (row % 8 + 2 * (row / 8)) & (every - 1) == 0) {
                     let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
+                    let codes = &codes[row];
                     let mut near = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
                     for lane in 0..8 {
-                        let sample = f32::from(codes[row][lane]) * SCALE;
+                        let sample = f32::from(codes[lane]) * SCALE;
                         let close = if sample.abs() < NEAR { elsewhere } else { 0.0 };
                         let weight = if crossed >> lane & 1 != 0 { CROSSED } else { close };
                         near.samples[lane] = sample;
@@ -177,6 +218,12 @@ impl<'a> Targets<'a> {
         );
     }
 
+    /// The samples of a block.
+    fn codes(&self, block: usize) -> &[i16; 512] {
+        let block = self.marks[block].block as usize;
+        self.volume.block(block).try_into().expect("blocks of an edge of 8")
+    }
+
     /// Weighted squared error in voxels of a decoded volume that has these blocks.
     pub(crate) fn weighted_error(&self, decoded: &SparseVolume) -> f32 {
         let index = decoded.index();
@@ -187,6 +234,17 @@ impl<'a> Targets<'a> {
         let errors: Vec<f32> = (0..self.len()).into_par_iter().map(block_error).collect();
         errors.iter().sum()
     }
+}
+
+/// The weights of a row of voxels, of which these are at the ends of crossed edges and those were not observed.
+#[inline(always)]
+fn row_weights(crossed: u32, unobserved: u32, elsewhere: f32) -> [f32; 8] {
+    let mut weights = [0.0; 8];
+    for lane in 0..8 {
+        let seen = if crossed >> lane & 1 != 0 { CROSSED } else { elsewhere };
+        weights[lane] = if unobserved >> lane & 1 != 0 { UNOBSERVED } else { seen };
+    }
+    weights
 }
 
 /// The bits of row `8 z + y`.

@@ -6,7 +6,7 @@ use crate::main_profile::activity::{Activity, expected_activity};
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
-use isv_volume::BlockCoord;
+use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Models of the set of blocks.
 #[derive(Clone, Debug)]
@@ -91,6 +91,7 @@ pub struct FlagContext {
 #[derive(Debug)]
 pub struct ExpectedBlocks<'a> {
     reference: &'a MainReference,
+    finder: NeighbourFinder<'a>,
     activity: Vec<Activity>,
     /// Whether each is coded, as far as is known.
     coded: Vec<bool>,
@@ -107,7 +108,7 @@ impl<'a> ExpectedBlocks<'a> {
     pub fn new(reference: &'a MainReference) -> Self {
         let volume = reference.volume();
         let coded = vec![false; volume.block_count()];
-        Self { reference, activity: expected_activity(reference), coded }
+        Self { reference, finder: reference.finder(), activity: expected_activity(reference), coded }
     }
 
     /// How many there are.
@@ -129,10 +130,13 @@ impl<'a> ExpectedBlocks<'a> {
 
     /// Context of a candidate's flag, once the flags before it are known.
     #[must_use]
-    pub fn context(&self, candidate: usize) -> FlagContext {
-        let around = self.reference.around(candidate);
+    pub fn context(&mut self, candidate: usize) -> FlagContext {
+        self.finder.turn_to(self.reference.volume().coords()[candidate]);
         let count = |slots: &[usize], is: &dyn Fn(usize) -> bool| {
-            slots.iter().filter(|slot| around[**slot].is_some_and(|block| is(block as usize))).count()
+            slots
+                .iter()
+                .filter(|slot| self.finder.get(**slot).is_some_and(|block| is(block as usize)))
+                .count()
         };
         let coded = |block: usize| self.coded[block];
         let expected = |block: usize| self.activity[block].is_expected();

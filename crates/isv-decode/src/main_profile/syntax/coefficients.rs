@@ -2,7 +2,7 @@
 
 use super::modes::BEFORE_CLASSES;
 use crate::main_profile::{
-    BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference, SliceBlocks,
+    BlockLevels, BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference, SliceBlocks,
 };
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, MAGNITUDE_LIMIT, RangeDecoder};
@@ -103,8 +103,7 @@ impl CoefficientModels {
         ]
     }
 
-    /// Reads the levels of a slice's blocks: [`COEFFICIENTS`] a block, and how many of them are not
-    /// zero. `modes`: of the slice's blocks.
+    /// Reads the levels of a slice's blocks. `modes`: of the slice's blocks.
     ///
     /// # Errors
     /// Bytes that end too early.
@@ -115,10 +114,10 @@ impl CoefficientModels {
         SliceBlocks { coords, range, causal }: &SliceBlocks,
         modes: &[BlockMode],
         reference: Option<&MainReference>,
-    ) -> Result<(Vec<i32>, Vec<u8>), SyntaxError> {
+    ) -> Result<BlockLevels, SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
-        let mut levels = vec![0; range.len() * COEFFICIENTS];
-        let mut counts = Vec::with_capacity(range.len());
+        let mut levels = BlockLevels::with_capacity(range.len());
+        let mut dense = [0; COEFFICIENTS];
         for block in range.clone() {
             let local = block - range.start;
             let context = CountContext::new(
@@ -126,25 +125,31 @@ impl CoefficientModels {
                 block,
                 modes[local],
                 causal,
-                |n| counts[n - range.start],
+                |n| levels.count(n - range.start),
                 reference,
             );
-            let levels = &mut levels[local * COEFFICIENTS..][..COEFFICIENTS];
-            counts.push(self.read_block(parameters, &mut decoder, &context, levels));
+            let count = self.read_block(parameters, &mut decoder, &context, &mut dense);
+            if count == 0 {
+                levels.push(&[]);
+            } else {
+                levels.push(&dense);
+                dense = [0; COEFFICIENTS];
+            }
             if decoder.overran() {
                 return Err(SyntaxError("the coefficients end too early"));
             }
         }
-        Ok((levels, counts))
+        Ok(levels)
     }
 
+    /// Reads the levels of a block into zeros. How many there are.
     fn read_block(
         &mut self,
         parameters: &MainParameters,
         decoder: &mut RangeDecoder,
         context: &CountContext,
         levels: &mut [i32],
-    ) -> u8 {
+    ) -> usize {
         let mut count = 0;
         while count < COEFFICIENTS && !decoder.decode_mixed(self.count(count, context)) {
             count += 1;
@@ -161,7 +166,7 @@ impl CoefficientModels {
             }
             k += 1;
         }
-        count as u8
+        count
     }
 
     fn read_level(

@@ -5,7 +5,7 @@ use crate::ReferenceBlocks;
 use crate::extension::Extended;
 use crate::main_profile::crossed_cells::crossed_corners;
 use crate::syntax::SyntaxError;
-use crate::syntax::masks::{MaskContext, MaskModels as VoxelModels};
+use crate::syntax::masks::{MaskContext, MaskModels as VoxelModels, blocks_before};
 use isv_entropy::RangeDecoder;
 use isv_volume::{BlockEdge, VoxelMask};
 use std::collections::BTreeMap;
@@ -66,6 +66,6 @@ pub fn context<'a>(
     masks: &'a BTreeMap<u32, VoxelMask>,
     reference: Option<ReferenceBlocks<'a>>,
 ) -> MaskContext<'a> {
-    let around = &extended.around[block];
-    MaskContext::new(extended.volume.coords()[block], [12, 10, 4].map(|slot| around[slot]), masks, reference)
+    let coord = extended.volume.coords()[block];
+    MaskContext::new(coord, blocks_before(coord, &extended.index), masks, reference)
 }
