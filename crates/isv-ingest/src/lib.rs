@@ -26,10 +26,12 @@
 //!
 //! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks; `topology` says
 //! how faces, edges and vertices hang together, and `cells` where each of them can be the closest part of the mesh. `descent`
-//! goes down from a tile to the voxels in each cell, eight at a time, and measures. `regions` spreads each winding number over
-//! all voxels that are certain to share it, and `sampler` puts the samples of a tile together. `holes` finds the openings that
-//! must stay open, `caps` removes what the winding number would still close there, and `rim` trims teeth and specks off the
-//! surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what cannot be done.
+//! goes down from a tile to the voxels in each cell, eight at a time, and measures. Where only the surface is wanted, `scatter`
+//! measures near it, triangle by triangle, and `continuation` goes on from there. `regions` spreads each winding number over
+//! all voxels that are certain to share it, and `sampler` puts the samples of a tile together. `boundary` finds the edges with
+//! one face, `holes` the openings that must stay open, `caps` removes what the winding number would still close there, and
+//! `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
+//! cannot be done.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 
@@ -71,6 +73,7 @@ use sampler::{Connections, Sign, Source, Workspace, sample_tile};
 use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
 use tiles::{Band, Measure, Tile, TileList, VoxelMesh};
+use tracing::debug_span;
 
 /// Blocks a volume may have by default: 2 GiB of samples with blocks of 8 voxels.
 pub const DEFAULT_BLOCK_LIMIT: usize = 1 << 21;
@@ -128,7 +131,7 @@ impl MeshIngest {
 
 /// Samples the distance field of a mesh (Eq. 1, 2, 7 to 9) in all blocks with an observed voxel in the band.
 ///
-/// Distances are exact to 1/1000 of a voxel before they are rounded to codes. With [`SignDecision::Closed`], voxels whose
+/// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
 /// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved; narrower holes are closed. What
 /// belongs to nothing closed is lost: see [`lost_share`]. Faces without area are left out. The result is the same for any number
 /// of threads.
@@ -152,10 +155,13 @@ pub fn ingest_mesh(
         Reach::Surface => band.within(offset + CELL_DIAGONAL),
     };
     let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
-    let list = limits::list_tiles(mesh, &voxel_mesh, settings, &near)?;
+    let list =
+        debug_span!("ingest tiles").in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
     let closed = matches!(sign, SignDecision::Closed { .. });
     let find_holes = || if closed { WideHoles::find(&voxel_mesh) } else { None };
-    let (holes, winding) = rayon::join(find_holes, || closed.then(|| WindingNumber::new(mesh)));
+    let find_winding = || closed.then(|| WindingNumber::new(mesh));
+    let (holes, winding) =
+        debug_span!("ingest holes and winding numbers").in_scope(|| rayon::join(find_holes, find_winding));
     let exact_list;
     let (tiles, connections) = match (reach, holes) {
         (Reach::Band, holes) => {
@@ -164,7 +170,8 @@ pub fn ingest_mesh(
         }
         (Reach::Surface, None) => (list.tiles(Measure::Scatter), None),
         (Reach::Surface, Some(holes)) => {
-            let (beside, connections) = beside_holes(&voxel_mesh, &holes, [&near, &band]);
+            let (beside, connections) = debug_span!("ingest beside holes")
+                .in_scope(|| beside_holes(&voxel_mesh, &holes, [&near, &band]));
             exact_list = beside;
             (replace(list.tiles(Measure::Scatter), exact_list.tiles(Measure::Exact)), Some(connections))
         }
@@ -198,6 +205,7 @@ fn sample(source: &Source, tiles: &[Tile]) -> SparseVolume {
     let mut blocks = Blocks::default();
     let workspaces = Mutex::new(Vec::new());
     for tiles in tiles.chunks(TILES_AT_ONCE) {
+        let _span = debug_span!("ingest samples").entered();
         let parts: Vec<_> = tiles
             .par_iter()
             .map(|tile| with_workspace(&workspaces, |work| sample_tile(source, tile, work)))
@@ -210,8 +218,10 @@ fn sample(source: &Source, tiles: &[Tile]) -> SparseVolume {
             blocks.samples.extend_from_slice(&part.samples);
         }
     }
-    blocks.open_caps(source);
-    blocks.trim_rims(source.grid.edge);
+    debug_span!("ingest rims").in_scope(|| {
+        blocks.open_caps(source);
+        blocks.trim_rims(source.grid.edge);
+    });
     SparseVolume::from_parts(source.grid, blocks.coords, blocks.samples, blocks.masks)
 }
 

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{Encoder, EncoderSettings, Preset};
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::kernels::simd::{self, vectorized};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -84,7 +84,8 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], stages: &Stages) -
 }
 
 fn ingest(grid: Grid, meshes: &[TriangleMesh], table: &mut Table) -> Result<Vec<SparseVolume>> {
-    let settings = MeshIngest::new(grid);
+    // As far as what is coded.
+    let settings = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
     let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
     let (mut volumes, mut times) = (Vec::new(), Vec::new());
     for mesh in meshes {
