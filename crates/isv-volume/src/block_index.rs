@@ -160,7 +160,7 @@ impl<'a> NeighbourFinder<'a> {
 
     /// The block in a slot of the [`Neighbourhood`].
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn get(&self, slot: usize) -> Option<u32> {
         let [x, y, z] = self.within;
         let [(cx, x), (cy, y), (cz, z)] =

@@ -62,20 +62,28 @@ impl Activity {
 /// The activity of every block of the reference's volume, in its order.
 #[must_use]
 pub fn expected_activity(reference: &MainReference) -> Vec<Activity> {
-    let moving = moving_blocks(reference);
-    let standing = moving.iter().filter(|moving| !**moving).count();
-    // Both ways give the same for blocks that stand still.
-    let stills = if 2 * standing > moving.len() { stills(reference) } else { Vec::new() };
+    let blocks = reference.volume().block_count();
+    // Both ways give the same for blocks that stand still, and of a scene that moves there are few.
+    let own_motion = (0..blocks).filter(|block| moves(reference, *block)).count();
+    let (moving, stills) = match 8 * own_motion < blocks {
+        true => (moving_blocks(reference), stills(reference)),
+        false => (Vec::new(), Vec::new()),
+    };
     let activity = |(window, finder): &mut (Window, NeighbourFinder), block: usize| {
         finder.turn_to(reference.volume().coords()[block]);
-        if stills.is_empty() || moving[block] {
-            activity_in(window_ahead(reference, block, window, finder))
-        } else {
-            activity_standing(block, &stills, finder)
+        match moving.get(block) {
+            Some(false) => activity_standing(block, &stills, finder),
+            _ => activity_in(window_ahead(reference, block, window, finder)),
         }
     };
-    let blocks = (0..moving.len()).into_par_iter();
+    let blocks = (0..blocks).into_par_iter();
     blocks.map_init(|| (Window::default(), reference.finder()), activity).collect()
+}
+
+/// Whether a block has a vector other than zero.
+fn moves(reference: &MainReference, block: usize) -> bool {
+    let vector = reference.coded_at(block).and_then(|coded| coded.vector);
+    vector.is_some_and(|vector| vector != Vector::ZERO)
 }
 
 /// For each block, whether it or one around it has a vector other than zero. The others are expected to stay where they are.
@@ -83,8 +91,7 @@ fn moving_blocks(reference: &MainReference) -> Vec<bool> {
     let coords = reference.volume().coords();
     let (mut moving, mut finder) = (vec![false; coords.len()], reference.finder());
     for (block, coord) in coords.iter().enumerate() {
-        let vector = reference.coded_at(block).and_then(|coded| coded.vector);
-        if vector.is_some_and(|vector| vector != Vector::ZERO) {
+        if moves(reference, block) {
             finder.turn_to(*coord);
             finder.neighbourhood().iter().flatten().for_each(|block| moving[*block as usize] = true);
         }
@@ -168,8 +175,8 @@ fn drift(reference: &MainReference, block: usize, finder: &NeighbourFinder) -> [
 
 /// Sum and number of the vectors in a block's neighbourhood.
 fn sum_around(reference: &MainReference, finder: &NeighbourFinder) -> ([i32; 3], i32) {
-    let around = (0..27).filter_map(|slot| finder.get(slot));
-    let vectors = around.filter_map(|n| reference.coded_at(n as usize)?.vector);
+    let around = finder.neighbourhood();
+    let vectors = around.iter().flatten().filter_map(|n| reference.coded_at(*n as usize)?.vector);
     vectors.fold(([0; 3], 0), |(sum, count), Vector(v)| {
         (std::array::from_fn(|axis| sum[axis] + i32::from(v[axis])), count + 1)
     })

@@ -132,16 +132,13 @@ impl<'a> ExpectedBlocks<'a> {
     #[must_use]
     pub fn context(&mut self, candidate: usize) -> FlagContext {
         self.finder.turn_to(self.reference.volume().coords()[candidate]);
-        let count = |slots: &[usize], is: &dyn Fn(usize) -> bool| {
-            slots
-                .iter()
-                .filter(|slot| self.finder.get(**slot).is_some_and(|block| is(block as usize)))
-                .count()
-        };
-        let coded = |block: usize| self.coded[block];
-        let expected = |block: usize| self.activity[block].is_expected();
-        let (behind, behind_expected) = (count(&BEHIND, &coded), count(&BEHIND, &expected));
-        let (ahead, edges) = (count(&AHEAD, &expected), count(&EDGES, &coded));
+        let behind_blocks = BEHIND.map(|slot| self.finder.get(slot));
+        let coded = |block: &u32| self.coded[*block as usize];
+        let expected = |block: &u32| self.activity[*block as usize].is_expected();
+        let behind = behind_blocks.iter().flatten().filter(|block| coded(block)).count();
+        let behind_expected = behind_blocks.iter().flatten().filter(|block| expected(block)).count();
+        let ahead = AHEAD.map(|slot| self.finder.get(slot)).iter().flatten().filter(|b| expected(b)).count();
+        let edges = EDGES.map(|slot| self.finder.get(slot)).iter().flatten().filter(|b| coded(b)).count();
         let was = usize::from(self.reference.coded_at(candidate).is_some());
         let activity = self.activity[candidate];
         FlagContext {
