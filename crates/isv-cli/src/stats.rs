@@ -26,7 +26,7 @@ pub(crate) struct EncodedFrameStats {
     pub(crate) bytes_masks: usize,
     /// The part of `bytes_coefficients` that DC coefficients take.
     pub(crate) bytes_dc: f64,
-    /// Blocks within the truncation band.
+    /// Blocks that ingest made: those of the truncation band, or as many as are near the surface if no others are coded.
     pub(crate) blocks_band: usize,
     /// Blocks in the stream.
     pub(crate) blocks_coded: usize,

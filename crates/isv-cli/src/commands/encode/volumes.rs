@@ -21,7 +21,7 @@ pub(super) struct IngestedFrame {
     /// Its number in the capture.
     pub(super) number: usize,
     pub(super) volume: SparseVolume,
-    /// Blocks within the truncation band, before any were left out.
+    /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
     pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,
 }
