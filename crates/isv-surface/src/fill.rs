@@ -3,11 +3,10 @@
 use crate::chunk::{CHUNK, Counts, EdgeRows};
 use crate::extract::Surface;
 use crate::normals::CodeWindow;
-use crate::signs::PLUS_SLOTS;
 use crate::triangles::{VertexIds, entry};
 use crate::vertices::EdgeZeros;
 use glam::DVec3;
-use isv_volume::{NeighbourFinder, Neighbourhood};
+use isv_volume::{NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 
 /// Where a part of the mesh goes.
 pub(crate) struct Place<'a> {
@@ -115,7 +114,7 @@ impl<const SIDE: usize> Surface<'_, SIDE> {
     /// Enters the vertices of the neighbours that the cells of a block reach.
     #[inline(always)]
     fn enter_neighbours(&self, around: &Neighbourhood, numbering: &Numbering, ids: &mut VertexIds) {
-        for (step, slot) in PLUS_SLOTS.into_iter().enumerate().skip(1) {
+        for (step, slot) in OCTET_SLOTS.into_iter().enumerate().skip(1) {
             let Some((block, first)) = around[slot].and_then(|block| numbering.get(block)) else { continue };
             let edges = self.edges(block);
             let next = [step & 1 != 0, step & 2 != 0, step & 4 != 0];

@@ -11,10 +11,6 @@ pub(crate) type Rows<const SIDE: usize> = [[u16; SIDE]; SIDE];
 /// Fewest blocks that a thread takes at a time.
 pub(crate) const MIN_BLOCKS: usize = 32;
 
-/// Slots, in a [`Neighbourhood`](isv_volume::Neighbourhood), of the block and its neighbours at `+x`, `+y`, `+x+y`, `+z` and
-/// so on: bit 0 of the position is the step along x, bit 1 along y, bit 2 along z.
-pub(crate) const PLUS_SLOTS: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
-
 /// The signs of all blocks, of `SIDE` voxels along an edge.
 pub(crate) struct Signs<const SIDE: usize> {
     inside: Vec<Rows<SIDE>>,

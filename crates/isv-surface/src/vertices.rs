@@ -1,8 +1,7 @@
 //! Where vertices lie on their edges.
 
-use crate::signs::PLUS_SLOTS;
 use glam::DVec3;
-use isv_volume::{Neighbourhood, SparseVolume};
+use isv_volume::{Neighbourhood, OCTET_SLOTS, SparseVolume};
 
 /// The vertices on the edges that start in a block.
 pub(crate) struct EdgeZeros<'a, const SIDE: usize> {
@@ -43,7 +42,7 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
             let stride = SIDE.pow(axis as u32);
             // No edge crosses into a block that is not there.
             let beyond =
-                around[PLUS_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
+                around[OCTET_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
             steps[axis] = [stride, beyond.wrapping_sub((SIDE - 1) * stride)];
             for voxel in 0..SIDE {
                 centres_m[axis][voxel] = origin_m[axis] + voxel as f64 * voxel_m;

@@ -123,8 +123,9 @@ const STEPS: [[(usize, u32); 3]; 4] = [
     [(1, SPREAD[2]), (1, SPREAD[3]), (2, SPREAD[0])],
 ];
 
-/// The slots of a [`Neighbourhood`] that hold an octet.
-const OCTET: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
+/// The slots of a [`Neighbourhood`] that hold an octet, the middle block first: bit 0 of the position is the step along x, bit 1
+/// along y, bit 2 along z.
+pub const OCTET_SLOTS: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
 
 /// Finds the blocks around one block after the other. What is known of a cell serves all of its blocks, so that blocks in
 /// Morton order take hardly any look-ups.
@@ -187,7 +188,7 @@ impl<'a> NeighbourFinder<'a> {
     #[must_use]
     #[inline]
     pub fn octet(&self) -> [Option<u32>; 8] {
-        OCTET.map(|slot| self.get(slot))
+        OCTET_SLOTS.map(|slot| self.get(slot))
     }
 
     fn find_cells(&mut self, [x, y, z]: [i32; 3]) {

@@ -28,7 +28,7 @@ mod mesh;
 mod points;
 mod volume;
 
-pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood};
+pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
 pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
 pub use fit::{FitError, round_up};
