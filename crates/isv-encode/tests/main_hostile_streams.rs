@@ -151,7 +151,7 @@ fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
         match decoder.decode(&forged(&packets[frame], payload)) {
             Ok(found) => {
                 let limit = found.volume.grid().truncation.codes();
-                assert!(found.volume.samples().iter().all(|sample| sample.abs() <= limit));
+                assert!(found.volume.samples().all(|sample| sample.abs() <= limit));
                 decoded += 1;
             }
             Err(_) => refused += 1,
@@ -168,6 +168,7 @@ fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
 /// A keyframe that announces blocks and nothing else.
 fn announcing(blocks: u32, block_set: &[u8]) -> Vec<u8> {
     let main = MainFrameHeader {
+        still_cells: false,
         step: 9000,
         filter: 0,
         filter_limit: 0,
