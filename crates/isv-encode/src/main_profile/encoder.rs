@@ -243,9 +243,9 @@ impl MainEncoder {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
         let constant = self.settings.quality;
         let MainSettings { band, tools, .. } = self.settings;
-        let mut still = match keyframe {
-            true => BlockSet::default(),
-            false => debug_span!("change").in_scope(|| self.still_blocks(volume)),
+        let mut still = match !keyframe && tools.still {
+            true => debug_span!("change").in_scope(|| self.still_blocks(volume)),
+            false => BlockSet::default(),
         };
         let mut targets = debug_span!("targets").in_scope(|| Targets::new(volume, band, tools, &still));
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
