@@ -5,6 +5,7 @@ mod support;
 use isv_decode::volume_hash;
 use isv_encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
 use isv_format::Prediction;
+use isv_testkit::still_and_moving_ball;
 use isv_volume::{SparseVolume, VoxelMask};
 use support::{ball, decode, encode, main_header};
 
@@ -39,6 +40,57 @@ fn decoder_agrees_with_the_encoders_reconstruction() {
             assert_eq!(found, hashes, "truncation {truncation}, {slices} slices, {main:?}");
         }
     }
+}
+
+/// A ball that stays beside one that moves, stops and goes on: what stays costs nothing.
+#[test]
+fn what_stands_still_is_kept() {
+    for (truncation, band) in [(8, Band::Surface), (4, Band::Full)] {
+        let header = main_header(truncation);
+        let volumes = [0.0, 1.0, 2.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
+        let main = MainSettings { band, ..Default::default() };
+        let settings = EncoderSettings { gop: 6, ..settings(main, 2) };
+        let mut encoder = Encoder::new(&header, settings);
+        let frames: Vec<_> = volumes.iter().map(|volume| encoder.encode(volume)).collect();
+        let blocks: Vec<u32> = frames.iter().map(|frame| frame.payload().header.blocks).collect();
+        println!("blocks coded: {blocks:?}");
+        assert!(blocks[1..].iter().all(|coded| 10 * coded < 6 * blocks[0]), "about half of them stay");
+        // What stopped is coded no more.
+        assert_eq!(blocks[3..5], [0, 0]);
+        let bytes = frames[4].payload().to_bytes().len();
+        assert!(bytes < 100, "{bytes} bytes of no change");
+        let (bytes, hashes) = encode(&header, settings, &volumes);
+        let (decoded, end) = decode(&bytes);
+        end.unwrap();
+        assert_eq!(decoded.iter().map(volume_hash).collect::<Vec<_>>(), hashes);
+        // Nothing changed in the fourth frame and the fifth: all is the memory of the third.
+        for frame in [3, 4] {
+            let shared = |block: usize| decoded[frame].shares_block(block, &decoded[frame - 1], block);
+            assert_eq!(decoded[frame].coords(), decoded[frame - 1].coords());
+            assert!((0..decoded[frame].block_count()).all(shared), "frame {frame}");
+        }
+        for (decoded, source) in decoded.iter().zip(&volumes) {
+            let near = near_error(source, decoded);
+            assert!(near < 0.3, "{near}");
+        }
+    }
+}
+
+/// Without still cells every block is coded again, for about the same error.
+#[test]
+fn still_cells_save_bytes() {
+    let header = main_header(8);
+    let volumes: Vec<_> = (0..6).map(|t| still_and_moving_ball(header.grid, f64::from(t))).collect();
+    let bytes_and_error = |tools: &str| {
+        let main = MainSettings { tools: tools.parse().unwrap(), ..Default::default() };
+        let bytes = encode(&header, EncoderSettings { gop: 6, ..settings(main, 1) }, &volumes).0;
+        let decoded = decode(&bytes).0;
+        let errors = volumes.iter().zip(&decoded).map(|(source, decoded)| near_error(source, decoded));
+        (bytes.len(), errors.sum::<f64>() / 6.0)
+    };
+    let [(bytes, error), (all_bytes, all_error)] = ["", "still"].map(bytes_and_error);
+    println!("{bytes} bytes, error {error}; {all_bytes} bytes, error {all_error} without");
+    assert!(bytes < all_bytes && error < 1.1 * all_error);
 }
 
 /// Voxels that a volume's masks cover.

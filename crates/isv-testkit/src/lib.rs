@@ -8,4 +8,4 @@ mod volumes;
 pub use depth_camera::{camera_ring, look_at, render_depth};
 pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use random::Random;
-pub use volumes::{ball, volume_of};
+pub use volumes::{ball, still_and_moving_ball, volume_of};

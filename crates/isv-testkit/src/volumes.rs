@@ -45,3 +45,20 @@ pub fn ball(grid: Grid, t: f64) -> SparseVolume {
         move |p| from_centre(p)[1] < -12.0,
     )
 }
+
+/// Two such balls: frame 0 of one, that stays, and frame `t` of another a little more than its own size away.
+#[must_use]
+pub fn still_and_moving_ball(grid: Grid, t: f64) -> SparseVolume {
+    let mut builder = VolumeBuilder::new(grid);
+    for (volume, place) in [(ball(grid, 0.0), [0; 3]), (ball(grid, t), [-88, 16, 8])] {
+        let place = place.map(|voxels| voxels / grid.edge.voxels() as i32);
+        for (block, coord) in volume.coords().iter().enumerate() {
+            builder.push(
+                coord.offset(place),
+                volume.block(block).to_vec(),
+                volume.unobserved(block).cloned(),
+            );
+        }
+    }
+    builder.finish()
+}

@@ -3,21 +3,23 @@
 use super::{Stream, encode, header};
 use anyhow::{Result, ensure};
 use isv::decode::{DecodeError, Decoder, Limits, volume_hash};
-use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Tools};
 use isv::format::{
     FormatError, FrameCoding, FrameHeader, FramePayload, MainFrameHeader, PacketReader, PacketWriter,
     Prediction, Profile, SlicePayload, StreamHeader,
 };
 use isv::volume::{BlockCoord, Grid, SparseVolume, VolumeBuilder};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
-use isv_testkit::{Random, ball, volume_of};
+use isv_testkit::{Random, ball, still_and_moving_ball, volume_of};
 
 /// All of them, by name.
 pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
     let usual = MainSettings::default();
     let quarters = MainSettings { half_voxel_vectors: false, filter: (0, 0), ..usual };
     let strong = MainSettings { filter: (25, 6), quality: FrameQuality::of_step(1.1), ..usual };
-    let fine = MainSettings { quality: FrameQuality::of_step(0.001), band: Band::Full, ..usual };
+    // Nothing moves in it, but is coded again.
+    let tools = Tools { still: false, ..Tools::ALL };
+    let fine = MainSettings { quality: FrameQuality::of_step(0.001), band: Band::Full, tools, ..usual };
     let whole = MainSettings { band: Band::Full, ..quarters };
     Ok(vec![
         ("main_intra", moving_ball(8, 1, 1, usual)?),
@@ -27,8 +29,10 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_whole_band", moving_ball(2, 4, 2, whole)?),
         ("main_fine_steps", scenes(16, &[[0; 3], [0; 3]], fine)?),
         ("main_scene_jumps", scenes(8, &JUMPS, usual)?),
-        ("main_noise", noise(8, 1, 1)?),
-        ("main_noise_slices", noise(16, 4, 2)?),
+        ("main_still_cells", still_and_moving(8, usual)?),
+        ("main_noise", noise(8, 1, 1, false)?),
+        ("main_noise_slices", noise(16, 4, 2, false)?),
+        ("main_noise_still_cells", noise(8, 2, 3, true)?),
     ])
 }
 
@@ -37,6 +41,13 @@ fn moving_ball(truncation: u32, gop: u32, slices: u16, main: MainSettings) -> Re
     let header = header(Profile::Main, 8, truncation)?;
     let volumes: Vec<_> = (0..gop.max(2)).map(|frame| ball(header.grid, f64::from(frame))).collect();
     encode(&header, EncoderSettings { gop, slices: Some(slices), main, ..Default::default() }, &volumes)
+}
+
+/// One GOP of a ball that stays and another one that passes by, stops and goes on.
+fn still_and_moving(truncation: u32, main: MainSettings) -> Result<Stream> {
+    let header = header(Profile::Main, 8, truncation)?;
+    let volumes = [0.0, 1.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
+    encode(&header, EncoderSettings { main, ..Default::default() }, &volumes)
 }
 
 /// Where the small ball is, in blocks: in the middle, nowhere, back again, then in corners of the range of coordinates.
@@ -77,14 +88,14 @@ const NOISE_FRAMES: usize = 4;
 const NOISE_BLOCKS: u32 = 160;
 
 /// A stream whose segments are random bytes but for a first block. Any bytes are symbols, among them many that no encoder
-/// would choose; what is refused is drawn again.
-fn noise(truncation: u32, slices: u16, seed: u64) -> Result<Stream> {
+/// would choose; what is refused is drawn again. `still_cells`: whether frames that predict have them.
+fn noise(truncation: u32, slices: u16, seed: u64, still_cells: bool) -> Result<Stream> {
     let header = header(Profile::Main, 8, truncation)?;
     let mut random = Random::new(seed);
     let mut frames = vec![NoiseFrame::first(&header)];
     let mut hashes = decode_noise(&header, &frames)?;
     while frames.len() < NOISE_FRAMES {
-        frames.push(NoiseFrame::draw(&mut random, frames.len(), slices));
+        frames.push(NoiseFrame::draw(&mut random, frames.len(), slices, still_cells));
         match announce(&header, &mut frames) {
             Some(found) => hashes = found,
             None => drop(frames.pop()),
@@ -131,17 +142,17 @@ impl NoiseFrame {
     }
 
     /// A frame after it; every third one does without prediction.
-    fn draw(random: &mut Random, frame: usize, slices: u16) -> Self {
+    fn draw(random: &mut Random, frame: usize, slices: u16, still_cells: bool) -> Self {
         let mut bytes = |count: usize| (0..count).map(|_| (random.signed() * 128.0) as i8 as u8).collect();
+        let prediction = if frame.is_multiple_of(3) { Prediction::None } else { Prediction::ThreeDof };
         let main = MainFrameHeader {
-            still_cells: false,
+            still_cells: still_cells && prediction != Prediction::None,
             step: [4096, 9000, 30_000, 1 << 20, 700][frame % 5],
             filter: [25, 13, 0, 7, 20][frame % 5],
             filter_limit: [255, 38, 0, 3, 90][frame % 5],
             half_voxel_vectors: frame.is_multiple_of(2),
             no_spatial_prediction: frame == 1,
         };
-        let prediction = if frame.is_multiple_of(3) { Prediction::None } else { Prediction::ThreeDof };
         let coding = FrameCoding::Main(main);
         let block_set = bytes(60);
         Self {
