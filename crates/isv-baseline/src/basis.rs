@@ -84,14 +84,17 @@ impl BlockBasis {
         assert_eq!(volume.grid().edge, self.edge, "blocks of one size");
         let leading = LeadingBasis::new(self, coefficients);
         let voxels = self.edge.block_voxels();
-        let mut samples = vec![0; volume.samples().len()];
-        samples.par_chunks_exact_mut(voxels).zip(volume.samples().par_chunks_exact(voxels)).for_each_init(
-            || (vec![0.0; coefficients], vec![0.0; voxels]),
-            |(spectrum, block), (out, samples)| {
-                leading.forward(samples, block, spectrum);
-                leading.inverse(volume.grid(), spectrum, block, out);
-            },
-        );
+        let mut samples = vec![0; volume.sample_count()];
+        samples
+            .par_chunks_exact_mut(voxels)
+            .zip((0..volume.block_count()).into_par_iter().map(|block| volume.block(block)))
+            .for_each_init(
+                || (vec![0.0; coefficients], vec![0.0; voxels]),
+                |(spectrum, block), (out, samples)| {
+                    leading.forward(samples, block, spectrum);
+                    leading.inverse(volume.grid(), spectrum, block, out);
+                },
+            );
         let (coords, masks) = (volume.coords().to_vec(), volume.unobserved_masks().clone());
         SparseVolume::from_parts(*volume.grid(), coords, samples, masks)
     }

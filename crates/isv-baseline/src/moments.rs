@@ -62,11 +62,11 @@ impl BlockMoments {
         assert_eq!(volume.grid().edge, self.edge, "blocks of one size");
         let voxels = self.edge.block_voxels();
         let mut by_voxel = vec![[0; CHUNK]; voxels];
-        for chunk in volume.samples().chunks(CHUNK * voxels) {
+        for first in (0..volume.block_count()).step_by(CHUNK) {
             by_voxel.fill([0; CHUNK]);
-            for (block, samples) in chunk.chunks_exact(voxels).enumerate() {
-                for (row, sample) in by_voxel.iter_mut().zip(samples) {
-                    row[block] = *sample;
+            for block in first..volume.block_count().min(first + CHUNK) {
+                for (row, sample) in by_voxel.iter_mut().zip(volume.block(block)) {
+                    row[block - first] = *sample;
                 }
             }
             for (sum, row) in self.sums.iter_mut().zip(&by_voxel) {

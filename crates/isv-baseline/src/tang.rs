@@ -273,7 +273,7 @@ impl BlockCodec {
         let mut levels = vec![0; volume.block_count() * coefficients];
         levels
             .par_chunks_exact_mut(coefficients)
-            .zip(volume.samples().par_chunks_exact(voxels))
+            .zip((0..volume.block_count()).into_par_iter().map(|block| volume.block(block)))
             .for_each_init(
                 || (vec![0.0; coefficients], vec![0.0; voxels]),
                 |(spectrum, block), (levels, samples)| {

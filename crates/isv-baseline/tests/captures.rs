@@ -38,8 +38,8 @@ fn moments(volumes: &[SparseVolume]) -> BlockMoments {
 }
 
 fn rms(a: &SparseVolume, b: &SparseVolume) -> f64 {
-    let squares = a.samples().iter().zip(b.samples()).map(|(a, b)| f64::from(a - b).powi(2));
-    (squares.sum::<f64>() / a.samples().len() as f64).sqrt()
+    let squares = a.samples().zip(b.samples()).map(|(a, b)| f64::from(a - b).powi(2));
+    (squares.sum::<f64>() / a.sample_count() as f64).sqrt()
 }
 
 #[test]

@@ -96,7 +96,7 @@ fn energy_shares_are_the_errors_of_reconstructions() {
     let test = &volumes[2];
     let moments = moments(std::slice::from_ref(test));
     let own_mean = moments.klt().unwrap().mean().to_vec();
-    let centred = test.samples().iter().enumerate().map(|(i, s)| f64::from(*s) - own_mean[i % 64]);
+    let centred = test.samples().enumerate().map(|(i, s)| f64::from(s) - own_mean[i % 64]);
     let energy: f64 = centred.map(|s| s * s).sum();
     for basis in [trained, BlockBasis::dct(BlockEdge::E4)] {
         let shares = moments.energy_shares(&basis).unwrap();
@@ -104,7 +104,7 @@ fn energy_shares_are_the_errors_of_reconstructions() {
             let error: f64 = spectra(&basis, test).iter().flat_map(|s| &s[k..]).map(|c| c * c).sum();
             assert!((shares[k] - (1.0 - error / energy)).abs() < 1e-9, "{k}: {}", shares[k]);
             let truncated = basis.truncate(test, k);
-            let pairs = test.samples().iter().zip(truncated.samples());
+            let pairs = test.samples().zip(truncated.samples());
             let error: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
             let share = 1.0 - error / energy;
             assert!(share >= shares[k] - 1e-4, "clamped, so no worse: {share} for {}", shares[k]);

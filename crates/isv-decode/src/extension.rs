@@ -4,14 +4,17 @@
 //! lies around it: every block of the 26-neighbourhood that was not coded is extrapolated. Such a block has one sign, for what
 //! was not coded holds no surface. Where two of them meet with different signs, neither side is observed.
 
-mod dilation;
+mod frame_blocks;
 
+use crate::Reference;
 use isv_kernels::extrapolation::{Block, CodedNeighbours, extrapolate};
-use isv_volume::{BlockCoord, BlockEdge, BlockIndex, Grid, NeighbourFinder, SparseVolume, VoxelMask};
+use isv_volume::{
+    BlockCoord, BlockEdge, BlockIndex, BlockOrigin, Grid, NeighbourFinder, SparseVolume, VoxelMask,
+};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-pub use dilation::Dilation;
+pub use frame_blocks::{FrameBlocks, Kept};
 
 /// Samples of a block: the extension is defined for an edge of 8.
 const BLOCK_VOXELS: usize = 512;
@@ -19,12 +22,10 @@ const BLOCK_VOXELS: usize = 512;
 /// A decoded frame with the blocks around its coded ones.
 #[derive(Clone, Debug)]
 pub struct Extended {
-    /// Coded and extrapolated blocks.
-    pub volume: SparseVolume,
-    /// Whether each block of the volume was coded.
-    pub coded: Vec<bool>,
-    /// Look-up of the volume's blocks.
-    pub index: BlockIndex,
+    /// Its volume, coded and extrapolated blocks, with their look-up.
+    pub reference: Reference,
+    /// What the blocks are.
+    pub blocks: FrameBlocks,
 }
 
 impl Extended {
@@ -34,7 +35,7 @@ impl Extended {
     /// If the block edge is not 8.
     #[must_use]
     pub fn of(coded: &SparseVolume) -> Self {
-        let plan = ExtensionPlan::new(coded.coords(), &Dilation::of(coded.coords()));
+        let plan = ExtensionPlan::new(FrameBlocks::new(coded.coords(), None), coded.coords(), None);
         // What is in the room before is overwritten.
         let mut samples = plan.room(Vec::new());
         for (block, place) in plan.places().iter().enumerate() {
@@ -42,47 +43,67 @@ impl Extended {
         }
         let masks = coded.unobserved_masks().iter();
         let masks = masks.map(|(block, mask)| (plan.places()[*block as usize], mask.clone())).collect();
-        let extended = plan.extend(*coded.grid(), samples);
-        Self { volume: extended.volume.with_unobserved(masks), ..extended }
+        plan.extend(*coded.grid(), samples).with_unobserved(masks)
+    }
+
+    /// The volume.
+    #[must_use]
+    pub fn volume(&self) -> &SparseVolume {
+        self.reference.volume()
+    }
+
+    /// Look-up of the volume's blocks.
+    #[must_use]
+    pub fn index(&self) -> &BlockIndex {
+        self.reference.index()
+    }
+
+    /// The frame with further unobserved voxels, by block index.
+    #[must_use]
+    pub fn with_unobserved(self, masks: BTreeMap<u32, VoxelMask>) -> Self {
+        let reference = self.reference.with_unobserved(masks);
+        Self { reference, ..self }
     }
 }
 
-/// Which blocks a frame has once it is extended: all that can be said before its samples are known.
+/// Where the blocks of a frame will be once it is extended: all that can be said before its samples are known.
 #[derive(Clone, Debug)]
-pub struct ExtensionPlan {
+pub struct ExtensionPlan<'a> {
+    blocks: FrameBlocks,
+    kept: Option<Kept<'a>>,
     coords: Vec<BlockCoord>,
     index: BlockIndex,
+    /// Of each block, where its samples come from: those of the frame itself, or the frame before.
+    origins: Vec<BlockOrigin>,
+    /// Whether each was coded, in this frame or an earlier one.
+    coded: Vec<bool>,
     places: Vec<u32>,
 }
 
-impl ExtensionPlan {
-    /// Plans the extension of coded blocks, in Morton order, to their dilation: up to 27 times as many.
+impl<'a> ExtensionPlan<'a> {
+    /// Plans the extension of a frame. `coded`, `kept`: those that its blocks were found for.
     #[must_use]
-    pub fn new(coded: &[BlockCoord], dilation: &Dilation) -> Self {
-        let coords = dilation.coords();
-        let index = BlockIndex::new(&coords);
+    pub fn new(blocks: FrameBlocks, coded: &[BlockCoord], kept: Option<Kept<'a>>) -> Self {
+        let (coords, index) = (blocks.all.coords(), BlockIndex::of(&blocks.all));
         let mut next = coded.iter().peekable();
-        let is_coded = |(place, coord): (u32, &BlockCoord)| next.next_if_eq(&coord).map(|_| place);
-        let places = (0..).zip(&coords).filter_map(is_coded).collect();
-        Self { coords, index, places }
+        let is_coded = |(place, coord): (u32, BlockCoord)| next.next_if_eq(&&coord).map(|_| place);
+        let fresh = (0..).zip(blocks.fresh.cells().iter().flat_map(|cell| cell.coords()));
+        let places = fresh.filter_map(is_coded).collect();
+        let (origins, coded) = (origins(&blocks, kept), blocks.coded.marks_in(&blocks.all));
+        Self { blocks, kept, coords, index, origins, coded, places }
     }
 
-    /// For each coded block, its index among all.
+    /// For each block coded in this frame, its index among the blocks whose samples are of this frame.
     #[must_use]
     pub fn places(&self) -> &[u32] {
         &self.places
     }
 
-    /// How many blocks there are.
-    #[must_use]
-    pub fn block_count(&self) -> usize {
-        self.coords.len()
-    }
-
-    /// Room for the samples of all blocks, whatever they are now. `spare`: memory that was in use and can be again.
+    /// Room for the samples of the blocks whose samples are of this frame, whatever they are now. `spare`: memory that was in
+    /// use and can be again.
     #[must_use]
     pub fn room(&self, mut spare: Vec<i16>) -> Vec<i16> {
-        let wanted = self.coords.len() * BLOCK_VOXELS;
+        let wanted = self.blocks.fresh.count() * BLOCK_VOXELS;
         if spare.capacity() < wanted || spare.capacity() / 2 > wanted {
             drop(spare);
             // A little more, so that it serves the next frames too; the system gives no memory before it is written to.
@@ -92,8 +113,8 @@ impl ExtensionPlan {
         spare
     }
 
-    /// Extends coded blocks to all that are planned. `samples`: of all blocks, as [`Self::room`] has them, those of the coded
-    /// ones at their [`Self::places`].
+    /// Extends coded blocks to all that are planned. `samples`: as [`Self::room`] has them, those of the coded blocks at their
+    /// [`Self::places`].
     ///
     /// # Panics
     /// If the block edge is not 8, or there are not as many samples as planned.
@@ -102,29 +123,37 @@ impl ExtensionPlan {
         assert_eq!(grid.edge, BlockEdge::E8, "the extension is defined for blocks of 8 voxels");
         let sides = self.fill(grid.truncation.codes(), &mut samples);
         let masks = self.masks(&sides);
-        let coded = sides.iter().map(|side| *side == Side::Coded).collect();
-        let volume = SparseVolume::from_parts(grid, self.coords, samples, masks);
-        Extended { volume, coded, index: self.index }
+        let Self { blocks, kept, coords, index, origins, .. } = self;
+        let nothing = SparseVolume::empty(grid);
+        let before = kept.map_or(&nothing, |kept| kept.before.volume());
+        let volume = before.succeed(coords, &origins, samples, masks);
+        Extended { reference: Reference::with_index(volume, index), blocks }
     }
 
-    /// Extrapolates the blocks that were not coded.
+    /// Extrapolates the fresh blocks that were not coded. On which side each fresh block lies.
     fn fill(&self, limit: i16, samples: &mut [i16]) -> Vec<Side> {
-        let mut sides = vec![Side::Coded; self.coords.len()];
-        let mut coded: Vec<Option<&Block>> = vec![None; self.coords.len()];
-        let mut others = Vec::with_capacity(self.coords.len() - self.places.len());
+        let fresh = samples.len() / BLOCK_VOXELS;
+        let mut sides = vec![Side::Coded; fresh];
+        let mut coded: Vec<Option<&Block>> = vec![None; fresh];
+        let mut others = Vec::with_capacity(fresh - self.places.len());
         let mut places = self.places.iter().map(|place| *place as usize).peekable();
-        let blocks = samples.as_chunks_mut::<BLOCK_VOXELS>().0.iter_mut().zip(&mut sides).enumerate();
-        for (block, (samples, side)) in blocks {
+        let coords = self.blocks.fresh.cells().iter().flat_map(|cell| cell.coords());
+        let blocks = samples.as_chunks_mut::<BLOCK_VOXELS>().0.iter_mut().zip(&mut sides).zip(coords);
+        for (block, ((samples, side), coord)) in blocks.enumerate() {
             match places.next_if_eq(&block) {
                 Some(_) => coded[block] = Some(samples),
-                None => others.push((self.coords[block], samples, side)),
+                None => others.push((coord, samples, side)),
             }
         }
+        let coded = |block: u32| match self.origins[block as usize] {
+            BlockOrigin::Fresh(block) => coded[block as usize],
+            BlockOrigin::Kept(before) => self.coded[block as usize].then(|| self.kept_samples(before)),
+        };
         others.par_iter_mut().for_each_init(
             || NeighbourFinder::new(&self.index),
             |finder, (coord, samples, side)| {
                 finder.turn_to(*coord);
-                let neighbours: CodedNeighbours = finder.neighbourhood().map(|block| coded[block? as usize]);
+                let neighbours: CodedNeighbours = finder.neighbourhood().map(|block| coded(block?));
                 let inside = extrapolate(&neighbours, limit, samples);
                 **side = if inside { Side::Inside } else { Side::Outside };
             },
@@ -132,18 +161,61 @@ impl ExtensionPlan {
         sides
     }
 
-    /// Both sides of the faces on which extrapolated blocks of different signs meet.
+    /// The samples of a block of the frame before.
+    fn kept_samples(&self, block: u32) -> &'a Block {
+        let Kept { before, .. } = self.kept.expect("blocks are kept of a frame before");
+        before.volume().block(block as usize).try_into().expect("blocks of an edge of 8")
+    }
+
+    /// Both sides of the faces on which extrapolated blocks of different signs meet, and the masks of what has settled.
     fn masks(&self, sides: &[Side]) -> BTreeMap<u32, VoxelMask> {
-        let conflicts = |finder: &mut NeighbourFinder, block: usize| {
-            let opposite = sides[block].opposite()?;
+        let side = |block: u32| match self.origins[block as usize] {
+            BlockOrigin::Fresh(block) => sides[block as usize],
+            BlockOrigin::Kept(_) if self.coded[block as usize] => Side::Coded,
+            BlockOrigin::Kept(before) if self.kept_samples(before)[0] < 0 => Side::Inside,
+            BlockOrigin::Kept(_) => Side::Outside,
+        };
+        let conflicts = |finder: &mut NeighbourFinder, (block, unsettled): (usize, &bool)| {
+            let opposite = if *unsettled { side(block as u32).opposite()? } else { return None };
             finder.turn_to(self.coords[block]);
-            let opposed = |slot| finder.get(slot).is_some_and(|other| sides[other as usize] == opposite);
+            let opposed = |slot| finder.get(slot).is_some_and(|other| side(other) == opposite);
             conflicts(FACES.map(|(slot, _)| opposed(slot))).map(|mask| (block as u32, mask))
         };
-        let blocks = (0..sides.len()).into_par_iter();
-        let masks = blocks.map_init(|| NeighbourFinder::new(&self.index), conflicts);
-        masks.flatten_iter().collect::<Vec<_>>().into_iter().collect()
+        let unsettled = self.blocks.unsettled.marks_in(&self.blocks.all);
+        let masks =
+            unsettled.par_iter().enumerate().map_init(|| NeighbourFinder::new(&self.index), conflicts);
+        let mut masks: Vec<_> = masks.flatten_iter().collect();
+        masks.extend(self.settled_masks(&unsettled));
+        masks.into_iter().collect()
     }
+
+    /// The masks of the frame before in blocks where nothing has changed.
+    fn settled_masks(&self, unsettled: &[bool]) -> Vec<(u32, VoxelMask)> {
+        let Some(Kept { before, .. }) = self.kept else { return Vec::new() };
+        let (volume, mut finder) = (before.volume(), NeighbourFinder::new(&self.index));
+        let settled = volume.unobserved_masks().iter().filter_map(|(block, mask)| {
+            finder.turn_to(volume.coords()[*block as usize]);
+            let block = finder.get(13).filter(|block| !unsettled[*block as usize])?;
+            Some((block, mask.clone()))
+        });
+        settled.collect()
+    }
+}
+
+/// Where the samples of each block come from.
+fn origins(blocks: &FrameBlocks, kept: Option<Kept>) -> Vec<BlockOrigin> {
+    let mut fresh = 0..;
+    let before = kept.map(|Kept { before, .. }| {
+        // Blocks of the frame before that are in this one and not made anew.
+        blocks.all.difference(&blocks.fresh).marks_in(&before.blocks.all)
+    });
+    let mut before = (0..).zip(before.unwrap_or_default()).filter(|(_, is_kept)| *is_kept);
+    let is_fresh = blocks.fresh.marks_in(&blocks.all);
+    let origin = |is_fresh| match is_fresh {
+        true => BlockOrigin::Fresh(fresh.next().expect("no end")),
+        false => BlockOrigin::Kept(before.next().expect("what is not fresh was there before").0),
+    };
+    is_fresh.into_iter().map(origin).collect()
 }
 
 /// What masks need to know of a block: whether it was coded, and else, on which side of the surface it lies.

@@ -41,6 +41,11 @@ impl Reference {
         &self.volume
     }
 
+    /// The same with further unobserved voxels, by block index.
+    pub(crate) fn with_unobserved(self, masks: BTreeMap<u32, VoxelMask>) -> Self {
+        Self { volume: self.volume.with_unobserved(masks), ..self }
+    }
+
     /// The volume alone.
     pub(crate) fn into_volume(self) -> SparseVolume {
         self.volume

@@ -8,6 +8,7 @@
 //!                                        └── samples as the decoder has them┘
 //! ```
 
+mod change;
 mod encoder;
 mod field_dct;
 mod level_costs;

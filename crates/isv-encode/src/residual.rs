@@ -14,7 +14,7 @@ pub(crate) fn quantized_residual(
     let voxels = parameters.grid.edge.block_voxels();
     levels
         .par_chunks_exact_mut(parameters.coefficients())
-        .zip(volume.samples().par_chunks_exact(voxels))
+        .zip((0..volume.block_count()).into_par_iter().map(|block| volume.block(block)))
         .zip(prediction.par_chunks_exact(voxels))
         .for_each_init(
             || vec![0; voxels],

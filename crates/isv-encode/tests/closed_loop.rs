@@ -37,8 +37,7 @@ fn small_steps_and_all_coefficients_are_nearly_lossless() {
     let volumes: Vec<_> = (0..3).map(|t| ball(header.grid, f64::from(t))).collect();
     let (bytes, _) = encode(&header, settings(MotionMode::Fixed(Prediction::ThreeDof)), &volumes);
     for (source, decoded) in volumes.iter().zip(&decode(&bytes).0) {
-        let worst =
-            source.samples().iter().zip(decoded.samples()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        let worst = source.samples().zip(decoded.samples()).map(|(a, b)| a.abs_diff(b)).max().unwrap();
         let rms = surface_rms_voxels(source, decoded);
         println!("worst {worst} codes, surface rms {rms:.4} voxels");
         assert!(worst <= 12 && rms < 0.01);

@@ -35,7 +35,7 @@ fn decode(bytes: &[u8], lod: Lod) -> Vec<SparseVolume> {
 fn sums(full: &SparseVolume, reduced: &SparseVolume, lod: Lod) -> Vec<(i32, usize)> {
     let (n, size) = (full.grid().edge.voxels(), lod.voxels() as i32);
     let index = reduced.index();
-    let mut sums = vec![(0, 0); reduced.samples().len()];
+    let mut sums = vec![(0, 0); reduced.sample_count()];
     for (block, coord) in full.coords().iter().enumerate() {
         for (voxel, sample) in full.block(block).iter().enumerate() {
             let local = [voxel % n, voxel / n % n, voxel / n / n];
@@ -54,10 +54,10 @@ fn sums(full: &SparseVolume, reduced: &SparseVolume, lod: Lod) -> Vec<(i32, usiz
 /// Root mean square difference, in reduced voxels, from the full decode averaged down, within 0.9 voxel of the surface.
 fn drift(full: &SparseVolume, reduced: &SparseVolume, lod: Lod) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0);
-    for (sample, (sum, observed)) in reduced.samples().iter().zip(sums(full, reduced, lod)) {
+    for (sample, (sum, observed)) in reduced.samples().zip(sums(full, reduced, lod)) {
         let mean = f64::from(sum) / (256.0 * f64::from(lod.voxels()).powi(4));
         if observed == lod.voxels().pow(3) as usize && mean.abs() < 0.9 {
-            squares += (f64::from(*sample) / 256.0 - mean).powi(2);
+            squares += (f64::from(sample) / 256.0 - mean).powi(2);
             count += 1.0;
         }
     }
@@ -110,7 +110,7 @@ fn grids_and_masks_are_as_documented() {
             assert_eq!(grid.voxel_size.metres(), 0.005 * f64::from(size));
             assert_eq!(grid.truncation.voxels(), truncation.div_ceil(size).max(2));
             let limit = (truncation * 256 / size) as i16;
-            assert!(reduced.samples().iter().all(|s| s.abs() <= limit), "clamped at the stream's truncation");
+            assert!(reduced.samples().all(|s| s.abs() <= limit), "clamped at the stream's truncation");
             let n = grid.edge.block_voxels();
             for (voxel, (_, observed)) in sums(&full[1], reduced, lod).into_iter().enumerate() {
                 let hidden = reduced.unobserved(voxel / n).is_some_and(|mask| mask.contains(voxel % n));

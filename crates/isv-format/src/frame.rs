@@ -87,6 +87,8 @@ pub struct MainFrameHeader {
     pub half_voxel_vectors: bool,
     /// Whether blocks that are not predicted from the frame before are predicted by zero and not from their neighbours.
     pub no_spatial_prediction: bool,
+    /// Whether cells of 4x4x4 blocks may stay as they were in the frame before; only with [`Prediction::ThreeDof`].
+    pub still_cells: bool,
 }
 
 impl MainFrameHeader {
@@ -117,7 +119,10 @@ impl MainFrameHeader {
         }
     }
 
-    fn parse(fields: &mut ByteReader) -> Result<Self, FormatError> {
+    /// Bit of the prediction's byte that holds [`Self::still_cells`].
+    const STILL_CELLS: u8 = 1 << 2;
+
+    fn parse(fields: &mut ByteReader, still_cells: bool) -> Result<Self, FormatError> {
         let at = fields.at();
         let step = fields.varint()?;
         if !(1..=Self::MAX_STEP).contains(&step) {
@@ -136,6 +141,7 @@ impl MainFrameHeader {
             filter_limit,
             half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0,
             no_spatial_prediction: byte & Self::NO_SPATIAL_PREDICTION != 0,
+            still_cells,
         })
     }
 }
@@ -160,7 +166,8 @@ impl FrameHeader {
     pub const MAX_SLICES: u16 = 256;
 
     fn put(&self, out: &mut Vec<u8>) {
-        out.push(self.prediction.code());
+        let still_cells = matches!(&self.coding, FrameCoding::Main(main) if main.still_cells);
+        out.push(self.prediction.code() | if still_cells { MainFrameHeader::STILL_CELLS } else { 0 });
         put_varint(out, self.blocks);
         put_varint(out, u32::from(self.slices));
         if let FrameCoding::Main(main) = &self.coding {
@@ -174,7 +181,11 @@ impl FrameHeader {
     fn parse(fields: &mut ByteReader, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
         let at = fields.at();
         let code = fields.u8()?;
-        let prediction = Prediction::from_code(code, profile).ok_or_else(|| {
+        // Without a frame to predict from, nothing stays.
+        let still = MainFrameHeader::STILL_CELLS | Prediction::ThreeDof.code();
+        let still_cells = *profile == Profile::Main && code == still;
+        let prediction = if still_cells { Prediction::ThreeDof.code() } else { code };
+        let prediction = Prediction::from_code(prediction, profile).ok_or_else(|| {
             FormatError::malformed(
                 at,
                 format!("prediction {code} is not known in profile {}", profile.name()),
@@ -188,7 +199,7 @@ impl FrameHeader {
         }
         let coding = match profile {
             Profile::Paper(_) => FrameCoding::Paper,
-            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields)?),
+            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields, still_cells)?),
         };
         let volume_hash = if hashed { Some(fields.u64()?) } else { None };
         Ok(Self { prediction, blocks, slices: slices as u16, coding, volume_hash })
@@ -262,6 +273,7 @@ mod tests {
         filter_limit: 255,
         half_voxel_vectors: true,
         no_spatial_prediction: true,
+        still_cells: true,
     };
 
     fn payload(coding: FrameCoding) -> FramePayload<'static> {
@@ -313,6 +325,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
+                still_cells: false,
             },
             MainFrameHeader {
                 step: 1024,
@@ -320,6 +333,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: true,
                 no_spatial_prediction: false,
+                still_cells: false,
             },
             MainFrameHeader {
                 step: 1024,
@@ -327,6 +341,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
+                still_cells: false,
             },
         ];
         for header in headers {
@@ -344,9 +359,10 @@ mod tests {
             filter_limit: 40,
             half_voxel_vectors: true,
             no_spatial_prediction: true,
+            still_cells: true,
         };
         let bytes = payload(FrameCoding::Main(header)).to_bytes();
-        assert_eq!(bytes[..9], [2, 0x94, 0x23, 2, 0xac, 0x02, 0xd4, 40, 0xef]);
+        assert_eq!(bytes[..9], [6, 0x94, 0x23, 2, 0xac, 0x02, 0xd4, 40, 0xef]);
     }
 
     #[test]
@@ -373,6 +389,10 @@ mod tests {
             payload.header.prediction = prediction;
             assert_malformed(&payload, &Profile::Main, 0);
         }
+        // Where nothing is predicted, no cell stays as it was.
+        payload.header.prediction = Prediction::None;
+        assert_malformed(&payload, &Profile::Main, 0);
+        payload.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: false, ..MAIN_HEADER });
         for prediction in [Prediction::None, Prediction::ThreeDof] {
             payload.header.prediction = prediction;
             assert!(FramePayload::parse(&payload.to_bytes(), 0, true, &Profile::Main).is_ok());

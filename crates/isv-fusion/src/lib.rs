@@ -20,7 +20,7 @@
 //!     edge: BlockEdge::E8,
 //!     truncation: Truncation::from_voxels(8)?,
 //! }))?;
-//! assert!(volume.samples().iter().any(|s| *s > 0) && volume.samples().iter().any(|s| *s < 0));
+//! assert!(volume.samples().any(|s| s > 0) && volume.samples().any(|s| s < 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -21,7 +21,7 @@
 //! let (decision, evidence) = decide_sign(&mesh, settings.sign);
 //! println!("{decision} ({:.0} % of the surface looks closed)", 100.0 * evidence.closed_share);
 //! let volume = ingest_mesh(&mesh, &settings, decision).unwrap();
-//! assert!(volume.samples().iter().any(|s| *s < 0));
+//! assert!(volume.samples().any(|s| s < 0));
 //! ```
 //!
 //! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks; `topology` says

@@ -41,7 +41,7 @@ fn check_sequence(
         "{name} {frame} at {voxel_m} m: {decision}, {evidence:?}; {} blocks, {} masks, {:.1} MB, {:.0} ms",
         volume.block_count(),
         volume.unobserved_masks().len(),
-        volume.samples().len() as f64 * 2e-6,
+        volume.sample_count() as f64 * 2e-6,
         start.elapsed().as_secs_f64() * 1e3,
     );
     check_samples(name, &mesh, &volume, decision);
@@ -144,10 +144,10 @@ fn check_against_all_triangles(name: &str, mesh: &TriangleMesh, volume: &SparseV
     let (n, limit) = (grid.edge.voxels(), f64::from(grid.truncation.codes()));
     let offset = if sign == SignDecision::Offset { 1.5 * 256.0 } else { 0.0 };
     let size = grid.edge.block_voxels();
-    let step = volume.samples().len() / VOXELS_CHECKED;
+    let step = volume.sample_count() / VOXELS_CHECKED;
     let (mut worst, mut compared) = (0f64, 0);
     // An odd stride visits every place in a block.
-    for at in (0..volume.samples().len()).step_by(step | 1) {
+    for at in (0..volume.sample_count()).step_by(step | 1) {
         let (block, voxel) = (at / size, at % size);
         if volume.unobserved(block).is_some_and(|mask| mask.contains(voxel)) {
             continue;

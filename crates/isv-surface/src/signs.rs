@@ -31,11 +31,11 @@ struct Parts {
 
 impl<const SIDE: usize> Signs<SIDE> {
     pub(crate) fn new(volume: &SparseVolume) -> Self {
-        let (inside, parts) = volume
-            .samples()
-            .par_chunks_exact(SIDE.pow(3))
+        let (inside, parts) = (0..volume.block_count())
+            .into_par_iter()
             .with_min_len(MIN_BLOCKS)
-            .map(|samples| {
+            .map(|block| {
+                let samples = volume.block(block);
                 vectorized(
                     #[inline(always)]
                     || {

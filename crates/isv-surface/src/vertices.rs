@@ -5,12 +5,8 @@ use isv_volume::{Neighbourhood, OCTET_SLOTS, SparseVolume};
 
 /// The vertices on the edges that start in a block.
 pub(crate) struct EdgeZeros<'a, const SIDE: usize> {
-    /// All samples of the volume.
-    samples: &'a [i16],
-    /// Where those of the block begin.
-    block: usize,
-    /// From a sample to the next one along an axis: within the block, and from its last voxel into the next block.
-    steps: [[usize; 2]; 3],
+    /// The samples of the block, then those of the next one along each axis. No edge crosses into a block that is not there.
+    blocks: [&'a [i16]; 4],
     /// Coordinates of the first voxel's centre in metres.
     origin_m: DVec3,
     voxel_m: f64,
@@ -33,22 +29,20 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
     /// Of a block, given those around it.
     #[inline(always)]
     pub(crate) fn new(volume: &'a SparseVolume, block: u32, around: &Neighbourhood) -> Self {
-        let first = |block: u32| block as usize * SIDE.pow(3);
+        let samples = |block: u32| volume.block(block as usize);
         let origin_m = volume.grid().voxel_centre_m(volume.coords()[block as usize], [0; 3]);
         let voxel_m = volume.grid().voxel_size.metres();
-        let mut steps = [[0; 2]; 3];
+        let mut blocks = [samples(block); 4];
         let mut centres_m = [[0.0; SIDE]; 3];
         for axis in 0..3 {
-            let stride = SIDE.pow(axis as u32);
-            // No edge crosses into a block that is not there.
-            let beyond =
-                around[OCTET_SLOTS[1 << axis]].map_or(0, |next| first(next).wrapping_sub(first(block)));
-            steps[axis] = [stride, beyond.wrapping_sub((SIDE - 1) * stride)];
+            if let Some(next) = around[OCTET_SLOTS[1 << axis]] {
+                blocks[1 + axis] = samples(next);
+            }
             for voxel in 0..SIDE {
                 centres_m[axis][voxel] = origin_m[axis] + voxel as f64 * voxel_m;
             }
         }
-        Self { samples: volume.samples(), block: first(block), steps, origin_m, voxel_m, centres_m }
+        Self { blocks, origin_m, voxel_m, centres_m }
     }
 
     /// The vertex between a voxel of the block and the next one along an axis: the zero of the field by linear interpolation.
@@ -57,9 +51,13 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
     #[inline(always)]
     pub(crate) fn on_edge(&self, lower: [usize; 3], axis: usize) -> EdgeZero {
         let [x, y, z] = lower;
-        let from = self.block + (z * SIDE + y) * SIDE + x;
-        let to = from.wrapping_add(self.steps[axis][usize::from(lower[axis] == SIDE - 1)]);
-        let [a, b] = [self.samples[from], self.samples[to]].map(|c| f64::from(if c == 0 { 1 } else { c }));
+        let (from, stride) = ((z * SIDE + y) * SIDE + x, SIDE.pow(axis as u32));
+        let (next, to) = match lower[axis] == SIDE - 1 {
+            true => (1 + axis, from - (SIDE - 1) * stride),
+            false => (0, from + stride),
+        };
+        let [a, b] =
+            [self.blocks[0][from], self.blocks[next][to]].map(|c| f64::from(if c == 0 { 1 } else { c }));
         EdgeZero { lower, axis, fraction: a / (a - b), lower_inside: a < 0.0 }
     }
 

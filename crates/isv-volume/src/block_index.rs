@@ -1,16 +1,13 @@
 //! From block coordinate to block index.
 
-use crate::{BlockCoord, MortonCode};
+use crate::block_set::CELL_LOG2;
+use crate::{BlockCoord, BlockSet};
 use rustc_hash::FxHashMap;
 
 /// Block indices of a block's 3x3x3 neighbourhood; `None` where there is no block. Entry `(dz + 1) * 9 + (dy + 1) * 3 +
 /// (dx + 1)` is the neighbour at offset `(dx, dy, dz)`; entry 13 is the block itself.
 pub type Neighbourhood = [Option<u32>; 27];
 
-/// Base-2 logarithm of the blocks along the edge of a cell.
-const CELL_LOG2: u32 = 2;
-/// Bits of a Morton code that tell a block within its cell.
-const CELL_BITS: u32 = 3 * CELL_LOG2;
 /// Two bits, each followed by two empty places.
 const SPREAD: [u32; 4] = [0, 1, 8, 9];
 
@@ -47,19 +44,20 @@ impl BlockIndex {
     /// In debug builds, if the blocks are not in Morton order.
     #[must_use]
     pub fn new(coords: &[BlockCoord]) -> Self {
-        debug_assert!(coords.windows(2).all(|w| w[0].morton() < w[1].morton()), "blocks in Morton order");
-        let mut cells = FxHashMap::default();
-        let mut rest = (0..).zip(coords).map(|(index, coord)| (index, coord.morton().0)).peekable();
-        while let Some((first, code)) = rest.next() {
-            let bit = |code: u64| 1u64 << (code & ((1 << CELL_BITS) - 1));
-            let mut blocks = bit(code);
-            while let Some((_, next)) = rest.next_if(|(_, next)| next >> CELL_BITS == code >> CELL_BITS) {
-                blocks |= bit(next);
-            }
-            let place = MortonCode(code).coord().to_array().map(|c| c >> CELL_LOG2);
-            cells.insert(place, Cell { blocks, first });
-        }
-        Self { cells }
+        Self::of(&BlockSet::of(coords))
+    }
+
+    /// Indexes the list of a set's blocks.
+    #[must_use]
+    pub fn of(set: &BlockSet) -> Self {
+        let mut first = 0;
+        let numbered = set.cells().iter().map(|cell| {
+            let place = cell.corner().to_array().map(|c| c >> CELL_LOG2);
+            let numbered = Cell { blocks: cell.blocks, first };
+            first += cell.blocks.count_ones();
+            (place, numbered)
+        });
+        Self { cells: numbered.collect() }
     }
 
     /// Index of the block at a coordinate.

@@ -19,6 +19,7 @@
 //! ```
 
 mod block_index;
+mod block_set;
 mod coord;
 mod depth;
 mod fit;
@@ -29,6 +30,7 @@ mod points;
 mod volume;
 
 pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
+pub use block_set::{BlockCell, BlockSet};
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
 pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
 pub use fit::{FitError, round_up};
@@ -36,4 +38,4 @@ pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSiz
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};
 pub use points::{PointCloud, PointsError};
-pub use volume::{SparseVolume, VolumeBuilder};
+pub use volume::{BlockOrigin, SparseVolume, VolumeBuilder};

@@ -1,11 +1,12 @@
 //! A set of voxels within one block.
 
 use crate::BlockEdge;
+use std::sync::Arc;
 
-/// One bit a voxel of a block, in voxel-index order (x fastest).
+/// One bit a voxel of a block, in voxel-index order (x fastest). Copies share their memory until one is changed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VoxelMask {
-    words: Box<[u64]>,
+    words: Arc<[u64]>,
 }
 
 impl VoxelMask {
@@ -30,7 +31,7 @@ impl VoxelMask {
     /// The voxels that are in both sets, in a block of the same edge.
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
-        Self { words: self.words.iter().zip(&other.words).map(|(a, b)| a & b).collect() }
+        Self { words: self.words.iter().zip(&*other.words).map(|(a, b)| a & b).collect() }
     }
 
     /// Whether a voxel is in the set.
@@ -41,17 +42,17 @@ impl VoxelMask {
 
     /// Adds a voxel.
     pub fn insert(&mut self, voxel: usize) {
-        self.words[voxel / 64] |= 1 << (voxel % 64);
+        Arc::make_mut(&mut self.words)[voxel / 64] |= 1 << (voxel % 64);
     }
 
     /// Adds all voxels of another set in a block of the same edge.
     pub fn insert_all(&mut self, other: &Self) {
-        self.words.iter_mut().zip(&other.words).for_each(|(word, more)| *word |= more);
+        Arc::make_mut(&mut self.words).iter_mut().zip(&*other.words).for_each(|(word, more)| *word |= more);
     }
 
     /// Takes a voxel out.
     pub fn remove(&mut self, voxel: usize) {
-        self.words[voxel / 64] &= !(1 << (voxel % 64));
+        Arc::make_mut(&mut self.words)[voxel / 64] &= !(1 << (voxel % 64));
     }
 
     /// Whether no voxel is in the set.

@@ -134,6 +134,7 @@ impl NoiseFrame {
     fn draw(random: &mut Random, frame: usize, slices: u16) -> Self {
         let mut bytes = |count: usize| (0..count).map(|_| (random.signed() * 128.0) as i8 as u8).collect();
         let main = MainFrameHeader {
+            still_cells: false,
             step: [4096, 9000, 30_000, 1 << 20, 700][frame % 5],
             filter: [25, 13, 0, 7, 20][frame % 5],
             filter_limit: [255, 38, 0, 3, 90][frame % 5],

@@ -107,8 +107,8 @@ impl Inputs {
             (0..2).map(|_| reader.next_frame()?.context("two frames")).collect::<Result<Vec<_>>>()?;
         let mut decoder = Decoder::new(&header, Limits::default());
         let decoded = decoder.decode(&packets[0])?.volume.clone();
-        let coded = BlockSetModels::default()
-            .read(&block_sets[0], blocks[0], None)
+        let (_, coded) = BlockSetModels::default()
+            .read(&block_sets[0], blocks[0], None, false)
             .map_err(|SyntaxError(why)| Error::msg(why))?;
         Ok(Self { header, volumes, packets, block_sets, blocks, decoded, coded })
     }
@@ -264,29 +264,29 @@ fn deblocking(inputs: &Inputs, counter: Counter) -> usize {
 fn extension(inputs: &Inputs, counter: Counter) -> usize {
     let coded = inputs.coded_volume();
     counter(&mut || drop(black_box(Extended::of(&coded))));
-    Extended::of(&coded).volume.block_count() - coded.block_count()
+    Extended::of(&coded).volume().block_count() - coded.block_count()
 }
 
 fn keyframe_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let (bytes, count) = (&inputs.block_sets[0], inputs.blocks[0]);
     let models = BlockSetModels::default();
-    counter(&mut || drop(black_box(models.clone().read(bytes, count, None))));
+    counter(&mut || drop(black_box(models.clone().read(bytes, count, None, false))));
     inputs.blocks[0]
 }
 
 /// With the reference that the decoder has, as far as the set of blocks depends on it.
 fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let mut models = BlockSetModels::default();
-    models.read(&inputs.block_sets[0], inputs.blocks[0], None).expect("a set of our own");
+    models.read(&inputs.block_sets[0], inputs.blocks[0], None, false).expect("a set of our own");
     let count = inputs.coded.len();
     let mut none = BlockLevels::with_capacity(count);
     (0..count).for_each(|_| none.push(&[]));
-    let symbols =
-        FrameSymbols { coords: inputs.coded.clone(), modes: vec![BlockMode::Spatial; count], levels: none };
-    let reference = MainReference::new(Extended::of(&inputs.coded_volume()), &symbols, BTreeMap::new());
+    let (coords, modes) = (inputs.coded.clone(), vec![BlockMode::Spatial; count]);
+    let symbols = FrameSymbols { coords, modes, levels: none, ..FrameSymbols::default() };
+    let reference = MainReference::new(Extended::of(&inputs.coded_volume()), symbols, BTreeMap::new());
     counter(&mut || {
-        let read = models.clone().read(&inputs.block_sets[1], inputs.blocks[1], Some(&reference));
-        assert_eq!(read.map(|coords| coords.len()), Ok(inputs.blocks[1]), "the set as it was written");
+        let read = models.clone().read(&inputs.block_sets[1], inputs.blocks[1], Some(&reference), false);
+        assert_eq!(read.map(|(_, coords)| coords.len()), Ok(inputs.blocks[1]), "the set as it was written");
     });
     inputs.blocks[1]
 }
@@ -304,7 +304,7 @@ fn ingest(inputs: &Inputs, counter: Counter) -> usize {
     let sign = decide_sign(&mesh, settings.sign).0;
     let volume = || ingest_mesh(&mesh, &settings, sign).expect("a small sphere");
     counter(&mut || drop(black_box(volume())));
-    volume().samples().len()
+    volume().sample_count()
 }
 
 /// The frame after so many others, each run with an encoder of its own.

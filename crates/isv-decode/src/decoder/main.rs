@@ -3,7 +3,7 @@
 use super::sequence::Sequence;
 use super::{DecodedFrame, Limits};
 use crate::DecodeError;
-use crate::extension::{Dilation, ExtensionPlan};
+use crate::extension::{ExtensionPlan, FrameBlocks, Kept};
 use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
 use crate::main_profile::syntax::EntropyState;
 use crate::main_profile::{
@@ -15,7 +15,7 @@ use isv_format::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
     SliceLayout,
 };
-use isv_volume::{BlockCoord, Grid, GridError, SparseVolume};
+use isv_volume::{Grid, GridError, SparseVolume};
 use rayon::prelude::*;
 use std::mem::take;
 use tracing::debug_span;
@@ -84,14 +84,19 @@ impl MainDecoder {
         let FrameCoding::Main(main) = payload.header.coding else {
             unreachable!("the payload was parsed as one of profile main")
         };
-        let blocks = payload.header.blocks as usize;
-        let coords = debug_span!("block set")
-            .in_scope(|| self.entropy.block_set.read(payload.block_set, blocks, reference))
+        let count = payload.header.blocks as usize;
+        let (still, coords) = debug_span!("block set")
+            .in_scope(|| self.entropy.block_set.read(payload.block_set, count, reference, main.still_cells))
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
-        let dilation = Dilation::of(&coords);
-        self.check_limit(packet, dilation.count())?;
+        let kept = reference.map(|before| Kept { before: before.extended(), still: &still });
+        let kept = kept.filter(|kept| !kept.still.is_empty());
+        let blocks = FrameBlocks::new(&coords, kept);
+        self.check_limit(packet, blocks.all.count())?;
+        let plan = || ExtensionPlan::new(blocks, &coords, kept);
+        let symbols =
+            FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
-            .read_frame(&payload, &main, coords, &dilation, reference)
+            .read_frame(&payload, &main, symbols, plan, reference)
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         self.sequence.advance(packet);
         self.spare = last.map_or_else(Vec::new, MainReference::into_samples);
@@ -111,25 +116,25 @@ impl MainDecoder {
         if blocks > limit { Err(DecodeError::TooManyBlocks { at: packet.at, blocks, limit }) } else { Ok(()) }
     }
 
-    /// The frame, from its block set on.
-    fn read_frame(
+    /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension.
+    fn read_frame<'a>(
         &mut self,
         payload: &FramePayload,
         main: &MainFrameHeader,
-        coords: Vec<BlockCoord>,
-        dilation: &Dilation,
+        symbols: FrameSymbols,
+        plan: impl FnOnce() -> ExtensionPlan<'a> + Send,
         reference: Option<&MainReference>,
     ) -> Result<MainReference, SyntaxError> {
         let header = &payload.header;
-        let layout = SliceLayout::new(coords.len(), usize::from(header.slices));
-        let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
+        let layout = SliceLayout::new(symbols.coords.len(), usize::from(header.slices));
+        let causal =
+            debug_span!("neighbours").in_scope(|| CausalBlocks::new(&symbols.coords, layout.ranges()));
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
         let before = reference.filter(|_| header.prediction != Prediction::None);
         // The blocks are known: those around them are found while the symbols are read.
-        let blocks = coords.clone();
         let (plan, symbols) = rayon::join(
-            || debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&blocks, dilation)),
-            || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, coords, &causal, before)),
+            || debug_span!("extension plan").in_scope(plan),
+            || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, symbols, &causal, before)),
         );
         let symbols = symbols?;
         let mut samples = plan.room(take(&mut self.spare));
@@ -141,25 +146,25 @@ impl MainDecoder {
         let blocks = reference.map(|reference| reference.reference().blocks());
         let masks =
             debug_span!("masks").in_scope(|| self.entropy.masks.read(payload.masks, &extended, blocks))?;
-        Ok(MainReference::new(extended, &symbols, masks))
+        Ok(MainReference::new(extended, symbols, masks))
     }
 
-    /// The modes and levels of all slices.
+    /// Adds the modes and levels of all slices.
     fn read_symbols(
         &mut self,
         payload: &FramePayload,
         main: &MainFrameHeader,
-        coords: Vec<BlockCoord>,
+        mut symbols: FrameSymbols,
         causal: &CausalBlocks,
         reference: Option<&MainReference>,
     ) -> Result<FrameSymbols, SyntaxError> {
         let FrameHeader { slices, .. } = payload.header;
-        let ranges: Vec<_> = SliceLayout::new(coords.len(), usize::from(slices)).ranges().collect();
+        let ranges: Vec<_> = SliceLayout::new(symbols.coords.len(), usize::from(slices)).ranges().collect();
         let parameters = &self.parameters;
         let slices = self.entropy.slices(usize::from(slices)).par_iter_mut().zip(ranges).zip(&payload.slices);
         let decoded: Vec<_> = slices
             .map(|((models, range), bytes)| {
-                let blocks = SliceBlocks { coords: &coords, range, causal };
+                let blocks = SliceBlocks { coords: &symbols.coords, range, causal };
                 let modes = match reference {
                     Some(reference) => {
                         models.modes.read(bytes.motion, &blocks, reference, main.vector_step())?
@@ -171,7 +176,6 @@ impl MainDecoder {
                 Ok((modes, levels))
             })
             .collect::<Result<_, SyntaxError>>()?;
-        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
         for (modes, levels) in decoded {
             symbols.modes.extend(modes);
             symbols.levels.append(&levels);

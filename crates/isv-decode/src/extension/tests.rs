@@ -1,6 +1,6 @@
 use super::*;
 use isv_testkit::Random;
-use isv_volume::{COORD_LIMIT, Grid, Truncation, VolumeBuilder, VoxelSize};
+use isv_volume::{BlockSet, COORD_LIMIT, Grid, Truncation, VolumeBuilder, VoxelSize};
 
 const EDGE: i32 = 8;
 
@@ -155,12 +155,18 @@ mod plain {
     }
 }
 
+/// Whether each block of a frame was coded.
+fn coded_flags(extended: &Extended) -> Vec<bool> {
+    extended.blocks.coded.marks_in(&extended.blocks.all)
+}
+
 /// Asserts that a volume's extension is that of the plain reference; how many masks it has.
 fn check(coded: &SparseVolume) -> usize {
-    let Extended { volume, coded: flags, .. } = Extended::of(coded);
+    let extended = Extended::of(coded);
+    let (volume, flags) = (extended.volume(), coded_flags(&extended));
     let expected = plain::extend(coded);
     assert_eq!(volume.block_count(), expected.len());
-    assert_eq!(Dilation::of(coded.coords()).count(), expected.len());
+    assert_eq!(FrameBlocks::new(coded.coords(), None).all.coords(), volume.coords());
     assert!(volume.coords().windows(2).all(|pair| pair[0].morton() < pair[1].morton()));
     for (block, coord) in volume.coords().iter().enumerate() {
         let (samples, was_coded, mask) = &expected[&coord.to_array()];
@@ -191,14 +197,15 @@ fn a_plane_through_a_row_of_blocks_goes_on_as_a_plane() {
     let plane = |[x, y, z]: [i32; 3]| 250 * y - 1000 + 3 * x - 2 * z;
     let row: Vec<[i32; 3]> = (-2..2).map(|x| [x, 0, 0]).collect();
     let extended = Extended::of(&volume(&row, plane));
-    assert_eq!(extended.volume.block_count(), 6 * 9);
-    assert_eq!(extended.coded.iter().filter(|coded| **coded).count(), 4);
-    for (block, coord) in extended.volume.coords().iter().enumerate() {
+    let (volume, coded) = (extended.volume(), coded_flags(&extended));
+    assert_eq!(volume.block_count(), 6 * 9);
+    assert_eq!(coded.iter().filter(|coded| **coded).count(), 4);
+    for (block, coord) in volume.coords().iter().enumerate() {
         // Beside the row the plane goes on through blocks that hold one sign: there only one half can follow it.
-        if coord.y == 0 && !extended.coded[block] {
+        if coord.y == 0 && !coded[block] {
             continue;
         }
-        for (voxel, sample) in extended.volume.block(block).iter().enumerate() {
+        for (voxel, sample) in volume.block(block).iter().enumerate() {
             let local = position(voxel);
             let expected = plane([0, 1, 2].map(|a| coord.to_array()[a] * EDGE + local[a])).clamp(-4096, 4096);
             assert_eq!(i32::from(*sample), expected, "voxel {voxel} of {coord:?}");
@@ -209,7 +216,8 @@ fn a_plane_through_a_row_of_blocks_goes_on_as_a_plane() {
 #[test]
 fn an_extrapolated_block_has_one_sign() {
     for seed in 100..110 {
-        let Extended { volume, coded, .. } = Extended::of(&random_volume(seed, 8));
+        let extended = Extended::of(&random_volume(seed, 8));
+        let (volume, coded) = (extended.volume(), coded_flags(&extended));
         for block in (0..volume.block_count()).filter(|block| !coded[*block]) {
             let samples = volume.block(block);
             assert!(samples.iter().all(|s| s.signum() == samples[0].signum() && s.abs() >= 5));
@@ -221,7 +229,8 @@ fn an_extrapolated_block_has_one_sign() {
 fn both_sides_of_a_face_between_signs_are_unobserved() {
     // Two blocks apart by two blocks, one wholly inside and one wholly outside.
     let coded = volume(&[[0, 0, 0], [3, 0, 0]], |[x, ..]| if x < 16 { -700 } else { 700 });
-    let Extended { volume, .. } = Extended::of(&coded);
+    let extended = Extended::of(&coded);
+    let volume = extended.volume();
     for (block, coord) in volume.coords().iter().enumerate() {
         let layer = match coord.x {
             1 => Some(7),
@@ -246,14 +255,14 @@ fn the_number_of_threads_changes_nothing() {
     let alone = on(1);
     for threads in [2, 3, 8] {
         let together = on(threads);
-        assert!(alone.volume == together.volume && alone.coded == together.coded, "{threads} threads");
+        assert!(alone.volume() == together.volume() && alone.blocks == together.blocks, "{threads} threads");
     }
 }
 
 #[test]
 fn nothing_extends_to_nothing() {
-    let Extended { volume, coded, .. } = Extended::of(&SparseVolume::empty(grid(8)));
-    assert_eq!((volume.block_count(), coded.len()), (0, 0));
+    let extended = Extended::of(&SparseVolume::empty(grid(8)));
+    assert_eq!((extended.volume().block_count(), extended.blocks), (0, FrameBlocks::default()));
 }
 
 #[test]
@@ -261,6 +270,65 @@ fn blocks_beyond_the_limit_of_coordinates_are_left_out() {
     let (first, last) = (-COORD_LIMIT, COORD_LIMIT - 1);
     let corners = [[first; 3], [last; 3], [first, 0, last]];
     let coded = volume(&corners, |[x, y, z]| (x ^ y ^ z) % 500);
-    assert_eq!(Dilation::of(coded.coords()).count(), 8 + 8 + 12);
+    assert_eq!(FrameBlocks::new(coded.coords(), None).all.count(), 8 + 8 + 12);
     check(&coded);
+}
+
+/// Four random volumes in a row along x.
+fn long_random_volume(seed: u64) -> SparseVolume {
+    let mut builder = VolumeBuilder::new(grid(8));
+    for part in 0..4 {
+        let volume = random_volume(10 * seed + part, 8);
+        for (block, coord) in volume.coords().iter().enumerate() {
+            builder.push(coord.offset([5 * part as i32, 0, 0]), volume.block(block).to_vec(), None);
+        }
+    }
+    builder.finish()
+}
+
+/// What a frame keeps of another one is what it would have become: the same as the extension of all that is coded.
+#[test]
+fn what_is_kept_is_what_it_would_become() {
+    let (mut kept_blocks, mut masks) = (0, 0);
+    for seed in 200..208 {
+        // Each is 20 blocks long; the first two cells of the first one stay, and another on their far side.
+        let [before, other] = [seed, seed + 1000].map(long_random_volume);
+        let stays = |coord: &BlockCoord| coord.x < 8 || (coord.x < 12 && coord.y < 4 && coord.z >= 4);
+        let mut builder = VolumeBuilder::new(*before.grid());
+        let mut now = Vec::new();
+        for (volume, from_before) in [(&before, true), (&other, false)] {
+            for (block, coord) in volume.coords().iter().enumerate().filter(|(_, c)| stays(c) == from_before)
+            {
+                builder.push(*coord, volume.block(block).to_vec(), None);
+                now.extend((!from_before).then_some(*coord));
+            }
+        }
+        let before = Extended::of(&before);
+        let still: Vec<_> = before.volume().coords().iter().copied().filter(stays).collect();
+        let still = BlockSet::of(&still);
+        let kept = Some(Kept { before: &before, still: &still });
+        let plan = ExtensionPlan::new(FrameBlocks::new(&now, kept), &now, kept);
+        let mut samples = plan.room(Vec::new());
+        for (coord, place) in now.iter().zip(plan.places()) {
+            let block = other.index().get(*coord).unwrap() as usize;
+            samples[*place as usize * BLOCK_VOXELS..][..BLOCK_VOXELS].copy_from_slice(other.block(block));
+        }
+        let found = plan.extend(*other.grid(), samples);
+        let expected = Extended::of(&builder.finish());
+        // Masks of coded blocks are not the extension's.
+        let of_made = |extended: &Extended| -> Vec<(u32, VoxelMask)> {
+            let coded = coded_flags(extended);
+            let masks = extended.volume().unobserved_masks().iter();
+            masks.filter(|(block, _)| !coded[**block as usize]).map(|(b, m)| (*b, m.clone())).collect()
+        };
+        assert_eq!(found.blocks.all, expected.blocks.all);
+        assert_eq!(found.blocks.coded, expected.blocks.coded);
+        assert_eq!(of_made(&found), of_made(&expected));
+        for block in 0..expected.volume().block_count() {
+            assert_eq!(found.volume().block(block), expected.volume().block(block));
+        }
+        kept_blocks += found.blocks.all.difference(&found.blocks.unsettled).count();
+        masks += found.volume().unobserved_masks().len();
+    }
+    assert!(kept_blocks > 100 && masks > 100, "{kept_blocks} blocks kept as they were, {masks} masks");
 }

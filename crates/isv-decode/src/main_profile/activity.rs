@@ -27,6 +27,11 @@ impl Activity {
     /// Classes of [`Self::fine_class`].
     pub const FINE_CLASSES: usize = 37;
 
+    /// Of a block that stays as it is.
+    fn of_still(coded: bool) -> Self {
+        Self { crossings: u16::from(coded), nearest: 0 }
+    }
+
     /// Whether surface is expected at all.
     #[must_use]
     pub fn is_expected(self) -> bool {
@@ -59,24 +64,28 @@ impl Activity {
     }
 }
 
-/// The activity of every block of the reference's volume, in its order.
+/// The activity of every block of the reference's volume, in its order. Where blocks are marked to stay as they are, surface is
+/// expected in those that were coded.
 #[must_use]
-pub fn expected_activity(reference: &MainReference) -> Vec<Activity> {
-    let blocks = reference.volume().block_count();
-    // Both ways give the same for blocks that stand still, and of a scene that moves there are few.
-    let own_motion = (0..blocks).filter(|block| moves(reference, *block)).count();
-    let (moving, stills) = match 8 * own_motion < blocks {
+pub fn expected_activity(reference: &MainReference, still: &[bool]) -> Vec<Activity> {
+    // Both ways give the same for blocks that stand still, and of a scene that moves, or whose still cells are told, there are
+    // few.
+    let own_motion = (0..still.len()).filter(|block| moves(reference, *block)).count();
+    let (moving, stills) = match 8 * own_motion < still.len() && !still.contains(&true) {
         true => (moving_blocks(reference), stills(reference)),
         false => (Vec::new(), Vec::new()),
     };
-    let activity = |(window, finder): &mut (Window, NeighbourFinder), block: usize| {
+    let activity = |(window, finder): &mut (Window, NeighbourFinder), (block, still): (usize, &bool)| {
+        if *still {
+            return Activity::of_still(reference.coded_at(block).is_some());
+        }
         finder.turn_to(reference.volume().coords()[block]);
         match moving.get(block) {
             Some(false) => activity_standing(block, &stills, finder),
             _ => activity_in(window_ahead(reference, block, window, finder)),
         }
     };
-    let blocks = (0..blocks).into_par_iter();
+    let blocks = still.par_iter().enumerate();
     blocks.map_init(|| (Window::default(), reference.finder()), activity).collect()
 }
 
@@ -110,7 +119,9 @@ struct Still {
 
 fn stills(reference: &MainReference) -> Vec<Still> {
     let still = |samples: &[i16; 512]| Still { inside: inside(samples), nearest: nearest(samples) };
-    reference.volume().samples().as_chunks::<512>().0.par_iter().map(still).collect()
+    let volume = reference.volume();
+    let samples = |block| volume.block(block).try_into().expect("blocks of an edge of 8");
+    (0..volume.block_count()).into_par_iter().map(|block| still(samples(block))).collect()
 }
 
 /// Smallest magnitude.
@@ -211,9 +222,10 @@ fn activity_in(window: &WindowRows) -> Activity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extension::Extended;
+    use crate::Reference;
+    use crate::extension::{Extended, FrameBlocks};
     use crate::main_profile::FrameSymbols;
-    use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+    use isv_volume::{BlockCoord, BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};
     use std::collections::BTreeMap;
 
     /// Blocks of noise, some of whose neighbours are missing: by signs as by the window.
@@ -234,11 +246,15 @@ mod tests {
         };
         let samples = (0..coords.len() * 512).map(|i| sample(i).clamp(-2048, 2048)).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
-        let (coded, index) = (vec![false; volume.block_count()], volume.index());
-        let extended = Extended { volume, coded, index };
-        let reference = MainReference::new(extended, &FrameSymbols::default(), BTreeMap::new());
+        let all = BlockSet::of(volume.coords());
+        let blocks = FrameBlocks { all, ..FrameBlocks::default() };
+        let extended = Extended { reference: Reference::new(volume), blocks };
+        let reference = MainReference::new(extended, FrameSymbols::default(), BTreeMap::new());
         let (mut window, mut finder) = (Window::default(), reference.finder());
-        let (stills, found) = (stills(&reference), expected_activity(&reference));
+        let (stills, found) = (
+            stills(&reference),
+            expected_activity(&reference, &vec![false; reference.volume().block_count()]),
+        );
         for (block, found) in found.into_iter().enumerate() {
             finder.turn_to(reference.volume().coords()[block]);
             let expected = activity_in(window_ahead(&reference, block, &mut window, &finder));

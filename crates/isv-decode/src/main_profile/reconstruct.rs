@@ -214,8 +214,10 @@ pub fn filter_and_extend(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Reference;
+    use crate::extension::FrameBlocks;
     use isv_kernels::warp::{MotionVector, StitchedReference};
-    use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+    use isv_volume::{BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};
     use std::collections::BTreeMap;
 
     fn reference() -> MainReference {
@@ -229,8 +231,10 @@ mod tests {
         coords.sort_unstable_by_key(|coord| coord.morton());
         let samples = (0..coords.len() * BLOCK_SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
-        let (coded, index) = (vec![false; volume.block_count()], volume.index());
-        MainReference::new(Extended { volume, coded, index }, &FrameSymbols::default(), BTreeMap::new())
+        let all = BlockSet::of(volume.coords());
+        let blocks = FrameBlocks { all, ..FrameBlocks::default() };
+        let extended = Extended { reference: Reference::new(volume), blocks };
+        MainReference::new(extended, FrameSymbols::default(), BTreeMap::new())
     }
 
     /// A vector is whole blocks and a rest of -4 to 3.75 voxels: the 3x3x3 blocks around the block that the whole part leads to

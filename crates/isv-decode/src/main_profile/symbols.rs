@@ -1,7 +1,7 @@
 //! What a frame's bytes say, before any arithmetic on samples.
 
 use super::BlockLevels;
-use isv_volume::BlockCoord;
+use isv_volume::{BlockCoord, BlockSet};
 
 /// Where in the frame before a block's samples come from: a translation in quarter voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,7 +63,9 @@ impl BlockMode {
 /// The decoded symbols of one frame, without its masks, which need the samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameSymbols {
-    /// Coded blocks in Morton order.
+    /// Blocks of the frame before in cells of 4x4x4 blocks that stay as they are.
+    pub still: BlockSet,
+    /// Coded blocks in Morton order, none of them in these cells.
     pub coords: Vec<BlockCoord>,
     /// How each is predicted.
     pub modes: Vec<BlockMode>,

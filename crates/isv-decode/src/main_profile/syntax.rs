@@ -8,6 +8,7 @@ pub mod block_set;
 pub mod coefficients;
 pub mod masks;
 pub mod modes;
+pub mod still_cells;
 
 use block_set::BlockSetModels;
 use coefficients::CoefficientModels;

@@ -1,5 +1,6 @@
 //! One frame in profile `main`.
 
+use super::change::still_blocks;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::motion_search::{CubeSearch, SearchEffort};
@@ -12,14 +13,14 @@ use super::tools::Tools;
 use crate::distortion::surface_rms_voxels;
 use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
-use isv_decode::extension::{Dilation, Extended, ExtensionPlan};
+use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::volume_hash;
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
-use isv_volume::{CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
+use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 use std::mem::{replace, take};
 use std::ops::Range;
@@ -144,6 +145,10 @@ pub(crate) struct MainEncoder {
     rate: RateControl,
     /// Of the last keyframe.
     keyframe_bytes_per_block: f64,
+    /// The last frame as it was to be coded.
+    source: Option<SparseVolume>,
+    /// The largest step that anything that stands still was coded with.
+    settled_step: f64,
 }
 
 /// A frame to be coded, however often.
@@ -151,6 +156,8 @@ pub(crate) struct MainEncoder {
 struct Source<'a> {
     volume: &'a SparseVolume,
     targets: &'a Targets<'a>,
+    /// Blocks of the reference in cells that stay as they are.
+    still: &'a BlockSet,
     slices: u16,
     checksum: bool,
 }
@@ -200,6 +207,8 @@ const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// How much more a keyframe may cost then: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
+/// What stands still is coded again with a step of less than this share of the one that it was coded with.
+const FINER_STEP_SHARE: f64 = 0.75;
 /// Strengths of the in-loop filter that are tried where the best one is searched for.
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
@@ -218,6 +227,8 @@ impl MainEncoder {
             spare: Vec::new(),
             rate,
             keyframe_bytes_per_block: 0.0,
+            source: None,
+            settled_step: 0.0,
         }
     }
 
@@ -230,12 +241,21 @@ impl MainEncoder {
         checksum: bool,
     ) -> EncodedFrame {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
-        let targets =
-            debug_span!("targets").in_scope(|| Targets::new(volume, self.settings.band, self.settings.tools));
-        let source = Source { volume, targets: &targets, slices, checksum };
-        let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let constant = self.settings.quality;
+        let MainSettings { band, tools, .. } = self.settings;
+        let mut still = match !keyframe && tools.still {
+            true => debug_span!("change").in_scope(|| self.still_blocks(volume)),
+            false => BlockSet::default(),
+        };
+        let mut targets = debug_span!("targets").in_scope(|| Targets::new(volume, band, tools, &still));
+        let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let mut step = self.rate.first_step(facts, f64::from(constant.step));
+        if !still.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
+            // What stands still is worth coding better now.
+            still = BlockSet::default();
+            targets = Targets::new(volume, band, tools, &still);
+        }
+        let source = Source { volume, targets: &targets, still: &still, slices, checksum };
         let mut spare = take(&mut self.spare);
         for before in 0.. {
             let quality = FrameQuality { step: step as f32, ..constant };
@@ -252,12 +272,22 @@ impl MainEncoder {
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
                     }
+                    self.settled_step = if still.is_empty() { step } else { self.settled_step.max(step) };
+                    self.source = Some(volume.clone());
                     self.spare = replace(&mut self.state, coded.state).into_samples();
                     return coded.frame;
                 }
             }
         }
         unreachable!("rate control ends")
+    }
+
+    /// Blocks of the last frame in cells that may stay as they are.
+    fn still_blocks(&self, volume: &SparseVolume) -> BlockSet {
+        match (&self.source, &self.state.reference) {
+            (Some(before), Some(reference)) => still_blocks(before, volume, reference),
+            _ => BlockSet::default(),
+        }
     }
 
     /// What rate control is told of a coded frame.
@@ -285,7 +315,8 @@ impl MainEncoder {
         let coded = self.encode_frame(source, keyframe, quality, spare);
         let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
             && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
-        if keyframe || alike {
+        // A scene of which some stays as it is has not been cut.
+        if keyframe || alike || !source.still.is_empty() {
             return coded;
         }
         let cut = self.encode_frame(source, true, quality, spare);
@@ -306,7 +337,7 @@ impl MainEncoder {
         quality: FrameQuality,
         spare: &mut Vec<i16>,
     ) -> CodedFrame {
-        let Source { volume, targets, slices, checksum } = *source;
+        let Source { volume, targets, still, slices, checksum } = *source;
         let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
         let before = match keyframe {
@@ -319,11 +350,13 @@ impl MainEncoder {
         let reference = before.reference.as_ref();
         let coords = targets.coords().to_vec();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let main = self.frame_header(quality);
+        let main = MainFrameHeader { still_cells: !still.is_empty(), ..self.frame_header(quality) };
         let mut entropy = before.entropy.clone();
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
-        let plan =
-            debug_span!("extension plan").in_scope(|| ExtensionPlan::new(&coords, &Dilation::of(&coords)));
+        let kept = reference.map(|before| Kept { before: before.extended(), still });
+        let kept = kept.filter(|_| !still.is_empty());
+        let plan = debug_span!("extension plan")
+            .in_scope(|| ExtensionPlan::new(FrameBlocks::new(&coords, kept), &coords, kept));
         let mut samples = plan.room(take(spare));
         let code_blocks = || {
             let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
@@ -332,12 +365,12 @@ impl MainEncoder {
             debug_span!("slices").in_scope(|| code_slices(&frame, parts, slice_models, &before.costs))
         };
         let code_set = || {
-            let write = || syntax::block_set::write(block_set_models, &coords, reference);
+            let write = || syntax::block_set::write(block_set_models, &coords, reference, still);
             debug_span!("block set").in_scope(write)
         };
         // What does not depend on one another fills the time in which one slice waits for the others.
         let ((coded, costs), block_set) = rayon::join(code_blocks, code_set);
-        let mut symbols = FrameSymbols { coords, ..FrameSymbols::default() };
+        let mut symbols = FrameSymbols { still: still.clone(), coords, ..FrameSymbols::default() };
         let mut segments = Vec::new();
         for slice in coded {
             symbols.modes.extend(slice.modes);
@@ -349,7 +382,7 @@ impl MainEncoder {
         let index = volume.index();
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(self.parameters.grid.edge);
-        let unobserved = |block: usize| match index.get(extended.volume.coords()[block]) {
+        let unobserved = |block: u32| match index.get(extended.volume().coords()[block as usize]) {
             Some(block) => volume.unobserved(block as usize),
             None => Some(&nothing),
         };
@@ -359,10 +392,11 @@ impl MainEncoder {
         });
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
-        let decoded = MainReference::new(extended, &symbols, masks);
+        let blocks = symbols.coords.len() as u32;
+        let decoded = MainReference::new(extended, symbols, masks);
         let header = FrameHeader {
             prediction: if reference.is_some() { Prediction::ThreeDof } else { Prediction::None },
-            blocks: symbols.coords.len() as u32,
+            blocks,
             slices,
             coding: FrameCoding::Main(main),
             volume_hash: checksum.then(|| volume_hash(decoded.volume())),
@@ -382,6 +416,7 @@ impl MainEncoder {
             filter_limit,
             half_voxel_vectors: self.settings.half_voxel_vectors,
             no_spatial_prediction: !self.settings.tools.spatial,
+            still_cells: false,
         }
     }
 
@@ -406,7 +441,7 @@ impl MainEncoder {
             let filter_limit = if filter > 0 { limit } else { 0 };
             let main = MainFrameHeader { filter, filter_limit, ..main };
             let extended = filtered(&main, samples.clone(), plan.clone());
-            (targets.weighted_error(&extended.volume), main, extended)
+            (targets.weighted_error(extended.volume()), main, extended)
         });
         let best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, main, extended)| (main, extended)).expect("there are filters")

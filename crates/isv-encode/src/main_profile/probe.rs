@@ -14,7 +14,7 @@ use isv_decode::extension::Extended;
 use isv_decode::main_profile::{
     BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
 };
-use isv_volume::{CODES_PER_VOXEL, SparseVolume};
+use isv_volume::{BlockSet, CODES_PER_VOXEL, SparseVolume};
 use std::collections::BTreeMap;
 
 /// Step in voxels and lambda in squared steps, about those of the presets.
@@ -71,7 +71,7 @@ pub fn normal_equations(
 }
 
 fn targets(volume: &SparseVolume) -> Targets<'_> {
-    Targets::new(volume, Band::Surface, Tools::ALL)
+    Targets::new(volume, Band::Surface, Tools::ALL, &BlockSet::default())
 }
 
 /// A volume as the frame before: the blocks that its surface touches, none of them predicted in time.
@@ -83,8 +83,9 @@ fn reference(volume: &SparseVolume) -> MainReference {
     let coded = SparseVolume::from_parts(*volume.grid(), coords.clone(), samples, BTreeMap::new());
     let mut levels = BlockLevels::with_capacity(coords.len());
     coords.iter().for_each(|_| levels.push(&[0; COEFFICIENTS]));
-    let symbols = FrameSymbols { modes: vec![BlockMode::Spatial; coords.len()], levels, coords };
-    MainReference::new(Extended::of(&coded), &symbols, BTreeMap::new())
+    let modes = vec![BlockMode::Spatial; coords.len()];
+    let symbols = FrameSymbols { modes, levels, coords, ..FrameSymbols::default() };
+    MainReference::new(Extended::of(&coded), symbols, BTreeMap::new())
 }
 
 /// What the blocks are to become and their predictions, in voxels.

@@ -4,6 +4,7 @@ pub(crate) mod block_set;
 pub(crate) mod coefficients;
 pub(crate) mod masks;
 pub(crate) mod modes;
+pub(crate) mod still_cells;
 
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder, mixed_cost};
 

@@ -5,7 +5,7 @@ use super::pursuit::SIGN_MARGIN;
 use super::tools::Tools;
 use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, SparseVolume};
+use isv_volume::{BlockCoord, BlockIndex, BlockSet, CODES_PER_VOXEL, SparseVolume};
 use rayon::prelude::*;
 
 /// Samples of a block in voxels.
@@ -31,7 +31,8 @@ const SIGN_MARGIN_CODES: i32 = (SIGN_MARGIN * CODES_PER_VOXEL as f32) as i32;
 /// Voxels in a code.
 const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
-/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all.
+/// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all, but for those in cells that
+/// stay as they are.
 #[derive(Debug)]
 pub(crate) struct Targets<'a> {
     volume: &'a SparseVolume,
@@ -104,18 +105,28 @@ impl BlockTarget {
 }
 
 impl<'a> Targets<'a> {
-    /// The targets of a volume.
-    pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools) -> Self {
-        let index = volume.index();
-        let blocks = || (0..volume.block_count()).into_par_iter();
-        let signs: Vec<Signs> = blocks().map(|block| Signs::of_block(volume, block)).collect();
-        let marks = |block: usize| {
-            let crossed = crossed_voxels(volume.coords()[block], &signs[block], &signs, &index);
+    /// The targets of a volume. `still`: blocks in cells of 4x4x4 blocks that stay as they are.
+    pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools, still: &BlockSet) -> Self {
+        let all = BlockSet::of(volume.coords());
+        let open = all.outside_cells_of(still);
+        // Those beside them tell which of their voxels are crossed.
+        let near = if still.is_empty() { all.clone() } else { open.dilated().intersection(&all) };
+        let index = BlockIndex::of(&near);
+        let numbers = (0..).zip(near.marks_in(&all)).filter_map(|(block, near)| near.then_some(block));
+        let numbers: Vec<u32> = numbers.collect();
+        let signs = numbers.par_iter().map(|block| Signs::of_block(volume, *block as usize));
+        let signs: Vec<Signs> = signs.collect();
+        let marks = |((block, own), open): ((&u32, &Signs), bool)| {
+            if !open {
+                return None;
+            }
+            let crossed = crossed_voxels(volume.coords()[*block as usize], own, &signs, &index);
             let wanted = crossed != [0; 8] || band == Band::Full;
-            let unobserved = signs[block].observed.map(|word| !word);
-            wanted.then_some(Marks { block: block as u32, crossed, unobserved })
+            let unobserved = own.observed.map(|word| !word);
+            wanted.then_some(Marks { block: *block, crossed, unobserved })
         };
-        let marks: Vec<Marks> = blocks().filter_map(marks).collect();
+        let marks = numbers.par_iter().zip(&signs).zip(open.marks_in(&near)).filter_map(marks);
+        let marks: Vec<Marks> = marks.collect();
         let coords = marks.iter().map(|marks| volume.coords()[marks.block as usize]).collect();
         let elsewhere = match band {
             Band::Full => WHOLE_BAND,

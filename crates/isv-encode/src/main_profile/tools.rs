@@ -21,6 +21,8 @@ pub struct Tools {
     pub signs: bool,
     /// The in-loop filter.
     pub filter: bool,
+    /// Cells that stay as they were; without them, all blocks are coded again.
+    pub still: bool,
 }
 
 /// A name that no tool has.
@@ -38,10 +40,12 @@ impl Tools {
         weights: true,
         signs: true,
         filter: true,
+        still: true,
     };
 
     /// Their names.
-    pub const NAMES: [&str; 7] = ["spatial", "motion", "merging", "pursuit", "weights", "signs", "filter"];
+    pub const NAMES: [&str; 8] =
+        ["spatial", "motion", "merging", "pursuit", "weights", "signs", "filter", "still"];
 
     /// Without a tool.
     ///
@@ -56,6 +60,7 @@ impl Tools {
             "weights" => &mut self.weights,
             "signs" => &mut self.signs,
             "filter" => &mut self.filter,
+            "still" => &mut self.still,
             _ => return Err(UnknownTool(name.to_owned())),
         };
         *tool = false;
@@ -74,8 +79,8 @@ impl FromStr for Tools {
 
 impl fmt::Display for Tools {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let used =
-            [self.spatial, self.motion, self.merging, self.pursuit, self.weights, self.signs, self.filter];
+        let Self { spatial, motion, merging, pursuit, weights, signs, filter, still } = *self;
+        let used = [spatial, motion, merging, pursuit, weights, signs, filter, still];
         let without = Self::NAMES.into_iter().zip(used).filter(|(_, used)| !used).map(|(name, _)| name);
         f.write_str(&without.collect::<Vec<_>>().join(","))
     }

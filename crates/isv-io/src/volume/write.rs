@@ -25,8 +25,8 @@ pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteErr
     write_file(&folder.join(TSDF), |file| {
         file.write_all(&npy::header("<f4", &shape))?;
         let limit = f32::from(volume.grid().truncation.codes());
-        let distances = volume.samples().iter().map(|code| f32::from(*code) / limit);
-        distances.into_iter().try_for_each(|distance| file.write_all(&distance.to_le_bytes()))
+        let mut distances = volume.samples().map(|code| f32::from(code) / limit);
+        distances.try_for_each(|distance| file.write_all(&distance.to_le_bytes()))
     })?;
     write_file(&folder.join(WEIGHT), |file| {
         file.write_all(&npy::header("|u1", &shape))?;

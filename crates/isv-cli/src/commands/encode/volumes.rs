@@ -59,7 +59,7 @@ impl VolumeMaker {
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
         });
         let volume = volume.with_context(|| name.clone())?;
-        if !volume.samples().iter().any(|sample| *sample < 0) {
+        if !volume.samples().any(|sample| sample < 0) {
             self.progress.note(&format!("{name}: no surface in this frame"));
         }
         let blocks_band = volume.block_count();

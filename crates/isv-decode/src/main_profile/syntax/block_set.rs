@@ -1,16 +1,20 @@
 //! The set of coded blocks. A keyframe's is an octree; after it, each block of the reference's volume has a flag, in the
-//! context of the surface that is expected there, and the few blocks beyond it are an octree again.
+//! context of the surface that is expected there, and the few blocks beyond it are an octree again. Of cells that stay as they
+//! are, no block is coded.
 
+use super::still_cells::StillCellModels;
 use crate::main_profile::MainReference;
 use crate::main_profile::activity::{Activity, expected_activity};
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
-use isv_volume::{BlockCoord, NeighbourFinder};
+use isv_volume::{BlockCoord, BlockSet, NeighbourFinder};
 
 /// Models of the set of blocks.
 #[derive(Clone, Debug)]
 pub struct BlockSetModels {
+    /// Cells that stay as they are.
+    pub still_cells: StillCellModels,
     /// Blocks that the reference's volume does not have.
     pub octree: OctreeModels,
     by_class: [BitModel; Activity::CLASSES * 32],
@@ -21,6 +25,7 @@ pub struct BlockSetModels {
 impl Default for BlockSetModels {
     fn default() -> Self {
         Self {
+            still_cells: StillCellModels::default(),
             octree: OctreeModels::default(),
             by_class: [BitModel::default(); Activity::CLASSES * 32],
             by_distance: [BitModel::default(); Activity::FINE_CLASSES * 4],
@@ -39,23 +44,30 @@ impl BlockSetModels {
         ]
     }
 
-    /// Reads a set of `count` blocks, in Morton order.
+    /// Reads a set of `count` blocks, in Morton order, and the blocks of the reference that stay as they are: those of no cell
+    /// without `still_cells`.
     ///
     /// # Errors
-    /// A set that does not hold as many blocks as the frame header says or holds one twice, or bytes that end too early.
+    /// A set that does not hold as many blocks as the frame header says, holds one twice or one in a cell that stays as it is, or
+    /// bytes that end too early.
     pub fn read(
         &mut self,
         bytes: &[u8],
         count: usize,
         reference: Option<&MainReference>,
-    ) -> Result<Vec<BlockCoord>, SyntaxError> {
+        still_cells: bool,
+    ) -> Result<(BlockSet, Vec<BlockCoord>), SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
         let Some(reference) = reference else {
-            return self.octree.decode(&mut decoder, count, None);
+            return Ok((BlockSet::default(), self.octree.decode(&mut decoder, count, None)?));
         };
-        let mut flags = ExpectedBlocks::new(reference);
+        let still = match still_cells {
+            true => self.still_cells.read(&mut decoder, reference),
+            false => BlockSet::default(),
+        };
+        let mut flags = ExpectedBlocks::new(reference, &still);
         let mut coords = Vec::new();
-        for candidate in 0..flags.len() {
+        for candidate in flags.candidates() {
             let coded = decoder.decode_mixed(self.flag(flags.context(candidate)));
             flags.set(candidate, coded);
             if coded {
@@ -66,7 +78,12 @@ impl BlockSetModels {
             return Err(SyntaxError("the block set holds more blocks than announced"));
         };
         if rest > 0 {
-            coords.extend(self.octree.decode(&mut decoder, rest, None)?);
+            let others = self.octree.decode(&mut decoder, rest, None)?;
+            let outside = BlockSet::of(&others).outside_cells_of(&still);
+            if outside.count() < others.len() {
+                return Err(SyntaxError("the block set holds a block in a cell that stays as it is"));
+            }
+            coords.extend(others);
             coords.sort_unstable_by_key(|coord| coord.morton());
             if coords.windows(2).any(|pair| pair[0] == pair[1]) {
                 return Err(SyntaxError("the block set holds a block twice"));
@@ -75,7 +92,7 @@ impl BlockSetModels {
         if decoder.overran() {
             return Err(SyntaxError("the block set ends too early"));
         }
-        Ok(coords)
+        Ok((still, coords))
     }
 }
 
@@ -92,8 +109,10 @@ pub struct FlagContext {
 pub struct ExpectedBlocks<'a> {
     reference: &'a MainReference,
     finder: NeighbourFinder<'a>,
+    /// Whether each is in a cell that stays as it is.
+    still: Vec<bool>,
     activity: Vec<Activity>,
-    /// Whether each is coded, as far as is known.
+    /// Whether each is coded, or was and stays, as far as is known.
     coded: Vec<bool>,
 }
 
@@ -103,24 +122,20 @@ const AHEAD: [usize; 3] = [14, 16, 22];
 const EDGES: [usize; 9] = [9, 3, 1, 11, 15, 5, 7, 21, 19];
 
 impl<'a> ExpectedBlocks<'a> {
-    /// All blocks of a reference's volume; none is known to be coded.
+    /// All blocks of a reference's volume. Of some it is known that they stay as they are, of the others nothing.
     #[must_use]
-    pub fn new(reference: &'a MainReference) -> Self {
-        let volume = reference.volume();
-        let coded = vec![false; volume.block_count()];
-        Self { reference, finder: reference.finder(), activity: expected_activity(reference), coded }
+    pub fn new(reference: &'a MainReference, still: &BlockSet) -> Self {
+        let still = still.marks_in(&reference.extended().blocks.all);
+        let activity = expected_activity(reference, &still);
+        let was_coded = |block: usize| reference.coded_at(block).is_some();
+        let coded = still.iter().enumerate().map(|(block, still)| *still && was_coded(block)).collect();
+        Self { reference, finder: reference.finder(), still, activity, coded }
     }
 
-    /// How many there are.
+    /// The blocks that may be coded, by index in the volume.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.coded.len()
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.coded.is_empty()
+    pub fn candidates(&self) -> Vec<usize> {
+        (0..self.still.len()).filter(|block| !self.still[*block]).collect()
     }
 
     /// Notes whether a candidate is coded.

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 pub struct MaskModels(pub VoxelModels);
 
 impl MaskModels {
-    /// Reads the masks of a frame's blocks, coded or made up, by their index in its extended volume.
+    /// Reads the masks of a frame's unsettled blocks, coded or made up, by their index in its extended volume.
     ///
     /// # Errors
     /// A block whose mask is announced but empty, or bytes that end too early.
@@ -31,8 +31,7 @@ impl MaskModels {
         if !decoder.decode(&mut models.any) {
             return Ok(masks);
         }
-        for (block, corners) in crossed_corners(extended).into_iter().enumerate() {
-            let Some(corners) = corners else { continue };
+        for (block, corners) in crossed_corners(extended) {
             let context = context(extended, block, &masks, reference);
             if !decoder.decode(&mut models.block[context.block()]) {
                 continue;
@@ -49,7 +48,7 @@ impl MaskModels {
             if decoder.overran() {
                 return Err(SyntaxError("the masks end too early"));
             }
-            masks.insert(block as u32, mask);
+            masks.insert(block, mask);
         }
         if decoder.overran() {
             return Err(SyntaxError("the masks end too early"));
@@ -62,10 +61,10 @@ impl MaskModels {
 #[must_use]
 pub fn context<'a>(
     extended: &Extended,
-    block: usize,
+    block: u32,
     masks: &'a BTreeMap<u32, VoxelMask>,
     reference: Option<ReferenceBlocks<'a>>,
 ) -> MaskContext<'a> {
-    let coord = extended.volume.coords()[block];
-    MaskContext::new(coord, blocks_before(coord, &extended.index), masks, reference)
+    let coord = extended.volume().coords()[block as usize];
+    MaskContext::new(coord, blocks_before(coord, extended.index()), masks, reference)
 }

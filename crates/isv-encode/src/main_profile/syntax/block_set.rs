@@ -1,25 +1,30 @@
 //! The set of coded blocks.
 
+use super::still_cells;
 use crate::syntax::block_set as octree;
 use isv_decode::main_profile::MainReference;
 use isv_decode::main_profile::syntax::block_set::{BlockSetModels, ExpectedBlocks};
 use isv_entropy::RangeEncoder;
-use isv_volume::{BlockCoord, BlockIndex};
+use isv_volume::{BlockCoord, BlockIndex, BlockSet};
 
-/// Writes a set of blocks given in Morton order.
+/// Writes a set of blocks given in Morton order, and before it, which of the reference's stay as they are, if any do.
 pub(crate) fn write(
     models: &mut BlockSetModels,
     coords: &[BlockCoord],
     reference: Option<&MainReference>,
+    still: &BlockSet,
 ) -> Vec<u8> {
     let mut encoder = RangeEncoder::new();
     let Some(reference) = reference else {
         octree::encode(&mut models.octree, &mut encoder, coords, None);
         return encoder.finish();
     };
+    if !still.is_empty() {
+        still_cells::write(&mut models.still_cells, &mut encoder, still, reference);
+    }
     let index = BlockIndex::new(coords);
-    let mut flags = ExpectedBlocks::new(reference);
-    for candidate in 0..flags.len() {
+    let mut flags = ExpectedBlocks::new(reference, still);
+    for candidate in flags.candidates() {
         let coded = index.get(reference.volume().coords()[candidate]).is_some();
         encoder.encode_mixed(models.flag(flags.context(candidate)), coded);
         flags.set(candidate, coded);

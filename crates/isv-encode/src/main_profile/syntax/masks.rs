@@ -8,7 +8,7 @@ use isv_entropy::RangeEncoder;
 use isv_volume::{BlockEdge, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
-/// Writes what can be written of the masks of a frame's blocks, coded or made up: their voxels in cells that the decoded surface
+/// Writes what can be written of the masks of a frame's unsettled blocks, coded or made up: their voxels in cells that the decoded surface
 /// crosses. Returns it too, by index in the extended volume.
 ///
 /// Nothing is written if the source is wholly observed. `unobserved`: the source's mask of a block of the extended volume.
@@ -16,7 +16,7 @@ pub(crate) fn write<'a>(
     models: &mut MaskModels,
     source: &SparseVolume,
     extended: &Extended,
-    unobserved: impl Fn(usize) -> Option<&'a VoxelMask>,
+    unobserved: impl Fn(u32) -> Option<&'a VoxelMask>,
     reference: Option<ReferenceBlocks>,
 ) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
     let models = &mut models.0;
@@ -27,8 +27,7 @@ pub(crate) fn write<'a>(
     if !any {
         return (masks, encoder.finish());
     }
-    for (block, corners) in crossed_corners(extended).into_iter().enumerate() {
-        let Some(corners) = corners else { continue };
+    for (block, corners) in crossed_corners(extended) {
         let context = context(extended, block, &masks, reference);
         let mask =
             unobserved(block).map(|wanted| wanted.intersection(&corners)).filter(|mask| !mask.is_empty());
@@ -38,7 +37,7 @@ pub(crate) fn write<'a>(
             encoder
                 .encode(&mut models.voxel[context.voxel(BlockEdge::E8, voxel, &mask)], mask.contains(voxel));
         }
-        masks.insert(block as u32, mask);
+        masks.insert(block, mask);
     }
     (masks, encoder.finish())
 }

@@ -1,0 +1,50 @@
+//! The blocks of an extended frame, by what becomes of them.
+
+use super::Extended;
+use isv_volume::{BlockCoord, BlockSet};
+
+/// What a frame keeps of the frame before.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept<'a> {
+    /// The frame before.
+    pub before: &'a Extended,
+    /// Its blocks in the cells of 4x4x4 blocks that stay as they are.
+    pub still: &'a BlockSet,
+}
+
+/// The sets of a frame's blocks: all that can be said of it once its coded blocks are known. Takes memory for the cells of
+/// 4x4x4 blocks that it has blocks in.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FrameBlocks {
+    /// All of them, coded or not.
+    pub all: BlockSet,
+    /// Those that were coded, in this frame or in an earlier one that they are kept of.
+    pub coded: BlockSet,
+    /// Those whose samples are of this frame: coded in it, or extrapolated anew.
+    pub fresh: BlockSet,
+    /// Those whose masks are of this frame. The others lie where nothing has changed.
+    pub unsettled: BlockSet,
+}
+
+impl FrameBlocks {
+    /// Of a frame with these coded blocks, in Morton order and none of them in a cell that is kept.
+    #[must_use]
+    pub fn new(coded: &[BlockCoord], kept: Option<Kept>) -> Self {
+        let now = BlockSet::of(coded);
+        let Some(Kept { before, still }) = kept else {
+            let all = now.dilated();
+            return Self { fresh: all.clone(), unsettled: all.clone(), coded: now, all };
+        };
+        let before = &before.blocks;
+        let changed = now.union(&before.coded.difference(still));
+        // A block is extrapolated from those around it, and its masks depend on the samples around it.
+        let reached = changed.dilated();
+        let unsettled = reached.dilated();
+        let kept_coded = before.coded.intersection(still);
+        let coded = now.union(&kept_coded);
+        let beside_coded = coded.intersection(&unsettled).dilated();
+        let fresh = now.union(&reached.intersection(&beside_coded).difference(&coded));
+        let all = before.all.difference(&reached).union(&kept_coded).union(&fresh);
+        Self { unsettled: unsettled.intersection(&all), coded, fresh, all }
+    }
+}

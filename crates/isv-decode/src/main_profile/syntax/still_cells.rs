@@ -1,0 +1,71 @@
+//! Which cells of 4x4x4 blocks stay as they were in the frame before: their blocks are not coded again, and nothing of what can
+//! be found of them changes. A flag for each cell that the frame before has blocks in.
+
+use crate::main_profile::MainReference;
+use isv_entropy::{BitModel, RangeDecoder};
+use isv_volume::{BlockCell, BlockSet};
+use rustc_hash::FxHashSet;
+
+/// Models of the flags of cells.
+#[derive(Clone, Debug)]
+pub struct StillCellModels {
+    /// By [`StillCellContext::model`].
+    pub cell: [BitModel; 32],
+}
+
+impl Default for StillCellModels {
+    fn default() -> Self {
+        Self { cell: [BitModel::default(); 32] }
+    }
+}
+
+impl StillCellModels {
+    /// Reads which of the reference's blocks are in cells that stay as they are.
+    pub fn read(&mut self, decoder: &mut RangeDecoder, reference: &MainReference) -> BlockSet {
+        let mut context = StillCellContext::new(reference);
+        let cells = reference.extended().blocks.all.cells().iter();
+        let still = cells.copied().filter(|cell| {
+            let still = decoder.decode(&mut self.cell[context.model(*cell)]);
+            context.note(*cell, still);
+            still
+        });
+        still.collect()
+    }
+}
+
+/// What is known around a cell when its flag is coded.
+#[derive(Debug)]
+pub struct StillCellContext {
+    /// Cells that are known to stay as they are.
+    now: FxHashSet<u64>,
+    /// Those that did in the frame before.
+    before: FxHashSet<u64>,
+}
+
+impl StillCellContext {
+    /// Nothing is known of this frame.
+    #[must_use]
+    pub fn new(reference: &MainReference) -> Self {
+        let before = reference.still().cells().iter().map(|cell| cell.code).collect();
+        Self { now: FxHashSet::default(), before }
+    }
+
+    /// Notes whether a cell stays as it is.
+    pub fn note(&mut self, cell: BlockCell, still: bool) {
+        if still {
+            self.now.insert(cell.code);
+        }
+    }
+
+    /// Model of a cell: whether it was still in the frame before, how many of the three cells behind it are, and how many of
+    /// the three ahead of it were.
+    #[must_use]
+    pub fn model(&self, cell: BlockCell) -> usize {
+        let along = |set: &FxHashSet<u64>, step: i32| {
+            let beside = (0..3).filter_map(|axis| cell.beside(axis, step));
+            beside.filter(|code| set.contains(code)).count()
+        };
+        let was_still = usize::from(self.before.contains(&cell.code));
+        (was_still * 4 + along(&self.now, -1)) * 4 + along(&self.before, 1)
+    }
+}
