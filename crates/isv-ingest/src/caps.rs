@@ -25,7 +25,7 @@ pub(crate) struct Blocks {
 impl Blocks {
     /// Makes the voxels beside unexplained sign changes at the faces of masked blocks unobserved.
     pub(crate) fn open_caps(&mut self, source: &Source) {
-        let Sign::Closed(winding) = &source.sign else { return };
+        let Sign::Closed(winding) = source.sign else { return };
         if !source.has_wide_holes() {
             return;
         }

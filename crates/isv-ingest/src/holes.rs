@@ -45,6 +45,14 @@ impl WideHoles {
         Self { edges, vertices: vertices.iter().map(|vertex| self.has_vertex(*vertex)).collect() }
     }
 
+    /// Which of a triangle's edges, as far as it owns them, and corners lie on wide holes: a bit each, edges first.
+    pub(crate) fn marks(&self, mesh: &VoxelMesh, face: u32) -> u8 {
+        let corners = (0..3).zip(mesh.triangles[face as usize]);
+        corners.fold(self.edges[face as usize], |marks, (corner, vertex)| {
+            marks | u8::from(self.has_vertex(vertex)) << (3 + corner)
+        })
+    }
+
     /// Whether an edge lies on a wide hole; asked of its owner.
     pub(crate) fn has_edge(&self, face: u32, side: usize) -> bool {
         self.edges[face as usize] >> side & 1 != 0

@@ -43,6 +43,7 @@ mod descent;
 mod error;
 mod faces;
 mod holes;
+mod ingester;
 mod limits;
 mod lost;
 mod points;
@@ -50,7 +51,9 @@ mod regions;
 mod rim;
 mod sampler;
 mod scatter;
+mod scene;
 mod sign;
+mod stale;
 mod tiles;
 mod topology;
 
@@ -58,34 +61,18 @@ mod topology;
 mod tests;
 
 pub use error::IngestError;
+pub use ingester::MeshIngester;
 pub use lost::lost_share;
 pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
-use caps::Blocks;
-use glam::IVec3;
-use holes::WideHoles;
-use isv_spatial::WindingNumber;
-use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh};
-use rayon::prelude::*;
-use rustc_hash::FxHashMap;
-use sampler::{Connections, Sign, Source, Workspace, sample_tile};
-use std::borrow::Cow;
-use std::sync::{Mutex, PoisonError};
-use tiles::{Band, Measure, Tile, TileList, VoxelMesh};
-use tracing::debug_span;
+use isv_volume::{Grid, SparseVolume, TriangleMesh};
 
 /// Blocks a volume may have by default: 2 GiB of samples with blocks of 8 voxels.
 pub const DEFAULT_BLOCK_LIMIT: usize = 1 << 21;
 
 /// The offset of Eq. 9 by default, in voxels: a shell three voxels thick, which marching cubes cannot miss.
 const DEFAULT_OFFSET: f64 = 1.5;
-
-/// In voxels, more than the length of a cell's diagonal: a voxel that far from the surface has only neighbours on its side.
-const CELL_DIAGONAL: f64 = 1.75;
-
-/// Tiles whose blocks are held apart from the volume at one time.
-const TILES_AT_ONCE: usize = 256;
 
 /// How far from the surface a volume has blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,7 +92,7 @@ pub enum Reach {
 pub struct MeshIngest {
     /// The grid to sample on.
     pub grid: Grid,
-    /// How to find the sign, for [`decide_sign`]; [`ingest_mesh`] takes what that decided.
+    /// How to find the sign, for [`decide_sign`]; [`ingest_mesh`] and [`MeshIngester`] take what that decided.
     pub sign: SignMode,
     /// Delta of Eq. 9 in voxels, above 0 and at most the truncation.
     pub offset_voxels: f64,
@@ -134,7 +121,7 @@ impl MeshIngest {
 /// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
 /// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved; narrower holes are closed. What
 /// belongs to nothing closed is lost: see [`lost_share`]. Faces without area are left out. The result is the same for any number
-/// of threads.
+/// of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes over what stands still.
 ///
 /// # Errors
 /// See [`IngestError`]; all of them are found before memory for samples is taken.
@@ -143,93 +130,5 @@ pub fn ingest_mesh(
     settings: &MeshIngest,
     sign: SignDecision,
 ) -> Result<SparseVolume, IngestError> {
-    mesh.validate()?;
-    let mesh = &*faces::with_area(mesh);
-    mesh.validate()?;
-    let offset = limits::check_offset(settings, sign)?;
-    limits::check_range(mesh, &settings.grid, offset)?;
-    let band = Band::new(&settings.grid, offset);
-    let reach = if settings.grid.edge == BlockEdge::E8 { settings.reach } else { Reach::Band };
-    let near = match reach {
-        Reach::Band => band,
-        Reach::Surface => band.within(offset + CELL_DIAGONAL),
-    };
-    let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
-    let list =
-        debug_span!("ingest tiles").in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
-    let closed = matches!(sign, SignDecision::Closed { .. });
-    let find_holes = || if closed { WideHoles::find(&voxel_mesh) } else { None };
-    let find_winding = || closed.then(|| WindingNumber::new(mesh));
-    let (holes, winding) =
-        debug_span!("ingest holes and winding numbers").in_scope(|| rayon::join(find_holes, find_winding));
-    let exact_list;
-    let (tiles, connections) = match (reach, holes) {
-        (Reach::Band, holes) => {
-            let connections = Connections::new(Cow::Borrowed(&voxel_mesh), holes);
-            (list.tiles(Measure::Exact), Some(connections))
-        }
-        (Reach::Surface, None) => (list.tiles(Measure::Scatter), None),
-        (Reach::Surface, Some(holes)) => {
-            let (beside, connections) = debug_span!("ingest beside holes")
-                .in_scope(|| beside_holes(&voxel_mesh, &holes, [&near, &band]));
-            exact_list = beside;
-            (replace(list.tiles(Measure::Scatter), exact_list.tiles(Measure::Exact)), Some(connections))
-        }
-    };
-    let sign = match winding {
-        Some(winding) => Sign::Closed(winding),
-        None => Sign::Offset(offset as f32),
-    };
-    Ok(sample(&Source { grid: settings.grid, band, near, mesh: &voxel_mesh, connections, sign }, &tiles))
-}
-
-/// The tiles near wide holes with what is to be known to measure them exactly, which is where what is unobserved ends.
-fn beside_holes<'a>(mesh: &VoxelMesh, holes: &WideHoles, bands: [&Band; 2]) -> (TileList, Connections<'a>) {
-    let touching: Vec<u32> =
-        (0..mesh.triangles.len() as u32).filter(|face| holes.touch(mesh, *face)).collect();
-    let mut list = TileList::around(mesh, bands, &touching);
-    let faces = list.faces();
-    list.renumber(&faces);
-    let (part, vertices) = mesh.part(&faces);
-    (list, Connections::new(Cow::Owned(part), Some(holes.part(&faces, &vertices))))
-}
-
-/// Takes tiles of another list in place of those at the same coordinates. Both are in Morton order.
-fn replace<'a>(tiles: Vec<Tile<'a>>, others: Vec<Tile<'a>>) -> Vec<Tile<'a>> {
-    let others: FxHashMap<IVec3, Tile> = others.into_iter().map(|tile| (tile.coord, tile)).collect();
-    tiles.into_iter().map(|tile| others.get(&tile.coord).copied().unwrap_or(tile)).collect()
-}
-
-/// Samples all tiles.
-fn sample(source: &Source, tiles: &[Tile]) -> SparseVolume {
-    let mut blocks = Blocks::default();
-    let workspaces = Mutex::new(Vec::new());
-    for tiles in tiles.chunks(TILES_AT_ONCE) {
-        let _span = debug_span!("ingest samples").entered();
-        let parts: Vec<_> = tiles
-            .par_iter()
-            .map(|tile| with_workspace(&workspaces, |work| sample_tile(source, tile, work)))
-            .collect();
-        blocks.samples.reserve(parts.iter().map(|part| part.samples.len()).sum());
-        for part in parts {
-            let before = blocks.coords.len();
-            blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));
-            blocks.coords.extend(part.coords);
-            blocks.samples.extend_from_slice(&part.samples);
-        }
-    }
-    debug_span!("ingest rims").in_scope(|| {
-        blocks.open_caps(source);
-        blocks.trim_rims(source.grid.edge);
-    });
-    SparseVolume::from_parts(source.grid, blocks.coords, blocks.samples, blocks.masks)
-}
-
-/// Lends an idle workspace, so that there are never more than threads: rayon makes one for each part that it splits work into.
-fn with_workspace<T>(idle: &Mutex<Vec<Workspace>>, run: impl FnOnce(&mut Workspace) -> T) -> T {
-    let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut work = lock().pop().unwrap_or_default();
-    let done = run(&mut work);
-    lock().push(work);
-    done
+    ingester::volume_of(mesh, settings, sign)
 }

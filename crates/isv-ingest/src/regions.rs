@@ -151,10 +151,10 @@ impl Regions {
         tile: &mut [Self],
         blocks: &[usize],
         edge: BlockEdge,
-        are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>,
+        mut are_inside: impl FnMut(&[TileVoxel]) -> Vec<bool>,
     ) {
         let groups = join_across_faces(tile, blocks, edge);
-        ask(tile, &groups, SHALLOW, are_inside);
+        ask(tile, &groups, SHALLOW, &mut are_inside);
         for &block in blocks {
             if !tile[block].inside.contains(&None) {
                 continue;
@@ -166,7 +166,7 @@ impl Regions {
                 }
             }
         }
-        ask(tile, &groups, 0.0, are_inside);
+        ask(tile, &groups, 0.0, &mut are_inside);
     }
 
     /// Whether a voxel is inside, after [`Self::settle`].
@@ -269,10 +269,18 @@ fn root(parents: &mut [usize], mut region: usize) -> usize {
 }
 
 /// Asks for the sides of the groups not known yet, of those that are `depth` deep.
-fn ask(tile: &mut [Regions], groups: &[Group], depth: f32, are_inside: &impl Fn(&[TileVoxel]) -> Vec<bool>) {
+fn ask(
+    tile: &mut [Regions],
+    groups: &[Group],
+    depth: f32,
+    are_inside: &mut impl FnMut(&[TileVoxel]) -> Vec<bool>,
+) {
     let is_unknown = |&(block, region): &TileRegion| tile[block].inside[region].is_none();
     let unknown: Vec<&Group> =
         groups.iter().filter(|group| group.depth >= depth && group.members.iter().any(is_unknown)).collect();
+    if unknown.is_empty() {
+        return;
+    }
     let voxels: Vec<TileVoxel> = unknown.iter().map(|group| group.deepest).collect();
     for (group, side) in unknown.into_iter().zip(are_inside(&voxels)) {
         for &(block, region) in &group.members {

@@ -13,7 +13,6 @@ use glam::{DVec3, IVec3, Vec3};
 use isv_kernels::simd;
 use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
-use std::borrow::Cow;
 
 /// Everything samples are made from.
 pub(crate) struct Source<'a> {
@@ -24,30 +23,48 @@ pub(crate) struct Source<'a> {
     pub(crate) near: Band,
     /// The triangles of tiles that are measured near the surface only.
     pub(crate) mesh: &'a VoxelMesh<'a>,
-    /// Those of tiles that are measured exactly, if there are any.
-    pub(crate) connections: Option<Connections<'a>>,
-    pub(crate) sign: Sign,
+    /// What is known of those of tiles that are measured exactly, if there are any.
+    pub(crate) connections: Option<&'a Connections>,
+    pub(crate) sign: &'a Sign,
 }
 
-/// Triangles, how they hang together, where they point, and the holes to keep open, if any.
-pub(crate) struct Connections<'a> {
-    mesh: Cow<'a, VoxelMesh<'a>>,
+/// How triangles hang together, where they point, and the holes to keep open, if any.
+pub(crate) struct Connections {
+    /// The triangles that are spoken of, if not those of the whole mesh.
+    part: Option<VoxelMesh<'static>>,
     topology: Topology,
     directions: Directions,
     holes: Option<WideHoles>,
 }
 
-impl<'a> Connections<'a> {
-    pub(crate) fn new(mesh: Cow<'a, VoxelMesh<'a>>, holes: Option<WideHoles>) -> Self {
-        let (topology, directions) = rayon::join(|| Topology::of(&mesh), || Directions::of(&mesh));
-        Self { mesh, topology, directions, holes }
+impl Connections {
+    /// What is to be known of all triangles of a mesh.
+    pub(crate) fn of_all(mesh: &VoxelMesh, holes: Option<WideHoles>) -> Self {
+        let (topology, directions) = rayon::join(|| Topology::of(mesh), || Directions::of(mesh));
+        Self { part: None, topology, directions, holes }
+    }
+
+    /// The same of some triangles, with their holes.
+    pub(crate) fn of_part(part: VoxelMesh<'static>, holes: WideHoles) -> Self {
+        let all = Self::of_all(&part, Some(holes));
+        Self { part: Some(part), ..all }
+    }
+
+    /// The triangles that are spoken of, given the whole mesh.
+    pub(crate) fn mesh<'a>(&'a self, whole: &'a VoxelMesh<'a>) -> &'a VoxelMesh<'a> {
+        self.part.as_ref().unwrap_or(whole)
+    }
+
+    /// The holes to keep open, if any.
+    pub(crate) fn holes(&self) -> Option<&WideHoles> {
+        self.holes.as_ref()
     }
 }
 
 impl Source<'_> {
     /// Whether there are holes to keep open.
     pub(crate) fn has_wide_holes(&self) -> bool {
-        self.connections.as_ref().is_some_and(|connections| connections.holes.is_some())
+        self.connections.is_some_and(|connections| connections.holes.is_some())
     }
 }
 
@@ -66,7 +83,30 @@ pub(crate) struct TileBlocks {
     pub(crate) samples: Vec<i16>,
     /// By position in `coords`.
     pub(crate) masks: Vec<(usize, VoxelMask)>,
+    /// What their signs rest on, where they rest on more than the tile.
+    pub(crate) answers: Answers,
 }
+
+/// What the winding number answered in a tile.
+#[derive(Default)]
+pub(crate) struct Answers {
+    /// Points that were asked about together, in metres, and whether each is inside.
+    sides: Vec<(Vec<DVec3>, Vec<bool>)>,
+    /// One of the unobserved voxels, whose samples go by the number itself.
+    blended: Option<(DVec3, f64)>,
+}
+
+impl Answers {
+    /// Whether they would be the same with another winding number.
+    pub(crate) fn hold(&self, winding: &WindingNumber) -> bool {
+        self.sides.iter().all(|(points, inside)| winding.exceed_half(points) == *inside)
+            && self.blended.is_none_or(|(point, number)| (winding.at(point) - number).abs() <= STEADY)
+    }
+}
+
+/// A change of the winding number that makes no difference to what nobody sees: a sample that is 8 voxels from a hole changes by as
+/// many codes.
+const STEADY: f64 = 1.0 / 512.0;
 
 /// Buffers of one thread.
 pub(crate) struct Workspace {
@@ -109,11 +149,11 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
     let coord = |block: usize| {
         BlockCoord::from((tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array())
     };
-    if let Sign::Closed(winding) = &source.sign {
-        find_sides(source, winding, work, &active, coord);
-    }
     let size = source.grid.edge.block_voxels();
     let mut out = TileBlocks { samples: vec![0; active.len() * size], ..TileBlocks::default() };
+    if let Sign::Closed(winding) = source.sign {
+        out.answers = find_sides(source, winding, work, &active, coord);
+    }
     for (block, samples) in active.into_iter().zip(out.samples.chunks_exact_mut(size)) {
         write_samples(source, &work.blocks[block], coord(block), samples);
         if let Some(mask) = work.blocks[block].unobserved.take() {
@@ -130,34 +170,44 @@ fn is_active(block: &Regions, band: f32) -> bool {
     block.distances.iter().enumerate().any(|(voxel, d)| *d <= band && observed(voxel))
 }
 
-/// Finds which voxels of the active blocks of a tile are inside (Eq. 8): where the winding number exceeds one half.
+/// Finds which voxels of the active blocks of a tile are inside (Eq. 8): where the winding number exceeds one half. Returns what that
+/// rests on.
 fn find_sides(
     source: &Source,
     winding: &WindingNumber,
     work: &mut Workspace,
     active: &[usize],
     coord: impl Fn(usize) -> BlockCoord,
-) {
+) -> Answers {
     let grid = &source.grid;
+    let centre_of = |(block, voxel): &TileVoxel| centre(grid, coord(*block), *voxel);
+    let mut answers = Answers::default();
     let are_inside = |voxels: &[TileVoxel]| {
-        let points: Vec<DVec3> =
-            voxels.iter().map(|(block, voxel)| centre(grid, coord(*block), *voxel)).collect();
-        winding.exceed_half(&points)
+        let points: Vec<DVec3> = voxels.iter().map(centre_of).collect();
+        let inside = winding.exceed_half(&points);
+        answers.sides.push((points, inside.clone()));
+        inside
     };
     for &block in active {
         work.blocks[block].divide(grid.edge);
     }
-    Regions::settle(&mut work.blocks, active, grid.edge, &are_inside);
+    Regions::settle(&mut work.blocks, active, grid.edge, are_inside);
+    let masked = active.iter().find_map(|block| {
+        let mask = work.blocks[*block].unobserved.as_ref()?;
+        (0..grid.edge.block_voxels()).find(|voxel| mask.contains(*voxel)).map(|voxel| (*block, voxel))
+    });
+    answers.blended = masked.map(|voxel| centre_of(&voxel)).map(|point| (point, winding.at(point)));
+    answers
 }
 
 /// Writes the samples of a block.
 fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &mut [i16]) {
     let grid = &source.grid;
-    let offset = if let Sign::Offset(offset) = source.sign { offset } else { 0.0 };
+    let offset = if let Sign::Offset(offset) = *source.sign { offset } else { 0.0 };
     for (sample, distance) in samples.iter_mut().zip(&block.distances) {
         *sample = code(grid, distance - offset);
     }
-    let Sign::Closed(winding) = &source.sign else { return };
+    let Sign::Closed(winding) = source.sign else { return };
     for (voxel, sample) in samples.iter_mut().enumerate() {
         *sample = if block.is_inside(voxel) { -*sample } else { *sample };
     }
@@ -183,9 +233,9 @@ fn code(grid: &Grid, distance: f32) -> i16 {
 /// Finds the distances and the unobserved voxels of the blocks of a tile, exactly in all of the band.
 fn measure_exactly(source: &Source, tile: &Tile, work: &mut Workspace) {
     let edge = source.band.tile_edge();
-    let Connections { mesh, topology, directions, holes } =
-        source.connections.as_ref().expect("there are connections where tiles are measured exactly");
-    let parts = Parts { mesh, topology, directions, holes: holes.as_ref() };
+    let connections = source.connections.expect("there are connections where tiles are measured exactly");
+    let Connections { topology, directions, holes, .. } = connections;
+    let parts = Parts { mesh: connections.mesh(source.mesh), topology, directions, holes: holes.as_ref() };
     work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);

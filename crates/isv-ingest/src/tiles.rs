@@ -29,7 +29,7 @@ const LARGE: f64 = 0.5;
 const BEYOND: f64 = 1.75;
 
 /// A mesh in voxel units: positions divided by the voxel size.
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 pub(crate) struct VoxelMesh<'a> {
     pub(crate) vertices: Vec<DVec3>,
     pub(crate) triangles: Cow<'a, [[u32; 3]]>,
@@ -39,6 +39,11 @@ impl VoxelMesh<'_> {
     pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
         let [a, b, c] = self.triangles[face as usize];
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
+    }
+
+    /// The same, for as long as one likes.
+    pub(crate) fn into_owned(self) -> VoxelMesh<'static> {
+        VoxelMesh { vertices: self.vertices, triangles: Cow::Owned(self.triangles.into_owned()) }
     }
 
     /// Some of the triangles, with their vertices; and for each of those which vertex it was.
@@ -124,8 +129,18 @@ pub(crate) struct Tile<'a> {
 }
 
 impl Tile<'_> {
+    /// The Morton code of its first block: that of no block of an earlier tile is as large, and that of no block of a later one as small.
+    pub(crate) fn code(&self) -> MortonCode {
+        code(self.coord)
+    }
+
+    /// Whether a block is one of its.
+    pub(crate) fn has(&self, block: BlockCoord) -> bool {
+        block.to_array().map(|c| c.div_euclid(TILE_BLOCKS)) == self.coord.to_array()
+    }
+
     /// Indices of the triangles, ascending.
-    pub(crate) fn faces(&self) -> impl Iterator<Item = u32> + Clone {
+    pub(crate) fn faces(&self) -> impl ExactSizeIterator<Item = u32> + Clone {
         self.faces.iter().copied()
     }
 }

@@ -1,0 +1,281 @@
+//! A sequence of meshes to volumes, frame after frame.
+
+use crate::caps::Blocks;
+use crate::holes::WideHoles;
+use crate::sampler::{Answers, Sign, Source, Workspace, sample_tile};
+use crate::scene::Scene;
+use crate::stale::unchanged;
+use crate::tiles::{Band, Tile, VoxelMesh};
+use crate::{IngestError, MeshIngest, Reach, SignDecision, faces, limits};
+use isv_spatial::WindingNumber;
+use isv_volume::{BlockEdge, SparseVolume, TriangleMesh};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+use tracing::debug_span;
+
+/// In voxels, more than the length of a cell's diagonal: a voxel that far from the surface has only neighbours on its side.
+const CELL_DIAGONAL: f64 = 1.75;
+
+/// Tiles whose blocks are held apart from the volume at one time.
+const TILES_AT_ONCE: usize = 256;
+
+/// Makes volumes of the meshes of a sequence, of which it takes over what stands still.
+///
+/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh: bit for bit where the surface is open, and where it is
+/// closed up to places where its winding number is as good as one half, and to samples of unobserved voxels. What is in the
+/// surroundings of triangles that stay where they were costs next to nothing, whichever their numbers are, as long as their order
+/// stays.
+pub struct MeshIngester {
+    settings: MeshIngest,
+    before: Option<Frame<'static>>,
+}
+
+/// A frame, and what it was made of.
+struct Frame<'m> {
+    scene: Scene<'m>,
+    decision: SignDecision,
+    /// In the order of the scene's tiles.
+    tiles: Vec<SampledTile>,
+    volume: SparseVolume,
+    /// How many of its blocks are those of the frame before.
+    kept: usize,
+}
+
+/// What became of the tiles of a scene.
+struct Sampled {
+    tiles: Vec<SampledTile>,
+    volume: SparseVolume,
+    kept: usize,
+}
+
+/// What became of a tile.
+#[derive(Default)]
+struct SampledTile {
+    /// Its blocks in the volume.
+    blocks: Range<usize>,
+    answers: Answers,
+}
+
+impl MeshIngester {
+    /// An ingester that has seen no frame yet.
+    #[must_use]
+    pub fn new(settings: MeshIngest) -> Self {
+        Self { settings, before: None }
+    }
+
+    /// The volume of the next frame. A frame whose sign is found in another way than that of the one before starts afresh.
+    ///
+    /// # Errors
+    /// As [`crate::ingest_mesh`]. The frame after starts afresh.
+    pub fn ingest(&mut self, mesh: &TriangleMesh, sign: SignDecision) -> Result<SparseVolume, IngestError> {
+        let before = self.before.take().filter(|before| before.decision == sign);
+        let mesh = with_area(mesh)?;
+        let frame = Frame::of(&mesh, &self.settings, sign, before)?.into_owned();
+        let volume = frame.volume.clone();
+        self.before = Some(frame);
+        Ok(volume)
+    }
+
+    /// How many blocks of the last volume were taken over from the one before.
+    #[must_use]
+    pub fn kept_blocks(&self) -> usize {
+        self.before.as_ref().map_or(0, |frame| frame.kept)
+    }
+}
+
+/// The volume of a mesh that belongs to no sequence.
+pub(crate) fn volume_of(
+    mesh: &TriangleMesh,
+    settings: &MeshIngest,
+    sign: SignDecision,
+) -> Result<SparseVolume, IngestError> {
+    let mesh = with_area(mesh)?;
+    Ok(Frame::of(&mesh, settings, sign, None)?.volume)
+}
+
+/// The mesh without faces that have no area, if it is one.
+fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, IngestError> {
+    mesh.validate()?;
+    let mesh = faces::with_area(mesh);
+    mesh.validate()?;
+    Ok(mesh)
+}
+
+impl<'m> Frame<'m> {
+    fn of(
+        mesh: &'m TriangleMesh,
+        settings: &MeshIngest,
+        decision: SignDecision,
+        before: Option<Frame<'static>>,
+    ) -> Result<Self, IngestError> {
+        let offset = limits::check_offset(settings, decision)?;
+        limits::check_range(mesh, &settings.grid, offset)?;
+        let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
+        let before = match before {
+            Some(before) if before.scene.mesh == voxel_mesh => {
+                return Ok(Frame { kept: before.volume.block_count(), ..before });
+            }
+            before => before,
+        };
+        let band = Band::new(&settings.grid, offset);
+        let reach = if settings.grid.edge == BlockEdge::E8 { settings.reach } else { Reach::Band };
+        let near = match reach {
+            Reach::Band => band,
+            Reach::Surface => band.within(offset + CELL_DIAGONAL),
+        };
+        let list = debug_span!("ingest tiles")
+            .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
+        let (sign, holes) = debug_span!("ingest holes and winding numbers")
+            .in_scope(|| find_sign(mesh, &voxel_mesh, decision, offset));
+        let scene = match reach {
+            Reach::Band => Scene::exact(voxel_mesh, list, holes),
+            Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, [&near, &band]),
+        };
+        let (mesh, connections) = (&scene.mesh, scene.connections.as_ref());
+        let source = Source { grid: settings.grid, band, near, mesh, connections, sign: &sign };
+        let Sampled { tiles, volume, kept } = sample_scene(&source, &scene, before);
+        Ok(Self { scene, decision, tiles, volume, kept })
+    }
+
+    /// The same, for as long as one likes.
+    fn into_owned(self) -> Frame<'static> {
+        Frame { scene: self.scene.into_owned(), ..self }
+    }
+}
+
+/// Where signs come from, and the wide holes of a mesh with an inside.
+fn find_sign(
+    mesh: &TriangleMesh,
+    voxel_mesh: &VoxelMesh,
+    decision: SignDecision,
+    offset: f64,
+) -> (Sign, Option<WideHoles>) {
+    match decision {
+        SignDecision::Offset => (Sign::Offset(offset as f32), None),
+        SignDecision::Closed { .. } => {
+            let (holes, winding) = rayon::join(|| WideHoles::find(voxel_mesh), || WindingNumber::new(mesh));
+            (Sign::Closed(winding), holes)
+        }
+    }
+}
+
+/// Samples the tiles of a scene that are not as they were in the frame before, and takes over the others.
+fn sample_scene(source: &Source, scene: &Scene, before: Option<Frame>) -> Sampled {
+    let tiles = scene.tiles();
+    let same = before.as_ref().map_or_else(
+        || vec![None; tiles.len()],
+        |before| {
+            let _span = debug_span!("ingest unchanged tiles").entered();
+            let answers = |tile: usize| &before.tiles[tile].answers;
+            unchanged((scene, &tiles), (&before.scene, &before.scene.tiles()), answers, source.sign)
+        },
+    );
+    let stale: Vec<Tile> =
+        tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| *tile).collect();
+    let fresh = sample(source, &stale);
+    let _span = debug_span!("ingest volume").entered();
+    put_together(source, &tiles, &same, fresh, before)
+}
+
+/// Samples some tiles; also what their signs rest on.
+fn sample(source: &Source, tiles: &[Tile]) -> (Blocks, Vec<Answers>) {
+    let (mut blocks, mut answers) = (Blocks::default(), Vec::with_capacity(tiles.len()));
+    let workspaces = Mutex::new(Vec::new());
+    for tiles in tiles.chunks(TILES_AT_ONCE) {
+        let _span = debug_span!("ingest samples").entered();
+        let parts: Vec<_> = tiles
+            .par_iter()
+            .map(|tile| with_workspace(&workspaces, |work| sample_tile(source, tile, work)))
+            .collect();
+        blocks.samples.reserve(parts.iter().map(|part| part.samples.len()).sum());
+        for part in parts {
+            let before = blocks.coords.len();
+            blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));
+            blocks.coords.extend(part.coords);
+            blocks.samples.extend_from_slice(&part.samples);
+            answers.push(part.answers);
+        }
+    }
+    debug_span!("ingest rims").in_scope(|| {
+        blocks.open_caps(source);
+        blocks.trim_rims(source.grid.edge);
+    });
+    (blocks, answers)
+}
+
+/// Puts a volume together from blocks sampled now and, for tiles that are the same as one of the frame before, that one's blocks.
+fn put_together(
+    source: &Source,
+    tiles: &[Tile],
+    same: &[Option<usize>],
+    (fresh, answers): (Blocks, Vec<Answers>),
+    before: Option<Frame>,
+) -> Sampled {
+    let (mut old_tiles, old) = before.map_or_else(
+        || (Vec::new(), SparseVolume::empty(source.grid)),
+        |before| (before.tiles, before.volume),
+    );
+    let (mut coords, mut origins, mut masks) = (Vec::new(), Vec::new(), BTreeMap::new());
+    let (mut answers, mut next) = (answers.into_iter(), 0);
+    let mut sampled = Vec::with_capacity(tiles.len());
+    for (tile, same) in tiles.iter().zip(same) {
+        let first = coords.len();
+        let answers = if let Some(before) = same {
+            let SampledTile { blocks, answers } = std::mem::take(&mut old_tiles[*before]);
+            for block in blocks {
+                masks.extend(old.unobserved(block).map(|mask| (coords.len() as u32, mask.clone())));
+                coords.push(old.coords()[block]);
+                origins.push(BlockOrigin::Kept(block as u32));
+            }
+            answers
+        } else {
+            while fresh.coords.get(next).is_some_and(|block| tile.has(*block)) {
+                masks.extend(fresh.masks.get(&(next as u32)).map(|mask| (coords.len() as u32, mask.clone())));
+                coords.push(fresh.coords[next]);
+                origins.push(BlockOrigin::Fresh(next as u32));
+                next += 1;
+            }
+            answers.next().unwrap_or_default()
+        };
+        sampled.push(SampledTile { blocks: first..coords.len(), answers });
+    }
+    let kept = origins.iter().filter(|origin| matches!(origin, BlockOrigin::Kept(_))).count();
+    let volume = if kept > 0 {
+        SparseVolume::from_parts(source.grid, coords, copied(&old, &origins, &fresh.samples), masks)
+    } else {
+        SparseVolume::from_parts(source.grid, coords, fresh.samples, masks)
+    };
+    Sampled { tiles: sampled, volume, kept }
+}
+
+/// Where a block of a volume comes from.
+enum BlockOrigin {
+    /// From the volume before.
+    Kept(u32),
+    /// From those sampled now.
+    Fresh(u32),
+}
+
+/// The samples of a volume, by where its blocks come from.
+fn copied(old: &SparseVolume, origins: &[BlockOrigin], fresh: &[i16]) -> Vec<i16> {
+    let size = old.grid().edge.block_voxels();
+    let block = |origin: &BlockOrigin| match *origin {
+        BlockOrigin::Kept(block) => old.block(block as usize),
+        BlockOrigin::Fresh(block) => &fresh[block as usize * size..][..size],
+    };
+    let mut samples = Vec::with_capacity(origins.len() * size);
+    origins.iter().for_each(|origin| samples.extend_from_slice(block(origin)));
+    samples
+}
+
+/// Lends an idle workspace, so that there are never more than threads: rayon makes one for each part that it splits work into.
+fn with_workspace<T>(idle: &Mutex<Vec<Workspace>>, run: impl FnOnce(&mut Workspace) -> T) -> T {
+    let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut work = lock().pop().unwrap_or_default();
+    let done = run(&mut work);
+    lock().push(work);
+    done
+}

@@ -1,0 +1,91 @@
+//! Which tiles have to be sampled anew, and which are as they were in the frame before.
+//!
+//! The distances of a tile rest on its triangles alone. Its signs rest on the winding number as well, which far triangles may change:
+//! where something moves over a still part, or out of it. So what the winding number answered in the frame before is asked again, at
+//! the same points. Around wide holes, caps and rims look at what is beside a tile. There the surroundings of a hole are taken over
+//! as a whole or not at all.
+
+use crate::sampler::{Answers, Sign};
+use crate::scene::Scene;
+use crate::tiles::Tile;
+use glam::IVec3;
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+
+/// So many tiles away from one that touches a wide hole, samples may be other than by what is in the tile: caps and rims look
+/// five blocks far.
+const AROUND_HOLES: i32 = 2;
+
+/// Pairs the tiles of a scene with those of the one before, by their places: for each tile which it was, `None` if there was none;
+/// and the tiles that are no more.
+pub(crate) fn pair(tiles: &[Tile], before: &[Tile]) -> (Vec<Option<usize>>, Vec<IVec3>) {
+    let (mut pairs, mut gone, mut next) = (Vec::with_capacity(tiles.len()), Vec::new(), 0);
+    for tile in tiles {
+        while before.get(next).is_some_and(|other| other.code() < tile.code()) {
+            gone.push(before[next].coord);
+            next += 1;
+        }
+        let is_there = before.get(next).is_some_and(|other| other.code() == tile.code());
+        pairs.push(is_there.then_some(next));
+        next += usize::from(is_there);
+    }
+    gone.extend(before[next..].iter().map(|tile| tile.coord));
+    (pairs, gone)
+}
+
+/// A scene, and its tiles.
+pub(crate) type Tiled<'a> = (&'a Scene<'a>, &'a [Tile<'a>]);
+
+/// For each tile of a scene, which tile of the one before is the same, samples and all. `answers`: those of that one's tiles.
+pub(crate) fn unchanged<'a>(
+    (scene, tiles): Tiled,
+    (old, old_tiles): Tiled,
+    answers: impl Fn(usize) -> &'a Answers + Sync,
+    sign: &Sign,
+) -> Vec<Option<usize>> {
+    let (pairs, gone) = pair(tiles, old_tiles);
+    let is_same = |tile: &Tile, before: usize| {
+        scene.has_alike(tile, old, &old_tiles[before])
+            && match sign {
+                Sign::Closed(winding) => answers(before).hold(winding),
+                Sign::Offset(_) => true,
+            }
+    };
+    let still = |(tile, before): (&Tile, Option<usize>)| before.filter(|before| is_same(tile, *before));
+    let mut same: Vec<Option<usize>> = tiles.par_iter().zip(pairs).map(still).collect();
+    let beside = |(scene, tiles): Tiled| -> Vec<IVec3> {
+        tiles.par_iter().filter(|tile| scene.is_beside_hole(tile)).map(|tile| tile.coord).collect()
+    };
+    let around = around_holes(&[beside((scene, tiles)), beside((old, old_tiles))].concat());
+    let changed = tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| tile.coord);
+    let stale = flood(&around, gone.into_iter().chain(changed));
+    for (tile, same) in tiles.iter().zip(&mut same) {
+        *same = same.filter(|_| !stale.contains(&tile.coord));
+    }
+    same
+}
+
+/// The places around those of tiles that touch a wide hole.
+fn around_holes(beside: &[IVec3]) -> FxHashSet<IVec3> {
+    let mut around = FxHashSet::default();
+    for place in beside {
+        around.extend(neighbours(*place, AROUND_HOLES));
+    }
+    around
+}
+
+/// Those of some places that can be reached from the seeds among them, from each to any that touches it.
+fn flood(places: &FxHashSet<IVec3>, seeds: impl Iterator<Item = IVec3>) -> FxHashSet<IVec3> {
+    let mut stack: Vec<IVec3> = seeds.filter(|seed| places.contains(seed)).collect();
+    let mut reached: FxHashSet<IVec3> = stack.iter().copied().collect();
+    while let Some(place) = stack.pop() {
+        stack.extend(neighbours(place, 1).filter(|next| places.contains(next) && reached.insert(*next)));
+    }
+    reached
+}
+
+/// A place on the grid of tiles, and those up to `reach` away along each axis.
+fn neighbours(place: IVec3, reach: i32) -> impl Iterator<Item = IVec3> {
+    let side = 2 * reach + 1;
+    (0..side.pow(3)).map(move |i| place + IVec3::new(i % side, i / side % side, i / (side * side)) - reach)
+}
