@@ -72,7 +72,12 @@ pub(super) struct Metric {
 }
 
 impl Metric {
-    const NONE: Self = Self { spectrum: WeightSpectrum::NONE, energies: [0.0; 512], inverses: [0.0; 512], is_current: false };
+    const NONE: Self = Self {
+        spectrum: WeightSpectrum::NONE,
+        energies: [0.0; 512],
+        inverses: [0.0; 512],
+        is_current: false,
+    };
 
     /// Follows the weights, if it does not already. In place: it is large.
     #[inline(always)]
@@ -441,8 +446,7 @@ impl State {
         let mut found = false;
         for row in 0..64 {
             let only_sign = target.only_sign[row / 8] & !self.guarded[row / 8];
-            let mut wrong =
-                self.in_danger(simd, target, row) & (only_sign >> (8 * (row % 8))) & 0xff;
+            let mut wrong = self.in_danger(simd, target, row) & (only_sign >> (8 * (row % 8))) & 0xff;
             self.guarded[row / 8] |= wrong << (8 * (row % 8));
             found |= wrong != 0;
             while wrong != 0 {
