@@ -96,8 +96,8 @@ impl SearchEffort {
     /// What pays most for its time.
     pub const QUICK: Self = Self {
         cube_sizes: 1,
-        cube_steps: 3,
-        cube_blocks: 8,
+        cube_steps: 4,
+        cube_blocks: 16,
         starts: 2,
         block_steps: 2,
         rows: 4,
