@@ -19,6 +19,7 @@ pub mod probe;
 mod pursuit;
 mod rate_control;
 mod refinement;
+mod search_window;
 mod slice;
 mod syntax;
 mod target;

@@ -30,6 +30,34 @@ impl Default for WindowRows {
 }
 
 impl WindowRows {
+    /// The window that begins at voxel `within` `[x, y, z]` of the first of 2x2x2 blocks, x fastest.
+    ///
+    /// # Panics
+    /// If `within` is not a voxel of a block.
+    pub fn load(&mut self, blocks: &[&Block; 8], within: [usize; 3]) {
+        assert!(within.iter().all(|c| *c < 8), "{within:?} is not in the first block");
+        self.first = within[0];
+        // Rows from a voxel on that lie in the first of two blocks along an axis, and in the second.
+        let halves = |axis: usize| [(0..8 - within[axis], within[axis]), (8 - within[axis]..SIDE, 0)];
+        for (along_z, (zs, z_within)) in halves(2).into_iter().enumerate() {
+            for (z, layer) in zs.zip(z_within..) {
+                for (along_y, (ys, y_within)) in halves(1).into_iter().enumerate() {
+                    let pair = 4 * along_z + 2 * along_y;
+                    let rows = &mut self.samples[z * SIDE + ys.start..z * SIDE + ys.end];
+                    let start = (8 * layer + y_within) * 8;
+                    let [near, far] =
+                        [pair, pair + 1].map(|slot| &blocks[slot][start..start + 8 * rows.len()]);
+                    for (row, (near, far)) in
+                        rows.iter_mut().zip(near.as_chunks::<8>().0.iter().zip(far.as_chunks::<8>().0))
+                    {
+                        row[..8].copy_from_slice(near);
+                        row[8..].copy_from_slice(far);
+                    }
+                }
+            }
+        }
+    }
+
     /// Eight samples of a row of the window from its sample `x`, 0 or 1, on.
     #[inline(always)]
     #[must_use]
@@ -97,18 +125,17 @@ mod tests {
             ((seed >> 8) % 8193) as i16 - 4096
         };
         let mut stitched = StitchedReference::new(BlockEdge::E8);
-        for slot in 0..27 {
-            stitched.put_block(slot, &std::array::from_fn::<_, 512, _>(|_| noise()));
-        }
+        let blocks: [Block; 27] = std::array::from_fn(|_| std::array::from_fn(|_| noise()));
+        blocks.iter().enumerate().for_each(|(slot, block)| stitched.put_block(slot, block));
         for t in -16i8..16 {
             let translation = [t, (t * 5) % 16, 3 - t];
             let mut window = WindowRows::default();
             let cell = translation.map(|t| (8 + t.div_euclid(4)) as usize);
-            window.first = cell[0] % 8;
-            for row in 0..ROWS {
-                let start = ((cell[2] + row / SIDE) * 24 + cell[1] + row % SIDE) * 24 + cell[0] / 8 * 8;
-                window.samples[row].copy_from_slice(&stitched.samples()[start..start + ROW]);
-            }
+            let block = |step: usize| {
+                let [x, y, z] = [0, 1, 2].map(|axis| cell[axis] / 8 + (step >> axis & 1));
+                &blocks[x + 3 * y + 9 * z]
+            };
+            window.load(&std::array::from_fn(block), cell.map(|c| c % 8));
             let (mut expected, mut found) = ([0; 512], [0; 512]);
             stitched.warp(MotionVector { translation, rotation: [0; 3] }, &mut expected);
             window.translate(translation.map(|t| t.rem_euclid(4) as u8), &mut found);

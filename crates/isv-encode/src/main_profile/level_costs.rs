@@ -30,15 +30,15 @@ pub(crate) struct LevelCosts {
     scan: [u16; COEFFICIENTS],
     /// Bits of a level at a place, its sign included and its magnitude not.
     place: [f32; COEFFICIENTS],
-    /// The same by position in the block; infinite where nothing is coded.
-    place_at: Field,
+    /// What a level takes at least by position in the block; infinite where nothing is coded.
+    least_at: Field,
     /// Bits of a magnitude, from 1.
     magnitude: [f32; MAGNITUDES],
     /// Bits of the number of levels in a block.
     count: [f32; COUNTS],
     /// The fewest bits of each.
     least_place: f32,
-    pub least_magnitude: f32,
+    least_magnitude: f32,
     pub least_count: f32,
 }
 
@@ -51,7 +51,7 @@ impl LevelCosts {
             seen_counts: std::array::from_fn(|n| 10.0 * 0.8f32.powi(n as i32) + 0.01),
             since_refresh: 0,
             scan: scan.try_into().expect("a position for each place"),
-            place_at: [f32::INFINITY; 512],
+            least_at: [f32::INFINITY; 512],
             place: [0.0; COEFFICIENTS],
             magnitude: [0.0; MAGNITUDES],
             count: [0.0; COUNTS],
@@ -86,16 +86,10 @@ impl LevelCosts {
         }
     }
 
-    /// Bits of a level at a place, without its magnitude.
+    /// Bits that a level takes at least, by position in the block; infinite where nothing is coded.
     #[inline(always)]
-    pub(crate) fn place(&self, k: usize) -> f32 {
-        self.place[k]
-    }
-
-    /// [`Self::place`] by position in the block; infinite where nothing is coded.
-    #[inline(always)]
-    pub(crate) fn place_at(&self) -> &Field {
-        &self.place_at
+    pub(crate) fn least_at(&self) -> &Field {
+        &self.least_at
     }
 
     /// Bits of how many levels a block has.
@@ -148,12 +142,12 @@ impl LevelCosts {
 
     /// Brings up to date what follows from the costs.
     fn summarize(&mut self) {
-        for (position, bits) in self.scan.iter().zip(&self.place) {
-            self.place_at[usize::from(*position)] = *bits;
-        }
         let least = |bits: &[f32]| bits.iter().copied().fold(f32::INFINITY, f32::min);
         self.least_place = least(&self.place);
         self.least_magnitude = least(&self.magnitude);
         self.least_count = least(&self.count);
+        for (position, bits) in self.scan.iter().zip(&self.place) {
+            self.least_at[usize::from(*position)] = bits + self.least_magnitude;
+        }
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! All of it is the encoder's choice, in floating point; units are voxels.
 
+use super::search_window::SearchWindow;
 use super::target::{NearRow, Targets};
 use isv_decode::main_profile::reconstruct::TemporalPredictor;
 use isv_decode::main_profile::{MainReference, Vector};
@@ -44,7 +45,15 @@ pub(crate) fn to_shift(vector: Vector) -> Shift {
 
 /// The vector nearest to a displacement.
 fn nearest_quarters(shift: Shift) -> Vector {
-    Vector(shift.map(|s| (4.0 * s).round() as i16))
+    Vector(shift.map(|s| (4.0 * s + 0.5f32.copysign(s)) as i16))
+}
+
+/// The whole part of a displacement, which leaves a rest of 0 to 1.
+fn whole_voxels(shift: Shift) -> [i32; 3] {
+    shift.map(|s| {
+        let towards_zero = s as i32;
+        towards_zero - i32::from(s < towards_zero as f32)
+    })
 }
 
 /// How thoroughly predictions are searched for.
@@ -54,6 +63,8 @@ pub struct SearchEffort {
     pub cube_sizes: usize,
     /// Gauss-Newton steps of a cube, at most.
     pub cube_steps: usize,
+    /// Blocks of a cube that are looked at, at most: they are evenly spread.
+    pub cube_blocks: usize,
     /// Points that the search of a block starts from, at most: the best vector to merge with, then those of its cubes.
     pub starts: usize,
     /// Gauss-Newton steps of a block, at most.
@@ -73,6 +84,7 @@ impl SearchEffort {
     pub const THOROUGH: Self = Self {
         cube_sizes: 2,
         cube_steps: 8,
+        cube_blocks: 64,
         starts: 3,
         block_steps: 5,
         rows: 1,
@@ -85,6 +97,7 @@ impl SearchEffort {
     pub const QUICK: Self = Self {
         cube_sizes: 1,
         cube_steps: 4,
+        cube_blocks: 16,
         starts: 2,
         block_steps: 2,
         rows: 4,
@@ -98,6 +111,7 @@ impl SearchEffort {
 #[derive(Debug)]
 pub(crate) struct SoughtBlock<'a> {
     predictor: TemporalPredictor<'a>,
+    window: SearchWindow<'a>,
     coord: BlockCoord,
     near: Vec<NearRow>,
 }
@@ -105,7 +119,8 @@ pub(crate) struct SoughtBlock<'a> {
 impl<'a> SoughtBlock<'a> {
     /// No block yet.
     pub(crate) fn new(reference: &'a MainReference) -> Self {
-        Self { predictor: TemporalPredictor::new(reference), coord: [0; 3].into(), near: Vec::new() }
+        let (predictor, window) = (TemporalPredictor::new(reference), SearchWindow::new(reference));
+        Self { predictor, window, coord: [0; 3].into(), near: Vec::new() }
     }
 
     /// Turns to a block, of whose rows one in `every` is looked at.
@@ -152,9 +167,12 @@ impl<'a> SoughtBlock<'a> {
     /// Works on the block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
     #[inline(always)]
     fn at<R>(&mut self, shift: Shift, work: impl FnOnce(&[NearRow], &WindowRows, Shift) -> R) -> R {
-        let voxels = shift.map(|s| s.floor() as i32);
+        let voxels = whole_voxels(shift);
         let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
-        let window = self.predictor.look_at(self.coord, nearest_quarters(shift), voxels);
+        let window = match self.window.look_at(self.coord, voxels) {
+            Some(window) => window,
+            None => self.predictor.look_at(self.coord, nearest_quarters(shift), voxels),
+        };
         vectorized(
             #[inline(always)]
             || work(&self.near, window, fraction),
@@ -172,7 +190,7 @@ impl<'a> SoughtBlock<'a> {
 pub(crate) struct CubeSearch<'a> {
     reference: &'a MainReference,
     targets: &'a Targets<'a>,
-    steps: usize,
+    effort: SearchEffort,
     /// Large cubes first.
     sizes: Vec<Cubes>,
 }
@@ -201,7 +219,7 @@ impl Cubes {
     }
 }
 
-/// What the search of a cube works with, one for each of its blocks.
+/// What the search of a cube works with, one for each of the blocks that are looked at.
 pub(crate) type CubeScratch<'a> = Vec<SoughtBlock<'a>>;
 
 impl<'a> CubeSearch<'a> {
@@ -209,7 +227,7 @@ impl<'a> CubeSearch<'a> {
     pub(crate) fn new(reference: &'a MainReference, targets: &'a Targets<'a>, effort: SearchEffort) -> Self {
         let sizes = CUBES.into_iter().zip(CUBE_ROWS).take(effort.cube_sizes);
         let sizes = sizes.map(|(log2, every)| Cubes::new(targets.coords(), log2, every)).collect();
-        let search = Self { reference, targets, steps: effort.cube_steps, sizes };
+        let search = Self { reference, targets, effort, sizes };
         if effort.good_enough == 0.0 {
             search.search_all();
         }
@@ -238,11 +256,12 @@ impl<'a> CubeSearch<'a> {
         let blocks = &blocks[cube];
         let seeds = self.seeds(size, blocks.clone(), scratch);
         *shifts[cube].get_or_init(|| {
-            scratch.resize_with(blocks.len().max(scratch.len()), || SoughtBlock::new(self.reference));
-            for (sought, block) in scratch.iter_mut().zip(blocks.clone()) {
+            let chosen = blocks.clone().step_by(blocks.len().div_ceil(self.effort.cube_blocks));
+            scratch.resize_with(chosen.len().max(scratch.len()), || SoughtBlock::new(self.reference));
+            for (sought, block) in scratch.iter_mut().zip(chosen.clone()) {
                 sought.turn_to(self.targets, block, *every);
             }
-            search_cube(&mut scratch[..blocks.len()], &seeds, self.steps)
+            search_cube(&mut scratch[..chosen.len()], &seeds, self.effort)
         })
     }
 
@@ -275,14 +294,14 @@ fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
 }
 
 /// The best shift of the blocks of a cube that can be reached from the seeds.
-fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], steps: usize) -> Shift {
+fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort) -> Shift {
     let mut build = |shift: Shift| {
         let equations = sought.iter_mut().map(|block| block.equations(shift));
         equations.fold(NormalEquations::default(), |sum, equations| sum.plus(&equations))
     };
     let mut best = (f32::INFINITY, [0.0; 3]);
     for seed in seeds {
-        let result = descend(&mut build, *seed, steps);
+        let result = descend(&mut build, *seed, effort.cube_steps);
         if result.0 < best.0 {
             best = result;
         }

@@ -75,7 +75,7 @@ fn targets(volume: &SparseVolume) -> Targets<'_> {
 }
 
 /// A volume as the frame before: the blocks that its surface touches, none of them predicted in time.
-fn reference(volume: &SparseVolume) -> MainReference {
+pub(super) fn reference(volume: &SparseVolume) -> MainReference {
     let coords = targets(volume).coords().to_vec();
     let index = volume.index();
     let block = |coord| volume.block(index.get(coord).expect("targets are blocks of the volume") as usize);

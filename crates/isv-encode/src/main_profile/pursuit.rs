@@ -9,9 +9,9 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::target::{BlockTarget, Field};
+use super::target::{Bits, BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::simd;
 
@@ -65,20 +65,38 @@ pub(super) struct Metric {
     spectrum: WeightSpectrum,
     /// Weighted energy of each basis function.
     energies: Field,
+    /// One over it; zero where it is too little.
+    inverses: Field,
     /// Whether it is that of the weights as they are.
     is_current: bool,
 }
 
 impl Metric {
-    const NONE: Self = Self { spectrum: WeightSpectrum::NONE, energies: [0.0; 512], is_current: false };
+    const NONE: Self = Self {
+        spectrum: WeightSpectrum::NONE,
+        energies: [0.0; 512],
+        inverses: [0.0; 512],
+        is_current: false,
+    };
 
     /// Follows the weights, if it does not already. In place: it is large.
     #[inline(always)]
     fn follow<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) {
         if !self.is_current {
             self.spectrum.transform(simd, dct, weights);
-            self.spectrum.energies(&mut self.energies);
+            self.spectrum.energies(simd, &mut self.energies);
+            self.invert(simd);
             self.is_current = true;
+        }
+    }
+
+    #[inline(always)]
+    fn invert<S: Simd>(&mut self, simd: S) {
+        for row in CODED_ROWS {
+            let energies = load(simd, &self.energies, row);
+            let there = energies.simd_ge(LEAST_ENERGY);
+            let inverses = there.select(f32x8::splat(simd, 1.0) / energies, f32x8::splat(simd, 0.0));
+            inverses.store_slice(&mut self.inverses[8 * row..8 * row + 8]);
         }
     }
 
@@ -87,6 +105,7 @@ impl Metric {
     pub(super) fn without(&self, position: usize) -> Self {
         let mut metric = self.clone();
         metric.energies[position] = 0.0;
+        metric.inverses[position] = 0.0;
         metric
     }
 }
@@ -171,7 +190,7 @@ impl Pursuit<'_> {
         }
         let mut bits = costs.count(state.count);
         if state.count > 0 {
-            bits += (0..COEFFICIENTS).map(|k| costs.level(k, state.levels[k])).sum::<f32>();
+            bits += state.places().map(|k| costs.level(k, state.levels[k])).sum::<f32>();
         }
         let cost = state.weighted_error() + self.lambda * bits;
         Pursued { levels: state.levels, cost, predicted_error }
@@ -185,8 +204,7 @@ impl Pursuit<'_> {
         for (k, position) in self.scan.iter().enumerate() {
             let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
             if level != 0 {
-                state.levels[k] = level;
-                state.count += 1;
+                state.set_level(k, level);
                 self.dct.add(usize::from(*position), -(level as f32) * self.step, &mut state.error);
             }
         }
@@ -203,7 +221,7 @@ impl Pursuit<'_> {
         costs: &LevelCosts,
     ) {
         for round in 0..SIGN_ROUNDS {
-            if state.guard_signs(target) {
+            if state.guard_signs(simd, target) {
                 metrics.weights_have_changed();
             } else if round > 0 {
                 break;
@@ -224,17 +242,13 @@ impl Pursuit<'_> {
             weighted[voxel] = state.weights[voxel] * state.error[voxel];
         }
         self.dct.forward(simd, &weighted, &mut slopes);
-        let mut first = self.first_costs(state, metric, costs);
         for _ in 0..CHANGES {
-            let Some((k, level)) = self.best_change(state, metric, &first, &slopes, costs) else { break };
+            let Some((k, level)) = self.best_change(simd, state, metric, &slopes, costs) else { break };
             let position = usize::from(self.scan[k]);
             let change = (level - state.levels[k]) as f32 * self.step;
             metric.spectrum.add_products(position, -change, &mut slopes);
             self.dct.add(position, -change, &mut state.error);
-            state.count = state.count + usize::from(level != 0) - usize::from(state.levels[k] != 0);
-            state.levels[k] = level;
-            first.least[position] =
-                if level == 0 { self.lambda * (costs.place(k) + first.magnitude) } else { f32::INFINITY };
+            state.set_level(k, level);
             if state.count >= LEVELS {
                 break;
             }
@@ -246,102 +260,89 @@ impl Pursuit<'_> {
     pub(super) fn drop_level(&self, state: &mut State, k: usize) {
         let change = state.levels[k] as f32 * self.step;
         self.dct.add(usize::from(self.scan[k]), change, &mut state.error);
-        state.count -= 1;
-        state.levels[k] = 0;
-    }
-
-    /// What the first level at a position costs at least, whatever it is.
-    #[inline(always)]
-    fn first_costs(&self, state: &State, metric: &Metric, costs: &LevelCosts) -> FirstCosts {
-        let magnitude = costs.least_magnitude;
-        let mut first = FirstCosts { magnitude, least: [f32::INFINITY; 512], inverses: [0.0; 512] };
-        for row in CODED_ROWS {
-            for position in 8 * row..8 * row + 8 {
-                let energy = metric.energies[position];
-                let there = energy >= LEAST_ENERGY;
-                first.inverses[position] = if there { 1.0 / energy } else { 0.0 };
-                let least = self.lambda * (costs.place_at()[position] + magnitude);
-                first.least[position] = if there { least } else { f32::INFINITY };
-            }
-        }
-        if state.count > 0 {
-            for k in (0..COEFFICIENTS).filter(|k| state.levels[*k] != 0) {
-                first.least[usize::from(self.scan[k])] = f32::INFINITY;
-            }
-        }
-        first
+        state.set_level(k, 0);
     }
 
     /// The change of one level that pays the most.
     #[inline(always)]
-    fn best_change(
+    fn best_change<S: Simd>(
         &self,
+        simd: S,
         state: &State,
         metric: &Metric,
-        first: &FirstCosts,
         slopes: &Field,
         costs: &LevelCosts,
     ) -> Option<(usize, i32)> {
         let counts = [state.count.saturating_sub(1), state.count, state.count + 1].map(|n| costs.count(n));
-        let mut best = (LEAST_GAIN, None);
-        let consider = |k: usize, best: &mut (f32, Option<(usize, i32)>)| {
-            let position = usize::from(self.scan[k]);
-            let (energy, slope, now) = (metric.energies[position], slopes[position], state.levels[k]);
-            let ideal = now as f32 + slope * first.inverses[position] / self.step;
-            if energy < LEAST_ENERGY || (now == 0 && ideal.abs() < LEAST) {
-                return;
-            }
-            let below = ideal.floor() as i32;
-            for level in [below, below + 1, 0] {
-                if level == now || level.abs() > LARGEST {
-                    continue;
-                }
-                let change = (level - now) as f32 * self.step;
-                let more = 1 + usize::from(level != 0) - usize::from(now != 0);
-                let bits = costs.level(k, level) - costs.level(k, now) + counts[more] - counts[1];
-                let gain = change * (2.0 * slope - change * energy) - self.lambda * bits;
-                if gain > best.0 {
-                    *best = (gain, Some((k, level)));
-                }
-            }
-        };
-        if state.count > 0 {
-            (0..COEFFICIENTS).filter(|k| state.levels[*k] != 0).for_each(|k| consider(k, &mut best));
+        let outlook = Outlook { state, metric, slopes, costs, counts };
+        let mut best = BestChange { gain: LEAST_GAIN, level: None };
+        for k in state.places() {
+            self.consider(k, &outlook, &mut best);
         }
         // Of levels that are zero most need no closer look: even the ideal change would pay less.
-        let more = self.lambda * (counts[2] - counts[1]);
-        let mut most = [0.0; 8 * CODED_ROWS.len()];
-        for (row, most) in CODED_ROWS.into_iter().zip(most.as_chunks_mut::<8>().0) {
-            for lane in 0..8 {
-                let at = 8 * row + lane;
-                most[lane] = slopes[at] * slopes[at] * first.inverses[at] - first.least[at] - more;
-            }
-        }
-        for (row, most) in CODED_ROWS.into_iter().zip(most.as_chunks::<8>().0) {
-            let mut any = 0;
-            for lane in 0..8 {
-                any |= u32::from(most[lane] > best.0) << lane;
-            }
+        let lambda = f32x8::splat(simd, self.lambda);
+        let more = f32x8::splat(simd, self.lambda * (counts[2] - counts[1]));
+        for row in CODED_ROWS {
+            let (slopes, inverses) = (load(simd, slopes, row), load(simd, &metric.inverses, row));
+            let most = slopes * slopes * inverses - lambda * load(simd, costs.least_at(), row) - more;
+            let mut any = most.simd_gt(best.gain).to_bitmask();
             while any != 0 {
                 let at = 8 * row + any.trailing_zeros() as usize;
                 any &= any - 1;
                 if let Some(k) = self.places[at] {
-                    consider(usize::from(k), &mut best);
+                    self.consider(usize::from(k), &outlook, &mut best);
                 }
             }
         }
-        best.1
+        best.level
+    }
+
+    /// Whether one of the levels next to the ideal one, or none, pays more than the best change so far.
+    #[inline(always)]
+    fn consider(&self, k: usize, outlook: &Outlook, best: &mut BestChange) {
+        let Outlook { state, metric, slopes, costs, counts } = *outlook;
+        let position = usize::from(self.scan[k]);
+        let (energy, slope, now) = (metric.energies[position], slopes[position], state.levels[k]);
+        let ideal = now as f32 + slope * metric.inverses[position] / self.step;
+        if energy < LEAST_ENERGY || (now == 0 && ideal.abs() < LEAST) {
+            return;
+        }
+        let below = ideal.floor() as i32;
+        for level in [below, below + 1, 0] {
+            if level == now || level.abs() > LARGEST {
+                continue;
+            }
+            let change = (level - now) as f32 * self.step;
+            let more = 1 + usize::from(level != 0) - usize::from(now != 0);
+            let bits = costs.level(k, level) - costs.level(k, now) + counts[more] - counts[1];
+            let gain = change * (2.0 * slope - change * energy) - self.lambda * bits;
+            if gain > best.gain {
+                *best = BestChange { gain, level: Some((k, level)) };
+            }
+        }
     }
 }
 
-/// What is known of the first level at each position.
-struct FirstCosts {
-    /// Bits of a magnitude at least.
-    magnitude: f32,
-    /// Lambda times the bits that it takes at least; infinite where there is a level already or can be none.
-    least: Field,
-    /// One over the energy of the basis function; zero if that is too little.
-    inverses: Field,
+/// What the gain of a change follows from.
+#[derive(Clone, Copy)]
+struct Outlook<'a> {
+    state: &'a State,
+    metric: &'a Metric,
+    slopes: &'a Field,
+    costs: &'a LevelCosts,
+    /// Bits of one level less than there are, of as many and of one more.
+    counts: [f32; 3],
+}
+
+/// The best change so far: what it gains, and the level at a place in scan order.
+struct BestChange {
+    gain: f32,
+    level: Option<(usize, i32)>,
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, field: &Field, row: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, &field[8 * row..8 * row + 8])
 }
 
 /// Levels so far, what they are to reach, and the error that they leave.
@@ -349,11 +350,13 @@ struct FirstCosts {
 pub(super) struct State {
     pub levels: [i32; COEFFICIENTS],
     count: usize,
+    /// A bit for each place that has a level.
+    used: [u64; COEFFICIENTS.div_ceil(64)],
     goal: Field,
     pub weights: Field,
     error: Field,
     /// Voxels that were of the wrong sign once.
-    guarded: [bool; 512],
+    guarded: Bits,
 }
 
 impl State {
@@ -363,15 +366,44 @@ impl State {
         let mut state = Self {
             levels: [0; COEFFICIENTS],
             count: 0,
+            used: [0; COEFFICIENTS.div_ceil(64)],
             goal: target.samples,
             weights: target.weights,
             error: [0.0; 512],
-            guarded: [false; 512],
+            guarded: [0; 8],
         };
         for voxel in 0..512 {
             state.error[voxel] = state.goal[voxel] - prediction[voxel];
         }
         state
+    }
+
+    /// The places that have levels, in scan order.
+    #[inline(always)]
+    fn places(&self) -> impl Iterator<Item = usize> {
+        let mut used = self.used;
+        let mut word = 0;
+        std::iter::from_fn(
+            #[inline(always)]
+            move || {
+                while word < used.len() && used[word] == 0 {
+                    word += 1;
+                }
+                let bits = used.get_mut(word)?;
+                let place = 64 * word + bits.trailing_zeros() as usize;
+                *bits &= *bits - 1;
+                Some(place)
+            },
+        )
+    }
+
+    /// Another level at a place.
+    #[inline(always)]
+    fn set_level(&mut self, k: usize, level: i32) {
+        self.count = self.count + usize::from(level != 0) - usize::from(self.levels[k] != 0);
+        self.levels[k] = level;
+        let bit = 1 << (k % 64);
+        self.used[k / 64] = if level != 0 { self.used[k / 64] | bit } else { self.used[k / 64] & !bit };
     }
 
     /// Weighted squared error.
@@ -410,26 +442,16 @@ impl State {
 
     /// Gives weight to the voxels of which only the sign matters and whose sign is wrong. Whether there are new ones.
     #[inline(always)]
-    pub(super) fn guard_signs(&mut self, target: &BlockTarget) -> bool {
+    pub(super) fn guard_signs<S: Simd>(&mut self, simd: S, target: &BlockTarget) -> bool {
         let mut found = false;
         for row in 0..64 {
-            let at = 8 * row;
-            let mut wrong = 0u32;
-            for lane in 0..8 {
-                let sample = target.samples[at + lane];
-                let decoded = self.goal[at + lane] - self.error[at + lane];
-                let right = if sample < 0.0 { -decoded } else { decoded };
-                let distance = if sample < 0.0 { -sample } else { sample };
-                wrong |= u32::from((right < distance) & (right < SIGN_MARGIN)) << lane;
-            }
-            wrong &= (target.only_sign[row / 8] >> (8 * (row % 8))) as u32 & 255;
+            let only_sign = target.only_sign[row / 8] & !self.guarded[row / 8];
+            let mut wrong = self.in_danger(simd, target, row) & (only_sign >> (8 * (row % 8))) & 0xff;
+            self.guarded[row / 8] |= wrong << (8 * (row % 8));
+            found |= wrong != 0;
             while wrong != 0 {
-                let voxel = at + wrong.trailing_zeros() as usize;
+                let voxel = 8 * row + wrong.trailing_zeros() as usize;
                 wrong &= wrong - 1;
-                if self.guarded[voxel] {
-                    continue;
-                }
-                (self.guarded[voxel], found) = (true, true);
                 let sample = target.samples[voxel];
                 let decoded = self.goal[voxel] - self.error[voxel];
                 let distance = sample.abs().min(SIGN_TARGET);
@@ -439,5 +461,14 @@ impl State {
             }
         }
         found
+    }
+
+    /// The voxels of a row that are nearer to the other side than [`SIGN_MARGIN`] and than they should be: a bit each.
+    #[inline(always)]
+    fn in_danger<S: Simd>(&self, simd: S, target: &BlockTarget, row: usize) -> u64 {
+        let sample = load(simd, &target.samples, row);
+        let decoded = load(simd, &self.goal, row) - load(simd, &self.error, row);
+        let right = sample.simd_lt(0.0).select(-decoded, decoded);
+        right.simd_lt(sample.abs().min(SIGN_MARGIN)).to_bitmask()
     }
 }

@@ -21,6 +21,9 @@ use std::ops::Range;
 /// saves is not only error but levels.
 const VECTOR_LAMBDA: f32 = 1.5;
 
+/// With an error of so many times what the first level costs, it is hardly the case that no level pays.
+const UNLIKELY: f32 = 2.0;
+
 /// What all slices of a frame share.
 #[derive(Debug)]
 pub(crate) struct FrameContext<'a> {
@@ -156,21 +159,21 @@ impl<'a> SliceEncoder<'a> {
         let context = &block.context?;
         sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
         let modes = self.temporal_modes(block.number, context, sought);
-        let trials = modes.into_iter().map(|mode| {
+        let trials = modes.into_iter().map(|(cost, mode)| {
             let mut prediction = [0; BLOCK_SAMPLES];
             sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
-            self.pursue(block, mode, prediction)
+            self.pursue(block, mode, prediction, cost)
         });
         trials.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// The most promising vectors: by weighted error of the prediction and the bits of the mode.
+    /// The most promising vectors and their costs: weighted error of the prediction and the bits of the mode.
     fn temporal_modes(
         &mut self,
         block: usize,
         context: &ModeContext,
         sought: &mut SoughtBlock,
-    ) -> Vec<BlockMode> {
+    ) -> Vec<(f32, BlockMode)> {
         let Tools { motion, merging, .. } = self.frame.tools;
         let allowed = |vector: Vector| (motion && merging) || vector == Vector::ZERO;
         let good_enough = VECTOR_LAMBDA * self.frame.pursuit.lambda * self.frame.effort.good_enough;
@@ -196,7 +199,8 @@ impl<'a> SliceEncoder<'a> {
             self.add_new_vectors(block, shift, context, sought, &mut modes);
         }
         modes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        modes.into_iter().take(self.frame.trials).map(|(_, mode)| mode).collect()
+        modes.truncate(self.frame.trials);
+        modes
     }
 
     /// Vectors found from the best to merge with and from the shifts of cubes.
@@ -261,7 +265,7 @@ impl<'a> SliceEncoder<'a> {
     fn spatial_if_better(&mut self, block: &mut BlockAtHand, temporal: Option<Trial>) -> Trial {
         let Some(temporal) = temporal else {
             let prediction = self.predict_spatially(block);
-            return self.pursue(block, BlockMode::Spatial, prediction);
+            return self.pursue(block, BlockMode::Spatial, prediction, 0.0);
         };
         if self.is_spatial_hopeless(temporal.cost, block.context.as_ref()) {
             return temporal;
@@ -269,11 +273,14 @@ impl<'a> SliceEncoder<'a> {
         let prediction = self.predict_spatially(block);
         let share = self.frame.effort.spatial_error_share;
         let worst = share * temporal.pursued.predicted_error;
-        let error = |codes| self.frame.targets.prediction_error(block.number, codes).weighted;
-        if share.is_finite() && error(&prediction) > worst {
-            return temporal;
+        let mut error = 0.0;
+        if share.is_finite() {
+            error = self.frame.targets.prediction_error(block.number, &prediction).weighted;
+            if error > worst {
+                return temporal;
+            }
         }
-        let spatial = self.pursue(block, BlockMode::Spatial, prediction);
+        let spatial = self.pursue(block, BlockMode::Spatial, prediction, error);
         if spatial.cost < temporal.cost { spatial } else { temporal }
     }
 
@@ -296,13 +303,15 @@ impl<'a> SliceEncoder<'a> {
         prediction
     }
 
+    /// Levels for a prediction. `error`: about that of the prediction, or less.
     fn pursue(
         &mut self,
         block: &mut BlockAtHand,
         mode: BlockMode,
         prediction: [i16; BLOCK_SAMPLES],
+        error: f32,
     ) -> Trial {
-        let pursued = match self.no_levels(block.number, mode, &prediction) {
+        let pursued = match self.no_levels(block.number, mode, &prediction, error) {
             Some(pursued) => pursued,
             None => self.search_levels(block, mode, &prediction),
         };
@@ -311,13 +320,21 @@ impl<'a> SliceEncoder<'a> {
         Trial { mode, prediction, pursued, cost }
     }
 
-    /// The end of a pursuit that is over before it begins, which is seen from the prediction's error alone.
-    fn no_levels(&self, block: usize, mode: BlockMode, prediction: &[i16; BLOCK_SAMPLES]) -> Option<Pursued> {
-        if self.frame.refinement || self.frame.pursuit.rounding {
+    /// The end of a pursuit that is over before it begins, which is seen from the prediction's error alone. It is not looked
+    /// for where about so much `error` makes it unlikely: the pursuit comes to the same end.
+    fn no_levels(
+        &self,
+        block: usize,
+        mode: BlockMode,
+        prediction: &[i16; BLOCK_SAMPLES],
+        error: f32,
+    ) -> Option<Pursued> {
+        let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
+        let unlikely = error > UNLIKELY * self.frame.pursuit.lambda * costs.least_first();
+        if self.frame.refinement || self.frame.pursuit.rounding || unlikely {
             return None;
         }
         let error = self.frame.targets.prediction_error(block, prediction);
-        let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         if error.signs_hold { self.frame.pursuit.without_levels(error.weighted, costs) } else { None }
     }
 

@@ -6,7 +6,7 @@
 
 use super::field_dct::{FieldDct, SCALES};
 use super::target::Field;
-use fearless_simd::Simd;
+use fearless_simd::{Simd, f32x8, prelude::*};
 
 /// Index sum of the last coefficient that is coded.
 pub(crate) const LAST_SUM: usize = 8;
@@ -43,43 +43,37 @@ impl WeightSpectrum {
     pub(crate) fn transform<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) {
         let mut transformed = [0.0; 512];
         dct.forward_all(simd, weights, &mut transformed);
+        let scales_x = f32x8::from_slice(simd, &SCALES);
         for (row, extended) in self.rows.iter_mut().enumerate() {
-            let scale = SCALES[row / 8] * SCALES[row % 8];
-            for u in 0..8 {
-                let sum = transformed[8 * row + u] / (scale * SCALES[u]);
-                extended[ZERO + u] = sum;
-                extended[ZERO - u] = sum;
-                if u > 0 {
-                    extended[ZERO + 16 - u] = -sum;
-                }
-            }
+            let scales = f32x8::splat(simd, SCALES[row / 8] * SCALES[row % 8]) * scales_x;
+            let sums = f32x8::from_slice(simd, &transformed[8 * row..8 * row + 8]) / scales;
+            // -7 to 0, then 9 to 16, of which the last is not looked at; 0 to 7; and 8 is zero.
+            sums.reverse().store_slice(&mut extended[..8]);
+            (-sums.reverse()).store_slice(&mut extended[ZERO + 9..]);
+            sums.store_slice(&mut extended[ZERO..ZERO + 8]);
         }
     }
 
     /// The weighted energy of every basis function, of coded rows.
     #[inline(always)]
-    pub(crate) fn energies(&self, out: &mut Field) {
-        let mut along_x = [[0.0; 8]; 64];
-        for (row, sums) in along_x.iter_mut().enumerate() {
-            for u in 0..8 {
-                sums[u] = self.rows[row][ZERO] + self.rows[row][ZERO + 2 * u];
-            }
+    pub(crate) fn energies<S: Simd>(&self, simd: S, out: &mut Field) {
+        let mut along_x = [0.0; 512];
+        for (extended, sums) in self.rows.iter().zip(along_x.as_chunks_mut::<8>().0) {
+            let [low, high] = [ZERO, ZERO + 8].map(|at| f32x8::from_slice(simd, &extended[at..at + 8]));
+            (f32x8::splat(simd, extended[ZERO]) + low.unzip_low(high)).store_slice(sums);
         }
+        let scales_x = f32x8::from_slice(simd, &SCALES);
         for row in CODED_ROWS {
             let (w, v) = (row / 8, row % 8);
             let scale = (SCALES[w] * SCALES[v]).powi(2) / 8.0;
-            let out: &mut [f32; 8] = (&mut out[8 * row..8 * row + 8]).try_into().expect("a row");
-            let mut sums = [0.0; 8];
+            let mut sums = f32x8::splat(simd, 0.0);
             for (z, sign_z) in [(0, 1.0), folded(2 * w)] {
                 for (y, sign) in [(0, sign_z), folded_times(2 * v, sign_z)] {
-                    for u in 0..8 {
-                        sums[u] += sign * along_x[8 * z + y][u];
-                    }
+                    let at = 8 * (8 * z + y);
+                    sums += f32x8::from_slice(simd, &along_x[at..at + 8]) * sign;
                 }
             }
-            for u in 0..8 {
-                out[u] = sums[u] * scale * SCALES[u] * SCALES[u];
-            }
+            (sums * scale * scales_x * scales_x).store_slice(&mut out[8 * row..8 * row + 8]);
         }
     }
 
@@ -139,7 +133,7 @@ mod tests {
         let mut spectrum = WeightSpectrum::NONE;
         dispatch!(simd::level(), simd => spectrum.transform(simd, &dct, &weights));
         let mut energies = [0.0; 512];
-        spectrum.energies(&mut energies);
+        dispatch!(simd::level(), simd => spectrum.energies(simd, &mut energies));
         for position in [0, 3, 7, 8 * 5 + 1, 64 * 7, 64 * 2 + 8 * 4 + 2, 64 * 5 + 8 * 3] {
             let (mut field, mut expected) = ([0.0; 512], [0.0; 512]);
             dct.add(position, -1.5, &mut field);
