@@ -3,9 +3,11 @@
 mod depth_camera;
 mod meshes;
 mod random;
+mod scenes;
 mod volumes;
 
 pub use depth_camera::{camera_ring, look_at, render_depth};
 pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use random::Random;
+pub use scenes::{street, waves};
 pub use volumes::{ball, still_and_moving_ball, volume_of};
