@@ -1,6 +1,7 @@
 //! Faces that say nothing of a surface: those without area, and those that are there already.
 
 use isv_volume::TriangleMesh;
+use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use std::borrow::Cow;
 
@@ -11,7 +12,7 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
         let [a, b, c] = mesh.corners(face);
         a != b && b != c && c != a && mesh.area_vector(face) != glam::DVec3::ZERO
     };
-    keep(mesh, has_area)
+    keep(mesh, (0..mesh.triangles.len()).into_par_iter().map(has_area).collect())
 }
 
 /// The mesh without faces that have the corners of an earlier one, in the same order. One that faces the other way stays.
@@ -23,11 +24,10 @@ pub(crate) fn distinct(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
         corners.rotate_left(first);
         seen.insert(corners)
     };
-    keep(mesh, is_new)
+    keep(mesh, (0..mesh.triangles.len()).map(is_new).collect())
 }
 
-fn keep(mesh: &TriangleMesh, wanted: impl FnMut(usize) -> bool) -> Cow<'_, TriangleMesh> {
-    let kept: Vec<bool> = (0..mesh.triangles.len()).map(wanted).collect();
+fn keep(mesh: &TriangleMesh, kept: Vec<bool>) -> Cow<'_, TriangleMesh> {
     if !kept.contains(&false) {
         return Cow::Borrowed(mesh);
     }

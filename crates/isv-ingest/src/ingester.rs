@@ -8,7 +8,7 @@ use crate::stale::unchanged;
 use crate::tiles::{Band, Tile, VoxelMesh};
 use crate::{IngestError, MeshIngest, Reach, SignDecision, faces, limits};
 use isv_spatial::WindingNumber;
-use isv_volume::{BlockEdge, SparseVolume, TriangleMesh};
+use isv_volume::{BlockCoord, BlockEdge, BlockOrigin, MeshError, SparseVolume, TriangleMesh, VoxelMask};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -79,6 +79,12 @@ impl MeshIngester {
         Ok(volume)
     }
 
+    /// How meshes become volumes.
+    #[must_use]
+    pub fn settings(&self) -> &MeshIngest {
+        &self.settings
+    }
+
     /// How many blocks of the last volume were taken over from the one before.
     #[must_use]
     pub fn kept_blocks(&self) -> usize {
@@ -100,8 +106,7 @@ pub(crate) fn volume_of(
 fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, IngestError> {
     mesh.validate()?;
     let mesh = faces::with_area(mesh);
-    mesh.validate()?;
-    Ok(mesh)
+    if mesh.triangles.is_empty() { Err(MeshError::NoFaces.into()) } else { Ok(mesh) }
 }
 
 impl<'m> Frame<'m> {
@@ -218,57 +223,46 @@ fn put_together(
         || (Vec::new(), SparseVolume::empty(source.grid)),
         |before| (before.tiles, before.volume),
     );
-    let (mut coords, mut origins, mut masks) = (Vec::new(), Vec::new(), BTreeMap::new());
+    let mut parts = Assembly::default();
     let (mut answers, mut next) = (answers.into_iter(), 0);
     let mut sampled = Vec::with_capacity(tiles.len());
     for (tile, same) in tiles.iter().zip(same) {
-        let first = coords.len();
+        let first = parts.coords.len();
         let answers = if let Some(before) = same {
             let SampledTile { blocks, answers } = std::mem::take(&mut old_tiles[*before]);
             for block in blocks {
-                masks.extend(old.unobserved(block).map(|mask| (coords.len() as u32, mask.clone())));
-                coords.push(old.coords()[block]);
-                origins.push(BlockOrigin::Kept(block as u32));
+                parts.push(old.coords()[block], BlockOrigin::Kept(block as u32), old.unobserved(block));
             }
             answers
         } else {
             while fresh.coords.get(next).is_some_and(|block| tile.has(*block)) {
-                masks.extend(fresh.masks.get(&(next as u32)).map(|mask| (coords.len() as u32, mask.clone())));
-                coords.push(fresh.coords[next]);
-                origins.push(BlockOrigin::Fresh(next as u32));
+                let mask = fresh.masks.get(&(next as u32));
+                parts.push(fresh.coords[next], BlockOrigin::Fresh(next as u32), mask);
                 next += 1;
             }
             answers.next().unwrap_or_default()
         };
-        sampled.push(SampledTile { blocks: first..coords.len(), answers });
+        sampled.push(SampledTile { blocks: first..parts.coords.len(), answers });
     }
-    let kept = origins.iter().filter(|origin| matches!(origin, BlockOrigin::Kept(_))).count();
-    let volume = if kept > 0 {
-        SparseVolume::from_parts(source.grid, coords, copied(&old, &origins, &fresh.samples), masks)
-    } else {
-        SparseVolume::from_parts(source.grid, coords, fresh.samples, masks)
-    };
+    let kept = parts.coords.len() - next;
+    let volume = old.succeed(parts.coords, &parts.origins, fresh.samples, parts.masks);
     Sampled { tiles: sampled, volume, kept }
 }
 
-/// Where a block of a volume comes from.
-enum BlockOrigin {
-    /// From the volume before.
-    Kept(u32),
-    /// From those sampled now.
-    Fresh(u32),
+/// A volume while it is put together.
+#[derive(Default)]
+struct Assembly {
+    coords: Vec<BlockCoord>,
+    origins: Vec<BlockOrigin>,
+    masks: BTreeMap<u32, VoxelMask>,
 }
 
-/// The samples of a volume, by where its blocks come from.
-fn copied(old: &SparseVolume, origins: &[BlockOrigin], fresh: &[i16]) -> Vec<i16> {
-    let size = old.grid().edge.block_voxels();
-    let block = |origin: &BlockOrigin| match *origin {
-        BlockOrigin::Kept(block) => old.block(block as usize),
-        BlockOrigin::Fresh(block) => &fresh[block as usize * size..][..size],
-    };
-    let mut samples = Vec::with_capacity(origins.len() * size);
-    origins.iter().for_each(|origin| samples.extend_from_slice(block(origin)));
-    samples
+impl Assembly {
+    fn push(&mut self, coord: BlockCoord, origin: BlockOrigin, mask: Option<&VoxelMask>) {
+        self.masks.extend(mask.map(|mask| (self.coords.len() as u32, mask.clone())));
+        self.coords.push(coord);
+        self.origins.push(origin);
+    }
 }
 
 /// Lends an idle workspace, so that there are never more than threads: rayon makes one for each part that it splits work into.

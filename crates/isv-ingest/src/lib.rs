@@ -31,7 +31,8 @@
 //! all voxels that are certain to share it, and `sampler` puts the samples of a tile together. `boundary` finds the edges with
 //! one face, `holes` the openings that must stay open, `caps` removes what the winding number would still close there, and
 //! `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
-//! cannot be done.
+//! cannot be done. `scene` holds what a frame is made of, `stale` finds what of it is as it was in the frame before, and `ingester`
+//! puts volumes together.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 

@@ -62,21 +62,32 @@ impl TileDistances {
     fn scatter_one<S: Simd>(&mut self, facet: &Facet<S>, lo: IVec3, hi: IVec3, reach: f32) {
         let simd = facet.heights.simd;
         let around = (facet.radius + reach).powi(2);
+        let [cx, cy, cz] = facet.centre;
         let mut x = lo.x as usize;
         while x <= hi.x as usize {
             // Eight voxels of each row that do not leave it.
             let start = x.min(self.edge - LANES);
+            let along = f32x8::simd_from(simd, STEPS) + (start as f32 - cx);
             let plane = facet.heights + facet.growth[0] * start as f32;
             for z in lo.z..=hi.z {
                 for y in lo.y..=hi.y {
-                    let (dy, dz) = (y as f32 - facet.centre[0], z as f32 - facet.centre[1]);
-                    let heights = plane + facet.growth[1] * y as f32 + facet.growth[2] * z as f32;
-                    if dy * dy + dz * dz > around || facet.is_beyond(&heights, reach) {
+                    let (dy, dz) = (y as f32 - cy, z as f32 - cz);
+                    let beside = dy * dy + dz * dz;
+                    if beside > around {
                         continue;
                     }
                     let row = (z as usize * self.edge + y as usize) * self.edge + start;
-                    let lower = &mut self.squares[row..][..LANES];
-                    f32x8::from_slice(simd, lower).min(facet.squares(heights)).store_slice(lower);
+                    let known = &mut self.squares[row..][..LANES];
+                    let lower = f32x8::from_slice(simd, known);
+                    // No closer than its ball, it lowers nothing where that is farther away.
+                    let least = lower.sqrt().min(reach) + facet.radius;
+                    if (along * along + beside).simd_ge(least * least).all_true() {
+                        continue;
+                    }
+                    let heights = plane + facet.growth[1] * y as f32 + facet.growth[2] * z as f32;
+                    if !facet.is_beyond(&heights, reach) {
+                        lower.min(facet.squares(heights)).store_slice(known);
+                    }
                 }
             }
             x = start + LANES;
@@ -94,14 +105,17 @@ struct Facet<S: Simd> {
     along_x: [f32x8<S>; LANES],
     /// Half of what the first height grows from the first of them to the last.
     half_rise: f32,
-    /// A ball around it: the centre's y and z, and the radius.
-    centre: [f32; 2],
+    /// A ball around it.
+    centre: [f32; 3],
     radius: f32,
     /// Lengths of the sides.
     lengths: [f32; 3],
     /// What the heights above the sides are at least where the closest point is inside the triangle.
     inside_from: f32,
 }
+
+/// Of eight voxels of a row, how far each is from the first.
+const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Lanes of the planes.
 const OWN: usize = 0;
@@ -111,7 +125,6 @@ const STARTS: usize = 4;
 impl<S: Simd> Facet<S> {
     #[inline(always)]
     fn new(simd: S, corners: [DVec3; 3]) -> Self {
-        const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let [a, b, c] = corners;
         let area = (b - a).cross(c - a);
         let edges = [b - a, c - b, a - c];
@@ -150,7 +163,7 @@ impl<S: Simd> Facet<S> {
             growth: growth.map(|growth| f32x8::simd_from(simd, growth)),
             along_x,
             half_rise: 0.5 * (LANES - 1) as f32 * x[OWN],
-            centre: [centre.y as f32, centre.z as f32],
+            centre: centre.as_vec3().to_array(),
             // Of a triangle larger than a tile, rounding moves the ball by less than this.
             radius: (radius * (1.0 + 1e-6) + 1e-3) as f32,
             lengths: ends,

@@ -21,6 +21,9 @@ const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 /// number of tiles is checked against the limit.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
 
+/// Tiles whose numbers are at hand while entries are sorted.
+const RECENT: usize = 64;
+
 /// Triangles longer than this share of a tile along an axis are listed by where they are, others by their bounding boxes.
 const LARGE: f64 = 0.5;
 
@@ -249,10 +252,16 @@ impl TileList {
 fn gather(listings: &[Vec<Entry>]) -> TileList {
     let mut numbers: FxHashMap<MortonCode, u32> = FxHashMap::default();
     let mut tiles: Vec<(MortonCode, usize)> = Vec::new();
+    // Most triangles are in the tiles of those just before them.
+    let mut recent = [None; RECENT];
     let mut number_of = |&(tile, _): &Entry| {
-        let number = *numbers.entry(tile).or_insert_with(|| {
-            tiles.push((tile, 0));
-            tiles.len() as u32 - 1
+        let slot = &mut recent[(tile.0 as usize / TILE_VOLUME) % RECENT];
+        let (_, number) = slot.filter(|(known, _)| *known == tile).unwrap_or_else(|| {
+            let number = *numbers.entry(tile).or_insert_with(|| {
+                tiles.push((tile, 0));
+                tiles.len() as u32 - 1
+            });
+            *slot.insert((tile, number))
         });
         tiles[number as usize].1 += 1;
         number

@@ -15,7 +15,7 @@ type Quadratic = [f64; 6];
 type Cubic = [f64; 10];
 
 /// Moments of the oriented surface of some triangles.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Expansion {
     /// The point expanded around: the area-weighted mean of the triangles.
     pub(crate) centre: DVec3,

@@ -77,11 +77,11 @@ impl Item {
 impl Tree {
     /// Builds a tree with at most `leaf_size` triangles a leaf, by where triangles are: cubes are halved along each axis in turn,
     /// which is found by sorting (Lauterbach et al. 2009, "Fast BVH construction on GPUs"). Far faster to build than
-    /// [`Self::build`], and a little slower to search.
+    /// [`Self::build`], and a little slower to search. Also returns the corners of the triangles in its order.
     ///
     /// # Panics
     /// As [`Self::build`].
-    pub(crate) fn by_place(mesh: &TriangleMesh, leaf_size: usize) -> Self {
+    pub(crate) fn by_place(mesh: &TriangleMesh, leaf_size: usize) -> (Self, Vec<[DVec3; 3]>) {
         assert!(!mesh.triangles.is_empty(), "a mesh without faces has no winding number");
         let (lo, hi) = mesh.bounds().expect("a mesh with faces has vertices");
         let scale =
@@ -94,10 +94,10 @@ impl Tree {
         };
         let mut places: Vec<Place> = (0..mesh.triangles.len()).into_par_iter().map(place).collect();
         places.par_sort_unstable();
-        let order: Vec<u32> = places.iter().map(|place| place.1).collect();
+        let corners: Vec<_> = places.par_iter().map(|place| mesh.corners(place.1 as usize)).collect();
         let mut nodes = Vec::with_capacity(2 * places.len() / leaf_size + 1);
-        halve(&mut nodes, &places, 0, &Leaves { mesh, leaf_size });
-        Self { nodes, order }
+        halve(&mut nodes, &places, 0, &Leaves { corners: &corners, leaf_size });
+        (Self { nodes, order: places.into_iter().map(|place| place.1).collect() }, corners)
     }
 
     /// Builds a tree with at most `leaf_size` triangles a leaf, by the surface-area heuristic.
@@ -122,7 +122,8 @@ type Place = (u64, u32);
 
 /// What nodes are made from.
 struct Leaves<'a> {
-    mesh: &'a TriangleMesh,
+    /// Corners of the triangles in the order of their places.
+    corners: &'a [[DVec3; 3]],
     leaf_size: usize,
 }
 
@@ -132,22 +133,47 @@ fn halve(nodes: &mut Vec<Node>, places: &[Place], base: usize, leaves: &Leaves) 
     let here = nodes.len();
     nodes.push(Node { lo: DVec3::ZERO, hi: DVec3::ZERO, link: base as u32, count: places.len() as u32 });
     let (lo, hi) = if places.len() <= leaves.leaf_size {
-        let corners = places.iter().flat_map(|place| leaves.mesh.corners(place.1 as usize));
-        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+        let corners = leaves.corners[base..base + places.len()].iter().flatten();
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
     } else {
         let differ = places[0].0 ^ places[places.len() - 1].0;
         let middle = match differ.checked_ilog2() {
             Some(bit) => places.partition_point(|place| place.0 >> bit & 1 == 0),
             None => places.len() / 2,
         };
-        let first = halve(nodes, &places[..middle], base, leaves);
-        nodes[here].link = (nodes.len() - here) as u32;
         nodes[here].count = 0;
-        let second = halve(nodes, &places[middle..], base + middle, leaves);
-        (first.0.min(second.0), first.1.max(second.1))
+        halve_parts(nodes, here, places.split_at(middle), base, leaves)
     };
     (nodes[here].lo, nodes[here].hi) = (lo, hi);
     (lo, hi)
+}
+
+/// Adds the nodes of both halves of the last node, which is number `here`; returns the box of both. Large ones by two threads.
+fn halve_parts(
+    nodes: &mut Vec<Node>,
+    here: usize,
+    (low, high): (&[Place], &[Place]),
+    base: usize,
+    leaves: &Leaves,
+) -> (DVec3, DVec3) {
+    let (first, second) = if low.len() + high.len() > PARALLEL_SIZE {
+        let subtree = |places: &[Place], base: usize| {
+            let mut nodes = Vec::with_capacity(2 * places.len() / leaves.leaf_size + 1);
+            let bounds = halve(&mut nodes, places, base, leaves);
+            (nodes, bounds)
+        };
+        let ((low_nodes, first), (high_nodes, second)) =
+            rayon::join(|| subtree(low, base), || subtree(high, base + low.len()));
+        nodes.extend_from_slice(&low_nodes);
+        nodes[here].link = (nodes.len() - here) as u32;
+        nodes.extend_from_slice(&high_nodes);
+        (first, second)
+    } else {
+        let first = halve(nodes, low, base, leaves);
+        nodes[here].link = (nodes.len() - here) as u32;
+        (first, halve(nodes, high, base + low.len(), leaves))
+    };
+    (first.0.min(second.0), first.1.max(second.1))
 }
 
 /// Nodes of the subtree over `items`, whose first entry has position `base` in the tree's order.
@@ -264,7 +290,7 @@ mod tests {
     #[test]
     fn leaves_hold_every_triangle_once() {
         let mesh = soup(3, 10_000);
-        for tree in [Tree::build(&mesh, 4), Tree::by_place(&mesh, 4)] {
+        for tree in [Tree::build(&mesh, 4), Tree::by_place(&mesh, 4).0] {
             check_leaves(&tree, &mesh);
         }
     }
@@ -292,9 +318,13 @@ mod tests {
     fn equal_centroids_and_exponential_spacing_stay_shallow() {
         let mut mesh = soup(4, 1);
         mesh.triangles = vec![[0, 1, 2]; 20_000];
-        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4)) <= MAX_DEPTH);
+        assert!(
+            depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4).0) <= MAX_DEPTH
+        );
         mesh.vertices = (0..900).map(|i| DVec3::X * 2f64.powi(i - 450)).collect();
         mesh.triangles = (0..900).map(|i| [i; 3]).collect();
-        assert!(depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4)) <= MAX_DEPTH);
+        assert!(
+            depth(&Tree::build(&mesh, 4)) <= MAX_DEPTH && depth(&Tree::by_place(&mesh, 4).0) <= MAX_DEPTH
+        );
     }
 }

@@ -30,6 +30,9 @@ const MARGIN: f64 = 0.25;
 /// Triangles a leaf: one arc tangent is spent on each leaf, not on each triangle.
 const LEAF_SIZE: usize = 8;
 
+/// Subtrees of more nodes than this are expanded by two threads.
+const PARALLEL_NODES: usize = 512;
+
 /// Fast winding numbers on a copy of a mesh's triangles.
 pub struct WindingNumber {
     clusters: Vec<Cluster>,
@@ -52,25 +55,15 @@ impl WindingNumber {
     /// If the mesh has no triangles or names vertices that are not there ([`TriangleMesh::validate`] tells).
     #[must_use]
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let Tree { nodes, order } = Tree::by_place(mesh, LEAF_SIZE);
-        let corners: Vec<_> = order.par_iter().map(|face| mesh.corners(*face as usize)).collect();
-        let leaf = |(index, node): (usize, &Node)| match node.content(index) {
-            Content::Leaf(range) => Some(Expansion::of_triangles(&corners[range])),
-            Content::Inner(..) => None,
+        let (Tree { nodes, .. }, corners) = Tree::by_place(mesh, LEAF_SIZE);
+        let mut far_fields = vec![Expansion::default(); nodes.len()];
+        expand(&nodes, &mut far_fields, &corners);
+        let cluster = |((index, node), far_field): ((usize, &Node), &Expansion)| Cluster {
+            far_field: *far_field,
+            radius_sq: far_field.radius.powi(2),
+            content: node.content(index),
         };
-        let leaves: Vec<Option<Expansion>> = nodes.par_iter().enumerate().map(leaf).collect();
-        let mut clusters: Vec<Cluster> = Vec::with_capacity(nodes.len());
-        // Children follow their parents, so going backwards meets them first; `clusters` is filled in reverse.
-        for (index, node) in nodes.iter().enumerate().rev() {
-            let content = node.content(index);
-            let built = |child: usize| &clusters[nodes.len() - 1 - child].far_field;
-            let far_field = match (&content, leaves[index]) {
-                (Content::Inner(a, b), None) => Expansion::join(built(*a), built(*b), node.lo, node.hi),
-                (_, leaf) => leaf.expect("leaves have been expanded"),
-            };
-            clusters.push(Cluster { far_field, radius_sq: far_field.radius.powi(2), content });
-        }
-        clusters.reverse();
+        let clusters = nodes.par_iter().enumerate().zip(&far_fields).map(cluster).collect();
         Self { clusters, corners }
     }
 
@@ -103,6 +96,23 @@ impl WindingNumber {
         }
         total / (4.0 * PI)
     }
+}
+
+/// Expands the clusters of a subtree; large ones by two threads.
+fn expand(nodes: &[Node], far_fields: &mut [Expansion], corners: &[[DVec3; 3]]) {
+    far_fields[0] = match nodes[0].content(0) {
+        Content::Leaf(range) => Expansion::of_triangles(&corners[range]),
+        Content::Inner(first, second) => {
+            let (low, high) = far_fields[first..].split_at_mut(second - first);
+            let mut parts = [(&nodes[first..second], &mut *low), (&nodes[second..], &mut *high)];
+            if nodes.len() > PARALLEL_NODES {
+                parts.par_iter_mut().for_each(|(nodes, far_fields)| expand(nodes, far_fields, corners));
+            } else {
+                parts.iter_mut().for_each(|(nodes, far_fields)| expand(nodes, far_fields, corners));
+            }
+            Expansion::join(&low[0], &high[0], nodes[0].lo, nodes[0].hi)
+        }
+    };
 }
 
 /// Points asked about together.

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
 use isv::encode::{Encoder, EncoderSettings, Preset};
 use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh};
+use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::kernels::simd::{self, vectorized};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -87,9 +87,10 @@ fn ingest(grid: Grid, meshes: &[TriangleMesh], table: &mut Table) -> Result<Vec<
     // As far as what is coded.
     let settings = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
     let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
+    let mut ingester = MeshIngester::new(settings);
     let (mut volumes, mut times) = (Vec::new(), Vec::new());
     for mesh in meshes {
-        let (volume, ms) = timed(|| ingest_mesh(mesh, &settings, sign));
+        let (volume, ms) = timed(|| ingester.ingest(mesh, sign));
         volumes.push(volume?);
         times.push(ms);
     }

@@ -7,7 +7,7 @@ use crate::progress::Progress;
 use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
 use isv::fusion::{Accumulator, FusionSettings};
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, MeshIngester, PointIngest, Reach};
 use isv::volume::Grid;
 use std::sync::Arc;
 
@@ -66,7 +66,7 @@ impl IngestArgs {
         let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
         let fusion = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
-            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks, reach },
+            mesh: MeshIngester::new(MeshIngest { grid, sign, offset_voxels, max_blocks, reach }),
             mesh_sign: None,
             loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },

@@ -8,8 +8,8 @@ use crate::terms::{BandName, NormalsName};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::fusion::{Accumulator, FusionError, FusionSettings, fuse};
 use isv::ingest::{
-    IngestError, MeshIngest, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
-    decide_point_sign, decide_sign, estimate_normals, ingest_mesh, ingest_points, lost_share,
+    IngestError, MeshIngester, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
+    decide_point_sign, decide_sign, estimate_normals, ingest_points, lost_share,
 };
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, extract_surface, surface_band};
@@ -28,7 +28,7 @@ pub(super) struct IngestedFrame {
 
 /// Makes volumes; what is decided on the first frame holds for all.
 pub(super) struct VolumeMaker {
-    pub(super) mesh: MeshIngest,
+    pub(super) mesh: MeshIngester,
     pub(super) mesh_sign: Option<SignDecision>,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
@@ -77,14 +77,14 @@ impl VolumeMaker {
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {
-                let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
+                let (sign, evidence) = decide_sign(mesh, self.mesh.settings().sign);
                 (sign, Some(evidence))
             }
         };
-        let volume = ingest_mesh(mesh, &self.mesh, sign).map_err(with_advice)?;
+        let volume = self.mesh.ingest(mesh, sign).map_err(with_advice)?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
-            self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
+            self.progress.note(&sign_sentence(sign, evidence, self.mesh.settings().sign));
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
         if let SignDecision::Closed { .. } = sign {
@@ -126,7 +126,7 @@ impl VolumeMaker {
 
     /// A volume on another grid is sampled anew, from its surface.
     fn volume_to_volume(&mut self, name: &str, volume: SparseVolume) -> Result<SparseVolume> {
-        if *volume.grid() == self.mesh.grid {
+        if *volume.grid() == self.mesh.settings().grid {
             return Ok(volume);
         }
         self.mesh_to_volume(name, &extract_surface(&volume, &SurfaceOptions::default()))
@@ -134,7 +134,7 @@ impl VolumeMaker {
 
     /// A wrong unit that makes the surface small is no error, but leaves little of it.
     fn warn_if_tiny(&self, name: &str, diagonal_m: Option<f64>) {
-        let Grid { voxel_size, edge, .. } = self.mesh.grid;
+        let Grid { voxel_size, edge, .. } = self.mesh.settings().grid;
         let diagonal_m = diagonal_m.unwrap_or(0.0);
         if diagonal_m < voxel_size.metres() * edge.voxels() as f64 {
             let diagonal = Length::from_metres(diagonal_m);
