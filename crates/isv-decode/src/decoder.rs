@@ -19,9 +19,9 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// `2^31` voxels, four million blocks of 8: a building at 5 mm.
+    /// `3 * 2^30` voxels, six million blocks of 8: a building at 5 mm.
     fn default() -> Self {
-        Self { frame_voxels: 1 << 31 }
+        Self { frame_voxels: 3 << 30 }
     }
 }
 
