@@ -35,13 +35,19 @@ impl BlockCell {
         MortonCode(self.code << CELL_BITS).coord()
     }
 
+    /// The code of the cell at an offset in cells, if coordinates reach that far.
+    #[must_use]
+    pub fn at_offset(self, offset: [i32; 3]) -> Option<u64> {
+        let corner = self.corner().offset(offset.map(|cells| cells << CELL_LOG2));
+        corner.in_range().then(|| corner.morton().0 >> CELL_BITS)
+    }
+
     /// The code of the cell that many cells further along an axis, if coordinates reach that far.
     #[must_use]
     pub fn beside(self, axis: usize, cells: i32) -> Option<u64> {
         let mut offset = [0; 3];
-        offset[axis] = cells << CELL_LOG2;
-        let corner = self.corner().offset(offset);
-        corner.in_range().then(|| corner.morton().0 >> CELL_BITS)
+        offset[axis] = cells;
+        self.at_offset(offset)
     }
 
     /// The blocks in Morton order.

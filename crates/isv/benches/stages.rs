@@ -131,11 +131,14 @@ fn decode(stream: &[u8], stages: &Stages, table: &mut Table) -> Result<SparseVol
     let mut decoder = Decoder::new(reader.header().context("a stream with a header")?, Limits::default());
     let (mut decode_times, mut surface_times, mut last) = (Vec::new(), Vec::new(), None);
     while let Some(packet) = reader.next_frame()? {
+        let is_first = last.is_none();
+        // Who keeps a frame keeps its memory from serving the next one.
+        last = None;
         let (frame, ms) = timed(|| decoder.decode(&packet));
         let volume = frame?.volume;
         decode_times.push(ms);
         surface_times.push(timed(|| extract_surface(volume, &SurfaceOptions::default())).1);
-        if last.is_none() {
+        if is_first {
             drop(stages.take_milliseconds());
         }
         last = Some(volume.clone());

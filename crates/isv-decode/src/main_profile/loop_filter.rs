@@ -4,8 +4,16 @@ use super::reconstruct::BLOCK_SAMPLES;
 use super::{BlockMode, FrameSymbols};
 use isv_kernels::deblock::{FaceFilter, smooth_face};
 use isv_volume::{BlockIndex, NeighbourFinder};
+use rayon::prelude::*;
 
-/// Smooths the faces between coded blocks along x, then y, then z.
+/// Faces that a thread smooths by itself.
+const FACES_AT_ONCE: usize = 256;
+
+/// The places of the two blocks of a face, the lower one first.
+type Face = [usize; 2];
+type Block = [i16; BLOCK_SAMPLES];
+
+/// Smooths the faces between blocks coded in the frame, along x, then y, then z.
 ///
 /// A face is left as it is if both blocks continue what the frame before had there: same vector, no levels. It was smoothed
 /// then, and smoothing it once a frame would wear the surface down.
@@ -13,19 +21,37 @@ use isv_volume::{BlockIndex, NeighbourFinder};
 /// `places`: where in `samples` each block is.
 pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16], places: &[u32]) {
     let index = BlockIndex::new(&symbols.coords);
-    let mut finder = NeighbourFinder::new(&index);
     for (axis, after) in [14, 16, 22].into_iter().enumerate() {
-        for (lower, coord) in symbols.coords.iter().enumerate() {
-            finder.turn_to(*coord);
-            let Some(upper) = finder.get(after).map(|block| block as usize) else { continue };
-            if is_continued(symbols, lower, upper) {
-                continue;
-            }
+        let face = |finder: &mut NeighbourFinder, lower: usize| {
+            finder.turn_to(symbols.coords[lower]);
+            let upper = finder.get(after)? as usize;
             // Morton order puts the upper block after the lower one.
-            let [lower, upper] = [lower, upper].map(|block| places[block] as usize);
-            let (before, after) = samples.as_chunks_mut::<BLOCK_SAMPLES>().0.split_at_mut(upper);
-            smooth_face(axis, &mut before[lower], &mut after[0], filter);
-        }
+            let face = [lower, upper].map(|block| places[block] as usize);
+            (!is_continued(symbols, lower, upper)).then_some(face)
+        };
+        let blocks = (0..symbols.coords.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
+        let faces = blocks.map_init(|| NeighbourFinder::new(&index), face).flatten_iter().collect();
+        smooth(axis, faces, samples.as_chunks_mut().0, 0, filter);
+    }
+}
+
+/// Smooths faces along an axis, none of which depends on another. `first`: the place of the first of the blocks.
+fn smooth(axis: usize, faces: Vec<Face>, blocks: &mut [Block], first: usize, filter: FaceFilter) {
+    let mut across = faces;
+    if across.len() > FACES_AT_ONCE {
+        let middle = first + blocks.len() / 2;
+        let (before, others): (Vec<_>, Vec<_>) = across.into_iter().partition(|[_, upper]| *upper < middle);
+        let (after, others): (Vec<_>, _) = others.into_iter().partition(|[lower, _]| *lower >= middle);
+        let (lower, upper) = blocks.split_at_mut(middle - first);
+        rayon::join(
+            || smooth(axis, before, lower, first, filter),
+            || smooth(axis, after, upper, middle, filter),
+        );
+        across = others;
+    }
+    for [lower, upper] in across {
+        let (before, after) = blocks.split_at_mut(upper - first);
+        smooth_face(axis, &mut before[lower - first], &mut after[0], filter);
     }
 }
 

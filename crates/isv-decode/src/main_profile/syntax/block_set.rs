@@ -3,12 +3,17 @@
 //! are, no block is coded.
 
 use super::still_cells::StillCellModels;
+use crate::extension::FrameBlocks;
 use crate::main_profile::MainReference;
 use crate::main_profile::activity::{Activity, expected_activity};
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
-use isv_volume::{BlockCoord, BlockSet, NeighbourFinder};
+use isv_volume::{BlockCell, BlockCoord, BlockSet};
+use rustc_hash::FxHashMap;
+use std::iter::Peekable;
+use std::slice::Iter;
+use std::sync::LazyLock;
 
 /// Models of the set of blocks.
 #[derive(Clone, Debug)]
@@ -67,11 +72,10 @@ impl BlockSetModels {
         };
         let mut flags = ExpectedBlocks::new(reference, &still);
         let mut coords = Vec::new();
-        for candidate in flags.candidates() {
-            let coded = decoder.decode_mixed(self.flag(flags.context(candidate)));
-            flags.set(candidate, coded);
-            if coded {
-                coords.push(reference.volume().coords()[candidate]);
+        for candidate in flags.candidates(&still) {
+            if decoder.decode_mixed(self.flag(flags.context(candidate))) {
+                flags.set_coded(candidate);
+                coords.push(reference.volume().coords()[candidate.block as usize]);
             }
         }
         let Some(rest) = count.checked_sub(coords.len()) else {
@@ -104,62 +108,183 @@ pub struct FlagContext {
     by_surprise: usize,
 }
 
-/// The blocks of the reference's volume, which may be coded again, and what is known of them.
+/// The blocks of the reference's volume, which may be coded again, and what is known of them: bits of cells of 4x4x4 blocks.
 #[derive(Debug)]
-pub struct ExpectedBlocks<'a> {
-    reference: &'a MainReference,
-    finder: NeighbourFinder<'a>,
-    /// Whether each is in a cell that stays as it is.
-    still: Vec<bool>,
+pub struct ExpectedBlocks {
+    cells: Vec<ExpectedCell>,
+    /// Which of the cells has a code.
+    numbers: FxHashMap<u64, u32>,
     activity: Vec<Activity>,
-    /// Whether each is coded, or was and stays, as far as is known.
-    coded: Vec<bool>,
+    /// The cell of the last context asked for, and the 3x3x3 cells around it, where they are.
+    around: (u32, [Option<u32>; 27]),
 }
 
-/// Slots of the faces before a block, of those after it, and of the edges that can come before.
-const BEHIND: [usize; 3] = [12, 10, 4];
-const AHEAD: [usize; 3] = [14, 16, 22];
-const EDGES: [usize; 9] = [9, 3, 1, 11, 15, 5, 7, 21, 19];
+/// What is known of the blocks in a cell: a bit a block, in Morton order.
+#[derive(Clone, Copy, Debug)]
+struct ExpectedCell {
+    cell: BlockCell,
+    /// Those that were coded.
+    was: u64,
+    /// Those that surface is expected in.
+    expected: u64,
+    /// Those that are coded, or were and stay, as far as is known.
+    coded: u64,
+}
 
-impl<'a> ExpectedBlocks<'a> {
+/// A block that may be coded.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// Its index in the reference's volume.
+    pub block: u32,
+    /// Which of the cells it is in, and where.
+    cell: u32,
+    bit: u32,
+}
+
+impl ExpectedBlocks {
     /// All blocks of a reference's volume. Of some it is known that they stay as they are, of the others nothing.
     #[must_use]
-    pub fn new(reference: &'a MainReference, still: &BlockSet) -> Self {
-        let still = still.marks_in(&reference.extended().blocks.all);
-        let activity = expected_activity(reference, &still);
-        let was_coded = |block: usize| reference.coded_at(block).is_some();
-        let coded = still.iter().enumerate().map(|(block, still)| *still && was_coded(block)).collect();
-        Self { reference, finder: reference.finder(), still, activity, coded }
+    pub fn new(reference: &MainReference, still: &BlockSet) -> Self {
+        let FrameBlocks { all, coded, .. } = &reference.extended().blocks;
+        let activity = expected_activity(reference, &still.marks_in(all));
+        let (mut was, mut kept) = (coded.cells().iter().peekable(), still.cells().iter().peekable());
+        let mut next = activity.iter();
+        let cells = all.cells().iter().map(|cell| {
+            let bits = |cells: &mut Peekable<Iter<BlockCell>>| {
+                cells.next_if(|other| other.code == cell.code).map_or(0, |cell| cell.blocks)
+            };
+            let (was, kept) = (bits(&mut was), bits(&mut kept));
+            let expected = set_bits(cell.blocks).filter(|_| next.next().is_some_and(|a| a.is_expected()));
+            let expected = expected.fold(0, |bits, bit| bits | 1 << bit);
+            ExpectedCell { cell: *cell, was, expected, coded: was & kept }
+        });
+        let cells: Vec<_> = cells.collect();
+        let numbers = cells.iter().zip(0..).map(|(cell, number)| (cell.cell.code, number)).collect();
+        Self { cells, numbers, activity, around: (u32::MAX, [None; 27]) }
     }
 
-    /// The blocks that may be coded, by index in the volume.
+    /// The blocks that may be coded, in order: those of no cell that stays as it is, which `still` has the blocks of.
     #[must_use]
-    pub fn candidates(&self) -> Vec<usize> {
-        (0..self.still.len()).filter(|block| !self.still[*block]).collect()
+    pub fn candidates(&self, still: &BlockSet) -> Vec<Candidate> {
+        let mut still = still.cells().iter().peekable();
+        let (mut candidates, mut first) = (Vec::with_capacity(self.activity.len()), 0);
+        for (number, ExpectedCell { cell, .. }) in (0..).zip(&self.cells) {
+            if still.next_if(|other| other.code == cell.code).is_none() {
+                let blocks = (first..).zip(set_bits(cell.blocks));
+                candidates.extend(blocks.map(|(block, bit)| Candidate { block, cell: number, bit }));
+            }
+            first += cell.blocks.count_ones();
+        }
+        candidates
     }
 
-    /// Notes whether a candidate is coded.
-    pub fn set(&mut self, candidate: usize, coded: bool) {
-        self.coded[candidate] = coded;
+    /// Notes that a candidate is coded.
+    pub fn set_coded(&mut self, candidate: Candidate) {
+        self.cells[candidate.cell as usize].coded |= 1 << candidate.bit;
     }
 
     /// Context of a candidate's flag, once the flags before it are known.
     #[must_use]
-    pub fn context(&mut self, candidate: usize) -> FlagContext {
-        self.finder.turn_to(self.reference.volume().coords()[candidate]);
-        let behind_blocks = BEHIND.map(|slot| self.finder.get(slot));
-        let coded = |block: &u32| self.coded[*block as usize];
-        let expected = |block: &u32| self.activity[*block as usize].is_expected();
-        let behind = behind_blocks.iter().flatten().filter(|block| coded(block)).count();
-        let behind_expected = behind_blocks.iter().flatten().filter(|block| expected(block)).count();
-        let ahead = AHEAD.map(|slot| self.finder.get(slot)).iter().flatten().filter(|b| expected(b)).count();
-        let edges = EDGES.map(|slot| self.finder.get(slot)).iter().flatten().filter(|b| coded(b)).count();
-        let was = usize::from(self.reference.coded_at(candidate).is_some());
-        let activity = self.activity[candidate];
+    pub fn context(&mut self, Candidate { block, cell, bit }: Candidate) -> FlagContext {
+        if self.around.0 != cell {
+            self.around = (cell, self.cells_around(cell));
+        }
+        let [behind, ahead, edges] = &NEIGHBOURS[bit as usize];
+        let coded = |cell: &ExpectedCell| cell.coded;
+        let expected = |cell: &ExpectedCell| cell.expected;
+        let (behind, behind_expected) = (self.count(behind, coded), self.count(behind, expected));
+        let (ahead, edges) = (self.count(ahead, expected), self.count(edges, coded));
+        let was = (self.cells[cell as usize].was >> bit & 1) as usize;
+        let activity = self.activity[block as usize];
         FlagContext {
             by_class: ((activity.class() * 4 + behind) * 4 + ahead) * 2 + was,
             by_distance: activity.fine_class() * 4 + behind,
             by_surprise: ((activity.class() * 7 + 3 + behind - behind_expected) * 10 + edges) * 2 + was,
         }
     }
+
+    /// How many of some neighbours are in a set.
+    #[inline(always)]
+    fn count(&self, neighbours: &Neighbours, set: impl Fn(&ExpectedCell) -> u64) -> usize {
+        let mut count = 0;
+        for (slot, bits) in &neighbours.parts[..neighbours.cells] {
+            if let Some(cell) = self.around.1[*slot] {
+                count += (set(&self.cells[cell as usize]) & bits).count_ones();
+            }
+        }
+        count as usize
+    }
+
+    fn cells_around(&self, cell: u32) -> [Option<u32>; 27] {
+        let middle = self.cells[cell as usize].cell;
+        std::array::from_fn(|slot| {
+            let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|step| step as i32 - 1);
+            self.numbers.get(&middle.at_offset(offset)?).copied()
+        })
+    }
 }
+
+/// The bits of a word that are set, lowest first.
+fn set_bits(mut word: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = word.trailing_zeros();
+        word &= word.wrapping_sub(1);
+        (bit < 64).then_some(bit)
+    })
+}
+
+/// Offsets of the faces before a block, of those after it, and of the edges that can come before.
+const BEHIND: [[i32; 3]; 3] = [[-1, 0, 0], [0, -1, 0], [0, 0, -1]];
+const AHEAD: [[i32; 3]; 3] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const EDGES: [[i32; 3]; 9] = [
+    [-1, -1, 0],
+    [-1, 0, -1],
+    [0, -1, -1],
+    [1, -1, 0],
+    [-1, 1, 0],
+    [1, 0, -1],
+    [0, 1, -1],
+    [0, -1, 1],
+    [-1, 0, 1],
+];
+
+/// Some neighbours of a block, as bits of the cells around its own.
+#[derive(Clone, Copy, Debug)]
+struct Neighbours {
+    /// How many cells they are in.
+    cells: usize,
+    /// Slots of those cells among 3x3x3, and the bits there.
+    parts: [(usize, u64); 9],
+}
+
+impl Neighbours {
+    /// Of the block at a bit of its cell.
+    fn new(bit: u32, offsets: &[[i32; 3]]) -> Self {
+        let mut neighbours = Self { cells: 0, parts: [(0, 0); 9] };
+        let at = [0, 1, 2].map(|axis| (bit >> axis & 1 | bit >> (axis + 2) & 2) as i32);
+        for offset in offsets {
+            let place: [i32; 3] = std::array::from_fn(|axis| at[axis] + offset[axis]);
+            let slot = place.iter().rev().fold(0, |slot, c| slot * 3 + (c >> 2) + 1) as usize;
+            let within = place.map(|c| SPREAD[(c & 3) as usize]);
+            let bits = 1 << (within[0] | within[1] << 1 | within[2] << 2);
+            match neighbours.parts[..neighbours.cells].iter_mut().find(|(other, _)| *other == slot) {
+                Some((_, others)) => *others |= bits,
+                None => {
+                    neighbours.parts[neighbours.cells] = (slot, bits);
+                    neighbours.cells += 1;
+                }
+            }
+        }
+        neighbours
+    }
+}
+
+/// Two bits, each followed by two empty places.
+const SPREAD: [u32; 4] = [0, 1, 8, 9];
+
+/// For each bit of a cell, the neighbours [`BEHIND`], [`AHEAD`] and at [`EDGES`].
+static NEIGHBOURS: LazyLock<[[Neighbours; 3]; 64]> = LazyLock::new(|| {
+    std::array::from_fn(|bit| {
+        [&BEHIND[..], &AHEAD, &EDGES].map(|offsets| Neighbours::new(bit as u32, offsets))
+    })
+});

@@ -24,10 +24,12 @@ pub(crate) fn write(
     }
     let index = BlockIndex::new(coords);
     let mut flags = ExpectedBlocks::new(reference, still);
-    for candidate in flags.candidates() {
-        let coded = index.get(reference.volume().coords()[candidate]).is_some();
+    for candidate in flags.candidates(still) {
+        let coded = index.get(reference.volume().coords()[candidate.block as usize]).is_some();
         encoder.encode_mixed(models.flag(flags.context(candidate)), coded);
-        flags.set(candidate, coded);
+        if coded {
+            flags.set_coded(candidate);
+        }
     }
     let known = reference.reference().index();
     let rest: Vec<_> = coords.iter().copied().filter(|coord| known.get(*coord).is_none()).collect();
