@@ -251,7 +251,7 @@ mod tests {
     }
 
     fn sorted(coords: impl Iterator<Item = BlockCoord>) -> Vec<BlockCoord> {
-        let codes: BTreeSet<_> = coords.map(|coord| coord.morton()).collect();
+        let codes: BTreeSet<_> = coords.map(BlockCoord::morton).collect();
         codes.into_iter().map(MortonCode::coord).collect()
     }
 

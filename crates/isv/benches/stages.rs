@@ -133,7 +133,7 @@ fn decode(stream: &[u8], stages: &Stages, table: &mut Table) -> Result<SparseVol
     while let Some(packet) = reader.next_frame()? {
         let is_first = last.is_none();
         // Who keeps a frame keeps its memory from serving the next one.
-        last = None;
+        drop(last.take());
         let (frame, ms) = timed(|| decoder.decode(&packet));
         let volume = frame?.volume;
         decode_times.push(ms);

@@ -1,7 +1,7 @@
 //! Streams of profile `main`: what the encoder makes of small scenes, and symbols drawn at random.
 
 use super::{Stream, encode, header};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use isv::decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Tools};
 use isv::format::{
@@ -30,6 +30,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_fine_steps", scenes(16, &[[0; 3], [0; 3]], fine)?),
         ("main_scene_jumps", scenes(8, &JUMPS, usual)?),
         ("main_still_cells", still_and_moving(8, usual)?),
+        ("main_settled", foreign(include_bytes!("main_settled.isv"))?),
         ("main_noise", noise(8, 1, 1, false)?),
         ("main_noise_slices", noise(16, 4, 2, false)?),
         ("main_noise_still_cells", noise(8, 2, 3, true)?),
@@ -48,6 +49,18 @@ fn still_and_moving(truncation: u32, main: MainSettings) -> Result<Stream> {
     let header = header(Profile::Main, 8, truncation)?;
     let volumes = [0.0, 1.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
     encode(&header, EncoderSettings { main, ..Default::default() }, &volumes)
+}
+
+/// A stream of random symbols that another implementation wrote, from the specification alone: it has what no scene of ours has,
+/// such as settled masks beside blocks that change.
+fn foreign(bytes: &[u8]) -> Result<Stream> {
+    let mut reader = PacketReader::new(bytes)?;
+    let mut decoder = Decoder::new(reader.header().context("a header")?, Limits::default());
+    let mut hashes = Vec::new();
+    while let Some(packet) = reader.next_frame()? {
+        hashes.push(volume_hash(decoder.decode(&packet)?.volume));
+    }
+    Ok((bytes.to_vec(), hashes))
 }
 
 /// Where the small ball is, in blocks: in the middle, nowhere, back again, then in corners of the range of coordinates.

@@ -7,16 +7,10 @@ use isv_volume::{BlockCell, BlockSet};
 use rustc_hash::FxHashSet;
 
 /// Models of the flags of cells.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct StillCellModels {
     /// By [`StillCellContext::model`].
     pub cell: [BitModel; 32],
-}
-
-impl Default for StillCellModels {
-    fn default() -> Self {
-        Self { cell: [BitModel::default(); 32] }
-    }
 }
 
 impl StillCellModels {
