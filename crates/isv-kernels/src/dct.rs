@@ -192,24 +192,28 @@ fn round_shift(sum: i32, shift: u32) -> i16 {
     ((sum + (1 << (shift - 1))) >> shift).clamp(i32::from(i16::MIN), i32::from(i16::MAX)) as i16
 }
 
+/// Samples are hardly ever zero, so nothing is looked for that could be passed over.
 #[inline(always)]
 fn forward<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u32; 3]) {
     let transposed = transpose(matrix);
-    rows_pass(&transposed, block, shifts[0]);
+    rows_pass(&transposed, block, N, shifts[0]);
     for plane in block.chunks_exact_mut(N * N) {
-        columns_pass::<N>(matrix, plane, N, shifts[1]);
+        columns_pass::<N, false>(matrix, plane, N, N, shifts[1]);
     }
-    columns_pass::<N>(matrix, block, N * N, shifts[2]);
+    columns_pass::<N, false>(matrix, block, N * N, N, shifts[2]);
 }
 
+/// Most coefficients are zero, those of high frequencies above all.
 #[inline(always)]
 fn inverse<const N: usize>(matrix: &[[i16; N]; N], block: &mut [i16], shifts: [u32; 3]) {
     let transposed = transpose(matrix);
-    columns_pass::<N>(&transposed, block, N * N, shifts[0]);
+    let used = used_layers::<N>(block, N * N);
+    columns_pass::<N, true>(&transposed, block, N * N, used, shifts[0]);
     for plane in block.chunks_exact_mut(N * N) {
-        columns_pass::<N>(&transposed, plane, N, shifts[1]);
+        let used = used_layers::<N>(plane, N);
+        columns_pass::<N, true>(&transposed, plane, N, used, shifts[1]);
     }
-    rows_pass(matrix, block, shifts[2]);
+    rows_pass(matrix, block, used_values::<N>(block), shifts[2]);
 }
 
 #[inline(always)]
@@ -217,18 +221,9 @@ fn transpose<const N: usize>(matrix: &[[i16; N]; N]) -> [[i16; N]; N] {
     std::array::from_fn(|n| std::array::from_fn(|k| matrix[k][n]))
 }
 
-/// One pass along x: each run of N values `v` becomes `out[j] = sum_i v[i] * weights[i][j]`.
-///
-/// Columns of zeros at the end, which is most of what the inverse sees of high frequencies, cost nothing.
+/// One pass along x: each run of N values `v`, zero from value `used` on, becomes `out[j] = sum_i v[i] * weights[i][j]`.
 #[inline(always)]
-fn rows_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], shift: u32) {
-    let mut any = [0; N];
-    for row in block.as_chunks::<N>().0 {
-        for i in 0..N {
-            any[i] |= row[i];
-        }
-    }
-    let used = N - any.iter().rev().take_while(|any| **any == 0).count();
+fn rows_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], used: usize, shift: u32) {
     for row in block.as_chunks_mut::<N>().0 {
         let mut sums = [0i32; N];
         for i in 0..used {
@@ -243,21 +238,41 @@ fn rows_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], shift: 
     }
 }
 
+/// From which value on all runs of N values are zero.
 #[inline(always)]
-fn is_zero(values: &[i16]) -> bool {
-    let mut any = 0;
-    for value in values {
-        any |= value;
+fn used_values<const N: usize>(block: &[i16]) -> usize {
+    let mut any = [0; N];
+    for row in block.as_chunks::<N>().0 {
+        for i in 0..N {
+            any[i] |= row[i];
+        }
     }
-    any == 0
+    N - any.iter().rev().take_while(|any| **any == 0).count()
 }
 
-/// One pass across N layers of `layer` values each, lane by lane: `out[j] = sum_i weights[j][i] * layer_i`.
-///
-/// Layers of zeros at the end and runs of N lanes that are zero in all layers cost nothing.
+/// From which of N layers of `layer` values on all are zero.
 #[inline(always)]
-fn columns_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], layer: usize, shift: u32) {
-    let used = N - block.chunks_exact(layer).rev().take_while(|values| is_zero(values)).count();
+fn used_layers<const N: usize>(block: &[i16], layer: usize) -> usize {
+    let is_zero = |values: &&[i16]| {
+        let mut any = 0;
+        for value in *values {
+            any |= value;
+        }
+        any == 0
+    };
+    N - block.chunks_exact(layer).rev().take_while(is_zero).count()
+}
+
+/// One pass across N layers of `layer` values each, zero from layer `used` on, lane by lane: `out[j] = sum_i weights[j][i] *
+/// layer_i`. `SPARSE`: whether to look for runs of N lanes that are zero in all layers, which then cost nothing.
+#[inline(always)]
+fn columns_pass<const N: usize, const SPARSE: bool>(
+    weights: &[[i16; N]; N],
+    block: &mut [i16],
+    layer: usize,
+    used: usize,
+    shift: u32,
+) {
     for start in (0..layer).step_by(N) {
         let (mut input, mut any) = ([[0i32; N]; N], [0; N]);
         for i in 0..used {
@@ -267,7 +282,7 @@ fn columns_pass<const N: usize>(weights: &[[i16; N]; N], block: &mut [i16], laye
                 any[lane] |= lanes[lane];
             }
         }
-        if any == [0; N] {
+        if SPARSE && any == [0; N] {
             continue;
         }
         for j in 0..N {
