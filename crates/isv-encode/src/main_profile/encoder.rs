@@ -254,6 +254,7 @@ impl MainEncoder {
             // What stands still is worth coding better now.
             still = BlockSet::default();
             targets = Targets::new(volume, band, tools, &still);
+            facts.blocks = targets.len();
         }
         let source = Source { volume, targets: &targets, still: &still, slices, checksum };
         let mut spare = take(&mut self.spare);
