@@ -1,7 +1,7 @@
 //! The samples of a frame around a block that is displaced by whole voxels: what predicting the block reads.
 
 use super::MainReference;
-use isv_kernels::window::{Block, SIDE, WindowRows};
+use isv_kernels::window::{Block, WindowRows};
 use isv_volume::BlockCoord;
 
 /// Voxels along a block's edge.
@@ -68,26 +68,7 @@ impl Window {
             Some(block) => volume.block(block as usize).try_into().expect("blocks of an edge of 8"),
             None => &self.fills[slot],
         });
-        self.rows.first = within[0];
-        // Rows from a voxel on that lie in the first of two blocks along an axis, and in the second.
-        let halves = |axis: usize| [(0..8 - within[axis], within[axis]), (8 - within[axis]..SIDE, 0)];
-        for (along_z, (zs, z_within)) in halves(2).into_iter().enumerate() {
-            for (z, layer) in zs.zip(z_within..) {
-                for (along_y, (ys, y_within)) in halves(1).into_iter().enumerate() {
-                    let pair = (2 * along_z + along_y) * 2;
-                    let start = (8 * layer + y_within) * 8;
-                    let rows = &mut self.rows.samples[z * SIDE + ys.start..z * SIDE + ys.end];
-                    let [near, far] =
-                        [pair, pair + 1].map(|slot| &blocks[slot][start..start + 8 * rows.len()]);
-                    for (row, (near, far)) in
-                        rows.iter_mut().zip(near.as_chunks::<8>().0.iter().zip(far.as_chunks::<8>().0))
-                    {
-                        row[..8].copy_from_slice(near);
-                        row[8..].copy_from_slice(far);
-                    }
-                }
-            }
-        }
+        self.rows.load(&blocks, within);
     }
 }
 
