@@ -1,18 +1,29 @@
 //! Sign changes that no surface explains.
 //!
-//! Near a wide hole the winding number passes one half somewhere in free space. Mostly that happens among voxels whose
-//! closest surface point lies on the hole's edge, which are unobserved; but where the rim bends inwards it happens
-//! between voxels closest to a face, and would leave a piece of invented surface there. Two neighbours whose distances
-//! add up to more than a voxel are on one side of the surface ([`crate::regions`] holds to that inside a block); where two
-//! blocks disagree, the voxels on both sides of their common face are unobserved as well.
+//! Over a wide hole, the triangles that close the mesh ([`crate::closure`]) part inside and outside in free space. Mostly that
+//! happens among voxels whose closest surface point lies on the hole's edge, which are unobserved; but where the rim bends inwards
+//! it happens between voxels closest to a face, and would leave a piece of invented surface there. No surface lies in the open
+//! balls around two voxels with their distances as radii. Two neighbours whose distances add up to more than a voxel are on one
+//! side of it; if not by their signs, both are unobserved as well. Away from masked blocks, where narrow holes are closed, only
+//! distances that no narrow hole has count.
 
 use crate::sampler::{Sign, Source, blend_across_hole};
+use crate::sides::Sides;
+use crate::tiles::TILE_BLOCKS;
+use glam::IVec3;
 use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, VoxelMask};
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Distances that add up to this many codes leave no surface between two neighbours: a voxel, and slack for rounding.
 const APART: u32 = CODES_PER_VOXEL as u32 + 4;
+
+/// The same where there may be a narrow hole: it is no wider than 3 voxels ([`crate::holes`]), and the voxels are those beside its middle.
+const FAR_APART: u32 = 5 * CODES_PER_VOXEL as u32;
+
+/// A voxel: its block, and its index there.
+type VoxelAt = (u32, u32);
 
 /// The blocks of a frame while they are put together.
 #[derive(Default)]
@@ -23,20 +34,20 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// Makes the voxels beside unexplained sign changes at the faces of masked blocks unobserved.
+    /// Makes the voxels beside unexplained sign changes unobserved.
     pub(crate) fn open_caps(&mut self, source: &Source) {
-        let Sign::Closed(winding) = source.sign else { return };
+        let Sign::Closed(sides) = source.sign else { return };
         if !source.has_wide_holes() {
             return;
         }
         let size = source.grid.edge.block_voxels();
-        let found = self.unexplained(source);
+        let found = self.unexplained(source, sides);
         let samples = &self.samples;
-        let blend = |&(block, voxel): &(u32, u32)| {
+        let blend = |&(block, voxel): &VoxelAt| {
             let distance =
                 f32::from(samples[block as usize * size + voxel as usize].abs()) / CODES_PER_VOXEL as f32;
             let (coord, voxels) = (self.coords[block as usize], [voxel as usize]);
-            blend_across_hole(&source.grid, winding, coord, &voxels, |_| distance)
+            blend_across_hole(&source.grid, sides, coord, &voxels, |_| distance)
         };
         let blended: Vec<_> = found.par_iter().map(blend).collect();
         for (&(block, _), blended) in found.iter().zip(blended) {
@@ -49,57 +60,74 @@ impl Blocks {
         self.drop_unobserved(&found, source);
     }
 
-    /// Block and voxel of all observed voxels with an unexplained sign change to a neighbour in another block.
-    fn unexplained(&self, source: &Source) -> BTreeSet<(u32, u32)> {
+    /// All observed voxels with an unexplained sign change to a neighbour.
+    fn unexplained(&self, source: &Source, sides: &Sides) -> BTreeSet<VoxelAt> {
         let index = BlockIndex::new(&self.coords);
-        let beside = |block: &u32| {
+        let around = |&(block, apart): &(u32, u32)| {
             let mut found = Vec::new();
             for axis in 0..3 {
+                self.compare_layers(source, [block; 2], axis, apart, &mut found);
                 for side in [-1, 1] {
                     let mut step = [0; 3];
                     step[axis] = side;
-                    if let Some(other) = index.get(self.coords[*block as usize].offset(step)) {
-                        let (lower, upper) = if side > 0 { (*block, other) } else { (other, *block) };
-                        self.compare_faces(source, lower, upper, axis, &mut found);
+                    if let Some(other) = index.get(self.coords[block as usize].offset(step)) {
+                        let pair = if side > 0 { [block, other] } else { [other, block] };
+                        self.compare_layers(source, pair, axis, apart, &mut found);
                     }
                 }
             }
             found
         };
-        self.masks.par_iter().flat_map_iter(|(block, _)| beside(block)).collect()
+        self.candidates(sides).par_iter().flat_map_iter(around).collect()
     }
 
-    /// Looks at the voxel pairs across the face between two blocks, `upper` following `lower` along `axis`.
-    fn compare_faces(
+    /// The blocks that are to be looked at: those with masks, and those that what closes the mesh passes by. Each with the sum of
+    /// distances that leaves no surface between two voxels.
+    fn candidates(&self, sides: &Sides) -> Vec<(u32, u32)> {
+        let capped: FxHashSet<IVec3> = sides.capped_tiles.iter().copied().collect();
+        let candidate = |block: u32| {
+            let tile = self.coords[block as usize].to_array().map(|c| c.div_euclid(TILE_BLOCKS));
+            if self.masks.contains_key(&block) {
+                Some((block, APART))
+            } else {
+                capped.contains(&IVec3::from_array(tile)).then_some((block, FAR_APART))
+            }
+        };
+        (0..self.coords.len() as u32).into_par_iter().filter_map(candidate).collect()
+    }
+
+    /// Looks at the voxel pairs along an axis inside a block, given twice, or across the face between two, of which the second
+    /// follows the first.
+    fn compare_layers(
         &self,
         source: &Source,
-        lower: u32,
-        upper: u32,
+        [lower, upper]: [u32; 2],
         axis: usize,
-        found: &mut Vec<(u32, u32)>,
+        apart: u32,
+        found: &mut Vec<VoxelAt>,
     ) {
         let (n, size) = (source.grid.edge.voxels(), source.grid.edge.block_voxels());
-        let observed = |block: u32, voxel: usize| !self.masks.get(&block).is_some_and(|m| m.contains(voxel));
-        for a in 0..n {
-            for b in 0..n {
-                let voxel_at = |layer: usize| {
-                    let mut v = [a, b, layer];
-                    v.rotate_left(2 - axis);
-                    source.grid.edge.voxel_index(v[0], v[1], v[2])
-                };
-                let (below, above) = (voxel_at(n - 1), voxel_at(0));
-                let s = self.samples[lower as usize * size + below];
-                let t = self.samples[upper as usize * size + above];
-                let apart = u32::from(s.unsigned_abs()) + u32::from(t.unsigned_abs()) > APART;
-                if (s < 0) != (t < 0) && apart && observed(lower, below) && observed(upper, above) {
-                    found.extend([(lower, below as u32), (upper, above as u32)]);
-                }
+        let stride = n.pow(axis as u32);
+        // In a block from each layer to the next, and between two from the last one's to the first one's.
+        let layers = if lower == upper { 0..n - 1 } else { n - 1..n };
+        for below in (0..size).filter(|voxel| layers.contains(&(voxel / stride % n))) {
+            let above = if lower == upper { below + stride } else { below - (n - 1) * stride };
+            let s = self.samples[lower as usize * size + below];
+            let t = self.samples[upper as usize * size + above];
+            let are_apart = u32::from(s.unsigned_abs()) + u32::from(t.unsigned_abs()) > apart;
+            let pair = [(lower, below as u32), (upper, above as u32)];
+            if (s < 0) != (t < 0) && are_apart && pair.iter().all(|at| self.is_observed(*at)) {
+                found.extend(pair);
             }
         }
     }
 
+    fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
+        !self.masks.get(&block).is_some_and(|mask| mask.contains(voxel as usize))
+    }
+
     /// Drops those of the changed blocks that have no observed voxel in the band any more.
-    fn drop_unobserved(&mut self, changed: &BTreeSet<(u32, u32)>, source: &Source) {
+    fn drop_unobserved(&mut self, changed: &BTreeSet<VoxelAt>, source: &Source) {
         let size = source.grid.edge.block_voxels();
         let limit = source.grid.truncation.codes();
         let empty = |block: u32| {

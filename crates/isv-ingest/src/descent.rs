@@ -27,13 +27,6 @@ pub(crate) fn part_position(part: usize) -> [i32; 3] {
     [0, 1, 2].map(|axis| (part >> axis & 1 | part >> (axis + 3) << 1 & 2) as i32)
 }
 
-/// The number of a part of a cube, by its position.
-pub(crate) fn part_number(position: [i32; 3]) -> usize {
-    (0..3)
-        .map(|axis| (position[axis] as usize & 1) << axis | (position[axis] as usize >> 1) << (axis + 3))
-        .sum()
-}
-
 /// A cube of voxels.
 #[derive(Clone, Copy)]
 pub(crate) struct Cube {

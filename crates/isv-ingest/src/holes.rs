@@ -6,11 +6,10 @@
 //!
 //! A crack all the way around a part counts as two wide holes, one on either side, as its two rims share no vertex.
 
-use crate::boundary::{Boundary, BoundaryEdge};
+use crate::boundary::{Boundary, Rim};
 use crate::tiles::VoxelMesh;
-use crate::topology::NONE;
 use glam::DVec3;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Holes up to this width, in voxels, are closed by the winding number.
 const WIDEST_CLOSED: f64 = 3.0;
@@ -25,17 +24,17 @@ pub(crate) struct WideHoles {
 
 impl WideHoles {
     /// The wide holes of a mesh; `None` if it has none.
-    pub(crate) fn find(mesh: &VoxelMesh) -> Option<Self> {
-        let boundary = Boundary::of(mesh);
-        let wide = wide_vertices(&boundary.edges, &mesh.vertices);
-        if !wide.contains(&true) {
+    pub(crate) fn find(mesh: &VoxelMesh, boundary: &Boundary) -> Option<Self> {
+        let wide = wide_vertices(&boundary.rims, &mesh.vertices);
+        if wide.is_empty() {
             return None;
         }
         let mut edges = vec![0u8; mesh.triangles.len()];
-        for edge in &boundary.edges {
-            edges[edge.side.face as usize] |= u8::from(wide[edge.from as usize]) << edge.side.side;
+        for rim in &boundary.rims {
+            edges[rim.side.face as usize] |= u8::from(wide.contains(&rim.from)) << rim.side.side;
         }
-        let vertices = boundary.welded.iter().map(|first| *first != NONE && wide[*first as usize]).collect();
+        let is_wide = |vertex| boundary.welded(vertex).is_some_and(|first| wide.contains(&first));
+        let vertices = (0..mesh.vertices.len() as u32).map(is_wide).collect();
         Some(Self { edges, vertices })
     }
 
@@ -69,38 +68,34 @@ impl WideHoles {
     }
 }
 
-/// For each vertex whether it lies on a wide hole.
-fn wide_vertices(boundary: &[BoundaryEdge], positions: &[DVec3]) -> Vec<bool> {
-    let count = positions.len();
-    let mut parents: Vec<u32> = (0..count as u32).collect();
-    for edge in boundary {
-        let (a, b) = (root(&mut parents, edge.from), root(&mut parents, edge.to));
-        parents[a.max(b) as usize] = a.min(b);
+/// The vertices on wide holes.
+fn wide_vertices(rims: &[Rim], positions: &[DVec3]) -> FxHashSet<u32> {
+    let mut parents = FxHashMap::default();
+    for rim in rims {
+        let [a, b] = [rim.from, rim.to].map(|vertex| root(&mut parents, vertex));
+        parents.insert(a.max(b), a.min(b));
     }
     let mut holes: FxHashMap<u32, (DVec3, f64)> = FxHashMap::default();
-    for edge in boundary {
-        let hole = root(&mut parents, edge.from);
-        let (from, to) = (positions[edge.from as usize], positions[edge.to as usize]);
+    for rim in rims {
+        let hole = root(&mut parents, rim.from);
+        let (from, to) = (positions[rim.from as usize], positions[rim.to as usize]);
         let origin = positions[hole as usize];
         let (area, length) = holes.entry(hole).or_default();
         *area += 0.5 * (from - origin).cross(to - origin);
         *length += from.distance(to);
     }
-    let mut wide = vec![false; count];
-    for edge in boundary {
-        let (area, length) = holes[&root(&mut parents, edge.from)];
-        let is_wide = 4.0 * area.length() > WIDEST_CLOSED * length;
-        wide[edge.from as usize] = is_wide;
-        wide[edge.to as usize] = is_wide;
-    }
-    wide
+    let is_wide = |rim: &&Rim| {
+        let (area, length) = holes[&root(&mut parents, rim.from)];
+        4.0 * area.length() > WIDEST_CLOSED * length
+    };
+    rims.iter().filter(is_wide).flat_map(|rim| [rim.from, rim.to]).collect()
 }
 
 /// The representative of a vertex, halving its path on the way.
-fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
-    while parents[vertex as usize] != vertex {
-        let grandparent = parents[parents[vertex as usize] as usize];
-        parents[vertex as usize] = grandparent;
+fn root(parents: &mut FxHashMap<u32, u32>, mut vertex: u32) -> u32 {
+    while let Some(parent) = parents.get(&vertex).copied().filter(|parent| *parent != vertex) {
+        let grandparent = parents.get(&parent).copied().unwrap_or(parent);
+        parents.insert(vertex, grandparent);
         vertex = grandparent;
     }
     vertex
@@ -114,7 +109,7 @@ mod tests {
     fn marked(mesh: &isv_volume::TriangleMesh, scale: f64) -> usize {
         let vertices = mesh.vertices.iter().map(|v| *v * scale).collect();
         let mesh = VoxelMesh { vertices, triangles: (&mesh.triangles).into() };
-        let holes = WideHoles::find(&mesh);
+        let holes = WideHoles::find(&mesh, &Boundary::of(&mesh));
         holes.map_or(0, |holes| holes.edges.iter().map(|bits| bits.count_ones() as usize).sum())
     }
 

@@ -1,13 +1,14 @@
 //! A sequence of meshes to volumes, frame after frame.
 
+use crate::boundary::Boundary;
 use crate::caps::Blocks;
 use crate::holes::WideHoles;
-use crate::sampler::{Answers, Sign, Source, Workspace, sample_tile};
+use crate::sampler::{Sign, Source, Workspace, sample_tile};
 use crate::scene::Scene;
-use crate::stale::unchanged;
+use crate::sides::Sides;
+use crate::stale::{Stage, unchanged};
 use crate::tiles::{Band, Tile, VoxelMesh};
 use crate::{IngestError, MeshIngest, Reach, SignDecision, faces, limits};
-use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, BlockOrigin, MeshError, SparseVolume, TriangleMesh, VoxelMask};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -24,9 +25,8 @@ const TILES_AT_ONCE: usize = 256;
 
 /// Makes volumes of the meshes of a sequence, of which it takes over what stands still.
 ///
-/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh: bit for bit where the surface is open, and where it is
-/// closed up to places where its winding number is as good as one half, and to samples of unobserved voxels. What is in the
-/// surroundings of triangles that stay where they were costs next to nothing, whichever their numbers are, as long as their order
+/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh, bit for bit but for samples of unobserved voxels. What is in
+/// the surroundings of triangles that stay where they were costs next to nothing, whichever their numbers are, as long as their order
 /// stays.
 pub struct MeshIngester {
     settings: MeshIngest,
@@ -37,8 +37,9 @@ pub struct MeshIngester {
 struct Frame<'m> {
     scene: Scene<'m>,
     decision: SignDecision,
-    /// In the order of the scene's tiles.
-    tiles: Vec<SampledTile>,
+    sign: Sign,
+    /// The blocks of each of the scene's tiles in the volume.
+    tiles: Vec<Range<usize>>,
     volume: SparseVolume,
     /// How many of its blocks are those of the frame before.
     kept: usize,
@@ -46,17 +47,10 @@ struct Frame<'m> {
 
 /// What became of the tiles of a scene.
 struct Sampled {
-    tiles: Vec<SampledTile>,
+    /// The blocks of each in the volume.
+    tiles: Vec<Range<usize>>,
     volume: SparseVolume,
     kept: usize,
-}
-
-/// What became of a tile.
-#[derive(Default)]
-struct SampledTile {
-    /// Its blocks in the volume.
-    blocks: Range<usize>,
-    answers: Answers,
 }
 
 impl MeshIngester {
@@ -133,8 +127,8 @@ impl<'m> Frame<'m> {
         };
         let list = debug_span!("ingest tiles")
             .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
-        let (sign, holes) = debug_span!("ingest holes and winding numbers")
-            .in_scope(|| find_sign(mesh, &voxel_mesh, decision, offset));
+        let (sign, holes) =
+            debug_span!("ingest sides").in_scope(|| find_sign(&voxel_mesh, decision, offset, &near));
         let scene = match reach {
             Reach::Band => Scene::exact(voxel_mesh, list, holes),
             Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, [&near, &band]),
@@ -142,7 +136,7 @@ impl<'m> Frame<'m> {
         let (mesh, connections) = (&scene.mesh, scene.connections.as_ref());
         let source = Source { grid: settings.grid, band, near, mesh, connections, sign: &sign };
         let Sampled { tiles, volume, kept } = sample_scene(&source, &scene, before);
-        Ok(Self { scene, decision, tiles, volume, kept })
+        Ok(Self { scene, decision, sign, tiles, volume, kept })
     }
 
     /// The same, for as long as one likes.
@@ -153,16 +147,17 @@ impl<'m> Frame<'m> {
 
 /// Where signs come from, and the wide holes of a mesh with an inside.
 fn find_sign(
-    mesh: &TriangleMesh,
-    voxel_mesh: &VoxelMesh,
+    mesh: &VoxelMesh,
     decision: SignDecision,
     offset: f64,
+    band: &Band,
 ) -> (Sign, Option<WideHoles>) {
     match decision {
         SignDecision::Offset => (Sign::Offset(offset as f32), None),
         SignDecision::Closed { .. } => {
-            let (holes, winding) = rayon::join(|| WideHoles::find(voxel_mesh), || WindingNumber::new(mesh));
-            (Sign::Closed(winding), holes)
+            let boundary = Boundary::of(mesh);
+            let holes = WideHoles::find(mesh, &boundary);
+            (Sign::Closed(Sides::of(mesh, &boundary, holes.as_ref(), band)), holes)
         }
     }
 }
@@ -174,8 +169,8 @@ fn sample_scene(source: &Source, scene: &Scene, before: Option<Frame>) -> Sample
         || vec![None; tiles.len()],
         |before| {
             let _span = debug_span!("ingest unchanged tiles").entered();
-            let answers = |tile: usize| &before.tiles[tile].answers;
-            unchanged((scene, &tiles), (&before.scene, &before.scene.tiles()), answers, source.sign)
+            let now = Stage { scene, tiles: &tiles, sign: source.sign };
+            unchanged(&now, &Stage { scene: &before.scene, tiles: &before.scene.tiles(), sign: &before.sign })
         },
     );
     let stale: Vec<Tile> =
@@ -185,9 +180,9 @@ fn sample_scene(source: &Source, scene: &Scene, before: Option<Frame>) -> Sample
     put_together(source, &tiles, &same, fresh, before)
 }
 
-/// Samples some tiles; also what their signs rest on.
-fn sample(source: &Source, tiles: &[Tile]) -> (Blocks, Vec<Answers>) {
-    let (mut blocks, mut answers) = (Blocks::default(), Vec::with_capacity(tiles.len()));
+/// Samples some tiles.
+fn sample(source: &Source, tiles: &[Tile]) -> Blocks {
+    let mut blocks = Blocks::default();
     let workspaces = Mutex::new(Vec::new());
     for tiles in tiles.chunks(TILES_AT_ONCE) {
         let _span = debug_span!("ingest samples").entered();
@@ -201,14 +196,13 @@ fn sample(source: &Source, tiles: &[Tile]) -> (Blocks, Vec<Answers>) {
             blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));
             blocks.coords.extend(part.coords);
             blocks.samples.extend_from_slice(&part.samples);
-            answers.push(part.answers);
         }
     }
     debug_span!("ingest rims").in_scope(|| {
         blocks.open_caps(source);
         blocks.trim_rims(source.grid.edge);
     });
-    (blocks, answers)
+    blocks
 }
 
 /// Puts a volume together from blocks sampled now and, for tiles that are the same as one of the frame before, that one's blocks.
@@ -216,33 +210,30 @@ fn put_together(
     source: &Source,
     tiles: &[Tile],
     same: &[Option<usize>],
-    (fresh, answers): (Blocks, Vec<Answers>),
+    fresh: Blocks,
     before: Option<Frame>,
 ) -> Sampled {
-    let (mut old_tiles, old) = before.map_or_else(
+    let (old_tiles, old) = before.map_or_else(
         || (Vec::new(), SparseVolume::empty(source.grid)),
         |before| (before.tiles, before.volume),
     );
     let mut parts = Assembly::default();
-    let (mut answers, mut next) = (answers.into_iter(), 0);
+    let mut next = 0;
     let mut sampled = Vec::with_capacity(tiles.len());
     for (tile, same) in tiles.iter().zip(same) {
         let first = parts.coords.len();
-        let answers = if let Some(before) = same {
-            let SampledTile { blocks, answers } = std::mem::take(&mut old_tiles[*before]);
-            for block in blocks {
+        if let Some(before) = same {
+            for block in old_tiles[*before].clone() {
                 parts.push(old.coords()[block], BlockOrigin::Kept(block as u32), old.unobserved(block));
             }
-            answers
         } else {
             while fresh.coords.get(next).is_some_and(|block| tile.has(*block)) {
                 let mask = fresh.masks.get(&(next as u32));
                 parts.push(fresh.coords[next], BlockOrigin::Fresh(next as u32), mask);
                 next += 1;
             }
-            answers.next().unwrap_or_default()
-        };
-        sampled.push(SampledTile { blocks: first..parts.coords.len(), answers });
+        }
+        sampled.push(first..parts.coords.len());
     }
     let kept = parts.coords.len() - next;
     let volume = old.succeed(parts.coords, &parts.origins, fresh.samples, parts.masks);

@@ -2,16 +2,16 @@
 
 use crate::cells::{Cells, Directions, Parts};
 use crate::continuation::continue_outwards;
+use crate::crossings::{Column, for_each_inside};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
-use crate::regions::{Regions, TileVoxel};
 use crate::scatter::TileDistances;
+use crate::sides::Sides;
 use crate::tiles::{Band, Measure, TILE_BLOCKS, Tile, VoxelMesh};
 use crate::topology::Topology;
 use fearless_simd::dispatch;
-use glam::{DVec3, IVec3, Vec3};
+use glam::{IVec3, Vec3};
 use isv_kernels::simd;
-use isv_spatial::WindingNumber;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 
 /// Everything samples are made from.
@@ -70,8 +70,8 @@ impl Source<'_> {
 
 /// Where the sign of a sample comes from.
 pub(crate) enum Sign {
-    /// Eq. 8: the winding number in metres.
-    Closed(WindingNumber),
+    /// Eq. 8: what is inside.
+    Closed(Sides),
     /// Eq. 9: the offset in voxels.
     Offset(f32),
 }
@@ -83,30 +83,30 @@ pub(crate) struct TileBlocks {
     pub(crate) samples: Vec<i16>,
     /// By position in `coords`.
     pub(crate) masks: Vec<(usize, VoxelMask)>,
-    /// What their signs rest on, where they rest on more than the tile.
-    pub(crate) answers: Answers,
 }
 
-/// What the winding number answered in a tile.
+/// The distances of the voxels of a block; its buffers are reused from block to block.
 #[derive(Default)]
-pub(crate) struct Answers {
-    /// Points that were asked about together, in metres, and whether each is inside.
-    sides: Vec<(Vec<DVec3>, Vec<bool>)>,
-    /// One of the unobserved voxels, whose samples go by the number itself.
-    blended: Option<(DVec3, f64)>,
+struct BlockDistances {
+    /// Unsigned distances in voxels; none in a block that is not near the surface.
+    distances: Vec<f32>,
+    /// Voxels whose closest surface point lies on a wide hole.
+    unobserved: Option<VoxelMask>,
 }
 
-impl Answers {
-    /// Whether they would be the same with another winding number.
-    pub(crate) fn hold(&self, winding: &WindingNumber) -> bool {
-        self.sides.iter().all(|(points, inside)| winding.exceed_half(points) == *inside)
-            && self.blended.is_none_or(|(point, number)| (winding.at(point) - number).abs() <= STEADY)
+impl BlockDistances {
+    /// Forgets everything, and makes room for the distances of so many voxels.
+    fn restart(&mut self, voxels: usize) {
+        self.distances.resize(voxels, 0.0);
+        self.unobserved = None;
+    }
+
+    /// Whether there is an observed voxel in the band.
+    fn is_active(&self, band: f32) -> bool {
+        let observed = |voxel: usize| !self.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
+        self.distances.iter().enumerate().any(|(voxel, d)| *d <= band && observed(voxel))
     }
 }
-
-/// A change of the winding number that makes no difference to what nobody sees: a sample that is 8 voxels from a hole changes by as
-/// many codes.
-const STEADY: f64 = 1.0 / 512.0;
 
 /// Buffers of one thread.
 pub(crate) struct Workspace {
@@ -121,7 +121,7 @@ pub(crate) struct Workspace {
     /// Distances near the surface in the tile at hand.
     near: TileDistances,
     /// The blocks of the tile at hand.
-    blocks: Vec<Regions>,
+    blocks: Vec<BlockDistances>,
 }
 
 impl Default for Workspace {
@@ -133,7 +133,7 @@ impl Default for Workspace {
             on_hole: Vec::new(),
             voxels: Vec::new(),
             near: TileDistances::default(),
-            blocks: (0..PARTS).map(|_| Regions::default()).collect(),
+            blocks: (0..PARTS).map(|_| BlockDistances::default()).collect(),
         }
     }
 }
@@ -145,76 +145,48 @@ pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) ->
         Measure::Scatter => measure_near(source, tile, work),
     }
     let near = source.near.width as f32;
-    let active: Vec<usize> = (0..PARTS).filter(|block| is_active(&work.blocks[*block], near)).collect();
-    let coord = |block: usize| {
-        BlockCoord::from((tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array())
-    };
+    let active: Vec<usize> = (0..PARTS).filter(|block| work.blocks[*block].is_active(near)).collect();
     let size = source.grid.edge.block_voxels();
+    let column = match source.sign {
+        Sign::Closed(sides) => sides.crossings.column([tile.coord.y, tile.coord.z]),
+        Sign::Offset(_) => None,
+    };
     let mut out = TileBlocks { samples: vec![0; active.len() * size], ..TileBlocks::default() };
-    if let Sign::Closed(winding) = source.sign {
-        out.answers = find_sides(source, winding, work, &active, coord);
-    }
     for (block, samples) in active.into_iter().zip(out.samples.chunks_exact_mut(size)) {
-        write_samples(source, &work.blocks[block], coord(block), samples);
+        let coord = (tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array().into();
+        write_samples(source, &work.blocks[block], coord, column, samples);
         if let Some(mask) = work.blocks[block].unobserved.take() {
             out.masks.push((out.coords.len(), mask));
         }
-        out.coords.push(coord(block));
+        out.coords.push(coord);
     }
     out
 }
 
-/// Whether a block has an observed voxel in the band.
-fn is_active(block: &Regions, band: f32) -> bool {
-    let observed = |voxel: usize| !block.unobserved.as_ref().is_some_and(|mask| mask.contains(voxel));
-    block.distances.iter().enumerate().any(|(voxel, d)| *d <= band && observed(voxel))
-}
-
-/// Finds which voxels of the active blocks of a tile are inside (Eq. 8): where the winding number exceeds one half. Returns what that
-/// rests on.
-fn find_sides(
+/// Writes the samples of a block; `column`: what is inside in its tile.
+fn write_samples(
     source: &Source,
-    winding: &WindingNumber,
-    work: &mut Workspace,
-    active: &[usize],
-    coord: impl Fn(usize) -> BlockCoord,
-) -> Answers {
-    let grid = &source.grid;
-    let centre_of = |(block, voxel): &TileVoxel| centre(grid, coord(*block), *voxel);
-    let mut answers = Answers::default();
-    let are_inside = |voxels: &[TileVoxel]| {
-        let points: Vec<DVec3> = voxels.iter().map(centre_of).collect();
-        let inside = winding.exceed_half(&points);
-        answers.sides.push((points, inside.clone()));
-        inside
-    };
-    for &block in active {
-        work.blocks[block].divide(grid.edge);
-    }
-    Regions::settle(&mut work.blocks, active, grid.edge, are_inside);
-    let masked = active.iter().find_map(|block| {
-        let mask = work.blocks[*block].unobserved.as_ref()?;
-        (0..grid.edge.block_voxels()).find(|voxel| mask.contains(*voxel)).map(|voxel| (*block, voxel))
-    });
-    answers.blended = masked.map(|voxel| centre_of(&voxel)).map(|point| (point, winding.at(point)));
-    answers
-}
-
-/// Writes the samples of a block.
-fn write_samples(source: &Source, block: &Regions, coord: BlockCoord, samples: &mut [i16]) {
-    let grid = &source.grid;
+    block: &BlockDistances,
+    coord: BlockCoord,
+    column: Option<&Column>,
+    samples: &mut [i16],
+) {
+    let (grid, n) = (&source.grid, source.grid.edge.voxels());
     let offset = if let Sign::Offset(offset) = *source.sign { offset } else { 0.0 };
     for (sample, distance) in samples.iter_mut().zip(&block.distances) {
         *sample = code(grid, distance - offset);
     }
-    let Sign::Closed(winding) = source.sign else { return };
-    for (voxel, sample) in samples.iter_mut().enumerate() {
-        *sample = if block.is_inside(voxel) { -*sample } else { *sample };
+    let [x, y, z] = coord.to_array().map(|c| c * n as i32);
+    if let Some(column) = column {
+        for (row, samples) in samples.chunks_exact_mut(n).enumerate() {
+            let crossings = column.row([y + (row % n) as i32, z + (row / n) as i32]);
+            for_each_inside(crossings, x, n, |inside| samples[inside].iter_mut().for_each(|s| *s = -*s));
+        }
     }
-    if let Some(mask) = &block.unobserved {
+    if let (Sign::Closed(sides), Some(mask)) = (source.sign, &block.unobserved) {
         let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
         let distance = |voxel: usize| block.distances[voxel];
-        for (voxel, sample) in blend_across_hole(grid, winding, coord, &voxels, distance) {
+        for (voxel, sample) in blend_across_hole(grid, sides, coord, &voxels, distance) {
             samples[voxel] = sample;
         }
     }
@@ -262,15 +234,21 @@ fn measure_near(source: &Source, tile: &Tile, work: &mut Workspace) {
 }
 
 /// Takes over the distances of a block that was measured near the surface, and continues them.
-fn take_near(near: &TileDistances, edge: BlockEdge, position: [i32; 3], reach: f32, taken: &mut Regions) {
+fn take_near(
+    near: &TileDistances,
+    edge: BlockEdge,
+    position: [i32; 3],
+    reach: f32,
+    taken: &mut BlockDistances,
+) {
     let n = edge.voxels();
     let first = position.map(|c| c as usize * n);
     let rows = || (0..n * n).map(|row| near.row([first[0], first[1] + row % n, first[2] + row / n], n));
     if !rows().flatten().any(|square| *square <= reach * reach) {
-        taken.restart(0, reach);
+        taken.restart(0);
         return;
     }
-    taken.restart(edge.block_voxels(), reach);
+    taken.restart(edge.block_voxels());
     for (row, squares) in taken.distances.chunks_exact_mut(n).zip(rows()) {
         row.iter_mut().zip(squares).for_each(|(distance, square)| *distance = square.sqrt());
     }
@@ -302,10 +280,10 @@ fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: u
     let nearest = &mut work.nearest.as_flattened_mut()[block * size..][..size];
     let taken = &mut work.blocks[octant * LANES + block];
     if !nearest.iter().any(|distance_sq| distance_sq.is_finite()) {
-        taken.restart(0, width);
+        taken.restart(0);
         return;
     }
-    taken.restart(size, width);
+    taken.restart(size);
     if work.voxels.is_empty() {
         work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
     }
@@ -334,26 +312,24 @@ fn voxel_at(edge: BlockEdge, number: usize) -> usize {
     edge.voxel_index(along(0), along(1), along(2))
 }
 
-/// The samples of unobserved voxels of a block: distance times `1 - 2 w`, which passes through zero smoothly from one side of
-/// a hole to the other.
+/// The samples of unobserved voxels of a block: distance times `1 - 2 w`, with the generalized winding number, which passes through zero
+/// smoothly from one side of a hole to the other.
 pub(crate) fn blend_across_hole(
     grid: &Grid,
-    winding: &WindingNumber,
+    sides: &Sides,
     coord: BlockCoord,
     voxels: &[usize],
     distance: impl Fn(usize) -> f32,
 ) -> Vec<(usize, i16)> {
+    let n = grid.edge.voxels();
+    let place = |voxel: &usize| {
+        let [x, y, z] = [voxel % n, voxel / n % n, voxel / (n * n)].map(|c| c as i32);
+        IVec3::from_array(coord.to_array()) * n as i32 + IVec3::new(x, y, z)
+    };
     let blend = |(voxel, w): (&usize, f64)| {
         let blend = (1.0 - 2.0 * w.abs()).clamp(-1.0, 1.0);
         (*voxel, code(grid, distance(*voxel) * blend as f32))
     };
-    let points: Vec<DVec3> = voxels.iter().map(|voxel| centre(grid, coord, *voxel)).collect();
-    let numbers = winding.at_points(&points);
-    voxels.iter().zip(numbers).map(blend).collect()
-}
-
-/// The centre of a voxel of a block, in metres.
-fn centre(grid: &Grid, coord: BlockCoord, voxel: usize) -> DVec3 {
-    let n = grid.edge.voxels();
-    grid.voxel_centre_m(coord, [voxel % n, voxel / n % n, voxel / (n * n)])
+    let places: Vec<IVec3> = voxels.iter().map(place).collect();
+    voxels.iter().zip(sides.winding_numbers(&places)).map(blend).collect()
 }

@@ -74,6 +74,11 @@ impl Scene<'_> {
         }
     }
 
+    /// Whether there are holes to keep open.
+    pub(crate) fn has_wide_holes(&self) -> bool {
+        self.connections.as_ref().is_some_and(|connections| connections.holes().is_some())
+    }
+
     /// Whether some of a tile's triangles lie on a wide hole.
     pub(crate) fn is_beside_hole(&self, tile: &Tile) -> bool {
         let (mesh, holes) = self.parts(tile.measure);

@@ -1,11 +1,11 @@
 //! Which tiles have to be sampled anew, and which are as they were in the frame before.
 //!
 //! The distances of a tile rest on its triangles alone. Its signs rest on the winding number as well, which far triangles may change:
-//! where something moves over a still part, or out of it. So what the winding number answered in the frame before is asked again, at
-//! the same points. Around wide holes, caps and rims look at what is beside a tile. There the surroundings of a hole are taken over
-//! as a whole or not at all.
+//! where something moves over a still part, or out of it. So the winding numbers of its voxels are held against those of the frame
+//! before. Around wide holes, samples of unobserved voxels rest on how all holes are closed, and caps and rims look at what is beside
+//! a tile. There the surroundings of a hole are taken over as a whole or not at all.
 
-use crate::sampler::{Answers, Sign};
+use crate::sampler::Sign;
 use crate::scene::Scene;
 use crate::tiles::Tile;
 use glam::IVec3;
@@ -33,33 +33,46 @@ pub(crate) fn pair(tiles: &[Tile], before: &[Tile]) -> (Vec<Option<usize>>, Vec<
     (pairs, gone)
 }
 
-/// A scene, and its tiles.
-pub(crate) type Tiled<'a> = (&'a Scene<'a>, &'a [Tile<'a>]);
+/// What a frame is made of.
+pub(crate) struct Stage<'a> {
+    pub(crate) scene: &'a Scene<'a>,
+    pub(crate) tiles: &'a [Tile<'a>],
+    pub(crate) sign: &'a Sign,
+}
 
-/// For each tile of a scene, which tile of the one before is the same, samples and all. `answers`: those of that one's tiles.
-pub(crate) fn unchanged<'a>(
-    (scene, tiles): Tiled,
-    (old, old_tiles): Tiled,
-    answers: impl Fn(usize) -> &'a Answers + Sync,
-    sign: &Sign,
-) -> Vec<Option<usize>> {
-    let (pairs, gone) = pair(tiles, old_tiles);
-    let is_same = |tile: &Tile, before: usize| {
-        scene.has_alike(tile, old, &old_tiles[before])
-            && match sign {
-                Sign::Closed(winding) => answers(before).hold(winding),
-                Sign::Offset(_) => true,
-            }
+impl Stage<'_> {
+    /// The places of tiles that touch a wide hole, or what closes one.
+    fn beside_holes(&self) -> Vec<IVec3> {
+        let tiles = self.tiles.par_iter().filter(|tile| self.scene.is_beside_hole(tile));
+        let mut places: Vec<IVec3> = tiles.map(|tile| tile.coord).collect();
+        if let Sign::Closed(sides) = self.sign
+            && self.scene.has_wide_holes()
+        {
+            places.extend(&sides.capped_tiles);
+        }
+        places
+    }
+}
+
+/// For each tile of a frame, which tile of the one before is the same, samples and all.
+pub(crate) fn unchanged(now: &Stage, before: &Stage) -> Vec<Option<usize>> {
+    let (pairs, gone) = pair(now.tiles, before.tiles);
+    let around = around_holes(&[now.beside_holes(), before.beside_holes()].concat());
+    let has_sides_alike = |tile: &Tile| match (now.sign, before.sign) {
+        (Sign::Closed(now), Sign::Closed(before)) => {
+            now.crossings.are_alike_in(&before.crossings, tile.coord.to_array())
+                && (!around.contains(&tile.coord) || now.are_closed_alike(before, tile.coord))
+        }
+        (now, before) => matches!((now, before), (Sign::Offset(a), Sign::Offset(b)) if a == b),
     };
-    let still = |(tile, before): (&Tile, Option<usize>)| before.filter(|before| is_same(tile, *before));
-    let mut same: Vec<Option<usize>> = tiles.par_iter().zip(pairs).map(still).collect();
-    let beside = |(scene, tiles): Tiled| -> Vec<IVec3> {
-        tiles.par_iter().filter(|tile| scene.is_beside_hole(tile)).map(|tile| tile.coord).collect()
+    let is_same = |tile: &Tile, place: usize| {
+        now.scene.has_alike(tile, before.scene, &before.tiles[place]) && has_sides_alike(tile)
     };
-    let around = around_holes(&[beside((scene, tiles)), beside((old, old_tiles))].concat());
-    let changed = tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| tile.coord);
+    let still = |(tile, place): (&Tile, Option<usize>)| place.filter(|place| is_same(tile, *place));
+    let mut same: Vec<Option<usize>> = now.tiles.par_iter().zip(pairs).map(still).collect();
+    let changed = now.tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| tile.coord);
     let stale = flood(&around, gone.into_iter().chain(changed));
-    for (tile, same) in tiles.iter().zip(&mut same) {
+    for (tile, same) in now.tiles.iter().zip(&mut same) {
         *same = same.filter(|_| !stale.contains(&tile.coord));
     }
     same

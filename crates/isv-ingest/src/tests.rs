@@ -80,7 +80,11 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
             let (got, exact) = (code(*a), code(*b));
             let are_observed = [observed(near, found as usize, v), observed(whole, block, v)];
             if are_observed != [true; 2] {
-                assert!(are_observed == [false; 2] || exact.abs() > 1.75, "{name}: {coord:?} {v}");
+                // What closes a hole may pass between a block and one that only the band has.
+                let is_on_face = [v % 8, v / 8 % 8, v / 64].iter().any(|c| c % 7 == 0);
+                let is_cap = is_on_face && !are_observed[1];
+                let is_fine = are_observed == [false; 2] || exact.abs() > 1.75 || is_cap;
+                assert!(is_fine, "{name}: {coord:?} {v}");
                 continue;
             }
             assert!(got.signum() == exact.signum() || exact.abs() < 2.0 / 256.0, "{name}: {got} for {exact}");
