@@ -37,7 +37,7 @@ impl Blocks {
     /// Makes the voxels beside unexplained sign changes unobserved.
     pub(crate) fn open_caps(&mut self, source: &Source) {
         let Sign::Closed(sides) = source.sign else { return };
-        if !source.has_wide_holes() {
+        if !source.scene.has_wide_holes() {
             return;
         }
         let size = source.grid.edge.block_voxels();

@@ -16,6 +16,8 @@ const WIDEST_CLOSED: f64 = 3.0;
 
 /// The edges and vertices on wide holes.
 pub(crate) struct WideHoles {
+    /// The ends of all edges, in voxels.
+    pub(crate) rims: Vec<[DVec3; 2]>,
     /// A byte a triangle: bit `i` if it owns its edge `i` and that lies on a wide hole.
     edges: Vec<u8>,
     /// For each vertex whether it does.
@@ -35,13 +37,9 @@ impl WideHoles {
         }
         let is_wide = |vertex| boundary.welded(vertex).is_some_and(|first| wide.contains(&first));
         let vertices = (0..mesh.vertices.len() as u32).map(is_wide).collect();
-        Some(Self { edges, vertices })
-    }
-
-    /// The holes of a part of the mesh, given as what its triangles and its vertices were ([`VoxelMesh::part`]).
-    pub(crate) fn part(&self, faces: &[u32], vertices: &[u32]) -> Self {
-        let edges = faces.iter().map(|face| self.edges[*face as usize]).collect();
-        Self { edges, vertices: vertices.iter().map(|vertex| self.has_vertex(*vertex)).collect() }
+        let rims = boundary.rims.iter().filter(|rim| wide.contains(&rim.from));
+        let rims = rims.map(|rim| [rim.from, rim.to].map(|vertex| mesh.vertices[vertex as usize])).collect();
+        Some(Self { rims, edges, vertices })
     }
 
     /// Which of a triangle's edges, as far as it owns them, and corners lie on wide holes: a bit each, edges first.

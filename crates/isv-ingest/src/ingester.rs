@@ -131,11 +131,10 @@ impl<'m> Frame<'m> {
             debug_span!("ingest sides").in_scope(|| find_sign(&voxel_mesh, decision, offset, &near));
         let scene = match reach {
             Reach::Band => Scene::exact(voxel_mesh, list, holes),
-            Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, [&near, &band]),
+            Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, &band),
         };
-        let (mesh, connections) = (&scene.mesh, scene.connections.as_ref());
-        let source = Source { grid: settings.grid, band, near, mesh, connections, sign: &sign };
-        let Sampled { tiles, volume, kept } = sample_scene(&source, &scene, before);
+        let source = Source { grid: settings.grid, band, near, scene: &scene, sign: &sign };
+        let Sampled { tiles, volume, kept } = sample_scene(&source, before);
         Ok(Self { scene, decision, sign, tiles, volume, kept })
     }
 
@@ -163,13 +162,13 @@ fn find_sign(
 }
 
 /// Samples the tiles of a scene that are not as they were in the frame before, and takes over the others.
-fn sample_scene(source: &Source, scene: &Scene, before: Option<Frame>) -> Sampled {
-    let tiles = scene.tiles();
+fn sample_scene(source: &Source, before: Option<Frame>) -> Sampled {
+    let tiles = source.scene.tiles();
     let same = before.as_ref().map_or_else(
         || vec![None; tiles.len()],
         |before| {
             let _span = debug_span!("ingest unchanged tiles").entered();
-            let now = Stage { scene, tiles: &tiles, sign: source.sign };
+            let now = Stage { scene: source.scene, tiles: &tiles, sign: source.sign };
             unchanged(&now, &Stage { scene: &before.scene, tiles: &before.scene.tiles(), sign: &before.sign })
         },
     );

@@ -51,6 +51,7 @@ mod limits;
 mod lost;
 mod points;
 mod rim;
+mod rims;
 mod sampler;
 mod scatter;
 mod scene;

@@ -1,7 +1,7 @@
 //! Refusing what cannot be done, before it costs anything, and saying what could be.
 
 use crate::points::cubes::{boxes, reached};
-use crate::tiles::{Band, Measure, OverLimit, TILE_BLOCKS, TileList, VoxelMesh, count_blocks};
+use crate::tiles::{Band, OverLimit, TILE_BLOCKS, TileList, VoxelMesh, count_blocks};
 use crate::{IngestError, MeshIngest, PointIngest, PointSign, SignDecision};
 use glam::DVec3;
 use isv_volume::{FitError, Grid, PointCloud, TriangleMesh};
@@ -76,7 +76,7 @@ pub(crate) fn list_tiles(
 ) -> Result<TileList, IngestError> {
     let limit = settings.max_blocks;
     if let Ok(list) = TileList::build(voxel_mesh, band, limit)
-        && count_blocks(voxel_mesh, band, &list.tiles(Measure::Exact), limit) <= limit
+        && count_blocks(voxel_mesh, band, &list.tiles(), limit) <= limit
     {
         return Ok(list);
     }
@@ -105,5 +105,5 @@ pub(crate) fn check_points_blocks(
 fn count_at(mesh: &TriangleMesh, voxel_m: f64, band: &Band, limit: usize) -> Option<usize> {
     let mesh = in_voxels(mesh, voxel_m);
     let list = TileList::build(&mesh, band, limit).map_err(|OverLimit| ()).ok()?;
-    Some(count_blocks(&mesh, band, &list.tiles(Measure::Exact), 0)).filter(|blocks| *blocks <= limit)
+    Some(count_blocks(&mesh, band, &list.tiles(), 0)).filter(|blocks| *blocks <= limit)
 }

@@ -1,14 +1,14 @@
 //! The samples of one tile.
 
-use crate::cells::{Cells, Directions, Parts};
+use crate::cells::{Cells, Parts};
 use crate::continuation::continue_outwards;
 use crate::crossings::{Column, for_each_inside};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
-use crate::holes::WideHoles;
+use crate::rims::Rims;
 use crate::scatter::TileDistances;
+use crate::scene::{Connections, Measure, Scene};
 use crate::sides::Sides;
-use crate::tiles::{Band, Measure, TILE_BLOCKS, Tile, VoxelMesh};
-use crate::topology::Topology;
+use crate::tiles::{Band, TILE_BLOCKS, Tile};
 use fearless_simd::dispatch;
 use glam::{IVec3, Vec3};
 use isv_kernels::simd;
@@ -17,55 +17,12 @@ use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 /// Everything samples are made from.
 pub(crate) struct Source<'a> {
     pub(crate) grid: Grid,
-    /// Where distances are exact in tiles that are measured exactly.
+    /// Where distances are exact if they are measured in all of the band.
     pub(crate) band: Band,
-    /// Where they are exact in all others, and where blocks have to have a voxel.
+    /// Where they are exact if not, and where blocks have to have a voxel.
     pub(crate) near: Band,
-    /// The triangles of tiles that are measured near the surface only.
-    pub(crate) mesh: &'a VoxelMesh<'a>,
-    /// What is known of those of tiles that are measured exactly, if there are any.
-    pub(crate) connections: Option<&'a Connections>,
+    pub(crate) scene: &'a Scene<'a>,
     pub(crate) sign: &'a Sign,
-}
-
-/// How triangles hang together, where they point, and the holes to keep open, if any.
-pub(crate) struct Connections {
-    /// The triangles that are spoken of, if not those of the whole mesh.
-    part: Option<VoxelMesh<'static>>,
-    topology: Topology,
-    directions: Directions,
-    holes: Option<WideHoles>,
-}
-
-impl Connections {
-    /// What is to be known of all triangles of a mesh.
-    pub(crate) fn of_all(mesh: &VoxelMesh, holes: Option<WideHoles>) -> Self {
-        let (topology, directions) = rayon::join(|| Topology::of(mesh), || Directions::of(mesh));
-        Self { part: None, topology, directions, holes }
-    }
-
-    /// The same of some triangles, with their holes.
-    pub(crate) fn of_part(part: VoxelMesh<'static>, holes: WideHoles) -> Self {
-        let all = Self::of_all(&part, Some(holes));
-        Self { part: Some(part), ..all }
-    }
-
-    /// The triangles that are spoken of, given the whole mesh.
-    pub(crate) fn mesh<'a>(&'a self, whole: &'a VoxelMesh<'a>) -> &'a VoxelMesh<'a> {
-        self.part.as_ref().unwrap_or(whole)
-    }
-
-    /// The holes to keep open, if any.
-    pub(crate) fn holes(&self) -> Option<&WideHoles> {
-        self.holes.as_ref()
-    }
-}
-
-impl Source<'_> {
-    /// Whether there are holes to keep open.
-    pub(crate) fn has_wide_holes(&self) -> bool {
-        self.connections.is_some_and(|connections| connections.holes.is_some())
-    }
 }
 
 /// Where the sign of a sample comes from.
@@ -140,9 +97,9 @@ impl Default for Workspace {
 
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
-    match tile.measure {
-        Measure::Exact => measure_exactly(source, tile, work),
-        Measure::Scatter => measure_near(source, tile, work),
+    match &source.scene.measure {
+        Measure::Exact(connections) => measure_exactly(source, connections, tile, work),
+        Measure::Near(rims) => measure_near(source, rims.as_ref(), tile, work),
     }
     let near = source.near.width as f32;
     let active: Vec<usize> = (0..PARTS).filter(|block| work.blocks[*block].is_active(near)).collect();
@@ -203,11 +160,10 @@ fn code(grid: &Grid, distance: f32) -> i16 {
 }
 
 /// Finds the distances and the unobserved voxels of the blocks of a tile, exactly in all of the band.
-fn measure_exactly(source: &Source, tile: &Tile, work: &mut Workspace) {
+fn measure_exactly(source: &Source, connections: &Connections, tile: &Tile, work: &mut Workspace) {
     let edge = source.band.tile_edge();
-    let connections = source.connections.expect("there are connections where tiles are measured exactly");
-    let Connections { topology, directions, holes, .. } = connections;
-    let parts = Parts { mesh: connections.mesh(source.mesh), topology, directions, holes: holes.as_ref() };
+    let Connections { topology, directions, holes } = connections;
+    let parts = Parts { mesh: &source.scene.mesh, topology, directions, holes: holes.as_ref() };
     work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
@@ -221,15 +177,20 @@ fn measure_exactly(source: &Source, tile: &Tile, work: &mut Workspace) {
 }
 
 /// Finds the distances of the blocks of a tile, exactly near the surface.
-fn measure_near(source: &Source, tile: &Tile, work: &mut Workspace) {
+fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Workspace) {
     let edge = source.near.tile_edge();
     let first = tile.coord.as_dvec3() * f64::from(edge) + 0.5;
     let reach = source.near.width as f32;
     let Workspace { near, blocks, .. } = work;
     near.restart(edge as usize);
-    dispatch!(simd::level(), simd => near.scatter(simd, source.mesh, tile.faces(), first, reach));
+    dispatch!(simd::level(), simd => near.scatter(simd, &source.scene.mesh, tile.faces(), first, reach));
     for (block, taken) in blocks.iter_mut().enumerate() {
-        take_near(near, source.grid.edge, part_position(block), reach, taken);
+        let position = part_position(block);
+        take_near(near, source.grid.edge, position, reach, taken);
+        if let Some(rims) = rims.filter(|_| !taken.distances.is_empty()) {
+            let first = first + IVec3::from_array(position).as_dvec3() * f64::from(source.near.edge);
+            taken.unobserved = rims.unobserved(tile.coord, first, &taken.distances, reach);
+        }
     }
 }
 
@@ -287,7 +248,7 @@ fn take_distances(source: &Source, work: &mut Workspace, octant: usize, block: u
     if work.voxels.is_empty() {
         work.voxels.extend((0..size).map(|number| voxel_at(edge, number) as u16));
     }
-    if source.has_wide_holes() {
+    if source.scene.has_wide_holes() {
         let on_hole = &work.on_hole.as_flattened()[block * size..][..size];
         for ((nearest, on_hole), voxel) in nearest.iter().zip(on_hole).zip(&work.voxels) {
             if nearest == on_hole && nearest.is_finite() {

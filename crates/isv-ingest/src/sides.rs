@@ -4,7 +4,7 @@ use crate::boundary::Boundary;
 use crate::closure::close;
 use crate::crossings::Crossings;
 use crate::holes::WideHoles;
-use crate::tiles::{Band, Measure, OverLimit, TileList, VoxelMesh};
+use crate::tiles::{Band, OverLimit, TileList, VoxelMesh};
 use glam::{DVec3, IVec3};
 use isv_spatial::WindingNumber;
 use isv_volume::TriangleMesh;
@@ -73,6 +73,6 @@ fn by_themselves(mesh: &VoxelMesh, triangles: &[[u32; 3]]) -> TriangleMesh {
 fn tiles_of(mesh: TriangleMesh, band: &Band) -> Vec<IVec3> {
     let mesh = VoxelMesh { vertices: mesh.vertices, triangles: mesh.triangles.into() };
     let list = TileList::build(&mesh, &band.within(1.0), usize::MAX);
-    let places = |list: TileList| list.tiles(Measure::Scatter).iter().map(|tile| tile.coord).collect();
+    let places = |list: TileList| list.tiles().iter().map(|tile| tile.coord).collect();
     list.map_or_else(|OverLimit| Vec::new(), places)
 }

@@ -64,6 +64,7 @@ const MEAN_ERROR: f64 = 1.0;
 fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
     let index = near.index();
     let (mut too_small, mut sum, mut far, mut kept) = (0f64, 0.0, 0, 0);
+    let (mut unobserved, mut torn) = (0, 0);
     for (block, coord) in whole.coords().iter().enumerate() {
         let code = |sample: i16| f64::from(sample) / 256.0;
         let observed = |volume: &SparseVolume, block: usize, v: usize| {
@@ -80,11 +81,11 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
             let (got, exact) = (code(*a), code(*b));
             let are_observed = [observed(near, found as usize, v), observed(whole, block, v)];
             if are_observed != [true; 2] {
-                // What closes a hole may pass between a block and one that only the band has.
-                let is_on_face = [v % 8, v / 8 % 8, v / 64].iter().any(|c| c % 7 == 0);
-                let is_cap = is_on_face && !are_observed[1];
-                let is_fine = are_observed == [false; 2] || exact.abs() > 1.75 || is_cap;
-                assert!(is_fine, "{name}: {coord:?} {v}");
+                unobserved += usize::from(!are_observed[1]);
+                // Which part is closest is known near the surface only, and there what is as close to a rim as to a face may be
+                // either; and what closes a hole may pass between a block and one that only the band has.
+                let seen = if are_observed[0] { got } else { exact };
+                torn += usize::from(are_observed != [false; 2] && seen.abs() < 1.7);
                 continue;
             }
             assert!(got.signum() == exact.signum() || exact.abs() < 2.0 / 256.0, "{name}: {got} for {exact}");
@@ -101,6 +102,8 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
     assert_eq!(kept, near.block_count(), "{name}: blocks that the whole band does not have");
     let mean = sum / f64::from(far);
     println!("{name}: {kept} of {} blocks, {too_small:.3} too small, {mean:.3} off", whole.block_count());
+    println!("{torn} voxels near the surface are unobserved in one only, of {unobserved}");
+    assert!(torn * 500 <= unobserved, "{name}: {torn} of {unobserved}");
     assert!(too_small < TOO_SMALL && mean < MEAN_ERROR, "{name}: {too_small}, {mean}");
 }
 

@@ -48,21 +48,6 @@ impl VoxelMesh<'_> {
     pub(crate) fn into_owned(self) -> VoxelMesh<'static> {
         VoxelMesh { vertices: self.vertices, triangles: Cow::Owned(self.triangles.into_owned()) }
     }
-
-    /// Some of the triangles, with their vertices; and for each of those which vertex it was.
-    pub(crate) fn part<'p>(&self, faces: &[u32]) -> (VoxelMesh<'p>, Vec<u32>) {
-        let mut numbers = FxHashMap::default();
-        let mut chosen = Vec::new();
-        let mut number = |vertex: u32| {
-            *numbers.entry(vertex).or_insert_with(|| {
-                chosen.push(vertex);
-                chosen.len() as u32 - 1
-            })
-        };
-        let triangles = faces.iter().map(|face| self.triangles[*face as usize].map(&mut number)).collect();
-        let vertices = chosen.iter().map(|vertex| self.vertices[*vertex as usize]).collect();
-        (VoxelMesh { vertices, triangles: Cow::Owned(triangles) }, chosen)
-    }
 }
 
 /// What decides the reach of a triangle, all in voxels.
@@ -113,21 +98,11 @@ impl Band {
     }
 }
 
-/// How the distances of a tile are measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Measure {
-    /// Exactly in all of the band, with the parts of the mesh that are closest ([`crate::descent`]).
-    Exact,
-    /// Near the surface ([`crate::scatter`]), and from there on ([`crate::continuation`]).
-    Scatter,
-}
-
 /// The triangles of one tile.
 #[derive(Clone, Copy)]
 pub(crate) struct Tile<'a> {
     /// Position on the grid of tiles.
     pub(crate) coord: IVec3,
-    pub(crate) measure: Measure,
     faces: &'a [u32],
 }
 
@@ -192,57 +167,12 @@ impl TileList {
         Ok(gather(&listings))
     }
 
-    /// Lists the triangles in a band of those tiles that some chosen triangles are near, if only in a narrower band.
-    pub(crate) fn around(mesh: &VoxelMesh, [near, band]: [&Band; 2], chosen: &[u32]) -> Self {
-        let mut listing = Listing::default();
-        chosen.iter().for_each(|face| listing.add(*face, mesh.corners(*face), near));
-        let wanted: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
-        let edge = f64::from(band.tile_edge());
-        let first_voxels =
-            wanted.iter().map(|tile| tile.coord().to_array().map(|c| f64::from(c * band.edge)));
-        let (wanted_lo, wanted_hi) = first_voxels
-            .map(DVec3::from_array)
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), first| {
-                (lo.min(first), hi.max(first + edge))
-            });
-        let reach = band.width + BEYOND;
-        let listings: Vec<Vec<Entry>> = (0..mesh.triangles.len())
-            .into_par_iter()
-            .filter(|face| {
-                let [a, b, c] = mesh.corners(*face as u32);
-                let (lo, hi) = (a.min(b).min(c) - reach, a.max(b).max(c) + reach);
-                lo.cmple(wanted_hi).all() && hi.cmpge(wanted_lo).all()
-            })
-            .fold(Listing::default, |mut listing, face| {
-                listing.add_within(face as u32, mesh.corners(face as u32), band, Some(&wanted));
-                listing
-            })
-            .map(|listing| listing.entries)
-            .collect();
-        gather(&listings)
-    }
-
-    /// The triangles of all tiles, ascending, once each.
-    pub(crate) fn faces(&self) -> Vec<u32> {
-        let mut faces = self.faces.clone();
-        faces.sort_unstable();
-        faces.dedup();
-        faces
-    }
-
-    /// Names triangles by their places among some, which are ascending and hold all of them.
-    pub(crate) fn renumber(&mut self, faces: &[u32]) {
-        for face in &mut self.faces {
-            *face = faces.binary_search(face).expect("all triangles of the list are there") as u32;
-        }
-    }
-
     /// The tiles in Morton order.
-    pub(crate) fn tiles(&self, measure: Measure) -> Vec<Tile<'_>> {
+    pub(crate) fn tiles(&self) -> Vec<Tile<'_>> {
         let mut start = 0;
         let tile = |&(tile, end): &(MortonCode, usize)| {
             let coord = IVec3::from_array(tile.coord().to_array()) / TILE_BLOCKS;
-            Tile { coord, measure, faces: &self.faces[std::mem::replace(&mut start, end)..end] }
+            Tile { coord, faces: &self.faces[std::mem::replace(&mut start, end)..end] }
         };
         self.tiles.iter().map(tile).collect()
     }
@@ -300,10 +230,8 @@ fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Resul
 }
 
 /// A triangle to be listed.
-struct Triangle<'a> {
+struct Triangle {
     face: u32,
-    /// The only tiles to be listed in, if not all are.
-    wanted: Option<&'a FxHashSet<MortonCode>>,
     corners: [DVec3; 3],
     /// Its bounds.
     lo: DVec3,
@@ -324,16 +252,6 @@ struct Listing {
 
 impl Listing {
     fn add(&mut self, face: u32, corners: [DVec3; 3], band: &Band) {
-        self.add_within(face, corners, band, None);
-    }
-
-    fn add_within(
-        &mut self,
-        face: u32,
-        corners: [DVec3; 3],
-        band: &Band,
-        wanted: Option<&FxHashSet<MortonCode>>,
-    ) {
         let edge = f64::from(band.tile_edge());
         let [a, b, c] = corners;
         let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
@@ -342,7 +260,7 @@ impl Listing {
         self.add_range(
             tile_of(lo - band.width - BEYOND),
             tile_of(hi + band.width + BEYOND),
-            &Triangle { face, wanted, corners, lo, hi, is_large },
+            &Triangle { face, corners, lo, hi, is_large },
             band,
         );
         // Any point of a tile is less than a voxel from a voxel centre there, and bands are wider.
@@ -385,9 +303,6 @@ impl Listing {
 
     /// Adds a tile if the bounds of the triangle come close enough to its voxels, and the triangle itself, if it is large.
     fn add_tile(&mut self, tile: IVec3, triangle: &Triangle, band: &Band) {
-        if triangle.wanted.is_some_and(|wanted| !wanted.contains(&code(tile))) {
-            return;
-        }
         let edge = f64::from(band.tile_edge());
         let first = tile.as_dvec3() * edge + 0.5;
         let last = first + (edge - 1.0);

@@ -67,15 +67,18 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
     let observed = |volume: &SparseVolume, block: usize, voxel: usize| {
         !volume.unobserved(block).is_some_and(|mask| mask.contains(voxel))
     };
-    let (mut compared, mut other_side) = (0, 0);
+    let (mut compared, mut other_side, mut torn) = (0, 0, 0);
     for (block, coord) in whole.coords().iter().enumerate() {
         let samples = whole.block(block).iter().enumerate();
         let close =
             samples.filter(|(voxel, s)| s.unsigned_abs() < NEAR_CODES && observed(whole, block, *voxel));
         for (voxel, expected) in close {
-            let found = index.get(*coord).unwrap_or_else(|| panic!("{name}: {coord:?} is missing")) as usize;
+            let found = index.get(*coord).map(|found| found as usize);
+            let Some(found) = found.filter(|found| observed(near, *found, voxel)) else {
+                torn += 1;
+                continue;
+            };
             let got = near.block(found)[voxel];
-            assert!(observed(near, found, voxel), "{name}: {coord:?} {voxel}");
             assert!(
                 got.abs().abs_diff(expected.abs()) <= 1,
                 "{name}: {got} for {expected} at {coord:?} {voxel}"
@@ -84,9 +87,10 @@ fn check_near(name: &str, near: &SparseVolume, whole: &SparseVolume) {
             other_side += usize::from(got.abs() > 1 && got.signum() != expected.signum());
         }
     }
-    println!("{name}: {compared} voxels near the surface, {other_side} on the other side");
-    // Beside a seam the side depends on which voxel of a part is asked for.
-    assert!(other_side * 10_000 <= compared, "{name}: {other_side} of {compared}");
+    println!("{name}: {compared} voxels near the surface, {torn} unobserved, {other_side} on the other side");
+    assert_eq!(other_side, 0, "{name}: of {compared}");
+    // What is as close to a rim as to a face may be either.
+    assert!(torn * 10_000 <= compared, "{name}: {torn} of {compared}");
 }
 
 /// Compares every voxel of some blocks with the closest triangle found by the hierarchy and, where the surface is closed,
