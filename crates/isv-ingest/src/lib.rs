@@ -45,6 +45,7 @@ mod crossings;
 mod descent;
 mod error;
 mod faces;
+mod facet;
 mod holes;
 mod ingester;
 mod limits;

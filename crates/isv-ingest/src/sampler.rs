@@ -9,7 +9,7 @@ use crate::scatter::TileDistances;
 use crate::scene::{Connections, Measure, Scene};
 use crate::sides::Sides;
 use crate::tiles::{Band, TILE_BLOCKS, Tile};
-use fearless_simd::dispatch;
+use fearless_simd::{Simd, dispatch};
 use glam::{IVec3, Vec3};
 use isv_kernels::simd;
 use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
@@ -182,11 +182,11 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
     let first = tile.coord.as_dvec3() * f64::from(edge) + 0.5;
     let reach = source.near.width as f32;
     let Workspace { near, blocks, .. } = work;
-    near.restart(edge as usize);
-    dispatch!(simd::level(), simd => near.scatter(simd, &source.scene.mesh, tile.faces(), first, reach));
+    dispatch!(simd::level(), simd => near.scatter(simd, &source.scene.mesh, tile.faces, first, reach));
     for (block, taken) in blocks.iter_mut().enumerate() {
         let position = part_position(block);
-        take_near(near, source.grid.edge, position, reach, taken);
+        taken.unobserved = None;
+        dispatch!(simd::level(), simd => take_near(simd, near, position, reach, &mut taken.distances));
         if let Some(rims) = rims.filter(|_| !taken.distances.is_empty()) {
             let first = first + IVec3::from_array(position).as_dvec3() * f64::from(source.near.edge);
             taken.unobserved = rims.unobserved(tile.coord, first, &taken.distances, reach);
@@ -194,27 +194,20 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
     }
 }
 
-/// Takes over the distances of a block that was measured near the surface, and continues them.
-fn take_near(
-    near: &TileDistances,
-    edge: BlockEdge,
+/// Takes over the distances of a block that was measured near the surface, and continues them; none if it is farther away.
+#[inline(always)]
+fn take_near<S: Simd>(
+    simd: S,
+    near: &mut TileDistances,
     position: [i32; 3],
     reach: f32,
-    taken: &mut BlockDistances,
+    distances: &mut Vec<f32>,
 ) {
-    let n = edge.voxels();
-    let first = position.map(|c| c as usize * n);
-    let rows = || (0..n * n).map(|row| near.row([first[0], first[1] + row % n, first[2] + row / n], n));
-    if !rows().flatten().any(|square| *square <= reach * reach) {
-        taken.restart(0);
-        return;
+    if near.take(simd, position, reach, distances) {
+        continue_outwards(simd, distances, reach);
+    } else {
+        distances.clear();
     }
-    taken.restart(edge.block_voxels());
-    for (row, squares) in taken.distances.chunks_exact_mut(n).zip(rows()) {
-        row.iter_mut().zip(squares).for_each(|(distance, square)| *distance = square.sqrt());
-    }
-    let distances = &mut taken.distances[..];
-    dispatch!(simd::level(), simd => continue_outwards(simd, distances, reach));
 }
 
 /// Finds the distances and the unobserved voxels of the eight blocks of an octant of the tile.

@@ -1,38 +1,92 @@
 //! Distances near the surface, by scattering triangles into the voxels around them.
 //!
-//! A triangle is looked at once for each row of voxels that it may be near to, eight voxels at a time. It costs by the number of
-//! those voxels alone: nothing is asked about how triangles hang together, and nothing is searched for.
+//! Voxels are lowered in cubes of 2 x 2 x 2, eight at a time, wherever the ball around a triangle and its plane are near enough. It costs
+//! by the number of those cubes alone: nothing is asked about how triangles hang together, and nothing is searched for. What is known
+//! of a voxel already is not asked either: whatever depends on what the triangle before has stored waits for it.
 
 use crate::descent::LANES;
-use crate::tiles::VoxelMesh;
+use crate::facet::{Facet, OWN, SIDES, STARTS};
+use crate::tiles::{TILE_BLOCKS, VoxelMesh};
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, IVec3};
 
-/// A triangle whose height is below this, in voxels, is no more than its longest side.
-const FLAT: f64 = 1e-4;
+/// Voxels along the edge of a block.
+const N: usize = 8;
+/// Cubes along the edge of a block, and of a tile.
+const BLOCK_CUBES: usize = N / 2;
+const EDGE: usize = TILE_BLOCKS as usize * BLOCK_CUBES;
 
-/// Farther than any voxel of a tile.
-const FAR_AWAY: f32 = 1e6;
+/// From the centre of a cube to those of its voxels, in voxels; and some slack for rounding.
+const HALF_DIAGONAL: f32 = 0.867;
 
-/// Squared distances in voxels from the voxel centres of a tile to some triangles, x fastest: exact where they are within reach,
-/// and no less elsewhere.
-#[derive(Default)]
+/// By how much rounding may change the height above a plane, in voxels.
+const SLACK: f32 = 1e-3;
+
+/// Of the voxels of a cube, how far each is from the first along each axis; and of eight cubes in a row.
+const OFFSETS: [[f32; LANES]; 3] = [
+    [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
+    [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0],
+    [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
+];
+const CUBES: [f32; LANES] = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0];
+
+/// Squared distances in voxels from the voxel centres of a tile to some triangles: exact where they are within reach, and no less
+/// elsewhere.
 pub(crate) struct TileDistances {
-    edge: usize,
-    squares: Vec<f32>,
+    /// By cubes, x fastest, and in each by its voxels.
+    cubes: Vec<[f32; LANES]>,
+    /// The blocks that have a distance, a bit each, x lowest.
+    touched: u64,
+}
+
+impl Default for TileDistances {
+    fn default() -> Self {
+        Self { cubes: vec![[f32::INFINITY; LANES]; EDGE.pow(3)], touched: 0 }
+    }
+}
+
+/// A triangle, relative to the tile's first voxel centre, and the cubes that it may be near to.
+#[derive(Clone, Copy)]
+struct Near {
+    corners: [DVec3; 3],
+    lo: IVec3,
+    hi: IVec3,
 }
 
 impl TileDistances {
-    /// Forgets everything, in a tile of `edge` voxels.
-    pub(crate) fn restart(&mut self, edge: usize) {
-        self.edge = edge;
-        self.squares.clear();
-        self.squares.resize(edge.pow(3), f32::INFINITY);
-    }
-
-    /// `count` squared distances from a voxel of the tile on, along x.
-    pub(crate) fn row(&self, [x, y, z]: [usize; 3], count: usize) -> &[f32] {
-        &self.squares[(z * self.edge + y) * self.edge + x..][..count]
+    /// Takes the distances of the block at a position in the tile, x fastest, or leaves them alone and returns false if none is within
+    /// `reach`. Either way the tile has forgotten them.
+    #[inline(always)]
+    pub(crate) fn take<S: Simd>(
+        &mut self,
+        simd: S,
+        position: [i32; 3],
+        reach: f32,
+        distances: &mut Vec<f32>,
+    ) -> bool {
+        let [x, y, z] = position.map(|c| c as usize);
+        let bit = 1 << ((z * 4 + y) * 4 + x);
+        if self.touched & bit == 0 {
+            return false;
+        }
+        self.touched ^= bit;
+        distances.resize(N.pow(3), 0.0);
+        let pairs = distances.as_chunks_mut::<2>().0;
+        let unknown = f32x8::splat(simd, f32::INFINITY);
+        let mut least = unknown;
+        for place in 0..BLOCK_CUBES.pow(3) {
+            let [cx, cy, cz] = [place % 4, place / 4 % 4, place / 16];
+            let cube = ((z * 4 + cz) * EDGE + y * 4 + cy) * EDGE + x * 4 + cx;
+            let squares = f32x8::simd_from(simd, self.cubes[cube]);
+            least = least.min(squares);
+            let known: [f32; LANES] = squares.sqrt().into();
+            for half in 0..LANES / 2 {
+                let row = (2 * cz + half / 2) * N + 2 * cy + half % 2;
+                pairs[row * (N / 2) + cx] = [known[2 * half], known[2 * half + 1]];
+            }
+            self.cubes[cube] = [f32::INFINITY; LANES];
+        }
+        least.simd_le(reach * reach).any_true()
     }
 
     /// Lowers the distances to those of some triangles, within `reach` voxels. `first`: the centre of the tile's first voxel.
@@ -41,52 +95,82 @@ impl TileDistances {
         &mut self,
         simd: S,
         mesh: &VoxelMesh,
-        faces: impl Iterator<Item = u32>,
+        faces: &[u32],
         first: DVec3,
         reach: f32,
     ) {
-        let last = IVec3::splat(self.edge as i32 - 1);
+        let none = Near { corners: [DVec3::ZERO; 3], lo: IVec3::ZERO, hi: IVec3::ZERO };
+        let (mut batch, mut count) = ([none; LANES], 0);
         for face in faces {
-            let corners = mesh.corners(face).map(|corner| corner - first);
+            let corners = mesh.corners(*face).map(|corner| corner - first);
             let [a, b, c] = corners;
-            let lo = (a.min(b).min(c) - f64::from(reach)).ceil().as_ivec3().max(IVec3::ZERO);
-            let hi = (a.max(b).max(c) + f64::from(reach)).floor().as_ivec3().min(last);
+            // In cubes, of which the first has its centre at half a voxel along each axis.
+            let lo = 0.5 * (a.min(b).min(c) - f64::from(reach) - 1.0);
+            let hi = 0.5 * (a.max(b).max(c) + f64::from(reach));
+            let lo = lo.ceil().as_ivec3().max(IVec3::ZERO);
+            let hi = hi.floor().as_ivec3().min(IVec3::splat(EDGE as i32 - 1));
             if lo.cmple(hi).all() {
-                self.scatter_one(&Facet::new(simd, corners), lo, hi, reach);
+                batch[count] = Near { corners, lo, hi };
+                count += 1;
             }
+            if count == LANES {
+                self.scatter_batch(simd, &batch, count, reach);
+                count = 0;
+            }
+        }
+        self.scatter_batch(simd, &batch, count, reach);
+    }
+
+    /// Lowers the distances to those of the first `count` of eight triangles.
+    #[inline(always)]
+    fn scatter_batch<S: Simd>(&mut self, simd: S, batch: &[Near; LANES], count: usize, reach: f32) {
+        let mut triangles = [[DVec3::ZERO; 3]; LANES];
+        for lane in 0..LANES {
+            triangles[lane] = batch[lane].corners;
+        }
+        let facets = Facet::of_eight(simd, &triangles);
+        for (near, facet) in batch[..count].iter().zip(&facets) {
+            self.scatter_one(simd, facet, near.lo, near.hi, reach);
         }
     }
 
-    /// Lowers the distances of the voxels `lo..=hi` to those of a triangle.
+    /// Lowers the distances of the voxels of cubes `lo..=hi` to those of a triangle.
     #[inline(always)]
-    fn scatter_one<S: Simd>(&mut self, facet: &Facet<S>, lo: IVec3, hi: IVec3, reach: f32) {
-        let simd = facet.heights.simd;
-        let around = (facet.radius + reach).powi(2);
+    fn scatter_one<S: Simd>(&mut self, simd: S, facet: &Facet, lo: IVec3, hi: IVec3, reach: f32) {
+        let planes = Planes::new(simd, facet);
         let [cx, cy, cz] = facet.centre;
-        let mut x = lo.x as usize;
-        while x <= hi.x as usize {
-            // Eight voxels of each row that do not leave it.
-            let start = x.min(self.edge - LANES);
-            let along = f32x8::simd_from(simd, STEPS) + (start as f32 - cx);
-            let plane = facet.heights + facet.growth[0] * start as f32;
+        let around = (facet.radius + reach + HALF_DIAGONAL).powi(2);
+        let (first, last) = (lo.x as usize, hi.x as usize);
+        let mut x = first;
+        while x <= last {
+            // Eight cubes of each row that do not leave it.
+            let start = x.min(EDGE - LANES);
+            let wanted = ((2u64 << (last - start).min(LANES - 1)) - 1) & !((1 << (x - start)) - 1);
+            let steps = f32x8::simd_from(simd, CUBES);
+            let along = steps + (2.0 * start as f32 + 0.5 - cx);
+            let along_sq = along * along;
+            let rises = steps * facet.growth[0][OWN];
+            let column = planes.heights + planes.growth[0] * (2 * start) as f32;
             for z in lo.z..=hi.z {
+                let dz = 2.0 * z as f32 + 0.5 - cz;
+                let layer = column + planes.growth[2] * (2 * z) as f32;
                 for y in lo.y..=hi.y {
-                    let (dy, dz) = (y as f32 - cy, z as f32 - cz);
-                    let beside = dy * dy + dz * dz;
-                    if beside > around {
-                        continue;
-                    }
-                    let row = (z as usize * self.edge + y as usize) * self.edge + start;
-                    let known = &mut self.squares[row..][..LANES];
-                    let lower = f32x8::from_slice(simd, known);
-                    // No closer than its ball, it lowers nothing where that is farther away.
-                    let least = lower.sqrt().min(reach) + facet.radius;
-                    if (along * along + beside).simd_ge(least * least).all_true() {
-                        continue;
-                    }
-                    let heights = plane + facet.growth[1] * y as f32 + facet.growth[2] * z as f32;
-                    if !facet.is_beyond(&heights, reach) {
-                        lower.min(facet.squares(heights)).store_slice(known);
+                    let dy = 2.0 * y as f32 + 0.5 - cy;
+                    let heights = layer + planes.growth[1] * (2 * y) as f32;
+                    let own = rises + (heights[OWN] + planes.half_rise);
+                    let is_near = (along_sq + (dy * dy + dz * dz)).simd_le(around)
+                        & own.abs().simd_le(reach + planes.half_spread);
+                    let mut cubes = is_near.to_bitmask() & wanted;
+                    let row = (z as usize * EDGE + y as usize) * EDGE + start;
+                    while cubes != 0 {
+                        let cube = cubes.trailing_zeros() as usize;
+                        cubes &= cubes - 1;
+                        let squares = planes.squares(facet, heights + planes.growth[0] * (2 * cube) as f32);
+                        let known = &mut self.cubes[row + cube];
+                        *known = squares.min(f32x8::simd_from(simd, *known)).into();
+                        let block = (start + cube) / BLOCK_CUBES;
+                        self.touched |=
+                            1 << (16 * (z as usize / BLOCK_CUBES) + 4 * (y as usize / BLOCK_CUBES) + block);
                     }
                 }
             }
@@ -95,104 +179,52 @@ impl TileDistances {
     }
 }
 
-/// A triangle, by the heights of a point above planes, a lane each: its own; the three that hold a side and are square to the
-/// triangle, which lies above them; and the three that are square to a side, at its start.
-struct Facet<S: Simd> {
-    /// Heights of the tile's first voxel centre, and how much they grow along each axis.
+/// A triangle ready for cubes.
+struct Planes<S: Simd> {
+    /// Heights of the tile's first voxel centre above the planes, a lane each, and how much they grow along each axis.
     heights: f32x8<S>,
     growth: [f32x8<S>; 3],
-    /// Growth of each height along eight voxels.
-    along_x: [f32x8<S>; LANES],
-    /// Half of what the first height grows from the first of them to the last.
+    /// How much each height grows from the first voxel of a cube to all of them.
+    rises: [f32x8<S>; LANES],
+    /// How much the first height grows from the first voxel of a cube to its centre, and at most from there to a voxel.
     half_rise: f32,
-    /// A ball around it.
-    centre: [f32; 3],
-    radius: f32,
-    /// Lengths of the sides.
-    lengths: [f32; 3],
-    /// What the heights above the sides are at least where the closest point is inside the triangle.
-    inside_from: f32,
+    half_spread: f32,
 }
 
-/// Of eight voxels of a row, how far each is from the first.
-const STEPS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-
-/// Lanes of the planes.
-const OWN: usize = 0;
-const SIDES: usize = 1;
-const STARTS: usize = 4;
-
-impl<S: Simd> Facet<S> {
+impl<S: Simd> Planes<S> {
     #[inline(always)]
-    fn new(simd: S, corners: [DVec3; 3]) -> Self {
-        let [a, b, c] = corners;
-        let area = (b - a).cross(c - a);
-        let edges = [b - a, c - b, a - c];
-        let lengths = edges.map(DVec3::length);
-        let longest = (0..3).fold(0, |a, b| if lengths[b] > lengths[a] { b } else { a });
-        let is_flat = area.length() <= FLAT * lengths[longest];
-        let normal = if is_flat {
-            (edges[longest] / lengths[longest]).any_orthonormal_vector()
-        } else {
-            area.normalize()
-        };
-        let (mut heights, mut growth, mut ends) = ([0.0; LANES], [[0.0; LANES]; 3], [0.0; 3]);
-        let mut set = |plane: usize, normal: DVec3, point: DVec3| {
-            heights[plane] = -normal.dot(point) as f32;
-            (0..3).for_each(|axis| growth[axis][plane] = normal[axis] as f32);
-        };
-        set(OWN, normal, a);
-        for plane in 0..3 {
-            // The other sides of a flat triangle may point anywhere.
-            let side = if is_flat { longest } else { plane };
-            let along = edges[side] / lengths[side];
-            set(SIDES + plane, normal.cross(along), corners[side]);
-            set(STARTS + plane, along, corners[side]);
-            ends[plane] = lengths[side] as f32;
-        }
-        // About the smallest ball: that around the longest side, widened to the third corner.
-        let centre = 0.5 * (corners[longest] + corners[(longest + 1) % 3]);
-        let radius = corners.map(|corner| corner.distance(centre)).into_iter().fold(0.0, f64::max);
-        let [x, ..] = growth;
-        let mut along_x = [f32x8::splat(simd, 0.0); LANES];
-        for (along_x, growth) in along_x.iter_mut().zip(x) {
-            *along_x = f32x8::simd_from(simd, STEPS) * growth;
+    fn new(simd: S, facet: &Facet) -> Self {
+        let [x, y, z] = facet.growth;
+        let [i, j, k] = OFFSETS;
+        let [i, j, k] = [f32x8::simd_from(simd, i), f32x8::simd_from(simd, j), f32x8::simd_from(simd, k)];
+        let mut rises = [f32x8::splat(simd, 0.0); LANES];
+        for plane in 0..LANES {
+            rises[plane] = i * x[plane] + j * y[plane] + k * z[plane];
         }
         Self {
-            heights: f32x8::simd_from(simd, heights),
-            growth: growth.map(|growth| f32x8::simd_from(simd, growth)),
-            along_x,
-            half_rise: 0.5 * (LANES - 1) as f32 * x[OWN],
-            centre: centre.as_vec3().to_array(),
-            // Of a triangle larger than a tile, rounding moves the ball by less than this.
-            radius: (radius * (1.0 + 1e-6) + 1e-3) as f32,
-            lengths: ends,
-            inside_from: if is_flat { FAR_AWAY } else { 0.0 },
+            heights: f32x8::simd_from(simd, facet.heights),
+            growth: [f32x8::simd_from(simd, x), f32x8::simd_from(simd, y), f32x8::simd_from(simd, z)],
+            rises,
+            half_rise: 0.5 * (x[OWN] + y[OWN] + z[OWN]),
+            half_spread: 0.5 * (x[OWN].abs() + y[OWN].abs() + z[OWN].abs()) + SLACK,
         }
     }
 
-    /// Whether eight voxels of a row are all farther than `reach` from the triangle's plane, given the heights of the first.
+    /// Squared distances of the voxels of a cube, given the heights of the first.
     #[inline(always)]
-    fn is_beyond(&self, heights: &f32x8<S>, reach: f32) -> bool {
-        (heights[OWN] + self.half_rise).abs() > reach + self.half_rise.abs()
-    }
-
-    /// Squared distances of eight voxels of a row, given the heights of the first.
-    #[inline(always)]
-    fn squares(&self, heights: f32x8<S>) -> f32x8<S> {
+    fn squares(&self, facet: &Facet, heights: f32x8<S>) -> f32x8<S> {
         let first: [f32; LANES] = heights.into();
-        let height = |plane: usize| self.along_x[plane] + first[plane];
+        let height = |plane: usize| self.rises[plane] + first[plane];
         let own = height(OWN);
-        let own_sq = own * own;
         let (mut lowest, mut beside) = (height(SIDES), f32x8::splat(own.simd, f32::INFINITY));
         for side in 0..3 {
             let inward = height(SIDES + side);
             let after = height(STARTS + side);
-            let outside = (-after).max(after - self.lengths[side]).max(0.0);
+            let outside = (-after).max(after - facet.lengths[side]).max(0.0);
             lowest = lowest.min(inward);
             beside = beside.min(inward * inward + outside * outside);
         }
-        let inside = lowest.simd_ge(self.inside_from);
-        own_sq + inside.select(f32x8::splat(own.simd, 0.0), beside)
+        let inside = lowest.simd_ge(facet.inside_from);
+        own * own + inside.select(f32x8::splat(own.simd, 0.0), beside)
     }
 }

@@ -103,7 +103,8 @@ impl Band {
 pub(crate) struct Tile<'a> {
     /// Position on the grid of tiles.
     pub(crate) coord: IVec3,
-    faces: &'a [u32],
+    /// Indices of the triangles, ascending.
+    pub(crate) faces: &'a [u32],
 }
 
 impl Tile<'_> {
