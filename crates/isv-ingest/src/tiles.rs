@@ -21,15 +21,21 @@ const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 /// number of tiles is checked against the limit.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
 
-/// Tiles whose numbers are at hand while entries are sorted.
-const RECENT: usize = 64;
+/// Triangles that one thread lists together, at least.
+const TOGETHER: usize = 1024;
+
+/// Tiles whose numbers are at hand while triangles are listed.
+const RECENT: usize = 16;
 
 /// Triangles longer than this share of a tile along an axis are listed by where they are, others by their bounding boxes.
 const LARGE: f64 = 0.5;
 
-/// Voxels are measured in cubes of 2 x 2 x 2, so some are up to such a cube's diagonal farther away than the band is wide. Those
-/// are to be found close to the same part of the mesh in every tile.
-const BEYOND: f64 = 1.75;
+/// Where all of the band is measured, that is in cubes of 2 x 2 x 2 voxels, so some are up to such a cube's diagonal farther away than the
+/// band is wide. Those are to be found close to the same part of the mesh in every tile.
+const CUBE_DIAGONAL: f64 = 1.75;
+
+/// Elsewhere only rounding may take a voxel beyond.
+const ROUNDING: f64 = 1e-3;
 
 /// A mesh in voxel units: positions divided by the voxel size.
 #[derive(Clone, PartialEq)]
@@ -55,18 +61,21 @@ impl VoxelMesh<'_> {
 pub(crate) struct Band {
     /// Unsigned distance up to which a voxel is in the band.
     pub(crate) width: f64,
+    /// Distance up to which triangles matter.
+    listed: f64,
     /// Edge of a block.
     pub(crate) edge: i32,
 }
 
 impl Band {
     pub(crate) fn new(grid: &Grid, offset_voxels: f64) -> Self {
-        Self { width: f64::from(grid.truncation.voxels()) + offset_voxels, edge: grid.edge.voxels() as i32 }
+        let width = f64::from(grid.truncation.voxels()) + offset_voxels;
+        Self { width, listed: width + CUBE_DIAGONAL, edge: grid.edge.voxels() as i32 }
     }
 
-    /// The same with another width.
+    /// The same with another width, to be measured voxel by voxel.
     pub(crate) fn within(&self, width: f64) -> Self {
-        Self { width, ..*self }
+        Self { width, listed: width + ROUNDING, ..*self }
     }
 
     /// Edge of a tile.
@@ -79,7 +88,17 @@ impl Band {
         self.width + 0.5 * (edge - 1.0) * 3f64.sqrt()
     }
 
-    /// Bound on the number of tiles a triangle is listed in: the volume of the triangle grown by the reach and the half
+    /// Whether a triangle with these bounds is so small that they say where it is.
+    fn is_small(&self, lo: DVec3, hi: DVec3) -> bool {
+        (hi - lo).max_element() <= LARGE * f64::from(self.tile_edge())
+    }
+
+    /// Bound on the number of tiles that a small triangle is listed in.
+    fn most_tiles_of_small(&self) -> f64 {
+        ((LARGE + 2.0 * self.listed / f64::from(self.tile_edge())).ceil() + 1.0).powi(3)
+    }
+
+    /// The same for any triangle: the volume of the triangle grown by the reach and the half
     /// diagonal of a tile (Steiner's formula), over the volume of a tile.
     fn most_tiles(&self, [a, b, c]: &[DVec3; 3]) -> f64 {
         let edge = f64::from(self.tile_edge());
@@ -124,9 +143,6 @@ impl Tile<'_> {
     }
 }
 
-/// A triangle in a tile; the tile as the Morton code of its first block.
-type Entry = (MortonCode, u32);
-
 /// All tiles, with their triangles.
 pub(crate) struct TileList {
     /// The tiles in Morton order, each with the end of its triangles.
@@ -144,28 +160,45 @@ impl TileList {
     ///
     /// Every coordinate must be in the range of block coordinates.
     pub(crate) fn build(mesh: &VoxelMesh, band: &Band, limit: usize) -> Result<Self, OverLimit> {
-        let mut listings: Vec<Vec<Entry>> = Vec::new();
-        let mut certain = FxHashSet::default();
+        let mut listings: Vec<Listing> = Vec::new();
+        let mut certain: FxHashSet<MortonCode> = FxHashSet::default();
         let mut start = 0;
         while start < mesh.triangles.len() {
             let end = batch_end(mesh, band, start, limit)?;
             let parts: Vec<Listing> = (start..end)
                 .into_par_iter()
+                .with_min_len(TOGETHER)
                 .fold(Listing::default, |mut listing, face| {
                     listing.add(face as u32, mesh.corners(face as u32), band);
                     listing
                 })
                 .collect();
-            for part in parts {
-                listings.push(part.entries);
-                certain.extend(part.certain);
-            }
+            certain.extend(parts.iter().flat_map(|part| &part.certain));
+            listings.extend(parts);
             if certain.len() > limit {
                 return Err(OverLimit);
             }
             start = end;
         }
-        Ok(gather(&listings))
+        Ok(Self::gather(&listings))
+    }
+
+    /// Puts the triangles of each tile behind one another, given those of some triangles after those of others.
+    fn gather(listings: &[Listing]) -> Self {
+        let parts = listings.iter().zip(0..).flat_map(|(listing, number)| {
+            listing.tiles.iter().map(move |(tile, faces)| (code(*tile), number, faces))
+        });
+        let mut parts: Vec<(MortonCode, usize, &Vec<u32>)> = parts.collect();
+        parts.sort_unstable_by_key(|(tile, number, _)| (*tile, *number));
+        let mut list = Self {
+            tiles: Vec::new(),
+            faces: Vec::with_capacity(parts.iter().map(|(.., faces)| faces.len()).sum()),
+        };
+        for tile in parts.chunk_by(|a, b| a.0 == b.0) {
+            tile.iter().for_each(|(.., faces)| list.faces.extend_from_slice(faces));
+            list.tiles.push((tile[0].0, list.faces.len()));
+        }
+        list
     }
 
     /// The tiles in Morton order.
@@ -179,50 +212,20 @@ impl TileList {
     }
 }
 
-/// Sorts entries whose triangles are in order by tile.
-fn gather(listings: &[Vec<Entry>]) -> TileList {
-    let mut numbers: FxHashMap<MortonCode, u32> = FxHashMap::default();
-    let mut tiles: Vec<(MortonCode, usize)> = Vec::new();
-    // Most triangles are in the tiles of those just before them.
-    let mut recent = [None; RECENT];
-    let mut number_of = |&(tile, _): &Entry| {
-        let slot = &mut recent[(tile.0 as usize / TILE_VOLUME) % RECENT];
-        let (_, number) = slot.filter(|(known, _)| *known == tile).unwrap_or_else(|| {
-            let number = *numbers.entry(tile).or_insert_with(|| {
-                tiles.push((tile, 0));
-                tiles.len() as u32 - 1
-            });
-            *slot.insert((tile, number))
-        });
-        tiles[number as usize].1 += 1;
-        number
-    };
-    let found: Vec<u32> = listings.iter().flatten().map(&mut number_of).collect();
-    let mut order: Vec<usize> = (0..tiles.len()).collect();
-    order.sort_unstable_by_key(|number| tiles[*number].0);
-    let mut start = 0;
-    for number in &order {
-        start += std::mem::replace(&mut tiles[*number].1, start);
-    }
-    // Where each tile's triangles begin becomes where they end.
-    let mut faces = vec![0; found.len()];
-    for ((_, face), number) in listings.iter().flatten().zip(found) {
-        let next = &mut tiles[number as usize].1;
-        faces[*next] = *face;
-        *next += 1;
-    }
-    TileList { tiles: order.into_iter().map(|number| tiles[number]).collect(), faces }
-}
-
 /// The end of the batch of triangles that begins at `start`.
 fn batch_end(mesh: &VoxelMesh, band: &Band, start: usize, limit: usize) -> Result<usize, OverLimit> {
-    let mut expected = 0.0;
+    let (mut expected, most_of_small) = (0.0, band.most_tiles_of_small());
     for face in start..mesh.triangles.len() {
         let corners = mesh.corners(face as u32);
-        if band.fewest_blocks(&corners) > limit as f64 {
-            return Err(OverLimit);
+        let [a, b, c] = corners;
+        if band.is_small(a.min(b).min(c), a.max(b).max(c)) {
+            expected += most_of_small;
+        } else {
+            if band.fewest_blocks(&corners) > limit as f64 {
+                return Err(OverLimit);
+            }
+            expected += band.most_tiles(&corners);
         }
-        expected += band.most_tiles(&corners);
         if expected > BATCH_ENTRIES {
             return Ok(face + 1);
         }
@@ -241,10 +244,14 @@ struct Triangle {
     is_large: bool,
 }
 
-/// Tile entries of some triangles.
+/// The tiles of some triangles.
 #[derive(Default)]
 struct Listing {
-    entries: Vec<Entry>,
+    /// The triangles of each.
+    tiles: Vec<(IVec3, Vec<u32>)>,
+    numbers: FxHashMap<IVec3, u32>,
+    /// Most triangles are in the tiles of those just before them.
+    recent: [Option<(IVec3, u32)>; RECENT],
     /// Tiles that are sure to have a voxel in the band, each giving at least one block.
     certain: FxHashSet<MortonCode>,
     /// The last of those found by a small triangle.
@@ -253,23 +260,36 @@ struct Listing {
 
 impl Listing {
     fn add(&mut self, face: u32, corners: [DVec3; 3], band: &Band) {
-        let edge = f64::from(band.tile_edge());
         let [a, b, c] = corners;
         let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
-        let is_large = (hi - lo).max_element() > LARGE * edge;
-        let tile_of = |p: DVec3| (p / edge).floor().as_ivec3();
-        self.add_range(
-            tile_of(lo - band.width - BEYOND),
-            tile_of(hi + band.width + BEYOND),
-            &Triangle { face, corners, lo, hi, is_large },
-            band,
-        );
+        let is_large = !band.is_small(lo, hi);
+        // Tiles have a power of two of voxels: nothing is rounded.
+        let scale = 1.0 / f64::from(band.tile_edge());
+        let [first, last] = [(lo - band.listed) * scale, (hi + band.listed) * scale].map(floor);
+        if first == last && !is_large {
+            self.push(first, face);
+        } else {
+            self.add_range(first, last, &Triangle { face, corners, lo, hi, is_large }, band);
+        }
         // Any point of a tile is less than a voxel from a voxel centre there, and bands are wider.
-        let home = tile_of(a);
+        let home = floor(a * scale);
         if !is_large && self.last != Some(home) {
             self.last = Some(home);
             self.certain.insert(code(home));
         }
+    }
+
+    /// Lists a triangle in a tile.
+    fn push(&mut self, tile: IVec3, face: u32) {
+        let slot = &mut self.recent[(tile.x + 3 * tile.y + 5 * tile.z).rem_euclid(RECENT as i32) as usize];
+        let (_, number) = slot.filter(|(known, _)| *known == tile).unwrap_or_else(|| {
+            let number = *self.numbers.entry(tile).or_insert_with(|| {
+                self.tiles.push((tile, Vec::new()));
+                self.tiles.len() as u32 - 1
+            });
+            *slot.insert((tile, number))
+        });
+        self.tiles[number as usize].1.push(face);
     }
 
     /// Adds the tiles of the inclusive range `lo..=hi` that the triangle reaches. Ranges of more than a few tiles are
@@ -289,7 +309,7 @@ impl Listing {
         }
         let edge = f64::from(band.tile_edge());
         let centre = (lo + hi + 1).as_dvec3() * (0.5 * edge);
-        let reach = band.width + BEYOND + 0.5 * edge * size.as_dvec3().length();
+        let reach = band.listed + 0.5 * edge * size.as_dvec3().length();
         if distance(centre, &triangle.corners) > reach {
             return;
         }
@@ -308,7 +328,7 @@ impl Listing {
         let first = tile.as_dvec3() * edge + 0.5;
         let last = first + (edge - 1.0);
         let apart = (triangle.lo - last).max(first - triangle.hi).max(DVec3::ZERO);
-        if apart.length_squared() > (band.width + BEYOND).powi(2) {
+        if apart.length_squared() > (band.listed).powi(2) {
             return;
         }
         if triangle.is_large {
@@ -321,8 +341,16 @@ impl Listing {
                 self.certain.insert(code(tile));
             }
         }
-        self.entries.push((code(tile), triangle.face));
+        self.push(tile, triangle.face);
     }
+}
+
+/// The whole numbers below.
+fn floor(p: DVec3) -> IVec3 {
+    // Library rounding is a call for each number on plain x86-64.
+    let near = p.as_ivec3();
+    let above = near.as_dvec3().cmpgt(p);
+    near - IVec3::new(above.x.into(), above.y.into(), above.z.into())
 }
 
 /// A tile as the Morton code of its first block.
@@ -381,7 +409,7 @@ mod tests {
 
     #[test]
     fn small_and_large_triangles_are_listed_in_every_tile_they_matter_in() {
-        let band = Band { width: 3.0, edge: 4 };
+        let band = Band { width: 3.0, listed: 3.0 + CUBE_DIAGONAL, edge: 4 };
         let edge = band.tile_edge();
         let mut random = Random::new(71);
         for size in [0.0, 2.0, 6.0, 30.0] {
@@ -390,8 +418,9 @@ mod tests {
                 let corners = [0; 3].map(|_| place + random.point() * size);
                 let mut listing = Listing::default();
                 listing.add(0, corners, &band);
-                let listed: FxHashSet<MortonCode> = listing.entries.iter().map(|entry| entry.0).collect();
-                assert_eq!(listed.len(), listing.entries.len(), "no tile is listed twice");
+                let listed: FxHashSet<MortonCode> =
+                    listing.tiles.iter().map(|(tile, _)| code(*tile)).collect();
+                assert!(listing.tiles.iter().all(|(_, faces)| *faces == [0]), "no tile is listed twice");
                 assert!(!listing.certain.is_empty() && listing.certain.is_subset(&listed));
                 for tile in (0..512).map(|i| IVec3::new(i % 8, i / 8 % 8, i / 64) - 4) {
                     let in_band = to_voxels(tile, edge, &corners) <= band.width;
