@@ -21,8 +21,8 @@ const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 /// number of tiles is checked against the limit.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
 
-/// Triangles that one thread lists together, at least.
-const TOGETHER: usize = 1024;
+/// Triangles that are listed together.
+const TOGETHER: usize = 4096;
 
 /// Tiles whose numbers are at hand while triangles are listed.
 const RECENT: usize = 16;
@@ -165,14 +165,14 @@ impl TileList {
         let mut start = 0;
         while start < mesh.triangles.len() {
             let end = batch_end(mesh, band, start, limit)?;
-            let parts: Vec<Listing> = (start..end)
-                .into_par_iter()
-                .with_min_len(TOGETHER)
-                .fold(Listing::default, |mut listing, face| {
+            let list = |first: usize| {
+                let mut listing = Listing::default();
+                for face in first..end.min(first + TOGETHER) {
                     listing.add(face as u32, mesh.corners(face as u32), band);
-                    listing
-                })
-                .collect();
+                }
+                listing
+            };
+            let parts: Vec<Listing> = (start..end).into_par_iter().step_by(TOGETHER).map(list).collect();
             certain.extend(parts.iter().flat_map(|part| &part.certain));
             listings.extend(parts);
             if certain.len() > limit {
