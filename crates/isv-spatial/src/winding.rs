@@ -20,13 +20,6 @@ use std::f64::consts::{PI, TAU};
 /// result is within 0.004 of the exact sum (test `hierarchy_agrees_with_the_exact_sum`).
 const BETA: f64 = 2.0;
 
-/// The same for a first look at which side of one half a winding number is, by [`WindingNumber::exceed_half`].
-const ROUGH_BETA: f64 = 1.25;
-
-/// How far from one half a winding number must be for the first look to settle it. On the meshes of the test
-/// `a_first_look_is_within_its_margin` it errs by less than half of this.
-const MARGIN: f64 = 0.25;
-
 /// Triangles a leaf: one arc tangent is spent on each leaf, not on each triangle.
 const LEAF_SIZE: usize = 8;
 
@@ -70,18 +63,13 @@ impl WindingNumber {
     /// The winding number at `p`. On the surface itself the value is one of those on either side, or between them.
     #[must_use]
     pub fn at(&self, p: DVec3) -> f64 {
-        self.sum(p, BETA)
-    }
-
-    /// The winding number at `p`, with clusters expanded from `beta` times their radii.
-    fn sum(&self, p: DVec3, beta: f64) -> f64 {
         let mut total = 0.0;
         let mut stack = [0usize; MAX_DEPTH + 1];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
             let cluster = &self.clusters[stack[depth]];
-            if cluster.far_field.centre.distance_squared(p) > beta * beta * cluster.radius_sq {
+            if cluster.far_field.centre.distance_squared(p) > BETA * BETA * cluster.radius_sq {
                 total += cluster.far_field.solid_angle(p);
                 continue;
             }
@@ -128,33 +116,14 @@ impl WindingNumber {
     /// by what the other points are, within the accuracy of the expansion.
     #[must_use]
     pub fn at_points(&self, points: &[DVec3]) -> Vec<f64> {
-        self.sums(points, BETA)
-    }
-
-    /// Whether the magnitude of the winding number exceeds one half, at each of many points.
-    ///
-    /// Most numbers are far from one half, and are only looked at roughly; the others are those of [`Self::at_points`].
-    #[must_use]
-    pub fn exceed_half(&self, points: &[DVec3]) -> Vec<bool> {
-        let mut numbers = self.sums(points, ROUGH_BETA);
-        let unsure: Vec<usize> =
-            (0..points.len()).filter(|i| (numbers[*i].abs() - 0.5).abs() < MARGIN).collect();
-        let closer: Vec<DVec3> = unsure.iter().map(|i| points[*i]).collect();
-        for (i, number) in unsure.into_iter().zip(self.at_points(&closer)) {
-            numbers[i] = number;
-        }
-        numbers.into_iter().map(|number| number.abs() > 0.5).collect()
-    }
-
-    fn sums(&self, points: &[DVec3], beta: f64) -> Vec<f64> {
         let mut numbers = Vec::with_capacity(points.len());
         for eight in points.chunks(LANES) {
             if eight.len() < FEW {
-                numbers.extend(eight.iter().map(|p| self.sum(*p, beta)));
+                numbers.extend(eight.iter().map(|p| self.at(*p)));
             } else {
                 let lane = |i: usize| eight[i.min(eight.len() - 1)];
                 let [x, y, z] = [0, 1, 2].map(|axis: usize| std::array::from_fn(|i| lane(i)[axis]));
-                let found = dispatch!(simd::level(), simd => self.sum_eight(simd, [x, y, z], beta));
+                let found = dispatch!(simd::level(), simd => self.sum_eight(simd, [x, y, z]));
                 numbers.extend_from_slice(&found[..eight.len()]);
             }
         }
@@ -163,7 +132,7 @@ impl WindingNumber {
 
     /// The winding numbers at eight points, to be compiled for one instruction set.
     #[inline(always)]
-    fn sum_eight<S: Simd>(&self, simd: S, points: [[f64; LANES]; 3], beta: f64) -> [f64; LANES] {
+    fn sum_eight<S: Simd>(&self, simd: S, points: [[f64; LANES]; 3]) -> [f64; LANES] {
         let [x, y, z] = points;
         let points = [f64x8::simd_from(simd, x), f64x8::simd_from(simd, y), f64x8::simd_from(simd, z)];
         let mut total = f64x8::splat(simd, 0.0);
@@ -175,7 +144,7 @@ impl WindingNumber {
             let cluster = &self.clusters[stack[depth]];
             let ways = ways_to(cluster.far_field.centre, &points);
             let distances_sq = ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2];
-            if distances_sq.simd_gt(beta * beta * cluster.radius_sq).all_true() {
+            if distances_sq.simd_gt(BETA * BETA * cluster.radius_sq).all_true() {
                 total += cluster.far_field.solid_angles(&ways);
                 continue;
             }
@@ -379,26 +348,6 @@ mod tests {
                 );
             }
         }
-    }
-
-    #[test]
-    fn a_first_look_is_within_its_margin() {
-        let mut worst = 0f64;
-        for mesh in [sphere(0.8, 20), sphere(0.8, 80), soup(6, 3000), soup(9, 9), isv_testkit::open_box(0.7)]
-        {
-            let fast = WindingNumber::new(&mesh);
-            let mut random = Random::new(47);
-            let points: Vec<_> = (0..1000).map(|_| random.point() * 1.2).collect();
-            for ((p, rough), side) in
-                points.iter().zip(fast.sums(&points, ROUGH_BETA)).zip(fast.exceed_half(&points))
-            {
-                let exact = exact_winding_number(&mesh, *p);
-                worst = worst.max((rough - exact).abs()).max((fast.sum(*p, ROUGH_BETA) - exact).abs());
-                assert!(side == (exact.abs() > 0.5) || (exact.abs() - 0.5).abs() < 4e-3, "{p}: {exact}");
-            }
-        }
-        println!("the first look errs by {worst:.4} at most");
-        assert!(worst < MARGIN / 2.0, "{worst}");
     }
 
     #[test]
