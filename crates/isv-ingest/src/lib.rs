@@ -24,15 +24,15 @@
 //! assert!(volume.samples().any(|s| s < 0));
 //! ```
 //!
-//! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks; `topology` says
-//! how faces, edges and vertices hang together, and `cells` where each of them can be the closest part of the mesh. `descent`
-//! goes down from a tile to the voxels in each cell, eight at a time, and measures. Where only the surface is wanted, `scatter`
-//! measures near it, triangle by triangle, and `continuation` goes on from there. `regions` spreads each winding number over
-//! all voxels that are certain to share it, and `sampler` puts the samples of a tile together. `boundary` finds the edges with
-//! one face, `holes` the openings that must stay open, `caps` removes what the winding number would still close there, and
+//! How it works, by private module. `tiles` lists the triangles that matter in each cube of 4 x 4 x 4 blocks. Where only the surface is
+//! wanted, `scatter` measures near it, triangle by triangle (`facet`), and `continuation` goes on from there. In the whole band, `topology`
+//! says how faces, edges and vertices hang together, `cells` where each of them can be the closest part of the mesh, and `descent` goes
+//! down from a tile to the voxels in each cell, eight at a time, and measures. `boundary` finds where a mesh is not closed, `closure`
+//! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
+//! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
 //! `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
-//! cannot be done. `scene` holds what a frame is made of, `stale` finds what of it is as it was in the frame before, and `ingester`
-//! puts volumes together.
+//! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `stale` finds what of it is as it
+//! was in the frame before, and `ingester` puts volumes together.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 
@@ -124,7 +124,7 @@ impl MeshIngest {
 /// Samples the distance field of a mesh (Eq. 1, 2, 7 to 9) in all blocks with an observed voxel in the band.
 ///
 /// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
-/// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved; narrower holes are closed. What
+/// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved, as far as that is exact; narrower holes are closed. What
 /// belongs to nothing closed is lost: see [`lost_share`]. Faces without area are left out. The result is the same for any number
 /// of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes over what stands still.
 ///
