@@ -12,6 +12,23 @@ const N: usize = 8;
 /// Rows of voxels along x in a block.
 const ROWS: usize = N * N;
 
+/// The rows by the sums of y and z: each after those that it looks back at, and not right after them, so that it need not wait.
+const DIAGONALS: [usize; ROWS] = {
+    let (mut rows, mut place, mut sum) = ([0; ROWS], 0, 0);
+    while sum < 2 * N - 1 {
+        let mut row = 0;
+        while row < ROWS {
+            if row % N + row / N == sum {
+                rows[place] = row;
+                place += 1;
+            }
+            row += 1;
+        }
+        sum += 1;
+    }
+    rows
+};
+
 /// Farther than the far end of any block, and small enough for squares to be exact to a thousandth.
 const UNKNOWN: f32 = 64.0;
 
@@ -23,11 +40,11 @@ pub(crate) fn continue_outwards<S: Simd>(simd: S, distances: &mut [f32], reach: 
         let distances = f32x8::simd_from(simd, *row);
         *row = distances.simd_le(reach).select(distances, f32x8::splat(simd, UNKNOWN)).into();
     }
-    for row in 0..ROWS {
-        settle(simd, rows, row, reach);
+    for place in 0..ROWS {
+        settle(simd, rows, DIAGONALS[place], reach);
     }
-    for row in (0..ROWS).rev() {
-        settle(simd, rows, row, reach);
+    for place in (0..ROWS).rev() {
+        settle(simd, rows, DIAGONALS[place], reach);
     }
 }
 
@@ -35,6 +52,9 @@ pub(crate) fn continue_outwards<S: Simd>(simd: S, distances: &mut [f32], reach: 
 #[inline(always)]
 fn settle<S: Simd>(simd: S, rows: &mut [[f32; N]], row: usize, reach: f32) {
     let own = f32x8::simd_from(simd, rows[row]);
+    if own.simd_le(reach).all_true() {
+        return;
+    }
     let lower_of = |before: bool, after: bool, stride: usize| {
         let mut lower = f32x8::splat(simd, UNKNOWN);
         if before {
