@@ -40,24 +40,33 @@ impl Blocks {
         if !source.scene.has_wide_holes() {
             return;
         }
-        let size = source.grid.edge.block_voxels();
         let found = self.unexplained(source, sides);
-        let samples = &self.samples;
-        let blend = |&(block, voxel): &VoxelAt| {
-            let distance =
-                f32::from(samples[block as usize * size + voxel as usize].abs()) / CODES_PER_VOXEL as f32;
-            let (coord, voxels) = (self.coords[block as usize], [voxel as usize]);
-            blend_across_hole(&source.grid, sides, coord, &voxels, |_| distance)
-        };
-        let blended: Vec<_> = found.par_iter().map(blend).collect();
-        for (&(block, _), blended) in found.iter().zip(blended) {
+        for &(block, voxel) in &found {
             let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(source.grid.edge));
-            for (voxel, sample) in blended {
-                mask.insert(voxel);
-                self.samples[block as usize * size + voxel] = sample;
-            }
+            mask.insert(voxel as usize);
+        }
+        if let Some(sides) = source.blending() {
+            self.blend(source, sides, &found);
         }
         self.drop_unobserved(&found, source);
+    }
+
+    /// Blends the samples of some voxels across holes.
+    fn blend(&mut self, source: &Source, sides: &Sides, voxels: &BTreeSet<VoxelAt>) {
+        let size = source.grid.edge.block_voxels();
+        let samples = &self.samples;
+        let blended = |&(block, voxel): &VoxelAt| {
+            let sample = samples[block as usize * size + voxel as usize];
+            let distance = f32::from(sample.unsigned_abs()) / CODES_PER_VOXEL as f32;
+            let coord = self.coords[block as usize];
+            blend_across_hole(&source.grid, sides, coord, &[voxel as usize], |_| distance)
+        };
+        let blended: Vec<_> = voxels.par_iter().map(blended).collect();
+        for ((block, _), blended) in voxels.iter().zip(blended) {
+            for (voxel, sample) in blended {
+                self.samples[*block as usize * size + voxel] = sample;
+            }
+        }
     }
 
     /// All observed voxels with an unexplained sign change to a neighbour.

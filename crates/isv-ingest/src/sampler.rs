@@ -25,6 +25,17 @@ pub(crate) struct Source<'a> {
     pub(crate) sign: &'a Sign,
 }
 
+impl Source<'_> {
+    /// What unobserved samples are blended by, if they are: where the whole band is wanted they are coded like any other, and where only
+    /// the surface is they are not.
+    pub(crate) fn blending(&self) -> Option<&Sides> {
+        match (self.sign, &self.scene.measure) {
+            (Sign::Closed(sides), Measure::Exact(_)) => Some(sides),
+            _ => None,
+        }
+    }
+}
+
 /// Where the sign of a sample comes from.
 pub(crate) enum Sign {
     /// Eq. 8: what is inside.
@@ -140,7 +151,7 @@ fn write_samples(
             for_each_inside(crossings, x, n, |inside| samples[inside].iter_mut().for_each(|s| *s = -*s));
         }
     }
-    if let (Sign::Closed(sides), Some(mask)) = (source.sign, &block.unobserved) {
+    if let (Some(sides), Some(mask)) = (source.blending(), &block.unobserved) {
         let voxels: Vec<usize> = (0..samples.len()).filter(|v| mask.contains(*v)).collect();
         let distance = |voxel: usize| block.distances[voxel];
         for (voxel, sample) in blend_across_hole(grid, sides, coord, &voxels, distance) {
