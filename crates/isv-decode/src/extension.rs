@@ -192,10 +192,10 @@ impl<'a> ExtensionPlan<'a> {
     /// The masks of the frame before in blocks where nothing has changed.
     fn settled_masks(&self, unsettled: &[bool]) -> Vec<(u32, VoxelMask)> {
         let Some(Kept { before, .. }) = self.kept else { return Vec::new() };
-        let (volume, mut finder) = (before.volume(), NeighbourFinder::new(&self.index));
+        let volume = before.volume();
         let settled = volume.unobserved_masks().iter().filter_map(|(block, mask)| {
-            finder.turn_to(volume.coords()[*block as usize]);
-            let block = finder.get(13).filter(|block| !unsettled[*block as usize])?;
+            let block = self.index.get(volume.coords()[*block as usize])?;
+            let block = (!unsettled[block as usize]).then_some(block)?;
             Some((block, mask.clone()))
         });
         settled.collect()

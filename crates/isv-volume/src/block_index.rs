@@ -112,48 +112,64 @@ impl BlockIndex {
     }
 }
 
-/// For a block's place in its cell along an axis and a step of -1, 0 or 1 (plus one) from there: which of three cells along
-/// the axis that leads to, and the bit along it, spread.
-const STEPS: [[(usize, u32); 3]; 4] = [
-    [(0, SPREAD[3]), (1, SPREAD[0]), (1, SPREAD[1])],
-    [(1, SPREAD[0]), (1, SPREAD[1]), (1, SPREAD[2])],
-    [(1, SPREAD[1]), (1, SPREAD[2]), (1, SPREAD[3])],
-    [(1, SPREAD[2]), (1, SPREAD[3]), (2, SPREAD[0])],
-];
-
 /// The slots of a [`Neighbourhood`] that hold an octet, the middle block first: bit 0 of the position is the step along x, bit 1
 /// along y, bit 2 along z.
 pub const OCTET_SLOTS: [usize; 8] = [13, 14, 16, 17, 22, 23, 25, 26];
 
-/// Finds the blocks around one block after the other. What is known of a cell serves all of its blocks, so that blocks in
+/// Blocks along a cell's edge, and with those around it.
+const CELL_EDGE: usize = 1 << CELL_LOG2;
+const AROUND_EDGE: usize = CELL_EDGE + 2;
+const AROUND: usize = AROUND_EDGE * AROUND_EDGE * AROUND_EDGE;
+
+/// Of the 3x3x3 cells around a cell, those of their blocks that are in it or touch it: bits of a cell.
+const TOUCHING: [u64; 27] = touching();
+
+const fn touching() -> [u64; 27] {
+    let mut touching = [0; 27];
+    let mut place = 0;
+    while place < AROUND {
+        let (x, y, z) =
+            (place % AROUND_EDGE, place / AROUND_EDGE % AROUND_EDGE, place / (AROUND_EDGE * AROUND_EDGE));
+        // Counted from the lowest block of the cell before, along each axis.
+        let (x, y, z) = (x + CELL_EDGE - 1, y + CELL_EDGE - 1, z + CELL_EDGE - 1);
+        let slot = (z / CELL_EDGE * 3 + y / CELL_EDGE) * 3 + x / CELL_EDGE;
+        let bit = SPREAD[x % CELL_EDGE] | SPREAD[y % CELL_EDGE] << 1 | SPREAD[z % CELL_EDGE] << 2;
+        touching[slot] |= 1 << bit;
+        place += 1;
+    }
+    touching
+}
+
+/// Finds the blocks around one block after the other. What is found around a cell serves all of its blocks, so that blocks in
 /// Morton order take hardly any look-ups.
 #[derive(Clone, Debug)]
 pub struct NeighbourFinder<'a> {
     index: &'a BlockIndex,
     /// The cell that the middle block is in, if there is one yet.
     place: Option<[i32; 3]>,
-    /// The 3x3x3 cells around it.
-    cells: [Cell; 27],
-    /// Where in its cell the middle block is.
-    within: [usize; 3],
+    /// The blocks of that cell and those around it, x fastest.
+    blocks: [Option<u32>; AROUND],
+    /// Where among these the 3x3x3 blocks around the middle block begin.
+    lowest: usize,
 }
 
 impl<'a> NeighbourFinder<'a> {
     /// A finder that has not turned to a block yet, and finds nothing.
     #[must_use]
     pub fn new(index: &'a BlockIndex) -> Self {
-        Self { index, place: None, cells: [Cell::default(); 27], within: [0; 3] }
+        Self { index, place: None, blocks: [None; AROUND], lowest: 0 }
     }
 
     /// Turns to a coordinate, which need not be that of a block.
     #[inline]
     pub fn turn_to(&mut self, middle: BlockCoord) {
         let middle = middle.to_array();
-        self.within = middle.map(|c| (c & 3) as usize);
+        let [x, y, z] = middle.map(|c| c as usize % CELL_EDGE);
+        self.lowest = (z * AROUND_EDGE + y) * AROUND_EDGE + x;
         let place = middle.map(|c| c >> CELL_LOG2);
         if self.place != Some(place) {
             self.place = Some(place);
-            self.find_cells(place);
+            self.find_blocks(place);
         }
     }
 
@@ -161,23 +177,17 @@ impl<'a> NeighbourFinder<'a> {
     #[must_use]
     #[inline(always)]
     pub fn get(&self, slot: usize) -> Option<u32> {
-        let [x, y, z] = self.within;
-        let [(cx, x), (cy, y), (cz, z)] =
-            [STEPS[x][slot % 3], STEPS[y][slot / 3 % 3], STEPS[z][slot / 9 % 3]];
-        self.cells[(cz * 3 + cy) * 3 + cx].get(x | y << 1 | z << 2)
+        self.blocks[self.lowest + (slot / 9 * AROUND_EDGE + slot / 3 % 3) * AROUND_EDGE + slot % 3]
     }
 
     /// The blocks in all slots.
     #[must_use]
+    #[inline]
     pub fn neighbourhood(&self) -> Neighbourhood {
         let mut around = [None; 27];
-        let [xs, ys, zs] = self.within.map(|within| STEPS[within]);
-        for (layer, (cz, z)) in around.as_chunks_mut::<9>().0.iter_mut().zip(zs) {
-            for (row, (cy, y)) in layer.as_chunks_mut::<3>().0.iter_mut().zip(ys) {
-                for (neighbour, (cx, x)) in row.iter_mut().zip(xs) {
-                    *neighbour = self.cells[(cz * 3 + cy) * 3 + cx].get(x | y << 1 | z << 2);
-                }
-            }
+        for (row, neighbours) in around.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            let first = self.lowest + (row / 3 * AROUND_EDGE + row % 3) * AROUND_EDGE;
+            neighbours.copy_from_slice(&self.blocks[first..first + 3]);
         }
         around
     }
@@ -189,10 +199,25 @@ impl<'a> NeighbourFinder<'a> {
         OCTET_SLOTS.map(|slot| self.get(slot))
     }
 
-    fn find_cells(&mut self, [x, y, z]: [i32; 3]) {
-        for (slot, cell) in (0..).zip(&mut self.cells) {
-            let place = [x + slot % 3 - 1, y + slot / 3 % 3 - 1, z + slot / 9 - 1];
-            *cell = self.index.cells.get(&place).copied().unwrap_or_default();
+    /// Finds the blocks of a cell and those around it.
+    fn find_blocks(&mut self, [x, y, z]: [i32; 3]) {
+        self.blocks = [None; AROUND];
+        for (slot, touching) in TOUCHING.into_iter().enumerate() {
+            let steps = [slot % 3, slot / 3 % 3, slot / 9];
+            let [dx, dy, dz] = steps.map(|step| step as i32 - 1);
+            let Some(cell) = self.index.cells.get(&[x + dx, y + dy, z + dz]) else { continue };
+            let mut blocks = cell.blocks & touching;
+            while blocks != 0 {
+                let bit = blocks.trailing_zeros();
+                // Counted as in `touching`.
+                let along = |axis: usize| {
+                    let within = (bit >> axis & 1 | bit >> (axis + 2) & 2) as usize;
+                    CELL_EDGE * steps[axis] + within + 1 - CELL_EDGE
+                };
+                let place = (along(2) * AROUND_EDGE + along(1)) * AROUND_EDGE + along(0);
+                self.blocks[place] = cell.get(bit);
+                blocks &= blocks - 1;
+            }
         }
     }
 }

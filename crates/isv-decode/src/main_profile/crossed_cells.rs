@@ -30,9 +30,12 @@ pub fn crossed_corners(extended: &Extended) -> Vec<(u32, VoxelMask)> {
     let numbers: Vec<u32> =
         (0..).zip(near.marks_in(all)).filter_map(|(block, near)| near.then_some(block)).collect();
     let volume = extended.volume();
-    let blocks = numbers.par_iter();
-    let (signs, parts): (Vec<Signs>, Vec<Parts>) =
-        blocks.map(|block| signs_of_block(volume, *block as usize)).unzip();
+    let blocks = numbers.par_iter().zip(extended.blocks.coded.marks_in(&near));
+    let signs_of = |(block, coded): (&u32, bool)| match coded {
+        true => Signs::of_coded(volume, *block as usize),
+        false => Signs::of_made_up(volume, *block as usize),
+    };
+    let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(signs_of).unzip();
     let corners = |finder: &mut NeighbourFinder, (block, unsettled): (&u32, bool)| {
         if !unsettled {
             return None;
@@ -54,18 +57,36 @@ struct Signs {
     outside: Rows,
 }
 
-/// Of a block: its signs, and where they lie.
-fn signs_of_block(volume: &SparseVolume, block: usize) -> (Signs, Parts) {
-    let mut inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
-    let mut outside = inside.map(|word| !word);
-    if let Some(mask) = volume.unobserved(block) {
-        for (z, unobserved) in mask.words().iter().enumerate() {
-            inside[z] &= !unobserved;
-            outside[z] &= !unobserved;
+impl Signs {
+    /// Those of a block that was coded, and where they lie.
+    fn of_coded(volume: &SparseVolume, block: usize) -> (Self, Parts) {
+        let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
+        Self::of_observed(inside, volume.unobserved(block))
+    }
+
+    /// The same of a block that was extrapolated: all of it has one sign.
+    fn of_made_up(volume: &SparseVolume, block: usize) -> (Self, Parts) {
+        let is_inside = volume.block(block)[0] < 0;
+        match volume.unobserved(block) {
+            None if is_inside => {
+                (Self { inside: [!0; 64], outside: [0; 64] }, Parts { inside: !0, outside: 0 })
+            }
+            None => (Self { inside: [0; 64], outside: [!0; 64] }, Parts { inside: 0, outside: !0 }),
+            mask => Self::of_observed([if is_inside { !0 } else { 0 }; 8], mask),
         }
     }
-    let parts = Parts { inside: touching(&inside), outside: touching(&outside) };
-    (Signs { inside: rows(&inside), outside: rows(&outside) }, parts)
+
+    fn of_observed(mut inside: [u64; 8], unobserved: Option<&VoxelMask>) -> (Self, Parts) {
+        let mut outside = inside.map(|word| !word);
+        if let Some(mask) = unobserved {
+            for (z, unobserved) in mask.words().iter().enumerate() {
+                inside[z] &= !unobserved;
+                outside[z] &= !unobserved;
+            }
+        }
+        let parts = Parts { inside: touching(&inside), outside: touching(&outside) };
+        (Self { inside: rows(&inside), outside: rows(&outside) }, parts)
+    }
 }
 
 /// The rows of words of one z.
