@@ -110,9 +110,11 @@ fn touching(words: &[u64; 8]) -> u32 {
     const ALONG_Y: [u64; 3] = [0xff << 56, !0, 0xff];
     let along_z = [words[7], words.iter().fold(0, |any, word| any | word), words[0]];
     let mut slots = 0;
-    for (slot, bit) in (0..27).map(|slot| (slot, 1 << slot)) {
-        if along_z[slot / 9] & ALONG_Y[slot / 3 % 3] & ALONG_X[slot % 3] != 0 {
-            slots |= bit;
+    for (z, layer) in along_z.into_iter().enumerate() {
+        for (y, rows) in ALONG_Y.into_iter().enumerate() {
+            for (x, voxels) in ALONG_X.into_iter().enumerate() {
+                slots |= u32::from(layer & rows & voxels != 0) << (9 * z + 3 * y + x);
+            }
         }
     }
     slots
@@ -124,19 +126,26 @@ fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
     for (slot, block) in around.iter().enumerate() {
         if let Some(block) = block {
             let parts = parts[*block as usize];
-            inside |= parts.inside & 1 << slot;
-            outside |= parts.outside & 1 << slot;
+            inside |= parts.inside >> slot & 1;
+            outside |= parts.outside >> slot & 1;
         }
     }
-    inside != 0 && outside != 0
+    inside & outside != 0
 }
 
 fn corners_in(around: &Neighbourhood, signs: &[Signs]) -> Option<VoxelMask> {
-    let rows_of = |of: fn(&Signs) -> &Rows| around.map(|n| n.map_or(&[0; 64], |n| of(&signs[n as usize])));
-    let [inside, outside] = [rows_of(|signs| &signs.inside), rows_of(|signs| &signs.outside)];
     let words = vectorized(
         #[inline(always)]
-        || corner_words(&layers(&inside), &layers(&outside)),
+        || {
+            let (mut inside, mut outside) = ([&[0; 64]; 27], [&[0; 64]; 27]);
+            for (slot, block) in around.iter().enumerate() {
+                if let Some(block) = block {
+                    let signs = &signs[*block as usize];
+                    (inside[slot], outside[slot]) = (&signs.inside, &signs.outside);
+                }
+            }
+            corner_words(&layers(&inside), &layers(&outside))
+        },
     );
     (words != [0; 8]).then(|| VoxelMask::from_words(&words))
 }
@@ -180,18 +189,21 @@ fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
             1..=8 => (1, z - 1),
             _ => (2, 0),
         };
-        for along_y in 0..3 {
-            let first = 9 * along_z + 3 * along_y;
-            let (before, level, after) = (around[first], around[first + 1], around[first + 2]);
-            // Which of the blocks' rows, and where the first of them goes.
-            let (rows, to) = [(7..8, 0), (0..8, 1), (0..1, SIDE - 1)][along_y].clone();
-            for (row, out) in (8 * within + rows.start..8 * within + rows.end).zip(&mut layer[to..]) {
-                *out =
-                    u16::from(before[row] >> 7) | u16::from(level[row]) << 1 | u16::from(after[row] & 1) << 9;
-            }
+        let rows = |slot: usize| &around[9 * along_z + slot].as_chunks::<8>().0[within];
+        layer[0] = join_rows(rows(0)[7], rows(1)[7], rows(2)[7]);
+        let (before, level, after) = (rows(3), rows(4), rows(5));
+        for y in 0..8 {
+            layer[1 + y] = join_rows(before[y], level[y], after[y]);
         }
+        layer[SIDE - 1] = join_rows(rows(6)[0], rows(7)[0], rows(8)[0]);
     }
     layers
+}
+
+/// The row of a block and one voxel at either end, from those of three blocks along x.
+#[inline(always)]
+fn join_rows(before: u8, level: u8, after: u8) -> u16 {
+    u16::from(before >> 7) | u16::from(level) << 1 | u16::from(after & 1) << 9
 }
 
 #[cfg(test)]
