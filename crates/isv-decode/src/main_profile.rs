@@ -9,6 +9,7 @@
 
 pub mod activity;
 pub mod crossed_cells;
+mod displaced_block;
 mod levels;
 mod loop_filter;
 mod neighbours;
@@ -24,4 +25,4 @@ pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};
 pub use parameters::{COEFFICIENTS, MainParameters};
 pub use reference::MainReference;
 pub use symbols::{BlockMode, FrameSymbols, Vector};
-pub use window::{Missing, Window};
+pub use window::Window;

@@ -86,28 +86,37 @@ impl WindowRows {
             }
             return;
         }
-        let mut along_x = [[0i32; 8]; ROWS];
-        for (row, sums) in along_x.iter_mut().enumerate() {
-            let (near, far) = (self.eight(row, 0), self.eight(row, 1));
-            for lane in 0..8 {
-                sums[lane] = 4 * i32::from(near[lane]) + x * (i32::from(far[lane]) - i32::from(near[lane]));
-            }
-        }
-        let mut along_y = [[0i32; 64]; SIDE];
-        for (layer, rows) in along_y.iter_mut().zip(along_x.as_chunks::<SIDE>().0) {
-            for (row, sums) in layer.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-                for lane in 0..8 {
-                    sums[lane] = 4 * rows[row][lane] + y * (rows[row + 1][lane] - rows[row][lane]);
-                }
-            }
-        }
+        let mut near = self.plane(0, [x, y]);
         for (layer, values) in out.as_chunks_mut::<64>().0.iter_mut().enumerate() {
-            let (near, far) = (&along_y[layer], &along_y[layer + 1]);
+            let far = self.plane(layer + 1, [x, y]);
             for lane in 0..64 {
                 let sum = 4 * near[lane] + z * (far[lane] - near[lane]);
                 values[lane] = ((sum + 32) >> 6) as i16;
             }
+            near = far;
         }
+    }
+
+    /// A layer of the window, interpolated along x and y: sixteen times the samples.
+    #[inline(always)]
+    fn plane(&self, layer: usize, [x, y]: [i32; 2]) -> [i32; 64] {
+        // Four times the samples fit: those are at most 4096 codes.
+        let mut along_x = [[0i16; 8]; SIDE];
+        for (row, sums) in along_x.iter_mut().enumerate() {
+            let row = layer * SIDE + row;
+            let (near, far) = (self.eight(row, 0), self.eight(row, 1));
+            for lane in 0..8 {
+                sums[lane] = 4 * near[lane] + x as i16 * (far[lane] - near[lane]);
+            }
+        }
+        let mut along_y = [0; 64];
+        for (row, sums) in along_y.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+            for lane in 0..8 {
+                let [near, far] = [along_x[row][lane], along_x[row + 1][lane]].map(i32::from);
+                sums[lane] = 4 * near + y * (far - near);
+            }
+        }
+        along_y
     }
 }
 

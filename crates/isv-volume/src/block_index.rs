@@ -145,7 +145,8 @@ const fn touching() -> [u64; 27] {
 #[derive(Clone, Debug)]
 pub struct NeighbourFinder<'a> {
     index: &'a BlockIndex,
-    /// The cell that the middle block is in, if there is one yet.
+    /// The middle block, if there is one yet, and the cell that it is in.
+    middle: Option<BlockCoord>,
     place: Option<[i32; 3]>,
     /// The blocks of that cell and those around it, x fastest.
     blocks: [Option<u32>; AROUND],
@@ -157,12 +158,13 @@ impl<'a> NeighbourFinder<'a> {
     /// A finder that has not turned to a block yet, and finds nothing.
     #[must_use]
     pub fn new(index: &'a BlockIndex) -> Self {
-        Self { index, place: None, blocks: [None; AROUND], lowest: 0 }
+        Self { index, middle: None, place: None, blocks: [None; AROUND], lowest: 0 }
     }
 
     /// Turns to a coordinate, which need not be that of a block.
     #[inline]
     pub fn turn_to(&mut self, middle: BlockCoord) {
+        self.middle = Some(middle);
         let middle = middle.to_array();
         let [x, y, z] = middle.map(|c| c as usize % CELL_EDGE);
         self.lowest = (z * AROUND_EDGE + y) * AROUND_EDGE + x;
@@ -197,6 +199,26 @@ impl<'a> NeighbourFinder<'a> {
     #[inline]
     pub fn octet(&self) -> [Option<u32>; 8] {
         OCTET_SLOTS.map(|slot| self.get(slot))
+    }
+
+    /// The 2x2x2 blocks that begin at an offset from the middle block, x fastest.
+    #[must_use]
+    pub fn octet_at(&self, offset: [i32; 3]) -> [Option<u32>; 8] {
+        let Some(middle) = self.middle else { return [None; 8] };
+        // Where it begins among the blocks that are known here.
+        let [x, y, z] = middle.to_array().map(|c| (c & (CELL_EDGE as i32 - 1)) + 1);
+        let first = [x + offset[0], y + offset[1], z + offset[2]];
+        if first.iter().any(|c| !(0..AROUND_EDGE as i32 - 1).contains(c)) {
+            return self.index.octet(middle.offset(offset));
+        }
+        let [x, y, z] = first.map(|c| c as usize);
+        let lowest = (z * AROUND_EDGE + y) * AROUND_EDGE + x;
+        let mut octet = [None; 8];
+        for (slot, block) in octet.iter_mut().enumerate() {
+            *block = self.blocks
+                [lowest + ((slot >> 2) * AROUND_EDGE + (slot >> 1 & 1)) * AROUND_EDGE + (slot & 1)];
+        }
+        octet
     }
 
     /// Finds the blocks of a cell and those around it.
@@ -256,6 +278,8 @@ mod tests {
             assert_eq!(finder.neighbourhood(), around, "{centre:?}");
             assert_eq!(finder.octet(), index.octet(centre), "{centre:?}");
             assert_eq!(std::array::from_fn(|slot| finder.get(slot)), around, "{centre:?}");
+            let offset = [i % 7 - 3, i % 5 - 2, i % 4 - 1];
+            assert_eq!(finder.octet_at(offset), index.octet(centre.offset(offset)), "{centre:?} {offset:?}");
             for (slot, neighbour) in around.into_iter().enumerate() {
                 let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|s| s as i32 - 1);
                 assert_eq!(neighbour, index.get(centre.offset(offset)), "{centre:?} {offset:?}");

@@ -11,6 +11,8 @@ use std::cmp::Ordering;
 pub(crate) const CELL_LOG2: u32 = 2;
 /// Bits of a Morton code that tell a block within its cell.
 const CELL_BITS: u32 = 3 * CELL_LOG2;
+/// The bits of a cell's code that count cells along x.
+const CELL_COUNT_BITS: u64 = 0x1249_2492_4924_9249 >> CELL_BITS;
 
 /// The blocks of a set in one cell of 4x4x4 blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,12 +44,18 @@ impl BlockCell {
         corner.in_range().then(|| corner.morton().0 >> CELL_BITS)
     }
 
-    /// The code of the cell that many cells further along an axis, if coordinates reach that far.
+    /// The code of the next cell along an axis, ahead or behind, if coordinates reach that far.
     #[must_use]
-    pub fn beside(self, axis: usize, cells: i32) -> Option<u64> {
-        let mut offset = [0; 3];
-        offset[axis] = cells;
-        self.at_offset(offset)
+    pub fn beside(self, axis: usize, ahead: bool) -> Option<u64> {
+        // Every third bit of the code counts along the axis: a carry passes over the others if they are set, a borrow if not.
+        let along = CELL_COUNT_BITS << axis;
+        let others = self.code & !along;
+        match ahead {
+            true if self.code & along == along => None,
+            true => Some(((self.code | !along) + 1) & along | others),
+            false if self.code & along == 0 => None,
+            false => Some(((self.code & along) - (1 << axis)) & along | others),
+        }
     }
 
     /// The blocks in Morton order.
@@ -214,8 +222,10 @@ fn dilate_along(axis: usize, cells: &[BlockCell]) -> Vec<BlockCell> {
         dilated.push(BlockCell { code, blocks: blocks | up | down });
         let above = (blocks & !even & !low) >> (far + near);
         let below = (blocks & even & low) << (far + near);
-        for (step, carried) in [(1, above), (-1, below)] {
-            if let Some(code) = cell.beside(axis, step).filter(|_| carried != 0) {
+        for (ahead, carried) in
+            [(true, above), (false, below)].into_iter().filter(|(_, carried)| *carried != 0)
+        {
+            if let Some(code) = cell.beside(axis, ahead) {
                 dilated.push(BlockCell { code, blocks: carried });
             }
         }
@@ -281,6 +291,18 @@ mod tests {
         let expected = sorted(a.iter().copied().filter(elsewhere));
         assert!(expected.len() > 10 && expected.len() < a.len());
         assert_eq!(x.outside_cells_of(&BlockSet::of(&part)).coords(), expected);
+    }
+
+    #[test]
+    fn the_next_cell_is_the_one_at_an_offset_of_one() {
+        for coord in scattered(0).into_iter().chain(scattered(3)) {
+            let cell = BlockCell::of(coord);
+            for axis in 0..3 {
+                let offset = |step| std::array::from_fn(|other| if other == axis { step } else { 0 });
+                assert_eq!(cell.beside(axis, true), cell.at_offset(offset(1)), "{coord:?} {axis}");
+                assert_eq!(cell.beside(axis, false), cell.at_offset(offset(-1)), "{coord:?} {axis}");
+            }
+        }
     }
 
     #[test]

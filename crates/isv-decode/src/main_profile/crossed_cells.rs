@@ -23,14 +23,16 @@ type Rows = [u8; 64];
 /// corners differ in sign and are all there and observed.
 #[must_use]
 pub fn crossed_corners(extended: &Extended) -> Vec<(u32, VoxelMask)> {
-    let FrameBlocks { all, unsettled, .. } = &extended.blocks;
+    let FrameBlocks { all, coded, unsettled, .. } = &extended.blocks;
     // All that cells of these blocks reach into.
-    let near = if unsettled == all { all.clone() } else { unsettled.dilated().intersection(all) };
-    let index = BlockIndex::of(&near);
+    let some = (unsettled != all).then(|| unsettled.dilated().intersection(all));
+    let near = some.as_ref().unwrap_or(all);
+    let some_index = some.as_ref().map(BlockIndex::of);
+    let index = some_index.as_ref().unwrap_or(extended.index());
     let numbers: Vec<u32> =
         (0..).zip(near.marks_in(all)).filter_map(|(block, near)| near.then_some(block)).collect();
     let volume = extended.volume();
-    let blocks = numbers.par_iter().zip(extended.blocks.coded.marks_in(&near));
+    let blocks = numbers.par_iter().zip(coded.marks_in(near));
     let signs_of = |(block, coded): (&u32, bool)| match coded {
         true => Signs::of_coded(volume, *block as usize),
         false => Signs::of_made_up(volume, *block as usize),
@@ -45,8 +47,8 @@ pub fn crossed_corners(extended: &Extended) -> Vec<(u32, VoxelMask)> {
         let corners = if is_mixed(&around, &parts) { corners_in(&around, &signs) } else { None };
         corners.map(|corners| (*block, corners))
     };
-    let blocks = numbers.par_iter().zip(unsettled.marks_in(&near));
-    let corners = blocks.map_init(|| NeighbourFinder::new(&index), corners);
+    let blocks = numbers.par_iter().zip(unsettled.marks_in(near));
+    let corners = blocks.map_init(|| NeighbourFinder::new(index), corners);
     corners.flatten_iter().collect()
 }
 

@@ -21,17 +21,20 @@ type Block = [i16; BLOCK_SAMPLES];
 /// `places`: where in `samples` each block is.
 pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16], places: &[u32]) {
     let index = BlockIndex::new(&symbols.coords);
-    for (axis, after) in [14, 16, 22].into_iter().enumerate() {
-        let face = |finder: &mut NeighbourFinder, lower: usize| {
-            finder.turn_to(symbols.coords[lower]);
+    let faces = |finder: &mut NeighbourFinder, lower: usize| {
+        finder.turn_to(symbols.coords[lower]);
+        [14, 16, 22].map(|after| {
             let upper = finder.get(after)? as usize;
             // Morton order puts the upper block after the lower one.
             let face = [lower, upper].map(|block| places[block] as usize);
             (!is_continued(symbols, lower, upper)).then_some(face)
-        };
-        let blocks = (0..symbols.coords.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
-        let faces = blocks.map_init(|| NeighbourFinder::new(&index), face).flatten_iter().collect();
-        smooth(axis, faces, samples.as_chunks_mut().0, 0, filter);
+        })
+    };
+    let blocks = (0..symbols.coords.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
+    let faces: Vec<_> = blocks.map_init(|| NeighbourFinder::new(&index), faces).collect();
+    for axis in 0..3 {
+        let along = faces.iter().filter_map(|faces| faces[axis]).collect();
+        smooth(axis, along, samples.as_chunks_mut().0, 0, filter);
     }
 }
 

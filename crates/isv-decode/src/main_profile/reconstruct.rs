@@ -1,9 +1,7 @@
 //! From symbols to samples. The encoder's closed loop is this code.
 
 use super::loop_filter::smooth_faces;
-use super::{
-    BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Missing, Vector, Window,
-};
+use super::{BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Vector, Window};
 use crate::extension::{Extended, ExtensionPlan};
 use isv_format::MainFrameHeader;
 use isv_kernels::deblock::FaceFilter;
@@ -20,23 +18,22 @@ pub const BLOCK_SAMPLES: usize = 512;
 /// Blocks of a wave from which on threads share them.
 const WIDE_WAVE: usize = 32;
 
-/// Quarter voxels in a voxel, and voxels and quarter voxels along a block's edge.
+/// Quarter voxels in a voxel, and along a block's edge.
 const QUARTERS: i32 = 4;
-const EDGE: i32 = 8;
 const BLOCK_QUARTERS: i16 = 32;
 
 /// The reference around the place that a vector points to, kept while vectors point to the same voxels.
 #[derive(Debug)]
 pub struct TemporalPredictor<'a> {
     reference: &'a MainReference,
-    window: Window,
+    window: Window<'a>,
 }
 
 impl<'a> TemporalPredictor<'a> {
     /// Predictions from a reference.
     #[must_use]
     pub fn new(reference: &'a MainReference) -> Self {
-        Self { reference, window: Window::default() }
+        Self { reference, window: Window::new(reference) }
     }
 
     /// Predicts the block at a coordinate: the reference's samples displaced by the vector.
@@ -69,9 +66,7 @@ impl<'a> TemporalPredictor<'a> {
     /// that the vector leads to, at most four voxels from there.
     pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector, voxels: [i32; 3]) -> &WindowRows {
         let blocks = vector.map(|v| i32::from((v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS)));
-        let coords = coord.to_array();
-        let first = std::array::from_fn(|axis| coords[axis] * EDGE + voxels[axis]);
-        self.window.look_at(self.reference, first, Missing::Truncation(coord.offset(blocks)));
+        self.window.look_at(coord, voxels, coord.offset(blocks));
         self.window.rows()
     }
 }

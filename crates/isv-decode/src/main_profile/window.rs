@@ -2,42 +2,42 @@
 
 use super::MainReference;
 use isv_kernels::window::{Block, WindowRows};
-use isv_volume::BlockCoord;
+use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Voxels along a block's edge.
 const EDGE: i32 = 8;
 
-/// What stands where the frame has no block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Missing {
-    /// The truncation distance, with the sign of the voxel of the block at this coordinate that is nearest; outside if there is
-    /// no such block.
-    Truncation(BlockCoord),
-    /// This sample.
-    Sample(i16),
-}
-
 /// A block's voxels and the layer after them along each axis.
 #[derive(Clone, Debug)]
-pub struct Window {
+pub struct Window<'a> {
+    reference: &'a MainReference,
+    finder: NeighbourFinder<'a>,
     rows: WindowRows,
-    place: Option<([i32; 3], Missing)>,
-    /// What stands for each of the 2x2x2 blocks that the window touches, where it is missing.
+    place: Option<([i32; 3], BlockCoord)>,
+    /// What stands for each of the 2x2x2 blocks that the window touches, where it is missing: one sample throughout.
     fills: Box<[Block; 8]>,
 }
 
-impl Default for Window {
-    fn default() -> Self {
-        Self { rows: WindowRows::default(), place: None, fills: Box::new([[0; 512]; 8]) }
+impl<'a> Window<'a> {
+    /// A window into a frame, which looks nowhere yet.
+    #[must_use]
+    pub fn new(reference: &'a MainReference) -> Self {
+        let (finder, fills) = (reference.finder(), Box::new([[0; 512]; 8]));
+        Self { reference, finder, rows: WindowRows::default(), place: None, fills }
     }
-}
 
-impl Window {
-    /// The samples of a frame from this voxel on. They stay until the next call, which does nothing if it asks for the same.
-    pub fn look_at(&mut self, reference: &MainReference, first: [i32; 3], missing: Missing) {
-        if self.place != Some((first, missing)) {
-            self.place = Some((first, missing));
-            self.load(reference, first, missing);
+    /// Looks at the samples from the first voxel of the block at `coord` and `voxels` from there on. They stay until the next
+    /// call, which does nothing if it asks for the same.
+    ///
+    /// Where the frame has no block, the truncation distance stands, with the sign of the voxel of the block at `centre` that is
+    /// nearest; outside if there is no such block.
+    pub fn look_at(&mut self, coord: BlockCoord, voxels: [i32; 3], centre: BlockCoord) {
+        let [x, y, z] = voxels;
+        let first = [EDGE * coord.x + x, EDGE * coord.y + y, EDGE * coord.z + z];
+        if self.place != Some((first, centre)) {
+            self.place = Some((first, centre));
+            self.finder.turn_to(coord);
+            self.load(coord, voxels, centre);
         }
     }
 
@@ -47,28 +47,23 @@ impl Window {
         &self.rows
     }
 
-    fn load(&mut self, reference: &MainReference, first: [i32; 3], missing: Missing) {
-        let lowest = BlockCoord::from(first.map(|c| c.div_euclid(EDGE)));
-        let within = first.map(|c| c.rem_euclid(EDGE) as usize);
-        let volume = reference.volume();
+    fn load(&mut self, coord: BlockCoord, voxels: [i32; 3], centre: BlockCoord) {
+        let offset = voxels.map(|c| c.div_euclid(EDGE));
+        let volume = self.reference.volume();
         let limit = volume.grid().truncation.codes();
-        let fill = |slot: usize| {
-            let coord = lowest.offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
-            match missing {
-                Missing::Sample(sample) => sample,
-                Missing::Truncation(centre) if is_inside_towards(reference, centre, coord) => -limit,
-                Missing::Truncation(_) => limit,
-            }
-        };
-        let slots = reference.reference().index().octet(lowest);
+        let slots = self.finder.octet_at(offset);
         for slot in (0..8).filter(|slot| slots[*slot].is_none()) {
-            self.fills[slot].fill(fill(slot));
+            let other = coord.offset(offset).offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
+            let fill = if is_inside_towards(self.reference, centre, other) { -limit } else { limit };
+            if self.fills[slot][0] != fill {
+                self.fills[slot] = [fill; 512];
+            }
         }
         let blocks: [&Block; 8] = std::array::from_fn(|slot| match slots[slot] {
             Some(block) => volume.block(block as usize).try_into().expect("blocks of an edge of 8"),
             None => &self.fills[slot],
         });
-        self.rows.load(&blocks, within);
+        self.rows.load(&blocks, voxels.map(|c| c.rem_euclid(EDGE) as usize));
     }
 }
 

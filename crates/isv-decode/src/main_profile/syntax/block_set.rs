@@ -146,7 +146,7 @@ impl ExpectedBlocks {
     #[must_use]
     pub fn new(reference: &MainReference, still: &BlockSet) -> Self {
         let FrameBlocks { all, coded, .. } = &reference.extended().blocks;
-        let activity = expected_activity(reference, &still.marks_in(all));
+        let activity = expected_activity(reference, still);
         let (mut was, mut kept) = (coded.cells().iter().peekable(), still.cells().iter().peekable());
         let mut next = activity.iter();
         let cells = all.cells().iter().map(|cell| {

@@ -55,11 +55,11 @@ impl StillCellContext {
     /// the three ahead of it were.
     #[must_use]
     pub fn model(&self, cell: BlockCell) -> usize {
-        let along = |set: &FxHashSet<u64>, step: i32| {
-            let beside = (0..3).filter_map(|axis| cell.beside(axis, step));
+        let along = |set: &FxHashSet<u64>, ahead: bool| {
+            let beside = (0..3).filter_map(|axis| cell.beside(axis, ahead));
             beside.filter(|code| set.contains(code)).count()
         };
         let was_still = usize::from(self.before.contains(&cell.code));
-        (was_still * 4 + along(&self.now, -1)) * 4 + along(&self.before, 1)
+        (was_still * 4 + along(&self.now, false)) * 4 + along(&self.before, true)
     }
 }
