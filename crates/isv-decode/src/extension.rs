@@ -175,16 +175,24 @@ impl<'a> ExtensionPlan<'a> {
             BlockOrigin::Kept(before) if self.kept_samples(before)[0] < 0 => Side::Inside,
             BlockOrigin::Kept(_) => Side::Outside,
         };
-        let conflicts = |finder: &mut NeighbourFinder, (block, unsettled): (usize, &bool)| {
-            let opposite = if *unsettled { side(block as u32).opposite()? } else { return None };
+        let all = &self.blocks.all;
+        let sides: Vec<Side> = (0..all.count() as u32).map(side).collect();
+        let [inside, outside] =
+            [Side::Inside, Side::Outside].map(|wanted| all.filtered(|block| sides[block] == wanted));
+        // Few blocks are anywhere near the other side.
+        let opposed = inside.intersection(&outside.dilated()).union(&outside.intersection(&inside.dilated()));
+        let unsettled = self.blocks.unsettled.marks_in(all);
+        let conflicts = |finder: &mut NeighbourFinder, block: usize| {
+            let opposite = sides[block].opposite()?;
             finder.turn_to(self.coords[block]);
-            let opposed = |slot| finder.get(slot).is_some_and(|other| side(other) == opposite);
-            conflicts(FACES.map(|(slot, _)| opposed(slot))).map(|mask| (block as u32, mask))
+            let is_opposed = |slot| finder.get(slot).is_some_and(|other| sides[other as usize] == opposite);
+            conflicts(FACES.map(|(slot, _)| is_opposed(slot))).map(|mask| (block as u32, mask))
         };
-        let unsettled = self.blocks.unsettled.marks_in(&self.blocks.all);
-        let masks =
-            unsettled.par_iter().enumerate().map_init(|| NeighbourFinder::new(&self.index), conflicts);
-        let mut masks: Vec<_> = masks.flatten_iter().collect();
+        let mut finder = NeighbourFinder::new(&self.index);
+        let blocks = (0..)
+            .zip(opposed.marks_in(all))
+            .filter_map(|(block, is_opposed)| (is_opposed && unsettled[block]).then_some(block));
+        let mut masks: Vec<_> = blocks.filter_map(|block| conflicts(&mut finder, block)).collect();
         masks.extend(self.settled_masks(&unsettled));
         masks.into_iter().collect()
     }

@@ -26,6 +26,7 @@ impl Default for BitModel {
 
 impl BitModel {
     /// Probability of a 1 in `2^-16`, never 0 or 1: 4 to 65532.
+    #[inline]
     pub(crate) fn probability_of_one(&self) -> u32 {
         let mean = (self.fast + self.slow) >> (ESTIMATE_BITS - PROBABILITY_BITS + 1);
         mean.clamp(4, (1 << PROBABILITY_BITS) - 4)
@@ -40,6 +41,7 @@ impl BitModel {
     /// Learns from one coded bit.
     ///
     /// While `seen` counts up, the shift grows with its logarithm: the n-th symbol moves the estimate by about `1/n`.
+    #[inline]
     pub(crate) fn update(&mut self, bit: bool) {
         let warm_up = 1 + (self.seen + 1).ilog2();
         self.fast = approach(self.fast, bit, warm_up.min(FAST_SHIFT));
@@ -49,6 +51,7 @@ impl BitModel {
 }
 
 /// Moves an estimate towards 1 or 0 by `2^-shift` of the way.
+#[inline]
 fn approach(estimate: u32, bit: bool, shift: u32) -> u32 {
     if bit { estimate + (((1 << ESTIMATE_BITS) - estimate) >> shift) } else { estimate - (estimate >> shift) }
 }

@@ -145,11 +145,13 @@ impl<'a> RangeDecoder<'a> {
     }
 
     /// Decodes a bit under an adaptive model, which learns from it.
+    #[inline]
     pub fn decode(&mut self, model: &mut BitModel) -> bool {
         self.decode_mixed([model])
     }
 
     /// Decodes a bit under the mean of several models' estimates, all of which learn from it.
+    #[inline]
     pub fn decode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N]) -> bool {
         let bound = (self.range >> 16) * mean_probability(&models);
         let bit = self.code < bound;
@@ -184,6 +186,7 @@ impl<'a> RangeDecoder<'a> {
         self.position > self.bytes.len() + 4
     }
 
+    #[inline]
     fn renormalize(&mut self) {
         while self.range < RENORMALIZE_BELOW {
             self.range <<= 8;
@@ -191,6 +194,7 @@ impl<'a> RangeDecoder<'a> {
         }
     }
 
+    #[inline]
     fn next_byte(&mut self) -> u32 {
         let byte = self.bytes.get(self.position).copied().unwrap_or(0);
         self.position += 1;

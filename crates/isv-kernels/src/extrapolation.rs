@@ -20,8 +20,6 @@ pub type CodedNeighbours<'a> = [Option<&'a Block>; 27];
 const STEEPEST: i16 = CODES_PER_VOXEL as i16;
 /// Least magnitude of an extrapolated sample, so that none is zero.
 const LEAST: i16 = 5;
-/// Magnitudes are below this power of two.
-const MAGNITUDE_BITS: u32 = 13;
 
 /// Slots whose blocks are nearer than this slot's to every voxel of the middle block, by slot: those whose offset agrees with
 /// this one's wherever it is not zero.
@@ -100,17 +98,20 @@ pub fn extrapolate(neighbours: &CodedNeighbours, truncation: i16, out: &mut Bloc
             let inside = is_inside(neighbours);
             let sign = if inside { -1 } else { 1 };
             let present = present_slots(neighbours);
-            let mut keys = [i32::MAX; EDGE * EDGE * EDGE];
+            let furthest = [[i16::MAX; EDGE * EDGE]; EDGE];
+            let mut field = NearestField { distances: furthest, magnitudes: furthest };
             for (slot, neighbour) in neighbours.iter().enumerate().filter(|(slot, _)| *slot != 13) {
                 let Some(block) = neighbour.filter(|_| present & NEARER[slot] == 0) else { continue };
-                if offset(slot)[0] == 0 {
-                    continue_field::<false>(block, offset(slot), sign, truncation, &mut keys);
-                } else {
-                    continue_field::<true>(block, offset(slot), sign, truncation, &mut keys);
+                let offset = offset(slot);
+                match (offset[0] != 0, offset[2] != 0) {
+                    (false, false) => field.offer::<false, false>(block, offset, sign, truncation),
+                    (false, true) => field.offer::<false, true>(block, offset, sign, truncation),
+                    (true, false) => field.offer::<true, false>(block, offset, sign, truncation),
+                    (true, true) => field.offer::<true, true>(block, offset, sign, truncation),
                 }
             }
-            for (sample, key) in out.iter_mut().zip(&keys) {
-                *sample = sign * (key & ((1 << MAGNITUDE_BITS) - 1)) as i16;
+            for (sample, magnitude) in out.iter_mut().zip(field.magnitudes.as_flattened()) {
+                *sample = sign * magnitude;
             }
             inside
         },
@@ -123,34 +124,50 @@ fn present_slots(neighbours: &CodedNeighbours) -> u32 {
     neighbours.iter().enumerate().map(|(slot, block)| u32::from(block.is_some()) << slot).sum()
 }
 
-/// Offers one neighbour's continuation to all voxels. A voxel keeps the least `distance << 13 | magnitude`.
-#[inline(always)]
-fn continue_field<const ALONG_X: bool>(
-    block: &Block,
-    offset: [i32; 3],
-    sign: i16,
-    truncation: i16,
-    keys: &mut [i32; EDGE * EDGE * EDGE],
-) {
-    let [ax, ay, az] = offset.map(Approach::new);
-    let mut distances = [0; EDGE * EDGE];
-    for (index, distance) in distances.iter_mut().enumerate() {
-        *distance = i32::from(ax.distance[index % EDGE] + ay.distance[index / EDGE]) << MAGNITUDE_BITS;
-    }
-    let nearest = |z: usize| nearest_plane::<ALONG_X>(block, &ax, &ay, z);
-    let mut slopes = [0; EDGE * EDGE];
-    add_slopes(&mut slopes, &nearest(az.nearest[0]), &nearest(az.behind[0]), &[1; EDGE * EDGE]);
-    let mut level = [0; EDGE * EDGE];
-    for (z, keys) in keys.as_chunks_mut::<{ EDGE * EDGE }>().0.iter_mut().enumerate() {
-        if z == 0 || offset[2] == 0 {
-            level = level_plane::<ALONG_X>(block, &ax, &ay, az.nearest[z]);
+/// What the voxels of a block have been offered, plane after plane across z: of each, the least magnitude at the least distance.
+struct NearestField {
+    distances: [Plane; EDGE],
+    magnitudes: [Plane; EDGE],
+}
+
+impl NearestField {
+    /// Offers one neighbour's continuation to all voxels.
+    #[inline(always)]
+    fn offer<const ALONG_X: bool, const ALONG_Z: bool>(
+        &mut self,
+        block: &Block,
+        offset: [i32; 3],
+        sign: i16,
+        truncation: i16,
+    ) {
+        let [ax, ay, az] = offset.map(Approach::new);
+        let mut across = [0; EDGE * EDGE];
+        for (row, away) in across.as_chunks_mut::<EDGE>().0.iter_mut().zip(ay.distance) {
+            for x in 0..EDGE {
+                row[x] = ax.distance[x] + away;
+            }
         }
-        let away = az.distance[z];
-        let distance_z = i32::from(away) << MAGNITUDE_BITS;
-        for index in 0..EDGE * EDGE {
-            let value = sign * (level[index] + slopes[index] * away);
-            let magnitude = i32::from(value.clamp(LEAST, truncation));
-            keys[index] = keys[index].min(distances[index] + distance_z + magnitude);
+        let mut slopes = [0; EDGE * EDGE];
+        if ALONG_Z {
+            let nearest = |z: usize| nearest_plane::<ALONG_X>(block, &ax, &ay, z);
+            add_slopes(&mut slopes, &nearest(az.nearest[0]), &nearest(az.behind[0]), &[1; EDGE * EDGE]);
+        }
+        let mut level = [0; EDGE * EDGE];
+        for z in 0..EDGE {
+            if z == 0 || !ALONG_Z {
+                level = level_plane::<ALONG_X>(block, &ax, &ay, az.nearest[z]);
+            }
+            let away = if ALONG_Z { az.distance[z] } else { 0 };
+            let (mut distances, mut magnitudes) = (self.distances[z], self.magnitudes[z]);
+            for index in 0..EDGE * EDGE {
+                let magnitude = (sign * (level[index] + slopes[index] * away)).clamp(LEAST, truncation);
+                let distance = across[index] + away;
+                let before = if distance < distances[index] { i16::MAX } else { magnitudes[index] };
+                let offered = if distance > distances[index] { i16::MAX } else { magnitude };
+                magnitudes[index] = before.min(offered);
+                distances[index] = distances[index].min(distance);
+            }
+            (self.distances[z], self.magnitudes[z]) = (distances, magnitudes);
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::block_set::CELL_LOG2;
 use crate::{BlockCoord, BlockSet};
 use rustc_hash::FxHashMap;
+use std::hash::{Hash, Hasher};
 
 /// Block indices of a block's 3x3x3 neighbourhood; `None` where there is no block. Entry `(dz + 1) * 9 + (dy + 1) * 3 +
 /// (dx + 1)` is the neighbour at offset `(dx, dy, dz)`; entry 13 is the block itself.
@@ -17,7 +18,27 @@ const SPREAD: [u32; 4] = [0, 1, 8, 9];
 /// and a block's index is that of the cell's first and the number of bits below its own.
 #[derive(Clone, Debug, Default)]
 pub struct BlockIndex {
-    cells: FxHashMap<[i32; 3], Cell>,
+    cells: FxHashMap<CellPlace, Cell>,
+}
+
+/// Where a cell is, in cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct CellPlace([i32; 3]);
+
+impl CellPlace {
+    #[inline(always)]
+    fn of(block: BlockCoord) -> Self {
+        Self(block.to_array().map(|c| c >> CELL_LOG2))
+    }
+}
+
+impl Hash for CellPlace {
+    /// In one word, which all places of blocks differ in.
+    #[inline(always)]
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let [x, y, z] = self.0.map(|c| u64::from(c as u32));
+        state.write_u64(x ^ y << 21 ^ z << 42);
+    }
 }
 
 /// The blocks of a cell.
@@ -52,7 +73,7 @@ impl BlockIndex {
     pub fn of(set: &BlockSet) -> Self {
         let mut first = 0;
         let numbered = set.cells().iter().map(|cell| {
-            let place = cell.corner().to_array().map(|c| c >> CELL_LOG2);
+            let place = CellPlace::of(cell.corner());
             let numbered = Cell { blocks: cell.blocks, first };
             first += cell.blocks.count_ones();
             (place, numbered)
@@ -64,9 +85,8 @@ impl BlockIndex {
     #[must_use]
     #[inline]
     pub fn get(&self, coord: BlockCoord) -> Option<u32> {
-        let coord = coord.to_array();
-        let [x, y, z] = coord.map(|c| SPREAD[(c & 3) as usize]);
-        self.cells.get(&coord.map(|c| c >> CELL_LOG2))?.get(x | y << 1 | z << 2)
+        let [x, y, z] = coord.to_array().map(|c| SPREAD[(c & 3) as usize]);
+        self.cells.get(&CellPlace::of(coord))?.get(x | y << 1 | z << 2)
     }
 
     /// Indices of the 3x3x3 blocks around a coordinate, which need not be a block itself.
@@ -92,7 +112,7 @@ impl BlockIndex {
         for (slot, cell) in cells.iter_mut().enumerate() {
             let place: [i32; 3] = std::array::from_fn(|axis| first[axis] + (slot >> axis & 1) as i32);
             if (0..3).all(|axis| place[axis] <= last[axis]) {
-                *cell = self.cells.get(&place).copied().unwrap_or_default();
+                *cell = self.cells.get(&CellPlace(place)).copied().unwrap_or_default();
             }
         }
         // Of the coordinates along each axis, which of the cells they are in, and their bits there.
@@ -140,6 +160,23 @@ const fn touching() -> [u64; 27] {
     touching
 }
 
+/// The place among the blocks of a cell and those around it that the first block of the cell before would have, below zero.
+const FIRST_PLACE: usize = (CELL_EDGE - 1) * (1 + AROUND_EDGE + AROUND_EDGE * AROUND_EDGE);
+
+/// How far each block of a cell is from the cell's first among these, by its bit.
+const PLACES: [u8; 64] = places();
+
+const fn places() -> [u8; 64] {
+    let mut places = [0; 64];
+    let mut bit = 0;
+    while bit < 64 {
+        let [x, y, z] = [bit & 1 | bit >> 2 & 2, bit >> 1 & 1 | bit >> 3 & 2, bit >> 2 & 1 | bit >> 4 & 2];
+        places[bit] = ((z * AROUND_EDGE + y) * AROUND_EDGE + x) as u8;
+        bit += 1;
+    }
+    places
+}
+
 /// Finds the blocks around one block after the other. What is found around a cell serves all of its blocks, so that blocks in
 /// Morton order take hardly any look-ups.
 #[derive(Clone, Debug)]
@@ -147,7 +184,7 @@ pub struct NeighbourFinder<'a> {
     index: &'a BlockIndex,
     /// The middle block, if there is one yet, and the cell that it is in.
     middle: Option<BlockCoord>,
-    place: Option<[i32; 3]>,
+    place: Option<CellPlace>,
     /// The blocks of that cell and those around it, x fastest.
     blocks: [Option<u32>; AROUND],
     /// Where among these the 3x3x3 blocks around the middle block begin.
@@ -165,10 +202,9 @@ impl<'a> NeighbourFinder<'a> {
     #[inline]
     pub fn turn_to(&mut self, middle: BlockCoord) {
         self.middle = Some(middle);
-        let middle = middle.to_array();
-        let [x, y, z] = middle.map(|c| c as usize % CELL_EDGE);
+        let [x, y, z] = middle.to_array().map(|c| c as usize % CELL_EDGE);
         self.lowest = (z * AROUND_EDGE + y) * AROUND_EDGE + x;
-        let place = middle.map(|c| c >> CELL_LOG2);
+        let place = CellPlace::of(middle);
         if self.place != Some(place) {
             self.place = Some(place);
             self.find_blocks(place);
@@ -222,21 +258,19 @@ impl<'a> NeighbourFinder<'a> {
     }
 
     /// Finds the blocks of a cell and those around it.
-    fn find_blocks(&mut self, [x, y, z]: [i32; 3]) {
+    fn find_blocks(&mut self, CellPlace([x, y, z]): CellPlace) {
         self.blocks = [None; AROUND];
         for (slot, touching) in TOUCHING.into_iter().enumerate() {
             let steps = [slot % 3, slot / 3 % 3, slot / 9];
-            let [dx, dy, dz] = steps.map(|step| step as i32 - 1);
-            let Some(cell) = self.index.cells.get(&[x + dx, y + dy, z + dz]) else { continue };
+            let place =
+                CellPlace([x + steps[0] as i32 - 1, y + steps[1] as i32 - 1, z + steps[2] as i32 - 1]);
+            let Some(cell) = self.index.cells.get(&place) else { continue };
+            // Counted from the lowest block of the cell before, along each axis.
+            let lowest = CELL_EDGE * ((steps[2] * AROUND_EDGE + steps[1]) * AROUND_EDGE + steps[0]);
             let mut blocks = cell.blocks & touching;
             while blocks != 0 {
                 let bit = blocks.trailing_zeros();
-                // Counted as in `touching`.
-                let along = |axis: usize| {
-                    let within = (bit >> axis & 1 | bit >> (axis + 2) & 2) as usize;
-                    CELL_EDGE * steps[axis] + within + 1 - CELL_EDGE
-                };
-                let place = (along(2) * AROUND_EDGE + along(1)) * AROUND_EDGE + along(0);
+                let place = lowest + usize::from(PLACES[bit as usize]) - FIRST_PLACE;
                 self.blocks[place] = cell.get(bit);
                 blocks &= blocks - 1;
             }

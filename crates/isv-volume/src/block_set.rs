@@ -137,6 +137,22 @@ impl BlockSet {
         marks
     }
 
+    /// The blocks that are wanted, by their place in the order.
+    #[must_use]
+    pub fn filtered(&self, mut is_wanted: impl FnMut(usize) -> bool) -> Self {
+        let mut places = 0..;
+        let wanted = self.cells.iter().map(|cell| {
+            let (mut rest, mut blocks) = (cell.blocks, 0);
+            while rest != 0 {
+                let bit = rest & rest.wrapping_neg();
+                blocks |= if places.next().is_some_and(&mut is_wanted) { bit } else { 0 };
+                rest ^= bit;
+            }
+            BlockCell { blocks, ..*cell }
+        });
+        wanted.collect()
+    }
+
     /// The blocks that are in one of two sets or in both.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
@@ -285,6 +301,7 @@ mod tests {
         assert_eq!(y.difference(&x).coords(), sorted(b.iter().copied().filter(|c| !in_a(c))));
         assert!(x.difference(&x).is_empty());
         assert_eq!(y.marks_in(&x), a.iter().map(in_b).collect::<Vec<_>>());
+        assert_eq!(x.filtered(|place| in_b(&a[place])), x.intersection(&y));
         let cell = |c: &BlockCoord| c.to_array().map(|c| c >> 2);
         let part: Vec<_> = b.iter().copied().filter(|c| c.x < 0).collect();
         let elsewhere = |c: &BlockCoord| part.iter().all(|other| cell(other) != cell(c));
