@@ -175,13 +175,16 @@ impl<'a> ExtensionPlan<'a> {
             BlockOrigin::Kept(before) if self.kept_samples(before)[0] < 0 => Side::Inside,
             BlockOrigin::Kept(_) => Side::Outside,
         };
-        let all = &self.blocks.all;
-        let sides: Vec<Side> = (0..all.count() as u32).map(side).collect();
+        let FrameBlocks { all, unsettled, .. } = &self.blocks;
+        // Of what lies further from all that is unsettled, nothing is asked.
+        let near = unsettled.dilated().marks_in(all);
+        let sides: Vec<Side> =
+            (0..).zip(near).map(|(block, near)| if near { side(block) } else { Side::Coded }).collect();
         let [inside, outside] =
             [Side::Inside, Side::Outside].map(|wanted| all.filtered(|block| sides[block] == wanted));
         // Few blocks are anywhere near the other side.
         let opposed = inside.intersection(&outside.dilated()).union(&outside.intersection(&inside.dilated()));
-        let unsettled = self.blocks.unsettled.marks_in(all);
+        let unsettled = unsettled.marks_in(all);
         let conflicts = |finder: &mut NeighbourFinder, block: usize| {
             let opposite = sides[block].opposite()?;
             finder.turn_to(self.coords[block]);

@@ -5,6 +5,7 @@ use super::{MainReference, Vector};
 use isv_kernels::signs::Block;
 use isv_volume::{BlockSet, NeighbourFinder};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Quarter voxels to a voxel.
 const QUARTERS: i32 = 4;
@@ -110,10 +111,10 @@ impl<'a> SignTable<'a> {
     }
 
     /// The samples and signs of a block.
-    fn get(&self, block: u32) -> (&'a Block, BlockSigns) {
+    fn get(&self, block: u32) -> (&Block, Cow<'_, BlockSigns>) {
         let signs = match self.places[block as usize].checked_sub(1) {
-            Some(place) => self.signs[place as usize],
-            None => signs_of(self.reference, block),
+            Some(place) => Cow::Borrowed(&self.signs[place as usize]),
+            None => Cow::Owned(signs_of(self.reference, block)),
         };
         (samples(self.reference, block), signs)
     }
@@ -132,9 +133,9 @@ fn samples(reference: &MainReference, block: u32) -> &Block {
 }
 
 /// The reference where the surface at a block is expected to come from. `finder`: at the block.
-fn block_ahead<'a>(signs: &SignTable<'a>, block: usize, finder: &NeighbourFinder) -> DisplacedBlock<'a> {
+fn block_ahead<'a>(signs: &'a SignTable, block: usize, finder: &NeighbourFinder) -> DisplacedBlock<'a> {
     let drift = drift(signs.reference, block, finder);
-    let mut blocks = [None; 8];
+    let mut blocks = [const { None }; 8];
     for (place, block) in blocks.iter_mut().zip(finder.octet_at(drift.map(|c| c.div_euclid(EDGE)))) {
         *place = block.map(|block| signs.get(block));
     }
@@ -154,9 +155,14 @@ fn drift(reference: &MainReference, block: usize, finder: &NeighbourFinder) -> [
 
 /// Sum and number of the vectors in a block's neighbourhood.
 fn sum_around(reference: &MainReference, finder: &NeighbourFinder) -> ([i32; 3], i32) {
-    let around = finder.neighbourhood();
-    let vectors = around.iter().flatten().filter_map(|n| reference.coded_at(*n as usize)?.vector);
-    vectors.fold(([0; 3], 0), |(sum, count), Vector(v)| {
-        (std::array::from_fn(|axis| sum[axis] + i32::from(v[axis])), count + 1)
-    })
+    let (mut sum, mut count) = ([0; 3], 0);
+    for block in finder.neighbourhood().into_iter().flatten() {
+        if let Some(Vector(vector)) = reference.coded_at(block as usize).and_then(|coded| coded.vector) {
+            for axis in 0..3 {
+                sum[axis] += i32::from(vector[axis]);
+            }
+            count += 1;
+        }
+    }
+    (sum, count)
 }
