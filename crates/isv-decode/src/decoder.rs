@@ -86,10 +86,11 @@ impl Decoder {
     /// # Errors
     /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
     pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
-        match &mut self.0 {
+        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
+        rayon::scope(|_| match &mut self.0 {
             ProfileDecoder::Paper(decoder) => decoder.decode(packet),
             ProfileDecoder::Main(decoder) => decoder.decode(packet),
-        }
+        })
     }
 
     /// Decodes a frame packet and compares the hash that it states, if it states one.
