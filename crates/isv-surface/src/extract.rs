@@ -3,7 +3,7 @@
 use crate::chunk::{CHUNK, Chunk, Counts};
 use crate::fill::{Numbering, Place, Scratch};
 use crate::signs::Signs;
-use bytemuck::zeroed_vec;
+use bytemuck::{Zeroable, zeroed_vec};
 use isv_kernels::simd::vectorized;
 use isv_volume::{BlockEdge, BlockIndex, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
@@ -28,17 +28,51 @@ pub struct SurfaceOptions {
 /// If the surface has more than `u32::MAX` vertices, which takes over 10^9 voxels.
 #[must_use]
 pub fn extract_surface(volume: &SparseVolume, options: &SurfaceOptions) -> TriangleMesh {
-    match volume.grid().edge {
-        BlockEdge::E4 => extract::<4>(volume, options),
-        BlockEdge::E8 => extract::<8>(volume, options),
-        BlockEdge::E16 => extract::<16>(volume, options),
+    let mut extractor = SurfaceExtractor::new(*options);
+    extractor.extract(volume);
+    extractor.into_mesh()
+}
+
+/// Extracts the surfaces of one volume after another, as [`extract_surface`] does, into the same memory.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceExtractor {
+    options: SurfaceOptions,
+    mesh: TriangleMesh,
+}
+
+impl SurfaceExtractor {
+    /// An extractor that has no surface yet.
+    #[must_use]
+    pub fn new(options: SurfaceOptions) -> Self {
+        Self { options, mesh: TriangleMesh::default() }
+    }
+
+    /// The surface of a volume, until the next one is extracted.
+    ///
+    /// # Panics
+    /// As [`extract_surface`].
+    pub fn extract(&mut self, volume: &SparseVolume) -> &TriangleMesh {
+        let Self { options, mesh } = self;
+        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
+        rayon::scope(|_| match volume.grid().edge {
+            BlockEdge::E4 => extract::<4>(volume, options, mesh),
+            BlockEdge::E8 => extract::<8>(volume, options, mesh),
+            BlockEdge::E16 => extract::<16>(volume, options, mesh),
+        });
+        &self.mesh
+    }
+
+    /// The last surface.
+    #[must_use]
+    pub fn into_mesh(self) -> TriangleMesh {
+        self.mesh
     }
 }
 
-fn extract<const SIDE: usize>(volume: &SparseVolume, options: &SurfaceOptions) -> TriangleMesh {
+fn extract<const SIDE: usize>(volume: &SparseVolume, options: &SurfaceOptions, mesh: &mut TriangleMesh) {
     let signs = debug_span!("surface signs").in_scope(|| Signs::<SIDE>::new(volume));
     let surface = debug_span!("surface cells").in_scope(|| Surface::find(volume, signs));
-    debug_span!("surface mesh").in_scope(|| surface.mesh(options))
+    debug_span!("surface mesh").in_scope(|| surface.fill(options, mesh));
 }
 
 /// The blocks that hold any part of a volume's surface.
@@ -66,16 +100,14 @@ impl<'a, const SIDE: usize> Surface<'a, SIDE> {
         Self { volume, signs, index, blocks, chunks }
     }
 
-    fn mesh(&self, options: &SurfaceOptions) -> TriangleMesh {
+    fn fill(&self, options: &SurfaceOptions, mesh: &mut TriangleMesh) {
         let totals: Vec<Counts> = self.chunks.iter().map(Chunk::total).collect();
         let vertex_counts = || totals.iter().map(|total| total.vertices);
         let normal_counts = || vertex_counts().map(|count| if options.normals { count } else { 0 });
         let triangle_counts = || totals.iter().map(|total| total.triangles);
-        let mut mesh = TriangleMesh {
-            vertices: zeroed_vec(vertex_counts().sum()),
-            normals: zeroed_vec(normal_counts().sum()),
-            triangles: zeroed_vec(triangle_counts().sum()),
-        };
+        resize(&mut mesh.vertices, vertex_counts().sum());
+        resize(&mut mesh.normals, normal_counts().sum());
+        resize(&mut mesh.triangles, triangle_counts().sum());
         let numbering = Numbering::new(self);
         let places = carve(&mut mesh.vertices, vertex_counts())
             .zip(carve(&mut mesh.normals, normal_counts()))
@@ -88,8 +120,15 @@ impl<'a, const SIDE: usize> Surface<'a, SIDE> {
                 || self.fill_chunk(number, place, &numbering, scratch),
             );
         });
-        mesh
     }
+}
+
+/// Makes a list as long as wanted, whatever is in it. Fresh memory is zeros that the system gives when it is written to.
+fn resize<T: Zeroable + Clone>(list: &mut Vec<T>, length: usize) {
+    if list.capacity() < length {
+        *list = zeroed_vec(length);
+    }
+    list.resize(length, T::zeroed());
 }
 
 /// Cuts a slice into consecutive pieces of the given lengths.

@@ -51,7 +51,7 @@ impl<'a, const SIDE: usize> EdgeZeros<'a, SIDE> {
     #[inline(always)]
     pub(crate) fn on_edge(&self, lower: [usize; 3], axis: usize) -> EdgeZero {
         let [x, y, z] = lower;
-        let (from, stride) = ((z * SIDE + y) * SIDE + x, SIDE.pow(axis as u32));
+        let (from, stride) = ((z * SIDE + y) * SIDE + x, [1, SIDE, SIDE * SIDE][axis]);
         let (next, to) = match lower[axis] == SIDE - 1 {
             true => (1 + axis, from - (SIDE - 1) * stride),
             false => (0, from + stride),

@@ -4,7 +4,7 @@ mod meshes;
 mod volumes;
 
 use glam::DVec3;
-use isv_surface::{SurfaceOptions, extract_surface};
+use isv_surface::{SurfaceExtractor, SurfaceOptions, extract_surface};
 use isv_volume::{SparseVolume, TriangleMesh, VolumeBuilder, VoxelMask};
 use meshes::{border, check_mesh, euler_number, measures};
 use proptest::prelude::*;
@@ -75,6 +75,26 @@ fn any_number_of_threads_gives_the_same_mesh() {
     let one = with_threads(1);
     assert_eq!(one, with_threads(2));
     assert_eq!(one, with_threads(7));
+}
+
+#[test]
+fn an_extractor_gives_each_surface_as_if_it_were_the_first() {
+    let volumes = [
+        sphere(8, DVec3::ZERO),
+        noise(8, 3, 40),
+        sphere(4, DVec3::new(0.01, 0.02, 0.03)),
+        SparseVolume::empty(grid(16)),
+        noise(16, 5, 20),
+        sphere(8, DVec3::new(0.01, 0.02, 0.03)),
+    ];
+    for normals in [false, true] {
+        let options = SurfaceOptions { normals };
+        let mut extractor = SurfaceExtractor::new(options);
+        for volume in &volumes {
+            assert!(*extractor.extract(volume) == extract_surface(volume, &options));
+        }
+        assert!(extractor.into_mesh() == extract_surface(&volumes[5], &options));
+    }
 }
 
 #[test]
