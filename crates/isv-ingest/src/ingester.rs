@@ -66,8 +66,11 @@ impl MeshIngester {
     /// As [`crate::ingest_mesh`]. The frame after starts afresh.
     pub fn ingest(&mut self, mesh: &TriangleMesh, sign: SignDecision) -> Result<SparseVolume, IngestError> {
         let before = self.before.take().filter(|before| before.decision == sign);
-        let mesh = with_area(mesh)?;
-        let frame = Frame::of(&mesh, &self.settings, sign, before)?.into_owned();
+        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
+        let frame = rayon::scope(|_| {
+            let mesh = with_area(mesh)?;
+            Ok::<_, IngestError>(Frame::of(&mesh, &self.settings, sign, before)?.into_owned())
+        })?;
         let volume = frame.volume.clone();
         self.before = Some(frame);
         Ok(volume)
@@ -92,8 +95,10 @@ pub(crate) fn volume_of(
     settings: &MeshIngest,
     sign: SignDecision,
 ) -> Result<SparseVolume, IngestError> {
-    let mesh = with_area(mesh)?;
-    Ok(Frame::of(&mesh, settings, sign, None)?.volume)
+    rayon::scope(|_| {
+        let mesh = with_area(mesh)?;
+        Ok(Frame::of(&mesh, settings, sign, None)?.volume)
+    })
 }
 
 /// The mesh without faces that have no area, if it is one.

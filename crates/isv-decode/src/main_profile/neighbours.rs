@@ -41,12 +41,6 @@ impl CausalBlocks {
         Self { index, starts, merge }
     }
 
-    /// Look-up of all blocks.
-    #[must_use]
-    pub fn index(&self) -> &BlockIndex {
-        &self.index
-    }
-
     /// All neighbours of the block at a coordinate that precede it, by slot.
     #[must_use]
     pub fn of(&self, coord: BlockCoord, block: usize) -> Neighbourhood {
