@@ -11,6 +11,7 @@
 mod change;
 mod encoder;
 mod field_dct;
+mod lanes;
 mod level_costs;
 mod model_bits;
 mod motion_search;

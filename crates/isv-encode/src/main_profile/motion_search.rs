@@ -3,12 +3,14 @@
 //!
 //! All of it is the encoder's choice, in floating point; units are voxels.
 
+use super::lanes::{codes, sum};
 use super::search_window::SearchWindow;
 use super::target::{NearRow, Targets};
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main_profile::reconstruct::TemporalPredictor;
 use isv_decode::main_profile::{MainReference, Vector};
-use isv_kernels::simd::vectorized;
-use isv_kernels::window::{SIDE, WindowRows};
+use isv_kernels::simd;
+use isv_kernels::window::{ROW, SIDE, WindowRows};
 use isv_volume::{BlockCoord, CODES_PER_VOXEL};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -135,53 +137,58 @@ impl<'a> SoughtBlock<'a> {
         self.predictor.predict(self.coord, vector, out);
     }
 
-    /// The weighted squared error at a shift.
-    #[expect(clippy::redundant_closure, reason = "a function that is given by name is not inlined")]
-    pub(crate) fn error(&mut self, shift: Shift) -> f32 {
-        let vector = nearest_quarters(shift);
-        if to_shift(vector) == shift
-            && let Some(block) = self.predictor.whole_block(self.coord, vector)
-        {
-            return vectorized(
-                #[inline(always)]
-                || weighted_error_of_block(&self.near, block),
-            );
-        }
-        self.at(
-            shift,
-            #[inline(always)]
-            |near, window, fraction| weighted_error(near, window, fraction),
-        )
-    }
-
-    /// The normal equations at a shift.
-    #[expect(clippy::redundant_closure, reason = "a function that is given by name is not inlined")]
-    pub(crate) fn equations(&mut self, shift: Shift) -> NormalEquations {
-        self.at(
-            shift,
-            #[inline(always)]
-            |near, window, fraction| NormalEquations::of_rows(near, window, fraction),
-        )
-    }
-
-    /// Works on the block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
-    #[inline(always)]
-    fn at<R>(&mut self, shift: Shift, work: impl FnOnce(&[NearRow], &WindowRows, Shift) -> R) -> R {
+    /// The block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
+    fn look_at(&mut self, shift: Shift) -> (&[NearRow], &WindowRows, Shift) {
         let voxels = whole_voxels(shift);
         let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
         let window = match self.window.look_at(self.coord, voxels) {
             Some(window) => window,
             None => self.predictor.look_at(self.coord, nearest_quarters(shift), voxels),
         };
-        vectorized(
-            #[inline(always)]
-            || work(&self.near, window, fraction),
-        )
+        (&self.near, window, fraction)
     }
 
     /// The best shift that can be reached from one in so many steps.
     pub(crate) fn refine(&mut self, start: Shift, steps: usize) -> Shift {
-        descend(&mut |shift| self.equations(shift), start, steps).1
+        descend(self, start, steps).1
+    }
+}
+
+/// What motion is searched for: a block, or several that move as one.
+pub(crate) trait Sought {
+    /// The weighted squared error at a shift.
+    fn error(&mut self, shift: Shift) -> f32;
+
+    /// The normal equations at a shift.
+    fn equations(&mut self, shift: Shift) -> NormalEquations;
+}
+
+impl Sought for SoughtBlock<'_> {
+    fn error(&mut self, shift: Shift) -> f32 {
+        let vector = nearest_quarters(shift);
+        if to_shift(vector) == shift
+            && let Some(block) = self.predictor.whole_block(self.coord, vector)
+        {
+            return dispatch!(simd::level(), simd => weighted_error_of_block(simd, &self.near, block));
+        }
+        let (near, window, fraction) = self.look_at(shift);
+        dispatch!(simd::level(), simd => weighted_error(simd, near, window, fraction))
+    }
+
+    fn equations(&mut self, shift: Shift) -> NormalEquations {
+        let (near, window, fraction) = self.look_at(shift);
+        dispatch!(simd::level(), simd => NormalEquations::of_rows(simd, near, window, fraction))
+    }
+}
+
+impl Sought for [SoughtBlock<'_>] {
+    fn error(&mut self, shift: Shift) -> f32 {
+        self.iter_mut().fold(0.0, |sum, block| sum + block.error(shift))
+    }
+
+    fn equations(&mut self, shift: Shift) -> NormalEquations {
+        let equations = self.iter_mut().map(|block| block.equations(shift));
+        equations.fold(NormalEquations::default(), |sum, equations| sum.plus(&equations))
     }
 }
 
@@ -295,13 +302,9 @@ fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
 
 /// The best shift of the blocks of a cube that can be reached from the seeds.
 fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort) -> Shift {
-    let mut build = |shift: Shift| {
-        let equations = sought.iter_mut().map(|block| block.equations(shift));
-        equations.fold(NormalEquations::default(), |sum, equations| sum.plus(&equations))
-    };
     let mut best = (f32::INFINITY, [0.0; 3]);
     for seed in seeds {
-        let result = descend(&mut build, *seed, effort.cube_steps);
+        let result = descend(sought, *seed, effort.cube_steps);
         if result.0 < best.0 {
             best = result;
         }
@@ -315,11 +318,11 @@ pub(crate) fn are_close(a: Shift, b: Shift) -> bool {
 }
 
 /// Gauss-Newton from a first guess: the least error met, and where.
-fn descend(build: &mut impl FnMut(Shift) -> NormalEquations, start: Shift, steps: usize) -> (f32, Shift) {
+fn descend(sought: &mut (impl Sought + ?Sized), start: Shift, steps: usize) -> (f32, Shift) {
     let mut shift = start;
-    let mut system = build(start);
+    let mut system = sought.equations(start);
     let mut best = (system.error, start);
-    for _ in 0..steps {
+    for left in (0..steps).rev() {
         let step = system.solve();
         let longest = step.iter().fold(LONGEST_STEP, |m, s| m.max(s.abs()));
         let limit = f32::from(Vector::LIMIT) / 4.0 - 1.0;
@@ -329,7 +332,11 @@ fn descend(build: &mut impl FnMut(Shift) -> NormalEquations, start: Shift, steps
         if step.iter().all(|s| s.abs() < SHORTEST_STEP) {
             break;
         }
-        system = build(shift);
+        if left == 0 {
+            let error = sought.error(shift);
+            return if error < best.0 { (error, shift) } else { best };
+        }
+        system = sought.equations(shift);
         let improved = system.error < best.0 * LEAST_IMPROVEMENT;
         if system.error < best.0 {
             best = (system.error, shift);
@@ -354,19 +361,19 @@ impl NormalEquations {
     /// Rows of eight voxels, each lane apart. The same place in its cell for all of them. Large residuals are not believed as
     /// much: they may be another surface.
     #[inline(always)]
-    fn of_rows(near: &[NearRow], window: &WindowRows, fraction: Shift) -> Self {
-        let mut sums = LaneSums { matrix: [[0.0; 8]; 6], gradient: [[0.0; 8]; 3], error: [0.0; 8] };
+    fn of_rows<S: Simd>(simd: S, near: &[NearRow], window: &WindowRows, fraction: Shift) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        let mut sums = LaneSums { matrix: [zero; 6], gradient: [zero; 3], error: zero };
         for near in near {
-            sums.add_row(near, window, fraction);
+            sums.add_row(simd, near, window, fraction);
         }
-        let mut total = Self::default();
+        let mut total = Self { error: sum(sums.error), ..Self::default() };
         for i in 0..6 {
-            total.matrix[i] = sums.matrix[i].iter().sum();
+            total.matrix[i] = sum(sums.matrix[i]);
         }
         for i in 0..3 {
-            total.gradient[i] = sums.gradient[i].iter().sum();
+            total.gradient[i] = sum(sums.gradient[i]);
         }
-        total.error = sums.error.iter().sum();
         total
     }
 
@@ -390,60 +397,72 @@ impl NormalEquations {
     }
 }
 
-impl NearRow {
-    /// The row of a window in whose cells the voxels lie.
+/// The samples at the corners of a row's cells, in codes: at `[0, 0]`, `[1, 0]`, `[0, 1]` and `[1, 1]` along y and z.
+struct Corners<S: Simd> {
+    samples: [f32x8<S>; 4],
+    /// Differences to the next ones along x.
+    slopes: [f32x8<S>; 4],
+}
+
+impl<S: Simd> Corners<S> {
     #[inline(always)]
-    fn first_window_row(&self) -> usize {
-        self.row / 8 * SIDE + self.row % 8
+    fn new(simd: S, near: &NearRow, window: &WindowRows) -> Self {
+        let first = near.row / 8 * SIDE + near.row % 8;
+        let rows: &[[i16; ROW]; SIDE + 2] =
+            window.samples[first..first + SIDE + 2].try_into().expect("rows of cells");
+        let start = window.first & 7;
+        let zero = [f32x8::splat(simd, 0.0); 4];
+        let mut corners = Self { samples: zero, slopes: zero };
+        for corner in 0..4 {
+            let row = &rows[[0, 1, SIDE, SIDE + 1][corner]];
+            let near = codes(simd, row[start..start + 8].try_into().expect("eight samples"));
+            let far = codes(simd, row[start + 1..start + 9].try_into().expect("eight samples"));
+            corners.samples[corner] = near;
+            corners.slopes[corner] = far - near;
+        }
+        corners
+    }
+
+    /// The samples at a place along x.
+    #[inline(always)]
+    fn along_x(&self, x: f32) -> [f32x8<S>; 4] {
+        let mut values = self.samples;
+        for corner in 0..4 {
+            values[corner] = self.samples[corner] + self.slopes[corner] * x;
+        }
+        values
     }
 }
 
 /// [`NormalEquations`] of each lane of a row.
-struct LaneSums {
-    matrix: [[f32; 8]; 6],
-    gradient: [[f32; 8]; 3],
-    error: [f32; 8],
+struct LaneSums<S: Simd> {
+    matrix: [f32x8<S>; 6],
+    gradient: [f32x8<S>; 3],
+    error: f32x8<S>,
 }
 
-impl LaneSums {
+impl<S: Simd> LaneSums<S> {
     /// Adds a row of a block, all at the same place `[x, y, z]` in their cells.
     #[inline(always)]
-    fn add_row(&mut self, near: &NearRow, window: &WindowRows, [x, y, z]: Shift) {
-        let first = near.first_window_row();
-        let [n00, s00] = ends(window, first);
-        let [n10, s10] = ends(window, first + 1);
-        let [n01, s01] = ends(window, first + SIDE);
-        let [n11, s11] = ends(window, first + SIDE + 1);
-        let (mut residual, mut slopes) = ([0.0; 8], [[0.0; 8]; 3]);
-        for i in 0..8 {
-            let [v00, v10] = [n00[i] + x * s00[i], n10[i] + x * s10[i]];
-            let [v01, v11] = [n01[i] + x * s01[i], n11[i] + x * s11[i]];
-            let [s0, s1] = [s00[i] + y * (s10[i] - s00[i]), s01[i] + y * (s11[i] - s01[i])];
-            let [v0, v1] = [v00 + y * (v10 - v00), v01 + y * (v11 - v01)];
-            slopes[0][i] = (s0 + z * (s1 - s0)) * SCALE;
-            slopes[1][i] = ((v10 - v00) + z * ((v11 - v01) - (v10 - v00))) * SCALE;
-            slopes[2][i] = (v1 - v0) * SCALE;
-            residual[i] = (v0 + z * (v1 - v0)) * SCALE - near.samples[i];
-        }
-        let mut weight = [0.0; 8];
-        for i in 0..8 {
-            let squared = residual[i] * residual[i];
-            self.error[i] += near.weights[i] * squared;
-            weight[i] = near.weights[i] / (1.0 + squared);
-        }
+    fn add_row(&mut self, simd: S, near: &NearRow, window: &WindowRows, [x, y, z]: Shift) {
+        let corners = Corners::new(simd, near, window);
+        let [s00, s10, s01, s11] = corners.slopes;
+        let [v00, v10, v01, v11] = corners.along_x(x);
+        let [s0, s1] = [s00 + (s10 - s00) * y, s01 + (s11 - s01) * y];
+        let [y0, y1] = [v10 - v00, v11 - v01];
+        let [v0, v1] = [v00 + y0 * y, v01 + y1 * y];
+        let slopes = [(s0 + (s1 - s0) * z) * SCALE, (y0 + (y1 - y0) * z) * SCALE, (v1 - v0) * SCALE];
+        let residual = (v0 + (v1 - v0) * z) * SCALE - f32x8::from_slice(simd, &near.samples);
+        let squared = residual * residual;
+        let weights = f32x8::from_slice(simd, &near.weights);
+        self.error += weights * squared;
+        let weight = weights / (squared + 1.0);
         let mut entry = 0;
         for a in 0..3 {
-            let mut weighted = [0.0; 8];
-            for i in 0..8 {
-                weighted[i] = weight[i] * slopes[a][i];
-            }
-            for i in 0..8 {
-                self.gradient[a][i] += weighted[i] * residual[i];
-            }
+            let weighted = weight * slopes[a];
+            self.gradient[a] += weighted * residual;
             for b in a..3 {
-                for i in 0..8 {
-                    self.matrix[entry][i] += weighted[i] * slopes[b][i];
-                }
+                self.matrix[entry] += weighted * slopes[b];
                 entry += 1;
             }
         }
@@ -452,53 +471,25 @@ impl LaneSums {
 
 /// Weighted squared error of the rows of a block, the same as that of their [`NormalEquations`].
 #[inline(always)]
-fn weighted_error(near: &[NearRow], window: &WindowRows, fraction: Shift) -> f32 {
-    let mut errors = [0.0; 8];
+fn weighted_error<S: Simd>(simd: S, near: &[NearRow], window: &WindowRows, [x, y, z]: Shift) -> f32 {
+    let mut errors = f32x8::splat(simd, 0.0);
     for near in near {
-        add_errors(near, window, fraction, &mut errors);
+        let [v00, v10, v01, v11] = Corners::new(simd, near, window).along_x(x);
+        let [v0, v1] = [v00 + (v10 - v00) * y, v01 + (v11 - v01) * y];
+        let residual = (v0 + (v1 - v0) * z) * SCALE - f32x8::from_slice(simd, &near.samples);
+        errors += f32x8::from_slice(simd, &near.weights) * (residual * residual);
     }
-    errors.iter().sum()
+    sum(errors)
 }
 
 /// [`weighted_error`] where the cells' first corners are the voxels of a block.
 #[inline(always)]
-fn weighted_error_of_block(near: &[NearRow], block: &[i16; 512]) -> f32 {
-    let mut errors = [0.0; 8];
+fn weighted_error_of_block<S: Simd>(simd: S, near: &[NearRow], block: &[i16; 512]) -> f32 {
+    let mut errors = f32x8::splat(simd, 0.0);
     for near in near {
-        let samples = &block.as_chunks::<8>().0[near.row];
-        for i in 0..8 {
-            let residual = f32::from(samples[i]) * SCALE - near.samples[i];
-            errors[i] += near.weights[i] * (residual * residual);
-        }
+        let samples = codes(simd, &block.as_chunks::<8>().0[near.row]);
+        let residual = samples * SCALE - f32x8::from_slice(simd, &near.samples);
+        errors += f32x8::from_slice(simd, &near.weights) * (residual * residual);
     }
-    errors.iter().sum()
-}
-
-/// Adds the weighted squared errors of a row, as [`LaneSums::add_row`] has them.
-#[inline(always)]
-fn add_errors(near: &NearRow, window: &WindowRows, [x, y, z]: Shift, errors: &mut [f32; 8]) {
-    let first = near.first_window_row();
-    let [n00, s00] = ends(window, first);
-    let [n10, s10] = ends(window, first + 1);
-    let [n01, s01] = ends(window, first + SIDE);
-    let [n11, s11] = ends(window, first + SIDE + 1);
-    for i in 0..8 {
-        let [v00, v10] = [n00[i] + x * s00[i], n10[i] + x * s10[i]];
-        let [v01, v11] = [n01[i] + x * s01[i], n11[i] + x * s11[i]];
-        let [v0, v1] = [v00 + y * (v10 - v00), v01 + y * (v11 - v01)];
-        let residual = (v0 + z * (v1 - v0)) * SCALE - near.samples[i];
-        errors[i] += near.weights[i] * (residual * residual);
-    }
-}
-
-/// Eight samples of a row of the window, and the differences to the next ones along x.
-#[inline(always)]
-fn ends(window: &WindowRows, row: usize) -> [[f32; 8]; 2] {
-    let (near, far) = (window.eight(row, 0), window.eight(row, 1));
-    let mut ends = [[0.0; 8]; 2];
-    for i in 0..8 {
-        ends[0][i] = f32::from(near[i]);
-        ends[1][i] = f32::from(far[i]) - f32::from(near[i]);
-    }
-    ends
+    sum(errors)
 }

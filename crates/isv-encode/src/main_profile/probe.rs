@@ -6,7 +6,7 @@
 use super::encoder::Band;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::{NormalEquations, SoughtBlock};
+use super::motion_search::{NormalEquations, Sought, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
 use super::target::{BlockTarget, Field, Targets};
 use super::tools::Tools;

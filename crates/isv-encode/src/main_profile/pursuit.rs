@@ -8,6 +8,7 @@
 //! ([`WeightSpectrum`]).
 
 use super::field_dct::FieldDct;
+use super::lanes::load;
 use super::level_costs::LevelCosts;
 use super::target::{Bits, BlockTarget, Field};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
@@ -338,11 +339,6 @@ struct Outlook<'a> {
 struct BestChange {
     gain: f32,
     level: Option<(usize, i32)>,
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, field: &Field, row: usize) -> f32x8<S> {
-    f32x8::from_slice(simd, &field[8 * row..8 * row + 8])
 }
 
 /// Levels so far, what they are to reach, and the error that they leave.

@@ -2,7 +2,9 @@
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
-use super::motion_search::{CubeScratch, CubeSearch, SearchEffort, Shift, SoughtBlock, are_close, to_shift};
+use super::motion_search::{
+    CubeScratch, CubeSearch, SearchEffort, Shift, Sought, SoughtBlock, are_close, to_shift,
+};
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Field, Targets};

@@ -1,10 +1,12 @@
 //! What a frame's blocks are to become, and how much each voxel matters.
 
 use super::encoder::Band;
+use super::lanes::{codes, load, mask, sum};
 use super::pursuit::SIGN_MARGIN;
 use super::tools::Tools;
+use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_kernels::signs::inside;
-use isv_kernels::simd::vectorized;
+use isv_kernels::simd;
 use isv_volume::{BlockCoord, BlockIndex, BlockSet, CODES_PER_VOXEL, SparseVolume};
 use rayon::prelude::*;
 
@@ -27,7 +29,7 @@ const NEAR: f32 = 1.5;
 const NEAR_WEIGHT: f32 = 0.3;
 
 /// [`SIGN_MARGIN`] in codes.
-const SIGN_MARGIN_CODES: i32 = (SIGN_MARGIN * CODES_PER_VOXEL as f32) as i32;
+const SIGN_MARGIN_CODES: f32 = SIGN_MARGIN * CODES_PER_VOXEL as f32;
 /// Voxels in a code.
 const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
@@ -86,21 +88,18 @@ pub(crate) struct PredictionError {
 
 impl BlockTarget {
     /// Weighted squared error in voxels of samples in codes.
-    pub(crate) fn weighted_error(&self, codes: &[i16; 512]) -> f32 {
-        vectorized(
-            #[inline(always)]
-            || {
-                let mut sums = [0.0; 8];
-                let rows = self.samples.as_chunks::<8>().0.iter().zip(self.weights.as_chunks::<8>().0);
-                for ((samples, weights), codes) in rows.zip(codes.as_chunks::<8>().0) {
-                    for lane in 0..8 {
-                        let error = samples[lane] - f32::from(codes[lane]) * SCALE;
-                        sums[lane] += weights[lane] * error * error;
-                    }
-                }
-                sums.iter().sum()
-            },
-        )
+    pub(crate) fn weighted_error(&self, samples: &[i16; 512]) -> f32 {
+        dispatch!(simd::level(), simd => self.weighted_error_vectorized(simd, samples))
+    }
+
+    #[inline(always)]
+    fn weighted_error_vectorized<S: Simd>(&self, simd: S, samples: &[i16; 512]) -> f32 {
+        let mut sums = f32x8::splat(simd, 0.0);
+        for row in 0..64 {
+            let error = load(simd, &self.samples, row) - codes(simd, eight(samples, row)) * SCALE;
+            sums += load(simd, &self.weights, row) * error * error;
+        }
+        sum(sums)
     }
 }
 
@@ -150,87 +149,82 @@ impl<'a> Targets<'a> {
 
     /// What a block is to become.
     pub(crate) fn block(&self, block: usize) -> BlockTarget {
-        let Marks { crossed, unobserved, .. } = self.marks[block];
-        let (codes, elsewhere) = (self.codes(block), self.elsewhere);
-        let (mut samples, mut weights) = ([0.0; 512], [0.0; 512]);
-        vectorized(
-            #[inline(always)]
-            || {
-                let rows = samples.as_chunks_mut::<8>().0.iter_mut().zip(weights.as_chunks_mut::<8>().0);
-                for (row, ((samples, weights), codes)) in rows.zip(codes.as_chunks::<8>().0).enumerate() {
-                    for lane in 0..8 {
-                        samples[lane] = f32::from(codes[lane]) * SCALE;
-                    }
-                    *weights = row_weights(row_bits(&crossed, row), row_bits(&unobserved, row), elsewhere);
-                }
-            },
-        );
-        let mut only_sign = [0; 8];
-        if self.only_sign {
-            (0..8).for_each(|z| only_sign[z] = !crossed[z] & !unobserved[z]);
+        let mut target = BlockTarget { samples: [0.0; 512], weights: [0.0; 512], only_sign: [0; 8] };
+        dispatch!(simd::level(), simd => self.spread(simd, block, &mut target));
+        target
+    }
+
+    #[inline(always)]
+    fn spread<S: Simd>(&self, simd: S, block: usize, target: &mut BlockTarget) {
+        let (marks, samples) = (&self.marks[block], self.samples(block));
+        for row in 0..64 {
+            let values = codes(simd, eight(samples, row)) * SCALE;
+            values.store_slice(&mut target.samples[8 * row..8 * row + 8]);
+            let weights = marks.weights(simd, row, self.elsewhere);
+            weights.store_slice(&mut target.weights[8 * row..8 * row + 8]);
         }
-        BlockTarget { samples, weights, only_sign }
+        for z in 0..8 {
+            target.only_sign[z] = if self.only_sign { !marks.crossed[z] & !marks.unobserved[z] } else { 0 };
+        }
     }
 
     /// How far samples in codes are from what a block is to become; the same as by way of [`Self::block`].
     pub(crate) fn prediction_error(&self, block: usize, prediction: &[i16; 512]) -> PredictionError {
-        let Marks { crossed, unobserved, .. } = self.marks[block];
-        let (codes, elsewhere) = (self.codes(block), self.elsewhere);
-        let (weighted, astray) = vectorized(
-            #[inline(always)]
-            || {
-                let (mut sums, mut astray) = ([0.0; 8], [0; 8]);
-                let rows = codes.as_chunks::<8>().0.iter().zip(prediction.as_chunks::<8>().0);
-                for (row, (codes, prediction)) in rows.enumerate() {
-                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
-                    let weights = row_weights(crossed, unobserved, elsewhere);
-                    for lane in 0..8 {
-                        let error = f32::from(codes[lane]) * SCALE - f32::from(prediction[lane]) * SCALE;
-                        sums[lane] += weights[lane] * error * error;
-                    }
-                    let only_sign = !crossed & !unobserved;
-                    for lane in 0..8 {
-                        let (code, predicted) = (i32::from(codes[lane]), i32::from(prediction[lane]));
-                        let right = if code < 0 { -predicted } else { predicted };
-                        let in_danger = right < code.abs().min(SIGN_MARGIN_CODES);
-                        astray[lane] |= i32::from(in_danger) & (only_sign >> lane) as i32;
-                    }
-                }
-                (sums.iter().sum(), astray)
-            },
-        );
-        PredictionError { weighted, signs_hold: !self.only_sign || astray == [0; 8] }
+        dispatch!(simd::level(), simd => self.prediction_error_vectorized(simd, block, prediction))
+    }
+
+    #[inline(always)]
+    fn prediction_error_vectorized<S: Simd>(
+        &self,
+        simd: S,
+        block: usize,
+        prediction: &[i16; 512],
+    ) -> PredictionError {
+        let (marks, samples) = (&self.marks[block], self.samples(block));
+        let mut sums = f32x8::splat(simd, 0.0);
+        let mut astray = 0;
+        for row in 0..64 {
+            let (code, predicted) = (codes(simd, eight(samples, row)), codes(simd, eight(prediction, row)));
+            let error = code * SCALE - predicted * SCALE;
+            sums += marks.weights(simd, row, self.elsewhere) * error * error;
+            let right = code.simd_lt(0.0).select(-predicted, predicted);
+            let in_danger = right.simd_lt(code.abs().min(SIGN_MARGIN_CODES)).to_bitmask() as u32;
+            astray |= in_danger & !row_bits(&marks.crossed, row) & !row_bits(&marks.unobserved, row);
+        }
+        PredictionError { weighted: sum(sums), signs_hold: !self.only_sign || astray == 0 }
     }
 
     /// The rows of a block that tell of motion, or each `every`th of them, which is a power of two; added to `out`.
     pub(crate) fn near_rows(&self, block: usize, every: usize, out: &mut Vec<NearRow>) {
-        let Marks { crossed, unobserved, .. } = self.marks[block];
-        let codes = self.codes(block).as_chunks::<8>().0;
-        let elsewhere = self.elsewhere.max(NEAR_WEIGHT);
-        vectorized(
-            #[inline(always)]
-            || {
-                for row in (0..64).filter(|row| (row % 8 + 2 * (row / 8)) & (every - 1) == 0) {
-                    let [crossed, unobserved] = [&crossed, &unobserved].map(|bits| row_bits(bits, row));
-                    let codes = &codes[row];
-                    let mut near = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
-                    for lane in 0..8 {
-                        let sample = f32::from(codes[lane]) * SCALE;
-                        let close = if sample.abs() < NEAR { elsewhere } else { 0.0 };
-                        let weight = if crossed >> lane & 1 != 0 { CROSSED } else { close };
-                        near.samples[lane] = sample;
-                        near.weights[lane] = if unobserved >> lane & 1 != 0 { 0.0 } else { weight };
-                    }
-                    if near.weights != [0.0; 8] {
-                        out.push(near);
-                    }
-                }
-            },
-        );
+        dispatch!(simd::level(), simd => self.near_rows_vectorized(simd, block, every, out));
     }
 
-    /// The samples of a block.
-    fn codes(&self, block: usize) -> &[i16; 512] {
+    #[inline(always)]
+    fn near_rows_vectorized<S: Simd>(&self, simd: S, block: usize, every: usize, out: &mut Vec<NearRow>) {
+        let (marks, samples) = (&self.marks[block], self.samples(block));
+        let elsewhere = f32x8::splat(simd, self.elsewhere.max(NEAR_WEIGHT));
+        let zero = f32x8::splat(simd, 0.0);
+        for row in 0..64 {
+            if (row % 8 + 2 * (row / 8)) & (every - 1) != 0 {
+                continue;
+            }
+            let [crossed, unobserved] = [row_bits(&marks.crossed, row), row_bits(&marks.unobserved, row)];
+            let values = codes(simd, eight(samples, row)) * SCALE;
+            let close = values.abs().simd_lt(NEAR);
+            if (close.to_bitmask() as u32 | crossed) & !unobserved == 0 {
+                continue;
+            }
+            let weights = mask(simd, crossed).select(f32x8::splat(simd, CROSSED), close.select(elsewhere, zero));
+            let weights = mask(simd, unobserved).select(zero, weights);
+            let mut near = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
+            values.store_slice(&mut near.samples);
+            weights.store_slice(&mut near.weights);
+            out.push(near);
+        }
+    }
+
+    /// The samples of a block, in codes.
+    fn samples(&self, block: usize) -> &[i16; 512] {
         let block = self.marks[block].block as usize;
         self.volume.block(block).try_into().expect("blocks of an edge of 8")
     }
@@ -247,15 +241,21 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// The weights of a row of voxels, of which these are at the ends of crossed edges and those were not observed.
-#[inline(always)]
-fn row_weights(crossed: u32, unobserved: u32, elsewhere: f32) -> [f32; 8] {
-    let mut weights = [0.0; 8];
-    for lane in 0..8 {
-        let seen = if crossed >> lane & 1 != 0 { CROSSED } else { elsewhere };
-        weights[lane] = if unobserved >> lane & 1 != 0 { UNOBSERVED } else { seen };
+impl Marks {
+    /// The weights of a row of voxels, where those that are observed and not crossed have this one.
+    #[inline(always)]
+    fn weights<S: Simd>(&self, simd: S, row: usize, elsewhere: f32) -> f32x8<S> {
+        let weight = |weight: f32| f32x8::splat(simd, weight);
+        let [crossed, unobserved] = [row_bits(&self.crossed, row), row_bits(&self.unobserved, row)];
+        let seen = mask(simd, crossed).select(weight(CROSSED), weight(elsewhere));
+        mask(simd, unobserved).select(weight(UNOBSERVED), seen)
     }
-    weights
+}
+
+/// The samples of row `8 z + y`.
+#[inline(always)]
+fn eight(samples: &[i16; 512], row: usize) -> &[i16; 8] {
+    samples[8 * row..8 * row + 8].try_into().expect("eight samples")
 }
 
 /// The bits of row `8 z + y`.
