@@ -5,13 +5,13 @@
 
 use super::lanes::{codes, sum};
 use super::search_window::SearchWindow;
-use super::target::{NearRow, Targets};
+use super::target::{NearRow, SCALE, Targets};
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main_profile::reconstruct::TemporalPredictor;
 use isv_decode::main_profile::{MainReference, Vector};
 use isv_kernels::simd;
 use isv_kernels::window::{ROW, SIDE, WindowRows};
-use isv_volume::{BlockCoord, CODES_PER_VOXEL};
+use isv_volume::BlockCoord;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -33,9 +33,6 @@ const SHORTEST_STEP: f32 = 0.02;
 const CLOSE: f32 = 0.3;
 /// Starting points of a cube from the frame before, at most.
 const SEEDS_BEFORE: usize = 2;
-
-/// Voxels in a code.
-const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
 /// A displacement in voxels.
 pub(crate) type Shift = [f32; 3];

@@ -8,13 +8,13 @@ use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::motion_search::{NormalEquations, Sought, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
-use super::target::{BlockTarget, Field, Targets};
+use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
 use isv_decode::extension::Extended;
 use isv_decode::main_profile::{
     BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
 };
-use isv_volume::{BlockSet, CODES_PER_VOXEL, SparseVolume};
+use isv_volume::{BlockSet, SparseVolume};
 use std::collections::BTreeMap;
 
 /// Step in voxels and lambda in squared steps, about those of the presets.
@@ -88,15 +88,15 @@ pub(super) fn reference(volume: &SparseVolume) -> MainReference {
     MainReference::new(Extended::of(&coded), symbols, BTreeMap::new())
 }
 
-/// What the blocks are to become and their predictions, in voxels.
-fn predicted_blocks(before: &SparseVolume, volume: &SparseVolume) -> Vec<(BlockTarget, Field)> {
+/// What the blocks are to become and their predictions, in codes.
+fn predicted_blocks(before: &SparseVolume, volume: &SparseVolume) -> Vec<(BlockTarget, [i16; 512])> {
     let (reference, targets) = (reference(before), targets(volume));
     let mut sought = SoughtBlock::new(&reference);
     let block = |block| {
         sought.turn_to(&targets, block, 1);
         let mut codes = [0; 512];
         sought.predict(Vector::ZERO, &mut codes);
-        (targets.block(block), codes.map(|code| f32::from(code) / CODES_PER_VOXEL as f32))
+        (targets.block(block), codes)
     };
     (0..targets.len()).map(block).collect()
 }

@@ -8,9 +8,9 @@
 //! ([`WeightSpectrum`]).
 
 use super::field_dct::FieldDct;
-use super::lanes::load;
+use super::lanes::{codes, load};
 use super::level_costs::LevelCosts;
-use super::target::{Bits, BlockTarget, Field};
+use super::target::{Bits, BlockTarget, Field, SCALE};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main_profile::COEFFICIENTS;
@@ -84,8 +84,8 @@ impl Metric {
     #[inline(always)]
     fn follow<S: Simd>(&mut self, simd: S, dct: &FieldDct, weights: &Field) {
         if !self.is_current {
-            self.spectrum.transform(simd, dct, weights);
-            self.spectrum.energies(simd, &mut self.energies);
+            self.spectrum.transform(simd, dct, weights, &mut self.energies);
+            self.spectrum.energies(simd, &mut self.inverses, &mut self.energies);
             self.invert(simd);
             self.is_current = true;
         }
@@ -93,7 +93,7 @@ impl Metric {
 
     #[inline(always)]
     fn invert<S: Simd>(&mut self, simd: S) {
-        for row in CODED_ROWS {
+        for &row in &CODED_ROWS {
             let energies = load(simd, &self.energies, row);
             let there = energies.simd_ge(LEAST_ENERGY);
             let inverses = there.select(f32x8::splat(simd, 1.0) / energies, f32x8::splat(simd, 0.0));
@@ -152,12 +152,12 @@ impl Metrics {
 }
 
 impl Pursuit<'_> {
-    /// Levels of a block from its prediction, in voxels. `metrics`: of the block.
+    /// Levels of a block from its prediction, in codes. `metrics`: of the block.
     pub(crate) fn run(
         &self,
         target: &BlockTarget,
         metrics: &mut Metrics,
-        prediction: &Field,
+        prediction: &[i16; 512],
         costs: &LevelCosts,
     ) -> Pursued {
         dispatch!(simd::level(), simd => self.run_vectorized(simd, target, metrics, prediction, costs))
@@ -178,11 +178,11 @@ impl Pursuit<'_> {
         simd: S,
         target: &BlockTarget,
         metrics: &mut Metrics,
-        prediction: &Field,
+        prediction: &[i16; 512],
         costs: &LevelCosts,
     ) -> Pursued {
         metrics.begin();
-        let mut state = State::new(target, prediction);
+        let mut state = State::new(simd, target, prediction);
         let predicted_error = state.weighted_error();
         if self.rounding {
             self.round(simd, &mut state);
@@ -201,7 +201,12 @@ impl Pursuit<'_> {
     #[inline(always)]
     fn round<S: Simd>(&self, simd: S, state: &mut State) {
         let mut coefficients = [0.0; 512];
-        self.dct.forward(simd, &state.error.clone(), &mut coefficients);
+        self.dct.forward(
+            simd,
+            #[inline(always)]
+            |row| load(simd, &state.error, row),
+            &mut coefficients,
+        );
         for (k, position) in self.scan.iter().enumerate() {
             let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
             if level != 0 {
@@ -211,7 +216,7 @@ impl Pursuit<'_> {
         }
     }
 
-    /// Changes levels until no change pays and no sign is in danger.
+    /// Changes levels until no change pays and no sign is in danger: without a change none comes into danger.
     #[inline(always)]
     pub(super) fn settle<S: Simd>(
         &self,
@@ -228,32 +233,46 @@ impl Pursuit<'_> {
                 break;
             }
             // Even a perfect level would pay no more than all of the error.
-            if state.count > 0 || state.weighted_error() > self.lambda * costs.least_first() {
-                let metric = metrics.of(simd, self.dct, &state.weights);
-                self.descend(simd, state, metric, costs);
+            if state.count == 0 && state.weighted_error() <= self.lambda * costs.least_first() {
+                break;
+            }
+            let metric = metrics.of(simd, self.dct, &state.weights);
+            if !self.descend(simd, state, metric, costs) {
+                break;
             }
         }
     }
 
-    /// Changes levels until no change pays.
+    /// Changes levels until no change pays. Whether any was.
     #[inline(always)]
-    pub(super) fn descend<S: Simd>(&self, simd: S, state: &mut State, metric: &Metric, costs: &LevelCosts) {
-        let (mut weighted, mut slopes) = ([0.0; 512], [0.0; 512]);
-        for voxel in 0..512 {
-            weighted[voxel] = state.weights[voxel] * state.error[voxel];
-        }
-        self.dct.forward(simd, &weighted, &mut slopes);
-        for _ in 0..CHANGES {
-            let Some((k, level)) = self.best_change(simd, state, metric, &slopes, costs) else { break };
+    pub(super) fn descend<S: Simd>(
+        &self,
+        simd: S,
+        state: &mut State,
+        metric: &Metric,
+        costs: &LevelCosts,
+    ) -> bool {
+        let mut slopes = [0.0; 512];
+        self.dct.forward(
+            simd,
+            #[inline(always)]
+            |row| load(simd, &state.weights, row) * load(simd, &state.error, row),
+            &mut slopes,
+        );
+        for change in 0..CHANGES {
+            let Some((k, level)) = self.best_change(simd, state, metric, &slopes, costs) else {
+                return change > 0;
+            };
             let position = usize::from(self.scan[k]);
             let change = (level - state.levels[k]) as f32 * self.step;
-            metric.spectrum.add_products(position, -change, &mut slopes);
+            metric.spectrum.add_products(simd, position, -change, &mut slopes);
             self.dct.add(position, -change, &mut state.error);
             state.set_level(k, level);
             if state.count >= LEVELS {
                 break;
             }
         }
+        true
     }
 
     /// Gives a level up.
@@ -283,7 +302,7 @@ impl Pursuit<'_> {
         // Of levels that are zero most need no closer look: even the ideal change would pay less.
         let lambda = f32x8::splat(simd, self.lambda);
         let more = f32x8::splat(simd, self.lambda * (counts[2] - counts[1]));
-        for row in CODED_ROWS {
+        for &row in &CODED_ROWS {
             let (slopes, inverses) = (load(simd, slopes, row), load(simd, &metric.inverses, row));
             let most = slopes * slopes * inverses - lambda * load(simd, costs.least_at(), row) - more;
             let mut any = most.simd_gt(best.gain).to_bitmask();
@@ -358,7 +377,7 @@ pub(super) struct State {
 impl State {
     /// No levels.
     #[inline(always)]
-    pub(super) fn new(target: &BlockTarget, prediction: &Field) -> Self {
+    pub(super) fn new<S: Simd>(simd: S, target: &BlockTarget, prediction: &[i16; 512]) -> Self {
         let mut state = Self {
             levels: [0; COEFFICIENTS],
             count: 0,
@@ -368,8 +387,9 @@ impl State {
             error: [0.0; 512],
             guarded: [0; 8],
         };
-        for voxel in 0..512 {
-            state.error[voxel] = state.goal[voxel] - prediction[voxel];
+        for (row, prediction) in prediction.as_chunks::<8>().0.iter().enumerate() {
+            let error = load(simd, &target.samples, row) - codes(simd, prediction) * SCALE;
+            error.store_slice(&mut state.error[8 * row..8 * row + 8]);
         }
         state
     }

@@ -10,7 +10,7 @@
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
 use super::pursuit::{Metrics, Pursued, Pursuit, State};
-use super::target::{BlockTarget, Field};
+use super::target::BlockTarget;
 use fearless_simd::{Simd, dispatch};
 use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::simd;
@@ -34,12 +34,12 @@ struct Settled {
 }
 
 impl Pursuit<'_> {
-    /// Levels of a block from its prediction, in voxels, as [`Pursuit::run`] has them and then better.
+    /// Levels of a block from its prediction, in codes, as [`Pursuit::run`] has them and then better.
     pub(crate) fn run_refined(
         &self,
         target: &BlockTarget,
         metrics: &mut Metrics,
-        prediction: &Field,
+        prediction: &[i16; 512],
         bits: &mut ModelBits,
     ) -> Pursued {
         dispatch!(simd::level(), simd => self.run_refined_vectorized(simd, target, metrics, prediction, bits))
@@ -51,10 +51,10 @@ impl Pursuit<'_> {
         simd: S,
         target: &BlockTarget,
         metrics: &mut Metrics,
-        prediction: &Field,
+        prediction: &[i16; 512],
         bits: &mut ModelBits,
     ) -> Pursued {
-        let state = State::new(target, prediction);
+        let state = State::new(simd, target, prediction);
         let predicted_error = state.weighted_error();
         let mut best = Pursued { levels: [0; COEFFICIENTS], cost: f32::INFINITY, predicted_error };
         for share in STARTS {

@@ -7,7 +7,7 @@ use super::motion_search::{
 };
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::syntax::{self, BitCount};
-use super::target::{BlockTarget, Field, Targets};
+use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict_spatially};
 use isv_decode::main_profile::syntax::SliceModels;
@@ -16,7 +16,6 @@ use isv_decode::main_profile::syntax::modes::ModeContext;
 use isv_decode::main_profile::{BlockLevels, BlockMode, CausalBlocks, MainParameters, MainReference, Vector};
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
-use isv_volume::CODES_PER_VOXEL;
 use std::ops::Range;
 
 /// Lambda of vectors over lambda of levels, while candidates are compared by their prediction alone: what a better vector
@@ -92,11 +91,32 @@ pub(crate) struct SliceEncoder<'a> {
 struct BlockAtHand<'a> {
     /// Its place in the frame.
     number: usize,
-    /// What it is to become, once that is asked for.
-    target: Option<BlockTarget>,
+    /// What it is to become, if that was asked for.
+    target: &'a mut BlockTarget,
+    has_target: bool,
     metrics: &'a mut Metrics,
     /// Nothing in frames without a reference.
     context: Option<ModeContext>,
+}
+
+/// The cheapest modes, from the cheapest on; of equals, the one that came first.
+struct BestModes {
+    modes: Vec<(f32, BlockMode)>,
+    /// How many are kept.
+    most: usize,
+}
+
+impl BestModes {
+    /// What a mode has to stay below.
+    fn bound(&self) -> f32 {
+        if self.modes.len() < self.most { f32::INFINITY } else { self.modes[self.most - 1].0 }
+    }
+
+    fn add(&mut self, cost: f32, mode: BlockMode) {
+        let place = self.modes.partition_point(|(known, _)| *known <= cost);
+        self.modes.insert(place, (cost, mode));
+        self.modes.truncate(self.most);
+    }
 }
 
 /// A way to code a block.
@@ -130,12 +150,13 @@ impl<'a> SliceEncoder<'a> {
     pub(crate) fn run(mut self) -> (CodedSlice, [LevelCosts; 2]) {
         let reference = self.frame.reference.as_ref().map(|(reference, _)| *reference);
         let mut sought = reference.map(SoughtBlock::new);
-        let mut metrics = Metrics::NONE;
+        let (mut target, mut metrics) = (BlockTarget::NONE, Metrics::NONE);
         for number in self.range.clone() {
             metrics.forget();
             let mut block = BlockAtHand {
                 number,
-                target: None,
+                target: &mut target,
+                has_target: false,
                 metrics: &mut metrics,
                 context: reference.map(|reference| self.mode_context(number, reference)),
             };
@@ -161,7 +182,7 @@ impl<'a> SliceEncoder<'a> {
         let context = &block.context?;
         sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
         let modes = self.temporal_modes(block.number, context, sought);
-        let trials = modes.into_iter().map(|(cost, mode)| {
+        let trials = modes.modes.into_iter().map(|(cost, mode)| {
             let mut prediction = [0; BLOCK_SAMPLES];
             sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
             self.pursue(block, mode, prediction, cost)
@@ -170,23 +191,19 @@ impl<'a> SliceEncoder<'a> {
     }
 
     /// The most promising vectors and their costs: weighted error of the prediction and the bits of the mode.
-    fn temporal_modes(
-        &mut self,
-        block: usize,
-        context: &ModeContext,
-        sought: &mut SoughtBlock,
-    ) -> Vec<(f32, BlockMode)> {
-        let Tools { motion, merging, .. } = self.frame.tools;
-        let allowed = |vector: Vector| (motion && merging) || vector == Vector::ZERO;
+    fn temporal_modes(&mut self, block: usize, context: &ModeContext, sought: &mut SoughtBlock) -> BestModes {
         let good_enough = VECTOR_LAMBDA * self.frame.pursuit.lambda * self.frame.effort.good_enough;
-        let merges = context.candidates.as_slice().iter().enumerate().filter(|(_, vector)| allowed(**vector));
-        let mut modes: Vec<(f32, BlockMode)> = Vec::new();
+        let bits = syntax::modes::merge_bits(&mut self.models.modes, context);
+        let mut modes = BestModes { modes: Vec::new(), most: self.frame.trials };
         let mut best: Option<(f32, Shift)> = None;
-        for (k, vector) in merges {
-            let mode = BlockMode::Merged { candidate: k as u8, vector: *vector };
+        for (k, vector) in context.candidates.as_slice().iter().enumerate() {
+            let cost = self.vector_cost(bits[k]);
+            if !self.allows_merging(*vector) || cost >= modes.bound() {
+                continue;
+            }
             let shift = to_shift(*vector);
-            let cost = self.error_share() * sought.error(shift) + self.mode_cost(mode, context);
-            modes.push((cost, mode));
+            let cost = self.error_share() * sought.error(shift) + cost;
+            modes.add(cost, BlockMode::Merged { candidate: k as u8, vector: *vector });
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, shift));
             }
@@ -197,12 +214,19 @@ impl<'a> SliceEncoder<'a> {
         let (least, shift) = best.expect("there are candidates");
         // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
         let vector = context.candidates.as_slice()[0];
-        if motion && least >= good_enough && self.mode_cost(BlockMode::New { vector }, context) < least {
+        if self.frame.tools.motion
+            && least >= good_enough
+            && self.mode_cost(BlockMode::New { vector }, context) < least
+        {
             self.add_new_vectors(block, shift, context, sought, &mut modes);
         }
-        modes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        modes.truncate(self.frame.trials);
         modes
+    }
+
+    /// Whether a block may take a vector over.
+    fn allows_merging(&self, vector: Vector) -> bool {
+        let Tools { motion, merging, .. } = self.frame.tools;
+        (motion && merging) || vector == Vector::ZERO
     }
 
     /// Vectors found from the best to merge with and from the shifts of cubes.
@@ -212,7 +236,7 @@ impl<'a> SliceEncoder<'a> {
         best: Shift,
         context: &ModeContext,
         sought: &mut SoughtBlock,
-        modes: &mut Vec<(f32, BlockMode)>,
+        modes: &mut BestModes,
     ) {
         let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
@@ -222,13 +246,19 @@ impl<'a> SliceEncoder<'a> {
                 starts.push(cube);
             }
         }
+        let merged = context.candidates.as_slice().iter().copied();
+        let mut known: Vec<Vector> = merged.filter(|vector| self.allows_merging(*vector)).collect();
         for start in starts.into_iter().take(most) {
             for shift in [start, sought.refine(start, block_steps)] {
                 let Some(vector) = self.nearest_vector(shift, context) else { continue };
-                if !modes.iter().any(|(_, mode)| mode.vector() == Some(vector)) {
-                    let mode = BlockMode::New { vector };
-                    let error = self.error_share() * sought.error(to_shift(vector));
-                    modes.push((error + self.mode_cost(mode, context), mode));
+                if known.contains(&vector) {
+                    continue;
+                }
+                known.push(vector);
+                let mode = BlockMode::New { vector };
+                let cost = self.mode_cost(mode, context);
+                if cost < modes.bound() {
+                    modes.add(self.error_share() * sought.error(to_shift(vector)) + cost, mode);
                 }
             }
         }
@@ -253,7 +283,13 @@ impl<'a> SliceEncoder<'a> {
 
     /// Weighted error that the bits of a mode are worth, while modes are compared by their predictions.
     fn mode_cost(&mut self, mode: BlockMode, context: &ModeContext) -> f32 {
-        VECTOR_LAMBDA * self.frame.pursuit.lambda * self.mode_bits(mode, context)
+        let bits = self.mode_bits(mode, context);
+        self.vector_cost(bits)
+    }
+
+    /// The same for so many bits.
+    fn vector_cost(&self, bits: f32) -> f32 {
+        VECTOR_LAMBDA * self.frame.pursuit.lambda * bits
     }
 
     /// Bits of a mode by the models as they are.
@@ -346,17 +382,19 @@ impl<'a> SliceEncoder<'a> {
         mode: BlockMode,
         prediction: &[i16; BLOCK_SAMPLES],
     ) -> Pursued {
-        let target = block.target.get_or_insert_with(|| self.frame.targets.block(block.number));
-        let field: Field = prediction.map(|code| f32::from(code) / CODES_PER_VOXEL as f32);
+        if !block.has_target {
+            self.frame.targets.spread(block.number, block.target);
+            block.has_target = true;
+        }
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         let pursuit = &self.frame.pursuit;
         if !self.frame.refinement {
-            return pursuit.run(target, block.metrics, &field, costs);
+            return pursuit.run(block.target, block.metrics, prediction, costs);
         }
         let context = self.count_context(block.number, mode);
         let (parameters, models) = (self.frame.parameters, &mut self.models.coefficients);
         let mut bits = ModelBits { parameters, models, context, usual: costs };
-        pursuit.run_refined(target, block.metrics, &field, &mut bits)
+        pursuit.run_refined(block.target, block.metrics, prediction, &mut bits)
     }
 
     /// What is known around a block when its number of levels is coded.

@@ -31,7 +31,7 @@ const NEAR_WEIGHT: f32 = 0.3;
 /// [`SIGN_MARGIN`] in codes.
 const SIGN_MARGIN_CODES: f32 = SIGN_MARGIN * CODES_PER_VOXEL as f32;
 /// Voxels in a code.
-const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
+pub(super) const SCALE: f32 = 1.0 / CODES_PER_VOXEL as f32;
 
 /// The blocks of a volume that are coded, in Morton order: those that the surface touches, or all, but for those in cells that
 /// stay as they are.
@@ -87,6 +87,9 @@ pub(crate) struct PredictionError {
 }
 
 impl BlockTarget {
+    /// That of no block.
+    pub(crate) const NONE: Self = Self { samples: [0.0; 512], weights: [0.0; 512], only_sign: [0; 8] };
+
     /// Weighted squared error in voxels of samples in codes.
     pub(crate) fn weighted_error(&self, samples: &[i16; 512]) -> f32 {
         dispatch!(simd::level(), simd => self.weighted_error_vectorized(simd, samples))
@@ -149,13 +152,18 @@ impl<'a> Targets<'a> {
 
     /// What a block is to become.
     pub(crate) fn block(&self, block: usize) -> BlockTarget {
-        let mut target = BlockTarget { samples: [0.0; 512], weights: [0.0; 512], only_sign: [0; 8] };
-        dispatch!(simd::level(), simd => self.spread(simd, block, &mut target));
+        let mut target = BlockTarget::NONE;
+        self.spread(block, &mut target);
         target
     }
 
+    /// [`Self::block`] in memory that is there.
+    pub(crate) fn spread(&self, block: usize, target: &mut BlockTarget) {
+        dispatch!(simd::level(), simd => self.spread_vectorized(simd, block, target));
+    }
+
     #[inline(always)]
-    fn spread<S: Simd>(&self, simd: S, block: usize, target: &mut BlockTarget) {
+    fn spread_vectorized<S: Simd>(&self, simd: S, block: usize, target: &mut BlockTarget) {
         let (marks, samples) = (&self.marks[block], self.samples(block));
         for row in 0..64 {
             let values = codes(simd, eight(samples, row)) * SCALE;

@@ -1,8 +1,8 @@
 //! How blocks are predicted, and vectors.
 
-use super::DecisionSink;
+use super::{BitCount, DecisionSink};
 use isv_decode::main_profile::BlockMode;
-use isv_decode::main_profile::syntax::modes::{ModeContext, ModeModels};
+use isv_decode::main_profile::syntax::modes::{MOST_CANDIDATES, ModeContext, ModeModels};
 
 /// Writes the mode of a block. `step`: of new vectors, in quarter voxels.
 pub(crate) fn write(
@@ -32,4 +32,21 @@ pub(crate) fn write(
             }
         }
     }
+}
+
+/// Bits that [`write`] would take for merging with each of the candidates.
+pub(crate) fn merge_bits(models: &mut ModeModels, context: &ModeContext) -> [f32; MOST_CANDIDATES] {
+    let mut before = BitCount::default();
+    before.mixed(models.spatial(context), false);
+    before.mixed(models.new_vector(context), false);
+    let mut bits = [f32::INFINITY; MOST_CANDIDATES];
+    let last = context.candidates.len() - 1;
+    for (k, bits) in bits.iter_mut().enumerate().take(last) {
+        let mut merged = before;
+        merged.mixed(models.merge(k, context), true);
+        before.mixed(models.merge(k, context), false);
+        *bits = merged.0;
+    }
+    bits[last] = before.0;
+    bits
 }
