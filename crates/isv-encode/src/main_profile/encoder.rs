@@ -15,13 +15,16 @@ use crate::encoder::EncodedFrame;
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
+use isv_decode::main_profile::syntax::masks::MaskModels;
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::volume_hash;
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
-use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
+use isv_volume::{BlockCoord, BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
+use rayon::Scope;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::mem::{replace, take};
 use std::ops::Range;
 use tracing::debug_span;
@@ -349,48 +352,37 @@ impl MainEncoder {
             false => &self.state,
         };
         let reference = before.reference.as_ref();
-        let coords = targets.coords().to_vec();
+        let coords = targets.coords();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
         let main = MainFrameHeader { still_cells: !still.is_empty(), ..self.frame_header(quality) };
         let mut entropy = before.entropy.clone();
+        let mut mask_models = take(&mut entropy.masks);
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
         let kept = reference.map(|before| Kept { before: before.extended(), still });
         let kept = kept.filter(|_| !still.is_empty());
         let plan = debug_span!("extension plan")
-            .in_scope(|| ExtensionPlan::new(FrameBlocks::new(&coords, kept), &coords, kept));
+            .in_scope(|| ExtensionPlan::new(FrameBlocks::new(coords, kept), coords, kept));
         let mut samples = plan.room(take(spare));
-        let code_blocks = || {
-            let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(&coords, layout.ranges()));
+        let mut block_set = Vec::new();
+        // The set is written while one slice waits for the others, and on while the frame is finished.
+        let (symbols, slice_segments, costs, (main, extended), (masks, mask_bytes)) = rayon::scope(|scope| {
+            let write_set = |_: &Scope| {
+                let write = || syntax::block_set::write(block_set_models, coords, reference, still);
+                block_set = debug_span!("block set").in_scope(write);
+            };
+            let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(coords, layout.ranges()));
             let frame = self.frame_context(targets, &causal, reference, &main, quality);
             let parts = slice_samples(&mut samples, plan.places(), layout);
-            debug_span!("slices").in_scope(|| code_slices(&frame, parts, slice_models, &before.costs))
-        };
-        let code_set = || {
-            let write = || syntax::block_set::write(block_set_models, &coords, reference, still);
-            debug_span!("block set").in_scope(write)
-        };
-        // What does not depend on one another fills the time in which one slice waits for the others.
-        let ((coded, costs), block_set) = rayon::join(code_blocks, code_set);
-        let mut symbols = FrameSymbols { still: still.clone(), coords, ..FrameSymbols::default() };
-        let mut segments = Vec::new();
-        for slice in coded {
-            symbols.modes.extend(slice.modes);
-            symbols.levels.append(&slice.levels);
-            let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
-            segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
-        }
-        let (main, extended) = self.filter(targets, main, &symbols, samples, plan);
-        let index = volume.index();
-        // What the source does not have is beyond its band or was not observed at all.
-        let nothing = VoxelMask::full(self.parameters.grid.edge);
-        let unobserved = |block: u32| match index.get(extended.volume().coords()[block as usize]) {
-            Some(block) => volume.unobserved(block as usize),
-            None => Some(&nothing),
-        };
-        let blocks_before = reference.map(|reference| reference.reference().blocks());
-        let (masks, mask_bytes) = debug_span!("masks").in_scope(|| {
-            syntax::masks::write(&mut entropy.masks, volume, &extended, unobserved, blocks_before)
+            let meanwhile = || scope.spawn(write_set);
+            let (coded, costs) = debug_span!("slices")
+                .in_scope(|| code_slices(&frame, parts, slice_models, &before.costs, meanwhile));
+            let (symbols, segments) = gather(coded, coords, still);
+            let (main, extended) = self.filter(targets, main, &symbols, samples, plan);
+            let masks = debug_span!("masks")
+                .in_scope(|| self.write_masks(&mut mask_models, volume, &extended, reference));
+            (symbols, segments, costs, (main, extended), masks)
         });
+        entropy.masks = mask_models;
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
         let blocks = symbols.coords.len() as u32;
@@ -402,9 +394,28 @@ impl MainEncoder {
             coding: FrameCoding::Main(main),
             volume_hash: checksum.then(|| volume_hash(decoded.volume())),
         };
-        let segments = SymbolSegments { block_set, masks: mask_bytes, slices: segments };
+        let segments = SymbolSegments { block_set, masks: mask_bytes, slices: slice_segments };
         let state = State { entropy, costs, reference: Some(decoded) };
         CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
+    }
+
+    /// Writes the masks of a decoded frame, and what they are.
+    fn write_masks(
+        &self,
+        models: &mut MaskModels,
+        volume: &SparseVolume,
+        extended: &Extended,
+        reference: Option<&MainReference>,
+    ) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
+        let index = volume.index();
+        // What the source does not have is beyond its band or was not observed at all.
+        let nothing = VoxelMask::full(self.parameters.grid.edge);
+        let unobserved = |block: u32| match index.get(extended.volume().coords()[block as usize]) {
+            Some(block) => volume.unobserved(block as usize),
+            None => Some(&nothing),
+        };
+        let blocks_before = reference.map(|reference| reference.reference().blocks());
+        syntax::masks::write(models, volume, extended, unobserved, blocks_before)
     }
 
     fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
@@ -505,18 +516,43 @@ fn slice_samples<'a>(
     layout.ranges().map(&mut part).collect()
 }
 
-/// Codes all slices of a frame. `before` has what levels cost in the slices of the frame before.
+/// The symbols of a frame and the bytes of its slices.
+fn gather(
+    coded: Vec<CodedSlice>,
+    coords: &[BlockCoord],
+    still: &BlockSet,
+) -> (FrameSymbols, Vec<SliceSegments>) {
+    let mut symbols =
+        FrameSymbols { still: still.clone(), coords: coords.to_vec(), ..FrameSymbols::default() };
+    let mut segments = Vec::new();
+    for slice in coded {
+        symbols.modes.extend(slice.modes);
+        symbols.levels.append(&slice.levels);
+        let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
+        segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
+    }
+    (symbols, segments)
+}
+
+/// Codes all slices of a frame. `before` has what levels cost in the slices of the frame before. `meanwhile` begins what threads
+/// that have no slice left can do: it is called when the last slice begins.
 fn code_slices(
     frame: &FrameContext,
     parts: Vec<(Range<usize>, SliceSamples)>,
     models: &mut [SliceModels],
     before: &[[LevelCosts; 2]],
+    meanwhile: impl FnOnce() + Send,
 ) -> (Vec<CodedSlice>, Vec<[LevelCosts; 2]>) {
     let fresh = || [0; 2].map(|_| LevelCosts::new(&frame.parameters.scan));
     let costs: Vec<_> = (0..parts.len()).map(|s| before.get(s).cloned().unwrap_or_else(fresh)).collect();
-    let slices = models.par_iter_mut().zip(parts).zip(costs);
+    let mut begin: Vec<_> = (1..parts.len()).map(|_| None).collect();
+    begin.push(Some(meanwhile));
+    let slices = models.par_iter_mut().zip(parts).zip(costs).zip(begin);
     slices
-        .map(|((models, (range, samples)), costs)| {
+        .map(|(((models, (range, samples)), costs), begin)| {
+            if let Some(begin) = begin {
+                begin();
+            }
             let (coded, mut costs) = SliceEncoder::new(frame, range, models, costs, samples).run();
             costs.iter_mut().for_each(LevelCosts::age);
             (coded, costs)
