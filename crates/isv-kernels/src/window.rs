@@ -3,7 +3,8 @@
 //! All voxels of a block have the same fractions, so interpolation goes along x, then y, then z, in quarters: exact up to the
 //! one rounding at the end. Blocks of 8 voxels a side only.
 
-use crate::simd::vectorized;
+use crate::simd;
+use fearless_simd::{Simd, dispatch, i16x8, i32x8, prelude::*};
 
 /// Voxels of a window along each axis: a block's and the layer after it.
 pub const SIDE: usize = 9;
@@ -72,51 +73,45 @@ impl WindowRows {
     /// If `quarters` is above 3.
     pub fn translate(&self, quarters: [u8; 3], out: &mut Block) {
         assert!(quarters.iter().all(|q| *q < 4), "{quarters:?} quarters");
-        vectorized(
-            #[inline(always)]
-            || self.translate_vectorized(quarters.map(i32::from), out),
-        );
-    }
-
-    #[inline(always)]
-    fn translate_vectorized(&self, [x, y, z]: [i32; 3], out: &mut Block) {
-        if [x, y, z] == [0; 3] {
+        if quarters == [0; 3] {
             for (row, values) in out.as_chunks_mut::<8>().0.iter_mut().enumerate() {
                 *values = *self.eight(row / 8 * SIDE + row % 8, 0);
             }
             return;
         }
-        let mut near = self.plane(0, [x, y]);
-        for (layer, values) in out.as_chunks_mut::<64>().0.iter_mut().enumerate() {
-            let far = self.plane(layer + 1, [x, y]);
-            for lane in 0..64 {
-                let sum = 4 * near[lane] + z * (far[lane] - near[lane]);
-                values[lane] = ((sum + 32) >> 6) as i16;
+        dispatch!(simd::level(), simd => self.translate_vectorized(simd, quarters.map(i16::from), out));
+    }
+
+    /// Layer by layer along x and y, then from each layer to the one after it.
+    #[inline(always)]
+    fn translate_vectorized<S: Simd>(&self, simd: S, [x, y, z]: [i16; 3], out: &mut Block) {
+        let weights = i16x8::simd_from(simd, [4 - y, y, 4 - y, y, 4 - y, y, 4 - y, y]);
+        let mut before = [i32x8::splat(simd, 0); 8];
+        for layer in 0..SIDE {
+            let mut near = self.along_x(simd, layer * SIDE, x);
+            for row in 0..8 {
+                let far = self.along_x(simd, layer * SIDE + row + 1, x);
+                let low = simd.pairwise_dot_product_i16x8(near.zip_low(far), weights);
+                let high = simd.pairwise_dot_product_i16x8(near.zip_high(far), weights);
+                let along_y = simd.combine_i32x4(low, high);
+                if layer > 0 {
+                    let sums = before[row] * 4 + (along_y - before[row]) * i32::from(z);
+                    let (low, high) = simd.split_i32x8((sums + 32) >> 6);
+                    let start = 64 * (layer - 1) + 8 * row;
+                    simd.saturating_narrow_i32x4(low, high).store_slice(&mut out[start..start + 8]);
+                }
+                before[row] = along_y;
+                near = far;
             }
-            near = far;
         }
     }
 
-    /// A layer of the window, interpolated along x and y: sixteen times the samples.
+    /// A row between its samples along x, in quarters of a code: at most `2^14`, and no term on the way leaves 16 bits.
     #[inline(always)]
-    fn plane(&self, layer: usize, [x, y]: [i32; 2]) -> [i32; 64] {
-        // Four times the samples fit: those are at most 4096 codes.
-        let mut along_x = [[0i16; 8]; SIDE];
-        for (row, sums) in along_x.iter_mut().enumerate() {
-            let row = layer * SIDE + row;
-            let (near, far) = (self.eight(row, 0), self.eight(row, 1));
-            for lane in 0..8 {
-                sums[lane] = 4 * near[lane] + x as i16 * (far[lane] - near[lane]);
-            }
-        }
-        let mut along_y = [0; 64];
-        for (row, sums) in along_y.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-            for lane in 0..8 {
-                let [near, far] = [along_x[row][lane], along_x[row + 1][lane]].map(i32::from);
-                sums[lane] = 4 * near + y * (far - near);
-            }
-        }
-        along_y
+    fn along_x<S: Simd>(&self, simd: S, row: usize, x: i16) -> i16x8<S> {
+        let near = i16x8::from_slice(simd, self.eight(row, 0));
+        let far = i16x8::from_slice(simd, self.eight(row, 1));
+        near * 4 + (far - near) * x
     }
 }
 

@@ -61,12 +61,14 @@ impl FieldDct {
 
     /// Adds a multiple of the basis function of a position `[w][v][u]`.
     #[inline(always)]
-    pub(crate) fn add(&self, position: usize, amount: f32, field: &mut Field) {
-        let [u, v, w] = [position % 8, position / 8 % 8, position / 64].map(|k| &self.basis.values[k]);
-        for (row, values) in field.as_chunks_mut::<8>().0.iter_mut().enumerate() {
-            let factor = amount * w[row / 8] * v[row % 8];
-            for x in 0..8 {
-                values[x] += factor * u[x];
+    pub(crate) fn add<S: Simd>(&self, simd: S, position: usize, amount: f32, field: &mut Field) {
+        let [u, v, w] = [position % 8, position / 8 % 8, position / 64 % 8].map(|k| &self.basis.values[k]);
+        let u = f32x8::from_slice(simd, u);
+        for z in 0..8 {
+            let amount = amount * w[z];
+            for y in 0..8 {
+                let row = row_mut(field, 8 * z + y);
+                (f32x8::from_slice(simd, row) + u * (amount * v[y])).store_slice(row);
             }
         }
     }
@@ -164,7 +166,7 @@ mod tests {
         let dct = FieldDct::new();
         for position in [0, 3, 8 * 5, 64 * 7 + 8 + 1] {
             let (mut field, mut out) = ([0.0; 512], [0.0; 512]);
-            dct.add(position, -2.5, &mut field);
+            dispatch!(simd::level(), simd => dct.add(simd, position, -2.5, &mut field));
             dispatch!(simd::level(), simd => dct.forward(simd, |row| load(simd, &field, row), &mut out));
             for (k, value) in out.into_iter().enumerate().filter(|(k, _)| k / 64 + k / 8 % 8 <= LAST_SUM) {
                 let expected = if k == position { -2.5 } else { 0.0 };

@@ -64,6 +64,8 @@ pub struct SearchEffort {
     pub cube_steps: usize,
     /// Blocks of a cube that are looked at, at most: they are evenly spread.
     pub cube_blocks: usize,
+    /// A cube is searched from those of its starting points whose error is at most so many times that of the best.
+    pub seed_error_share: f32,
     /// Points that the search of a block starts from, at most: the best vector to merge with, then those of its cubes.
     pub starts: usize,
     /// Gauss-Newton steps of a block, at most.
@@ -74,6 +76,8 @@ pub struct SearchEffort {
     pub good_enough: f32,
     /// Spatial prediction is tried where the temporal one costs more bits than this.
     pub spatial_from: f32,
+    /// And more than so many times what it takes to say that a block is predicted spatially: what is unlikely is seldom better.
+    pub spatial_bits_share: f32,
     /// And only if the error of the spatial prediction is at most so many times that of the temporal one.
     pub spatial_error_share: f32,
 }
@@ -84,11 +88,13 @@ impl SearchEffort {
         cube_sizes: 2,
         cube_steps: 8,
         cube_blocks: 64,
+        seed_error_share: f32::INFINITY,
         starts: 3,
         block_steps: 5,
         rows: 1,
         good_enough: 0.0,
         spatial_from: 0.0,
+        spatial_bits_share: 0.0,
         spatial_error_share: f32::INFINITY,
     };
 
@@ -97,11 +103,13 @@ impl SearchEffort {
         cube_sizes: 1,
         cube_steps: 4,
         cube_blocks: 16,
+        seed_error_share: 1.3,
         starts: 2,
         block_steps: 2,
         rows: 4,
         good_enough: 8.0,
         spatial_from: 24.0,
+        spatial_bits_share: 7.0,
         spatial_error_share: 1.0,
     };
 }
@@ -130,8 +138,18 @@ impl<'a> SoughtBlock<'a> {
     }
 
     /// The block's samples as a vector predicts them.
-    pub(crate) fn predict(&mut self, vector: Vector, out: &mut [i16]) {
-        self.predictor.predict(self.coord, vector, out);
+    pub(crate) fn predict(&mut self, vector: Vector, out: &mut [i16; 512]) {
+        if let Some(block) = self.predictor.whole_block(self.coord, vector) {
+            *out = *block;
+            return;
+        }
+        let voxels = vector.0.map(|quarters| i32::from(quarters).div_euclid(4));
+        let rest = vector.0.map(|quarters| quarters.rem_euclid(4) as u8);
+        let window = match self.window.look_at(self.coord, voxels) {
+            Some(window) => window,
+            None => self.predictor.look_at(self.coord, vector, voxels),
+        };
+        window.translate(rest, out);
     }
 
     /// The block's rows, the samples around the place that a shift leads to, and its fractions of a voxel.
@@ -300,13 +318,23 @@ fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
 /// The best shift of the blocks of a cube that can be reached from the seeds.
 fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort) -> Shift {
     let mut best = (f32::INFINITY, [0.0; 3]);
-    for seed in seeds {
-        let result = descend(sought, *seed, effort.cube_steps);
+    for seed in promising(sought, seeds, effort.seed_error_share) {
+        let result = descend(sought, seed, effort.cube_steps);
         if result.0 < best.0 {
             best = result;
         }
     }
     best.1
+}
+
+/// The seeds whose error is at most so many times the least of all.
+fn promising(sought: &mut [SoughtBlock], seeds: &[Shift], share: f32) -> Vec<Shift> {
+    if share.is_infinite() || seeds.len() == 1 {
+        return seeds.to_vec();
+    }
+    let errors: Vec<f32> = seeds.iter().map(|seed| sought.error(*seed)).collect();
+    let least = errors.iter().copied().fold(f32::INFINITY, f32::min);
+    seeds.iter().zip(errors).filter(|(_, error)| *error <= share * least).map(|(seed, _)| *seed).collect()
 }
 
 /// Whether two shifts lead to the same place, if one begins to search there.

@@ -211,7 +211,7 @@ impl Pursuit<'_> {
             let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
             if level != 0 {
                 state.set_level(k, level);
-                self.dct.add(usize::from(*position), -(level as f32) * self.step, &mut state.error);
+                self.dct.add(simd, usize::from(*position), -(level as f32) * self.step, &mut state.error);
             }
         }
     }
@@ -266,7 +266,7 @@ impl Pursuit<'_> {
             let position = usize::from(self.scan[k]);
             let change = (level - state.levels[k]) as f32 * self.step;
             metric.spectrum.add_products(simd, position, -change, &mut slopes);
-            self.dct.add(position, -change, &mut state.error);
+            self.dct.add(simd, position, -change, &mut state.error);
             state.set_level(k, level);
             if state.count >= LEVELS {
                 break;
@@ -277,9 +277,9 @@ impl Pursuit<'_> {
 
     /// Gives a level up.
     #[inline(always)]
-    pub(super) fn drop_level(&self, state: &mut State, k: usize) {
+    pub(super) fn drop_level<S: Simd>(&self, simd: S, state: &mut State, k: usize) {
         let change = state.levels[k] as f32 * self.step;
-        self.dct.add(usize::from(self.scan[k]), change, &mut state.error);
+        self.dct.add(simd, usize::from(self.scan[k]), change, &mut state.error);
         state.set_level(k, 0);
     }
 

@@ -112,7 +112,7 @@ impl Pursuit<'_> {
                 continue;
             }
             let mut without = best.clone();
-            self.drop_level(&mut without.state, k);
+            self.drop_level(simd, &mut without.state, k);
             // What it did is first for the others to do, or it would be back at once.
             let position = usize::from(self.scan[k]);
             let metric = without.metrics.of(simd, self.dct, &without.state.weights).without(position);

@@ -326,7 +326,9 @@ impl<'a> SliceEncoder<'a> {
     /// correct, or than is good enough.
     fn is_spatial_hopeless(&mut self, temporal_cost: f32, context: Option<&ModeContext>) -> bool {
         let mode_bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
-        let least_bits = (mode_bits + self.costs[1].least_count).max(self.frame.effort.spatial_from);
+        let SearchEffort { spatial_from, spatial_bits_share, .. } = self.frame.effort;
+        let doubted = spatial_from.max(spatial_bits_share * mode_bits);
+        let least_bits = (mode_bits + self.costs[1].least_count).max(doubted);
         temporal_cost <= self.frame.pursuit.lambda * least_bits
     }
 

@@ -222,7 +222,8 @@ impl<'a> Targets<'a> {
             if (close.to_bitmask() as u32 | crossed) & !unobserved == 0 {
                 continue;
             }
-            let weights = mask(simd, crossed).select(f32x8::splat(simd, CROSSED), close.select(elsewhere, zero));
+            let weights =
+                mask(simd, crossed).select(f32x8::splat(simd, CROSSED), close.select(elsewhere, zero));
             let weights = mask(simd, unobserved).select(zero, weights);
             let mut near = NearRow { row, samples: [0.0; 8], weights: [0.0; 8] };
             values.store_slice(&mut near.samples);

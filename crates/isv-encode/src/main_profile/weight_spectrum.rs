@@ -107,17 +107,15 @@ impl WeightSpectrum {
             let (difference, sum, sign) = PRODUCTS[kv][v];
             let mut along_y = [f32x8::splat(simd, 0.0); 8];
             for z in 0..8 {
-                let [difference, sum] = [difference, sum].map(
-                    #[inline(always)]
-                    |y| self.along_x(simd, 8 * z + y, ku),
-                );
-                along_y[z] = difference + sum * sign;
+                let sums = self.along_x(simd, 8 * z + sum, ku);
+                along_y[z] = self.along_x(simd, 8 * z + difference, ku) + sums * sign;
             }
             for w in 0..8.min(LAST_SUM + 1 - v) {
                 let (difference, sum, sign) = PRODUCTS[kw][w];
                 let sums = along_y[difference] + along_y[sum] * sign;
                 let row = 8 * (8 * w + v);
-                let changed = f32x8::from_slice(simd, &out[row..row + 8]) + sums * amount * (SCALES[w] * SCALES[v]);
+                let changed =
+                    f32x8::from_slice(simd, &out[row..row + 8]) + sums * amount * (SCALES[w] * SCALES[v]);
                 changed.store_slice(&mut out[row..row + 8]);
             }
         }
@@ -126,9 +124,10 @@ impl WeightSpectrum {
     /// The products of a frequency along x with all others in a row.
     #[inline(always)]
     fn along_x<S: Simd>(&self, simd: S, row: usize, ku: usize) -> f32x8<S> {
-        let extended = &self.rows[row];
-        let [difference, sum] = [ZERO - ku, ZERO + ku].map(|at| f32x8::from_slice(simd, &extended[at..at + 8]));
-        difference + sum
+        // Masks instead of checks: rows are 64, and with a frequency of 0 to 7 eight values are left in each.
+        let (extended, ku) = (&self.rows[row & 63], ku & 7);
+        let difference = f32x8::from_slice(simd, &extended[ZERO - ku..ZERO - ku + 8]);
+        difference + f32x8::from_slice(simd, &extended[ZERO + ku..ZERO + ku + 8])
     }
 }
 
@@ -157,7 +156,7 @@ mod tests {
         dispatch!(simd::level(), simd => spectrum.energies(simd, &mut room, &mut energies));
         for position in [0, 3, 7, 8 * 5 + 1, 64 * 7, 64 * 2 + 8 * 4 + 2, 64 * 5 + 8 * 3] {
             let (mut field, mut expected) = ([0.0; 512], [0.0; 512]);
-            dct.add(position, -1.5, &mut field);
+            dispatch!(simd::level(), simd => dct.add(simd, position, -1.5, &mut field));
             field.iter_mut().zip(&weights).for_each(|(f, w)| *f *= w);
             dispatch!(simd::level(), simd => dct.forward(simd, |row| load(simd, &field, row), &mut expected));
             let mut found = [0.0; 512];
