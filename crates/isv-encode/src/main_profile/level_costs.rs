@@ -2,7 +2,7 @@
 //! not the models themselves, whose contexts it averages.
 
 use super::target::Field;
-use isv_decode::main_profile::COEFFICIENTS;
+use isv_decode::main_profile::{COEFFICIENTS, Level};
 
 /// Magnitudes from here on cost the same.
 const MAGNITUDES: usize = 32;
@@ -105,14 +105,12 @@ impl LevelCosts {
     }
 
     /// Learns from a coded block.
-    pub(crate) fn learn(&mut self, levels: &[i32]) {
-        let mut count = 0;
-        for (k, level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
-            count += 1;
-            self.seen_places[k] += 1.0;
-            self.seen_magnitudes[(level.unsigned_abs() as usize).min(MAGNITUDES) - 1] += 1.0;
+    pub(crate) fn learn(&mut self, levels: &[Level]) {
+        for level in levels {
+            self.seen_places[usize::from(level.place)] += 1.0;
+            self.seen_magnitudes[(level.value.unsigned_abs() as usize).min(MAGNITUDES) - 1] += 1.0;
         }
-        self.seen_counts[count.min(COUNTS - 1)] += 1.0;
+        self.seen_counts[levels.len().min(COUNTS - 1)] += 1.0;
         self.since_refresh += 1;
         if self.since_refresh == REFRESH {
             self.refresh();

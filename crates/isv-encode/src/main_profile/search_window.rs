@@ -8,38 +8,52 @@ use isv_volume::BlockCoord;
 
 /// Voxels along a block's edge.
 const EDGE: i32 = 8;
+/// Places that a search goes back to: it compares some, and goes on from the best.
+const PLACES: usize = 4;
 
 /// 2x2x2 blocks, x fastest.
 type Octet<'a> = [&'a Block; 8];
 
-/// A window of the frame before, and what is known of the blocks that it moves over.
+/// A window of the frame before, at the last few places, and what is known of the blocks that it moves over.
 #[derive(Debug)]
 pub(super) struct SearchWindow<'a> {
     reference: &'a MainReference,
     /// Octets by the parities of their lowest coordinates, each with that coordinate; nothing if a block of it is missing. Those
     /// around a block have all parities, so none takes the place of another.
     octets: [Option<(BlockCoord, Option<Octet<'a>>)>; 8],
-    rows: WindowRows,
-    /// The voxel that the window begins at.
+    /// The last places.
+    places: [Place; PLACES],
+    /// The one that is left next.
+    oldest: usize,
+}
+
+/// Where the window was.
+#[derive(Debug, Default)]
+struct Place {
+    /// The voxel that it began at.
     first: Option<[i32; 3]>,
+    rows: WindowRows,
 }
 
 impl<'a> SearchWindow<'a> {
     /// Nowhere yet.
     pub(super) fn new(reference: &'a MainReference) -> Self {
-        Self { reference, octets: [None; 8], rows: WindowRows::default(), first: None }
+        Self { reference, octets: [None; 8], places: Default::default(), oldest: 0 }
     }
 
     /// The samples at a block displaced by whole voxels, if the frame has all blocks there.
     pub(super) fn look_at(&mut self, coord: BlockCoord, voxels: [i32; 3]) -> Option<&WindowRows> {
         let coord = coord.to_array();
         let first = [0, 1, 2].map(|axis| coord[axis] * EDGE + voxels[axis]);
-        if self.first != Some(first) {
-            let octet = self.octet(first.map(|c| c.div_euclid(EDGE)).into())?;
-            self.rows.load(&octet, first.map(|c| c.rem_euclid(EDGE) as usize));
-            self.first = Some(first);
+        if let Some(known) = (0..PLACES).find(|place| self.places[*place].first == Some(first)) {
+            return Some(&self.places[known].rows);
         }
-        Some(&self.rows)
+        let octet = self.octet(first.map(|c| c.div_euclid(EDGE)).into())?;
+        let place = &mut self.places[self.oldest];
+        self.oldest = (self.oldest + 1) % PLACES;
+        place.rows.load(&octet, first.map(|c| c.rem_euclid(EDGE) as usize));
+        place.first = Some(first);
+        Some(&place.rows)
     }
 
     fn octet(&mut self, lowest: BlockCoord) -> Option<Octet<'a>> {

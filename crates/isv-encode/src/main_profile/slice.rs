@@ -429,10 +429,10 @@ impl<'a> SliceEncoder<'a> {
             &context,
             levels,
         );
-        self.costs[usize::from(trial.mode == BlockMode::Spatial)].learn(levels);
         self.coded.modes.push(trial.mode);
         self.coded.levels.push(levels);
         let levels = self.coded.levels.of(block.number - self.range.start);
+        self.costs[usize::from(trial.mode == BlockMode::Spatial)].learn(levels);
         let place = self.samples.place(block.number) as usize;
         let samples = &mut self.samples.samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES];
         samples.copy_from_slice(&trial.prediction);
