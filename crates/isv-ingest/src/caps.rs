@@ -116,17 +116,19 @@ impl Blocks {
         found: &mut Vec<VoxelAt>,
     ) {
         let (n, size) = (source.grid.edge.voxels(), source.grid.edge.block_voxels());
-        let stride = n.pow(axis as u32);
+        let (shift, stride) = (axis as u32 * source.grid.edge.log2(), n.pow(axis as u32));
+        let [below, above] = [lower, upper].map(|block| &self.samples[block as usize * size..][..size]);
         // In a block from each layer to the next, and between two from the last one's to the first one's.
-        let layers = if lower == upper { 0..n - 1 } else { n - 1..n };
-        for below in (0..size).filter(|voxel| layers.contains(&(voxel / stride % n))) {
-            let above = if lower == upper { below + stride } else { below - (n - 1) * stride };
-            let s = self.samples[lower as usize * size + below];
-            let t = self.samples[upper as usize * size + above];
+        let is_same = lower == upper;
+        for voxel in (0..size).filter(|voxel| ((voxel >> shift & (n - 1)) == n - 1) != is_same) {
+            let next = if is_same { voxel + stride } else { voxel - (n - 1) * stride };
+            let (s, t) = (below[voxel], above[next]);
             let are_apart = u32::from(s.unsigned_abs()) + u32::from(t.unsigned_abs()) > apart;
-            let pair = [(lower, below as u32), (upper, above as u32)];
-            if (s < 0) != (t < 0) && are_apart && pair.iter().all(|at| self.is_observed(*at)) {
-                found.extend(pair);
+            if (s < 0) != (t < 0) && are_apart {
+                let pair = [(lower, voxel as u32), (upper, next as u32)];
+                found.extend(
+                    pair.iter().all(|at| self.is_observed(*at)).then_some(pair).into_iter().flatten(),
+                );
             }
         }
     }

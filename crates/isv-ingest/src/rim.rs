@@ -5,7 +5,7 @@
 //! that hang on by less than two of their neighbours are unobserved as well, and in turn those that hung on by them.
 
 use crate::caps::Blocks;
-use isv_volume::{BlockEdge, BlockIndex, CODES_PER_VOXEL, Neighbourhood, VoxelMask};
+use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, VoxelMask};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::BTreeSet;
@@ -15,8 +15,18 @@ const HOLD: usize = 2;
 /// Rounds of removal: teeth up to this many cells long vanish.
 const ROUNDS: usize = 4;
 
-/// In codes, more than the length of a cell's diagonal: a voxel that far from the surface has only neighbours on its side.
-const CELL_DIAGONAL: u32 = CODES_PER_VOXEL as u32 * 7 / 4;
+/// Marks of corners: inside, or unobserved or without a voxel.
+const INSIDE: u8 = 1;
+const OUT_OF_SIGHT: u8 = 2;
+
+/// The corners of a cell, from the lowest, x in the lowest bit of the corner's number.
+const CORNERS: [[usize; 3]; 8] =
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
+
+/// The slot in a block's neighbourhood of one so many ahead along each axis.
+fn slot([x, y, z]: [usize; 3]) -> usize {
+    (z + 1) * 9 + (y + 1) * 3 + x + 1
+}
 
 /// A voxel: its block, and its index there.
 type VoxelAt = (u32, u16);
@@ -80,35 +90,56 @@ impl Blocks {
 
     /// The surface cells that begin in a block and have all their corners, observed.
     fn observed_cells_of(&self, block: u32, around: &Neighbourhood, edge: BlockEdge) -> Vec<SurfaceCell> {
-        let (bits, last, size) = (edge.log2(), edge.voxels() - 1, edge.block_voxels());
+        let (bits, last, side) = (edge.log2(), edge.voxels() - 1, edge.voxels() + 1);
         let origin = self.coords[block as usize].to_array().map(|c| c << bits);
+        let marks = self.corner_marks(around, edge);
         let voxel_at = |place: [usize; 3]| {
-            let [x, y, z] = place.map(|p| p >> bits);
             let voxel = edge.voxel_index(place[0] & last, place[1] & last, place[2] & last);
-            around[(z + 1) * 9 + (y + 1) * 3 + x + 1].map(|neighbour| (neighbour, voxel as u16))
+            (around[slot(place.map(|p| p >> bits))].unwrap_or(block), voxel as u16)
         };
-        let samples = &self.samples[block as usize * size..][..size];
+        let steps: [usize; 8] = CORNERS.map(|[x, y, z]| (z * side + y) * side + x);
         let cell = |voxel: usize| {
             let place = [voxel & last, voxel >> bits & last, voxel >> (2 * bits)];
-            // Far from the surface, as most voxels are, no corner lies on the other side.
-            if u32::from(samples[voxel].unsigned_abs()) > CELL_DIAGONAL {
+            let first = (place[2] * side + place[1]) * side + place[0];
+            let (mut any, mut all) = (0, u8::MAX);
+            for step in steps {
+                any |= marks[first + step];
+                all &= marks[first + step];
+            }
+            if any != INSIDE || all == INSIDE {
                 return None;
             }
-            let (mut corners, mut inside) = ([(0, 0); 8], 0);
-            for (corner, at) in corners.iter_mut().enumerate() {
-                *at = voxel_at(std::array::from_fn(|axis| place[axis] + (corner >> axis & 1)))?;
-                inside |= u8::from(self.samples[at.0 as usize * size + usize::from(at.1)] < 0) << corner;
-            }
-            let is_surface =
-                inside != 0 && inside != u8::MAX && !corners.iter().any(|at| self.is_unobserved(*at));
+            let corner_places = CORNERS.map(|corner| std::array::from_fn(|axis| place[axis] + corner[axis]));
+            let inside = (0..8).fold(0, |inside, corner| inside | marks[first + steps[corner]] << corner);
             let base = std::array::from_fn(|axis| origin[axis] + place[axis] as i32);
-            is_surface.then_some(SurfaceCell { base, corners, inside })
+            Some(SurfaceCell { base, corners: corner_places.map(voxel_at), inside })
         };
-        (0..size).filter_map(cell).collect()
+        (0..edge.block_voxels()).filter_map(cell).collect()
     }
 
-    fn is_unobserved(&self, (block, voxel): VoxelAt) -> bool {
-        self.masks.get(&block).is_some_and(|mask| mask.contains(usize::from(voxel)))
+    /// What is to be known of the corners of all cells that begin in a block, x fastest: whether they are inside, unobserved, or not
+    /// there at all.
+    fn corner_marks(&self, around: &Neighbourhood, edge: BlockEdge) -> Vec<u8> {
+        let (n, size) = (edge.voxels(), edge.block_voxels());
+        let side = n + 1;
+        let mut marks = vec![OUT_OF_SIGHT; side.pow(3)];
+        for ahead in CORNERS {
+            let Some(block) = around[slot(ahead)] else { continue };
+            let samples = &self.samples[block as usize * size..][..size];
+            let mask = self.masks.get(&block);
+            // Of a block ahead along an axis, only the first layer.
+            let [nx, ny, nz] = ahead.map(|ahead| if ahead == 0 { n } else { 1 });
+            for (z, y) in (0..nz).flat_map(|z| (0..ny).map(move |y| (z, y))) {
+                for x in 0..nx {
+                    let voxel = edge.voxel_index(x, y, z);
+                    let unobserved = mask.is_some_and(|mask| mask.contains(voxel));
+                    let place = ((z + ahead[2] * n) * side + y + ahead[1] * n) * side + x + ahead[0] * n;
+                    marks[place] =
+                        if unobserved { OUT_OF_SIGHT } else { u8::from(samples[voxel] < 0) * INSIDE };
+                }
+            }
+        }
+        marks
     }
 
     /// Makes the corners of cells that do not stay unobserved, but for those that they share with cells that do.
