@@ -14,9 +14,6 @@ const N: usize = 8;
 /// By how much, in voxels, the distance to a rim may come out larger than that to the faces there, by rounding alone.
 const SLACK: f32 = 1e-5;
 
-/// The same where distances are continued: by how much they may be too small.
-const FAR_SLACK: f32 = 0.3;
-
 /// The rims of all wide holes, by tiles.
 pub(crate) struct Rims {
     segments: Vec<[DVec3; 2]>,
@@ -46,14 +43,8 @@ impl Rims {
     }
 
     /// The voxels of a block of a tile that are no closer to anything else, if there are any. `first`: the centre of the block's first
-    /// voxel; `distances`: those of its voxels, x fastest, exact up to `reach`.
-    pub(crate) fn unobserved(
-        &self,
-        tile: IVec3,
-        first: DVec3,
-        distances: &[f32],
-        reach: f32,
-    ) -> Option<VoxelMask> {
+    /// voxel; `distances`: those of its voxels, x fastest.
+    pub(crate) fn unobserved(&self, tile: IVec3, first: DVec3, distances: &[f32]) -> Option<VoxelMask> {
         let mut squares = [self.band * self.band; N * N * N];
         for rim in self.in_tile(tile) {
             let [a, b] = rim.map(|end| end - first);
@@ -64,9 +55,8 @@ impl Rims {
             }
         }
         let is_closest = |voxel: &usize| {
-            let (square, distance) = (squares[*voxel], distances[*voxel]);
-            let slack = if distance <= reach { SLACK } else { FAR_SLACK };
-            square < self.band * self.band && square.sqrt() <= distance + slack
+            let square = squares[*voxel];
+            square < self.band * self.band && square.sqrt() <= distances[*voxel] + SLACK
         };
         let mut mask = None;
         for voxel in (0..distances.len()).filter(is_closest) {

@@ -200,7 +200,7 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
         dispatch!(simd::level(), simd => take_near(simd, near, position, reach, &mut taken.distances));
         if let Some(rims) = rims.filter(|_| !taken.distances.is_empty()) {
             let first = first + IVec3::from_array(position).as_dvec3() * f64::from(source.near.edge);
-            taken.unobserved = rims.unobserved(tile.coord, first, &taken.distances, reach);
+            taken.unobserved = rims.unobserved(tile.coord, first, &taken.distances);
         }
     }
 }
