@@ -2,6 +2,7 @@
 
 use crate::boundary::Boundary;
 use crate::caps::Blocks;
+use crate::closure::close;
 use crate::holes::WideHoles;
 use crate::sampler::{Sign, Source, Workspace, sample_tile};
 use crate::scene::Scene;
@@ -132,8 +133,8 @@ impl<'m> Frame<'m> {
         };
         let list = debug_span!("ingest tiles")
             .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
-        let (sign, holes) =
-            debug_span!("ingest sides").in_scope(|| find_sign(&voxel_mesh, decision, offset, &near));
+        let (sign, holes) = debug_span!("ingest sides")
+            .in_scope(|| find_sign(&voxel_mesh, settings, decision, offset, &near))?;
         let scene = match reach {
             Reach::Band => Scene::exact(voxel_mesh, list, holes),
             Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, &band),
@@ -152,16 +153,19 @@ impl<'m> Frame<'m> {
 /// Where signs come from, and the wide holes of a mesh with an inside.
 fn find_sign(
     mesh: &VoxelMesh,
+    settings: &MeshIngest,
     decision: SignDecision,
     offset: f64,
     band: &Band,
-) -> (Sign, Option<WideHoles>) {
+) -> Result<(Sign, Option<WideHoles>), IngestError> {
     match decision {
-        SignDecision::Offset => (Sign::Offset(offset as f32), None),
+        SignDecision::Offset => Ok((Sign::Offset(offset as f32), None)),
         SignDecision::Closed { .. } => {
             let boundary = Boundary::of(mesh);
+            let closing = close(&boundary.chain, &mesh.vertices);
+            limits::check_closing(mesh, &closing, settings)?;
             let holes = WideHoles::find(mesh, &boundary);
-            (Sign::Closed(Sides::of(mesh, &boundary, holes.as_ref(), band)), holes)
+            Ok((Sign::Closed(Sides::of(mesh, &closing, holes.as_ref(), band)), holes))
         }
     }
 }

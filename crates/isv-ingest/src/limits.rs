@@ -84,6 +84,29 @@ pub(crate) fn list_tiles(
     Err(FitError::too_many_blocks(&settings.grid, limit, mesh.area(), count).into())
 }
 
+/// Refuses meshes whose holes are so wide that the triangles that close them alone would take more blocks than allowed, and says which
+/// voxel size they would not at.
+pub(crate) fn check_closing(
+    mesh: &VoxelMesh,
+    closing: &[[u32; 3]],
+    settings: &MeshIngest,
+) -> Result<(), IngestError> {
+    let doubled = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|vertex| mesh.vertices[vertex as usize]);
+        (b - a).cross(c - a).length()
+    };
+    let (voxel_m, limit) = (settings.grid.voxel_size.metres(), settings.max_blocks);
+    let area_m2 = 0.5 * closing.iter().map(doubled).sum::<f64>() * voxel_m * voxel_m;
+    let count = |voxel_m: f64| {
+        let blocks = area_m2 / (voxel_m * settings.grid.edge.voxels() as f64).powi(2);
+        (blocks <= limit as f64).then_some(blocks as usize)
+    };
+    match count(voxel_m) {
+        Some(_) => Ok(()),
+        None => Err(FitError::too_many_blocks(&settings.grid, limit, area_m2, count).into()),
+    }
+}
+
 /// Refuses points around which more blocks than allowed have voxels within `width` voxels.
 pub(crate) fn check_points_blocks(
     cloud: &PointCloud,

@@ -1,7 +1,5 @@
 //! Which voxels are inside a mesh (Eq. 8): where its winding number is not zero, once it is closed.
 
-use crate::boundary::Boundary;
-use crate::closure::close;
 use crate::crossings::Crossings;
 use crate::holes::WideHoles;
 use crate::tiles::{Band, OverLimit, TileList, VoxelMesh};
@@ -26,17 +24,16 @@ pub(crate) struct Sides {
 }
 
 impl Sides {
-    /// `holes`: those of the mesh that are to stay open, if any.
-    pub(crate) fn of(mesh: &VoxelMesh, boundary: &Boundary, holes: Option<&WideHoles>, band: &Band) -> Self {
-        let triangles = close(&boundary.chain, &mesh.vertices);
-        let crossings = Crossings::of(mesh, &triangles, band.tile_edge().ilog2());
+    /// Of a mesh that some more triangles close. `holes`: those that are to stay open, if any.
+    pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], holes: Option<&WideHoles>, band: &Band) -> Self {
+        let crossings = Crossings::of(mesh, closing, band.tile_edge().ilog2());
         let is_cap = |triangle: &&[u32; 3]| {
             holes.is_some_and(|holes| triangle.iter().any(|vertex| holes.has_vertex(*vertex)))
         };
-        let caps: Vec<[u32; 3]> = triangles.iter().filter(is_cap).copied().collect();
-        let closing = (!triangles.is_empty()).then(|| WindingNumber::new(&by_themselves(mesh, &triangles)));
+        let caps: Vec<[u32; 3]> = closing.iter().filter(is_cap).copied().collect();
+        let over_holes = (!closing.is_empty()).then(|| WindingNumber::new(&by_themselves(mesh, closing)));
         let capped_tiles = tiles_of(by_themselves(mesh, &caps), band);
-        Self { crossings, closing, capped_tiles, tile_edge: f64::from(band.tile_edge()) }
+        Self { crossings, closing: over_holes, capped_tiles, tile_edge: f64::from(band.tile_edge()) }
     }
 
     /// The generalized winding numbers of voxels in the mesh as it is, with its holes (Jacobson et al. 2013): what they are in the

@@ -354,6 +354,33 @@ fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
 }
 
 #[test]
+fn a_hoop_too_wide_to_close_is_refused_with_a_voxel_that_fits() {
+    // A band 10 cm high around a circle of 300 m.
+    let corner = |i: u32, z: f64| {
+        let (y, x) = (f64::from(i % 1000) * std::f64::consts::TAU / 1000.0).sin_cos();
+        DVec3::new(300.0 * x, 300.0 * y, z)
+    };
+    let quad =
+        |i: u32| [[2 * i, (2 * i + 2) % 2000, (2 * i + 3) % 2000], [2 * i, (2 * i + 3) % 2000, 2 * i + 1]];
+    let hoop = TriangleMesh {
+        vertices: (0..1000).flat_map(|i| [corner(i, 0.0), corner(i, 0.1)]).collect(),
+        normals: Vec::new(),
+        triangles: (0..1000).flat_map(quad).collect(),
+    };
+    let limited = |voxel_m| MeshIngest {
+        max_blocks: 200_000,
+        reach: Reach::Surface,
+        ..settings(voxel_m, BlockEdge::E8)
+    };
+    ingest_mesh(&hoop, &limited(0.1), SignDecision::Offset).unwrap();
+    let error = ingest_mesh(&hoop, &limited(0.1), CLOSED).unwrap_err();
+    let IngestError::Fit(FitError::TooManyBlocks { voxel_that_fits_m, .. }) = error else {
+        panic!("{error}")
+    };
+    ingest_mesh(&hoop, &limited(voxel_that_fits_m), CLOSED).unwrap();
+}
+
+#[test]
 fn a_wrong_unit_is_refused_quickly() {
     let mut mesh = sphere(0.5, 40);
     mesh.vertices.iter_mut().for_each(|v| *v *= 1000.0);
