@@ -7,7 +7,7 @@
 use crate::caps::Blocks;
 use isv_volume::{BlockEdge, BlockIndex, Neighbourhood, VoxelMask};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 use std::collections::BTreeSet;
 
 /// Neighbours on the surface that a cell needs to stay.
@@ -65,7 +65,7 @@ impl Blocks {
                 across.iter().zip(&stays).map(|(n, stays)| *stays && staying(n) >= HOLD).collect();
             stays[..trimmed].copy_from_slice(&holds);
         }
-        self.remove(&cells, &stays, edge);
+        self.remove(&cells, &stays, &index, edge);
     }
 
     /// A set of blocks and all blocks that touch one of them.
@@ -143,18 +143,27 @@ impl Blocks {
     }
 
     /// Makes the corners of cells that do not stay unobserved, but for those that they share with cells that do.
-    fn remove(&mut self, cells: &[SurfaceCell], stays: &[bool], edge: BlockEdge) {
-        let corners = |staying: bool| {
-            let chosen = cells.iter().zip(stays).filter(move |(_, stays)| **stays == staying);
-            chosen.flat_map(|(cell, _)| cell.corners)
+    fn remove(
+        &mut self,
+        cells: &[SurfaceCell],
+        stays: &[bool],
+        index: &FxHashMap<[i32; 3], u32>,
+        edge: BlockEdge,
+    ) {
+        let moved = |place: [i32; 3], corner: [usize; 3], way: i32| -> [i32; 3] {
+            std::array::from_fn(|axis| place[axis] + way * corner[axis] as i32)
         };
-        let mut removed: FxHashSet<VoxelAt> = corners(false).collect();
-        for at in corners(true) {
-            removed.remove(&at);
-        }
-        for at in removed {
-            let mask = self.masks.entry(at.0).or_insert_with(|| VoxelMask::empty(edge));
-            mask.insert(usize::from(at.1));
+        let is_held = |place: [i32; 3]| {
+            let around = CORNERS.iter().filter_map(|corner| index.get(&moved(place, *corner, -1)));
+            around.into_iter().any(|cell| stays[*cell as usize])
+        };
+        for (cell, _) in cells.iter().zip(stays).filter(|(_, stays)| !**stays) {
+            for (corner, (block, voxel)) in CORNERS.iter().zip(cell.corners) {
+                if !is_held(moved(cell.base, *corner, 1)) {
+                    let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(edge));
+                    mask.insert(usize::from(voxel));
+                }
+            }
         }
     }
 }
