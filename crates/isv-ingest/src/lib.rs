@@ -30,7 +30,7 @@
 //! down from a tile to the voxels in each cell, eight at a time, and measures. `boundary` finds where a mesh is not closed, `closure`
 //! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
 //! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
-//! `rim` trims teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
+//! `trim` takes teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
 //! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `stale` finds what of it is as it
 //! was in the frame before, and `ingester` puts volumes together.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
@@ -51,7 +51,6 @@ mod ingester;
 mod limits;
 mod lost;
 mod points;
-mod rim;
 mod rims;
 mod sampler;
 mod scatter;
@@ -61,6 +60,7 @@ mod sign;
 mod stale;
 mod tiles;
 mod topology;
+mod trim;
 
 #[cfg(test)]
 mod tests;

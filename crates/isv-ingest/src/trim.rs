@@ -1,4 +1,4 @@
-//! Where exactly a surface ends at the rim of a hole.
+//! Where exactly a surface ends at the rim of a hole: teeth and specks are trimmed.
 //!
 //! No surface is made in a cell with an unobserved corner. Which voxels have their closest surface point on the rim, though,
 //! is rough at the scale of a voxel, and would leave a surface ending in teeth and specks. So surface cells near the rim
