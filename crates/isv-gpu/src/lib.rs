@@ -1,0 +1,45 @@
+//! The codec's arithmetic on a GPU, through wgpu (Vulkan, Metal, DX12): the same bits as on the CPU.
+//!
+//! ```no_run
+//! use isv_gpu::{Gpu, GpuChoice, GpuVolume, VolumeStore};
+//! # fn volume() -> isv_volume::SparseVolume { unimplemented!() }
+//!
+//! let gpu = Gpu::open(&GpuChoice::default())?;
+//! let store = VolumeStore::new(&gpu)?;
+//! let volume = GpuVolume::upload(&store, &volume())?;
+//! # Ok::<(), isv_gpu::GpuError>(())
+//! ```
+//!
+//! # How it works
+//!
+//! - A [`VolumeStore`] holds the samples of all volumes in one pool of slots, a block each (`pool`), so that volumes share blocks
+//!   and a frame is predicted from the one before without leaving the GPU. A [`GpuVolume`] has a list of its blocks' coordinates
+//!   and slots and a hash table to find them by (`blocks`, Sec. 3.6 of the paper).
+//! - Kernels are WGSL in `shaders`, put together from parts (`kernel`); one workgroup works on one block. What a decoder repeats is
+//!   `i32` and `u32` only, and written after the scalar code of `isv-kernels` and `isv-decode`, which tests compare it with.
+//! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
+
+mod adapter;
+mod blocks;
+mod commands;
+mod device;
+mod error;
+mod kernel;
+mod pool;
+mod storage;
+mod store;
+mod volume;
+
+pub use adapter::{AdapterKind, AdapterReport, adapters};
+pub use device::{Gpu, GpuChoice, Memory};
+pub use error::GpuError;
+pub(crate) use storage::Storage;
+pub use store::VolumeStore;
+pub use volume::GpuVolume;
+
+/// All shaders, with the entry points that are used of each: tests validate them without a GPU.
+#[cfg(test)]
+const SHADERS: &[(kernel::Shader, &[&str])] = &[(blocks::INSERT, &["insert"])];
+
+#[cfg(test)]
+mod tests;
