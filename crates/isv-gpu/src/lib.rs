@@ -22,6 +22,7 @@
 mod adapter;
 mod blocks;
 mod commands;
+mod decode;
 mod device;
 mod error;
 mod kernel;
@@ -39,7 +40,17 @@ pub use volume::GpuVolume;
 
 /// All shaders, with the entry points that are used of each: tests validate them without a GPU.
 #[cfg(test)]
-const SHADERS: &[(kernel::Shader, &[&str])] = &[(blocks::INSERT, &["insert"])];
+const SHADERS: &[(kernel::Shader, &[&str])] = &[
+    (blocks::INSERT, &["insert"]),
+    (decode::shaders::TEMPORAL, &["temporal"]),
+    (decode::shaders::SPATIAL, &["spatial"]),
+    (decode::shaders::FACE_FILTER, &["face_filter"]),
+    (decode::shaders::EXTRAPOLATE, &["extrapolate"]),
+    (decode::shaders::CONFLICTS, &["conflicts"]),
+    (decode::shaders::CORNERS, &["crossed_corners"]),
+    (decode::shaders::ACTIVITY, &["expected_activity"]),
+    (decode::shaders::WARP, &["warp"]),
+];
 
 #[cfg(test)]
 mod tests;

@@ -1,0 +1,3 @@
+//! Decoding on a GPU.
+
+pub(crate) mod shaders;

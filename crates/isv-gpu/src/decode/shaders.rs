@@ -1,0 +1,59 @@
+//! The kernels of decoding.
+
+use crate::kernel::Shader;
+
+const SAMPLES: &str = include_str!("../shaders/samples.wgsl");
+const TABLE: &str = include_str!("../shaders/block_table.wgsl");
+const FIND: &str = include_str!("../shaders/block_find.wgsl");
+const RESIDUAL: &str = include_str!("../shaders/residual.wgsl");
+const CODED: &str = include_str!("../shaders/coded.wgsl");
+const VECTORS: &str = include_str!("../shaders/vectors.wgsl");
+const FRAME: &str = include_str!("../shaders/frame_blocks.wgsl");
+
+/// A block from the frame before, and its residual.
+pub(crate) const TEMPORAL: Shader = Shader {
+    name: "temporal",
+    parts: &[SAMPLES, TABLE, RESIDUAL, CODED, VECTORS, include_str!("../shaders/temporal.wgsl"), FIND],
+};
+/// A block from those around it, and its residual.
+pub(crate) const SPATIAL: Shader = Shader {
+    name: "spatial",
+    parts: &[
+        SAMPLES,
+        TABLE,
+        RESIDUAL,
+        CODED,
+        VECTORS,
+        include_str!("../shaders/wide.wgsl"),
+        include_str!("../shaders/spatial.wgsl"),
+        FIND,
+    ],
+};
+/// The in-loop filter.
+pub(crate) const FACE_FILTER: Shader = Shader {
+    name: "face filter",
+    parts: &[SAMPLES, TABLE, CODED, VECTORS, include_str!("../shaders/face_filter.wgsl"), FIND],
+};
+/// Blocks beside coded ones.
+pub(crate) const EXTRAPOLATE: Shader = Shader {
+    name: "extrapolate",
+    parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/extrapolate.wgsl"), FIND],
+};
+/// Faces between made-up blocks of different signs.
+pub(crate) const CONFLICTS: Shader =
+    Shader { name: "conflicts", parts: &[TABLE, FRAME, include_str!("../shaders/conflicts.wgsl"), FIND] };
+/// Corners of crossed cells.
+pub(crate) const CORNERS: Shader = Shader {
+    name: "corners",
+    parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/corners.wgsl"), FIND],
+};
+/// Where surface is expected.
+pub(crate) const ACTIVITY: Shader = Shader {
+    name: "activity",
+    parts: &[SAMPLES, TABLE, FRAME, VECTORS, include_str!("../shaders/activity.wgsl"), FIND],
+};
+/// A block by rigid motion (profile `paper`).
+pub(crate) const WARP: Shader = Shader {
+    name: "warp",
+    parts: &[SAMPLES, TABLE, FRAME, RESIDUAL, include_str!("../shaders/warp.wgsl"), FIND],
+};
