@@ -1,11 +1,13 @@
 //! The decoder: one packet, one volume.
 
+mod failure;
 mod main;
 mod paper;
 mod sequence;
 
+use crate::DecodeError;
+use crate::backend::{Backend, Cpu};
 use crate::reduced::Lod;
-use crate::{DecodeError, volume_hash};
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{GridError, SparseVolume};
 use main::MainDecoder;
@@ -25,11 +27,11 @@ impl Default for Limits {
     }
 }
 
-/// A frame as decoded.
+/// A frame as decoded. `V`: [`Backend::Volume`].
 #[derive(Clone, Debug)]
-pub struct DecodedFrame<'a> {
+pub struct DecodedFrame<'a, V = SparseVolume> {
     /// The volume; it is also the reference for the next frame.
-    pub volume: &'a SparseVolume,
+    pub volume: &'a V,
     /// When it is shown, in nanoseconds.
     pub timestamp_ns: u64,
     /// Whether decoding could have begun here.
@@ -38,28 +40,33 @@ pub struct DecodedFrame<'a> {
     pub stated_hash: Option<u64>,
 }
 
-/// Decodes the packets of a stream in order, from any keyframe on.
+/// What is said of a frame beside its volume.
+#[derive(Clone, Copy, Debug)]
+struct FrameFacts {
+    timestamp_ns: u64,
+    keyframe: bool,
+    stated_hash: Option<u64>,
+}
+
+/// Decodes the packets of a stream in order, from any keyframe on. `B`: who does the arithmetic on samples.
 #[derive(Debug)]
-pub struct Decoder(ProfileDecoder);
+pub struct Decoder<B: Backend = Cpu> {
+    backend: B,
+    profile: ProfileDecoder<B>,
+}
 
 /// A decoder of each profile.
 #[derive(Debug)]
-enum ProfileDecoder {
-    Paper(Box<PaperDecoder>),
-    Main(Box<MainDecoder>),
+enum ProfileDecoder<B: Backend> {
+    Paper(Box<PaperDecoder<B>>),
+    Main(Box<MainDecoder<B>>),
 }
 
 impl Decoder {
-    /// A decoder for the frames of a stream.
+    /// A decoder for the frames of a stream, on the CPU.
     #[must_use]
     pub fn new(header: &StreamHeader, limits: Limits) -> Self {
-        Self(match header.profile {
-            Profile::Paper(paper) => {
-                let decoder = PaperDecoder::new(header.grid, paper, limits);
-                ProfileDecoder::Paper(Box::new(decoder))
-            }
-            Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
-        })
+        Self::with_backend(header, limits, Cpu::default())
     }
 
     /// A decoder that decodes at reduced resolution, for previews and weak devices: voxels of twice or four times the edge, in
@@ -73,10 +80,22 @@ impl Decoder {
     /// # Errors
     /// [`GridError::VoxelSize`] if voxels would be larger than a kilometre.
     pub fn with_lod(header: &StreamHeader, limits: Limits, lod: Lod) -> Result<Self, GridError> {
-        Ok(Self(match Self::new(header, limits).0 {
-            ProfileDecoder::Paper(decoder) => ProfileDecoder::Paper(Box::new(decoder.with_lod(lod)?)),
-            ProfileDecoder::Main(decoder) => ProfileDecoder::Main(Box::new(decoder.with_lod(lod)?)),
-        }))
+        Ok(Self::with_backend(header, limits, Cpu::with_lod(header, lod)?))
+    }
+}
+
+impl<B: Backend> Decoder<B> {
+    /// A decoder for the frames of a stream, whose samples are the backend's.
+    #[must_use]
+    pub fn with_backend(header: &StreamHeader, limits: Limits, backend: B) -> Self {
+        let profile = match header.profile {
+            Profile::Paper(paper) => {
+                let decoder = PaperDecoder::new(header.grid, paper, limits);
+                ProfileDecoder::Paper(Box::new(decoder))
+            }
+            Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
+        };
+        Self { backend, profile }
     }
 
     /// Decodes a frame packet.
@@ -85,35 +104,56 @@ impl Decoder {
     ///
     /// # Errors
     /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
-    pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
-        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
-        rayon::scope(|_| match &mut self.0 {
-            ProfileDecoder::Paper(decoder) => decoder.decode(packet),
-            ProfileDecoder::Main(decoder) => decoder.decode(packet),
-        })
+    pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
+        self.profile.decode(packet, &mut self.backend)
     }
 
     /// Decodes a frame packet and compares the hash that it states, if it states one.
     ///
     /// # Errors
     /// As [`Self::decode`], and [`DecodeError::HashMismatch`].
-    pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
-        let frame = self.frames();
-        let decoded = self.decode(packet)?;
+    pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
+        let frame = self.profile.frames();
+        let decoded = self.profile.decode(packet, &mut self.backend)?;
         if let Some(stated) = decoded.stated_hash {
-            let found = volume_hash(decoded.volume);
+            let found = self.backend.hash(decoded.volume)?;
             if stated != found {
                 return Err(DecodeError::HashMismatch { frame, stated, found });
             }
         }
         Ok(decoded)
     }
+}
+
+impl<B: Backend> ProfileDecoder<B> {
+    /// Decodes a frame packet.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode`].
+    fn decode(
+        &mut self,
+        packet: &Packet,
+        backend: &mut B,
+    ) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
+        // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
+        let facts = rayon::scope(|_| match self {
+            Self::Paper(decoder) => decoder.decode(packet, backend),
+            Self::Main(decoder) => decoder.decode(packet, backend),
+        });
+        let FrameFacts { timestamp_ns, keyframe, stated_hash } = facts?;
+        let volume = match self {
+            Self::Paper(decoder) => decoder.volume(),
+            Self::Main(decoder) => decoder.volume(),
+        };
+        let volume = volume.expect("a frame was decoded");
+        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash })
+    }
 
     /// Frames decoded so far.
     fn frames(&self) -> u64 {
-        match &self.0 {
-            ProfileDecoder::Paper(decoder) => decoder.frames(),
-            ProfileDecoder::Main(decoder) => decoder.frames(),
+        match self {
+            Self::Paper(decoder) => decoder.frames(),
+            Self::Main(decoder) => decoder.frames(),
         }
     }
 }

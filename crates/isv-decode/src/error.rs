@@ -3,10 +3,28 @@
 use isv_format::FormatError;
 use thiserror::Error;
 
+/// What keeps a [`crate::backend::Backend`] from its work. No fault of the stream.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum BackendError {
+    /// The device is gone or failed, and what it held with it; why.
+    #[error("the device was lost: {0}")]
+    DeviceLost(String),
+    /// Memory ran out; what was asked for.
+    #[error("the device has no memory left for {0}")]
+    OutOfMemory(String),
+    /// It never does this; what.
+    #[error("the device does not support {0}")]
+    Unsupported(&'static str),
+}
+
 /// A frame that cannot be decoded.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DecodeError {
+    /// The arithmetic could not be done.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
     /// The container is at fault.
     #[error(transparent)]
     Format(#[from] FormatError),

@@ -6,7 +6,7 @@
 
 mod frame_blocks;
 
-use crate::Reference;
+use crate::{Reference, ReferenceBlocks};
 use isv_kernels::extrapolation::{Block, CodedNeighbours, extrapolate};
 use isv_volume::{
     BlockCoord, BlockEdge, BlockIndex, BlockOrigin, Grid, NeighbourFinder, SparseVolume, VoxelMask,
@@ -43,7 +43,9 @@ impl Extended {
         }
         let masks = coded.unobserved_masks().iter();
         let masks = masks.map(|(block, mask)| (plan.places()[*block as usize], mask.clone())).collect();
-        plan.extend(*coded.grid(), samples).with_unobserved(masks)
+        let mut extended = plan.extend(*coded.grid(), samples, None);
+        extended.add_unobserved(masks);
+        extended
     }
 
     /// The volume.
@@ -58,39 +60,80 @@ impl Extended {
         self.reference.index()
     }
 
-    /// The frame with further unobserved voxels, by block index.
-    #[must_use]
-    pub fn with_unobserved(self, masks: BTreeMap<u32, VoxelMask>) -> Self {
-        let reference = self.reference.with_unobserved(masks);
-        Self { reference, ..self }
+    /// Adds unobserved voxels, by block index.
+    pub fn add_unobserved(&mut self, masks: BTreeMap<u32, VoxelMask>) {
+        self.reference.add_unobserved(masks);
     }
 }
 
-/// Where the blocks of a frame will be once it is extended: all that can be said before its samples are known.
+/// Where the blocks of a frame will be once it is extended: all that can be said before its samples are known, and without those
+/// of the frame before.
 #[derive(Clone, Debug)]
-pub struct ExtensionPlan<'a> {
+pub struct ExtensionPlan {
     blocks: FrameBlocks,
-    kept: Option<Kept<'a>>,
     coords: Vec<BlockCoord>,
     index: BlockIndex,
-    /// Of each block, where its samples come from: those of the frame itself, or the frame before.
     origins: Vec<BlockOrigin>,
-    /// Whether each was coded, in this frame or an earlier one.
     coded: Vec<bool>,
     places: Vec<u32>,
 }
 
-impl<'a> ExtensionPlan<'a> {
+impl ExtensionPlan {
     /// Plans the extension of a frame. `coded`, `kept`: those that its blocks were found for.
     #[must_use]
-    pub fn new(blocks: FrameBlocks, coded: &[BlockCoord], kept: Option<Kept<'a>>) -> Self {
+    pub fn new(blocks: FrameBlocks, coded: &[BlockCoord], kept: Option<Kept>) -> Self {
         let (coords, index) = (blocks.all.coords(), BlockIndex::of(&blocks.all));
         let mut next = coded.iter().peekable();
         let is_coded = |(place, coord): (u32, BlockCoord)| next.next_if_eq(&&coord).map(|_| place);
         let fresh = (0..).zip(blocks.fresh.cells().iter().flat_map(|cell| cell.coords()));
         let places = fresh.filter_map(is_coded).collect();
         let (origins, coded) = (origins(&blocks, kept), blocks.coded.marks_in(&blocks.all));
-        Self { blocks, kept, coords, index, origins, coded, places }
+        Self { blocks, coords, index, origins, coded, places }
+    }
+
+    /// The sets of the frame's blocks.
+    #[must_use]
+    pub fn blocks(&self) -> &FrameBlocks {
+        &self.blocks
+    }
+
+    /// All blocks in Morton order: those of [`FrameBlocks::all`]. A block's index is its place here.
+    #[must_use]
+    pub fn coords(&self) -> &[BlockCoord] {
+        &self.coords
+    }
+
+    /// Look-up of [`Self::coords`].
+    #[must_use]
+    pub fn index(&self) -> &BlockIndex {
+        &self.index
+    }
+
+    /// For each block, where its samples come from: [`BlockOrigin::Fresh`] with its number among those of the frame itself,
+    /// which are [`FrameBlocks::fresh`] in Morton order, or [`BlockOrigin::Kept`] with its index in the frame before.
+    #[must_use]
+    pub fn origins(&self) -> &[BlockOrigin] {
+        &self.origins
+    }
+
+    /// For each block, whether it was coded, in this frame or an earlier one that it is kept of. The others are extrapolated from
+    /// those around them that were; they all have one sign.
+    #[must_use]
+    pub fn coded(&self) -> &[bool] {
+        &self.coded
+    }
+
+    /// Whether any block's samples, or its masks, are those of the frame before.
+    #[must_use]
+    pub fn keeps(&self) -> bool {
+        // Whatever has samples of its own is unsettled, so without kept samples there are no kept masks.
+        self.blocks.fresh != self.blocks.all
+    }
+
+    /// The frame's blocks, their coordinates and the look-up of these, when all is done.
+    #[must_use]
+    pub fn into_blocks(self) -> (FrameBlocks, Vec<BlockCoord>, BlockIndex) {
+        (self.blocks, self.coords, self.index)
     }
 
     /// For each block coded in this frame, its index among the blocks whose samples are of this frame.
@@ -114,24 +157,31 @@ impl<'a> ExtensionPlan<'a> {
     }
 
     /// Extends coded blocks to all that are planned. `samples`: as [`Self::room`] has them, those of the coded blocks at their
-    /// [`Self::places`].
+    /// [`Self::places`]. `before`: the frame before, if anything is kept of it.
     ///
     /// # Panics
-    /// If the block edge is not 8, or there are not as many samples as planned.
+    /// If the block edge is not 8, there are not as many samples as planned, or `before` is not the frame that was planned with.
     #[must_use]
-    pub fn extend(self, grid: Grid, mut samples: Vec<i16>) -> Extended {
+    pub fn extend(self, grid: Grid, mut samples: Vec<i16>, before: Option<&Reference>) -> Extended {
         assert_eq!(grid.edge, BlockEdge::E8, "the extension is defined for blocks of 8 voxels");
-        let sides = self.fill(grid.truncation.codes(), &mut samples);
-        let masks = self.masks(&sides);
-        let Self { blocks, kept, coords, index, origins, .. } = self;
         let nothing = SparseVolume::empty(grid);
-        let before = kept.map_or(&nothing, |kept| kept.before.volume());
-        let volume = before.succeed(coords, &origins, samples, masks);
+        let before = before.filter(|_| self.keeps());
+        let kept = before.map_or(&nothing, Reference::volume);
+        let sides = self.fill(grid.truncation.codes(), &mut samples, kept);
+        let side = |block: u32| match self.origins[block as usize] {
+            BlockOrigin::Fresh(block) => sides[block as usize],
+            BlockOrigin::Kept(_) if self.coded[block as usize] => Side::Coded,
+            BlockOrigin::Kept(before) if kept_samples(kept, before)[0] < 0 => Side::Inside,
+            BlockOrigin::Kept(_) => Side::Outside,
+        };
+        let masks = self.masks(side, before.map(Reference::blocks));
+        let Self { blocks, coords, index, origins, .. } = self;
+        let volume = kept.succeed(coords, &origins, samples, masks);
         Extended { reference: Reference::with_index(volume, index), blocks }
     }
 
-    /// Extrapolates the fresh blocks that were not coded. On which side each fresh block lies.
-    fn fill(&self, limit: i16, samples: &mut [i16]) -> Vec<Side> {
+    /// Extrapolates the fresh blocks that were not coded. On which side each fresh block lies. `kept`: what the other blocks are of.
+    fn fill(&self, limit: i16, samples: &mut [i16], kept: &SparseVolume) -> Vec<Side> {
         let fresh = samples.len() / BLOCK_VOXELS;
         let mut sides = vec![Side::Coded; fresh];
         let mut coded: Vec<Option<&Block>> = vec![None; fresh];
@@ -147,7 +197,7 @@ impl<'a> ExtensionPlan<'a> {
         }
         let coded = |block: u32| match self.origins[block as usize] {
             BlockOrigin::Fresh(block) => coded[block as usize],
-            BlockOrigin::Kept(before) => self.coded[block as usize].then(|| self.kept_samples(before)),
+            BlockOrigin::Kept(before) => self.coded[block as usize].then(|| kept_samples(kept, before)),
         };
         others.par_iter_mut().for_each_init(
             || NeighbourFinder::new(&self.index),
@@ -161,20 +211,17 @@ impl<'a> ExtensionPlan<'a> {
         sides
     }
 
-    /// The samples of a block of the frame before.
-    fn kept_samples(&self, block: u32) -> &'a Block {
-        let Kept { before, .. } = self.kept.expect("blocks are kept of a frame before");
-        before.volume().block(block as usize).try_into().expect("blocks of an edge of 8")
-    }
-
-    /// Both sides of the faces on which extrapolated blocks of different signs meet, and the masks of what has settled.
-    fn masks(&self, sides: &[Side]) -> BTreeMap<u32, VoxelMask> {
-        let side = |block: u32| match self.origins[block as usize] {
-            BlockOrigin::Fresh(block) => sides[block as usize],
-            BlockOrigin::Kept(_) if self.coded[block as usize] => Side::Coded,
-            BlockOrigin::Kept(before) if self.kept_samples(before)[0] < 0 => Side::Inside,
-            BlockOrigin::Kept(_) => Side::Outside,
-        };
+    /// The masks of the frame, by index of its blocks, but for those that its bytes hold: both sides of the faces on which
+    /// extrapolated blocks of different signs meet, and the masks of what has settled.
+    ///
+    /// `side`: of a block, by its index; asked only for unsettled blocks and those around them. `before`: the frame
+    /// before, if anything is kept of it.
+    #[must_use]
+    pub fn masks(
+        &self,
+        side: impl Fn(u32) -> Side,
+        before: Option<ReferenceBlocks>,
+    ) -> BTreeMap<u32, VoxelMask> {
         let FrameBlocks { all, unsettled, .. } = &self.blocks;
         // Of what lies further from all that is unsettled, nothing is asked.
         let near = unsettled.dilated().marks_in(all);
@@ -196,16 +243,16 @@ impl<'a> ExtensionPlan<'a> {
             .zip(opposed.marks_in(all))
             .filter_map(|(block, is_opposed)| (is_opposed && unsettled[block]).then_some(block));
         let mut masks: Vec<_> = blocks.filter_map(|block| conflicts(&mut finder, block)).collect();
-        masks.extend(self.settled_masks(&unsettled));
+        if let Some(before) = before.filter(|_| self.keeps()) {
+            masks.extend(self.settled_masks(before, &unsettled));
+        }
         masks.into_iter().collect()
     }
 
     /// The masks of the frame before in blocks where nothing has changed.
-    fn settled_masks(&self, unsettled: &[bool]) -> Vec<(u32, VoxelMask)> {
-        let Some(Kept { before, .. }) = self.kept else { return Vec::new() };
-        let volume = before.volume();
-        let settled = volume.unobserved_masks().iter().filter_map(|(block, mask)| {
-            let block = self.index.get(volume.coords()[*block as usize])?;
+    fn settled_masks(&self, before: ReferenceBlocks, unsettled: &[bool]) -> Vec<(u32, VoxelMask)> {
+        let settled = before.unobserved.iter().filter_map(|(block, mask)| {
+            let block = self.index.get(before.coords[*block as usize])?;
             let block = (!unsettled[block as usize]).then_some(block)?;
             Some((block, mask.clone()))
         });
@@ -213,12 +260,17 @@ impl<'a> ExtensionPlan<'a> {
     }
 }
 
+/// The samples of a block of the frame before.
+fn kept_samples(kept: &SparseVolume, block: u32) -> &Block {
+    kept.block(block as usize).try_into().expect("blocks of an edge of 8")
+}
+
 /// Where the samples of each block come from.
 fn origins(blocks: &FrameBlocks, kept: Option<Kept>) -> Vec<BlockOrigin> {
     let mut fresh = 0..;
     let before = kept.map(|Kept { before, .. }| {
         // Blocks of the frame before that are in this one and not made anew.
-        blocks.all.difference(&blocks.fresh).marks_in(&before.blocks.all)
+        blocks.all.difference(&blocks.fresh).marks_in(&before.all)
     });
     let mut before = (0..).zip(before.unwrap_or_default()).filter(|(_, is_kept)| *is_kept);
     let is_fresh = blocks.fresh.marks_in(&blocks.all);
@@ -229,11 +281,14 @@ fn origins(blocks: &FrameBlocks, kept: Option<Kept>) -> Vec<BlockOrigin> {
     is_fresh.into_iter().map(origin).collect()
 }
 
-/// What masks need to know of a block: whether it was coded, and else, on which side of the surface it lies.
+/// What [`ExtensionPlan::masks`] need to know of a block: whether it was coded, and else, on which side of the surface it lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+pub enum Side {
+    /// It was coded, in this frame or an earlier one.
     Coded,
+    /// It was extrapolated, and its samples are negative.
     Inside,
+    /// It was extrapolated, and its samples are positive.
     Outside,
 }
 

@@ -5,11 +5,13 @@
 //!                                                                      ▲ Reference: the volume before ────────┘
 //! ```
 //!
-//! [`Decoder`] is the whole of it. The encoder uses the parts: it fills a [`FrameSymbols`], writes it with the mirror image
+//! [`Decoder`] is the whole of it. Left of the symbols it is one, on the CPU, and sees no samples; right of them it is a
+//! [`backend::Backend`], of which [`backend::Cpu`] is the reference. The encoder uses the parts: it fills a [`FrameSymbols`], writes it with the mirror image
 //! of [`syntax`], and calls the same [`reconstruct`] for its own reference, so the two cannot drift apart (Eq. 11).
 //!
 //! This crate does not read files and does not extract surfaces.
 
+pub mod backend;
 mod decoder;
 mod error;
 pub mod extension;
@@ -23,7 +25,7 @@ mod symbols;
 pub mod syntax;
 
 pub use decoder::{DecodedFrame, Decoder, Limits};
-pub use error::DecodeError;
+pub use error::{BackendError, DecodeError};
 pub use hash::volume_hash;
 pub use parameters::CodingParameters;
 pub use reduced::Lod;

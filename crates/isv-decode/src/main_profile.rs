@@ -2,12 +2,17 @@
 //!
 //! ```text
 //! segments ─ syntax ─> FrameSymbols ─ reconstruct: prediction + inverse DCT ─ loop_filter ─ extension ─> MainReference
-//!                                         ▲ MainReference: the frame before ────────────────────────────┘
+//!               │                         ▲ MainReference: the frame before ────────────────────────────┤
+//!               └ MainBlocks: the frame before without its samples ─────────────────────────────────────┘
 //! ```
+//!
+//! What is right of the symbols is the work of a [`Backend`](crate::backend::Backend). Its frames give the syntax of the next one
+//! their [`MainBlocks`], and find in their samples what [`activity`] is expected, and for the masks the [`crossed_cells`].
 //!
 //! The encoder makes [`FrameSymbols`] and uses the parts of [`reconstruct`] for its closed loop, as in profile `paper`.
 
 pub mod activity;
+mod blocks;
 pub mod crossed_cells;
 mod displaced_block;
 mod levels;
@@ -20,6 +25,7 @@ mod symbols;
 pub mod syntax;
 mod window;
 
+pub use blocks::{CodedBlock, MainBlocks};
 pub use levels::{BlockLevels, Level};
 pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};
 pub use parameters::{COEFFICIENTS, MainParameters};

@@ -41,9 +41,9 @@ impl Reference {
         &self.volume
     }
 
-    /// The same with further unobserved voxels, by block index.
-    pub(crate) fn with_unobserved(self, masks: BTreeMap<u32, VoxelMask>) -> Self {
-        Self { volume: self.volume.with_unobserved(masks), ..self }
+    /// Adds unobserved voxels, by block index.
+    pub(crate) fn add_unobserved(&mut self, masks: BTreeMap<u32, VoxelMask>) {
+        self.volume.add_unobserved(masks);
     }
 
     /// The volume alone.

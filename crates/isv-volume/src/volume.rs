@@ -200,12 +200,11 @@ impl SparseVolume {
         &self.unobserved
     }
 
-    /// The volume with further unobserved voxels, by block index.
+    /// Adds unobserved voxels, by block index.
     ///
     /// # Panics
     /// In debug builds, if a mask is empty or of no block.
-    #[must_use]
-    pub fn with_unobserved(mut self, masks: BTreeMap<u32, VoxelMask>) -> Self {
+    pub fn add_unobserved(&mut self, masks: BTreeMap<u32, VoxelMask>) {
         debug_assert!(masks.iter().all(|(block, m)| (*block as usize) < self.coords.len() && !m.is_empty()));
         let unobserved = Arc::make_mut(&mut self.unobserved);
         for (block, mask) in masks {
@@ -214,7 +213,6 @@ impl SparseVolume {
                 Entry::Occupied(mut entry) => entry.get_mut().insert_all(&mask),
             }
         }
-        self
     }
 
     /// The volume of those blocks, by index, that are wanted.

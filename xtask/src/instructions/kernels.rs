@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Error, Result};
 use isv::decode::extension::Extended;
+use isv::decode::main_profile::activity::{Activity, expected_activity};
 use isv::decode::main_profile::reconstruct::add_residual;
 use isv::decode::main_profile::syntax::block_set::BlockSetModels;
 use isv::decode::main_profile::{
@@ -18,7 +19,7 @@ use isv::kernels::surface_fit::SurfaceFit;
 use isv::kernels::warp::{MotionVector, StitchedReference};
 use isv::kernels::window::{ROW, ROWS, WindowRows};
 use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+use isv::volume::{BlockCoord, BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_entropy::{BitModel, RangeDecoder, RangeEncoder};
 use isv_testkit::{Random, ball, sphere};
 use std::collections::BTreeMap;
@@ -108,7 +109,7 @@ impl Inputs {
         let mut decoder = Decoder::new(&header, Limits::default());
         let decoded = decoder.decode(&packets[0])?.volume.clone();
         let (_, coded) = BlockSetModels::default()
-            .read(&block_sets[0], blocks[0], None, false)
+            .read(&block_sets[0], blocks[0], None, false, |_| no_activity())
             .map_err(|SyntaxError(why)| Error::msg(why))?;
         Ok(Self { header, volumes, packets, block_sets, blocks, decoded, coded })
     }
@@ -267,17 +268,23 @@ fn extension(inputs: &Inputs, counter: Counter) -> usize {
     Extended::of(&coded).volume().block_count() - coded.block_count()
 }
 
+/// Nothing is expected without a frame before.
+fn no_activity() -> Result<Vec<Activity>, SyntaxError> {
+    Ok(Vec::new())
+}
+
 fn keyframe_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let (bytes, count) = (&inputs.block_sets[0], inputs.blocks[0]);
     let models = BlockSetModels::default();
-    counter(&mut || drop(black_box(models.clone().read(bytes, count, None, false))));
+    counter(&mut || drop(black_box(models.clone().read(bytes, count, None, false, |_| no_activity()))));
     inputs.blocks[0]
 }
 
 /// With the reference that the decoder has, as far as the set of blocks depends on it.
 fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let mut models = BlockSetModels::default();
-    models.read(&inputs.block_sets[0], inputs.blocks[0], None, false).expect("a set of our own");
+    let first = models.read(&inputs.block_sets[0], inputs.blocks[0], None, false, |_| no_activity());
+    first.expect("a set of our own");
     let count = inputs.coded.len();
     let mut none = BlockLevels::with_capacity(count);
     (0..count).for_each(|_| none.push(&[]));
@@ -285,8 +292,10 @@ fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let symbols = FrameSymbols { coords, modes, levels: none, ..FrameSymbols::default() };
     let reference = MainReference::new(Extended::of(&inputs.coded_volume()), symbols, BTreeMap::new());
     counter(&mut || {
-        let read = models.clone().read(&inputs.block_sets[1], inputs.blocks[1], Some(&reference), false);
-        assert_eq!(read.map(|(_, coords)| coords.len()), Ok(inputs.blocks[1]), "the set as it was written");
+        let activity = |still: &BlockSet| Ok::<_, SyntaxError>(expected_activity(&reference, still));
+        let (bytes, count) = (&inputs.block_sets[1], inputs.blocks[1]);
+        let read = models.clone().read(bytes, count, Some(reference.blocks()), false, activity);
+        assert_eq!(read.map(|(_, coords)| coords.len()), Ok(count), "the set as it was written");
     });
     inputs.blocks[1]
 }

@@ -1,58 +1,39 @@
 //! The decoder of profile `main`.
 
+use super::failure::Failure;
 use super::sequence::Sequence;
-use super::{DecodedFrame, Limits};
+use super::{FrameFacts, Limits};
 use crate::DecodeError;
+use crate::backend::{Backend, MainFrame};
 use crate::extension::{ExtensionPlan, FrameBlocks, Kept};
-use crate::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend, reconstruct};
+use crate::main_profile::reconstruct::BLOCK_SAMPLES;
 use crate::main_profile::syntax::EntropyState;
-use crate::main_profile::{
-    BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference, SliceBlocks,
-};
-use crate::reduced::{Lod, ReducedGrid, downsample};
+use crate::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainBlocks, MainParameters, SliceBlocks};
 use crate::syntax::SyntaxError;
 use isv_format::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
     SliceLayout,
 };
-use isv_volume::{Grid, GridError, SparseVolume};
+use isv_volume::{BlockSet, Grid};
 use rayon::prelude::*;
-use std::mem::take;
 use tracing::debug_span;
 
 /// [`super::Decoder`] for streams of profile `main`.
 #[derive(Debug)]
-pub(super) struct MainDecoder {
+pub(super) struct MainDecoder<B: Backend> {
     parameters: MainParameters,
     limits: Limits,
     entropy: EntropyState,
-    reference: Option<MainReference>,
-    /// Samples of the frame before the last, for their memory.
-    spare: Vec<i16>,
-    /// At reduced resolution, the grid there and the last frame on it.
-    reduced: Option<(ReducedGrid, SparseVolume)>,
+    reference: Option<B::Main>,
     sequence: Sequence,
 }
 
-impl MainDecoder {
+impl<B: Backend> MainDecoder<B> {
     /// A decoder for the frames of a stream.
     pub(super) fn new(grid: Grid, limits: Limits) -> Self {
         let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
-        Self { parameters, limits, entropy, reference: None, spare: Vec::new(), reduced: None, sequence }
-    }
-
-    /// A decoder at reduced resolution.
-    ///
-    /// # Errors
-    /// As [`super::Decoder::with_lod`].
-    pub(super) fn with_lod(self, lod: Lod) -> Result<Self, GridError> {
-        let grid = self.parameters.grid;
-        let reduced = match lod {
-            Lod::Full => None,
-            _ => Some((ReducedGrid::new(&grid, lod)?, SparseVolume::empty(grid))),
-        };
-        Ok(Self { reduced, ..self })
+        Self { parameters, limits, entropy, reference: None, sequence }
     }
 
     /// Frames decoded so far.
@@ -60,11 +41,16 @@ impl MainDecoder {
         self.sequence.frames()
     }
 
+    /// The last frame's volume, if it was decoded.
+    pub(super) fn volume(&self) -> Option<&B::Volume> {
+        self.reference.as_ref().map(B::main_volume)
+    }
+
     /// Decodes a frame packet.
     ///
     /// # Errors
     /// As [`super::Decoder::decode`].
-    pub(super) fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+    pub(super) fn decode(&mut self, packet: &Packet, backend: &mut B) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let last = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
@@ -76,6 +62,7 @@ impl MainDecoder {
             self.sequence.check(packet, last.is_some())?;
         }
         let reference = last.as_ref().filter(|_| !keyframe);
+        let before = reference.map(B::main_blocks);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
         self.check_limit(packet, payload.header.blocks as usize)?;
         if keyframe && payload.header.prediction != Prediction::None {
@@ -85,10 +72,15 @@ impl MainDecoder {
             unreachable!("the payload was parsed as one of profile main")
         };
         let count = payload.header.blocks as usize;
+        let activity = |still: &BlockSet| match reference {
+            Some(reference) => backend.expected_activity(reference, still).map_err(Failure::from),
+            None => Ok(Vec::new()),
+        };
+        let block_set = &mut self.entropy.block_set;
         let (still, coords) = debug_span!("block set")
-            .in_scope(|| self.entropy.block_set.read(payload.block_set, count, reference, main.still_cells))
-            .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
-        let kept = reference.map(|before| Kept { before: before.extended(), still: &still });
+            .in_scope(|| block_set.read(payload.block_set, count, before, main.still_cells, activity))
+            .map_err(|failure| failure.of(packet, self.sequence))?;
+        let kept = before.map(|before| Kept { before: before.sets, still: &still });
         let kept = kept.filter(|kept| !kept.still.is_empty());
         let blocks = FrameBlocks::new(&coords, kept);
         self.check_limit(packet, blocks.all.count())?;
@@ -96,19 +88,18 @@ impl MainDecoder {
         let symbols =
             FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
-            .read_frame(&payload, &main, symbols, plan, reference)
-            .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
+            .read_frame(&payload, &main, symbols, plan, reference, backend)
+            .map_err(|failure| failure.of(packet, self.sequence))?;
         self.sequence.advance(packet);
-        self.spare = last.map_or_else(Vec::new, MainReference::into_samples);
-        let full = self.reference.insert(decoded).volume();
-        let (volume, stated_hash) = match &mut self.reduced {
-            None => (full, payload.header.volume_hash),
-            Some((grid, volume)) => {
-                *volume = downsample(full, grid);
-                (&*volume, None)
-            }
-        };
-        Ok(DecodedFrame { volume, timestamp_ns: packet.header.timestamp_ns, keyframe, stated_hash })
+        self.reference = Some(decoded);
+        if let Some(last) = last {
+            backend.retire(last);
+        }
+        Ok(FrameFacts {
+            timestamp_ns: packet.header.timestamp_ns,
+            keyframe,
+            stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact()),
+        })
     }
 
     fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
@@ -117,36 +108,38 @@ impl MainDecoder {
     }
 
     /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension.
-    fn read_frame<'a>(
+    fn read_frame(
         &mut self,
         payload: &FramePayload,
         main: &MainFrameHeader,
         symbols: FrameSymbols,
-        plan: impl FnOnce() -> ExtensionPlan<'a> + Send,
-        reference: Option<&MainReference>,
-    ) -> Result<MainReference, SyntaxError> {
-        let header = &payload.header;
+        plan: impl FnOnce() -> ExtensionPlan + Send,
+        reference: Option<&B::Main>,
+        backend: &mut B,
+    ) -> Result<B::Main, Failure> {
+        let (header, blocks_before) = (&payload.header, reference.map(B::main_blocks));
         let layout = SliceLayout::new(symbols.coords.len(), usize::from(header.slices));
         let causal =
             debug_span!("neighbours").in_scope(|| CausalBlocks::new(&symbols.coords, layout.ranges()));
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
-        let before = reference.filter(|_| header.prediction != Prediction::None);
+        let predicts = header.prediction != Prediction::None;
+        let before = blocks_before.filter(|_| predicts);
         // The blocks are known: those around them are found while the symbols are read.
         let (plan, symbols) = rayon::join(
             || debug_span!("extension plan").in_scope(plan),
             || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, symbols, &causal, before)),
         );
         let symbols = symbols?;
-        let mut samples = plan.room(take(&mut self.spare));
-        debug_span!("prediction and residual").in_scope(|| {
-            let (parameters, places) = (&self.parameters, plan.places());
-            reconstruct(parameters, main, &symbols, &causal, before, places, &mut samples);
-        });
-        let extended = filter_and_extend(&self.parameters, main, &symbols, samples, plan);
-        let blocks = reference.map(|reference| reference.reference().blocks());
-        let masks =
-            debug_span!("masks").in_scope(|| self.entropy.masks.read(payload.masks, &extended, blocks))?;
-        Ok(MainReference::new(extended, symbols, masks))
+        let parameters = &self.parameters;
+        let known = MainFrame { parameters, header: main, symbols, causal: &causal, plan, predicts };
+        let mut frame = backend.reconstruct_main(known, reference)?;
+        let masks = debug_span!("masks").in_scope(|| {
+            let (blocks, before) = (B::main_blocks(&frame).blocks, blocks_before.map(|before| before.blocks));
+            let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
+            self.entropy.masks.read(payload.masks, blocks, before, corners)
+        })?;
+        backend.add_masks(&mut frame, masks)?;
+        Ok(frame)
     }
 
     /// Adds the modes and levels of all slices.
@@ -156,7 +149,7 @@ impl MainDecoder {
         main: &MainFrameHeader,
         mut symbols: FrameSymbols,
         causal: &CausalBlocks,
-        reference: Option<&MainReference>,
+        reference: Option<MainBlocks>,
     ) -> Result<FrameSymbols, SyntaxError> {
         let FrameHeader { slices, .. } = payload.header;
         let ranges: Vec<_> = SliceLayout::new(symbols.coords.len(), usize::from(slices)).ranges().collect();

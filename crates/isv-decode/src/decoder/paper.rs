@@ -1,54 +1,28 @@
 //! The decoder of profile `paper`.
 
 use super::sequence::Sequence;
-use super::{DecodedFrame, Limits};
-use crate::reconstruct::{predict, reconstruct};
-use crate::reduced::{Lod, ReducedFrame, ReducedParameters};
+use super::{FrameFacts, Limits};
+use crate::backend::Backend;
 use crate::syntax::{self, EntropyState, SyntaxError};
-use crate::{CodingParameters, DecodeError, FrameSymbols, Reference, ReferenceBlocks};
+use crate::{CodingParameters, DecodeError, FrameSymbols, ReferenceBlocks};
 use isv_format::{
     FrameHeader, FramePayload, Packet, PacketKind, PaperParameters, Prediction, Profile, SliceLayout,
 };
-use isv_volume::{Grid, GridError, SparseVolume};
+use isv_volume::Grid;
 use rayon::prelude::*;
 
 /// [`super::Decoder`] for streams of profile `paper`.
 #[derive(Debug)]
-pub(super) struct PaperDecoder {
+pub(super) struct PaperDecoder<B: Backend> {
     profile: Profile,
     parameters: CodingParameters,
     limits: Limits,
     entropy: EntropyState,
-    /// At reduced resolution, what the coding parameters become there.
-    reduced: Option<ReducedParameters>,
-    reference: Option<DecodedReference>,
+    reference: Option<B::Paper>,
     sequence: Sequence,
 }
 
-/// The last frame, at the resolution that is decoded.
-#[derive(Debug)]
-enum DecodedReference {
-    Full(Reference),
-    Reduced(ReducedFrame),
-}
-
-impl DecodedReference {
-    fn blocks(&self) -> ReferenceBlocks<'_> {
-        match self {
-            Self::Full(reference) => reference.blocks(),
-            Self::Reduced(frame) => frame.blocks(),
-        }
-    }
-
-    fn volume(&self) -> &SparseVolume {
-        match self {
-            Self::Full(reference) => reference.volume(),
-            Self::Reduced(frame) => frame.volume(),
-        }
-    }
-}
-
-impl PaperDecoder {
+impl<B: Backend> PaperDecoder<B> {
     /// A decoder for the frames of a stream.
     pub(super) fn new(grid: Grid, paper: PaperParameters, limits: Limits) -> Self {
         let parameters = CodingParameters::new(grid, &paper);
@@ -57,29 +31,21 @@ impl PaperDecoder {
             limits,
             entropy: EntropyState::new(parameters.coefficients()),
             parameters,
-            reduced: None,
             reference: None,
             sequence: Sequence::default(),
         }
     }
 
-    /// A decoder at reduced resolution.
-    ///
-    /// # Errors
-    /// As [`super::Decoder::with_lod`].
-    pub(super) fn with_lod(self, lod: Lod) -> Result<Self, GridError> {
-        let reduced = match lod {
-            Lod::Full => None,
-            _ => Some(ReducedParameters::new(&self.parameters, lod)?),
-        };
-        Ok(Self { reduced, ..self })
+    /// The last frame's volume, if it was decoded.
+    pub(super) fn volume(&self) -> Option<&B::Volume> {
+        self.reference.as_ref().map(B::paper_volume)
     }
 
     /// Decodes a frame packet.
     ///
     /// # Errors
     /// As [`super::Decoder::decode`].
-    pub(super) fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_>, DecodeError> {
+    pub(super) fn decode(&mut self, packet: &Packet, backend: &mut B) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let reference = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
@@ -97,34 +63,15 @@ impl PaperDecoder {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
         let symbols = self
-            .read_symbols(&payload, reference.as_ref().map(DecodedReference::blocks))
+            .read_symbols(&payload, reference.as_ref().map(B::paper_blocks))
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
-        let decoded = self.reconstruct(symbols, reference);
+        self.reference = Some(backend.reconstruct_paper(&self.parameters, symbols, reference.as_ref())?);
         self.sequence.advance(packet);
-        Ok(DecodedFrame {
-            volume: self.reference.insert(decoded).volume(),
+        Ok(FrameFacts {
             timestamp_ns: packet.header.timestamp_ns,
             keyframe,
-            stated_hash: payload.header.volume_hash.filter(|_| self.reduced.is_none()),
+            stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact()),
         })
-    }
-
-    /// The frame of some symbols, at the resolution that is decoded.
-    fn reconstruct(&self, symbols: FrameSymbols, reference: Option<DecodedReference>) -> DecodedReference {
-        let parameters = &self.parameters;
-        if let Some(reduced) = &self.reduced {
-            let before = match &reference {
-                Some(DecodedReference::Reduced(frame)) => Some(frame),
-                _ => None,
-            };
-            return DecodedReference::Reduced(reduced.reconstruct(parameters, symbols, before));
-        }
-        let before = match &reference {
-            Some(DecodedReference::Full(reference)) => Some(reference),
-            _ => None,
-        };
-        let prediction = predict(parameters, &symbols, before);
-        DecodedReference::Full(Reference::new(reconstruct(parameters, symbols, prediction)))
     }
 
     /// Frames decoded so far.

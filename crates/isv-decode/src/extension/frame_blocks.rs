@@ -1,14 +1,13 @@
 //! The blocks of an extended frame, by what becomes of them.
 
-use super::Extended;
 use isv_volume::{BlockCoord, BlockSet};
 
 /// What a frame keeps of the frame before.
 #[derive(Clone, Copy, Debug)]
 pub struct Kept<'a> {
-    /// The frame before.
-    pub before: &'a Extended,
-    /// Its blocks in the cells of 4x4x4 blocks that stay as they are.
+    /// The blocks of the frame before.
+    pub before: &'a FrameBlocks,
+    /// Those of them in the cells of 4x4x4 blocks that stay as they are.
     pub still: &'a BlockSet,
 }
 
@@ -35,7 +34,6 @@ impl FrameBlocks {
             let all = now.dilated();
             return Self { fresh: all.clone(), unsettled: all.clone(), coded: now, all };
         };
-        let before = &before.blocks;
         let changed = now.union(&before.coded.difference(still));
         // A block is extrapolated from those around it, and its masks depend on the samples around it.
         let reached = changed.dilated();

@@ -306,14 +306,14 @@ fn what_is_kept_is_what_it_would_become() {
         let before = Extended::of(&before);
         let still: Vec<_> = before.volume().coords().iter().copied().filter(stays).collect();
         let still = BlockSet::of(&still);
-        let kept = Some(Kept { before: &before, still: &still });
+        let kept = Some(Kept { before: &before.blocks, still: &still });
         let plan = ExtensionPlan::new(FrameBlocks::new(&now, kept), &now, kept);
         let mut samples = plan.room(Vec::new());
         for (coord, place) in now.iter().zip(plan.places()) {
             let block = other.index().get(*coord).unwrap() as usize;
             samples[*place as usize * BLOCK_VOXELS..][..BLOCK_VOXELS].copy_from_slice(other.block(block));
         }
-        let found = plan.extend(*other.grid(), samples);
+        let found = plan.extend(*other.grid(), samples, Some(&before.reference));
         let expected = Extended::of(&builder.finish());
         // Masks of coded blocks are not the extension's.
         let of_made = |extended: &Extended| -> Vec<(u32, VoxelMask)> {

@@ -1,9 +1,9 @@
 //! Where the surface is expected to be: the frame before, moved on as it was moving.
 
 use super::displaced_block::{BlockSigns, DisplacedBlock};
-use super::{MainReference, Vector};
+use super::{MainBlocks, MainReference, Vector};
 use isv_kernels::signs::Block;
-use isv_volume::{BlockSet, NeighbourFinder};
+use isv_volume::{BlockSet, NeighbourFinder, SparseVolume};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -11,15 +11,12 @@ use std::borrow::Cow;
 const QUARTERS: i32 = 4;
 /// Voxels along the edge of a block.
 const EDGE: i32 = 8;
-/// Distances from here on are one to [`Activity`], in codes.
-const FAR: u16 = 960;
-
 /// How much surface is expected in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Activity {
     /// Edges between voxels of different sign.
     crossings: u16,
-    /// Smallest distance from the surface in codes, at most [`FAR`]; 0 where the surface crosses edges.
+    /// Smallest distance from the surface in codes, at most [`Self::FAR`]; 0 where the surface crosses edges.
     nearest: u16,
 }
 
@@ -28,9 +25,26 @@ impl Activity {
     pub const CLASSES: usize = 9;
     /// Classes of [`Self::fine_class`].
     pub const FINE_CLASSES: usize = 37;
+    /// Distances from here on are one, in codes.
+    pub const FAR: u16 = 960;
 
-    /// Of a block that stays as it is.
-    fn of_still(coded: bool) -> Self {
+    /// Of a block of the frame moved on.
+    ///
+    /// - `crossings`: edges between voxels of different sign, of those that start in the block and end at a voxel that is there.
+    /// - `nearest`: if there are none, the smallest distance from the surface in codes, at most [`Self::FAR`], which also stands
+    ///   for a block of which no voxel is there; otherwise 0.
+    ///
+    /// # Panics
+    /// In debug builds, if these do not go together.
+    #[must_use]
+    pub fn new(crossings: u16, nearest: u16) -> Self {
+        debug_assert!(nearest <= Self::FAR && (crossings == 0 || nearest == 0));
+        Self { crossings, nearest }
+    }
+
+    /// Of a block that stays as it is: surface is expected if it was coded.
+    #[must_use]
+    pub fn of_still(coded: bool) -> Self {
         Self { crossings: u16::from(coded), nearest: 0 }
     }
 
@@ -70,25 +84,26 @@ impl Activity {
 /// those that were coded.
 #[must_use]
 pub fn expected_activity(reference: &MainReference, still: &BlockSet) -> Vec<Activity> {
-    let signs = SignTable::new(reference, still);
+    let (signs, frame) = (SignTable::new(reference, still), reference.blocks());
     let activity = |finder: &mut NeighbourFinder, (block, still): (usize, bool)| {
         if still {
-            return Activity::of_still(reference.coded_at(block).is_some());
+            return Activity::of_still(frame.coded_at(block).is_some());
         }
-        finder.turn_to(reference.volume().coords()[block]);
+        finder.turn_to(frame.blocks.coords[block]);
         let displaced = block_ahead(&signs, block, finder);
         match displaced.crossings() {
-            0 => Activity { crossings: 0, nearest: displaced.nearest(FAR).min(FAR) },
-            crossings => Activity { crossings: crossings as u16, nearest: 0 },
+            0 => Activity::new(0, displaced.nearest(Activity::FAR).min(Activity::FAR)),
+            crossings => Activity::new(crossings as u16, 0),
         }
     };
-    let blocks = still.marks_in(&reference.extended().blocks.all).into_par_iter().enumerate();
-    blocks.map_init(|| reference.finder(), activity).collect()
+    let marks = still.marks_in(&frame.sets.all).into_par_iter().enumerate();
+    marks.map_init(|| reference.finder(), activity).collect()
 }
 
 /// The signs of the blocks of a reference that are looked at more than once.
 struct SignTable<'a> {
-    reference: &'a MainReference,
+    volume: &'a SparseVolume,
+    frame: MainBlocks<'a>,
     /// For each block, one more than its place among the signs; 0 if it is not there.
     places: Vec<u32>,
     signs: Vec<BlockSigns>,
@@ -97,7 +112,8 @@ struct SignTable<'a> {
 impl<'a> SignTable<'a> {
     /// Of the blocks that do not stay as they are, and those around them.
     fn new(reference: &'a MainReference, still: &BlockSet) -> Self {
-        let all = &reference.extended().blocks.all;
+        let (volume, frame) = (reference.volume(), reference.blocks());
+        let all = &frame.sets.all;
         let wanted = if still.is_empty() { all.clone() } else { all.difference(still).dilated() };
         let mut places = vec![0; all.count()];
         let wanted =
@@ -106,35 +122,35 @@ impl<'a> SignTable<'a> {
         for (place, block) in (1..).zip(&wanted) {
             places[*block as usize] = place;
         }
-        let signs = wanted.into_par_iter().map(|block| signs_of(reference, block)).collect();
-        Self { reference, places, signs }
+        let signs = wanted.into_par_iter().map(|block| signs_of(volume, &frame, block)).collect();
+        Self { volume, frame, places, signs }
     }
 
     /// The samples and signs of a block.
     fn get(&self, block: u32) -> (&Block, Cow<'_, BlockSigns>) {
         let signs = match self.places[block as usize].checked_sub(1) {
             Some(place) => Cow::Borrowed(&self.signs[place as usize]),
-            None => Cow::Owned(signs_of(self.reference, block)),
+            None => Cow::Owned(signs_of(self.volume, &self.frame, block)),
         };
-        (samples(self.reference, block), signs)
+        (samples(self.volume, block), signs)
     }
 }
 
-fn signs_of(reference: &MainReference, block: u32) -> BlockSigns {
-    let samples = samples(reference, block);
-    match reference.coded_at(block as usize) {
+fn signs_of(volume: &SparseVolume, frame: &MainBlocks, block: u32) -> BlockSigns {
+    let samples = samples(volume, block);
+    match frame.coded_at(block as usize) {
         Some(_) => BlockSigns::of_coded(samples),
         None => BlockSigns::of_extrapolated(samples),
     }
 }
 
-fn samples(reference: &MainReference, block: u32) -> &Block {
-    reference.volume().block(block as usize).try_into().expect("blocks of an edge of 8")
+fn samples(volume: &SparseVolume, block: u32) -> &Block {
+    volume.block(block as usize).try_into().expect("blocks of an edge of 8")
 }
 
 /// The reference where the surface at a block is expected to come from. `finder`: at the block.
 fn block_ahead<'a>(signs: &'a SignTable, block: usize, finder: &NeighbourFinder) -> DisplacedBlock<'a> {
-    let drift = drift(signs.reference, block, finder);
+    let drift = drift(&signs.frame, block, finder);
     let mut blocks = [const { None }; 8];
     for (place, block) in blocks.iter_mut().zip(finder.octet_at(drift.map(|c| c.div_euclid(EDGE)))) {
         *place = block.map(|block| signs.get(block));
@@ -143,21 +159,21 @@ fn block_ahead<'a>(signs: &'a SignTable, block: usize, finder: &NeighbourFinder)
 }
 
 /// The whole voxels by which the surface at a block is expected to go on moving: its vector, or the mean of those around it.
-fn drift(reference: &MainReference, block: usize, finder: &NeighbourFinder) -> [i32; 3] {
-    let own = reference.coded_at(block).and_then(|coded| coded.vector);
+fn drift(frame: &MainBlocks, block: usize, finder: &NeighbourFinder) -> [i32; 3] {
+    let own = frame.coded_at(block).and_then(|coded| coded.vector);
     let (sum, count) = match own {
         Some(vector) => (vector.0.map(i32::from), 1),
-        None => sum_around(reference, finder),
+        None => sum_around(frame, finder),
     };
     // Rounded half up.
     sum.map(|s| if count == 0 { 0 } else { (2 * s + QUARTERS * count).div_euclid(2 * QUARTERS * count) })
 }
 
 /// Sum and number of the vectors in a block's neighbourhood.
-fn sum_around(reference: &MainReference, finder: &NeighbourFinder) -> ([i32; 3], i32) {
+fn sum_around(frame: &MainBlocks, finder: &NeighbourFinder) -> ([i32; 3], i32) {
     let (mut sum, mut count) = ([0; 3], 0);
     for block in finder.neighbourhood().into_iter().flatten() {
-        if let Some(Vector(vector)) = reference.coded_at(block as usize).and_then(|coded| coded.vector) {
+        if let Some(Vector(vector)) = frame.coded_at(block as usize).and_then(|coded| coded.vector) {
             for axis in 0..3 {
                 sum[axis] += i32::from(vector[axis]);
             }

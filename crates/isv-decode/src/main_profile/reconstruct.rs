@@ -2,6 +2,7 @@
 
 use super::loop_filter::smooth_faces;
 use super::{BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Vector, Window};
+use crate::Reference;
 use crate::extension::{Extended, ExtensionPlan};
 use isv_format::MainFrameHeader;
 use isv_kernels::deblock::FaceFilter;
@@ -189,7 +190,7 @@ fn finish_block(
 }
 
 /// Filters the reconstructed blocks, which are at their places, and extends them as planned: the decoded volume but for its
-/// masks.
+/// masks. `before`: the frame before, if there is one.
 #[must_use]
 pub fn filter_and_extend(
     parameters: &MainParameters,
@@ -197,19 +198,19 @@ pub fn filter_and_extend(
     symbols: &FrameSymbols,
     mut samples: Vec<i16>,
     plan: ExtensionPlan,
+    before: Option<&Reference>,
 ) -> Extended {
     if header.filter > 0 {
         let filter = FaceFilter::new(header.filter, header.filter_limit, parameters.grid.truncation);
         let filter = filter.expect("the frame header's filter is in range");
         debug_span!("loop filter").in_scope(|| smooth_faces(symbols, filter, &mut samples, plan.places()));
     }
-    debug_span!("extension").in_scope(|| plan.extend(parameters.grid, samples))
+    debug_span!("extension").in_scope(|| plan.extend(parameters.grid, samples, before))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Reference;
     use crate::extension::FrameBlocks;
     use isv_kernels::warp::{MotionVector, StitchedReference};
     use isv_volume::{BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};

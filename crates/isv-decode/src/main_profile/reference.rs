@@ -1,9 +1,9 @@
 //! The frame before, as the next one sees it.
 
-use super::{FrameSymbols, Vector};
+use super::{CodedBlock, FrameSymbols, MainBlocks};
 use crate::Reference;
-use crate::extension::{Extended, FrameBlocks};
-use isv_volume::{BlockCoord, BlockSet, NeighbourFinder, SparseVolume, VoxelMask};
+use crate::extension::Extended;
+use isv_volume::{BlockSet, NeighbourFinder, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 
 /// A decoded frame: its volume with the extension, and what its blocks were coded as.
@@ -15,49 +15,37 @@ pub struct MainReference {
     still: BlockSet,
 }
 
-/// What the next frame's contexts and vectors want to know of a coded block.
-#[derive(Clone, Copy, Debug)]
-pub struct CodedBlock {
-    /// Its vector, if it had one.
-    pub vector: Option<Vector>,
-    /// How many of its levels were not zero.
-    pub count: u8,
-}
-
-impl CodedBlock {
-    /// What is kept stands still and has no levels.
-    const KEPT: Self = Self { vector: Some(Vector::ZERO), count: 0 };
-}
-
 impl MainReference {
     /// Of the extended volume of a frame, the frame's symbols, whose blocks are those coded in it in the same order, and its
     /// masks, by index in the volume.
     #[must_use]
     pub fn new(extended: Extended, symbols: FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
-        let FrameBlocks { all, coded, fresh, .. } = &extended.blocks;
-        let mut blocks = symbols.modes.iter().enumerate();
-        let coded = coded.marks_in(all).into_iter().zip(fresh.marks_in(all)).map(|marks| match marks {
-            (false, _) => None,
-            (true, false) => Some(CodedBlock::KEPT),
-            (true, true) => {
-                let (block, mode) = blocks.next()?;
-                Some(CodedBlock { vector: mode.vector(), count: symbols.levels.count(block) })
-            }
-        });
-        let coded = coded.collect();
-        Self { extended: extended.with_unobserved(masks), coded, still: symbols.still }
+        let coded = CodedBlock::of_frame(&extended.blocks, &symbols);
+        let mut reference = Self { extended, coded, still: symbols.still };
+        reference.add_unobserved(masks);
+        reference
+    }
+
+    /// Adds unobserved voxels, by index in the volume.
+    pub(crate) fn add_unobserved(&mut self, masks: BTreeMap<u32, VoxelMask>) {
+        self.extended.add_unobserved(masks);
+    }
+
+    /// Its blocks, without their samples.
+    #[must_use]
+    pub fn blocks(&self) -> MainBlocks<'_> {
+        MainBlocks {
+            blocks: self.extended.reference.blocks(),
+            sets: &self.extended.blocks,
+            coded: &self.coded,
+            still: &self.still,
+        }
     }
 
     /// The frame with all its blocks.
     #[must_use]
     pub fn extended(&self) -> &Extended {
         &self.extended
-    }
-
-    /// The blocks of the frame before it that were in cells that stayed as they were.
-    #[must_use]
-    pub fn still(&self) -> &BlockSet {
-        &self.still
     }
 
     /// The volume: coded blocks and those around them.
@@ -82,17 +70,5 @@ impl MainReference {
     #[must_use]
     pub fn finder(&self) -> NeighbourFinder<'_> {
         NeighbourFinder::new(self.extended.index())
-    }
-
-    /// How the block at a coordinate was coded, if it was.
-    #[must_use]
-    pub fn coded(&self, coord: BlockCoord) -> Option<CodedBlock> {
-        self.extended.index().get(coord).and_then(|block| self.coded[block as usize])
-    }
-
-    /// How a block of the volume was coded, if it was.
-    #[must_use]
-    pub fn coded_at(&self, block: usize) -> Option<CodedBlock> {
-        self.coded[block]
     }
 }

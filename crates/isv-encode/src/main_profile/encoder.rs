@@ -358,7 +358,7 @@ impl MainEncoder {
         let mut entropy = before.entropy.clone();
         let mut mask_models = take(&mut entropy.masks);
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
-        let kept = reference.map(|before| Kept { before: before.extended(), still });
+        let kept = reference.map(|before| Kept { before: &before.extended().blocks, still });
         let kept = kept.filter(|_| !still.is_empty());
         let plan = debug_span!("extension plan")
             .in_scope(|| ExtensionPlan::new(FrameBlocks::new(coords, kept), coords, kept));
@@ -377,7 +377,7 @@ impl MainEncoder {
             let (coded, costs) = debug_span!("slices")
                 .in_scope(|| code_slices(&frame, parts, slice_models, &before.costs, meanwhile));
             let (symbols, segments) = gather(coded, coords, still);
-            let (main, extended) = self.filter(targets, main, &symbols, samples, plan);
+            let (main, extended) = self.filter(targets, main, &symbols, samples, plan, reference);
             let masks = debug_span!("masks")
                 .in_scope(|| self.write_masks(&mut mask_models, volume, &extended, reference));
             (symbols, segments, costs, (main, extended), masks)
@@ -441,9 +441,11 @@ impl MainEncoder {
         symbols: &FrameSymbols,
         samples: Vec<i16>,
         plan: ExtensionPlan,
+        reference: Option<&MainReference>,
     ) -> (MainFrameHeader, Extended) {
+        let before = reference.map(MainReference::reference);
         let filtered = |main: &MainFrameHeader, samples, plan| {
-            filter_and_extend(&self.parameters, main, symbols, samples, plan)
+            filter_and_extend(&self.parameters, main, symbols, samples, plan, before)
         };
         if !self.settings.tools.filter || !self.settings.filter_search {
             return (main, filtered(&main, samples, plan));

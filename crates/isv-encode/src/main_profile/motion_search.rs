@@ -298,7 +298,8 @@ impl<'a> CubeSearch<'a> {
         for larger in 0..size {
             add(self.shift(larger, self.sizes[larger].cube_of(blocks.start), scratch));
         }
-        let before = blocks.filter_map(|block| self.reference.coded(self.targets.coords()[block])?.vector);
+        let frame = self.reference.blocks();
+        let before = blocks.filter_map(|block| frame.coded(self.targets.coords()[block])?.vector);
         before.map(to_shift).take(SEEDS_BEFORE).for_each(add);
         seeds
     }

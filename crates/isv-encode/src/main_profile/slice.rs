@@ -13,7 +13,9 @@ use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict
 use isv_decode::main_profile::syntax::SliceModels;
 use isv_decode::main_profile::syntax::coefficients::CountContext;
 use isv_decode::main_profile::syntax::modes::ModeContext;
-use isv_decode::main_profile::{BlockLevels, BlockMode, CausalBlocks, MainParameters, MainReference, Vector};
+use isv_decode::main_profile::{
+    BlockLevels, BlockMode, CausalBlocks, MainBlocks, MainParameters, MainReference, Vector,
+};
 use isv_entropy::RangeEncoder;
 use isv_kernels::quant::Quantizer;
 use std::ops::Range;
@@ -158,7 +160,7 @@ impl<'a> SliceEncoder<'a> {
                 target: &mut target,
                 has_target: false,
                 metrics: &mut metrics,
-                context: reference.map(|reference| self.mode_context(number, reference)),
+                context: reference.map(|reference| self.mode_context(number, reference.blocks())),
             };
             let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&mut block, sought));
             let best = self.spatial_if_better(&mut block, temporal);
@@ -172,7 +174,7 @@ impl<'a> SliceEncoder<'a> {
         (self.coded, self.costs)
     }
 
-    fn mode_context(&self, block: usize, reference: &MainReference) -> ModeContext {
+    fn mode_context(&self, block: usize, reference: MainBlocks) -> ModeContext {
         let mode = |n: usize| self.coded.modes[n - self.range.start];
         ModeContext::new(self.frame.targets.coords()[block], block, self.frame.causal, mode, reference)
     }
@@ -402,7 +404,7 @@ impl<'a> SliceEncoder<'a> {
     /// What is known around a block when its number of levels is coded.
     fn count_context(&self, block: usize, mode: BlockMode) -> CountContext {
         let frame = self.frame;
-        let reference = frame.reference.as_ref().map(|(reference, _)| *reference);
+        let reference = frame.reference.as_ref().map(|(reference, _)| reference.blocks());
         let count = |n: usize| self.coded.levels.count(n - self.range.start);
         CountContext::new(frame.targets.coords()[block], block, mode, frame.causal, count, reference)
     }

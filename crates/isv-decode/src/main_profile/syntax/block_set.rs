@@ -4,8 +4,8 @@
 
 use super::still_cells::StillCellModels;
 use crate::extension::FrameBlocks;
-use crate::main_profile::MainReference;
-use crate::main_profile::activity::{Activity, expected_activity};
+use crate::main_profile::MainBlocks;
+use crate::main_profile::activity::Activity;
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
 use isv_entropy::{BitModel, RangeDecoder};
@@ -50,18 +50,20 @@ impl BlockSetModels {
     }
 
     /// Reads a set of `count` blocks, in Morton order, and the blocks of the reference that stay as they are: those of no cell
-    /// without `still_cells`.
+    /// without `still_cells`. `activity`: of every block of the reference, in order, once it is known which of them stay; not asked
+    /// for without a reference.
     ///
     /// # Errors
-    /// A set that does not hold as many blocks as the frame header says, holds one twice or one in a cell that stays as it is, or
+    /// That of `activity`, a set that does not hold as many blocks as the frame header says, holds one twice or one in a cell that stays as it is, or
     /// bytes that end too early.
-    pub fn read(
+    pub fn read<E: From<SyntaxError>>(
         &mut self,
         bytes: &[u8],
         count: usize,
-        reference: Option<&MainReference>,
+        reference: Option<MainBlocks>,
         still_cells: bool,
-    ) -> Result<(BlockSet, Vec<BlockCoord>), SyntaxError> {
+        activity: impl FnOnce(&BlockSet) -> Result<Vec<Activity>, E>,
+    ) -> Result<(BlockSet, Vec<BlockCoord>), E> {
         let mut decoder = RangeDecoder::new(bytes);
         let Some(reference) = reference else {
             return Ok((BlockSet::default(), self.octree.decode(&mut decoder, count, None)?));
@@ -70,31 +72,31 @@ impl BlockSetModels {
             true => self.still_cells.read(&mut decoder, reference),
             false => BlockSet::default(),
         };
-        let mut flags = ExpectedBlocks::new(reference, &still);
+        let mut flags = ExpectedBlocks::new(reference, &still, activity(&still)?);
         let mut coords = Vec::new();
         for candidate in flags.candidates(&still) {
             if decoder.decode_mixed(self.flag(flags.context(candidate))) {
                 flags.set_coded(candidate);
-                coords.push(reference.volume().coords()[candidate.block as usize]);
+                coords.push(reference.blocks.coords[candidate.block as usize]);
             }
         }
         let Some(rest) = count.checked_sub(coords.len()) else {
-            return Err(SyntaxError("the block set holds more blocks than announced"));
+            return Err(SyntaxError("the block set holds more blocks than announced").into());
         };
         if rest > 0 {
             let others = self.octree.decode(&mut decoder, rest, None)?;
             let outside = BlockSet::of(&others).outside_cells_of(&still);
             if outside.count() < others.len() {
-                return Err(SyntaxError("the block set holds a block in a cell that stays as it is"));
+                return Err(SyntaxError("the block set holds a block in a cell that stays as it is").into());
             }
             coords.extend(others);
             coords.sort_unstable_by_key(|coord| coord.morton());
             if coords.windows(2).any(|pair| pair[0] == pair[1]) {
-                return Err(SyntaxError("the block set holds a block twice"));
+                return Err(SyntaxError("the block set holds a block twice").into());
             }
         }
         if decoder.overran() {
-            return Err(SyntaxError("the block set ends too early"));
+            return Err(SyntaxError("the block set ends too early").into());
         }
         Ok((still, coords))
     }
@@ -142,11 +144,11 @@ pub struct Candidate {
 }
 
 impl ExpectedBlocks {
-    /// All blocks of a reference's volume. Of some it is known that they stay as they are, of the others nothing.
+    /// All blocks of a reference's volume. Of some it is known that they stay as they are, of the others nothing but their
+    /// `activity`: that of all blocks, in order.
     #[must_use]
-    pub fn new(reference: &MainReference, still: &BlockSet) -> Self {
-        let FrameBlocks { all, coded, .. } = &reference.extended().blocks;
-        let activity = expected_activity(reference, still);
+    pub fn new(reference: MainBlocks, still: &BlockSet, activity: Vec<Activity>) -> Self {
+        let FrameBlocks { all, coded, .. } = reference.sets;
         let (mut was, mut kept) = (coded.cells().iter().peekable(), still.cells().iter().peekable());
         let mut next = activity.iter();
         let cells = all.cells().iter().map(|cell| {

@@ -2,7 +2,7 @@
 
 use super::modes::BEFORE_CLASSES;
 use crate::main_profile::{
-    BlockLevels, BlockMode, COEFFICIENTS, CausalBlocks, MainParameters, MainReference, SliceBlocks,
+    BlockLevels, BlockMode, COEFFICIENTS, CausalBlocks, MainBlocks, MainParameters, SliceBlocks,
 };
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, MAGNITUDE_LIMIT, RangeDecoder};
@@ -113,7 +113,7 @@ impl CoefficientModels {
         bytes: &[u8],
         SliceBlocks { coords, range, causal }: &SliceBlocks,
         modes: &[BlockMode],
-        reference: Option<&MainReference>,
+        reference: Option<MainBlocks>,
     ) -> Result<BlockLevels, SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
         let mut levels = BlockLevels::with_capacity(range.len());
@@ -224,7 +224,7 @@ impl CountContext {
         mode: BlockMode,
         causal: &CausalBlocks,
         count: impl Fn(usize) -> u8,
-        reference: Option<&MainReference>,
+        reference: Option<MainBlocks>,
     ) -> Self {
         let neighbours = causal.merge_neighbours(block).take(4).map(|n| usize::from(count(n)));
         let (sum, known) = neighbours.fold((0, 0), |(sum, known), count| (sum + count, known + 1));

@@ -2,8 +2,6 @@
 //! others count as observed.
 
 use crate::ReferenceBlocks;
-use crate::extension::Extended;
-use crate::main_profile::crossed_cells::crossed_corners;
 use crate::syntax::SyntaxError;
 use crate::syntax::masks::{MaskContext, MaskModels as VoxelModels, blocks_before};
 use isv_entropy::RangeDecoder;
@@ -15,24 +13,27 @@ use std::collections::BTreeMap;
 pub struct MaskModels(pub VoxelModels);
 
 impl MaskModels {
-    /// Reads the masks of a frame's unsettled blocks, coded or made up, by their index in its extended volume.
+    /// Reads the masks of a frame's unsettled blocks, coded or made up, by their index in its extended volume. `corners`: those
+    /// of its blocks that have corners of crossed cells, in order, with these voxels; asked for only if there are masks.
+    /// `reference`: the frame before.
     ///
     /// # Errors
-    /// A block whose mask is announced but empty, or bytes that end too early.
-    pub fn read(
+    /// That of `corners`, a block whose mask is announced but empty, or bytes that end too early.
+    pub fn read<E: From<SyntaxError>>(
         &mut self,
         bytes: &[u8],
-        extended: &Extended,
+        frame: ReferenceBlocks,
         reference: Option<ReferenceBlocks>,
-    ) -> Result<BTreeMap<u32, VoxelMask>, SyntaxError> {
+        corners: impl FnOnce() -> Result<Vec<(u32, VoxelMask)>, E>,
+    ) -> Result<BTreeMap<u32, VoxelMask>, E> {
         let models = &mut self.0;
         let mut masks = BTreeMap::new();
         let mut decoder = RangeDecoder::new(bytes);
         if !decoder.decode(&mut models.any) {
             return Ok(masks);
         }
-        for (block, corners) in crossed_corners(extended) {
-            let context = context(extended, block, &masks, reference);
+        for (block, corners) in corners()? {
+            let context = context(frame, block, &masks, reference);
             if !decoder.decode(&mut models.block[context.block()]) {
                 continue;
             }
@@ -43,28 +44,28 @@ impl MaskModels {
                 }
             }
             if mask.is_empty() {
-                return Err(SyntaxError("a mask of unobserved voxels is empty"));
+                return Err(SyntaxError("a mask of unobserved voxels is empty").into());
             }
             if decoder.overran() {
-                return Err(SyntaxError("the masks end too early"));
+                return Err(SyntaxError("the masks end too early").into());
             }
             masks.insert(block, mask);
         }
         if decoder.overran() {
-            return Err(SyntaxError("the masks end too early"));
+            return Err(SyntaxError("the masks end too early").into());
         }
         Ok(masks)
     }
 }
 
-/// Context of a block of an extended volume; `masks` holds those of the blocks before it.
+/// Context of a block of a frame, by its index there; `masks` holds those of the blocks before it.
 #[must_use]
 pub fn context<'a>(
-    extended: &Extended,
+    frame: ReferenceBlocks,
     block: u32,
     masks: &'a BTreeMap<u32, VoxelMask>,
     reference: Option<ReferenceBlocks<'a>>,
 ) -> MaskContext<'a> {
-    let coord = extended.volume().coords()[block as usize];
-    MaskContext::new(coord, blocks_before(coord, extended.index()), masks, reference)
+    let coord = frame.coords[block as usize];
+    MaskContext::new(coord, blocks_before(coord, frame.index), masks, reference)
 }

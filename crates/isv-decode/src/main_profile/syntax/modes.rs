@@ -1,6 +1,6 @@
 //! How blocks are predicted, and vectors.
 
-use crate::main_profile::{BlockMode, CausalBlocks, MainReference, SliceBlocks, Vector};
+use crate::main_profile::{BlockMode, CausalBlocks, MainBlocks, SliceBlocks, Vector};
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, IntegerModel, RangeDecoder};
 use isv_volume::BlockCoord;
@@ -57,7 +57,7 @@ impl ModeModels {
         &mut self,
         bytes: &[u8],
         SliceBlocks { coords, range, causal }: &SliceBlocks,
-        reference: &MainReference,
+        reference: MainBlocks,
         step: i32,
     ) -> Result<Vec<BlockMode>, SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
@@ -151,7 +151,7 @@ impl ModeContext {
         block: usize,
         causal: &CausalBlocks,
         mode: impl Fn(usize) -> BlockMode,
-        reference: &MainReference,
+        reference: MainBlocks,
     ) -> Self {
         let mut candidates = Candidates { vectors: [Vector::ZERO; MOST_CANDIDATES], count: 0 };
         let (mut spatial, mut new, mut known) = (0, 0, 0);

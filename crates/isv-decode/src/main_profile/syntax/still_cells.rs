@@ -1,7 +1,7 @@
 //! Which cells of 4x4x4 blocks stay as they were in the frame before: their blocks are not coded again, and nothing of what can
 //! be found of them changes. A flag for each cell that the frame before has blocks in.
 
-use crate::main_profile::MainReference;
+use crate::main_profile::MainBlocks;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCell, BlockSet};
 use rustc_hash::FxHashSet;
@@ -15,9 +15,9 @@ pub struct StillCellModels {
 
 impl StillCellModels {
     /// Reads which of the reference's blocks are in cells that stay as they are.
-    pub fn read(&mut self, decoder: &mut RangeDecoder, reference: &MainReference) -> BlockSet {
+    pub fn read(&mut self, decoder: &mut RangeDecoder, reference: MainBlocks) -> BlockSet {
         let mut context = StillCellContext::new(reference);
-        let cells = reference.extended().blocks.all.cells().iter();
+        let cells = reference.sets.all.cells().iter();
         let still = cells.copied().filter(|cell| {
             let still = decoder.decode(&mut self.cell[context.model(*cell)]);
             context.note(*cell, still);
@@ -39,8 +39,8 @@ pub struct StillCellContext {
 impl StillCellContext {
     /// Nothing is known of this frame.
     #[must_use]
-    pub fn new(reference: &MainReference) -> Self {
-        let before = reference.still().cells().iter().map(|cell| cell.code).collect();
+    pub fn new(reference: MainBlocks) -> Self {
+        let before = reference.still.cells().iter().map(|cell| cell.code).collect();
         Self { now: FxHashSet::default(), before }
     }
 

@@ -3,6 +3,7 @@
 use super::still_cells;
 use crate::syntax::block_set as octree;
 use isv_decode::main_profile::MainReference;
+use isv_decode::main_profile::activity::expected_activity;
 use isv_decode::main_profile::syntax::block_set::{BlockSetModels, ExpectedBlocks};
 use isv_entropy::RangeEncoder;
 use isv_volume::{BlockCoord, BlockIndex, BlockSet};
@@ -19,19 +20,20 @@ pub(crate) fn write(
         octree::encode(&mut models.octree, &mut encoder, coords, None);
         return encoder.finish();
     };
+    let frame = reference.blocks();
     if !still.is_empty() {
-        still_cells::write(&mut models.still_cells, &mut encoder, still, reference);
+        still_cells::write(&mut models.still_cells, &mut encoder, still, frame);
     }
     let index = BlockIndex::new(coords);
-    let mut flags = ExpectedBlocks::new(reference, still);
+    let mut flags = ExpectedBlocks::new(frame, still, expected_activity(reference, still));
     for candidate in flags.candidates(still) {
-        let coded = index.get(reference.volume().coords()[candidate.block as usize]).is_some();
+        let coded = index.get(frame.blocks.coords[candidate.block as usize]).is_some();
         encoder.encode_mixed(models.flag(flags.context(candidate)), coded);
         if coded {
             flags.set_coded(candidate);
         }
     }
-    let known = reference.reference().index();
+    let known = frame.blocks.index;
     let rest: Vec<_> = coords.iter().copied().filter(|coord| known.get(*coord).is_none()).collect();
     octree::encode(&mut models.octree, &mut encoder, &rest, None);
     encoder.finish()

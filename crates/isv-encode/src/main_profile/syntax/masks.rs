@@ -28,7 +28,7 @@ pub(crate) fn write<'a>(
         return (masks, encoder.finish());
     }
     for (block, corners) in crossed_corners(extended) {
-        let context = context(extended, block, &masks, reference);
+        let context = context(extended.reference.blocks(), block, &masks, reference);
         let mask =
             unobserved(block).map(|wanted| wanted.intersection(&corners)).filter(|mask| !mask.is_empty());
         encoder.encode(&mut models.block[context.block()], mask.is_some());

@@ -1,0 +1,132 @@
+//! The decoder's arithmetic on samples, apart from its entropy decoding: who does it, and where frames are kept meanwhile.
+//!
+//! ```text
+//! Decoder: packets, sequence, range decoder ─> symbols ─> Backend: prediction, inverse DCT, filter, extension ─> its frame
+//!                  ▲ blocks, activity, crossed corners ───────┘
+//! ```
+//!
+//! Entropy decoding needs no samples. What the syntax of a frame needs of the frame before are its blocks, which are on the CPU
+//! ([`ReferenceBlocks`], [`MainBlocks`]), and in profile `main` two things that are found in samples: where surface is expected, and
+//! which voxels are corners of crossed cells.
+
+mod cpu;
+
+use crate::extension::ExtensionPlan;
+use crate::main_profile::activity::Activity;
+use crate::main_profile::{self, CausalBlocks, MainBlocks, MainParameters};
+use crate::{BackendError, CodingParameters, FrameSymbols, ReferenceBlocks};
+use isv_format::MainFrameHeader;
+use isv_volume::{BlockSet, VoxelMask};
+use std::collections::BTreeMap;
+use std::fmt;
+
+pub use cpu::{Cpu, CpuMainFrame, CpuPaperFrame};
+
+/// Who does the arithmetic on samples, and keeps the frames. [`Cpu`] is the reference; others give the same bits.
+///
+/// After an error, unless it is one of [`Self::hash`], there is no frame to go on from: the decoder waits for a keyframe.
+pub trait Backend: fmt::Debug + Send {
+    /// A decoded volume where this backend keeps it: what users are given.
+    type Volume: fmt::Debug;
+    /// A decoded frame of profile `paper`: the reference for the next one.
+    type Paper: fmt::Debug + Send;
+    /// The same of profile `main`.
+    type Main: fmt::Debug + Send;
+
+    /// A frame of profile `paper` from its symbols. `before`: the frame before, except for keyframes.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn reconstruct_paper(
+        &mut self,
+        parameters: &CodingParameters,
+        symbols: FrameSymbols,
+        before: Option<&Self::Paper>,
+    ) -> Result<Self::Paper, BackendError>;
+
+    /// The blocks of a frame of profile `paper`, as coded.
+    fn paper_blocks(frame: &Self::Paper) -> ReferenceBlocks<'_>;
+
+    /// The volume of a frame of profile `paper`.
+    fn paper_volume(frame: &Self::Paper) -> &Self::Volume;
+
+    /// A frame of profile `main` from its symbols: predicted, filtered and extended, with all but the masks that its bytes hold.
+    /// `before`: the frame before, except for keyframes.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn reconstruct_main(
+        &mut self,
+        frame: MainFrame<'_>,
+        before: Option<&Self::Main>,
+    ) -> Result<Self::Main, BackendError>;
+
+    /// The blocks of a frame of profile `main`, as the syntax of the next frame sees them.
+    fn main_blocks(frame: &Self::Main) -> MainBlocks<'_>;
+
+    /// The volume of a frame of profile `main`, once it has its masks.
+    fn main_volume(frame: &Self::Main) -> &Self::Volume;
+
+    /// The unsettled blocks of a frame that have corners of crossed cells, in order, with those voxels: see
+    /// [`crossed_corners`](main_profile::crossed_cells::crossed_corners). Asked before [`Self::add_masks`], and only of frames
+    /// whose bytes hold masks.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn crossed_corners(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError>;
+
+    /// Adds the unobserved voxels that a frame's bytes hold, by block; no empty masks. Called once for each frame, whether there
+    /// are any or not: it is complete then.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn add_masks(
+        &mut self,
+        frame: &mut Self::Main,
+        masks: BTreeMap<u32, VoxelMask>,
+    ) -> Result<(), BackendError>;
+
+    /// The activity that is expected of every block of a frame in the next one, where the blocks `still` stay as they are: one
+    /// for each block, in order. See [`expected_activity`](main_profile::activity::expected_activity).
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn expected_activity(
+        &mut self,
+        frame: &Self::Main,
+        still: &BlockSet,
+    ) -> Result<Vec<Activity>, BackendError>;
+
+    /// Takes back a frame that nothing is predicted from any more, for its memory.
+    fn retire(&mut self, frame: Self::Main) {
+        drop(frame);
+    }
+
+    /// [`volume_hash`](crate::volume_hash) of a volume.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn hash(&mut self, volume: &Self::Volume) -> Result<u64, BackendError>;
+
+    /// Whether what is decoded is what the encoder had, so that hashes can be compared.
+    fn is_exact(&self) -> bool {
+        true
+    }
+}
+
+/// All that is known of a frame of profile `main` before its samples.
+#[derive(Debug)]
+pub struct MainFrame<'a> {
+    /// What holds for every frame of the stream.
+    pub parameters: &'a MainParameters,
+    /// The step, the in-loop filter and which tools are used.
+    pub header: &'a MainFrameHeader,
+    /// The coded blocks with their modes and levels, and which blocks of the frame before stay as they are.
+    pub symbols: main_profile::FrameSymbols,
+    /// Which coded blocks precede each other in their slices: what spatial prediction looks at.
+    pub causal: &'a CausalBlocks,
+    /// Which blocks the frame has once it is extended, and where their samples come from.
+    pub plan: ExtensionPlan,
+    /// Whether blocks are predicted from the frame before. If not, it can still be kept of.
+    pub predicts: bool,
+}
