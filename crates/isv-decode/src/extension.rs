@@ -244,13 +244,15 @@ impl ExtensionPlan {
             .filter_map(|(block, is_opposed)| (is_opposed && unsettled[block]).then_some(block));
         let mut masks: Vec<_> = blocks.filter_map(|block| conflicts(&mut finder, block)).collect();
         if let Some(before) = before.filter(|_| self.keeps()) {
-            masks.extend(self.settled_masks(before, &unsettled));
+            masks.extend(self.settled_masks(before));
         }
         masks.into_iter().collect()
     }
 
-    /// The masks of the frame before in blocks where nothing has changed.
-    fn settled_masks(&self, before: ReferenceBlocks, unsettled: &[bool]) -> Vec<(u32, VoxelMask)> {
+    /// The masks of the frame before in blocks where nothing has changed, by index of this frame's blocks.
+    #[must_use]
+    pub fn settled_masks(&self, before: ReferenceBlocks) -> Vec<(u32, VoxelMask)> {
+        let unsettled = self.blocks.unsettled.marks_in(&self.blocks.all);
         let settled = before.unobserved.iter().filter_map(|(block, mask)| {
             let block = self.index.get(before.coords[*block as usize])?;
             let block = (!unsettled[block as usize]).then_some(block)?;

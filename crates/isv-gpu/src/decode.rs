@@ -1,3 +1,120 @@
-//! Decoding on a GPU.
+//! Decoding on a GPU: the arithmetic on samples of [`isv_decode`], with the same bits.
+//!
+//! | file | step |
+//! |---|---|
+//! | `paper_frame` | a frame of profile `paper`: rigid motion and residual |
+//! | `main_frame` | a frame of profile `main`, step by step |
+//! | `coded_blocks` | its coded blocks: prediction, residual, in-loop filter |
+//! | `made_up_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
+//! | `questions` | what entropy decoding asks of samples: expected activity, corners of crossed cells |
 
+mod coded_blocks;
+mod kernels;
+mod made_up_blocks;
+mod main_frame;
+mod paper_frame;
+mod questions;
+mod scale;
 pub(crate) mod shaders;
+#[cfg(test)]
+mod tests;
+mod workshop;
+
+use crate::{GpuError, GpuVolume, VolumeStore};
+use isv_decode::backend::{Backend, MainFrame};
+use isv_decode::main_profile::MainBlocks;
+use isv_decode::main_profile::activity::Activity;
+use isv_decode::{BackendError, CodingParameters, FrameSymbols, ReferenceBlocks, volume_hash};
+use isv_volume::{BlockEdge, BlockSet, VoxelMask};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use workshop::Workshop;
+
+pub use main_frame::GpuMainFrame;
+pub use paper_frame::GpuPaperFrame;
+
+/// A [`Backend`] that keeps frames on a GPU.
+///
+/// It decodes blocks of 8 voxels: all of profile `main`, and of profile `paper` the streams that have them.
+#[derive(Debug)]
+pub struct GpuBackend(Workshop);
+
+impl GpuBackend {
+    /// A backend that keeps its volumes in a store.
+    ///
+    /// # Errors
+    /// [`GpuError::Refused`] if the driver does not take a kernel.
+    pub fn new(store: &VolumeStore) -> Result<Self, GpuError> {
+        Workshop::new(store).map(Self)
+    }
+}
+
+impl Backend for GpuBackend {
+    type Volume = GpuVolume;
+    type Paper = GpuPaperFrame;
+    type Main = GpuMainFrame;
+
+    fn reconstruct_paper(
+        &mut self,
+        parameters: &CodingParameters,
+        symbols: FrameSymbols,
+        before: Option<&GpuPaperFrame>,
+    ) -> Result<GpuPaperFrame, BackendError> {
+        if parameters.grid.edge != BlockEdge::E8 {
+            return Err(BackendError::Unsupported("blocks of another edge than 8 voxels on a GPU"));
+        }
+        Ok(self.0.paper_frame(parameters, symbols, before)?)
+    }
+
+    fn paper_blocks(frame: &GpuPaperFrame) -> ReferenceBlocks<'_> {
+        frame.blocks()
+    }
+
+    fn paper_volume(frame: &GpuPaperFrame) -> &GpuVolume {
+        &frame.volume
+    }
+
+    fn reconstruct_main(
+        &mut self,
+        frame: MainFrame<'_>,
+        before: Option<&GpuMainFrame>,
+    ) -> Result<GpuMainFrame, BackendError> {
+        Ok(self.0.main_frame(frame, before)?)
+    }
+
+    fn main_blocks(frame: &GpuMainFrame) -> MainBlocks<'_> {
+        frame.blocks()
+    }
+
+    fn main_volume(frame: &GpuMainFrame) -> &GpuVolume {
+        &frame.volume
+    }
+
+    fn crossed_corners(&mut self, frame: &GpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
+        Ok(frame.answers.corners.clone())
+    }
+
+    fn add_masks(
+        &mut self,
+        frame: &mut GpuMainFrame,
+        masks: BTreeMap<u32, VoxelMask>,
+    ) -> Result<(), BackendError> {
+        let unobserved = Arc::make_mut(&mut frame.volume.unobserved);
+        for (block, mask) in masks {
+            unobserved.entry(block).and_modify(|before| before.insert_all(&mask)).or_insert(mask);
+        }
+        Ok(())
+    }
+
+    fn expected_activity(
+        &mut self,
+        frame: &GpuMainFrame,
+        still: &BlockSet,
+    ) -> Result<Vec<Activity>, BackendError> {
+        Ok(frame.expected_activity(still))
+    }
+
+    fn hash(&mut self, volume: &GpuVolume) -> Result<u64, BackendError> {
+        Ok(volume_hash(&volume.download()?))
+    }
+}

@@ -170,20 +170,24 @@ impl Gpu {
         self.check()
     }
 
-    /// The contents of buffers made for [`Usage::Reading`], once all that was submitted is done.
+    /// So many bytes from the start of each of some buffers made for [`Usage::Reading`], once all that was submitted is done.
     ///
     /// # Errors
     /// As [`Self::submit`].
-    pub(crate) fn read(&self, buffers: &[&Storage]) -> Result<Vec<Vec<u8>>, GpuError> {
-        for storage in buffers {
+    pub(crate) fn read(&self, buffers: &[(&Storage, u64)]) -> Result<Vec<Vec<u8>>, GpuError> {
+        let wanted = || buffers.iter().filter(|(_, bytes)| *bytes > 0);
+        for (storage, bytes) in wanted() {
             // Whether it succeeded is asked below, for all of them.
-            storage.buffer().map_async(MapMode::Read, .., |_| {});
+            storage.buffer().map_async(MapMode::Read, ..*bytes, |_| {});
         }
         let waited = self.0.device.poll(PollType::wait_indefinitely());
         self.check()?;
         waited.map_err(|error| GpuError::Lost(error.to_string()))?;
-        let contents = |storage: &&Storage| {
-            let view = storage.buffer().get_mapped_range(..);
+        let contents = |(storage, bytes): &(&Storage, u64)| {
+            if *bytes == 0 {
+                return Ok(Vec::new());
+            }
+            let view = storage.buffer().get_mapped_range(..*bytes);
             let bytes = view.map(|view| view.to_vec()).map_err(|error| GpuError::Lost(error.to_string()));
             storage.buffer().unmap();
             bytes

@@ -1,5 +1,6 @@
 //! What can go wrong with a GPU.
 
+use isv_decode::BackendError;
 use thiserror::Error;
 
 /// A GPU that cannot do what was asked of it.
@@ -53,4 +54,13 @@ pub enum GpuError {
     /// A shader or a command that the driver refuses: a fault of this program or of the driver.
     #[error("the GPU's driver refused a command: {0}")]
     Refused(String),
+}
+
+impl From<GpuError> for BackendError {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. } => Self::OutOfMemory(error.to_string()),
+            other => Self::DeviceLost(other.to_string()),
+        }
+    }
 }

@@ -32,6 +32,7 @@ mod store;
 mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
+pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
 pub use error::GpuError;
 pub(crate) use storage::Storage;

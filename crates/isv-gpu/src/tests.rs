@@ -43,7 +43,8 @@ fn noise(blocks: usize, seed: u32) -> SparseVolume {
 fn all_shaders_are_valid() {
     for (shader, entries) in SHADERS {
         let module = wgsl::parse_str(&shader.source(17));
-        let module = module.unwrap_or_else(|error| panic!("{}: {}", shader.name, error.emit_to_string(&shader.source(17))));
+        let module = module
+            .unwrap_or_else(|error| panic!("{}: {}", shader.name, error.emit_to_string(&shader.source(17))));
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
         let valid = validator.validate(&module);
         assert!(valid.is_ok(), "{}: {:?}", shader.name, valid.err());

@@ -91,7 +91,7 @@ impl GpuVolume {
         }
         drop(pool);
         commands.submit()?;
-        Ok(gpu.read(&[&reading])?.remove(0))
+        Ok(gpu.read(&[(&reading, at)])?.remove(0))
     }
 
     /// The masks of unobserved voxels as kernels look at them: for each block one more than the number of its mask, or 0; and the

@@ -125,8 +125,9 @@ impl BlockTransform {
         );
     }
 
-    /// Bits to drop after each inverse pass.
-    fn inverse_shifts(&self) -> [u32; 3] {
+    /// Bits to drop after each inverse pass: along z, y and x.
+    #[must_use]
+    pub fn inverse_shifts(&self) -> [u32; 3] {
         [0, 1, 2].map(|pass| (MATRIX_BITS - self.exponents[2 - pass] + self.exponents[3 - pass]) as u32)
     }
 }

@@ -43,6 +43,24 @@ impl Quantizer {
         Self { step, unit_shift, level_limit: ((1 << 30) - 1) / step }
     }
 
+    /// The step in sixteenths of a code.
+    #[must_use]
+    pub fn step(&self) -> i32 {
+        self.step
+    }
+
+    /// Base-2 logarithm of the sixteenths of an orthonormal code in one coefficient unit: 1 to 10.
+    #[must_use]
+    pub fn unit_shift(&self) -> u32 {
+        self.unit_shift
+    }
+
+    /// Largest level whose product with the step stays inside 30 bits.
+    #[must_use]
+    pub fn level_limit(&self) -> i32 {
+        self.level_limit
+    }
+
     /// Nearest level of a coefficient, halves away from zero.
     #[must_use]
     pub fn quantize(&self, coefficient: i16) -> i32 {

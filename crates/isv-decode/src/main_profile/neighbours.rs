@@ -41,12 +41,17 @@ impl CausalBlocks {
         Self { index, starts, merge }
     }
 
+    /// The first block of a block's slice.
+    #[must_use]
+    pub fn slice_start(&self, block: usize) -> u32 {
+        let slice = self.starts.partition_point(|start| *start <= block as u32);
+        self.starts[slice - 1]
+    }
+
     /// All neighbours of the block at a coordinate that precede it, by slot.
     #[must_use]
     pub fn of(&self, coord: BlockCoord, block: usize) -> Neighbourhood {
-        let block = block as u32;
-        let slice = self.starts.partition_point(|start| *start <= block);
-        let start = self.starts[slice - 1];
+        let (start, block) = (self.slice_start(block), block as u32);
         self.index.neighbourhood(coord).map(|n| n.filter(|n| (start..block).contains(n)))
     }
 

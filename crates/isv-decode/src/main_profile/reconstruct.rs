@@ -160,7 +160,11 @@ fn blocks_at<'a>(places: &[u32], samples: &'a mut [i16]) -> Vec<&'a mut [i16; BL
 }
 
 /// The spatially predicted blocks in waves: none is predicted from another one of its own or a later wave.
-fn spatial_waves(FrameSymbols { coords, modes, .. }: &FrameSymbols, causal: &CausalBlocks) -> Vec<Vec<u32>> {
+#[must_use]
+pub fn spatial_waves(
+    FrameSymbols { coords, modes, .. }: &FrameSymbols,
+    causal: &CausalBlocks,
+) -> Vec<Vec<u32>> {
     let mut waves: Vec<Vec<u32>> = Vec::new();
     // One more than the wave that a block is in; 0 if it is not predicted spatially.
     let mut after = vec![0; modes.len()];

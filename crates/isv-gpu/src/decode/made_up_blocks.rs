@@ -1,0 +1,125 @@
+//! The blocks of a frame of profile `main` that were not coded: extrapolation, and the faces on which different signs meet.
+
+use super::workshop::FrameCommands;
+use crate::blocks::BlockTable;
+use crate::storage::Room;
+use crate::{Gpu, GpuError, Storage};
+use isv_decode::ReferenceBlocks;
+use isv_decode::extension::ExtensionPlan;
+use isv_volume::{BlockOrigin, Truncation};
+
+/// Bits of a kind, as `frame_blocks.wgsl` has them.
+const CODED: u32 = 1;
+const UNSETTLED: u32 = 2;
+/// Where the number of a block's mask begins in its kind, as `corners.wgsl` has it.
+const MASK_BITS: u32 = 8;
+
+/// Memory for what is known of all blocks of a frame.
+#[derive(Debug)]
+pub(super) struct MadeUpRooms {
+    kinds: Room,
+    insides: Room,
+    opposed: Room,
+    masks: Room,
+    list: Room,
+}
+
+impl Default for MadeUpRooms {
+    fn default() -> Self {
+        Self {
+            kinds: Room::new("kinds of blocks"),
+            insides: Room::new("sides of blocks"),
+            opposed: Room::new("opposed faces"),
+            masks: Room::new("masks of settled blocks"),
+            list: Room::new("list of made-up blocks"),
+        }
+    }
+}
+
+/// What all blocks of a frame are, uploaded.
+pub(super) struct MadeUpBlocks<'a> {
+    table: &'a BlockTable,
+    /// Of all blocks.
+    pub(super) kinds: &'a Storage,
+    /// Of all blocks, 1 for those that were made up and lie inside.
+    pub(super) insides: &'a Storage,
+    pub(super) opposed: &'a Storage,
+    /// Of settled blocks.
+    pub(super) masks: &'a Storage,
+    list: &'a Storage,
+    /// Blocks to be made up.
+    count: u32,
+    blocks: u32,
+}
+
+/// The frame before, as far as something is kept of it.
+#[derive(Clone, Copy)]
+pub(super) struct KeptFrame<'a> {
+    pub(super) blocks: ReferenceBlocks<'a>,
+    /// Of each block, 1 if it was made up and lies inside.
+    pub(super) insides: &'a [u32],
+}
+
+impl<'a> MadeUpBlocks<'a> {
+    /// Uploads what is known of all blocks of a frame, which are in `table`.
+    ///
+    /// # Errors
+    /// As [`Gpu::storage`].
+    pub(super) fn upload(
+        gpu: &Gpu,
+        plan: &ExtensionPlan,
+        before: Option<KeptFrame>,
+        table: &'a BlockTable,
+        rooms: &'a mut MadeUpRooms,
+    ) -> Result<Self, GpuError> {
+        let unsettled = plan.blocks().unsettled.marks_in(&plan.blocks().all);
+        let marks = plan.coded().iter().zip(unsettled);
+        let kind = |(coded, unsettled): (&bool, bool)| {
+            (u32::from(*coded) * CODED) | (u32::from(unsettled) * UNSETTLED)
+        };
+        let mut kinds: Vec<u32> = marks.map(kind).collect();
+        let settled = before.filter(|_| plan.keeps()).map(|before| plan.settled_masks(before.blocks));
+        let mut masks: Vec<u64> = Vec::new();
+        for (number, (block, mask)) in (1..).zip(settled.unwrap_or_default()) {
+            kinds[block as usize] |= number << MASK_BITS;
+            masks.extend(mask.words());
+        }
+        let inside = |origin: &BlockOrigin| match (*origin, before) {
+            (BlockOrigin::Kept(block), Some(before)) => before.insides[block as usize],
+            _ => 0,
+        };
+        let insides: Vec<u32> = plan.origins().iter().map(inside).collect();
+        let blocks = (0..).zip(plan.origins()).zip(plan.coded());
+        let is_made_up =
+            |origin: &BlockOrigin, coded: bool| matches!(origin, BlockOrigin::Fresh(_)) && !coded;
+        let list = blocks.filter_map(|((block, origin), coded)| is_made_up(origin, *coded).then_some(block));
+        let list: Vec<u32> = list.collect();
+        Ok(Self {
+            table,
+            kinds: rooms.kinds.holding(gpu, &kinds)?,
+            insides: rooms.insides.holding(gpu, &insides)?,
+            opposed: rooms.opposed.of(gpu, 4 * kinds.len() as u64)?,
+            masks: rooms.masks.holding(gpu, &masks)?,
+            list: rooms.list.holding(gpu, &list)?,
+            count: list.len() as u32,
+            blocks: kinds.len() as u32,
+        })
+    }
+
+    /// Makes them up from the coded blocks around them.
+    ///
+    /// # Errors
+    /// As [`Gpu::storage`].
+    pub(super) fn extrapolate(
+        &self,
+        frame: &mut FrameCommands,
+        truncation: Truncation,
+    ) -> Result<(), GpuError> {
+        let Self { table, kinds, insides, opposed, list, count, blocks, .. } = *self;
+        let truncation = u32::from(truncation.codes().unsigned_abs());
+        let buffers = [&table.blocks, &table.table, kinds, list, insides];
+        frame.run(&frame.kernels.extrapolate, &[truncation, 0, count, 0], &buffers, count)?;
+        let buffers = [&table.blocks, &table.table, kinds, insides, opposed];
+        frame.run(&frame.kernels.conflicts, &[blocks, 0, 0, 0], &buffers, blocks.div_ceil(64))
+    }
+}

@@ -1,0 +1,121 @@
+//! A frame of profile `main`, from symbols to the answers that the next frame's syntax asks for.
+
+use super::coded_blocks::CodedBlocks;
+use super::made_up_blocks::{KeptFrame, MadeUpBlocks};
+use super::questions::{Answers, ask};
+use super::workshop::{FrameCommands, Workshop};
+use crate::blocks::BlockTable;
+use crate::store::Slots;
+use crate::{GpuError, GpuVolume, VolumeStore};
+use isv_decode::ReferenceBlocks;
+use isv_decode::backend::MainFrame;
+use isv_decode::extension::{ExtensionPlan, FrameBlocks, Side};
+use isv_decode::main_profile::activity::Activity;
+use isv_decode::main_profile::{CodedBlock, MainBlocks};
+use isv_volume::{BlockIndex, BlockOrigin, BlockSet};
+use std::sync::Arc;
+
+/// A decoded frame of profile `main` on a GPU.
+#[derive(Debug)]
+pub struct GpuMainFrame {
+    pub(super) volume: GpuVolume,
+    index: BlockIndex,
+    sets: FrameBlocks,
+    coded: Vec<Option<CodedBlock>>,
+    still: BlockSet,
+    pub(super) answers: Answers,
+}
+
+impl GpuMainFrame {
+    /// Its blocks.
+    pub(super) fn blocks(&self) -> MainBlocks<'_> {
+        let Self { index, sets, coded, still, volume, .. } = self;
+        let GpuVolume { coords, unobserved, .. } = volume;
+        MainBlocks { blocks: ReferenceBlocks { coords, index, unobserved }, sets, coded, still }
+    }
+
+    /// The activity that is expected where the blocks `still` stay as they are.
+    pub(super) fn expected_activity(&self, still: &BlockSet) -> Vec<Activity> {
+        let marks = still.marks_in(&self.sets.all);
+        let blocks = self.answers.activity.iter().zip(marks).zip(&self.coded);
+        let activity = |((word, is_still), coded): ((&u32, bool), &Option<CodedBlock>)| match is_still {
+            true => Activity::of_still(coded.is_some()),
+            false => Activity::new(*word as u16, (word >> 16) as u16),
+        };
+        blocks.map(activity).collect()
+    }
+}
+
+impl Workshop {
+    /// A frame from its symbols.
+    ///
+    /// # Errors
+    /// What goes wrong on the GPU.
+    pub(super) fn main_frame(
+        &mut self,
+        frame: MainFrame,
+        before: Option<&GpuMainFrame>,
+    ) -> Result<GpuMainFrame, GpuError> {
+        let Self { store, kernels, coded_rooms, made_up_rooms, question_rooms, .. } = self;
+        let MainFrame { parameters, header, symbols, causal, plan, predicts } = frame;
+        let gpu = store.gpu();
+        let (slots, coded_slots) = take_slots(store, &plan, before)?;
+        let mut work = FrameCommands::new(store, kernels);
+        let table = BlockTable::new(gpu, store.insert(), plan.coords(), slots.get(), &mut work.commands)?;
+        let coded_table =
+            BlockTable::new(gpu, store.insert(), &symbols.coords, &coded_slots, &mut work.commands)?;
+
+        let coded =
+            CodedBlocks::upload(gpu, parameters, header, &symbols, causal, &coded_table, coded_rooms)?;
+        let source = before.filter(|_| predicts).map(|before| &*before.volume.table);
+        coded.reconstruct(&mut work, header, source)?;
+        coded.filter(&mut work, header)?;
+
+        let kept = before
+            .map(|before| KeptFrame { blocks: before.blocks().blocks, insides: &before.answers.insides });
+        let made_up = MadeUpBlocks::upload(gpu, &plan, kept, &table, made_up_rooms)?;
+        made_up.extrapolate(&mut work, parameters.grid.truncation)?;
+
+        let how = CodedBlock::of_frame(plan.blocks(), &symbols);
+        let marks = plan.blocks().unsettled.marks_in(&plan.blocks().all);
+        let unsettled = (0..).zip(marks).filter_map(|(block, marked)| marked.then_some(block));
+        let unsettled: Vec<u32> = unsettled.collect();
+        let answers = ask(work, &table, &made_up, &how, &unsettled, question_rooms)?;
+
+        let side = |block: u32| match (plan.coded()[block as usize], answers.insides[block as usize]) {
+            (true, _) => Side::Coded,
+            (false, 0) => Side::Outside,
+            (false, _) => Side::Inside,
+        };
+        let unobserved = Arc::new(plan.masks(side, kept.map(|kept| kept.blocks)));
+        let (sets, coords, index) = plan.into_blocks();
+        let (store, table) = (store.clone(), Arc::new(table));
+        let volume =
+            GpuVolume { store, grid: parameters.grid, coords: Arc::new(coords), slots, table, unobserved };
+        Ok(GpuMainFrame { volume, index, sets, coded: how, still: symbols.still, answers })
+    }
+}
+
+/// The slots of all blocks of a frame, some of them shared with the frame before, and those of the blocks coded in it.
+fn take_slots(
+    store: &VolumeStore,
+    plan: &ExtensionPlan,
+    before: Option<&GpuMainFrame>,
+) -> Result<(Arc<Slots>, Vec<u32>), GpuError> {
+    let mut pool = store.pool();
+    let fresh = pool.take(plan.blocks().fresh.count())?;
+    let mut kept = Vec::new();
+    let slots = plan.origins().iter().map(|origin| match *origin {
+        BlockOrigin::Fresh(block) => fresh[block as usize],
+        BlockOrigin::Kept(block) => {
+            let before = before.expect("blocks are kept of a frame before");
+            kept.push(before.volume.slots.get()[block as usize]);
+            kept[kept.len() - 1]
+        }
+    });
+    let slots: Vec<u32> = slots.collect();
+    pool.share(&kept);
+    drop(pool);
+    let coded = plan.places().iter().map(|place| fresh[*place as usize]).collect();
+    Ok((Arc::new(Slots::new(store, slots)), coded))
+}

@@ -1,0 +1,92 @@
+//! A frame of profile `paper`: every block is moved rigidly from the frame before, or predicted by zero (Sec. 3.4, 3.5).
+
+use super::scale::{pack_level, scale};
+use super::workshop::Workshop;
+use crate::blocks::BlockTable;
+use crate::commands::Commands;
+use crate::store::Slots;
+use crate::{GpuError, GpuVolume};
+use bytemuck::{Pod, Zeroable};
+use isv_decode::{CodingParameters, FrameSymbols, ReferenceBlocks};
+use isv_volume::BlockIndex;
+use std::sync::Arc;
+
+/// A decoded frame of profile `paper` on a GPU.
+#[derive(Debug)]
+pub struct GpuPaperFrame {
+    pub(super) volume: GpuVolume,
+    index: BlockIndex,
+}
+
+/// `MovedBlock` of `warp.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct MovedBlock {
+    slot: u32,
+    is_predicted: u32,
+    levels: u32,
+    level_count: u32,
+    motion: [i32; 12],
+}
+
+impl GpuPaperFrame {
+    /// Its blocks.
+    pub(super) fn blocks(&self) -> ReferenceBlocks<'_> {
+        let GpuVolume { coords, unobserved, .. } = &self.volume;
+        ReferenceBlocks { coords, index: &self.index, unobserved }
+    }
+}
+
+impl Workshop {
+    /// A frame from its symbols.
+    ///
+    /// # Errors
+    /// What goes wrong on the GPU.
+    pub(super) fn paper_frame(
+        &mut self,
+        parameters: &CodingParameters,
+        symbols: FrameSymbols,
+        before: Option<&GpuPaperFrame>,
+    ) -> Result<GpuPaperFrame, GpuError> {
+        let Self { store, kernels, coded_rooms, .. } = self;
+        let (store, gpu) = (store.clone(), store.gpu().clone());
+        let count = symbols.coords.len();
+        let slots = store.pool().take(count)?;
+        let slots = Arc::new(Slots::new(&store, slots));
+        let mut levels = Vec::new();
+        let of_blocks = symbols.levels.chunks_exact(parameters.coefficients());
+        let blocks = slots.get().iter().zip(&symbols.references).zip(&symbols.motion).zip(of_blocks);
+        let moved = blocks.map(|(((slot, source), motion), of_block)| {
+            let start = levels.len() as u32;
+            let coded = of_block.iter().zip(&parameters.scan).filter(|(value, _)| **value != 0);
+            levels.extend(coded.map(|(value, position)| pack_level(*position, *value)));
+            let [x, y, z] = motion.rotation_matrix();
+            let [a, b, c] = motion.translation.map(i32::from);
+            let is_predicted = u32::from(source.is_some() && before.is_some());
+            MovedBlock {
+                slot: *slot,
+                is_predicted,
+                levels: start,
+                level_count: levels.len() as u32 - start,
+                motion: [x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], a, b, c],
+            }
+        });
+        let moved: Vec<_> = moved.collect();
+        let mut commands = Commands::new(&gpu);
+        let table = BlockTable::new(&gpu, store.insert(), &symbols.coords, slots.get(), &mut commands)?;
+        // A keyframe has no frame before it; nothing is looked up then.
+        let source = before.map_or(&table, |before| &before.volume.table);
+        let mut words = scale(&parameters.transform, &parameters.dc, &parameters.ac).to_vec();
+        let truncation = parameters.grid.truncation.codes();
+        words.extend([u32::from(truncation.unsigned_abs()), count as u32, 0, 0]);
+        let moved = coded_rooms.modes.holding(&gpu, &moved)?;
+        let levels = coded_rooms.levels.holding(&gpu, &levels)?;
+        let buffers = [&source.blocks, &source.table, &table.blocks, moved, levels];
+        commands.run(&kernels.warp, Some(&store.pool()), &words, &buffers, count as u32)?;
+        commands.submit()?;
+        let index = BlockIndex::new(&symbols.coords);
+        let (coords, unobserved) = (Arc::new(symbols.coords), Arc::new(symbols.unobserved));
+        let (grid, table) = (parameters.grid, Arc::new(table));
+        Ok(GpuPaperFrame { volume: GpuVolume { store, grid, coords, slots, table, unobserved }, index })
+    }
+}

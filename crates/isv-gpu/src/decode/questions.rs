@@ -1,0 +1,121 @@
+//! What entropy decoding asks of a frame's samples: one answer for all, read at once.
+
+use super::coded_blocks::pack_vector;
+use super::made_up_blocks::MadeUpBlocks;
+use super::workshop::FrameCommands;
+use crate::GpuError;
+use crate::blocks::BlockTable;
+use crate::storage::Room;
+use isv_decode::main_profile::CodedBlock;
+use isv_volume::VoxelMask;
+
+/// Memory for questions and answers.
+#[derive(Debug)]
+pub(super) struct QuestionRooms {
+    vectors: Room,
+    activity: Room,
+    unsettled: Room,
+    corners: Room,
+    insides_read: Room,
+    activity_read: Room,
+    corners_read: Vec<Room>,
+}
+
+impl Default for QuestionRooms {
+    fn default() -> Self {
+        Self {
+            vectors: Room::new("vectors"),
+            activity: Room::new("activity"),
+            unsettled: Room::new("list of unsettled blocks"),
+            corners: Room::new("corners of crossed cells"),
+            insides_read: Room::for_reading("sides of blocks to read"),
+            activity_read: Room::for_reading("activity to read"),
+            corners_read: Vec::new(),
+        }
+    }
+}
+
+/// Bytes of a block's corners, a bit a voxel.
+const MASK_BYTES: u64 = 64;
+
+/// The answers.
+#[derive(Debug)]
+pub(super) struct Answers {
+    /// Of each block, 1 if it was made up and lies inside.
+    pub(super) insides: Vec<u32>,
+    /// Of each block, edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
+    pub(super) activity: Vec<u32>,
+    /// The unsettled blocks that have corners of crossed cells, in order, with those.
+    pub(super) corners: Vec<(u32, VoxelMask)>,
+}
+
+/// Asks of a frame whose samples are done, and reads the answers.
+///
+/// - `table`: of all blocks.
+/// - `coded`: how each was coded.
+/// - `unsettled`: which of them are asked for corners.
+///
+/// # Errors
+/// What went wrong on the GPU.
+pub(super) fn ask(
+    mut frame: FrameCommands,
+    table: &BlockTable,
+    made_up: &MadeUpBlocks,
+    coded: &[Option<CodedBlock>],
+    unsettled: &[u32],
+    rooms: &mut QuestionRooms,
+) -> Result<Answers, GpuError> {
+    let (gpu, count) = (frame.gpu, coded.len() as u32);
+    let vectors: Vec<u32> =
+        coded.iter().map(|coded| pack_vector(coded.and_then(|coded| coded.vector))).collect();
+    let vectors = rooms.vectors.holding(gpu, &vectors)?;
+    let word_bytes = 4 * u64::from(count);
+    let activity = rooms.activity.of(gpu, word_bytes)?;
+    let buffers = [&table.blocks, &table.table, vectors, activity];
+    frame.run(&frame.kernels.activity, &[count, 0, 0, 0], &buffers, count)?;
+
+    let at_once = (gpu.binding_bytes() / MASK_BYTES) as usize;
+    let parts: Vec<&[u32]> = unsettled.chunks(at_once).collect();
+    while rooms.corners_read.len() < parts.len() {
+        rooms.corners_read.push(Room::for_reading("corners to read"));
+    }
+    let list = rooms.unsettled.holding(gpu, unsettled)?;
+    let corners = rooms.corners.of(gpu, MASK_BYTES * unsettled.len().min(at_once) as u64)?;
+    let mut readings = Vec::new();
+    for ((part, room), number) in parts.iter().zip(&mut rooms.corners_read).zip(0u32..) {
+        let (first, blocks) = (number * at_once as u32, part.len() as u32);
+        let MadeUpBlocks { kinds, opposed, masks, .. } = *made_up;
+        let buffers = [&table.blocks, &table.table, kinds, opposed, masks, list, corners];
+        frame.run(&frame.kernels.corners, &[first, blocks, 0, 0], &buffers, blocks)?;
+        let bytes = MASK_BYTES * u64::from(blocks);
+        let reading = room.of(gpu, bytes)?;
+        frame.commands.copy(corners, reading, bytes);
+        readings.push((reading, bytes));
+    }
+    let insides_read = rooms.insides_read.of(gpu, word_bytes)?;
+    let activity_read = rooms.activity_read.of(gpu, word_bytes)?;
+    frame.commands.copy(made_up.insides, insides_read, word_bytes);
+    frame.commands.copy(activity, activity_read, word_bytes);
+    readings.extend([(insides_read, word_bytes), (activity_read, word_bytes)]);
+    let FrameCommands { gpu, pool, commands, .. } = frame;
+    commands.submit()?;
+    drop(pool);
+    let mut read = gpu.read(&readings)?;
+    let activity = words(&read.pop().unwrap_or_default());
+    let insides = words(&read.pop().unwrap_or_default());
+    let masks = read.iter().flat_map(|bytes| bytes.as_chunks::<{ MASK_BYTES as usize }>().0);
+    let corners = unsettled.iter().zip(masks).filter_map(|(block, bytes)| Some((*block, mask(bytes)?)));
+    Ok(Answers { insides, activity, corners: corners.collect() })
+}
+
+/// Words of the GPU, which are little-endian.
+fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+}
+
+/// The voxels of a mask, if there are any.
+fn mask(bytes: &[u8; MASK_BYTES as usize]) -> Option<VoxelMask> {
+    let words: [u64; 8] =
+        std::array::from_fn(|z| u64::from_le_bytes(std::array::from_fn(|byte| bytes[8 * z + byte])));
+    (words != [0; 8]).then(|| VoxelMask::from_words(&words))
+}
