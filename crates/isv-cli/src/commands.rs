@@ -1,5 +1,6 @@
 //! The commands: arguments and a `run` each.
 
+pub(crate) mod backends;
 pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod demo;

@@ -4,6 +4,7 @@
 //! the command line was wrong; each failure is one sentence on stderr.
 
 mod ahead;
+mod backend;
 mod bit_rate;
 mod capture;
 mod commands;
@@ -23,7 +24,7 @@ mod threads;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use commands::{compare, decode, demo, encode, eval, info, render, verify};
+use commands::{backends, compare, decode, demo, encode, eval, info, render, verify};
 use failure::usage;
 use isv::kernels::simd::{self, Instructions};
 use std::process::ExitCode;
@@ -50,6 +51,7 @@ enum Command {
     Eval(eval::Args),
     Compare(compare::Args),
     Render(render::Args),
+    Backends(backends::Args),
 }
 
 fn main() -> ExitCode {
@@ -76,5 +78,6 @@ fn run(command: &Command) -> Result<()> {
         Command::Eval(args) => eval::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),
+        Command::Backends(args) => backends::run(args),
     }
 }

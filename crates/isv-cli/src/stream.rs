@@ -1,12 +1,13 @@
 //! `.isv` streams from files and pipes, decoded frame by frame.
 
+use crate::backend::{self, BackendArgs};
 use crate::frame_range::FrameRange;
 use crate::output::is_pipe;
 use crate::stats::timed;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{DecodeError, Decoder, Limits, Lod};
+use isv::decode::{DecodeError, Limits, Lod};
 use isv::format::{PacketReader, StreamHeader, StreamIndex};
-use isv::volume::SparseVolume;
+use isv::gpu::{AnyDecoder, AnyVolume};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -47,7 +48,7 @@ pub(crate) struct StreamFrame {
     /// Its number in the stream.
     pub(crate) number: usize,
     /// What was decoded.
-    pub(crate) volume: SparseVolume,
+    pub(crate) volume: AnyVolume,
     /// How long that took.
     pub(crate) decode_ms: f64,
 }
@@ -57,7 +58,7 @@ pub(crate) struct StreamFrames {
     name: String,
     header: StreamHeader,
     packets: PacketReader<ByteSource>,
-    decoder: Decoder,
+    decoder: AnyDecoder,
     /// Number of the frame that the decoder began with.
     first: usize,
     /// Number of the next frame to decode.
@@ -68,15 +69,20 @@ pub(crate) struct StreamFrames {
 }
 
 impl StreamFrames {
-    /// Opens a stream, to be decoded at a level of detail. In a file, decoding begins at the last keyframe before the
+    /// Opens a stream, to be decoded at a level of detail by a backend. In a file, decoding begins at the last keyframe before the
     /// range; on a pipe, at the start.
-    pub(crate) fn open(path: &Path, range: Option<FrameRange>, lod: Lod) -> Result<Self> {
+    pub(crate) fn open(
+        path: &Path,
+        range: Option<FrameRange>,
+        lod: Lod,
+        backend: BackendArgs,
+    ) -> Result<Self> {
         let (mut packets, header) = open(path)?;
         let mut first = 0;
         if let Some(range) = range.filter(|_| path.is_file()) {
             (packets, first) = seek(path, range)?;
         }
-        let decoder = Decoder::with_lod(&header, Limits::default(), lod).with_context(|| name(path))?;
+        let decoder = backend.decoder(&header, Limits::default(), lod).with_context(|| name(path))?;
         Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, failed: false })
     }
 
@@ -109,10 +115,13 @@ impl StreamFrames {
             };
             let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
             let decoded = decoded.map_err(|error| fault(&self.name, self.first, error))?;
+            if let Some(why) = self.decoder.take_notice() {
+                backend::notify(&why);
+            }
             let number = self.next;
             self.next += 1;
             if self.range.is_none_or(|range| number >= range.start) {
-                return Ok(Some(StreamFrame { number, volume: decoded.volume.clone(), decode_ms }));
+                return Ok(Some(StreamFrame { number, volume: decoded.volume, decode_ms }));
             }
         }
     }

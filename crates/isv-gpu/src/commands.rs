@@ -2,6 +2,7 @@
 
 use crate::kernel::Kernel;
 use crate::pool::SamplePool;
+use crate::stopwatch::Stopwatch;
 use crate::storage::{Usage, write};
 use crate::{Gpu, GpuError, Storage};
 use wgpu::{
@@ -24,12 +25,15 @@ pub(crate) struct Commands {
     /// Buffers of parameters, and how many dispatches have theirs.
     parameters: Vec<Storage>,
     dispatches: u64,
+    /// While times are taken.
+    stopwatch: Option<Stopwatch>,
 }
 
 impl Commands {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let encoder = gpu.device().create_command_encoder(&CommandEncoderDescriptor::default());
-        Self { gpu: gpu.clone(), encoder, parameters: Vec::new(), dispatches: 0 }
+        let stopwatch = gpu.times().is_some().then(|| Stopwatch::new(gpu));
+        Self { gpu: gpu.clone(), encoder, parameters: Vec::new(), dispatches: 0, stopwatch }
     }
 
     /// Runs a kernel in `groups` workgroups, none if that is 0, after all that was gathered before.
@@ -86,7 +90,9 @@ impl Commands {
             Some(pool) => bind(0, &pool.entries()),
             None => bind(0, &[]),
         };
-        let mut pass = self.encoder.begin_compute_pass(&ComputePassDescriptor::default());
+        let timestamp_writes = self.stopwatch.as_mut().and_then(|watch| watch.next(kernel.name, groups));
+        let descriptor = ComputePassDescriptor { label: Some(kernel.name), timestamp_writes };
+        let mut pass = self.encoder.begin_compute_pass(&descriptor);
         pass.set_pipeline(&kernel.pipeline);
         pass.set_bind_group(0, &pool, &[]);
         pass.set_bind_group(1, &own, &[]);
@@ -116,7 +122,13 @@ impl Commands {
     ///
     /// # Errors
     /// As [`Gpu::submit`].
-    pub(crate) fn submit(self) -> Result<(), GpuError> {
-        self.gpu.submit(self.encoder.finish())
+    pub(crate) fn submit(mut self) -> Result<(), GpuError> {
+        let watch =
+            self.stopwatch.take().map(|watch| watch.stop(&self.gpu, &mut self.encoder)).transpose()?;
+        self.gpu.submit(self.encoder.finish())?;
+        match (watch, &mut *self.gpu.times()) {
+            (Some(watch), Some(times)) => watch.add_to(&self.gpu, times),
+            _ => Ok(()),
+        }
     }
 }

@@ -3,9 +3,10 @@
 use crate::adapter::{AdapterKind, AdapterReport, enumerate, report};
 use crate::adapter::{SHARED_BYTES, STORAGE_BUFFERS, THREADS};
 use crate::storage::Usage;
-use crate::{GpuError, Storage};
+use crate::{GpuError, KernelTime, Storage};
 use pollster::block_on;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use wgpu::{
     Adapter, BufferDescriptor, BufferUsages, CommandBuffer, Device, DeviceDescriptor, Error, ErrorFilter,
     Features, Limits, MapMode, PollType, Queue,
@@ -45,6 +46,8 @@ struct Inner {
     /// The first thing that went wrong since it was last asked.
     fault: Arc<Mutex<Option<GpuError>>>,
     memory: Mutex<Memory>,
+    /// Times of kernels, while they are taken.
+    times: Mutex<Option<BTreeMap<&'static str, KernelTime>>>,
 }
 
 /// Bytes of buffers.
@@ -93,7 +96,15 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: Error| note(&on_error, refusal(&error))));
         device.set_device_lost_callback(move |_, reason| note(&on_loss, GpuError::Lost(reason)));
         let report = AdapterReport { fault: None, ..report };
-        Ok(Self(Arc::new(Inner { report, device, queue, binding_bytes, fault, memory: Mutex::default() })))
+        Ok(Self(Arc::new(Inner {
+            report,
+            device,
+            queue,
+            binding_bytes,
+            fault,
+            memory: Mutex::default(),
+            times: Mutex::default(),
+        })))
     }
 
     /// What its driver says of it.
@@ -106,6 +117,23 @@ impl Gpu {
     #[must_use]
     pub fn memory(&self) -> Memory {
         *self.0.memory.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes the times of all kernels from now on, for which each list of commands is waited for. Not if the device has no clock
+    /// ([`AdapterReport::has_timestamps`]).
+    pub fn start_timing(&self) {
+        if self.0.report.has_timestamps {
+            *self.times() = Some(BTreeMap::new());
+        }
+    }
+
+    /// The times of kernels since they were taken, by name; they are taken no more.
+    pub fn take_times(&self) -> BTreeMap<&'static str, KernelTime> {
+        self.times().take().unwrap_or_default()
+    }
+
+    pub(crate) fn times(&self) -> MutexGuard<'_, Option<BTreeMap<&'static str, KernelTime>>> {
+        self.0.times.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Bytes of a buffer that a kernel sees at most.
@@ -136,6 +164,7 @@ impl Gpu {
             Usage::Kernels => BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
             Usage::Parameters => BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             Usage::Reading => BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            Usage::Times => BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
         };
         let descriptor =
             BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation: false };

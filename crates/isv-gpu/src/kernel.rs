@@ -36,6 +36,8 @@ pub(crate) const OWN_GROUP: u32 = 1;
 /// A compiled kernel.
 #[derive(Debug)]
 pub(crate) struct Kernel {
+    /// Its entry point.
+    pub(crate) name: &'static str,
     pub(crate) pipeline: ComputePipeline,
     /// Of [`POOL_GROUP`] and [`OWN_GROUP`].
     pub(crate) groups: [BindGroupLayout; 2],
@@ -92,6 +94,7 @@ impl Kernel {
         }
         let own = entries[1].iter().map(|entry| entry.binding);
         Ok(Self {
+            name: entry,
             pipeline,
             groups,
             uses_pool: !entries[0].is_empty(),

@@ -20,21 +20,27 @@
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
+mod any_decoder;
 mod blocks;
+mod choice;
 mod commands;
 mod decode;
 mod device;
 mod error;
 mod kernel;
 mod pool;
+mod stopwatch;
 mod storage;
 mod store;
 mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
+pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
+pub use choice::{BackendChoice, OpenedBackend};
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
 pub use error::GpuError;
+pub use stopwatch::KernelTime;
 pub(crate) use storage::Storage;
 pub use store::VolumeStore;
 pub use volume::GpuVolume;

@@ -13,6 +13,8 @@ pub(crate) enum Usage {
     Parameters,
     /// It is read from here.
     Reading,
+    /// Times by the GPU's clock.
+    Times,
 }
 
 /// A buffer, which is given back when it is dropped.

@@ -44,6 +44,8 @@ pub use isv_decode as decode;
 pub use isv_encode as encode;
 pub use isv_format as format;
 pub use isv_fusion as fusion;
+#[cfg(feature = "gpu")]
+pub use isv_gpu as gpu;
 pub use isv_ingest as ingest;
 pub use isv_io as io;
 pub use isv_kernels as kernels;

@@ -3,6 +3,7 @@
 use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
 use super::{CapturedFrame, Content, Frames, Hints, default_voxel_size, is_standard_input};
+use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
@@ -165,7 +166,8 @@ impl Kind {
                 // All of a stream is read to its very end, where it may turn out to be cut off.
                 let is_all = range == (0..load_index(path)?.frames.len());
                 let range = FrameRange { start: range.start, end: range.end };
-                let frames = StreamFrames::open(path, (!is_all).then_some(range), Lod::Full)?;
+                let frames =
+                    StreamFrames::open(path, (!is_all).then_some(range), Lod::Full, BackendArgs::CPU)?;
                 Box::new(volumes_of(frames, name))
             }
             Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),
@@ -177,7 +179,7 @@ impl Kind {
 fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
     frames.map(move |frame| {
         let frame = frame?;
-        let (number, content) = (frame.number, Content::Volume(frame.volume));
+        let (number, content) = (frame.number, Content::Volume(frame.volume.into_sparse()?));
         Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
     })
 }

@@ -2,6 +2,7 @@
 
 use super::kinds::Kind;
 use super::{CapturedFrame, Content};
+use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
 use crate::stream::StreamFrames;
 use anyhow::{Context, Result};
@@ -18,7 +19,7 @@ const NAME: &str = "standard input";
 pub(super) fn open(unit: Unit) -> Result<Kind> {
     let is_stream = stdin().lock().fill_buf().context(NAME)?.starts_with(&MAGIC);
     Ok(if is_stream {
-        Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full)?))
+        Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full, BackendArgs::CPU)?))
     } else {
         let frames = FrameStream::new(stdin(), unit).context(NAME)?;
         Kind::PipedGeometry(Box::new(PipedGeometry { frames, number: 0, range: 0..usize::MAX }))

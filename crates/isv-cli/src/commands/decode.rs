@@ -4,6 +4,7 @@ mod product;
 mod sink;
 
 use crate::ahead::Ahead;
+use crate::backend::BackendArgs;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
@@ -57,6 +58,8 @@ pub(crate) struct Args {
     /// Threads to work with; without it, one a core
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
+    #[command(flatten)]
+    backend: BackendArgs,
     /// Write times of every frame to this file
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -70,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let frames = StreamFrames::open(&args.input, args.frames, args.lod.into())?;
+    let frames = StreamFrames::open(&args.input, args.frames, args.lod.into(), args.backend)?;
     let density = product::density(args.points, args.spacing, args.voxel_m(frames.header()));
     let recipe = Recipe { form, normals: args.normals, density };
     let mut sink = Sink::new(&args.output, format, frames.header().frame_rate.per_second())?;
@@ -123,7 +126,7 @@ fn products(
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
     let make = move |frame: Result<StreamFrame>| {
         let StreamFrame { number, volume, decode_ms } = frame?;
-        let (product, surface_ms) = timed(|| recipe.make(volume));
+        let (product, surface_ms) = timed(|| recipe.make(volume.into_sparse()?));
         Ok(DecodedFrame { number, product: product?, decode_ms, surface_ms })
     };
     if taking_turns {

@@ -1,10 +1,11 @@
 //! `isv verify`: is a stream whole and sound?
 
+use crate::backend::{self, BackendArgs};
 use crate::output::{frames_in_words, print};
 use crate::progress::Progress;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{Decoder, Limits};
+use isv::decode::{Limits, Lod};
 use std::path::PathBuf;
 
 /// Decode a whole stream and check it: packet checksums, frame hashes where it has them, and that its end is there
@@ -13,6 +14,8 @@ pub(crate) struct Args {
     /// The stream; - for standard input
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
+    #[command(flatten)]
+    backend: BackendArgs,
 }
 
 /// Frames that passed.
@@ -41,10 +44,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn verify(args: &Args, verified: &mut Verified) -> Result<()> {
     let name = stream::name(&args.input);
     let (mut packets, header) = stream::open(&args.input)?;
-    let mut decoder = Decoder::new(&header, Limits::default());
+    let decoder = args.backend.decoder(&header, Limits::default(), Lod::Full);
+    let mut decoder = decoder.with_context(|| name.clone())?;
     let progress = Progress::new(None, "verifying");
     while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
         let decoded = decoder.decode_and_verify(&packet).map_err(|error| stream::fault(&name, 0, error))?;
+        if let Some(why) = decoder.take_notice() {
+            backend::notify(&why);
+        }
         verified.frames += 1;
         verified.hashed += usize::from(decoded.stated_hash.is_some());
         progress.step();

@@ -5,7 +5,7 @@ use crate::length::Length;
 use crate::terms::FormName;
 use anyhow::Result;
 use isv::io::Format;
-use isv::surface::{PointDensity, SamplingError, SurfaceOptions, extract_surface, sample_evenly};
+use isv::surface::{PointDensity, SurfaceOptions, extract_surface, sample_evenly};
 use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
@@ -135,7 +135,7 @@ pub(super) struct Recipe {
 
 impl Recipe {
     /// Makes the product of a volume.
-    pub(super) fn make(&self, volume: SparseVolume) -> Result<Product, SamplingError> {
+    pub(super) fn make(&self, volume: SparseVolume) -> Result<Product> {
         let surface = |normals| extract_surface(&volume, &SurfaceOptions { normals });
         Ok(match self.form {
             FormName::Mesh => Product::Mesh(surface(self.normals)),

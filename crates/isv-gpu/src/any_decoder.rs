@@ -1,0 +1,159 @@
+//! A decoder on whatever there is.
+
+use crate::{GpuBackend, GpuError, GpuVolume, VolumeStore};
+use isv_decode::{BackendError, DecodeError, DecodedFrame, Decoder, Limits};
+use isv_format::{Packet, StreamHeader};
+use isv_volume::SparseVolume;
+
+/// Bytes of packets that are kept to begin again with on the CPU.
+const MOST_KEPT_BYTES: usize = 256 << 20;
+
+/// A decoded volume, on the CPU or on a GPU. Copies share its samples.
+#[derive(Clone, Debug)]
+pub enum AnyVolume {
+    /// On the CPU.
+    Cpu(SparseVolume),
+    /// On a GPU.
+    Gpu(GpuVolume),
+}
+
+impl AnyVolume {
+    /// The volume on the CPU.
+    ///
+    /// # Errors
+    /// What goes wrong on the GPU.
+    pub fn into_sparse(self) -> Result<SparseVolume, GpuError> {
+        match self {
+            Self::Cpu(volume) => Ok(volume),
+            Self::Gpu(volume) => volume.download(),
+        }
+    }
+}
+
+/// A frame as decoded.
+#[derive(Clone, Debug)]
+pub struct AnyFrame {
+    /// The volume.
+    pub volume: AnyVolume,
+    /// Hash that the stream states, if any.
+    pub stated_hash: Option<u64>,
+}
+
+/// A [`Decoder`] on the CPU or on a GPU. If a GPU fails, it can go on from the last keyframe on the CPU.
+#[derive(Debug)]
+pub struct AnyDecoder {
+    header: StreamHeader,
+    limits: Limits,
+    decoder: Inner,
+    /// Why the GPU was given up, until somebody asks.
+    notice: Option<BackendError>,
+}
+
+#[derive(Debug)]
+enum Inner {
+    Cpu(Decoder),
+    Gpu {
+        decoder: Box<Decoder<GpuBackend>>,
+        /// The packets since the last keyframe and with it, if they are wanted and not too many.
+        kept: Option<KeptPackets>,
+        falls_back: bool,
+    },
+}
+
+impl AnyDecoder {
+    /// A decoder on the CPU.
+    #[must_use]
+    pub fn on_cpu(header: &StreamHeader, limits: Limits, decoder: Decoder) -> Self {
+        Self { header: *header, limits, decoder: Inner::Cpu(decoder), notice: None }
+    }
+
+    /// A decoder on a GPU. `falls_back`: whether it goes on on the CPU if the GPU fails.
+    ///
+    /// # Errors
+    /// As [`GpuBackend::new`].
+    pub fn on_gpu(
+        header: &StreamHeader,
+        limits: Limits,
+        store: &VolumeStore,
+        falls_back: bool,
+    ) -> Result<Self, GpuError> {
+        let decoder = Box::new(Decoder::with_backend(header, limits, GpuBackend::new(store)?));
+        let decoder = Inner::Gpu { decoder, kept: None, falls_back };
+        Ok(Self { header: *header, limits, decoder, notice: None })
+    }
+
+    /// Decodes a frame packet.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode`].
+    pub fn decode(&mut self, packet: &Packet) -> Result<AnyFrame, DecodeError> {
+        self.decode_with(packet, false)
+    }
+
+    /// Decodes a frame packet and compares the hash that it states, if it states one.
+    ///
+    /// # Errors
+    /// As [`Decoder::decode_and_verify`].
+    pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<AnyFrame, DecodeError> {
+        self.decode_with(packet, true)
+    }
+
+    /// Why it turned from the GPU to the CPU, if it has since this was last asked.
+    pub fn take_notice(&mut self) -> Option<BackendError> {
+        self.notice.take()
+    }
+
+    fn decode_with(&mut self, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
+        let (error, before) = match &mut self.decoder {
+            Inner::Cpu(decoder) => return on_cpu(decoder, packet, verify),
+            Inner::Gpu { decoder, kept, falls_back } => {
+                let decoded = match verify {
+                    true => decoder.decode_and_verify(packet),
+                    false => decoder.decode(packet),
+                };
+                match (decoded, *falls_back) {
+                    (Err(DecodeError::Backend(error)), true) => {
+                        (error, KeptPackets::with(kept.take(), packet))
+                    }
+                    (decoded, keeps) => {
+                        let frame = decoded.map(|DecodedFrame { volume, stated_hash, .. }| AnyFrame {
+                            volume: AnyVolume::Gpu(volume.clone()),
+                            stated_hash,
+                        });
+                        *kept = if keeps { KeptPackets::with(kept.take(), packet) } else { None };
+                        return frame;
+                    }
+                }
+            }
+        };
+        let Some(KeptPackets { packets, .. }) = before else { return Err(error.into()) };
+        let mut decoder = Decoder::new(&self.header, self.limits);
+        let (last, others) = packets.split_last().expect("the packet that was to be decoded is kept");
+        others.iter().try_for_each(|packet| decoder.decode(packet).map(drop))?;
+        let frame = on_cpu(&mut decoder, last, verify);
+        (self.decoder, self.notice) = (Inner::Cpu(decoder), Some(error));
+        frame
+    }
+}
+
+fn on_cpu(decoder: &mut Decoder, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
+    let frame = if verify { decoder.decode_and_verify(packet) } else { decoder.decode(packet) }?;
+    Ok(AnyFrame { volume: AnyVolume::Cpu(frame.volume.clone()), stated_hash: frame.stated_hash })
+}
+
+/// The packets from a keyframe on.
+#[derive(Debug, Default)]
+struct KeptPackets {
+    packets: Vec<Packet>,
+    bytes: usize,
+}
+
+impl KeptPackets {
+    /// With the next packet, if the ones before it were kept and they are not too many.
+    fn with(before: Option<Self>, packet: &Packet) -> Option<Self> {
+        let mut kept = if packet.is_keyframe() { Self::default() } else { before? };
+        kept.bytes += packet.total_bytes();
+        kept.packets.push(packet.clone());
+        (kept.bytes <= MOST_KEPT_BYTES).then_some(kept)
+    }
+}
