@@ -54,6 +54,16 @@ impl Case {
 pub(crate) static CASES: LazyLock<[Case; 256]> =
     LazyLock::new(|| std::array::from_fn(|pattern| derive(pattern as u8)));
 
+/// The triangles that the surface makes in a cell whose corners have these signs, at most five, their corners named by the edges of
+/// the cell that they lie on, counter-clockwise seen from outside the solid.
+///
+/// Corner `c` of a cell lies at `(c & 1, c >> 1 & 1, c >> 2 & 1)`; bit `c` of the pattern is set when that corner is inside. Edge `e`
+/// runs along axis `e / 4`; `e % 4` holds the two coordinates of the other axes, lower axis in the lower bit.
+#[must_use]
+pub fn case_triangles(pattern: u8) -> &'static [[u8; 3]] {
+    CASES[usize::from(pattern)].triangles()
+}
+
 /// The axis of a cell edge and the corner offset `[x, y, z]` of its lower end.
 pub(crate) const fn edge_start(edge: usize) -> (usize, [usize; 3]) {
     let (axis, across) = (edge / 4, edge % 4);

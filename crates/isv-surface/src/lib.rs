@@ -54,5 +54,6 @@ mod vertices;
 mod window;
 
 pub use band::surface_band;
+pub use cases::case_triangles;
 pub use extract::{SurfaceExtractor, SurfaceOptions, extract_surface};
 pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};
