@@ -17,6 +17,7 @@
 //!   and slots and a hash table to find them by (`blocks`, Sec. 3.6 of the paper).
 //! - Kernels are WGSL in `shaders`, put together from parts (`kernel`); one workgroup works on one block. What a decoder repeats is
 //!   `i32` and `u32` only, and written after the scalar code of `isv-kernels` and `isv-decode`, which tests compare it with.
+//! - Surfaces are extracted where the volumes are (`surface`), and stay there until they are wanted here.
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
@@ -29,9 +30,11 @@ mod device;
 mod error;
 mod kernel;
 mod pool;
+mod prefix_sums;
 mod stopwatch;
 mod storage;
 mod store;
+mod surface;
 mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
@@ -43,6 +46,7 @@ pub use error::GpuError;
 pub use stopwatch::KernelTime;
 pub(crate) use storage::Storage;
 pub use store::VolumeStore;
+pub use surface::{GpuMesh, GpuSurfaceExtractor};
 pub use volume::GpuVolume;
 
 /// All shaders, with the entry points that are used of each: tests validate them without a GPU.
@@ -57,6 +61,12 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (decode::shaders::CORNERS, &["crossed_corners"]),
     (decode::shaders::ACTIVITY, &["expected_activity"]),
     (decode::shaders::WARP, &["warp"]),
+    (prefix_sums::SHADER, &["sum", "add"]),
+    (surface::kernels::SIGNS, &["find_signs"]),
+    (surface::kernels::COUNT, &["count"]),
+    (surface::kernels::POSITIONS, &["place_vertices"]),
+    (surface::kernels::NORMALS, &["find_normals"]),
+    (surface::kernels::TRIANGLES, &["make_triangles"]),
 ];
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ pub(crate) fn grid() -> Grid {
 }
 
 /// A volume of so many blocks of noise, every 5th with a mask.
-fn noise(blocks: usize, seed: u32) -> SparseVolume {
+pub(crate) fn noise(blocks: usize, seed: u32) -> SparseVolume {
     let side = (blocks as f64).cbrt().ceil() as i32;
     let coord = |i: i32| BlockCoord::from([i % side - side / 2, i / side % side - 3, i / side / side - side]);
     let mut coords: Vec<_> = (0..blocks as i32).map(coord).collect();
