@@ -29,6 +29,7 @@ impl Extractors {
         let uploaded = GpuVolume::upload(&self.store, volume).unwrap();
         let expected = extract_surface(volume, &SurfaceOptions { normals: true });
         let mesh = self.with_normals.extract(&uploaded).unwrap();
+        let voxel_m = volume.grid().voxel_size.metres();
         let counts = (expected.vertices.len(), expected.triangles.len());
         assert_eq!((mesh.vertex_count(), mesh.triangle_count()), counts);
         let found = mesh.download().unwrap();
@@ -36,7 +37,7 @@ impl Extractors {
         assert!(found.normals.len() == expected.normals.len(), "a normal for each vertex");
         for (vertex, (found, expected)) in found.vertices.iter().zip(&expected.vertices).enumerate() {
             for axis in 0..3 {
-                let allowed_m = 1e-6 + expected[axis].abs() / f64::from(1 << 22);
+                let allowed_m = 1e-6 * voxel_m + expected[axis].abs() / f64::from(1 << 22);
                 let off_m = (found[axis] - expected[axis]).abs();
                 assert!(off_m <= allowed_m, "vertex {vertex}: {found} m, not {expected} m");
             }
@@ -50,7 +51,7 @@ impl Extractors {
     }
 }
 
-/// A volume without the blocks whose numbers leave 3 when they are divided by this.
+/// A volume without each `every`-th block.
 fn with_holes(volume: &SparseVolume, every: usize) -> SparseVolume {
     volume.select(|block| block % every != 3)
 }
