@@ -8,6 +8,8 @@ use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{DecodeError, Limits, Lod};
 use isv::format::{PacketReader, StreamHeader, StreamIndex};
 use isv::gpu::{AnyDecoder, AnyVolume};
+use isv::surface::SurfaceOptions;
+use isv::volume::TriangleMesh;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -49,6 +51,8 @@ pub(crate) struct StreamFrame {
     pub(crate) number: usize,
     /// What was decoded.
     pub(crate) volume: AnyVolume,
+    /// Its surface, if that was extracted with it.
+    pub(crate) surface: Option<TriangleMesh>,
     /// How long that took.
     pub(crate) decode_ms: f64,
 }
@@ -97,6 +101,12 @@ impl StreamFrames {
         self
     }
 
+    /// The frames with their surfaces, where they are decoded on a GPU.
+    pub(crate) fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self> {
+        self.decoder = self.decoder.with_surfaces(options)?;
+        Ok(self)
+    }
+
     /// Decodes up to the next frame inside the range.
     fn advance(&mut self) -> Result<Option<StreamFrame>> {
         loop {
@@ -121,7 +131,12 @@ impl StreamFrames {
             let number = self.next;
             self.next += 1;
             if self.range.is_none_or(|range| number >= range.start) {
-                return Ok(Some(StreamFrame { number, volume: decoded.volume, decode_ms }));
+                return Ok(Some(StreamFrame {
+                    number,
+                    volume: decoded.volume,
+                    surface: decoded.surface,
+                    decode_ms,
+                }));
             }
         }
     }

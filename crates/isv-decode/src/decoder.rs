@@ -98,6 +98,12 @@ impl<B: Backend> Decoder<B> {
         Self { backend, profile }
     }
 
+    /// Who does the arithmetic on samples.
+    #[must_use]
+    pub fn backend(&self) -> &B {
+        &self.backend
+    }
+
     /// Decodes a frame packet.
     ///
     /// After an error the decoder waits for a keyframe.

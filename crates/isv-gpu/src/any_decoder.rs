@@ -1,9 +1,10 @@
 //! A decoder on whatever there is.
 
-use crate::{GpuBackend, GpuError, GpuVolume, VolumeStore};
-use isv_decode::{BackendError, DecodeError, DecodedFrame, Decoder, Limits};
+use crate::{GpuBackend, GpuError, GpuSurfaceExtractor, GpuVolume, VolumeStore};
+use isv_decode::{BackendError, DecodeError, Decoder, Limits};
 use isv_format::{Packet, StreamHeader};
-use isv_volume::SparseVolume;
+use isv_surface::SurfaceOptions;
+use isv_volume::{SparseVolume, TriangleMesh};
 
 /// Bytes of packets that are kept to begin again with on the CPU.
 const MOST_KEPT_BYTES: usize = 256 << 20;
@@ -35,6 +36,8 @@ impl AnyVolume {
 pub struct AnyFrame {
     /// The volume.
     pub volume: AnyVolume,
+    /// Its surface, if it was extracted on a GPU: see [`AnyDecoder::with_surfaces`].
+    pub surface: Option<TriangleMesh>,
     /// Hash that the stream states, if any.
     pub stated_hash: Option<u64>,
 }
@@ -54,6 +57,7 @@ enum Inner {
     Cpu(Decoder),
     Gpu {
         decoder: Box<Decoder<GpuBackend>>,
+        extractor: Option<Box<GpuSurfaceExtractor>>,
         /// The packets since the last keyframe and with it, if they are wanted and not too many.
         kept: Option<KeptPackets>,
         falls_back: bool,
@@ -78,8 +82,19 @@ impl AnyDecoder {
         falls_back: bool,
     ) -> Result<Self, GpuError> {
         let decoder = Box::new(Decoder::with_backend(header, limits, GpuBackend::new(store)?));
-        let decoder = Inner::Gpu { decoder, kept: None, falls_back };
+        let decoder = Inner::Gpu { decoder, extractor: None, kept: None, falls_back };
         Ok(Self { header: *header, limits, decoder, notice: None })
+    }
+
+    /// The decoder with the surfaces of its frames, if it is on a GPU: there they need not leave it to be meshed.
+    ///
+    /// # Errors
+    /// As [`GpuSurfaceExtractor::new`].
+    pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, GpuError> {
+        if let Inner::Gpu { decoder, extractor, .. } = &mut self.decoder {
+            *extractor = Some(Box::new(GpuSurfaceExtractor::new(decoder.backend().store(), options)?));
+        }
+        Ok(self)
     }
 
     /// Decodes a frame packet.
@@ -106,21 +121,12 @@ impl AnyDecoder {
     fn decode_with(&mut self, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
         let (error, before) = match &mut self.decoder {
             Inner::Cpu(decoder) => return on_cpu(decoder, packet, verify),
-            Inner::Gpu { decoder, kept, falls_back } => {
-                let decoded = match verify {
-                    true => decoder.decode_and_verify(packet),
-                    false => decoder.decode(packet),
-                };
-                match (decoded, *falls_back) {
-                    (Err(DecodeError::Backend(error)), true) => {
-                        (error, KeptPackets::with(kept.take(), packet))
-                    }
-                    (decoded, keeps) => {
-                        let frame = decoded.map(|DecodedFrame { volume, stated_hash, .. }| AnyFrame {
-                            volume: AnyVolume::Gpu(volume.clone()),
-                            stated_hash,
-                        });
-                        *kept = if keeps { KeptPackets::with(kept.take(), packet) } else { None };
+            Inner::Gpu { decoder, extractor, kept, falls_back } => {
+                let packets = if *falls_back { KeptPackets::with(kept.take(), packet) } else { None };
+                match on_gpu(decoder, extractor.as_deref_mut(), packet, verify) {
+                    Err(DecodeError::Backend(error)) => (error, packets),
+                    frame => {
+                        *kept = packets;
                         return frame;
                     }
                 }
@@ -136,9 +142,26 @@ impl AnyDecoder {
     }
 }
 
+fn on_gpu(
+    decoder: &mut Decoder<GpuBackend>,
+    extractor: Option<&mut GpuSurfaceExtractor>,
+    packet: &Packet,
+    verify: bool,
+) -> Result<AnyFrame, DecodeError> {
+    let frame = if verify { decoder.decode_and_verify(packet) } else { decoder.decode(packet) }?;
+    let extract = |extractor: &mut GpuSurfaceExtractor| extractor.extract(frame.volume)?.download();
+    let surface = extractor.map(extract).transpose().map_err(BackendError::from)?;
+    let volume = AnyVolume::Gpu(frame.volume.clone());
+    Ok(AnyFrame { volume, surface, stated_hash: frame.stated_hash })
+}
+
 fn on_cpu(decoder: &mut Decoder, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
     let frame = if verify { decoder.decode_and_verify(packet) } else { decoder.decode(packet) }?;
-    Ok(AnyFrame { volume: AnyVolume::Cpu(frame.volume.clone()), stated_hash: frame.stated_hash })
+    Ok(AnyFrame {
+        volume: AnyVolume::Cpu(frame.volume.clone()),
+        surface: None,
+        stated_hash: frame.stated_hash,
+    })
 }
 
 /// The packets from a keyframe on.

@@ -101,11 +101,6 @@ impl Commands {
         Ok(())
     }
 
-    /// Fills the start of a buffer with zeros.
-    pub(crate) fn clear(&mut self, storage: &Storage, bytes: u64) {
-        self.encoder.clear_buffer(storage.buffer(), 0, Some(bytes.next_multiple_of(4)));
-    }
-
     /// Copies bytes, a multiple of four, from the start of one buffer to that of another.
     pub(crate) fn copy(&mut self, from: &Storage, to: &Storage, bytes: u64) {
         self.copy_between((from.buffer(), 0), (to.buffer(), 0), bytes);

@@ -47,6 +47,12 @@ impl GpuBackend {
     pub fn new(store: &VolumeStore) -> Result<Self, GpuError> {
         Workshop::new(store).map(Self)
     }
+
+    /// Where its volumes are.
+    #[must_use]
+    pub fn store(&self) -> &VolumeStore {
+        &self.0.store
+    }
 }
 
 impl Backend for GpuBackend {

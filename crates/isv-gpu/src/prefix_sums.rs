@@ -91,7 +91,7 @@ mod tests {
         PrefixSums::new(gpu).unwrap().run(&mut commands, &storage, count).unwrap();
         commands.copy(&storage, &reading, bytes);
         commands.submit().unwrap();
-        bytemuck::pod_collect_to_vec(&gpu.read(&[&reading]).unwrap()[0])
+        bytemuck::pod_collect_to_vec(&gpu.read(&[(&reading, reading.bytes())]).unwrap()[0])
     }
 
     #[test]

@@ -99,7 +99,7 @@ impl GpuSurfaceExtractor {
         self.sums.run(&mut commands, room.first, blocks + 1)?;
         commands.copy_between((room.first.buffer(), 8 * u64::from(blocks)), (totals.buffer(), 0), 8);
         commands.submit()?;
-        let [vertices, triangles] = bytemuck::pod_read_unaligned(&self.gpu.read(&[totals])?[0][..8]);
+        let [vertices, triangles] = bytemuck::pod_read_unaligned(&self.gpu.read(&[(totals, 8)])?[0]);
 
         let mesh = GpuMesh::new(&self.gpu, [vertices, triangles], self.kernels.normals.is_some())?;
         let mut commands = Commands::new(&self.gpu);

@@ -76,6 +76,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let frames = StreamFrames::open(&args.input, args.frames, args.lod.into(), args.backend)?;
     let density = product::density(args.points, args.spacing, args.voxel_m(frames.header()));
     let recipe = Recipe { form, normals: args.normals, density };
+    let frames = match recipe.surface() {
+        Some(options) => frames.with_surfaces(options)?,
+        None => frames,
+    };
     let mut sink = Sink::new(&args.output, format, frames.header().frame_rate.per_second())?;
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
@@ -125,8 +129,8 @@ fn products(
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
     let make = move |frame: Result<StreamFrame>| {
-        let StreamFrame { number, volume, decode_ms } = frame?;
-        let (product, surface_ms) = timed(|| recipe.make(volume.into_sparse()?));
+        let StreamFrame { number, volume, surface, decode_ms } = frame?;
+        let (product, surface_ms) = timed(|| recipe.make(volume, surface));
         Ok(DecodedFrame { number, product: product?, decode_ms, surface_ms })
     };
     if taking_turns {

@@ -65,7 +65,7 @@ fn noise_is_meshed_as_on_the_cpu() {
         (with_holes(&noise(300, 1), 11), 2),
         (with_holes(&noise(3000, 2), 17), 10),
         (noise(1, 3), 1),
-        (noise(64, 4).with_unobserved([].into()), 1),
+        (noise(64, 4), 1),
     ] {
         let mesh = extractors.check(&volume);
         let split = mesh.positions_m.shares().count();

@@ -4,6 +4,7 @@ use crate::failure::usage;
 use crate::length::Length;
 use crate::terms::FormName;
 use anyhow::Result;
+use isv::gpu::AnyVolume;
 use isv::io::Format;
 use isv::surface::{PointDensity, SurfaceOptions, extract_surface, sample_evenly};
 use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
@@ -134,13 +135,27 @@ pub(super) struct Recipe {
 }
 
 impl Recipe {
-    /// Makes the product of a volume.
-    pub(super) fn make(&self, volume: SparseVolume) -> Result<Product> {
-        let surface = |normals| extract_surface(&volume, &SurfaceOptions { normals });
+    /// Which surface it is made from, if from any; points always have normals.
+    pub(super) fn surface(&self) -> Option<SurfaceOptions> {
+        match self.form {
+            FormName::Mesh => Some(SurfaceOptions { normals: self.normals }),
+            FormName::Points => Some(SurfaceOptions { normals: true }),
+            FormName::Volume => None,
+        }
+    }
+
+    /// Makes the product of a volume, and its surface if that was extracted already.
+    pub(super) fn make(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
+        let Some(options) = self.surface() else {
+            return Ok(Product::Volume(volume.into_sparse()?));
+        };
+        let mesh = match surface {
+            Some(mesh) => mesh,
+            None => extract_surface(&volume.into_sparse()?, &options),
+        };
         Ok(match self.form {
-            FormName::Mesh => Product::Mesh(surface(self.normals)),
-            FormName::Points => Product::Points(sample_evenly(&surface(true), self.density)?),
-            FormName::Volume => Product::Volume(volume),
+            FormName::Points => Product::Points(sample_evenly(&mesh, self.density)?),
+            _ => Product::Mesh(mesh),
         })
     }
 }
