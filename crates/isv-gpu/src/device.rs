@@ -2,11 +2,13 @@
 
 use crate::adapter::{AdapterKind, AdapterReport, enumerate, report};
 use crate::adapter::{SHARED_BYTES, STORAGE_BUFFERS, THREADS};
+use crate::commands::Commands;
 use crate::storage::Usage;
 use crate::{GpuError, KernelTime, Storage};
 use pollster::block_on;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 use wgpu::{
     Adapter, BufferDescriptor, BufferUsages, CommandBuffer, Device, DeviceDescriptor, Error, ErrorFilter,
     Features, Limits, MapMode, PollType, Queue,
@@ -14,6 +16,11 @@ use wgpu::{
 
 /// Bytes of a buffer that a kernel sees at most where nothing else is asked for: what every WebGPU device allows.
 const BINDING_BYTES: u64 = 128 << 20;
+
+/// Bytes of the buffer whose copying is timed, how often it is copied at a time, and how often that is timed.
+const COPY_BYTES: u64 = 64 << 20;
+const COPIES: u32 = 32;
+const COPY_TRIALS: usize = 4;
 
 /// Which GPU to open, and how much of it to use.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -136,6 +143,38 @@ impl Gpu {
         self.0.times.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Waits until all that was submitted is done.
+    ///
+    /// # Errors
+    /// What went wrong so far: [`GpuError::Lost`], [`GpuError::OutOfMemory`], [`GpuError::Refused`].
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let waited = self.0.device.poll(PollType::wait_indefinitely());
+        self.check()?;
+        waited.map(drop).map_err(|error| GpuError::Lost(error.to_string()))
+    }
+
+    /// How many bytes a second it copies from one buffer to another, each byte counted once: what bounds every kernel.
+    ///
+    /// # Errors
+    /// What goes wrong on the GPU.
+    pub fn copy_rate(&self) -> Result<f64, GpuError> {
+        let bytes = self.binding_bytes().min(COPY_BYTES);
+        let [from, to] =
+            [self.storage("a copy", bytes, Usage::Kernels)?, self.storage("a copy", bytes, Usage::Kernels)?];
+        let reading = self.storage("the end of a copy", 4, Usage::Reading)?;
+        let mut best = f64::INFINITY;
+        for _ in 0..COPY_TRIALS {
+            let start = Instant::now();
+            let mut commands = Commands::new(self);
+            (0..COPIES).for_each(|_| commands.copy(&from, &to, bytes));
+            commands.copy(&to, &reading, 4);
+            commands.submit()?;
+            self.read(&[(&reading, 4)])?;
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        Ok(bytes as f64 * f64::from(COPIES) / best)
+    }
+
     /// Bytes of a buffer that a kernel sees at most.
     pub(crate) fn binding_bytes(&self) -> u64 {
         self.0.binding_bytes
@@ -209,9 +248,7 @@ impl Gpu {
             // Whether it succeeded is asked below, for all of them.
             storage.buffer().map_async(MapMode::Read, ..*bytes, |_| {});
         }
-        let waited = self.0.device.poll(PollType::wait_indefinitely());
-        self.check()?;
-        waited.map_err(|error| GpuError::Lost(error.to_string()))?;
+        self.wait()?;
         let contents = |(storage, bytes): &(&Storage, u64)| {
             if *bytes == 0 {
                 return Ok(Vec::new());

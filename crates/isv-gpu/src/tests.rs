@@ -2,6 +2,7 @@
 
 use super::*;
 use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VoxelMask, VoxelSize};
+use naga::back::{hlsl, msl, spv};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -54,6 +55,22 @@ fn all_shaders_are_valid() {
             let threads: u32 = entry.workgroup_size.iter().product();
             assert!(threads <= adapter::THREADS, "{}, {}: {threads} threads", shader.name, entry.name);
         }
+    }
+}
+
+/// By Vulkan, Metal and DX12: what wgpu does when a kernel is compiled, but for the driver.
+#[test]
+fn all_shaders_are_translated_for_every_interface() {
+    for (shader, _) in SHADERS {
+        let module = wgsl::parse_str(&shader.source(17)).unwrap();
+        let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).unwrap();
+        let spirv = spv::write_vec(&module, &info, &spv::Options::default(), None).unwrap();
+        let options = hlsl::PipelineOptions::default();
+        let (mut direct, hlsl_options) = (String::new(), hlsl::Options::default());
+        hlsl::Writer::new(&mut direct, &hlsl_options, &options).write(&module, &info, None).unwrap();
+        let options = (msl::Options::default(), msl::PipelineOptions::default());
+        let (metal, _) = msl::write_string(&module, &info, &options.0, &options.1).unwrap();
+        assert!(!spirv.is_empty() && !direct.is_empty() && !metal.is_empty(), "{}", shader.name);
     }
 }
 

@@ -115,7 +115,9 @@ impl Parts {
             let mut commands = Commands::new(gpu);
             commands.copy(storage, &reading, bytes);
             commands.submit()?;
-            items.extend(bytemuck::pod_collect_to_vec::<u8, [T; 3]>(&gpu.read(&[(&reading, reading.bytes())])?[0]));
+            items.extend(bytemuck::pod_collect_to_vec::<u8, [T; 3]>(
+                &gpu.read(&[(&reading, reading.bytes())])?[0],
+            ));
         }
         Ok(items)
     }

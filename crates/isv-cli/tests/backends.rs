@@ -1,0 +1,63 @@
+//! Where the arithmetic is done. What needs a GPU, be it one in software, says that it is skipped where there is none.
+
+mod support;
+
+use serde_json::Value;
+use support::Workspace;
+
+/// The GPUs that `isv backends` lists as usable.
+fn usable_gpus(work: &Workspace) -> Vec<Value> {
+    let backends = work.isv(&["backends", "--json"]).json();
+    assert!(backends["cpu"]["threads"].as_u64().unwrap() > 0);
+    assert!(backends["cpu"]["instruction_sets"].as_array().unwrap().contains(&"scalar".into()));
+    let gpus = backends["gpus"].as_array().unwrap().iter();
+    gpus.filter(|gpu| gpu["usable"] == true).cloned().collect()
+}
+
+#[test]
+fn a_gpu_decodes_what_the_cpu_does() {
+    let (work, _) = Workspace::with_stream(4);
+    if usable_gpus(&work).is_empty() {
+        println!("skipped: a_gpu_decodes_what_the_cpu_does: no GPU");
+        return;
+    }
+    let verified = work.isv(&["verify", "take.isv", "--backend", "gpu"]).done();
+    assert_eq!(verified.stdout(), b"take.isv: 4 frames verified, 4 of them by hash\n");
+    for (folder, backend) in [("cpu", "cpu"), ("gpu", "gpu")] {
+        let options = ["decode", "take.isv", "-o", folder, "--normals", "--backend", backend];
+        work.isv(&options).done();
+    }
+    assert_eq!(work.names("cpu"), work.names("gpu"));
+    let evaluation = work.isv(&["eval", "cpu", "gpu", "--json"]).json();
+    assert!(evaluation["hausdorff_mm"].as_f64().unwrap() < 0.001, "{evaluation}");
+    assert!(evaluation["normal_error_deg"].as_f64().unwrap() < 0.01, "{evaluation}");
+    // Volumes are equal byte for byte.
+    for (folder, backend) in [("cpu_volumes", "cpu"), ("gpu_volumes", "gpu")] {
+        work.isv(&["decode", "take.isv", "-o", folder, "--as", "volume", "--backend", backend]).done();
+    }
+    for frame in work.names("cpu_volumes") {
+        for file in work.names(&format!("cpu_volumes/{frame}")) {
+            let [cpu, gpu] = ["cpu", "gpu"].map(|of| work.read(&format!("{of}_volumes/{frame}/{file}")));
+            assert!(cpu == gpu, "{frame}/{file}");
+        }
+    }
+}
+
+#[test]
+fn auto_works_wherever_it_is() {
+    let (work, _) = Workspace::with_stream(2);
+    let verified = work.isv(&["verify", "take.isv", "--backend", "auto"]).done();
+    assert_eq!(verified.stdout(), b"take.isv: 2 frames verified, 2 of them by hash\n");
+    let has_card = usable_gpus(&work).iter().any(|gpu| gpu["kind"] != "software");
+    let notice = "working on the CPU";
+    assert_eq!(verified.stderr().contains(notice), !has_card, "{}", verified.stderr());
+    // Reduced resolution is not decoded on a GPU, whoever is asked.
+    let reduced = work.isv(&["decode", "take.isv", "-o", "small", "--lod", "2", "--backend", "auto"]).done();
+    assert!(reduced.stderr().contains("reduced resolution is decoded on the CPU"), "{}", reduced.stderr());
+}
+
+#[test]
+fn a_choice_that_there_is_not_is_named() {
+    let work = Workspace::new();
+    work.isv(&["verify", "take.isv", "--backend", "tpu"]).fails(2, &["not one of auto, cpu, gpu"]);
+}

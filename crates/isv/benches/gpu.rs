@@ -1,0 +1,223 @@
+//! What the GPU takes for each frame: `cargo bench -p isv --features gpu --bench gpu`.
+//!
+//! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The project's own figure is always
+//! measured, captures where they are (`ISV_DATA`, else `../shared/data`): a person, the same person with nine times the faces, and a
+//! building. For each, frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are decoded on the CPU and on
+//! the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
+//! their own; the least that they must read and write is set against the rate at which the GPU copies.
+
+use anyhow::{Context, Result};
+use isv::decode::{Decoder, Limits};
+use isv::encode::{Encoder, EncoderSettings, MotionMode, Preset};
+use isv::format::{
+    FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
+};
+use isv::gpu::{Gpu, GpuBackend, GpuChoice, GpuSurfaceExtractor, KernelTime, VolumeStore};
+use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
+use isv::io::{FrameSequence, Unit, read_mesh};
+use isv::surface::{SurfaceOptions, extract_surface};
+use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Frames of a take, the first of which is not counted.
+const FRAMES: usize = 9;
+const LARGE_FRAMES: usize = 3;
+/// How deep the fine person is dented, in metres.
+const DENTS_M: f64 = 0.0005;
+
+fn main() -> Result<()> {
+    let name = std::env::var("ISV_GPU").ok();
+    let gpu = match Gpu::open(&GpuChoice { name, software: true, ..GpuChoice::default() }) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            println!("skipped: {error}");
+            return Ok(());
+        }
+    };
+    let (report, copy_rate) = (gpu.report(), gpu.copy_rate()?);
+    println!(
+        "{} ({}, {}, {}); copies {:.1} GB/s",
+        report.name,
+        report.kind,
+        report.api,
+        report.driver,
+        copy_rate / 1e9
+    );
+    let figure = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxels(0.006)));
+    measure("figure", 0.006, &figure.collect::<Vec<_>>(), &gpu, copy_rate)?;
+    let data = std::env::var_os("ISV_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    for (name, voxel_m, frames) in [("dancer", 0.005, FRAMES), ("monastery", 0.01, LARGE_FRAMES)] {
+        let folder = data.join(name);
+        if !folder.is_dir() {
+            println!("\nskipped: no {}", folder.display());
+            continue;
+        }
+        let paths = FrameSequence::open(folder.to_str().context("a folder whose name is text")?)?;
+        let meshes = paths.paths().iter().take(frames).map(|path| read_mesh(path, Unit::Metre));
+        let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
+        measure(name, voxel_m, &meshes, &gpu, copy_rate)?;
+        if name == "dancer" {
+            let fine: Vec<_> = meshes.iter().map(|mesh| isv_testkit::finer(mesh, DENTS_M)).collect();
+            measure("dancer, nine times the faces", voxel_m, &fine, &gpu, copy_rate)?;
+        }
+    }
+    Ok(())
+}
+
+fn voxels(metres: f64) -> VoxelSize {
+    VoxelSize::from_metres(metres).expect("a voxel size in range")
+}
+
+/// Measures a take in both profiles.
+fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_rate: f64) -> Result<()> {
+    let truncation = Truncation::from_voxels(8).context("a truncation in range")?;
+    let grid = Grid { voxel_size: voxels(voxel_m), edge: BlockEdge::E8, truncation };
+    let paper = PaperParameters { coefficients: 48, dc_step: 819, ac_step: 8192 };
+    let profiles = [("main", Profile::Main, Reach::Surface), ("paper", Profile::Paper(paper), Reach::Band)];
+    for (profile_name, profile, reach) in profiles {
+        let header = StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } };
+        let stream = encode(&header, ingest(grid, reach, meshes)?)?;
+        let packets = packets(&stream)?;
+        let before = gpu.memory().bytes;
+        let [on_cpu, cpu_surface] = on_cpu(&header, &packets)?;
+        let [on_gpu, gpu_surface] = on_gpu(&header, &packets, gpu)?;
+        let bytes = gpu.memory().peak - before;
+        gpu.start_timing();
+        on_gpu_again(&header, &packets, gpu)?;
+        let kernels = gpu.take_times();
+        println!("\n## {name}, {} mm, profile {profile_name}\n", voxel_m * 1e3);
+        println!("| ms a frame | CPU | GPU |\n|---|---|---|");
+        println!("| decode | {on_cpu:.2} | {on_gpu:.2} |");
+        println!("| surface, which stays there | {cpu_surface:.2} | {gpu_surface:.2} |");
+        println!("\nmost memory of the GPU so far: {} MB\n", bytes.div_ceil(1_000_000));
+        print_kernels(&kernels, packets.len(), copy_rate);
+    }
+    Ok(())
+}
+
+fn ingest(grid: Grid, reach: Reach, meshes: &[TriangleMesh]) -> Result<Vec<SparseVolume>> {
+    let settings = MeshIngest { reach, ..MeshIngest::new(grid) };
+    let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
+    let mut ingester = MeshIngester::new(settings);
+    Ok(meshes.iter().map(|mesh| ingester.ingest(mesh, sign)).collect::<Result<_, _>>()?)
+}
+
+fn encode(header: &StreamHeader, volumes: Vec<SparseVolume>) -> Result<Vec<u8>> {
+    let motion = MotionMode::Fixed(Prediction::ThreeDof);
+    let settings =
+        EncoderSettings { main: Preset::Realtime.settings(), motion, ..EncoderSettings::default() };
+    let mut encoder = Encoder::new(header, settings);
+    let mut writer = PacketWriter::new(Vec::new(), header)?;
+    for (n, volume) in volumes.iter().enumerate() {
+        let frame = encoder.encode(volume);
+        writer.write_frame(frame.keyframe, n as u64 * 33_333_333, &frame.payload())?;
+    }
+    Ok(writer.finish()?)
+}
+
+fn packets(stream: &[u8]) -> Result<Vec<Packet>> {
+    let mut reader = PacketReader::new(stream)?;
+    let mut packets = Vec::new();
+    while let Some(packet) = reader.next_frame()? {
+        packets.push(packet);
+    }
+    Ok(packets)
+}
+
+/// Medians of decoding and of the surface.
+fn on_cpu(header: &StreamHeader, packets: &[Packet]) -> Result<[f64; 2]> {
+    let mut decoder = Decoder::new(header, Limits::default());
+    let mut times = Vec::new();
+    for packet in packets {
+        let (frame, decode) = timed(|| decoder.decode(packet));
+        let volume = frame?.volume;
+        let (_, surface) = timed(|| extract_surface(volume, &SurfaceOptions::default()));
+        times.push([decode, surface]);
+    }
+    Ok(medians(&times))
+}
+
+/// The same on a GPU.
+fn on_gpu(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<[f64; 2]> {
+    let store = VolumeStore::new(gpu)?;
+    let mut decoder = Decoder::with_backend(header, Limits::default(), GpuBackend::new(&store)?);
+    let mut extractor = GpuSurfaceExtractor::new(&store, SurfaceOptions::default())?;
+    let mut times = Vec::new();
+    for packet in packets {
+        let (frame, decode) = timed(|| decoder.decode(packet));
+        let volume = frame?.volume;
+        let (surface, ms) = timed(|| {
+            let mesh = extractor.extract(volume)?;
+            gpu.wait()?;
+            Ok::<_, anyhow::Error>(mesh)
+        });
+        drop(surface?);
+        times.push([decode, ms]);
+    }
+    Ok(medians(&times))
+}
+
+/// The same without a clock of ours, for the GPU's.
+fn on_gpu_again(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<()> {
+    on_gpu(header, packets, gpu).map(drop)
+}
+
+/// Of all but the first, if there are more.
+fn medians(times: &[[f64; 2]]) -> [f64; 2] {
+    let counted = &times[usize::from(times.len() > 1)..];
+    [0, 1].map(|which| {
+        let mut times: Vec<f64> = counted.iter().map(|times| times[which]).collect();
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
+    })
+}
+
+fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = step();
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
+
+/// The least bytes that a workgroup of a kernel reads and writes: samples, of two bytes, and what it makes of them.
+fn least_bytes(kernel: &str) -> Option<u64> {
+    let (block, window) = (2 * 512, 2 * 729);
+    match kernel {
+        "temporal" | "warp" => Some(window + block),
+        // Four layers around the block.
+        "spatial" => Some(2 * (16 * 16 * 16 - 512) + block),
+        // Three layers on either side, read and written.
+        "face_filter" => Some(2 * 2 * 6 * 64),
+        "extrapolate" => Some(2 * block),
+        "crossed_corners" => Some(2 * 10 * 10 * 10 + 64),
+        "expected_activity" => Some(window + 4),
+        "find_signs" => Some(block + 132),
+        _ => None,
+    }
+}
+
+fn print_kernels(kernels: &BTreeMap<&'static str, KernelTime>, frames: usize, copy_rate: f64) {
+    if kernels.is_empty() {
+        println!("no times of kernels: the device has no clock");
+        return;
+    }
+    println!(
+        "| kernel | ms a frame | dispatches | workgroups | least bytes at, of the rate of copies |\n|---|---|---|---|---|"
+    );
+    for (name, time) in kernels {
+        let frames = frames as f64;
+        // A copy reads and writes each byte.
+        let share = least_bytes(name).map(|bytes| {
+            bytes as f64 * time.workgroups as f64 / (time.nanoseconds * 1e-9) / (2.0 * copy_rate)
+        });
+        println!(
+            "| {name} | {:.3} | {:.1} | {:.0} | {} |",
+            time.nanoseconds / 1e6 / frames,
+            f64::from(time.dispatches) / frames,
+            time.workgroups as f64 / frames,
+            share.map_or_else(String::new, |share| format!("{:.0} %", 100.0 * share)),
+        );
+    }
+}
