@@ -51,11 +51,17 @@ pub fn reconstruct(
     symbols: FrameSymbols,
     mut prediction: Vec<i16>,
 ) -> SparseVolume {
+    add_residuals(parameters, &symbols.levels, &mut prediction);
+    SparseVolume::from_parts(parameters.grid, symbols.coords, prediction, symbols.unobserved)
+}
+
+/// The same on samples alone. `levels`: as in [`FrameSymbols::levels`].
+pub fn add_residuals(parameters: &CodingParameters, levels: &[i32], prediction: &mut [i16]) {
     let grid = parameters.grid;
     let limit = grid.truncation.codes();
     prediction
         .par_chunks_exact_mut(grid.edge.block_voxels())
-        .zip(symbols.levels.par_chunks_exact(parameters.coefficients()))
+        .zip(levels.par_chunks_exact(parameters.coefficients()))
         .for_each_init(
             || vec![0; grid.edge.block_voxels()],
             |residual, (samples, levels)| {
@@ -68,7 +74,6 @@ pub fn reconstruct(
                 }
             },
         );
-    SparseVolume::from_parts(grid, symbols.coords, prediction, symbols.unobserved)
 }
 
 /// Residual samples of a block's levels; false if they are all zero.

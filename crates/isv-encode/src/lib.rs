@@ -6,18 +6,22 @@
 //!                     └────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! [`Encoder`] is the whole of it. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
+//! [`Encoder`] is the whole of it, on the CPU. In profile `paper` all but the syntax is an [`EncodeBackend`]'s, and
+//! [`PaperEncoder`] takes any. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
 //! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
 //! bytes on any number of threads.
 
+mod backend;
 mod distortion;
 mod encoder;
 mod main_profile;
 mod motion_search;
 mod normal_equations;
+mod paper_encoder;
 mod residual;
 pub mod syntax;
 
+pub use backend::EncodeBackend;
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
 #[doc(hidden)]
@@ -25,3 +29,4 @@ pub use main_profile::probe;
 pub use main_profile::{
     Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, SearchEffort, Tools, UnknownTool,
 };
+pub use paper_encoder::PaperEncoder;

@@ -95,8 +95,7 @@ impl BlockTransform {
     /// If `block` does not hold `edge^3` values.
     pub fn forward(&self, block: &mut [i16]) {
         assert_eq!(block.len(), self.edge.block_voxels());
-        let shift = |pass: usize| (MATRIX_BITS - self.exponents[pass + 1] + self.exponents[pass]) as u32;
-        let shifts = [shift(0), shift(1), shift(2)];
+        let shifts = self.forward_shifts();
         vectorized(
             #[inline(always)]
             || match self.edge {
@@ -123,6 +122,12 @@ impl BlockTransform {
                 BlockEdge::E16 => inverse(&MATRIX_16, block, shifts),
             },
         );
+    }
+
+    /// Bits to drop after each forward pass: along x, y and z.
+    #[must_use]
+    pub fn forward_shifts(&self) -> [u32; 3] {
+        [0, 1, 2].map(|pass| (MATRIX_BITS - self.exponents[pass + 1] + self.exponents[pass]) as u32)
     }
 
     /// Bits to drop after each inverse pass: along z, y and x.

@@ -60,6 +60,24 @@ enum PaperFrame {
     Reduced(ReducedFrame),
 }
 
+impl CpuPaperFrame {
+    /// The frame as a reference; `None` at reduced resolution.
+    #[must_use]
+    pub fn reference(&self) -> Option<&Reference> {
+        match &self.0 {
+            PaperFrame::Full(reference) => Some(reference),
+            PaperFrame::Reduced(_) => None,
+        }
+    }
+}
+
+/// At full resolution.
+impl From<Reference> for CpuPaperFrame {
+    fn from(reference: Reference) -> Self {
+        Self(PaperFrame::Full(reference))
+    }
+}
+
 /// A frame of profile `main` on the CPU.
 #[derive(Debug)]
 pub struct CpuMainFrame {

@@ -1,0 +1,50 @@
+//! The reference.
+
+use super::EncodeBackend;
+use crate::motion_search::search_motion;
+use crate::residual::quantized_residual;
+use isv_decode::backend::{Cpu, CpuPaperFrame};
+use isv_decode::reconstruct::{add_residuals, predict};
+use isv_decode::{BackendError, CodingParameters, FrameSymbols, Reference};
+use isv_format::Prediction;
+use isv_kernels::warp::MotionVector;
+use isv_volume::SparseVolume;
+
+/// It fails only where frames are decoded at reduced resolution: [`BackendError::Unsupported`].
+impl EncodeBackend for Cpu {
+    type Source = SparseVolume;
+
+    fn upload(&mut self, volume: &SparseVolume) -> Result<SparseVolume, BackendError> {
+        Ok(volume.clone())
+    }
+
+    fn search_motion(
+        &mut self,
+        prediction: Prediction,
+        source: &SparseVolume,
+        references: &[Option<u32>],
+        before: &CpuPaperFrame,
+    ) -> Result<Vec<MotionVector>, BackendError> {
+        Ok(search_motion(prediction, source, at_full_resolution(before)?, references))
+    }
+
+    fn code_paper(
+        &mut self,
+        parameters: &CodingParameters,
+        source: &SparseVolume,
+        symbols: &mut FrameSymbols,
+        before: Option<&CpuPaperFrame>,
+    ) -> Result<CpuPaperFrame, BackendError> {
+        let before = before.map(at_full_resolution).transpose()?;
+        let mut samples = predict(parameters, symbols, before);
+        symbols.levels = quantized_residual(parameters, source, &samples);
+        add_residuals(parameters, &symbols.levels, &mut samples);
+        let (coords, unobserved) = (symbols.coords.clone(), symbols.unobserved.clone());
+        let decoded = SparseVolume::from_parts(parameters.grid, coords, samples, unobserved);
+        Ok(Reference::new(decoded).into())
+    }
+}
+
+fn at_full_resolution(frame: &CpuPaperFrame) -> Result<&Reference, BackendError> {
+    frame.reference().ok_or(BackendError::Unsupported("encoding at reduced resolution"))
+}
