@@ -12,13 +12,13 @@ mod coded_blocks;
 mod kernels;
 mod made_up_blocks;
 mod main_frame;
-mod paper_frame;
+pub(crate) mod paper_frame;
 mod questions;
-mod scale;
+pub(crate) mod scale;
 pub(crate) mod shaders;
 #[cfg(test)]
 mod tests;
-mod workshop;
+pub(crate) mod workshop;
 
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, MainFrame};
@@ -35,9 +35,10 @@ pub use paper_frame::GpuPaperFrame;
 
 /// A [`Backend`] that keeps frames on a GPU.
 ///
-/// It decodes blocks of 8 voxels: all of profile `main`, and of profile `paper` the streams that have them.
+/// It decodes blocks of 8 voxels: all of profile `main`, and of profile `paper` the streams that have them. Those it encodes too
+/// ([`EncodeBackend`](isv_encode::EncodeBackend)).
 #[derive(Debug)]
-pub struct GpuBackend(Workshop);
+pub struct GpuBackend(pub(crate) Workshop);
 
 impl GpuBackend {
     /// A backend that keeps its volumes in a store.
@@ -55,6 +56,17 @@ impl GpuBackend {
     }
 }
 
+/// Whether blocks are those that kernels are for.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if not.
+pub(crate) fn check_edge(edge: BlockEdge) -> Result<(), BackendError> {
+    match edge {
+        BlockEdge::E8 => Ok(()),
+        _ => Err(BackendError::Unsupported("blocks of another edge than 8 voxels on a GPU")),
+    }
+}
+
 impl Backend for GpuBackend {
     type Volume = GpuVolume;
     type Paper = GpuPaperFrame;
@@ -66,9 +78,7 @@ impl Backend for GpuBackend {
         symbols: FrameSymbols,
         before: Option<&GpuPaperFrame>,
     ) -> Result<GpuPaperFrame, BackendError> {
-        if parameters.grid.edge != BlockEdge::E8 {
-            return Err(BackendError::Unsupported("blocks of another edge than 8 voxels on a GPU"));
-        }
+        check_edge(parameters.grid.edge)?;
         Ok(self.0.paper_frame(parameters, symbols, before)?)
     }
 

@@ -27,6 +27,7 @@ mod choice;
 mod commands;
 mod decode;
 mod device;
+mod encode;
 mod error;
 mod kernel;
 mod pool;
@@ -67,6 +68,8 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (surface::kernels::POSITIONS, &["place_vertices"]),
     (surface::kernels::NORMALS, &["find_normals"]),
     (surface::kernels::TRIANGLES, &["make_triangles"]),
+    (encode::shaders::SEARCH, &["search"]),
+    (encode::shaders::CODE, &["code"]),
 ];
 
 #[cfg(test)]

@@ -9,7 +9,12 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 /// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split; nothing, and a line that
 /// says so, where there is none.
 pub(crate) fn gpu_for_tests(test: &str) -> Option<Gpu> {
-    let choice = GpuChoice { software: true, binding_bytes: 1 << 20, ..GpuChoice::default() };
+    gpu_with_segments(test, 1 << 20)
+}
+
+/// The same with segments of so many bytes.
+pub(crate) fn gpu_with_segments(test: &str, binding_bytes: u64) -> Option<Gpu> {
+    let choice = GpuChoice { software: true, binding_bytes, ..GpuChoice::default() };
     match Gpu::open(&choice) {
         Ok(gpu) => Some(gpu),
         Err(error) => {

@@ -8,20 +8,22 @@ use crate::store::Slots;
 use crate::{GpuError, GpuVolume};
 use bytemuck::{Pod, Zeroable};
 use isv_decode::{CodingParameters, FrameSymbols, ReferenceBlocks};
+use isv_kernels::warp::MotionVector;
 use isv_volume::BlockIndex;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A decoded frame of profile `paper` on a GPU.
 #[derive(Debug)]
 pub struct GpuPaperFrame {
-    pub(super) volume: GpuVolume,
+    pub(crate) volume: GpuVolume,
     index: BlockIndex,
 }
 
-/// `MovedBlock` of `warp.wgsl`.
+/// `MovedBlock` of `moved_block.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct MovedBlock {
+pub(crate) struct MovedBlock {
     slot: u32,
     is_predicted: u32,
     levels: u32,
@@ -29,7 +31,28 @@ struct MovedBlock {
     motion: [i32; 12],
 }
 
+impl MovedBlock {
+    /// A block to be made in a slot from one that is moved, or from zero, and from a range of the frame's levels.
+    pub(crate) fn new(slot: u32, is_predicted: bool, motion: &MotionVector, levels: Range<u32>) -> Self {
+        let [x, y, z] = motion.rotation_matrix();
+        let [a, b, c] = motion.translation.map(i32::from);
+        Self {
+            slot,
+            is_predicted: is_predicted.into(),
+            levels: levels.start,
+            level_count: levels.end - levels.start,
+            motion: [x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], a, b, c],
+        }
+    }
+}
+
 impl GpuPaperFrame {
+    /// A frame of this volume.
+    pub(crate) fn new(volume: GpuVolume) -> Self {
+        let index = BlockIndex::new(&volume.coords);
+        Self { volume, index }
+    }
+
     /// Its blocks.
     pub(super) fn blocks(&self) -> ReferenceBlocks<'_> {
         let GpuVolume { coords, unobserved, .. } = &self.volume;
@@ -60,16 +83,8 @@ impl Workshop {
             let start = levels.len() as u32;
             let coded = of_block.iter().zip(&parameters.scan).filter(|(value, _)| **value != 0);
             levels.extend(coded.map(|(value, position)| pack_level(*position, *value)));
-            let [x, y, z] = motion.rotation_matrix();
-            let [a, b, c] = motion.translation.map(i32::from);
-            let is_predicted = u32::from(source.is_some() && before.is_some());
-            MovedBlock {
-                slot: *slot,
-                is_predicted,
-                levels: start,
-                level_count: levels.len() as u32 - start,
-                motion: [x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2], a, b, c],
-            }
+            let is_predicted = source.is_some() && before.is_some();
+            MovedBlock::new(*slot, is_predicted, motion, start..levels.len() as u32)
         });
         let moved: Vec<_> = moved.collect();
         let mut commands = Commands::new(&gpu);
@@ -84,9 +99,8 @@ impl Workshop {
         let buffers = [&source.blocks, &source.table, &table.blocks, moved, levels];
         commands.run(&kernels.warp, Some(&store.pool()), &words, &buffers, count as u32)?;
         commands.submit()?;
-        let index = BlockIndex::new(&symbols.coords);
         let (coords, unobserved) = (Arc::new(symbols.coords), Arc::new(symbols.unobserved));
         let (grid, table) = (parameters.grid, Arc::new(table));
-        Ok(GpuPaperFrame { volume: GpuVolume { store, grid, coords, slots, table, unobserved }, index })
+        Ok(GpuPaperFrame::new(GpuVolume { store, grid, coords, slots, table, unobserved }))
     }
 }

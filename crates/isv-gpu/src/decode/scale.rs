@@ -15,7 +15,7 @@ pub(super) fn pack_level(position: u16, value: i32) -> u32 {
 }
 
 /// `Scale` of `residual.wgsl`: the quantizers of the lowest coefficient and of all others.
-pub(super) fn scale(transform: &BlockTransform, lowest: &Quantizer, others: &Quantizer) -> [u32; 8] {
+pub(crate) fn scale(transform: &BlockTransform, lowest: &Quantizer, others: &Quantizer) -> [u32; 8] {
     let [along_z, along_y, along_x] = transform.inverse_shifts();
     debug_assert!(lowest.unit_shift() <= 7, "a saturated level saturates its coefficient");
     let signed = [lowest.step(), others.step(), lowest.level_limit(), others.level_limit()];

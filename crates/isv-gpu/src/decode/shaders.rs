@@ -2,18 +2,32 @@
 
 use crate::kernel::Shader;
 
-const SAMPLES: &str = include_str!("../shaders/samples.wgsl");
-const TABLE: &str = include_str!("../shaders/block_table.wgsl");
-const FIND: &str = include_str!("../shaders/block_find.wgsl");
+pub(crate) const SAMPLES: &str = include_str!("../shaders/samples.wgsl");
+pub(crate) const TABLE: &str = include_str!("../shaders/block_table.wgsl");
+pub(crate) const FIND: &str = include_str!("../shaders/block_find.wgsl");
+/// Coefficients to residuals.
+pub(crate) const TRANSFORM: &str = include_str!("../shaders/transform.wgsl");
+/// Rigid motion, and blocks that are predicted by it.
+pub(crate) const RIGID: &str = include_str!("../shaders/rigid.wgsl");
+pub(crate) const MOVED: &str = include_str!("../shaders/moved_block.wgsl");
 const RESIDUAL: &str = include_str!("../shaders/residual.wgsl");
 const CODED: &str = include_str!("../shaders/coded.wgsl");
 const VECTORS: &str = include_str!("../shaders/vectors.wgsl");
-const FRAME: &str = include_str!("../shaders/frame_blocks.wgsl");
+pub(crate) const FRAME: &str = include_str!("../shaders/frame_blocks.wgsl");
 
 /// A block from the frame before, and its residual.
 pub(crate) const TEMPORAL: Shader = Shader {
     name: "temporal",
-    parts: &[SAMPLES, TABLE, RESIDUAL, CODED, VECTORS, include_str!("../shaders/temporal.wgsl"), FIND],
+    parts: &[
+        SAMPLES,
+        TABLE,
+        TRANSFORM,
+        RESIDUAL,
+        CODED,
+        VECTORS,
+        include_str!("../shaders/temporal.wgsl"),
+        FIND,
+    ],
 };
 /// A block from those around it, and its residual.
 pub(crate) const SPATIAL: Shader = Shader {
@@ -21,6 +35,7 @@ pub(crate) const SPATIAL: Shader = Shader {
     parts: &[
         SAMPLES,
         TABLE,
+        TRANSFORM,
         RESIDUAL,
         CODED,
         VECTORS,
@@ -55,5 +70,15 @@ pub(crate) const ACTIVITY: Shader = Shader {
 /// A block by rigid motion (profile `paper`).
 pub(crate) const WARP: Shader = Shader {
     name: "warp",
-    parts: &[SAMPLES, TABLE, FRAME, RESIDUAL, include_str!("../shaders/warp.wgsl"), FIND],
+    parts: &[
+        SAMPLES,
+        TABLE,
+        FRAME,
+        TRANSFORM,
+        RESIDUAL,
+        RIGID,
+        MOVED,
+        include_str!("../shaders/warp.wgsl"),
+        FIND,
+    ],
 };

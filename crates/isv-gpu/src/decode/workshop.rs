@@ -5,6 +5,7 @@ use super::kernels::Kernels;
 use super::made_up_blocks::MadeUpRooms;
 use super::questions::QuestionRooms;
 use crate::commands::Commands;
+use crate::encode::EncodeTools;
 use crate::kernel::Kernel;
 use crate::pool::SamplePool;
 use crate::{Gpu, GpuError, Storage, VolumeStore};
@@ -12,12 +13,14 @@ use std::sync::MutexGuard;
 
 /// Kernels, and memory that serves one frame after the other.
 #[derive(Debug)]
-pub(super) struct Workshop {
-    pub(super) store: VolumeStore,
+pub(crate) struct Workshop {
+    pub(crate) store: VolumeStore,
     pub(super) kernels: Kernels,
     pub(super) coded_rooms: CodedRooms,
     pub(super) made_up_rooms: MadeUpRooms,
     pub(super) question_rooms: QuestionRooms,
+    /// What only an encoder needs, once it was needed.
+    pub(crate) encoding: Option<EncodeTools>,
 }
 
 impl Workshop {
@@ -32,6 +35,7 @@ impl Workshop {
             coded_rooms: CodedRooms::default(),
             made_up_rooms: MadeUpRooms::default(),
             question_rooms: QuestionRooms::default(),
+            encoding: None,
         })
     }
 }

@@ -1,0 +1,55 @@
+//! Encoding of profile `paper` on a GPU: the arithmetic on samples of [`isv_encode`].
+//!
+//! | file | step |
+//! |---|---|
+//! | `search` | motion of every block, in floating point |
+//! | `code` | levels of every block and the frame that they give, with the CPU's bits |
+//! | `tools` | kernels, compiled when an encoder first needs them |
+
+mod code;
+mod search;
+pub(crate) mod shaders;
+#[cfg(test)]
+mod tests;
+mod tools;
+
+use crate::decode::check_edge;
+use crate::{GpuBackend, GpuPaperFrame, GpuVolume};
+use isv_decode::{BackendError, CodingParameters, FrameSymbols};
+use isv_encode::EncodeBackend;
+use isv_format::Prediction;
+use isv_kernels::warp::MotionVector;
+use isv_volume::SparseVolume;
+
+pub(crate) use tools::EncodeTools;
+
+impl EncodeBackend for GpuBackend {
+    type Source = GpuVolume;
+
+    fn upload(&mut self, volume: &SparseVolume) -> Result<GpuVolume, BackendError> {
+        check_edge(volume.grid().edge)?;
+        Ok(GpuVolume::upload(&self.0.store, volume)?)
+    }
+
+    fn search_motion(
+        &mut self,
+        prediction: Prediction,
+        source: &GpuVolume,
+        references: &[Option<u32>],
+        before: &GpuPaperFrame,
+    ) -> Result<Vec<MotionVector>, BackendError> {
+        Ok(self.0.search_motion(prediction == Prediction::SixDof, source, references, before)?)
+    }
+
+    fn code_paper(
+        &mut self,
+        parameters: &CodingParameters,
+        source: &GpuVolume,
+        symbols: &mut FrameSymbols,
+        before: Option<&GpuPaperFrame>,
+    ) -> Result<GpuPaperFrame, BackendError> {
+        let (levels, frame) = self.0.code_paper(parameters, source, symbols, before)?;
+        symbols.levels = levels;
+        Ok(frame)
+    }
+}

@@ -1,0 +1,15 @@
+//! The kernels of encoding.
+
+use crate::decode::shaders::{FIND, FRAME, MOVED, RIGID, SAMPLES, TABLE, TRANSFORM};
+use crate::kernel::Shader;
+
+/// Motion of a block.
+pub(crate) const SEARCH: Shader = Shader {
+    name: "search",
+    parts: &[SAMPLES, TABLE, FRAME, RIGID, include_str!("../shaders/search.wgsl"), FIND],
+};
+/// Levels of a block, and the block that they give.
+pub(crate) const CODE: Shader = Shader {
+    name: "code",
+    parts: &[SAMPLES, TABLE, FRAME, TRANSFORM, RIGID, MOVED, include_str!("../shaders/code.wgsl"), FIND],
+};
