@@ -2,8 +2,9 @@
 
 use anyhow::Result;
 use isv::decode::{Decoder, Limits, Lod};
+use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
-use isv::gpu::{AnyDecoder, BackendChoice, OpenedBackend};
+use isv::gpu::{AnyDecoder, AnyEncoder, BackendChoice, GpuError, OpenedBackend, VolumeStore};
 use std::env;
 
 /// The environment variable with a part of the name of the GPU to use.
@@ -30,23 +31,34 @@ impl BackendArgs {
             eprintln!("reduced resolution is decoded on the CPU");
             return on_cpu();
         }
+        match self.on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back))? {
+            Some(decoder) => Ok(decoder),
+            None => on_cpu(),
+        }
+    }
+
+    /// An encoder of a stream, with such a line.
+    pub(crate) fn encoder(self, header: &StreamHeader, settings: EncoderSettings) -> Result<AnyEncoder> {
+        let on_gpu =
+            self.on_gpu(|store, falls_back| AnyEncoder::on_gpu(header, settings, store, falls_back))?;
+        Ok(on_gpu.unwrap_or_else(|| AnyEncoder::on_cpu(header, settings)))
+    }
+
+    /// What a GPU gives, told whether it may fall back to the CPU; nothing where the CPU is to be used.
+    fn on_gpu<T>(self, make: impl FnOnce(&VolumeStore, bool) -> Result<T, GpuError>) -> Result<Option<T>> {
+        let falls_back = self.backend == BackendChoice::Auto;
         let name = env::var(GPU_VARIABLE).ok();
-        match self.backend.open(name.as_deref())? {
-            OpenedBackend::Cpu => on_cpu(),
-            OpenedBackend::FellBack(why) => {
+        let made = match self.backend.open(name.as_deref())? {
+            OpenedBackend::Cpu => return Ok(None),
+            OpenedBackend::FellBack(why) => Err(why),
+            OpenedBackend::Gpu(store) => make(&store, falls_back),
+        };
+        match made {
+            Err(why) if falls_back => {
                 notify(&why);
-                on_cpu()
+                Ok(None)
             }
-            OpenedBackend::Gpu(store) => {
-                let falls_back = self.backend == BackendChoice::Auto;
-                match AnyDecoder::on_gpu(header, limits, &store, falls_back) {
-                    Err(why) if falls_back => {
-                        notify(&why);
-                        on_cpu()
-                    }
-                    decoder => Ok(decoder?),
-                }
-            }
+            made => Ok(Some(made?)),
         }
     }
 }

@@ -63,7 +63,7 @@ impl GpuBackend {
 pub(crate) fn check_edge(edge: BlockEdge) -> Result<(), BackendError> {
     match edge {
         BlockEdge::E8 => Ok(()),
-        _ => Err(BackendError::Unsupported("blocks of another edge than 8 voxels on a GPU")),
+        _ => Err(BackendError::Unsupported("blocks of another edge than 8 voxels")),
     }
 }
 

@@ -51,6 +51,9 @@ pub enum GpuError {
     /// The device is gone: reset, unplugged, or its driver failed.
     #[error("the GPU was lost: {0}")]
     Lost(String),
+    /// It is never done on a GPU; what.
+    #[error("{0}: not on a GPU")]
+    Unsupported(&'static str),
     /// A shader or a command that the driver refuses: a fault of this program or of the driver.
     #[error("the GPU's driver refused a command: {0}")]
     Refused(String),
@@ -60,6 +63,7 @@ impl From<GpuError> for BackendError {
     fn from(error: GpuError) -> Self {
         match error {
             GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. } => Self::OutOfMemory(error.to_string()),
+            GpuError::Unsupported(what) => Self::Unsupported(what),
             other => Self::DeviceLost(other.to_string()),
         }
     }

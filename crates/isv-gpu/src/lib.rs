@@ -22,6 +22,7 @@
 
 mod adapter;
 mod any_decoder;
+mod any_encoder;
 mod blocks;
 mod choice;
 mod commands;
@@ -40,6 +41,7 @@ mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
 pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
+pub use any_encoder::AnyEncoder;
 pub use choice::{BackendChoice, OpenedBackend};
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};

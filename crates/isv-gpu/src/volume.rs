@@ -28,11 +28,11 @@ impl GpuVolume {
     /// Copies a volume to a GPU.
     ///
     /// # Errors
-    /// [`GpuError::Refused`] if its blocks have another edge than 8 voxels; [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]
+    /// [`GpuError::Unsupported`] if its blocks have another edge than 8 voxels; [`GpuError::TooLarge`] or [`GpuError::OutOfMemory`]
     /// if it does not fit.
     pub fn upload(store: &VolumeStore, volume: &SparseVolume) -> Result<Self, GpuError> {
         if volume.grid().edge != BlockEdge::E8 {
-            return Err(GpuError::Refused("blocks of another edge than 8 voxels".to_owned()));
+            return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
         }
         let slots = Arc::new(Slots::new(store, store.pool().take(volume.block_count())?));
         let pool = store.pool();

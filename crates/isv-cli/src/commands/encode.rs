@@ -9,6 +9,7 @@ mod two_pass;
 mod volumes;
 
 use crate::ahead::Ahead;
+use crate::backend::{self, BackendArgs};
 use crate::capture::{Capture, CapturedFrame, Frames, Hints};
 use crate::frame_range::FrameRange;
 use crate::interrupt;
@@ -20,8 +21,9 @@ use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
 use ingest::IngestArgs;
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, RateTarget, surface_rms_voxels};
+use isv::encode::{EncodedFrame, EncoderSettings, RateTarget, surface_rms_voxels};
 use isv::format::{PacketWriter, StreamHeader};
+use isv::gpu::AnyEncoder;
 use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -63,6 +65,8 @@ pub(crate) struct Args {
     /// Threads to work with; without it, one a core
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
+    #[command(flatten)]
+    backend: BackendArgs,
     /// Write times and sizes of every frame to this file; ingest and encoding then take turns, so that the time of one
     /// is not also that of the other
     #[arg(long, value_name = "FILE.json")]
@@ -125,7 +129,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
     let mut job = Job {
         header,
-        encoder: Encoder::new(&header, settings),
+        encoder: args.backend.encoder(&header, settings)?,
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
@@ -160,7 +164,7 @@ fn volumes(
 /// The encoding side.
 struct Job {
     header: StreamHeader,
-    encoder: Encoder,
+    encoder: AnyEncoder,
     writer: PacketWriter<Output>,
     stats: StatsFile<EncodedFrameStats>,
     skip_bad_frames: bool,
@@ -178,8 +182,7 @@ impl Job {
         match frame {
             Ok(frame) => {
                 self.encode(&frame)?;
-                self.note_missed_error(&frame, progress);
-                Ok(())
+                self.note_missed_error(&frame, progress)
             }
             Err(error) if self.skip_bad_frames => {
                 self.skipped += 1;
@@ -191,13 +194,11 @@ impl Job {
     }
 
     /// Says once that a frame could not be brought within the error asked for.
-    fn note_missed_error(&mut self, frame: &IngestedFrame, progress: &Progress) {
-        let (Some(RateTarget::MaxError(bound)), Some(decoded)) = (self.target, self.encoder.reconstruction())
-        else {
-            return;
-        };
+    fn note_missed_error(&mut self, frame: &IngestedFrame, progress: &Progress) -> Result<()> {
+        let Some(RateTarget::MaxError(bound)) = self.target else { return Ok(()) };
+        let decoded = self.encoder.reconstruction()?.expect("a frame was just encoded");
         let voxel_m = self.header.grid.voxel_size.metres();
-        let error = surface_rms_voxels(&frame.volume, decoded);
+        let error = surface_rms_voxels(&frame.volume, &decoded);
         if error > bound {
             self.target = None;
             let [error, bound] = [error, bound].map(|voxels| Length::from_metres(voxels * voxel_m));
@@ -206,16 +207,21 @@ impl Job {
                 frame.number
             ));
         }
+        Ok(())
     }
 
     /// A frame keeps its time if frames before it were skipped.
     fn encode(&mut self, frame: &IngestedFrame) -> Result<()> {
         let (coded, encode_ms) = timed(|| self.encoder.encode(&frame.volume));
+        let coded = coded?;
+        if let Some(why) = self.encoder.take_notice() {
+            backend::notify(&why);
+        }
         let timestamp_ns = self.header.frame_rate.timestamp_ns((frame.number - self.first) as u64);
         let bytes = self.writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {
-            let stats = self.frame_stats(frame, &coded, encode_ms, bytes);
+            let stats = self.frame_stats(frame, &coded, encode_ms, bytes)?;
             self.stats.push(stats);
         }
         Ok(())
@@ -227,10 +233,10 @@ impl Job {
         coded: &EncodedFrame,
         encode_ms: f64,
         bytes: usize,
-    ) -> EncodedFrameStats {
-        let decoded = self.encoder.reconstruction().expect("a frame was just encoded");
+    ) -> Result<EncodedFrameStats> {
+        let decoded = self.encoder.reconstruction()?.expect("a frame was just encoded");
         let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
-        EncodedFrameStats {
+        Ok(EncodedFrameStats {
             ingest_ms: frame.ingest_ms,
             encode_ms,
             bytes,
@@ -242,8 +248,8 @@ impl Job {
             blocks_band: frame.blocks_band,
             blocks_coded: coded.payload().header.blocks as usize,
             keyframe: coded.keyframe,
-            surface_rms_mm: surface_rms_voxels(&frame.volume, decoded) * voxel_mm,
-        }
+            surface_rms_mm: surface_rms_voxels(&frame.volume, &decoded) * voxel_mm,
+        })
     }
 
     /// Completes the stream, which is a shorter one after Ctrl-C.
