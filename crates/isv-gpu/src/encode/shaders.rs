@@ -6,7 +6,15 @@ use crate::kernel::Shader;
 /// Motion of a block.
 pub(crate) const SEARCH: Shader = Shader {
     name: "search",
-    parts: &[SAMPLES, TABLE, FRAME, RIGID, include_str!("../shaders/search.wgsl"), FIND],
+    parts: &[
+        SAMPLES,
+        TABLE,
+        FRAME,
+        RIGID,
+        include_str!("../shaders/normal_equations.wgsl"),
+        include_str!("../shaders/search.wgsl"),
+        FIND,
+    ],
 };
 /// Levels of a block, and the block that they give.
 pub(crate) const CODE: Shader = Shader {

@@ -251,3 +251,14 @@ fn other_blocks_are_not_supported() {
     let error = encoder.encode(&ball(grid, 0.0)).unwrap_err();
     assert!(matches!(error, BackendError::Unsupported(_)), "{error}");
 }
+
+#[test]
+fn a_lost_device_is_an_error() {
+    let Some(gpu) = gpu_for_tests("a_lost_device_is_an_error") else { return };
+    let mut encoder = PaperEncoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
+    encoder.encode(&ball(grid(), 0.0)).unwrap();
+    gpu.lose();
+    for t in [1.0, 2.0] {
+        assert!(matches!(encoder.encode(&ball(grid(), t)), Err(BackendError::DeviceLost(_))));
+    }
+}
