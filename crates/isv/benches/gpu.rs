@@ -2,13 +2,13 @@
 //!
 //! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The project's own figure is always
 //! measured, captures where they are (`ISV_DATA`, else `../shared/data`): a person, the same person with nine times the faces, and a
-//! building. For each, frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are decoded on the CPU and on
-//! the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
+//! building. For each, frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are encoded and decoded on the
+//! CPU and on the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
 //! their own; the least that they must read and write is set against the rate at which the GPU copies.
 
 use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, MotionMode, Preset};
+use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, PaperEncoder, Preset};
 use isv::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
@@ -79,17 +79,40 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_ra
     let profiles = [("main", Profile::Main, Reach::Surface), ("paper", Profile::Paper(paper), Reach::Band)];
     for (profile_name, profile, reach) in profiles {
         let header = StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } };
-        let stream = encode(&header, ingest(grid, reach, meshes)?)?;
+        let volumes = ingest(grid, reach, meshes)?;
+        let (stream, encode_on_cpu) = encode(&header, &volumes, |settings| {
+            let mut encoder = Encoder::new(&header, settings);
+            move |volume| Ok(encoder.encode(volume))
+        })?;
         let packets = packets(&stream)?;
         let before = gpu.memory().bytes;
         let [on_cpu, cpu_surface] = on_cpu(&header, &packets)?;
         let [on_gpu, gpu_surface] = on_gpu(&header, &packets, gpu)?;
         let bytes = gpu.memory().peak - before;
         gpu.start_timing();
-        on_gpu_again(&header, &packets, gpu)?;
-        let kernels = gpu.take_times();
+        on_gpu(&header, &packets, gpu)?;
+        let mut kernels = gpu.take_times();
+        let encode_on_gpu = match profile {
+            Profile::Paper(paper) => {
+                let encode_on_gpu = || {
+                    let backend = GpuBackend::new(&VolumeStore::new(gpu)?)?;
+                    let encoder = |settings| {
+                        let mut encoder = PaperEncoder::new(grid, &paper, settings, backend);
+                        move |volume: &SparseVolume| Ok(encoder.encode(volume)?)
+                    };
+                    anyhow::Ok(encode(&header, &volumes, encoder)?.1)
+                };
+                let ms = encode_on_gpu()?;
+                gpu.start_timing();
+                encode_on_gpu()?;
+                kernels.extend(gpu.take_times());
+                format!("{ms:.2}")
+            }
+            Profile::Main => "not there".to_owned(),
+        };
         println!("\n## {name}, {} mm, profile {profile_name}\n", voxel_m * 1e3);
         println!("| ms a frame | CPU | GPU |\n|---|---|---|");
+        println!("| encode, volume to bytes | {encode_on_cpu:.2} | {encode_on_gpu} |");
         println!("| decode | {on_cpu:.2} | {on_gpu:.2} |");
         println!("| surface, which stays there | {cpu_surface:.2} | {gpu_surface:.2} |");
         println!("\nmost memory of the GPU so far: {} MB\n", bytes.div_ceil(1_000_000));
@@ -105,17 +128,25 @@ fn ingest(grid: Grid, reach: Reach, meshes: &[TriangleMesh]) -> Result<Vec<Spars
     Ok(meshes.iter().map(|mesh| ingester.ingest(mesh, sign)).collect::<Result<_, _>>()?)
 }
 
-fn encode(header: &StreamHeader, volumes: Vec<SparseVolume>) -> Result<Vec<u8>> {
+/// The stream that an encoder makes, and the median of its times, uploads included.
+fn encode<E: FnMut(&SparseVolume) -> Result<EncodedFrame>>(
+    header: &StreamHeader,
+    volumes: &[SparseVolume],
+    encoder: impl FnOnce(EncoderSettings) -> E,
+) -> Result<(Vec<u8>, f64)> {
     let motion = MotionMode::Fixed(Prediction::ThreeDof);
-    let settings =
-        EncoderSettings { main: Preset::Realtime.settings(), motion, ..EncoderSettings::default() };
-    let mut encoder = Encoder::new(header, settings);
+    let settings = EncoderSettings { main: Preset::Realtime.settings(), motion, ..EncoderSettings::default() };
+    let mut encode = encoder(settings);
     let mut writer = PacketWriter::new(Vec::new(), header)?;
+    let mut times = Vec::new();
     for (n, volume) in volumes.iter().enumerate() {
-        let frame = encoder.encode(volume);
+        let (frame, ms) = timed(|| encode(volume));
+        let frame = frame?;
         writer.write_frame(frame.keyframe, n as u64 * 33_333_333, &frame.payload())?;
+        times.push([ms]);
     }
-    Ok(writer.finish()?)
+    let [median] = medians(&times);
+    Ok((writer.finish()?, median))
 }
 
 fn packets(stream: &[u8]) -> Result<Vec<Packet>> {
@@ -160,15 +191,10 @@ fn on_gpu(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<[f64; 
     Ok(medians(&times))
 }
 
-/// The same without a clock of ours, for the GPU's.
-fn on_gpu_again(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<()> {
-    on_gpu(header, packets, gpu).map(drop)
-}
-
 /// Of all but the first, if there are more.
-fn medians(times: &[[f64; 2]]) -> [f64; 2] {
+fn medians<const WHICH: usize>(times: &[[f64; WHICH]]) -> [f64; WHICH] {
     let counted = &times[usize::from(times.len() > 1)..];
-    [0, 1].map(|which| {
+    std::array::from_fn(|which| {
         let mut times: Vec<f64> = counted.iter().map(|times| times[which]).collect();
         times.sort_by(f64::total_cmp);
         times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
@@ -185,7 +211,8 @@ fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
 fn least_bytes(kernel: &str) -> Option<u64> {
     let (block, window) = (2 * 512, 2 * 729);
     match kernel {
-        "temporal" | "warp" => Some(window + block),
+        "temporal" | "warp" | "search" => Some(window + block),
+        "code" => Some(window + 2 * block),
         // Four layers around the block.
         "spatial" => Some(2 * (16 * 16 * 16 - 512) + block),
         // Three layers on either side, read and written.
