@@ -140,9 +140,10 @@ mod tests {
         while let Some(packet) = packets.next_frame().unwrap() {
             assert!(decoder.decode_and_verify(&packet).unwrap().stated_hash.is_some());
         }
-        // Where it was asked for, it is an error.
-        let store = VolumeStore::new(&gpu);
-        assert!(matches!(store, Err(GpuError::Lost(_))), "{store:?}");
+        // Where a GPU was asked for, it is an error.
+        let mut strict = AnyEncoder::on_gpu(&header, settings, &store, false).unwrap();
+        let error = strict.encode(&ball(grid(), 0.0)).unwrap_err();
+        assert!(matches!(error, BackendError::DeviceLost(_)), "{error}");
     }
 
     #[test]

@@ -135,7 +135,8 @@ fn encode<E: FnMut(&SparseVolume) -> Result<EncodedFrame>>(
     encoder: impl FnOnce(EncoderSettings) -> E,
 ) -> Result<(Vec<u8>, f64)> {
     let motion = MotionMode::Fixed(Prediction::ThreeDof);
-    let settings = EncoderSettings { main: Preset::Realtime.settings(), motion, ..EncoderSettings::default() };
+    let settings =
+        EncoderSettings { main: Preset::Realtime.settings(), motion, ..EncoderSettings::default() };
     let mut encode = encoder(settings);
     let mut writer = PacketWriter::new(Vec::new(), header)?;
     let mut times = Vec::new();
