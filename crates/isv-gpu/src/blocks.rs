@@ -5,6 +5,7 @@ use crate::kernel::{Kernel, Shader};
 use crate::storage::{Usage, write};
 use crate::{Gpu, GpuError, Storage};
 use isv_volume::BlockCoord;
+use std::hash::{BuildHasher, Hasher, RandomState};
 
 /// Enters blocks into their table.
 pub(crate) const INSERT: Shader = Shader {
@@ -17,7 +18,7 @@ pub(crate) const INSERT: Shader = Shader {
 pub(crate) struct BlockTable {
     /// Coordinate and slot of each.
     pub(crate) blocks: Storage,
-    /// One more than a block's index, or 0.
+    /// A key, then one more than a block's index, or 0.
     pub(crate) table: Storage,
 }
 
@@ -39,8 +40,11 @@ impl BlockTable {
         let rows: Vec<[i32; 4]> = rows.collect();
         // New memory is zeros.
         let blocks = gpu.storage("blocks", 16 * rows.len().max(1) as u64, Usage::Kernels)?;
-        let table = gpu.storage("block table", 4 * entries, Usage::Kernels)?;
+        let table = gpu.storage("block table", 4 * (1 + entries), Usage::Kernels)?;
         write(gpu, &blocks, 0, bytemuck::cast_slice(&rows));
+        // What is found does not depend on it.
+        let key = RandomState::new().build_hasher().finish() as u32;
+        write(gpu, &table, 0, &key.to_le_bytes());
         let groups = (rows.len() as u32).div_ceil(64);
         commands.run(insert, None, &[rows.len() as u32, 0, 0, 0], &[&blocks, &table], groups)?;
         Ok(Self { blocks, table })

@@ -5,6 +5,7 @@ use crate::pool::SamplePool;
 use crate::stopwatch::Stopwatch;
 use crate::storage::{Usage, write};
 use crate::{Gpu, GpuError, Storage};
+use std::mem::replace;
 use wgpu::{
     BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer, BufferBinding, BufferSize, CommandEncoder,
     CommandEncoderDescriptor, ComputePassDescriptor,
@@ -12,7 +13,7 @@ use wgpu::{
 
 /// Bytes from one dispatch's parameters to the next one's.
 const PARAMETERS: u64 = 256;
-/// Dispatches whose parameters are in one buffer.
+/// Dispatches whose parameters are in one buffer, and that are handed over together.
 const AT_ONCE: u64 = 256;
 /// Most workgroups along an axis that every device allows.
 const GROUPS_ALONG: u32 = 65_535;
@@ -67,6 +68,7 @@ impl Commands {
         let at = self.dispatches % AT_ONCE * PARAMETERS;
         if kernel.has_parameters {
             if at == 0 {
+                self.begin_part()?;
                 self.parameters.push(self.gpu.storage(
                     "parameters",
                     PARAMETERS * AT_ONCE,
@@ -98,6 +100,16 @@ impl Commands {
         pass.set_bind_group(1, &own, &[]);
         let along = groups.min(GROUPS_ALONG);
         pass.dispatch_workgroups(along, groups.div_ceil(along), 1);
+        Ok(())
+    }
+
+    /// Hands what was gathered so far to the GPU, if anything: drivers reset devices that work on one list for seconds, and a
+    /// stream can ask for tens of thousands of dispatches.
+    fn begin_part(&mut self) -> Result<(), GpuError> {
+        if self.dispatches > 0 {
+            let next = self.gpu.device().create_command_encoder(&CommandEncoderDescriptor::default());
+            self.gpu.submit(replace(&mut self.encoder, next).finish())?;
+        }
         Ok(())
     }
 

@@ -73,7 +73,9 @@ impl Kernel {
             bind_group_layouts: &[Some(&groups[0]), Some(&groups[1])],
             ..PipelineLayoutDescriptor::default()
         });
-        let scope = gpu.device().push_error_scope(ErrorFilter::Validation);
+        // Whatever goes wrong here is of this kernel. The driver's compiler fails with internal errors.
+        let filters = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory];
+        let scopes = filters.map(|filter| gpu.device().push_error_scope(filter));
         let source = ShaderSource::Naga(Cow::Owned(module));
         let module =
             gpu.device().create_shader_module(ShaderModuleDescriptor { label: Some(shader.name), source });
@@ -89,7 +91,8 @@ impl Kernel {
             },
             cache: None,
         });
-        if let Some(error) = pollster::block_on(scope.pop()) {
+        let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
+        if let Some(error) = errors.collect::<Vec<_>>().into_iter().flatten().next() {
             return Err(refused(error.to_string()));
         }
         let own = entries[1].iter().map(|entry| entry.binding);

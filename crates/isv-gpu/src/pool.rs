@@ -45,7 +45,8 @@ impl SamplePool {
         })
     }
 
-    /// Slots for so many blocks, whatever is in them. No commands that use the pool may be in the making.
+    /// Slots for so many blocks, whatever is in them. No commands that write samples may be in the making: they would write where
+    /// the samples were before the pool grew.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if there are more than all segments can hold, and as [`Gpu::storage`].
@@ -54,7 +55,9 @@ impl SamplePool {
         if missing > 0 {
             self.grow(missing)?;
         }
-        let slots = self.free.split_off(self.free.len() - count);
+        let mut slots = self.free.split_off(self.free.len() - count);
+        // In order, so that runs of them are copied at once.
+        slots.reverse();
         slots.iter().for_each(|slot| self.users[*slot as usize] = 1);
         Ok(slots)
     }
@@ -66,7 +69,7 @@ impl SamplePool {
 
     /// Notes that a volume has these slots no more.
     pub(crate) fn give_back(&mut self, slots: &[u32]) {
-        for slot in slots {
+        for slot in slots.iter().rev() {
             let users = &mut self.users[*slot as usize];
             *users -= 1;
             if *users == 0 {

@@ -99,6 +99,19 @@ fn volumes_come_back_as_they_were() {
     assert_eq!(gpu.memory().peak, before);
 }
 
+/// So that they are copied back in few pieces.
+#[test]
+fn slots_are_taken_in_order() {
+    let Some(gpu) = gpu_for_tests("slots_are_taken_in_order") else { return };
+    let store = VolumeStore::new(&gpu).unwrap();
+    let mut pool = store.pool();
+    for _ in 0..2 {
+        let slots = pool.take(900).unwrap();
+        assert!(slots.iter().copied().eq(0..900));
+        pool.give_back(&slots);
+    }
+}
+
 #[test]
 fn too_many_blocks_are_an_error() {
     let Some(gpu) = gpu_for_tests("too_many_blocks_are_an_error") else { return };

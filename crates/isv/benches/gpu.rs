@@ -86,8 +86,8 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_ra
         })?;
         let packets = packets(&stream)?;
         let before = gpu.memory().bytes;
-        let [on_cpu, cpu_surface] = on_cpu(&header, &packets)?;
-        let [on_gpu, gpu_surface] = on_gpu(&header, &packets, gpu)?;
+        let [cpu_decode, cpu_surface] = on_cpu(&header, &packets)?;
+        let [gpu_decode, gpu_surface] = on_gpu(&header, &packets, gpu)?;
         let bytes = gpu.memory().peak - before;
         gpu.start_timing();
         on_gpu(&header, &packets, gpu)?;
@@ -113,7 +113,7 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_ra
         println!("\n## {name}, {} mm, profile {profile_name}\n", voxel_m * 1e3);
         println!("| ms a frame | CPU | GPU |\n|---|---|---|");
         println!("| encode, volume to bytes | {encode_on_cpu:.2} | {encode_on_gpu} |");
-        println!("| decode | {on_cpu:.2} | {on_gpu:.2} |");
+        println!("| decode | {cpu_decode:.2} | {gpu_decode:.2} |");
         println!("| surface, which stays there | {cpu_surface:.2} | {gpu_surface:.2} |");
         println!("\nmost memory of the GPU so far: {} MB\n", bytes.div_ceil(1_000_000));
         print_kernels(&kernels, packets.len(), copy_rate);

@@ -97,8 +97,10 @@ impl Workshop {
         let moved = coded_rooms.modes.holding(&gpu, &moved)?;
         let levels = coded_rooms.levels.holding(&gpu, &levels)?;
         let buffers = [&source.blocks, &source.table, &table.blocks, moved, levels];
-        commands.run(&kernels.warp, Some(&store.pool()), &words, &buffers, count as u32)?;
+        let pool = store.pool();
+        commands.run(&kernels.warp, Some(&pool), &words, &buffers, count as u32)?;
         commands.submit()?;
+        drop(pool);
         let (coords, unobserved) = (Arc::new(symbols.coords), Arc::new(symbols.unobserved));
         let (grid, table) = (parameters.grid, Arc::new(table));
         Ok(GpuPaperFrame::new(GpuVolume { store, grid, coords, slots, table, unobserved }))

@@ -1,6 +1,6 @@
 //! The GPU against the CPU, call by call, on streams that exercise every mode.
 
-use crate::tests::gpu_for_tests;
+use crate::tests::{gpu_for_tests, grid};
 use crate::{AnyDecoder, AnyVolume, GpuBackend, GpuMainFrame, GpuPaperFrame, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, Cpu, CpuMainFrame, CpuPaperFrame, MainFrame};
 use isv_decode::main_profile::MainBlocks;
@@ -8,8 +8,9 @@ use isv_decode::main_profile::activity::Activity;
 use isv_decode::{
     BackendError, CodingParameters, DecodeError, Decoder, FrameSymbols, Limits, ReferenceBlocks,
 };
-use isv_format::PacketReader;
-use isv_volume::{BlockSet, SparseVolume, VoxelMask};
+use isv_encode::{Encoder, EncoderSettings};
+use isv_format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv_volume::{BlockCoord, BlockSet, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -203,4 +204,30 @@ fn a_lost_gpu_hands_over_to_the_cpu() {
 fn a_lost_gpu_is_an_error_where_it_was_asked_for() {
     let Some(result) = decode_with_a_loss("main_still_cells.isv", false) else { return };
     assert!(matches!(result, Err(DecodeError::Backend(BackendError::DeviceLost(_)))), "{result:?}");
+}
+
+/// A keyframe of blocks in a row, each predicted from the one before: as many waves, more than are handed over together.
+#[test]
+fn long_chains_of_blocks_are_decoded() {
+    let Some(gpu) = gpu_for_tests("long_chains_of_blocks_are_decoded") else { return };
+    let coords: Vec<_> = (0..300).map(|x| BlockCoord::from([x, 0, 0])).collect();
+    let sample = |voxel: usize| {
+        let [x, y, z] = [voxel / 512 * 8 + voxel % 8, voxel / 8 % 8, voxel / 64 % 8].map(|c| c as f64);
+        (256.0 * (z - 3.5) + 40.0 * y * (0.3 * x).sin()) as i16
+    };
+    let samples = (0..300 * 512).map(sample).collect();
+    let volume = SparseVolume::from_parts(grid(), coords, samples, BTreeMap::new());
+    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let header = StreamHeader { profile: Profile::Main, grid: grid(), frame_rate };
+    let settings = EncoderSettings { checksums: true, ..EncoderSettings::default() };
+    let frame = Encoder::new(&header, settings).encode(&volume);
+    assert!(frame.payload().header.blocks >= 300);
+    let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+    writer.write_frame(true, 0, &frame.payload()).unwrap();
+    let bytes = writer.finish().unwrap();
+    let packet = PacketReader::new(&bytes[..]).unwrap().next_frame().unwrap().unwrap();
+    let store = VolumeStore::new(&gpu).unwrap();
+    let both = Both { cpu: Cpu::default(), gpu: GpuBackend::new(&store).unwrap() };
+    let mut decoder = Decoder::with_backend(&header, Limits::default(), both);
+    assert!(decoder.decode_and_verify(&packet).unwrap().stated_hash.is_some());
 }

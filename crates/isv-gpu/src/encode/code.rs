@@ -61,9 +61,11 @@ impl Workshop {
             let words = [&words[..], &[first as u32, part, 0]].concat();
             let buffers = [&from.blocks, &from.table, &source.table.blocks, moved, places, levels];
             let mut commands = Commands::new(gpu);
-            commands.run(&tools.code, Some(&store.pool()), &words, &buffers, part)?;
+            let pool = store.pool();
+            commands.run(&tools.code, Some(&pool), &words, &buffers, part)?;
             commands.copy(levels, reading, bytes);
             commands.submit()?;
+            drop(pool);
             let bytes = gpu.read(&[(reading, bytes)])?.remove(0);
             all_levels.extend(bytes.as_chunks::<4>().0.iter().map(|word| i32::from_le_bytes(*word)));
         }

@@ -2,10 +2,10 @@
 
 /// The index of the block at a coordinate, or NO_BLOCK.
 fn find_block(coord: vec3<i32>) -> u32 {
-    let entries = arrayLength(&table);
-    var at = table_hash(coord, entries);
+    let entries = arrayLength(&table) - 1u;
+    var at = table_hash(coord, table[0], entries);
     for (var tries = 0u; tries < entries; tries++) {
-        let entry = table[at];
+        let entry = table[at + 1u];
         if entry == 0u {
             return NO_BLOCK;
         }

@@ -30,7 +30,7 @@ var<workgroup> crossing: bool;
 fn can_be_crossed() -> bool {
     var both = 0u;
     for (var part = 0u; part < 8u; part++) {
-        let block = around[MIDDLE + (part & 1u) + 3u * (part >> 1u & 1u) + 9u * (part >> 2u)];
+        let block = around[MIDDLE + (part & 1u) + 3u * ((part >> 1u) & 1u) + 9u * (part >> 2u)];
         if block != NO_BLOCK {
             both |= surface[block].parts >> part;
         }
@@ -57,15 +57,15 @@ fn gather_observed(thread: u32) {
         let z = i / 10u;
         let place = 3u * step_to(y) + 9u * step_to(z);
         let row = 8u * ((z + 7u) & 7u) + ((y + 7u) & 7u);
-        observed[i] = observed_around(place, row) >> 7u | observed_around(place + 1u, row) << 1u
-            | (observed_around(place + 2u, row) & 1u) << 9u;
+        observed[i] = (observed_around(place, row) >> 7u) | (observed_around(place + 1u, row) << 1u)
+            | ((observed_around(place + 2u, row) & 1u) << 9u);
     }
 }
 
 /// The cells that were observed at all corners, by their lowest corners: bit x + 1 of a row that is named as in `observed`.
 fn whole_cells(i: u32) -> u32 {
     let column = observed[i] & observed[i + 1u] & observed[i + 10u] & observed[i + 11u];
-    return column & column >> 1u;
+    return column & (column >> 1u);
 }
 
 @compute @workgroup_size(64)
@@ -114,26 +114,26 @@ fn count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     let beside_x = (c00 | c10 | c01 | c11) >> 1u;
     let beside_y = c00 | c01;
     let beside_z = c00 | c10;
-    let along_x = (row ^ row >> 1u) & beside_x;
-    let along_y = (row ^ row_y) & (beside_y | beside_y >> 1u);
-    let along_z = (row ^ row_z) & (beside_z | beside_z >> 1u);
-    let edges_here = spread_by_three(along_x & 0xffu) | spread_by_three(along_y & 0xffu) << 1u
-        | spread_by_three(along_z & 0xffu) << 2u;
+    let along_x = (row ^ (row >> 1u)) & beside_x;
+    let along_y = (row ^ row_y) & (beside_y | (beside_y >> 1u));
+    let along_z = (row ^ row_z) & (beside_z | (beside_z >> 1u));
+    let edges_here = spread_by_three(along_x & 0xffu) | (spread_by_three(along_y & 0xffu) << 1u)
+        | (spread_by_three(along_z & 0xffu) << 2u);
     let some = row | row_y | row_z | row_yz;
     let every = row & row_y & row_z & row_yz;
-    let cells = (some | some >> 1u) & ~(every & every >> 1u) & c00 >> 1u & 0xffu;
+    let cells = (some | (some >> 1u)) & ~(every & (every >> 1u)) & (c00 >> 1u) & 0xffu;
     edges_of_rows[thread] = edges_here;
     cells_of_rows[thread] = cells;
 
     // Vertices in the lower half, triangles in the upper: at most 1536 and 2560.
-    let before = sum_before(countOneBits(edges_here) | count_triangles(cells, thread) << 16u, thread);
+    let before = sum_before(countOneBits(edges_here) | (count_triangles(cells, thread) << 16u), thread);
     if (thread & 1u) == 0u {
         edges[32u * block + (thread >> 1u)] = edge_pair(vec2<u32>(edges_here, edges_of_rows[thread + 1u]), before & 0xffffu);
     }
     if thread < 16u {
         let first = 4u * thread;
-        surface[block].cells[thread] = cells_of_rows[first] | cells_of_rows[first + 1u] << 8u
-            | cells_of_rows[first + 2u] << 16u | cells_of_rows[first + 3u] << 24u;
+        surface[block].cells[thread] = cells_of_rows[first] | (cells_of_rows[first + 1u] << 8u)
+            | (cells_of_rows[first + 2u] << 16u) | (cells_of_rows[first + 3u] << 24u);
     }
     if thread == 63u {
         counts[block] = vec2<u32>(row_sums[63] & 0xffffu, row_sums[63] >> 16u);

@@ -12,7 +12,7 @@ const EDGE_BITS = 0xffffffu;
 
 /// A row of a pair, the first or the second of it.
 fn edge_row(pair: vec2<u32>, second: bool) -> EdgeRow {
-    let first = pair.x >> 24u | (pair.y >> 24u) << 8u;
+    let first = (pair.x >> 24u) | ((pair.y >> 24u) << 8u);
     let edges = pair & vec2<u32>(EDGE_BITS);
     if second {
         return EdgeRow(edges.y, first + countOneBits(edges.x));
@@ -27,7 +27,7 @@ fn edge_pair(edges: vec2<u32>, first: u32) -> vec2<u32> {
 /// Moves bit i of a byte to bit 3 i.
 fn spread_by_three(byte: u32) -> u32 {
     var v = byte;
-    v = (v | v << 8u) & 0x0000f00fu;
-    v = (v | v << 4u) & 0x000c30c3u;
-    return (v | v << 2u) & 0x00249249u;
+    v = (v | (v << 8u)) & 0x0000f00fu;
+    v = (v | (v << 4u)) & 0x000c30c3u;
+    return (v | (v << 2u)) & 0x00249249u;
 }

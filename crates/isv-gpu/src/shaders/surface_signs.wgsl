@@ -30,13 +30,13 @@ fn find_signs(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) 
     let first_y = (thread & 7u) == 0u;
     let first_z = thread < 8u;
     let fields = 1u | select(0u, 4u, first_y) | select(0u, 16u, first_z) | select(0u, 64u, first_y && first_z);
-    let inside = select(0u, 1u, row != 0u) | (row & 1u) << 1u;
-    let outside = select(0u, 1u, row != 0xffu) | (~row & 1u) << 1u;
-    atomicOr(&parts, inside * fields | (outside * fields) << 8u);
+    let inside = select(0u, 1u, row != 0u) | ((row & 1u) << 1u);
+    let outside = select(0u, 1u, row != 0xffu) | ((~row & 1u) << 1u);
+    atomicOr(&parts, (inside * fields) | ((outside * fields) << 8u));
     workgroupBarrier();
     if thread < 16u {
         let first = 4u * thread;
-        surface[block].inside[thread] = rows[first] | rows[first + 1u] << 8u | rows[first + 2u] << 16u | rows[first + 3u] << 24u;
+        surface[block].inside[thread] = rows[first] | (rows[first + 1u] << 8u) | (rows[first + 2u] << 16u) | (rows[first + 3u] << 24u);
     }
     if thread == 16u {
         surface[block].parts = atomicLoad(&parts);

@@ -19,13 +19,13 @@ fn gather_inside(thread: u32) {
         let z = i / 9u;
         let place = MIDDLE + 3u * (y >> 3u) + 9u * (z >> 3u);
         let row = 8u * (z & 7u) + (y & 7u);
-        inside[i] = inside_row(around[place], row) | (inside_row(around[place + 1u], row) & 1u) << 8u;
+        inside[i] = inside_row(around[place], row) | ((inside_row(around[place + 1u], row) & 1u) << 8u);
     }
 }
 
 /// The signs of the cell above voxel x of a row, a bit a corner, corner c lying at (c & 1, c >> 1 & 1, c >> 2 & 1).
 fn cell_pattern(x: u32, row: u32) -> u32 {
     let i = row + (row >> 3u);
-    return ((inside[i] >> x) & 3u) | ((inside[i + 1u] >> x) & 3u) << 2u
-        | ((inside[i + 9u] >> x) & 3u) << 4u | ((inside[i + 10u] >> x) & 3u) << 6u;
+    return ((inside[i] >> x) & 3u) | (((inside[i + 1u] >> x) & 3u) << 2u)
+        | (((inside[i + 9u] >> x) & 3u) << 4u) | (((inside[i + 10u] >> x) & 3u) << 6u);
 }
