@@ -12,6 +12,7 @@ pub(crate) const RIGID: &str = include_str!("../shaders/rigid.wgsl");
 pub(crate) const MOVED: &str = include_str!("../shaders/moved_block.wgsl");
 const RESIDUAL: &str = include_str!("../shaders/residual.wgsl");
 const CODED: &str = include_str!("../shaders/coded.wgsl");
+const PARAMETERS: &str = include_str!("../shaders/coded_parameters.wgsl");
 const VECTORS: &str = include_str!("../shaders/vectors.wgsl");
 pub(crate) const FRAME: &str = include_str!("../shaders/frame_blocks.wgsl");
 
@@ -25,6 +26,7 @@ pub(crate) const TEMPORAL: Shader = Shader {
         RESIDUAL,
         CODED,
         VECTORS,
+        PARAMETERS,
         include_str!("../shaders/temporal.wgsl"),
         FIND,
     ],
@@ -39,6 +41,7 @@ pub(crate) const SPATIAL: Shader = Shader {
         RESIDUAL,
         CODED,
         VECTORS,
+        PARAMETERS,
         include_str!("../shaders/wide.wgsl"),
         include_str!("../shaders/spatial.wgsl"),
         FIND,

@@ -1,18 +1,6 @@
 // Prediction of a block from the blocks around it that come before it, by a quadric through their surface, and its residual
 // (isv-kernels: surface_fit, where the bounds of all numbers are).
 
-struct Parameters {
-    scale: Scale,
-    /// Largest magnitude of a sample.
-    truncation: i32,
-    /// Where in the list the blocks of this dispatch begin, and how many there are.
-    first: u32,
-    count: u32,
-    /// Whether blocks without a vector are predicted from their neighbours.
-    predicts_spatially: u32,
-}
-
-@group(1) @binding(0) var<uniform> parameters: Parameters;
 /// The blocks coded in this frame.
 @group(1) @binding(1) var<storage, read> blocks: array<vec4<i32>>;
 @group(1) @binding(2) var<storage, read> table: array<u32>;
