@@ -12,7 +12,7 @@ use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, PaperEncod
 use isv::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
-use isv::gpu::{Gpu, GpuBackend, GpuChoice, GpuSurfaceExtractor, KernelTime, VolumeStore};
+use isv::gpu::{Gpu, GpuBackend, GpuChoice, GpuError, GpuSurfaceExtractor, KernelTime, VolumeStore};
 use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -28,8 +28,7 @@ const LARGE_FRAMES: usize = 3;
 const DENTS_M: f64 = 0.0005;
 
 fn main() -> Result<()> {
-    let name = std::env::var("ISV_GPU").ok();
-    let gpu = match Gpu::open(&GpuChoice { name, software: true, ..GpuChoice::default() }) {
+    let gpu = match open() {
         Ok(gpu) => gpu,
         Err(error) => {
             println!("skipped: {error}");
@@ -46,7 +45,7 @@ fn main() -> Result<()> {
         copy_rate / 1e9
     );
     let figure = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxels(0.006)));
-    measure("figure", 0.006, &figure.collect::<Vec<_>>(), &gpu, copy_rate)?;
+    measure("figure", 0.006, &figure.collect::<Vec<_>>(), copy_rate)?;
     let data = std::env::var_os("ISV_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     for (name, voxel_m, frames) in [("dancer", 0.005, FRAMES), ("monastery", 0.01, LARGE_FRAMES)] {
@@ -58,13 +57,19 @@ fn main() -> Result<()> {
         let paths = FrameSequence::open(folder.to_str().context("a folder whose name is text")?)?;
         let meshes = paths.paths().iter().take(frames).map(|path| read_mesh(path, Unit::Metre));
         let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
-        measure(name, voxel_m, &meshes, &gpu, copy_rate)?;
+        measure(name, voxel_m, &meshes, copy_rate)?;
         if name == "dancer" {
             let fine: Vec<_> = meshes.iter().map(|mesh| isv_testkit::finer(mesh, DENTS_M)).collect();
-            measure("dancer, nine times the faces", voxel_m, &fine, &gpu, copy_rate)?;
+            measure("dancer, nine times the faces", voxel_m, &fine, copy_rate)?;
         }
     }
     Ok(())
+}
+
+/// The best GPU, or the one that is named.
+fn open() -> Result<Gpu, GpuError> {
+    let name = std::env::var("ISV_GPU").ok();
+    Gpu::open(&GpuChoice { name, software: true, ..GpuChoice::default() })
 }
 
 fn voxels(metres: f64) -> VoxelSize {
@@ -72,7 +77,7 @@ fn voxels(metres: f64) -> VoxelSize {
 }
 
 /// Measures a take in both profiles.
-fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_rate: f64) -> Result<()> {
+fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) -> Result<()> {
     let truncation = Truncation::from_voxels(8).context("a truncation in range")?;
     let grid = Grid { voxel_size: voxels(voxel_m), edge: BlockEdge::E8, truncation };
     let paper = PaperParameters { coefficients: 48, dc_step: 819, ac_step: 8192 };
@@ -85,10 +90,10 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_ra
             move |volume| Ok(encoder.encode(volume))
         })?;
         let packets = packets(&stream)?;
-        let before = gpu.memory().bytes;
+        // Opened for itself, so that the most memory is that of this take and profile.
+        let gpu = &open()?;
         let [cpu_decode, cpu_surface] = on_cpu(&header, &packets)?;
         let [gpu_decode, gpu_surface] = on_gpu(&header, &packets, gpu)?;
-        let bytes = gpu.memory().peak - before;
         gpu.start_timing();
         on_gpu(&header, &packets, gpu)?;
         let mut kernels = gpu.take_times();
@@ -115,7 +120,8 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], gpu: &Gpu, copy_ra
         println!("| encode, volume to bytes | {encode_on_cpu:.2} | {encode_on_gpu} |");
         println!("| decode | {cpu_decode:.2} | {gpu_decode:.2} |");
         println!("| surface, which stays there | {cpu_surface:.2} | {gpu_surface:.2} |");
-        println!("\nmost memory of the GPU so far: {} MB\n", bytes.div_ceil(1_000_000));
+        let bytes = gpu.memory().peak;
+        println!("\nmost memory of the GPU: {} MB\n", bytes.div_ceil(1_000_000));
         print_kernels(&kernels, packets.len(), copy_rate);
     }
     Ok(())
@@ -179,7 +185,11 @@ fn on_gpu(header: &StreamHeader, packets: &[Packet], gpu: &Gpu) -> Result<[f64; 
     let mut extractor = GpuSurfaceExtractor::new(&store, SurfaceOptions::default())?;
     let mut times = Vec::new();
     for packet in packets {
-        let (frame, decode) = timed(|| decoder.decode(packet));
+        let (frame, decode) = timed(|| {
+            let frame = decoder.decode(packet)?;
+            gpu.wait()?;
+            Ok::<_, anyhow::Error>(frame)
+        });
         let volume = frame?.volume;
         let (surface, ms) = timed(|| {
             let mesh = extractor.extract(volume)?;
