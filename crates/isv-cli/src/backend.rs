@@ -14,7 +14,7 @@ pub(crate) const GPU_VARIABLE: &str = "ISV_GPU";
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct BackendArgs {
     /// Who does the arithmetic: cpu; gpu, which is an error where there is none; or auto, a real GPU if there is one that can,
-    /// else the CPU. The results are the same. ISV_GPU in the environment names one of several, see `isv backends`
+    /// else the CPU. What is decoded is the same. ISV_GPU in the environment names one of several, see `isv backends`
     #[arg(long, value_name = "auto|cpu|gpu", default_value_t)]
     backend: BackendChoice,
 }

@@ -7,14 +7,14 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum BackendError {
-    /// The device is gone or failed, and what it held with it; why.
-    #[error("the device was lost: {0}")]
-    DeviceLost(String),
-    /// Memory ran out; what was asked for.
-    #[error("the device has no memory left for {0}")]
+    /// The device is gone or failed, and what it held with it. The sentence is the backend's.
+    #[error("{0}")]
+    DeviceFailed(String),
+    /// Memory ran out. The sentence is the backend's.
+    #[error("{0}")]
     OutOfMemory(String),
     /// It never does this; what.
-    #[error("the device does not support {0}")]
+    #[error("{0}: not done by this backend")]
     Unsupported(&'static str),
 }
 

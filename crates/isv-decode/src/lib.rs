@@ -6,8 +6,9 @@
 //! ```
 //!
 //! [`Decoder`] is the whole of it. Left of the symbols it is one, on the CPU, and sees no samples; right of them it is a
-//! [`backend::Backend`], of which [`backend::Cpu`] is the reference. The encoder uses the parts: it fills a [`FrameSymbols`], writes it with the mirror image
-//! of [`syntax`], and calls the same [`reconstruct`] for its own reference, so the two cannot drift apart (Eq. 11).
+//! [`backend::Backend`], of which [`backend::Cpu`] is the reference. The encoder uses the parts: it fills a [`FrameSymbols`],
+//! writes it with the mirror image of [`syntax`], and calls the same [`reconstruct`] for its own reference, so the two cannot drift
+//! apart (Eq. 11).
 //!
 //! This crate does not read files and does not extract surfaces.
 

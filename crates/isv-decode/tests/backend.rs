@@ -25,7 +25,7 @@ impl Failing {
     fn call(&mut self) -> Result<&mut Cpu, BackendError> {
         self.calls += 1;
         match self.fails_at {
-            Some(call) if call == self.calls => Err(BackendError::DeviceLost("unplugged".into())),
+            Some(call) if call == self.calls => Err(BackendError::DeviceFailed("unplugged".into())),
             _ => Ok(&mut self.cpu),
         }
     }
@@ -154,7 +154,7 @@ fn a_decoder_outlives_the_failures_of_its_backend() {
             let mut decoder = Decoder::with_backend(&header, Limits::default(), backend);
             let failed = packets.iter().position(|packet| match decoder.decode(packet) {
                 Ok(_) => false,
-                Err(DecodeError::Backend(BackendError::DeviceLost(_))) => true,
+                Err(DecodeError::Backend(BackendError::DeviceFailed(_))) => true,
                 Err(other) => panic!("{name}, call {fails_at}: {other}"),
             });
             let Some(failed) = failed else { break };

@@ -143,7 +143,7 @@ mod tests {
         // Where a GPU was asked for, it is an error.
         let mut strict = AnyEncoder::on_gpu(&header, settings, &store, false).unwrap();
         let error = strict.encode(&ball(grid(), 0.0)).unwrap_err();
-        assert!(matches!(error, BackendError::DeviceLost(_)), "{error}");
+        assert!(matches!(error, BackendError::DeviceFailed(_)), "{error}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::adapter::{AdapterKind, AdapterReport, enumerate, report};
 use crate::adapter::{SHARED_BYTES, STORAGE_BUFFERS, THREADS};
 use crate::commands::Commands;
+use crate::error::one_line;
 use crate::storage::Usage;
 use crate::{GpuError, KernelTime, Storage};
 use pollster::block_on;
@@ -96,11 +97,11 @@ impl Gpu {
         let opened = block_on(adapter.request_device(&descriptor));
         let (device, queue) = opened.map_err(|error| GpuError::NotOpened {
             adapter: report.name.clone(),
-            reason: error.to_string(),
+            reason: one_line(&error),
         })?;
         let fault = Arc::new(Mutex::new(None));
         let (on_error, on_loss) = (Arc::clone(&fault), Arc::clone(&fault));
-        device.on_uncaptured_error(Arc::new(move |error: Error| note(&on_error, refusal(&error))));
+        device.on_uncaptured_error(Arc::new(move |error: Error| note(&on_error, GpuError::refused(&error))));
         device.set_device_lost_callback(move |_, reason| note(&on_loss, GpuError::Lost(reason)));
         let report = AdapterReport { fault: None, ..report };
         Ok(Self(Arc::new(Inner {
@@ -307,14 +308,6 @@ fn choose(choice: &GpuChoice) -> Result<(Adapter, AdapterReport), GpuError> {
             None => "no driver offers any but in software".to_owned(),
         })
     })
-}
-
-/// What an error of the driver is to us.
-fn refusal(error: &Error) -> GpuError {
-    match error {
-        Error::OutOfMemory { .. } => GpuError::OutOfMemory { what: "a command", bytes: 0 },
-        other => GpuError::Refused(other.to_string()),
-    }
 }
 
 /// Keeps the first fault, unless the device was lost.

@@ -1,6 +1,7 @@
 //! What can go wrong with a GPU.
 
 use isv_decode::BackendError;
+use std::fmt::Display;
 use thiserror::Error;
 
 /// A GPU that cannot do what was asked of it.
@@ -59,12 +60,50 @@ pub enum GpuError {
     Refused(String),
 }
 
+impl GpuError {
+    /// An error of the driver.
+    pub(crate) fn refused(error: &dyn Display) -> Self {
+        Self::Refused(one_line(error))
+    }
+}
+
+/// What a driver says in several lines, in one.
+pub(crate) fn one_line(error: &dyn Display) -> String {
+    let text = error.to_string();
+    let parts =
+        text.lines().map(|line| line.trim().trim_end_matches([':', '.'])).filter(|line| !line.is_empty());
+    parts.collect::<Vec<_>>().join(": ")
+}
+
 impl From<GpuError> for BackendError {
     fn from(error: GpuError) -> Self {
         match error {
             GpuError::OutOfMemory { .. } | GpuError::TooLarge { .. } => Self::OutOfMemory(error.to_string()),
             GpuError::Unsupported(what) => Self::Unsupported(what),
-            other => Self::DeviceLost(other.to_string()),
+            other => Self::DeviceFailed(other.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_is_quoted_in_one_line() {
+        let text =
+            "Validation Error\n\nCaused by:\n  In Device::create_buffer\n    Not enough memory left.\n";
+        let expected = "Validation Error: Caused by: In Device::create_buffer: Not enough memory left";
+        assert_eq!(one_line(&text), expected);
+    }
+
+    /// What the user reads is one sentence, whoever passes it on.
+    #[test]
+    fn a_backends_errors_read_as_the_gpus() {
+        let memory = GpuError::OutOfMemory { what: "samples", bytes: 1 << 30 };
+        let large = GpuError::TooLarge { what: "levels", bytes: 1 << 30, limit: 1 << 27 };
+        for error in [GpuError::Lost("unplugged".to_owned()), memory, large] {
+            assert_eq!(BackendError::from(error.clone()).to_string(), error.to_string());
         }
     }
 }

@@ -1,9 +1,11 @@
 //! Kernels: what the GPU runs.
 
+use crate::error::one_line;
 use crate::{Gpu, GpuError};
 use naga::front::wgsl;
 use naga::{AddressSpace, Module, StorageAccess};
 use std::borrow::Cow;
+use std::fmt::Display;
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType,
     ComputePipeline, ComputePipelineDescriptor, ErrorFilter, PipelineCompilationOptions,
@@ -60,9 +62,10 @@ impl Kernel {
         entry: &'static str,
         segment_bits: u32,
     ) -> Result<Self, GpuError> {
-        let refused = |error: String| GpuError::Refused(format!("{}, {entry}: {error}", shader.name));
+        let refused =
+            |error: &dyn Display| GpuError::Refused(format!("{}, {entry}: {}", shader.name, one_line(error)));
         let module = wgsl::parse_str(&shader.source(segment_bits));
-        let module = module.map_err(|error| refused(error.to_string()))?;
+        let module = module.map_err(|error| refused(&error))?;
         let entries = [POOL_GROUP, OWN_GROUP].map(|group| entries(&module, group));
         let groups = entries.each_ref().map(|entries| {
             let descriptor = BindGroupLayoutDescriptor { label: Some(shader.name), entries };
@@ -93,7 +96,7 @@ impl Kernel {
         });
         let errors = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         if let Some(error) = errors.collect::<Vec<_>>().into_iter().flatten().next() {
-            return Err(refused(error.to_string()));
+            return Err(refused(&error));
         }
         let own = entries[1].iter().map(|entry| entry.binding);
         Ok(Self {

@@ -1,13 +1,33 @@
 //! The codec's arithmetic on a GPU, through wgpu (Vulkan, Metal, DX12): the same bits as on the CPU.
 //!
-//! ```no_run
-//! use isv_gpu::{Gpu, GpuChoice, GpuVolume, VolumeStore};
-//! # fn volume() -> isv_volume::SparseVolume { unimplemented!() }
+//! ```
+//! use isv_gpu::{Gpu, GpuChoice, GpuError, GpuSurfaceExtractor, GpuVolume, VolumeStore};
+//! use isv_surface::{SurfaceOptions, extract_surface};
+//! use isv_volume::{BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
 //!
-//! let gpu = Gpu::open(&GpuChoice::default())?;
+//! let grid = Grid {
+//!     voxel_size: VoxelSize::from_metres(0.01).unwrap(),
+//!     edge: BlockEdge::E8,
+//!     truncation: Truncation::from_voxels(8).unwrap(),
+//! };
+//! // One block, one voxel of it inside: an octahedron.
+//! let mut samples = vec![256; 512];
+//! samples[grid.edge.voxel_index(3, 3, 3)] = -256;
+//! let mut builder = VolumeBuilder::new(grid);
+//! builder.push([0, 0, 0].into(), samples, None);
+//! let volume = builder.finish();
+//!
+//! // A driver that computes on the processor will do here.
+//! let gpu = match Gpu::open(&GpuChoice { software: true, ..GpuChoice::default() }) {
+//!     Ok(gpu) => gpu,
+//!     Err(GpuError::NoAdapter(_)) => return Ok(()),
+//!     Err(error) => return Err(error),
+//! };
 //! let store = VolumeStore::new(&gpu)?;
-//! let volume = GpuVolume::upload(&store, &volume())?;
-//! # Ok::<(), isv_gpu::GpuError>(())
+//! let uploaded = GpuVolume::upload(&store, &volume)?;
+//! let mesh = GpuSurfaceExtractor::new(&store, SurfaceOptions::default())?.extract(&uploaded)?.download()?;
+//! assert_eq!(mesh.triangles, extract_surface(&volume, &SurfaceOptions::default()).triangles);
+//! # Ok::<(), GpuError>(())
 //! ```
 //!
 //! # How it works

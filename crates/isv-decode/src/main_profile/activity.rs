@@ -11,6 +11,7 @@ use std::borrow::Cow;
 const QUARTERS: i32 = 4;
 /// Voxels along the edge of a block.
 const EDGE: i32 = 8;
+
 /// How much surface is expected in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Activity {

@@ -203,7 +203,7 @@ fn a_lost_gpu_hands_over_to_the_cpu() {
 #[test]
 fn a_lost_gpu_is_an_error_where_it_was_asked_for() {
     let Some(result) = decode_with_a_loss("main_still_cells.isv", false) else { return };
-    assert!(matches!(result, Err(DecodeError::Backend(BackendError::DeviceLost(_)))), "{result:?}");
+    assert!(matches!(result, Err(DecodeError::Backend(BackendError::DeviceFailed(_)))), "{result:?}");
 }
 
 /// A keyframe of blocks in a row, each predicted from the one before: as many waves, more than are handed over together.
