@@ -4,7 +4,8 @@ use anyhow::Result;
 use isv::decode::{Decoder, Limits, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
-use isv::gpu::{AnyDecoder, AnyEncoder, BackendChoice, GpuError, OpenedBackend, VolumeStore};
+use isv::gpu::{AnyDecoder, AnyEncoder, AnyMeshIngester, BackendChoice, GpuError, OpenedBackend, VolumeStore};
+use isv::ingest::MeshIngest;
 use std::env;
 
 /// The environment variable with a part of the name of the GPU to use.
@@ -42,6 +43,12 @@ impl BackendArgs {
         let on_gpu =
             self.on_gpu(|store, falls_back| AnyEncoder::on_gpu(header, settings, store, falls_back))?;
         Ok(on_gpu.unwrap_or_else(|| AnyEncoder::on_cpu(header, settings)))
+    }
+
+    /// What makes volumes of meshes, with such a line.
+    pub(crate) fn mesh_ingester(self, settings: MeshIngest) -> Result<AnyMeshIngester> {
+        let on_gpu = self.on_gpu(|store, falls_back| AnyMeshIngester::on_gpu(settings, store, falls_back))?;
+        Ok(on_gpu.unwrap_or_else(|| AnyMeshIngester::on_cpu(settings)))
     }
 
     /// What a GPU gives, told whether it may fall back to the CPU; nothing where the CPU is to be used.

@@ -37,12 +37,14 @@
 //!   and slots and a hash table to find them by (`blocks`, Sec. 3.6 of the paper).
 //! - Kernels are WGSL in `shaders`, put together from parts (`kernel`); one workgroup works on one block. What a decoder repeats is
 //!   `i32` and `u32` only, and written after the scalar code of `isv-kernels` and `isv-decode`, which tests compare it with.
+//! - Meshes become volumes where they are coded (`ingest`): distances in floating point, everything else in integers.
 //! - Surfaces are extracted where the volumes are (`surface`), and stay there until they are wanted here.
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
 mod any_decoder;
 mod any_encoder;
+mod any_mesh_ingester;
 mod blocks;
 mod choice;
 mod commands;
@@ -50,6 +52,7 @@ mod decode;
 mod device;
 mod encode;
 mod error;
+mod ingest;
 mod kernel;
 mod pool;
 mod prefix_sums;
@@ -62,10 +65,12 @@ mod volume;
 pub use adapter::{AdapterKind, AdapterReport, adapters};
 pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
 pub use any_encoder::AnyEncoder;
+pub use any_mesh_ingester::AnyMeshIngester;
 pub use choice::{BackendChoice, OpenedBackend};
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
 pub use error::GpuError;
+pub use ingest::{GpuIngestError, GpuMeshIngester};
 pub use stopwatch::KernelTime;
 pub(crate) use storage::Storage;
 pub use store::VolumeStore;
@@ -90,6 +95,11 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (surface::kernels::POSITIONS, &["place_vertices"]),
     (surface::kernels::NORMALS, &["find_normals"]),
     (surface::kernels::TRIANGLES, &["make_triangles"]),
+    (ingest::kernels::REACHED, &["find_reached"]),
+    (ingest::kernels::LIST, &["list_triangles"]),
+    (ingest::kernels::WIND, &["wind"]),
+    (ingest::kernels::CARRY, &["carry"]),
+    (ingest::kernels::MEASURE, &["measure"]),
     (encode::shaders::SEARCH, &["search"]),
     (encode::shaders::CODE, &["code"]),
 ];

@@ -1,10 +1,12 @@
 //! Shaders without a GPU, and volumes on one.
 
 use super::*;
-use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VoxelMask, VoxelSize};
+use isv_io::{Unit, read_mesh};
+use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
 use naga::back::{hlsl, msl, spv};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use std::path::{Path, PathBuf};
 
 /// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split; nothing, and a line that
 /// says so, where there is none.
@@ -43,6 +45,18 @@ pub(crate) fn noise(blocks: usize, seed: u32) -> SparseVolume {
     let words: [u64; 8] = std::array::from_fn(|z| 0x1357_9bdf_0246_8ace_u64.rotate_left(7 * z as u32));
     let masks = (0..blocks as u32).step_by(5).map(|block| (block, VoxelMask::from_words(&words)));
     SparseVolume::from_parts(grid(), coords, samples, masks.collect())
+}
+
+/// A frame of a capture, if there is one.
+pub(crate) fn captured_mesh(name: &str) -> Option<TriangleMesh> {
+    let data = std::env::var_os("ISV_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let path = data.join(name).join("frame_0000.ply");
+    if !path.is_file() {
+        println!("skipped: no data at {}", path.display());
+        return None;
+    }
+    Some(read_mesh(&path, Unit::Metre).unwrap())
 }
 
 #[test]

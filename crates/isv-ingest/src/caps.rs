@@ -7,11 +7,11 @@
 //! side of it; if not by their signs, both are unobserved as well. Away from masked blocks, where narrow holes are closed, only
 //! distances that no narrow hole has count.
 
-use crate::sampler::{Sign, Source, blend_across_hole};
-use crate::sides::Sides;
+use crate::sampler::blend_across_hole;
+use crate::sides::{Caps, Sides};
 use crate::tiles::TILE_BLOCKS;
 use glam::IVec3;
-use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, VoxelMask};
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex, CODES_PER_VOXEL, Grid, VoxelMask};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ const APART: u32 = CODES_PER_VOXEL as u32 + 4;
 const FAR_APART: u32 = 5 * CODES_PER_VOXEL as u32;
 
 /// A voxel: its block, and its index there.
-type VoxelAt = (u32, u32);
+pub(crate) type VoxelAt = (u32, u32);
 
 /// The blocks of a frame while they are put together.
 #[derive(Default)]
@@ -34,32 +34,28 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// Makes the voxels beside unexplained sign changes unobserved.
-    pub(crate) fn open_caps(&mut self, source: &Source) {
-        let Sign::Closed(sides) = source.sign else { return };
-        if !source.scene.has_wide_holes() {
-            return;
-        }
-        let found = self.unexplained(source, sides);
+    /// Makes the voxels beside unexplained sign changes unobserved. `blending`: what unobserved samples are blended by, if they are.
+    pub(crate) fn open_caps(&mut self, grid: &Grid, caps: &Caps, blending: Option<&Sides>) {
+        let found = self.unexplained(grid.edge, caps);
         for &(block, voxel) in &found {
-            let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(source.grid.edge));
+            let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(grid.edge));
             mask.insert(voxel as usize);
         }
-        if let Some(sides) = source.blending() {
-            self.blend(source, sides, &found);
+        if let Some(sides) = blending {
+            self.blend(grid, sides, &found);
         }
-        self.drop_unobserved(&found, source);
+        self.drop_unobserved(&found, grid);
     }
 
     /// Blends the samples of some voxels across holes.
-    fn blend(&mut self, source: &Source, sides: &Sides, voxels: &BTreeSet<VoxelAt>) {
-        let size = source.grid.edge.block_voxels();
+    pub(crate) fn blend(&mut self, grid: &Grid, sides: &Sides, voxels: &BTreeSet<VoxelAt>) {
+        let size = grid.edge.block_voxels();
         let samples = &self.samples;
         let blended = |&(block, voxel): &VoxelAt| {
             let sample = samples[block as usize * size + voxel as usize];
             let distance = f32::from(sample.unsigned_abs()) / CODES_PER_VOXEL as f32;
             let coord = self.coords[block as usize];
-            blend_across_hole(&source.grid, sides, coord, &[voxel as usize], |_| distance)
+            blend_across_hole(grid, sides, coord, &[voxel as usize], |_| distance)
         };
         let blended: Vec<_> = voxels.par_iter().map(blended).collect();
         for ((block, _), blended) in voxels.iter().zip(blended) {
@@ -70,30 +66,30 @@ impl Blocks {
     }
 
     /// All observed voxels with an unexplained sign change to a neighbour.
-    fn unexplained(&self, source: &Source, sides: &Sides) -> BTreeSet<VoxelAt> {
+    fn unexplained(&self, edge: BlockEdge, caps: &Caps) -> BTreeSet<VoxelAt> {
         let index = BlockIndex::new(&self.coords);
         let around = |&(block, apart): &(u32, u32)| {
             let mut found = Vec::new();
             for axis in 0..3 {
-                self.compare_layers(source, [block; 2], axis, apart, &mut found);
+                self.compare_layers(edge, [block; 2], axis, apart, &mut found);
                 for side in [-1, 1] {
                     let mut step = [0; 3];
                     step[axis] = side;
                     if let Some(other) = index.get(self.coords[block as usize].offset(step)) {
                         let pair = if side > 0 { [block, other] } else { [other, block] };
-                        self.compare_layers(source, pair, axis, apart, &mut found);
+                        self.compare_layers(edge, pair, axis, apart, &mut found);
                     }
                 }
             }
             found
         };
-        self.candidates(sides).par_iter().flat_map_iter(around).collect()
+        self.candidates(caps).par_iter().flat_map_iter(around).collect()
     }
 
     /// The blocks that are to be looked at: those with masks, and those that what closes the mesh passes by. Each with the sum of
     /// distances that leaves no surface between two voxels.
-    fn candidates(&self, sides: &Sides) -> Vec<(u32, u32)> {
-        let capped: FxHashSet<IVec3> = sides.capped_tiles.iter().copied().collect();
+    fn candidates(&self, caps: &Caps) -> Vec<(u32, u32)> {
+        let capped: FxHashSet<IVec3> = caps.tiles.iter().copied().collect();
         let candidate = |block: u32| {
             let tile = self.coords[block as usize].to_array().map(|c| c.div_euclid(TILE_BLOCKS));
             if self.masks.contains_key(&block) {
@@ -109,14 +105,14 @@ impl Blocks {
     /// follows the first.
     fn compare_layers(
         &self,
-        source: &Source,
+        edge: BlockEdge,
         [lower, upper]: [u32; 2],
         axis: usize,
         apart: u32,
         found: &mut Vec<VoxelAt>,
     ) {
-        let (n, size) = (source.grid.edge.voxels(), source.grid.edge.block_voxels());
-        let (shift, stride) = (axis as u32 * source.grid.edge.log2(), n.pow(axis as u32));
+        let (n, size) = (edge.voxels(), edge.block_voxels());
+        let (shift, stride) = (axis as u32 * edge.log2(), n.pow(axis as u32));
         let [below, above] = [lower, upper].map(|block| &self.samples[block as usize * size..][..size]);
         // In a block from each layer to the next, and between two from the last one's to the first one's.
         let is_same = lower == upper;
@@ -138,9 +134,9 @@ impl Blocks {
     }
 
     /// Drops those of the changed blocks that have no observed voxel in the band any more.
-    fn drop_unobserved(&mut self, changed: &BTreeSet<VoxelAt>, source: &Source) {
-        let size = source.grid.edge.block_voxels();
-        let limit = source.grid.truncation.codes();
+    fn drop_unobserved(&mut self, changed: &BTreeSet<VoxelAt>, grid: &Grid) {
+        let size = grid.edge.block_voxels();
+        let limit = grid.truncation.codes();
         let empty = |block: u32| {
             let samples = &self.samples[block as usize * size..][..size];
             samples.iter().enumerate().all(|(v, s)| s.abs() >= limit || self.masks[&block].contains(v))

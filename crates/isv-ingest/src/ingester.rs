@@ -103,7 +103,7 @@ pub(crate) fn volume_of(
 }
 
 /// The mesh without faces that have no area, if it is one.
-fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, IngestError> {
+pub(crate) fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, IngestError> {
     mesh.validate()?;
     let mesh = faces::with_area(mesh);
     if mesh.triangles.is_empty() { Err(MeshError::NoFaces.into()) } else { Ok(mesh) }
@@ -126,11 +126,7 @@ impl<'m> Frame<'m> {
             before => before,
         };
         let band = Band::new(&settings.grid, offset);
-        let reach = if settings.grid.edge == BlockEdge::E8 { settings.reach } else { Reach::Band };
-        let near = match reach {
-            Reach::Band => band,
-            Reach::Surface => band.within(offset + CELL_DIAGONAL),
-        };
+        let (reach, near) = measured_reach(settings, offset);
         let list = debug_span!("ingest tiles")
             .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
         let (sign, holes) = debug_span!("ingest sides")
@@ -147,6 +143,17 @@ impl<'m> Frame<'m> {
     /// The same, for as long as one likes.
     fn into_owned(self) -> Frame<'static> {
         Frame { scene: self.scene.into_owned(), ..self }
+    }
+}
+
+/// How far the blocks of a volume reach, and up to where distances are exact and blocks have to have a voxel.
+pub(crate) fn measured_reach(settings: &MeshIngest, offset: f64) -> (Reach, Band) {
+    let band = Band::new(&settings.grid, offset);
+    match settings.reach {
+        Reach::Surface if settings.grid.edge == BlockEdge::E8 => {
+            (Reach::Surface, band.within(offset + CELL_DIAGONAL))
+        }
+        _ => (Reach::Band, band),
     }
 }
 
@@ -207,7 +214,11 @@ fn sample(source: &Source, tiles: &[Tile]) -> Blocks {
         }
     }
     debug_span!("ingest rims").in_scope(|| {
-        blocks.open_caps(source);
+        if let Sign::Closed(sides) = source.sign
+            && source.scene.has_wide_holes()
+        {
+            blocks.open_caps(&source.grid, &sides.caps, source.blending());
+        }
         blocks.trim_rims(source.grid.edge);
     });
     blocks

@@ -32,7 +32,8 @@
 //! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
 //! `trim` takes teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
 //! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `stale` finds what of it is as it
-//! was in the frame before, and `ingester` puts volumes together.
+//! was in the frame before, and `ingester` puts volumes together. Who samples elsewhere, as a GPU does, begins and ends with a `job`, which
+//! hands out the mesh on a `lattice`.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
 //! [`ingest_points`].
 
@@ -48,6 +49,8 @@ mod faces;
 mod facet;
 mod holes;
 mod ingester;
+mod job;
+mod lattice;
 mod limits;
 mod lost;
 mod points;
@@ -67,6 +70,8 @@ mod tests;
 
 pub use error::IngestError;
 pub use ingester::MeshIngester;
+pub use job::MeshJob;
+pub use lattice::{LONGEST_EDGE, LatticeMesh};
 pub use lost::lost_share;
 pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};

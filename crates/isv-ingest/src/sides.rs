@@ -15,10 +15,15 @@ const STEADY: f64 = 1.0 / 512.0;
 pub(crate) struct Sides {
     /// Of the mesh and the triangles that close it.
     pub(crate) crossings: Crossings,
-    /// Of those triangles by themselves, in voxels, if there are any.
+    pub(crate) caps: Caps,
+}
+
+/// What closes a mesh.
+pub(crate) struct Caps {
+    /// The triangles by themselves, in voxels, if there are any.
     closing: Option<WindingNumber>,
     /// The tiles that those over holes to keep open pass through, or are within a voxel of.
-    pub(crate) capped_tiles: Vec<IVec3>,
+    pub(crate) tiles: Vec<IVec3>,
     /// In voxels.
     tile_edge: f64,
 }
@@ -27,20 +32,14 @@ impl Sides {
     /// Of a mesh that some more triangles close. `holes`: those that are to stay open, if any.
     pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], holes: Option<&WideHoles>, band: &Band) -> Self {
         let crossings = Crossings::of(mesh, closing, band.tile_edge().ilog2());
-        let is_cap = |triangle: &&[u32; 3]| {
-            holes.is_some_and(|holes| triangle.iter().any(|vertex| holes.has_vertex(*vertex)))
-        };
-        let caps: Vec<[u32; 3]> = closing.iter().filter(is_cap).copied().collect();
-        let over_holes = (!closing.is_empty()).then(|| WindingNumber::new(&by_themselves(mesh, closing)));
-        let capped_tiles = tiles_of(by_themselves(mesh, &caps), band);
-        Self { crossings, closing: over_holes, capped_tiles, tile_edge: f64::from(band.tile_edge()) }
+        Self { crossings, caps: Caps::of(mesh, closing, holes, band) }
     }
 
     /// The generalized winding numbers of voxels in the mesh as it is, with its holes (Jacobson et al. 2013): what they are in the
     /// closed one, less what the triangles over the holes add.
     pub(crate) fn winding_numbers(&self, voxels: &[IVec3]) -> Vec<f64> {
         let whole = |voxel: &IVec3| f64::from(self.crossings.winding_number(voxel.to_array()));
-        let Some(closing) = &self.closing else { return voxels.iter().map(whole).collect() };
+        let Some(closing) = &self.caps.closing else { return voxels.iter().map(whole).collect() };
         let points: Vec<DVec3> = voxels.iter().map(|voxel| voxel.as_dvec3() + 0.5).collect();
         voxels
             .iter()
@@ -48,11 +47,24 @@ impl Sides {
             .map(|(voxel, over_holes)| whole(voxel) - over_holes)
             .collect()
     }
+}
+
+impl Caps {
+    /// Of some triangles that close a mesh; `holes` as in [`Sides::of`].
+    pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], holes: Option<&WideHoles>, band: &Band) -> Self {
+        let is_cap = |triangle: &&[u32; 3]| {
+            holes.is_some_and(|holes| triangle.iter().any(|vertex| holes.has_vertex(*vertex)))
+        };
+        let over_wide: Vec<[u32; 3]> = closing.iter().filter(is_cap).copied().collect();
+        let over_holes = (!closing.is_empty()).then(|| WindingNumber::new(&by_themselves(mesh, closing)));
+        let tiles = tiles_of(by_themselves(mesh, &over_wide), band);
+        Self { closing: over_holes, tiles, tile_edge: f64::from(band.tile_edge()) }
+    }
 
     /// Whether what closes the mesh adds about as much to the winding numbers in a tile as in another frame.
-    pub(crate) fn are_closed_alike(&self, other: &Self, tile: IVec3) -> bool {
+    pub(crate) fn are_alike_in(&self, other: &Self, tile: IVec3) -> bool {
         let centre = (tile.as_dvec3() + 0.5) * self.tile_edge;
-        let added = |sides: &Self| sides.closing.as_ref().map_or(0.0, |closing| closing.at(centre));
+        let added = |caps: &Self| caps.closing.as_ref().map_or(0.0, |closing| closing.at(centre));
         (added(self) - added(other)).abs() <= STEADY
     }
 }

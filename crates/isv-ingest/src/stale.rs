@@ -48,7 +48,7 @@ impl Stage<'_> {
         if let Sign::Closed(sides) = self.sign
             && self.scene.has_wide_holes()
         {
-            places.extend(&sides.capped_tiles);
+            places.extend(&sides.caps.tiles);
         }
         places
     }
@@ -61,7 +61,7 @@ pub(crate) fn unchanged(now: &Stage, before: &Stage) -> Vec<Option<usize>> {
     let has_sides_alike = |tile: &Tile| match (now.sign, before.sign) {
         (Sign::Closed(now), Sign::Closed(before)) => {
             now.crossings.are_alike_in(&before.crossings, tile.coord.to_array())
-                && (!around.contains(&tile.coord) || now.are_closed_alike(before, tile.coord))
+                && (!around.contains(&tile.coord) || now.caps.are_alike_in(&before.caps, tile.coord))
         }
         (now, before) => matches!((now, before), (Sign::Offset(a), Sign::Offset(b)) if a == b),
     };

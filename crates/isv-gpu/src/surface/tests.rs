@@ -2,13 +2,11 @@
 
 use super::*;
 use crate::GpuChoice;
-use crate::tests::{gpu_for_tests, grid, noise};
+use crate::tests::{captured_mesh, gpu_for_tests, grid, noise};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
-use isv_io::{Unit, read_mesh};
 use isv_surface::extract_surface;
 use isv_testkit::{ball, volume_of};
 use isv_volume::{BlockCoord, SparseVolume, TriangleMesh};
-use std::path::{Path, PathBuf};
 
 /// Extractors with and without normals.
 struct Extractors {
@@ -140,18 +138,6 @@ fn a_lost_device_is_an_error() {
     assert!(matches!(mesh.download(), Err(GpuError::Lost(_))));
 }
 
-/// A frame of a capture, if there is one.
-fn load(name: &str) -> Option<TriangleMesh> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = data.join(name).join("frame_0000.ply");
-    if !path.is_file() {
-        println!("skipped: no data at {}", path.display());
-        return None;
-    }
-    Some(read_mesh(&path, Unit::Metre).unwrap())
-}
-
 #[test]
 fn captures_are_meshed_as_on_the_cpu() {
     let choice = GpuChoice { software: true, ..GpuChoice::default() };
@@ -161,7 +147,7 @@ fn captures_are_meshed_as_on_the_cpu() {
     };
     let mut extractors = Extractors::new(&gpu);
     for name in ["dancer", "flag", "xbot"] {
-        let Some(mesh) = load(name) else { return };
+        let Some(mesh) = captured_mesh(name) else { return };
         let settings = MeshIngest::new(grid());
         let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap();
         let mesh = extractors.check(&volume);

@@ -1,13 +1,14 @@
 //! The part of the command line that says how captures become volumes.
 
 use super::volumes::{DepthFusion, VolumeMaker};
+use crate::backend::BackendArgs;
 use crate::failure::usage;
 use crate::length::Length;
 use crate::progress::Progress;
 use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
 use isv::fusion::{Accumulator, FusionSettings};
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, MeshIngester, PointIngest, Reach};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
 use isv::volume::Grid;
 use std::sync::Arc;
 
@@ -50,6 +51,7 @@ impl IngestArgs {
         &self,
         grid: Grid,
         profile: ProfileName,
+        backend: BackendArgs,
         progress: Arc<Progress>,
     ) -> Result<VolumeMaker> {
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
@@ -66,7 +68,7 @@ impl IngestArgs {
         let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
         let fusion = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
-            mesh: MeshIngester::new(MeshIngest { grid, sign, offset_voxels, max_blocks, reach }),
+            mesh: backend.mesh_ingester(MeshIngest { grid, sign, offset_voxels, max_blocks, reach })?,
             mesh_sign: None,
             loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },

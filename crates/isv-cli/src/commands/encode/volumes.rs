@@ -1,5 +1,6 @@
 //! Captured frames to volumes: the part of encoding before the codec.
 
+use crate::backend::notify;
 use crate::capture::{CapturedFrame, Content};
 use crate::length::Length;
 use crate::progress::Progress;
@@ -7,8 +8,9 @@ use crate::stats::timed;
 use crate::terms::{BandName, NormalsName};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::fusion::{Accumulator, FusionError, FusionSettings, fuse};
+use isv::gpu::{AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, MeshIngester, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
+    IngestError, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
     decide_point_sign, decide_sign, estimate_normals, ingest_points, lost_share,
 };
 use isv::io::Geometry;
@@ -28,7 +30,7 @@ pub(super) struct IngestedFrame {
 
 /// Makes volumes; what is decided on the first frame holds for all.
 pub(super) struct VolumeMaker {
-    pub(super) mesh: MeshIngester,
+    pub(super) mesh: AnyMeshIngester,
     pub(super) mesh_sign: Option<SignDecision>,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
@@ -81,7 +83,13 @@ impl VolumeMaker {
                 (sign, Some(evidence))
             }
         };
-        let volume = self.mesh.ingest(mesh, sign).map_err(with_advice)?;
+        let volume = self.mesh.ingest(mesh, sign).map_err(|error| match error {
+            GpuIngestError::Ingest(error) => with_advice(error),
+            other => other.into(),
+        })?;
+        if let Some(why) = self.mesh.take_notice() {
+            notify(&why);
+        }
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
             self.progress.note(&sign_sentence(sign, evidence, self.mesh.settings().sign));
