@@ -4,7 +4,9 @@ use anyhow::Result;
 use isv::decode::{Decoder, Limits, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
-use isv::gpu::{AnyDecoder, AnyEncoder, AnyMeshIngester, BackendChoice, GpuError, OpenedBackend, VolumeStore};
+use isv::gpu::{
+    AnyDecoder, AnyEncoder, AnyMeshIngester, BackendChoice, GpuError, OpenedBackend, VolumeStore,
+};
 use isv::ingest::MeshIngest;
 use std::env;
 
@@ -32,36 +34,60 @@ impl BackendArgs {
             eprintln!("reduced resolution is decoded on the CPU");
             return on_cpu();
         }
-        match self.on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back))? {
+        match self
+            .open()?
+            .on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back))?
+        {
             Some(decoder) => Ok(decoder),
             None => on_cpu(),
         }
     }
 
-    /// An encoder of a stream, with such a line.
-    pub(crate) fn encoder(self, header: &StreamHeader, settings: EncoderSettings) -> Result<AnyEncoder> {
+    /// Opens it, with such a line.
+    pub(crate) fn open(self) -> Result<Backend> {
+        let name = env::var(GPU_VARIABLE).ok();
+        let store = match self.backend.open(name.as_deref())? {
+            OpenedBackend::Cpu => None,
+            OpenedBackend::FellBack(why) => {
+                notify(&why);
+                None
+            }
+            OpenedBackend::Gpu(store) => Some(store),
+        };
+        Ok(Backend { store, falls_back: self.backend == BackendChoice::Auto })
+    }
+}
+
+/// A backend ready to work: all that a command does shares one GPU.
+#[derive(Clone, Debug)]
+pub(crate) struct Backend {
+    /// Of the GPU, if there is one.
+    store: Option<VolumeStore>,
+    falls_back: bool,
+}
+
+impl Backend {
+    /// The CPU.
+    pub(crate) const CPU: Self = Self { store: None, falls_back: false };
+
+    /// An encoder of a stream, and a line on standard error if it is on another backend than it might be.
+    pub(crate) fn encoder(&self, header: &StreamHeader, settings: EncoderSettings) -> Result<AnyEncoder> {
         let on_gpu =
             self.on_gpu(|store, falls_back| AnyEncoder::on_gpu(header, settings, store, falls_back))?;
         Ok(on_gpu.unwrap_or_else(|| AnyEncoder::on_cpu(header, settings)))
     }
 
     /// What makes volumes of meshes, with such a line.
-    pub(crate) fn mesh_ingester(self, settings: MeshIngest) -> Result<AnyMeshIngester> {
+    pub(crate) fn mesh_ingester(&self, settings: MeshIngest) -> Result<AnyMeshIngester> {
         let on_gpu = self.on_gpu(|store, falls_back| AnyMeshIngester::on_gpu(settings, store, falls_back))?;
         Ok(on_gpu.unwrap_or_else(|| AnyMeshIngester::on_cpu(settings)))
     }
 
     /// What a GPU gives, told whether it may fall back to the CPU; nothing where the CPU is to be used.
-    fn on_gpu<T>(self, make: impl FnOnce(&VolumeStore, bool) -> Result<T, GpuError>) -> Result<Option<T>> {
-        let falls_back = self.backend == BackendChoice::Auto;
-        let name = env::var(GPU_VARIABLE).ok();
-        let made = match self.backend.open(name.as_deref())? {
-            OpenedBackend::Cpu => return Ok(None),
-            OpenedBackend::FellBack(why) => Err(why),
-            OpenedBackend::Gpu(store) => make(&store, falls_back),
-        };
-        match made {
-            Err(why) if falls_back => {
+    fn on_gpu<T>(&self, make: impl FnOnce(&VolumeStore, bool) -> Result<T, GpuError>) -> Result<Option<T>> {
+        let Some(store) = &self.store else { return Ok(None) };
+        match make(store, self.falls_back) {
+            Err(why) if self.falls_back => {
                 notify(&why);
                 Ok(None)
             }

@@ -126,10 +126,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     use_threads(args.threads)?;
     interrupt::listen()?;
     let settings = args.settings(&mut header)?;
-    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
+    let backend = args.backend.open()?;
+    let maker =
+        args.ingest.volume_maker(header.grid, args.header.profile_name(), &backend, Arc::clone(&progress))?;
     let mut job = Job {
         header,
-        encoder: args.backend.encoder(&header, settings)?,
+        encoder: backend.encoder(&header, settings)?,
         writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),

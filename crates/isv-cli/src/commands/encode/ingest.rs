@@ -1,7 +1,7 @@
 //! The part of the command line that says how captures become volumes.
 
 use super::volumes::{DepthFusion, VolumeMaker};
-use crate::backend::BackendArgs;
+use crate::backend::Backend;
 use crate::failure::usage;
 use crate::length::Length;
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ impl IngestArgs {
         &self,
         grid: Grid,
         profile: ProfileName,
-        backend: BackendArgs,
+        backend: &Backend,
         progress: Arc<Progress>,
     ) -> Result<VolumeMaker> {
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);

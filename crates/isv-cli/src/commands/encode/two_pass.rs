@@ -1,6 +1,7 @@
 //! The one step that meets a rate, found by coding everything with others.
 
 use super::{Args, volumes};
+use crate::backend::Backend;
 use crate::capture::Capture;
 use crate::interrupt;
 use crate::progress::Progress;
@@ -66,7 +67,9 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
     let skip_bad_frames = args.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::silent(Some(range.len()), "measuring"));
-    let maker = args.ingest.volume_maker(header.grid, args.header.profile_name(), Arc::clone(&progress))?;
+    let backend = Backend::CPU;
+    let maker =
+        args.ingest.volume_maker(header.grid, args.header.profile_name(), &backend, Arc::clone(&progress))?;
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;
