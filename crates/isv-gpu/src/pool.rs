@@ -1,9 +1,9 @@
 //! The samples of all volumes on a GPU: slots of a block each, in up to four buffers.
 
 use crate::commands::Commands;
-use crate::storage::{Usage, write};
+use crate::storage::Usage;
 use crate::{Gpu, GpuError, Storage};
-use wgpu::BindGroupEntry;
+use wgpu::{BindGroupEntry, BufferSize};
 
 /// Buffers that a pool is split into: kernels bind all of them.
 pub(crate) const SEGMENTS: usize = 4;
@@ -78,21 +78,36 @@ impl SamplePool {
         }
     }
 
-    /// Writes a block's samples before all commands that are submitted later.
-    pub(crate) fn write(&self, slot: u32, samples: &[i16]) {
-        let (segment, at) = self.place(slot);
-        write(&self.gpu, segment, at, bytemuck::cast_slice(samples));
+    /// Writes the samples of blocks, which `block` has by their place in `slots`, before all commands that are submitted later. Each
+    /// write is memory of its own to the driver: slots in a row are written at once.
+    pub(crate) fn write<'a>(&self, slots: &[u32], block: impl Fn(usize) -> &'a [i16]) {
+        let mut at = 0;
+        for run in self.runs(slots) {
+            let (segment, first) = self.place(run[0]);
+            let bytes = BufferSize::new(run.len() as u64 * BLOCK_BYTES).expect("runs are not empty");
+            let view = self.gpu.queue().write_buffer_with(segment.buffer(), first, bytes);
+            let blocks = (at..at + run.len()).map(&block);
+            at += run.len();
+            // Nothing is written to a device that is lost.
+            let Some(mut view) = view else { continue };
+            for (number, samples) in blocks.enumerate() {
+                let start = number * BLOCK_BYTES as usize;
+                let bytes = bytemuck::cast_slice(samples);
+                view.slice(start..start + bytes.len()).copy_from_slice(bytes);
+            }
+        }
+    }
+
+    /// Slots that follow one another in memory, as often as they do.
+    pub(crate) fn runs<'a>(&self, slots: &'a [u32]) -> impl Iterator<Item = &'a [u32]> {
+        let bits = self.segment_bits;
+        slots.chunk_by(move |a, b| b.wrapping_sub(*a) == 1 && a >> bits == b >> bits)
     }
 
     /// Where a slot's samples are.
     pub(crate) fn place(&self, slot: u32) -> (&Storage, u64) {
         let within = slot & ((1 << self.segment_bits) - 1);
         (&self.segments[(slot >> self.segment_bits) as usize], u64::from(within) * BLOCK_BYTES)
-    }
-
-    /// Which segment a slot is in.
-    pub(crate) fn segment(&self, slot: u32) -> u32 {
-        slot >> self.segment_bits
     }
 
     /// Makes room for so many more blocks, at least twice as many as there are.

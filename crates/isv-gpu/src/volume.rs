@@ -2,7 +2,7 @@
 
 use crate::blocks::BlockTable;
 use crate::commands::Commands;
-use crate::pool::{BLOCK_BYTES, SamplePool};
+use crate::pool::BLOCK_BYTES;
 use crate::storage::{Usage, write};
 use crate::store::Slots;
 use crate::{GpuError, Storage, VolumeStore};
@@ -35,9 +35,7 @@ impl GpuVolume {
             return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
         }
         let slots = Arc::new(Slots::new(store, store.pool().take(volume.block_count())?));
-        let pool = store.pool();
-        slots.get().iter().enumerate().for_each(|(block, slot)| pool.write(*slot, volume.block(block)));
-        drop(pool);
+        store.pool().write(slots.get(), |block| volume.block(block));
         let (gpu, coords) = (store.gpu(), Arc::new(volume.coords().to_vec()));
         let mut commands = Commands::new(gpu);
         let table = BlockTable::new(gpu, store.insert(), &coords, slots.get(), &mut commands)?;
@@ -80,14 +78,11 @@ impl GpuVolume {
         let reading = gpu.storage("samples to read", slots.len() as u64 * BLOCK_BYTES, Usage::Reading)?;
         let mut commands = Commands::new(gpu);
         let mut at = 0;
-        // Slots in a row are copied at once.
-        for run in slots.chunk_by(|a, b| b.wrapping_sub(*a) == 1) {
-            for part in runs_within_segments(&pool, run) {
-                let (segment, from) = pool.place(part[0]);
-                let bytes = part.len() as u64 * BLOCK_BYTES;
-                commands.copy_between((segment.buffer(), from), (reading.buffer(), at), bytes);
-                at += bytes;
-            }
+        for run in pool.runs(slots) {
+            let (segment, from) = pool.place(run[0]);
+            let bytes = run.len() as u64 * BLOCK_BYTES;
+            commands.copy_between((segment.buffer(), from), (reading.buffer(), at), bytes);
+            at += bytes;
         }
         drop(pool);
         commands.submit()?;
@@ -123,9 +118,4 @@ impl GpuVolume {
 pub(crate) struct MaskTable {
     pub(crate) numbers: Storage,
     pub(crate) words: Storage,
-}
-
-/// Consecutive slots, cut where a segment ends.
-fn runs_within_segments<'a>(pool: &'a SamplePool, run: &'a [u32]) -> impl Iterator<Item = &'a [u32]> {
-    run.chunk_by(|a, b| pool.segment(*a) == pool.segment(*b))
 }
