@@ -1,14 +1,20 @@
-//! The arithmetic on samples of profile `paper`'s encoder, apart from the writing of its symbols: who does it.
+//! The arithmetic on samples that an encoder can leave to others: who does it. In profile `paper` all but the writing of symbols:
 //!
 //! ```text
 //! SparseVolume ─> EncodeBackend: motion search ─> vectors ─> EncodeBackend: residual, DCT, quantizer ─> levels ─> range coder
 //!                      ▲                                                 └─ inverse DCT: its frame ─┐
 //!                      └────────────────────────────────────────────────────────────────────────────┘
 //! ```
+//!
+//! In profile `main` what a block costs depends on all blocks before it, and is found on the CPU with the symbols; what does not is
+//! where the frame before has its surface ([`SearchBackend`]).
 
 mod cpu;
 
+use crate::main_profile::{BlockShifts, SoughtFrame};
+
 use isv_decode::backend::Backend;
+use isv_decode::main_profile::MainReference;
 use isv_decode::{BackendError, CodingParameters, FrameSymbols};
 use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
@@ -57,4 +63,23 @@ pub trait EncodeBackend: Backend {
         symbols: &mut FrameSymbols,
         before: Option<&Self::Paper>,
     ) -> Result<Self::Paper, BackendError>;
+}
+
+/// What an encoder of profile `main` asks of whoever searches for motion. [`Cpu`](isv_decode::backend::Cpu) is the reference: it has
+/// slices search as they go, for some blocks from what their neighbours' vectors turned out to be.
+///
+/// Shifts are a choice, for which floating point may be used: those of two backends may differ.
+pub trait SearchBackend: fmt::Debug + Send + Sync {
+    /// Takes a decoded frame in which the next one will be looked for. Blocks that are not among its
+    /// [`fresh`](isv_decode::extension::FrameBlocks::fresh) ones are as they were in the frame that was taken before.
+    ///
+    /// # Errors
+    /// See [`BackendError`]. The frame taken before stays.
+    fn keep(&mut self, frame: &MainReference) -> Result<(), BackendError>;
+
+    /// Looks for each block of a frame in the one that was taken last; `None` leaves it to the slices.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn find_shifts(&mut self, frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError>;
 }

@@ -133,12 +133,7 @@ pub struct Encoder(ProfileEncoder);
 #[derive(Debug)]
 enum ProfileEncoder {
     Paper(Box<PaperEncoder<Cpu>>),
-    Main {
-        encoder: Box<MainEncoder>,
-        settings: EncoderSettings,
-        /// Frames since the last keyframe and with it; 0 before the first.
-        since_keyframe: u32,
-    },
+    Main(Box<MainEncoder<Cpu>>),
 }
 
 impl Encoder {
@@ -155,8 +150,8 @@ impl Encoder {
                 ProfileEncoder::Paper(Box::new(encoder))
             }
             Profile::Main => {
-                let encoder = Box::new(MainEncoder::new(header.grid, settings.main, settings.gop));
-                ProfileEncoder::Main { encoder, settings, since_keyframe: 0 }
+                let encoder = MainEncoder::new(header.grid, settings, Cpu::default());
+                ProfileEncoder::Main(Box::new(encoder))
             }
         })
     }
@@ -166,19 +161,11 @@ impl Encoder {
     /// # Panics
     /// If the volume is not on the stream's grid.
     pub fn encode(&mut self, volume: &SparseVolume) -> EncodedFrame {
-        match &mut self.0 {
-            ProfileEncoder::Paper(encoder) => {
-                encoder.encode(volume).expect("at full resolution the CPU never fails")
-            }
-            ProfileEncoder::Main { encoder, settings, since_keyframe } => {
-                let keyframe = since_keyframe.is_multiple_of(settings.gop);
-                let wanted =
-                    settings.slices.unwrap_or(settings.main.slices).clamp(1, FrameHeader::MAX_SLICES);
-                let frame = encoder.encode(volume, keyframe, wanted, settings.checksums);
-                *since_keyframe = if frame.keyframe { 1 } else { *since_keyframe + 1 };
-                frame
-            }
-        }
+        let frame = match &mut self.0 {
+            ProfileEncoder::Paper(encoder) => encoder.encode(volume),
+            ProfileEncoder::Main(encoder) => encoder.encode(volume),
+        };
+        frame.expect("at full resolution the CPU never fails")
     }
 
     /// What the decoder will have after the last frame; `None` before the first.
@@ -186,7 +173,7 @@ impl Encoder {
     pub fn reconstruction(&self) -> Option<&SparseVolume> {
         match &self.0 {
             ProfileEncoder::Paper(encoder) => encoder.reconstruction(),
-            ProfileEncoder::Main { encoder, .. } => encoder.reconstruction(),
+            ProfileEncoder::Main(encoder) => encoder.reconstruction(),
         }
     }
 }

@@ -7,7 +7,8 @@
 //! ```
 //!
 //! [`Encoder`] is the whole of it, on the CPU. In profile `paper` all but the syntax is an [`EncodeBackend`]'s, and
-//! [`PaperEncoder`] takes any. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
+//! [`PaperEncoder`] takes any; in profile `main` the search for motion can be a [`SearchBackend`]'s, and [`MainEncoder`] takes
+//! any. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
 //! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
 //! bytes on any number of threads.
 
@@ -21,12 +22,13 @@ mod paper_encoder;
 mod residual;
 pub mod syntax;
 
-pub use backend::EncodeBackend;
+pub use backend::{EncodeBackend, SearchBackend};
 pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
 #[doc(hidden)]
 pub use main_profile::probe;
 pub use main_profile::{
-    Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, SearchEffort, Tools, UnknownTool,
+    Band, Bitrate, BlockShifts, FrameQuality, MainEncoder, MainSettings, Preset, RateTarget, SearchEffort,
+    SoughtFrame, Tools, UnknownTool,
 };
 pub use paper_encoder::PaperEncoder;

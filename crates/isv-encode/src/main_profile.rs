@@ -22,14 +22,15 @@ mod rate_control;
 mod refinement;
 mod search_window;
 mod slice;
+mod sought_frame;
 mod syntax;
 mod target;
 mod tools;
 mod weight_spectrum;
 
-pub(crate) use encoder::MainEncoder;
-pub use encoder::{Band, FrameQuality, MainSettings};
+pub use encoder::{Band, FrameQuality, MainEncoder, MainSettings};
 pub use motion_search::SearchEffort;
 pub use preset::Preset;
 pub use rate_control::{Bitrate, RateTarget};
+pub use sought_frame::{BlockShifts, SoughtFrame};
 pub use tools::{Tools, UnknownTool};

@@ -1,9 +1,11 @@
 //! The reference.
 
-use super::EncodeBackend;
+use super::{EncodeBackend, SearchBackend};
+use crate::main_profile::{BlockShifts, SoughtFrame};
 use crate::motion_search::search_motion;
 use crate::residual::quantized_residual;
 use isv_decode::backend::{Cpu, CpuPaperFrame};
+use isv_decode::main_profile::MainReference;
 use isv_decode::reconstruct::{add_residuals, predict};
 use isv_decode::{BackendError, CodingParameters, FrameSymbols, Reference};
 use isv_format::Prediction;
@@ -42,6 +44,17 @@ impl EncodeBackend for Cpu {
         let (coords, unobserved) = (symbols.coords.clone(), symbols.unobserved.clone());
         let decoded = SparseVolume::from_parts(parameters.grid, coords, samples, unobserved);
         Ok(Reference::new(decoded).into())
+    }
+}
+
+/// It never fails.
+impl SearchBackend for Cpu {
+    fn keep(&mut self, _frame: &MainReference) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn find_shifts(&mut self, _frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError> {
+        Ok(None)
     }
 }
 

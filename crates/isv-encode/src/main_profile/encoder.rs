@@ -6,19 +6,21 @@ use super::level_costs::LevelCosts;
 use super::motion_search::{CubeSearch, SearchEffort};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
-use super::slice::{CodedSlice, FrameContext, SliceEncoder, SliceSamples};
+use super::slice::{CodedSlice, FrameContext, MotionSearch, SliceEncoder, SliceSamples};
+use super::sought_frame::{BlockShifts, SoughtFrame};
 use super::syntax;
 use super::target::Targets;
 use super::tools::Tools;
+use crate::backend::SearchBackend;
 use crate::distortion::surface_rms_voxels;
-use crate::encoder::EncodedFrame;
+use crate::encoder::{EncodedFrame, EncoderSettings};
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
 use isv_decode::main_profile::syntax::masks::MaskModels;
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
-use isv_decode::volume_hash;
+use isv_decode::{BackendError, volume_hash};
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::{BlockCoord, BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
@@ -134,11 +136,18 @@ impl Default for MainSettings {
     }
 }
 
-/// Codes the frames of a stream.
+/// [`Encoder`](crate::Encoder) for streams of profile `main`, whose motion is searched for by a backend. All else is done on the CPU.
 #[derive(Debug)]
-pub(crate) struct MainEncoder {
+pub struct MainEncoder<B> {
+    backend: B,
     parameters: MainParameters,
-    pub(crate) settings: MainSettings,
+    settings: MainSettings,
+    /// A keyframe at least every this many frames.
+    gop: u32,
+    slices: u16,
+    checksums: bool,
+    /// Frames since the last keyframe and with it; 0 before the first.
+    since_keyframe: u32,
     dct: FieldDct,
     /// Place in scan order of each position, if it is coded.
     places: [Option<u8>; 512],
@@ -161,8 +170,8 @@ struct Source<'a> {
     targets: &'a Targets<'a>,
     /// Blocks of the reference in cells that stay as they are.
     still: &'a BlockSet,
-    slices: u16,
-    checksum: bool,
+    /// Of its blocks, if they were searched for all at once.
+    shifts: Option<&'a [BlockShifts]>,
 }
 
 /// A frame as coded once.
@@ -215,15 +224,27 @@ const FINER_STEP_SHARE: f64 = 0.75;
 /// Strengths of the in-loop filter that are tried where the best one is searched for.
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
-impl MainEncoder {
-    pub(crate) fn new(grid: Grid, settings: MainSettings, gop: u32) -> Self {
+impl<B: SearchBackend> MainEncoder<B> {
+    /// An encoder for the frames of a stream: the grid of its header.
+    ///
+    /// # Panics
+    /// If `settings.gop` is 0.
+    #[must_use]
+    pub fn new(grid: Grid, settings: EncoderSettings, backend: B) -> Self {
+        let EncoderSettings { gop, slices, checksums, main: settings, .. } = settings;
+        assert!(gop > 0, "a GOP has at least one frame");
         let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
         let rate = RateControl::new(settings.target, gop);
         let mut places = [None; 512];
         (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
         Self {
+            backend,
             parameters,
             settings,
+            gop,
+            slices: slices.unwrap_or(settings.slices).clamp(1, FrameHeader::MAX_SLICES),
+            checksums,
+            since_keyframe: 0,
             dct,
             places,
             state: State::default(),
@@ -235,15 +256,17 @@ impl MainEncoder {
         }
     }
 
-    /// Codes the next frame in this many slices. A frame that is cheaper as a keyframe becomes one.
-    pub(crate) fn encode(
-        &mut self,
-        volume: &SparseVolume,
-        keyframe: bool,
-        slices: u16,
-        checksum: bool,
-    ) -> EncodedFrame {
+    /// Codes the next frame. One that is cheaper as a keyframe becomes one. After an error the next one is coded as this one would
+    /// have been.
+    ///
+    /// # Errors
+    /// The backend's: see [`BackendError`].
+    ///
+    /// # Panics
+    /// If the volume is not on the stream's grid.
+    pub fn encode(&mut self, volume: &SparseVolume) -> Result<EncodedFrame, BackendError> {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
+        let keyframe = self.since_keyframe.is_multiple_of(self.gop);
         let constant = self.settings.quality;
         let MainSettings { band, tools, .. } = self.settings;
         let mut still = match !keyframe && tools.still {
@@ -259,7 +282,14 @@ impl MainEncoder {
             targets = Targets::new(volume, band, tools, &still);
             facts.blocks = targets.len();
         }
-        let source = Source { volume, targets: &targets, still: &still, slices, checksum };
+        let shifts = match &self.state.reference {
+            Some(before) if !keyframe && tools.motion => {
+                let sought = SoughtFrame::new(before, &targets);
+                debug_span!("motion").in_scope(|| self.backend.find_shifts(&sought))?
+            }
+            _ => None,
+        };
+        let source = Source { volume, targets: &targets, still: &still, shifts: shifts.as_deref() };
         let mut spare = take(&mut self.spare);
         for before in 0.. {
             let quality = FrameQuality { step: step as f32, ..constant };
@@ -272,6 +302,13 @@ impl MainEncoder {
                     spare = coded.state.into_samples();
                 }
                 None => {
+                    let since_keyframe = if facts.keyframe { 1 } else { self.since_keyframe + 1 };
+                    if let Some(reference) = &coded.state.reference
+                        && !since_keyframe.is_multiple_of(self.gop)
+                    {
+                        debug_span!("hand over").in_scope(|| self.backend.keep(reference))?;
+                    }
+                    self.since_keyframe = since_keyframe;
                     self.rate.learn(&attempt);
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
@@ -279,7 +316,7 @@ impl MainEncoder {
                     self.settled_step = if still.is_empty() { step } else { self.settled_step.max(step) };
                     self.source = Some(volume.clone());
                     self.spare = replace(&mut self.state, coded.state).into_samples();
-                    return coded.frame;
+                    return Ok(coded.frame);
                 }
             }
         }
@@ -328,8 +365,9 @@ impl MainEncoder {
         if cut_cost < CUT_BONUS * cost { cut } else { coded }
     }
 
-    /// What the decoder will have after the last frame.
-    pub(crate) fn reconstruction(&self) -> Option<&SparseVolume> {
+    /// What the decoder will have after the last frame; `None` before the first.
+    #[must_use]
+    pub fn reconstruction(&self) -> Option<&SparseVolume> {
         self.state.reference.as_ref().map(MainReference::volume)
     }
 
@@ -341,7 +379,8 @@ impl MainEncoder {
         quality: FrameQuality,
         spare: &mut Vec<i16>,
     ) -> CodedFrame {
-        let Source { volume, targets, still, slices, checksum } = *source;
+        let Source { volume, targets, still, shifts } = *source;
+        let slices = self.slices;
         let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
         let before = match keyframe {
@@ -371,7 +410,7 @@ impl MainEncoder {
                 block_set = debug_span!("block set").in_scope(write);
             };
             let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(coords, layout.ranges()));
-            let frame = self.frame_context(targets, &causal, reference, &main, quality);
+            let frame = self.frame_context(targets, shifts, &causal, reference, &main, quality);
             let parts = slice_samples(&mut samples, plan.places(), layout);
             let meanwhile = || scope.spawn(write_set);
             let (coded, costs) = debug_span!("slices")
@@ -392,7 +431,7 @@ impl MainEncoder {
             blocks,
             slices,
             coding: FrameCoding::Main(main),
-            volume_hash: checksum.then(|| volume_hash(decoded.volume())),
+            volume_hash: self.checksums.then(|| volume_hash(decoded.volume())),
         };
         let segments = SymbolSegments { block_set, masks: mask_bytes, slices: slice_segments };
         let state = State { entropy, costs, reference: Some(decoded) };
@@ -464,6 +503,7 @@ impl MainEncoder {
     fn frame_context<'a>(
         &'a self,
         targets: &'a Targets<'a>,
+        shifts: Option<&'a [BlockShifts]>,
         causal: &'a CausalBlocks,
         reference: Option<&'a MainReference>,
         main: &MainFrameHeader,
@@ -487,8 +527,12 @@ impl MainEncoder {
             targets,
             causal,
             reference: reference.map(|reference| {
-                let search = || CubeSearch::new(reference, targets, effort);
-                (reference, debug_span!("cube search").in_scope(search))
+                let cubes = || CubeSearch::new(reference, targets, effort);
+                let search = match shifts {
+                    Some(shifts) => MotionSearch::Done(shifts),
+                    None => MotionSearch::InSlices(debug_span!("cube search").in_scope(cubes)),
+                };
+                (reference, search)
             }),
             vector_step: main.vector_step(),
             trials: self.settings.trials,

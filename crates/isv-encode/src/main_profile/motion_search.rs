@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Cubes whose blocks are searched together, as base-2 logarithms of their edge in blocks: large ones first.
-const CUBES: [u32; 2] = [2, 1];
+pub(super) const CUBES: [u32; 2] = [2, 1];
 /// Of cubes one row of voxels in so many is looked at, each a power of two.
 const CUBE_ROWS: [usize; 2] = [4, 2];
 /// Largest step, in voxels.
@@ -306,7 +306,7 @@ impl<'a> CubeSearch<'a> {
 }
 
 /// The runs of blocks that are in the same cube: in Morton order they follow one another.
-fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
+pub(super) fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
     let cube = |coord: BlockCoord| coord.to_array().map(|c| c >> log2);
     let mut end = 0;
     let runs = coords.chunk_by(|a, b| cube(*a) == cube(*b)).map(|run| {

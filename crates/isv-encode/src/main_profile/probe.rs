@@ -6,10 +6,13 @@
 use super::encoder::Band;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::motion_search::{NormalEquations, Sought, SoughtBlock};
+use super::motion_search::{CubeSearch, NormalEquations, SearchEffort, Shift, Sought, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
+use super::sought_frame::SoughtFrame;
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
+use crate::backend::SearchBackend;
+use isv_decode::BackendError;
 use isv_decode::extension::Extended;
 use isv_decode::main_profile::{
     BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
@@ -68,6 +71,36 @@ pub fn normal_equations(
         }
     });
     equations
+}
+
+/// Of each block that the surface touches, the shift that is found for it by slices at their most thorough, where no neighbour's
+/// vector is known, and the one that a backend finds; each with its error.
+///
+/// # Errors
+/// The backend's.
+///
+/// # Panics
+/// If the backend leaves the search to slices.
+pub fn shifts(
+    before: &SparseVolume,
+    volume: &SparseVolume,
+    backend: &mut impl SearchBackend,
+) -> Result<Vec<[(Shift, f32); 2]>, BackendError> {
+    let (reference, targets) = (reference(before), targets(volume));
+    backend.keep(&reference)?;
+    let found = backend.find_shifts(&SoughtFrame::new(&reference, &targets))?.expect("a search of its own");
+    let effort = SearchEffort::THOROUGH;
+    let cubes = CubeSearch::new(&reference, &targets, effort);
+    let (mut sought, mut scratch) = (SoughtBlock::new(&reference), Vec::new());
+    let shifts = |(block, found): (usize, &[Shift; 3])| {
+        sought.turn_to(&targets, block, 1);
+        let starts = [[0.0; 3]].into_iter().chain(cubes.shifts(block, &mut scratch));
+        let refined: Vec<_> = starts.map(|start| sought.refine(start, effort.block_steps)).collect();
+        let mut with_error = |shift| (shift, sought.error(shift));
+        let own = refined.into_iter().map(&mut with_error).min_by(|a, b| a.1.total_cmp(&b.1));
+        [own.expect("there are starts"), with_error(found[0])]
+    };
+    Ok(found.iter().enumerate().map(shifts).collect())
 }
 
 fn targets(volume: &SparseVolume) -> Targets<'_> {

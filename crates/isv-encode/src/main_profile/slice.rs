@@ -6,6 +6,7 @@ use super::motion_search::{
     CubeScratch, CubeSearch, SearchEffort, Shift, Sought, SoughtBlock, are_close, to_shift,
 };
 use super::pursuit::{Metrics, Pursued, Pursuit};
+use super::sought_frame::BlockShifts;
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
@@ -35,8 +36,8 @@ pub(crate) struct FrameContext<'a> {
     pub pursuit: Pursuit<'a>,
     pub targets: &'a Targets<'a>,
     pub causal: &'a CausalBlocks,
-    /// The frame before, unless this one does without, and the shifts of cubes.
-    pub reference: Option<(&'a MainReference, CubeSearch<'a>)>,
+    /// The frame before, unless this one does without, and where blocks are looked for in it.
+    pub reference: Option<(&'a MainReference, MotionSearch<'a>)>,
     /// Step of new vectors in quarter voxels.
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
@@ -45,6 +46,15 @@ pub(crate) struct FrameContext<'a> {
     /// Whether levels are refined under the models' own bits.
     pub refinement: bool,
     pub tools: Tools,
+}
+
+/// How the frame before is searched for blocks.
+#[derive(Debug)]
+pub(crate) enum MotionSearch<'a> {
+    /// By the slices themselves, from the shifts of cubes and from what blocks can merge with.
+    InSlices(CubeSearch<'a>),
+    /// It was, for all blocks of the frame.
+    Done(&'a [BlockShifts]),
 }
 
 /// A slice as coded.
@@ -231,7 +241,7 @@ impl<'a> SliceEncoder<'a> {
         (motion && merging) || vector == Vector::ZERO
     }
 
-    /// Vectors found from the best to merge with and from the shifts of cubes.
+    /// Vectors that were searched for. `best`: the shift of the best to merge with.
     fn add_new_vectors(
         &mut self,
         block: usize,
@@ -240,30 +250,41 @@ impl<'a> SliceEncoder<'a> {
         sought: &mut SoughtBlock,
         modes: &mut BestModes,
     ) {
-        let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
-        let (_, cubes) = self.frame.reference.as_ref().expect("temporal modes have a reference");
-        let mut starts = vec![best];
-        for cube in cubes.shifts(block, &mut self.cube_scratch) {
-            if starts.iter().all(|known| !are_close(*known, cube)) {
-                starts.push(cube);
-            }
-        }
         let merged = context.candidates.as_slice().iter().copied();
         let mut known: Vec<Vector> = merged.filter(|vector| self.allows_merging(*vector)).collect();
-        for start in starts.into_iter().take(most) {
-            for shift in [start, sought.refine(start, block_steps)] {
-                let Some(vector) = self.nearest_vector(shift, context) else { continue };
-                if known.contains(&vector) {
-                    continue;
-                }
-                known.push(vector);
-                let mode = BlockMode::New { vector };
-                let cost = self.mode_cost(mode, context);
-                if cost < modes.bound() {
-                    modes.add(self.error_share() * sought.error(to_shift(vector)) + cost, mode);
-                }
+        for shift in self.shifts_to_try(block, best, sought) {
+            let Some(vector) = self.nearest_vector(shift, context) else { continue };
+            if known.contains(&vector) {
+                continue;
+            }
+            known.push(vector);
+            let mode = BlockMode::New { vector };
+            let cost = self.mode_cost(mode, context);
+            if cost < modes.bound() {
+                modes.add(self.error_share() * sought.error(to_shift(vector)) + cost, mode);
             }
         }
+    }
+
+    /// Shifts near which a block's vector may be: the best to merge with, and what is found from it and from those of cubes, or
+    /// was found.
+    fn shifts_to_try(&mut self, block: usize, best: Shift, sought: &mut SoughtBlock) -> Vec<Shift> {
+        let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
+        let (_, search) = self.frame.reference.as_ref().expect("temporal modes have a reference");
+        let mut shifts = vec![best];
+        match search {
+            MotionSearch::Done(found) => shifts.extend(found[block].iter().take(most)),
+            MotionSearch::InSlices(cubes) => {
+                for cube in cubes.shifts(block, &mut self.cube_scratch) {
+                    if shifts.iter().all(|known| !are_close(*known, cube)) {
+                        shifts.push(cube);
+                    }
+                }
+                let starts = shifts.into_iter().take(most);
+                shifts = starts.flat_map(|start| [start, sought.refine(start, block_steps)]).collect();
+            }
+        }
+        shifts
     }
 
     /// How many times the error of the voxels looked at a block's is.

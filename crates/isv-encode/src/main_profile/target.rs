@@ -210,7 +210,7 @@ impl<'a> Targets<'a> {
     #[inline(always)]
     fn near_rows_vectorized<S: Simd>(&self, simd: S, block: usize, every: usize, out: &mut Vec<NearRow>) {
         let (marks, samples) = (&self.marks[block], self.samples(block));
-        let elsewhere = f32x8::splat(simd, self.elsewhere.max(NEAR_WEIGHT));
+        let elsewhere = f32x8::splat(simd, self.near_weight());
         let zero = f32x8::splat(simd, 0.0);
         for row in 0..64 {
             if (row % 8 + 2 * (row / 8)) & (every - 1) != 0 {
@@ -232,8 +232,23 @@ impl<'a> Targets<'a> {
         }
     }
 
+    /// Weight of voxels that are near the surface but not at the ends of crossed edges, where motion is searched for.
+    pub(super) fn near_weight(&self) -> f32 {
+        self.elsewhere.max(NEAR_WEIGHT)
+    }
+
+    /// The voxels of a block that are at the ends of crossed edges.
+    pub(super) fn crossed(&self, block: usize) -> &Bits {
+        &self.marks[block].crossed
+    }
+
+    /// The voxels of a block that were not observed.
+    pub(super) fn unobserved(&self, block: usize) -> &Bits {
+        &self.marks[block].unobserved
+    }
+
     /// The samples of a block, in codes.
-    fn samples(&self, block: usize) -> &[i16; 512] {
+    pub(super) fn samples(&self, block: usize) -> &[i16; 512] {
         let block = self.marks[block].block as usize;
         self.volume.block(block).try_into().expect("blocks of an edge of 8")
     }
