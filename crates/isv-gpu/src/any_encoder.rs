@@ -1,12 +1,13 @@
 //! An encoder on whatever there is.
 
-use crate::{GpuBackend, GpuError, GpuVolume, VolumeStore};
+use crate::{GpuBackend, GpuError, GpuMotionSearch, GpuVolume, VolumeStore};
 use isv_decode::BackendError;
-use isv_encode::{EncodedFrame, Encoder, EncoderSettings, PaperEncoder};
+use isv_encode::{EncodedFrame, Encoder, EncoderSettings, MainEncoder, PaperEncoder};
 use isv_format::{Profile, StreamHeader};
 use isv_volume::{BlockEdge, SparseVolume};
 
-/// An [`Encoder`] on the CPU or, in profile `paper`, on a GPU. If a GPU fails, it can go on with a keyframe on the CPU.
+/// An [`Encoder`] on the CPU or on a GPU, where in profile `main` motion is searched for. If a GPU fails, it can go on with a
+/// keyframe on the CPU.
 #[derive(Debug)]
 pub struct AnyEncoder {
     header: StreamHeader,
@@ -19,7 +20,46 @@ pub struct AnyEncoder {
 #[derive(Debug)]
 enum Inner {
     Cpu(Box<Encoder>),
-    Gpu { encoder: Box<PaperEncoder<GpuBackend>>, falls_back: bool },
+    Gpu { encoder: GpuEncoder, falls_back: bool },
+}
+
+/// An encoder of each profile.
+#[derive(Debug)]
+enum GpuEncoder {
+    Paper(Box<PaperEncoder<GpuBackend>>),
+    Main(Box<MainEncoder<GpuMotionSearch>>),
+}
+
+impl GpuEncoder {
+    fn new(header: &StreamHeader, settings: EncoderSettings, store: &VolumeStore) -> Result<Self, GpuError> {
+        if header.grid.edge != BlockEdge::E8 {
+            return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
+        }
+        Ok(match &header.profile {
+            Profile::Paper(paper) => {
+                let backend = GpuBackend::new(store)?;
+                Self::Paper(Box::new(PaperEncoder::new(header.grid, paper, settings, backend)))
+            }
+            Profile::Main => {
+                let search = GpuMotionSearch::new(store)?;
+                Self::Main(Box::new(MainEncoder::new(header.grid, settings, search)))
+            }
+        })
+    }
+
+    fn encode(&mut self, volume: &SparseVolume) -> Result<EncodedFrame, BackendError> {
+        match self {
+            Self::Paper(encoder) => encoder.encode(volume),
+            Self::Main(encoder) => encoder.encode(volume),
+        }
+    }
+
+    fn reconstruction(&self) -> Result<Option<SparseVolume>, GpuError> {
+        match self {
+            Self::Paper(encoder) => encoder.reconstruction().map(GpuVolume::download).transpose(),
+            Self::Main(encoder) => Ok(encoder.reconstruction().cloned()),
+        }
+    }
 }
 
 impl Inner {
@@ -41,7 +81,8 @@ impl AnyEncoder {
     /// An encoder on a GPU. `falls_back`: whether it goes on on the CPU if the GPU fails.
     ///
     /// # Errors
-    /// [`GpuError::Unsupported`] in profile `main` and for blocks of another edge than 8 voxels; and as [`GpuBackend::new`].
+    /// [`GpuError::Unsupported`] for blocks of another edge than 8 voxels, and [`GpuError::Refused`] if the driver does not take a
+    /// kernel.
     ///
     /// # Panics
     /// If `settings.gop` is 0.
@@ -51,14 +92,7 @@ impl AnyEncoder {
         store: &VolumeStore,
         falls_back: bool,
     ) -> Result<Self, GpuError> {
-        let Profile::Paper(paper) = &header.profile else {
-            return Err(GpuError::Unsupported("encoding in profile main"));
-        };
-        if header.grid.edge != BlockEdge::E8 {
-            return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
-        }
-        let encoder = PaperEncoder::new(header.grid, paper, settings, GpuBackend::new(store)?);
-        let encoder = Inner::Gpu { encoder: Box::new(encoder), falls_back };
+        let encoder = Inner::Gpu { encoder: GpuEncoder::new(header, settings, store)?, falls_back };
         Ok(Self { header: *header, settings, encoder, notice: None })
     }
 
@@ -89,7 +123,7 @@ impl AnyEncoder {
     pub fn reconstruction(&self) -> Result<Option<SparseVolume>, GpuError> {
         match &self.encoder {
             Inner::Cpu(encoder) => Ok(encoder.reconstruction().cloned()),
-            Inner::Gpu { encoder, .. } => encoder.reconstruction().map(GpuVolume::download).transpose(),
+            Inner::Gpu { encoder, .. } => encoder.reconstruction(),
         }
     }
 
@@ -102,6 +136,7 @@ impl AnyEncoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Gpu;
     use crate::tests::{gpu_for_tests, grid};
     use isv_decode::{Decoder, Limits};
     use isv_encode::MotionMode;
@@ -115,14 +150,12 @@ mod tests {
     const PAPER: Profile = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 2048 });
 
     /// Frames of a ball, the GPU lost before the third: all of them decode on the CPU to what the encoder had.
-    #[test]
-    fn a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe() {
-        let Some(gpu) = gpu_for_tests("a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe") else { return };
-        let (header, store) = (header(PAPER), VolumeStore::new(&gpu).unwrap());
+    fn lose_the_gpu(header: &StreamHeader, gpu: &Gpu) {
+        let store = VolumeStore::new(gpu).unwrap();
         let motion = MotionMode::Fixed(Prediction::ThreeDof);
         let settings = EncoderSettings { checksums: true, motion, ..EncoderSettings::default() };
-        let mut encoder = AnyEncoder::on_gpu(&header, settings, &store, true).unwrap();
-        let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+        let mut encoder = AnyEncoder::on_gpu(header, settings, &store, true).unwrap();
+        let mut writer = PacketWriter::new(Vec::new(), header).unwrap();
         let mut keyframes = Vec::new();
         for frame in 0..4 {
             if frame == 2 {
@@ -136,14 +169,32 @@ mod tests {
         assert_eq!(keyframes, [true, false, true, false]);
         let bytes = writer.finish().unwrap();
         let mut packets = PacketReader::new(&bytes[..]).unwrap();
-        let mut decoder = Decoder::new(&header, Limits::default());
+        let mut decoder = Decoder::new(header, Limits::default());
         while let Some(packet) = packets.next_frame().unwrap() {
             assert!(decoder.decode_and_verify(&packet).unwrap().stated_hash.is_some());
         }
-        // Where a GPU was asked for, it is an error.
-        let mut strict = AnyEncoder::on_gpu(&header, settings, &store, false).unwrap();
-        let error = strict.encode(&ball(grid(), 0.0)).unwrap_err();
-        assert!(matches!(error, BackendError::DeviceFailed(_)), "{error}");
+    }
+
+    #[test]
+    fn a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe() {
+        for profile in [PAPER, Profile::Main] {
+            let Some(gpu) = gpu_for_tests("a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe") else { return };
+            lose_the_gpu(&header(profile), &gpu);
+        }
+    }
+
+    #[test]
+    fn a_lost_gpu_is_an_error_where_a_gpu_was_asked_for() {
+        for profile in [PAPER, Profile::Main] {
+            let Some(gpu) = gpu_for_tests("a_lost_gpu_is_an_error_where_a_gpu_was_asked_for") else { return };
+            let (header, store) = (header(profile), VolumeStore::new(&gpu).unwrap());
+            let settings = EncoderSettings::default();
+            let mut encoder = AnyEncoder::on_gpu(&header, settings, &store, false).unwrap();
+            encoder.encode(&ball(grid(), 0.0)).unwrap();
+            gpu.lose();
+            let error = encoder.encode(&ball(grid(), 1.0)).unwrap_err();
+            assert!(matches!(error, BackendError::DeviceFailed(_)), "{error}");
+        }
     }
 
     #[test]
@@ -152,9 +203,7 @@ mod tests {
         let store = VolumeStore::new(&gpu).unwrap();
         let wide =
             StreamHeader { grid: isv_volume::Grid { edge: BlockEdge::E16, ..grid() }, ..header(PAPER) };
-        for header in [header(Profile::Main), wide] {
-            let encoder = AnyEncoder::on_gpu(&header, EncoderSettings::default(), &store, false);
-            assert!(matches!(encoder, Err(GpuError::Unsupported(_))));
-        }
+        let encoder = AnyEncoder::on_gpu(&wide, EncoderSettings::default(), &store, false);
+        assert!(matches!(encoder, Err(GpuError::Unsupported(_))));
     }
 }

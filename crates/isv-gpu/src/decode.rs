@@ -8,7 +8,7 @@
 //! | `made_up_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
 //! | `questions` | what entropy decoding asks of samples: expected activity, corners of crossed cells |
 
-mod coded_blocks;
+pub(crate) mod coded_blocks;
 mod kernels;
 mod made_up_blocks;
 mod main_frame;

@@ -1,14 +1,18 @@
-//! Encoding of profile `paper` on a GPU: the arithmetic on samples of [`isv_encode`].
+//! Encoding on a GPU: the arithmetic on samples of [`isv_encode`] in profile `paper`, and its search for motion in profile `main`.
 //!
-//! | file | step |
-//! |---|---|
-//! | `search` | motion of every block, in floating point |
-//! | `code` | levels of every block and the frame that they give, with the CPU's bits |
-//! | `tools` | kernels, compiled when an encoder first needs them |
+//! | file | profile | step |
+//! |---|---|---|
+//! | `search` | `paper` | motion of every block, in floating point |
+//! | `code` | `paper` | levels of every block and the frame that they give, with the CPU's bits |
+//! | `tools` | `paper` | kernels, compiled when an encoder first needs them |
+//! | `shifts` | `main` | motion of every block and of cubes of blocks, in floating point |
 
 mod code;
+#[cfg(test)]
+mod main_tests;
 mod search;
 pub(crate) mod shaders;
+mod shifts;
 #[cfg(test)]
 mod tests;
 mod tools;
@@ -21,6 +25,7 @@ use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
 use isv_volume::SparseVolume;
 
+pub use shifts::GpuMotionSearch;
 pub(crate) use tools::EncodeTools;
 
 impl EncodeBackend for GpuBackend {

@@ -69,6 +69,7 @@ pub use any_mesh_ingester::AnyMeshIngester;
 pub use choice::{BackendChoice, OpenedBackend};
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
+pub use encode::GpuMotionSearch;
 pub use error::GpuError;
 pub use ingest::{GpuIngestError, GpuMeshIngester};
 pub use stopwatch::KernelTime;
@@ -102,6 +103,7 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (ingest::kernels::MEASURE, &["measure"]),
     (encode::shaders::SEARCH, &["search"]),
     (encode::shaders::CODE, &["code"]),
+    (encode::shaders::SHIFTS, &["find_shifts"]),
 ];
 
 #[cfg(test)]

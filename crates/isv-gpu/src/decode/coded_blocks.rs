@@ -39,7 +39,7 @@ struct CodedMode {
 }
 
 /// A vector, or none, as `vectors.wgsl` has it.
-pub(super) fn pack_vector(vector: Option<Vector>) -> u32 {
+pub(crate) fn pack_vector(vector: Option<Vector>) -> u32 {
     let pack = |Vector(vector): Vector| {
         let [x, y, z] = vector.map(|component| u32::from((component + Vector::LIMIT).unsigned_abs()));
         x | y << 9 | z << 18 | 1 << 27

@@ -13,7 +13,9 @@ pub(crate) const MOVED: &str = include_str!("../shaders/moved_block.wgsl");
 const RESIDUAL: &str = include_str!("../shaders/residual.wgsl");
 const CODED: &str = include_str!("../shaders/coded.wgsl");
 const PARAMETERS: &str = include_str!("../shaders/coded_parameters.wgsl");
-const VECTORS: &str = include_str!("../shaders/vectors.wgsl");
+pub(crate) const VECTORS: &str = include_str!("../shaders/vectors.wgsl");
+/// What stands for blocks that the frame before does not have.
+pub(crate) const BESIDE: &str = include_str!("../shaders/beside.wgsl");
 pub(crate) const FRAME: &str = include_str!("../shaders/frame_blocks.wgsl");
 
 /// A block from the frame before, and its residual.
@@ -27,6 +29,7 @@ pub(crate) const TEMPORAL: Shader = Shader {
         CODED,
         VECTORS,
         PARAMETERS,
+        BESIDE,
         include_str!("../shaders/temporal.wgsl"),
         FIND,
     ],

@@ -1,9 +1,9 @@
 //! The kernels of encoding.
 
-use crate::decode::shaders::{FIND, FRAME, MOVED, RIGID, SAMPLES, TABLE, TRANSFORM};
+use crate::decode::shaders::{BESIDE, FIND, FRAME, MOVED, RIGID, SAMPLES, TABLE, TRANSFORM, VECTORS};
 use crate::kernel::Shader;
 
-/// Motion of a block.
+/// Motion of a block (profile `paper`).
 pub(crate) const SEARCH: Shader = Shader {
     name: "search",
     parts: &[
@@ -20,4 +20,9 @@ pub(crate) const SEARCH: Shader = Shader {
 pub(crate) const CODE: Shader = Shader {
     name: "code",
     parts: &[SAMPLES, TABLE, FRAME, TRANSFORM, RIGID, MOVED, include_str!("../shaders/code.wgsl"), FIND],
+};
+/// Where blocks come from that move as one (profile `main`).
+pub(crate) const SHIFTS: Shader = Shader {
+    name: "shifts",
+    parts: &[SAMPLES, TABLE, VECTORS, BESIDE, include_str!("../shaders/shifts.wgsl"), FIND],
 };

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 const PAPER: PaperParameters = PaperParameters { coefficients: 64, dc_step: 819, ac_step: 2048 };
 
 /// Bytes of a segment where a person is coded: four hold several frames of thousands of blocks.
-const PERSON_BYTES: u64 = 16 << 20;
+pub(super) const PERSON_BYTES: u64 = 16 << 20;
 /// Levels that a decoder's kernels take in the small buffers of tests.
 const MOST_LEVELS: usize = 1 << 18;
 
@@ -47,7 +47,7 @@ fn captured(frames: usize) -> Option<Vec<SparseVolume>> {
 }
 
 /// Frames of a ball that moves and breathes, and of a captured person.
-fn sequences(frames: usize) -> Vec<(&'static str, Vec<SparseVolume>)> {
+pub(super) fn sequences(frames: usize) -> Vec<(&'static str, Vec<SparseVolume>)> {
     let balls = (0..frames).map(|t| ball(grid(), t as f64)).collect();
     let captured = captured(frames).map(|volumes| ("dancer", volumes));
     [("ball", balls)].into_iter().chain(captured).collect()
@@ -167,19 +167,19 @@ fn vectors_predict_as_well_as_the_cpus() {
 }
 
 /// A stream in the making, with the sum of its frames' errors.
-struct Stream {
+pub(super) struct Stream {
     header: StreamHeader,
-    writer: PacketWriter<Vec<u8>>,
+    pub(super) writer: PacketWriter<Vec<u8>>,
     frames: u64,
-    error: f64,
+    pub(super) error: f64,
 }
 
 impl Stream {
-    fn new(header: StreamHeader) -> Self {
+    pub(super) fn new(header: StreamHeader) -> Self {
         Self { header, writer: PacketWriter::new(Vec::new(), &header).unwrap(), frames: 0, error: 0.0 }
     }
 
-    fn add(&mut self, frame: &EncodedFrame, source: &SparseVolume, decoded: &SparseVolume) {
+    pub(super) fn add(&mut self, frame: &EncodedFrame, source: &SparseVolume, decoded: &SparseVolume) {
         let timestamp = self.header.frame_rate.timestamp_ns(self.frames);
         self.writer.write_frame(frame.keyframe, timestamp, &frame.payload()).unwrap();
         self.frames += 1;
