@@ -1,59 +1,62 @@
 //! A volume that grows image by image.
 
+use crate::backend::{Cpu, FusionBackend};
 use crate::blocks::Blocks;
-use crate::integrate::BlockSums;
 use crate::{FusionError, FusionSettings, limits};
-use isv_volume::{BlockCoord, DepthImage, MortonCode, SparseVolume};
-use rayon::prelude::*;
-use std::collections::BTreeMap;
-
-/// Weight after which a voxel forgets as fast as it learns: thirty readings from 1 m, straight on. Something that was
-/// moved away is gone after about as many readings as had seen it, and never more than these.
-const MOST_WEIGHT: f32 = 30.0;
+use isv_volume::{DepthImage, SparseVolume};
 
 /// Fuses images taken one after the other, by a camera that moves through a scene that stands still.
 ///
 /// Later images refine what was seen before, extend it, and take away what is no longer there: where they see past a voxel
 /// that was behind a surface, and have done so for longer than the surface had been seen, it becomes free space.
 #[derive(Clone, Debug)]
-pub struct Accumulator {
+pub struct Accumulator<B: FusionBackend = Cpu> {
     settings: FusionSettings,
-    blocks: BTreeMap<MortonCode, BlockSums>,
+    backend: B,
+    sums: B::Sums,
 }
 
 impl Accumulator {
     /// An accumulator that has seen nothing.
     #[must_use]
     pub fn new(settings: FusionSettings) -> Self {
-        Self { settings, blocks: BTreeMap::new() }
+        Self::on(Cpu, settings)
+    }
+
+    /// The volume of all that was seen so far; empty before the first images.
+    #[must_use]
+    pub fn volume(&self) -> SparseVolume {
+        let grid = self.settings.grid;
+        Blocks::new(grid, Cpu::coords(&self.sums), self.sums.resolve(&grid)).finish()
+    }
+}
+
+impl<B: FusionBackend> Accumulator<B> {
+    /// An accumulator that has seen nothing, its sums kept by a backend.
+    #[must_use]
+    pub fn on(backend: B, settings: FusionSettings) -> Self {
+        Self { settings, backend, sums: B::Sums::default() }
     }
 
     /// Adds the images of one instant.
     ///
     /// # Errors
     /// See [`FusionError`]; [`FusionSettings::max_blocks`] counts all blocks so far. After an error the accumulator is as
-    /// it was before.
+    /// it was before, unless the backend failed: its sums are gone then.
     pub fn integrate(&mut self, images: &[DepthImage]) -> Result<(), FusionError> {
-        let grid = self.settings.grid;
-        let views = limits::checked_views(images, &self.settings)?;
-        let known: Vec<BlockCoord> = self.blocks.keys().map(|code| code.coord()).collect();
-        for coord in limits::checked_blocks(&views, &self.settings, &known)? {
-            self.blocks.entry(coord.morton()).or_insert_with(|| BlockSums::new(grid.edge));
-        }
-        self.blocks.par_iter_mut().for_each(|(code, sums)| {
-            for view in &views {
-                sums.integrate(view, &grid, code.coord());
-            }
-            sums.forget(MOST_WEIGHT);
-        });
-        Ok(())
+        let views = limits::checked_views(&mut self.backend, images, &self.settings)?;
+        let known = B::coords(&self.sums);
+        let touched = limits::checked_blocks(&mut self.backend, &views, &self.settings, &known)?;
+        self.backend.accumulate(&mut self.sums, &views, &self.settings.grid, &touched)
     }
 
-    /// The volume of all that was seen so far; empty before the first images.
-    #[must_use]
-    pub fn volume(&self) -> SparseVolume {
-        let coords = self.blocks.keys().map(|code| code.coord()).collect();
-        let copy = |sums: &mut BlockSums, coord: BlockCoord| sums.clone_from(&self.blocks[&coord.morton()]);
-        Blocks::resolve_all(self.settings.grid, coords, BlockSums::default, copy).finish()
+    /// [`Accumulator::volume`] of any backend.
+    ///
+    /// # Errors
+    /// [`FusionError::Backend`].
+    pub fn try_volume(&mut self) -> Result<SparseVolume, FusionError> {
+        let grid = self.settings.grid;
+        let sampled = self.backend.resolve(&self.sums, &grid)?;
+        Ok(Blocks::new(grid, B::coords(&self.sums), sampled).finish())
     }
 }

@@ -1,12 +1,10 @@
 //! From sums to the blocks of a volume.
 
+use crate::backend::{SampledBlocks, UNKNOWN};
 use crate::integrate::{BlockSums, LEAST_WEIGHT};
 use isv_volume::{BlockCoord, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// The sample of a voxel of which nothing is known, before it gets one.
-pub(crate) const UNKNOWN: i16 = i16::MIN;
 
 /// All blocks that were touched, in Morton order, on their way to a volume.
 pub(crate) struct Blocks {
@@ -18,11 +16,11 @@ pub(crate) struct Blocks {
     pub(crate) unobserved: Vec<VoxelMask>,
 }
 
-impl Blocks {
+impl SampledBlocks {
     /// Takes the sums of all blocks, which `sums_of` puts in place of older ones of the same thread.
     pub(crate) fn resolve_all(
-        grid: Grid,
-        coords: Vec<BlockCoord>,
+        grid: &Grid,
+        coords: &[BlockCoord],
         fresh: impl Fn() -> BlockSums + Sync + Send,
         sums_of: impl Fn(&mut BlockSums, BlockCoord) + Sync + Send,
     ) -> Self {
@@ -30,13 +28,20 @@ impl Blocks {
         let mut samples = vec![UNKNOWN; coords.len() * size];
         let unobserved = samples
             .par_chunks_exact_mut(size)
-            .zip(&coords)
+            .zip(coords)
             .map_init(fresh, |sums, (block, coord)| {
                 sums_of(sums, *coord);
-                resolve(sums, &grid, block)
+                resolve(sums, grid, block)
             })
             .collect();
-        Self { grid, coords, samples, unobserved }
+        Self { samples, unobserved }
+    }
+}
+
+impl Blocks {
+    /// Blocks of which this is known.
+    pub(crate) fn new(grid: Grid, coords: Vec<BlockCoord>, sampled: SampledBlocks) -> Self {
+        Self { grid, coords, samples: sampled.samples, unobserved: sampled.unobserved }
     }
 
     /// Makes unobserved what would show a surface that nobody saw, lets the field run on through what was not observed,

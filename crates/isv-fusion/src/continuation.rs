@@ -3,7 +3,8 @@
 //! They need samples all the same, and those that continue the field around them cost least to code and keep coding
 //! from inventing a sign.
 
-use crate::blocks::{Blocks, UNKNOWN};
+use crate::backend::UNKNOWN;
+use crate::blocks::Blocks;
 use isv_volume::{BlockEdge, CODES_PER_VOXEL, VoxelMask};
 use rayon::prelude::*;
 

@@ -4,7 +4,8 @@
 //! between the two would run on behind the thing like a curtain. A distance changes by no more than one voxel from a voxel
 //! to the next, though, and there it changes by more.
 
-use crate::blocks::{Blocks, UNKNOWN};
+use crate::backend::UNKNOWN;
+use crate::blocks::Blocks;
 use isv_volume::{BlockIndex, CODES_PER_VOXEL};
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 use isv_volume::FitError;
 use thiserror::Error;
 
-/// Images or settings that fusion refuses, always before memory for samples is taken.
+/// Images or settings that fusion refuses, always before memory for samples is taken; or a backend that failed.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FusionError {
@@ -27,6 +27,9 @@ pub enum FusionError {
         /// What it may be.
         range: &'static str,
     },
+    /// Whoever did the arithmetic failed: its device is gone, or has too little memory. The sentence is the backend's.
+    #[error("{0}")]
+    Backend(String),
     /// The surface does not fit on the grid.
     #[error(transparent)]
     Fit(#[from] FitError),

@@ -24,6 +24,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! The arithmetic on pixels and voxels belongs to a [`backend`], of which the CPU is the reference.
+//!
 //! How it works, by private module: `planes` fits a plane to each pixel of an image and finds the jumps in depth, `view`
 //! puts the planes into space and weighs them, `allocation` finds the blocks that they touch, `integrate` adds up what
 //! they say about each voxel. `blocks` makes samples of the sums; `contradictions` and `rims` make unobserved where a
@@ -34,6 +36,7 @@
 
 mod accumulator;
 mod allocation;
+pub mod backend;
 mod blocks;
 mod continuation;
 mod contradictions;
@@ -50,8 +53,8 @@ mod tests;
 pub use accumulator::Accumulator;
 pub use error::FusionError;
 
+use backend::{Cpu, FusionBackend};
 use blocks::Blocks;
-use integrate::BlockSums;
 use isv_volume::{DepthImage, Grid, SparseVolume};
 
 /// Blocks a volume may have by default: 2 GiB of samples with blocks of 8 voxels.
@@ -91,14 +94,20 @@ impl FusionSettings {
 /// # Errors
 /// See [`FusionError`]; all of them are found before memory for samples is taken.
 pub fn fuse(images: &[DepthImage], settings: &FusionSettings) -> Result<SparseVolume, FusionError> {
-    let views = limits::checked_views(images, settings)?;
-    let coords = limits::checked_blocks(&views, settings, &[])?;
-    let fresh = || BlockSums::new(settings.grid.edge);
-    let blocks = Blocks::resolve_all(settings.grid, coords, fresh, |sums, coord| {
-        sums.clear();
-        for view in &views {
-            sums.integrate(view, &settings.grid, coord);
-        }
-    });
-    Ok(blocks.finish())
+    fuse_on(&mut Cpu, images, settings)
+}
+
+/// The same, the arithmetic on pixels and voxels done by a backend.
+///
+/// # Errors
+/// See [`FusionError`].
+pub fn fuse_on<B: FusionBackend>(
+    backend: &mut B,
+    images: &[DepthImage],
+    settings: &FusionSettings,
+) -> Result<SparseVolume, FusionError> {
+    let views = limits::checked_views(backend, images, settings)?;
+    let coords = limits::checked_blocks(backend, &views, settings, &[])?;
+    let sampled = backend.sample(&views, &settings.grid, &coords)?;
+    Ok(Blocks::new(settings.grid, coords, sampled).finish())
 }

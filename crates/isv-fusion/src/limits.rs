@@ -1,16 +1,17 @@
 //! Refusing what cannot be done, before it costs anything, and saying what could be.
 
-use crate::allocation::{OverLimit, touched_blocks};
-use crate::view::View;
+use crate::backend::FusionBackend;
 use crate::{FusionError, FusionSettings};
 use isv_volume::{BlockCoord, DepthImage, FitError};
 use rustc_hash::FxHashSet;
+use std::cell::RefCell;
 
 /// The images made ready, if the settings make sense, there is a reading and all are in range.
-pub(crate) fn checked_views(
+pub(crate) fn checked_views<B: FusionBackend>(
+    backend: &mut B,
     images: &[DepthImage],
     settings: &FusionSettings,
-) -> Result<Vec<View>, FusionError> {
+) -> Result<B::Views, FusionError> {
     let FusionSettings { max_depth_m, noise, .. } = *settings;
     if max_depth_m.is_nan() || max_depth_m <= 0.0 {
         let (name, range) = ("largest depth in metres", "above 0");
@@ -26,7 +27,7 @@ pub(crate) fn checked_views(
         return Err(FusionError::NoReading { pixels, max_depth_m });
     }
     check_range(images, settings)?;
-    Ok(images.iter().map(|image| View::new(image, settings)).collect())
+    backend.views(images, settings)
 }
 
 /// Refuses images that reach beyond the range of block coordinates.
@@ -49,24 +50,34 @@ fn farthest(image: &DepthImage, max_depth_m: f64) -> f64 {
 }
 
 /// The blocks that the views touch, in Morton order, if together with those known before they stay within the limit.
-pub(crate) fn checked_blocks(
-    views: &[View],
+pub(crate) fn checked_blocks<B: FusionBackend>(
+    backend: &mut B,
+    views: &B::Views,
     settings: &FusionSettings,
     known: &[BlockCoord],
 ) -> Result<Vec<BlockCoord>, FusionError> {
-    let limit = settings.max_blocks;
-    if let Ok(blocks) = touched_blocks(views, &settings.grid, 1.0, limit)
+    let (grid, limit) = (&settings.grid, settings.max_blocks);
+    if let Some(blocks) = backend.touched_blocks(views, grid, 1.0, limit)?
         && (blocks.len() + known.len() <= limit || union(&blocks, known, 1.0) <= limit)
     {
         return Ok(blocks);
     }
-    let fine_m = settings.grid.voxel_size.metres();
+    let fine_m = grid.voxel_size.metres();
+    let backend = RefCell::new((backend, None));
     let count = |voxel_m: f64| {
-        let scale = voxel_m / fine_m;
-        let blocks = touched_blocks(views, &settings.grid, scale, limit).map_err(|OverLimit| ()).ok()?;
-        Some(union(&blocks, known, scale)).filter(|blocks| *blocks <= limit)
+        let (scale, (backend, failure)) = (voxel_m / fine_m, &mut *backend.borrow_mut());
+        if failure.is_some() {
+            return None;
+        }
+        let blocks = backend.touched_blocks(views, grid, scale, limit).unwrap_or_else(|error| {
+            *failure = Some(error);
+            None
+        });
+        Some(union(&blocks?, known, scale)).filter(|blocks| *blocks <= limit)
     };
-    Err(FitError::too_many_blocks(&settings.grid, limit, 0.0, count).into())
+    let refusal = FitError::too_many_blocks(grid, limit, 0.0, count).into();
+    let (_, failure) = backend.into_inner();
+    Err(failure.unwrap_or(refusal))
 }
 
 /// How many blocks there are in two lists together, the second one on a grid finer by a factor.

@@ -58,8 +58,10 @@ pub(crate) fn fit_planes(image: &DepthImage, settings: &FusionSettings) -> Vec<P
     fits
 }
 
-/// Pixels to a voxel at the median depth of an image, from 1 to [`MOST_RADIUS`]: what is finer than a voxel is noise.
-fn typical_radius(image: &DepthImage, settings: &FusionSettings) -> usize {
+/// Radius of the square of pixels that a plane is fitted to: pixels to a voxel at the median depth of an image, from 1 to 3. What
+/// is finer than a voxel is noise.
+#[must_use]
+pub fn fit_radius(image: &DepthImage, settings: &FusionSettings) -> usize {
     let mut depths: Vec<f32> = image.depths_m().iter().copied().filter(|depth| *depth > 0.0).collect();
     if depths.is_empty() {
         return 1;
@@ -81,7 +83,7 @@ struct PaddedImage {
 impl PaddedImage {
     fn new(image: &DepthImage, settings: &FusionSettings) -> Self {
         let width = image.intrinsics().width as usize;
-        let radius = typical_radius(image, settings);
+        let radius = fit_radius(image, settings);
         let stride = width + 2 * radius;
         let mut inverse = vec![0.0; stride * (image.intrinsics().height as usize + 2 * radius)];
         let rows = inverse[radius * stride..].chunks_exact_mut(stride);

@@ -31,6 +31,7 @@ pub(crate) struct Surfel {
 }
 
 /// A camera with the surface that it saw. Lengths are in voxels.
+#[derive(Debug)]
 pub(crate) struct View {
     pub(crate) intrinsics: Intrinsics,
     /// World to camera.

@@ -1,6 +1,7 @@
 //! What can go wrong with a GPU.
 
 use isv_decode::BackendError;
+use isv_fusion::FusionError;
 use std::fmt::Display;
 use thiserror::Error;
 
@@ -82,6 +83,12 @@ impl From<GpuError> for BackendError {
             GpuError::Unsupported(what) => Self::Unsupported(what),
             other => Self::DeviceFailed(other.to_string()),
         }
+    }
+}
+
+impl From<GpuError> for FusionError {
+    fn from(error: GpuError) -> Self {
+        Self::Backend(error.to_string())
     }
 }
 

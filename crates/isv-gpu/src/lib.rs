@@ -53,6 +53,7 @@ mod device;
 mod encode;
 mod error;
 mod ingest;
+mod fusion;
 mod kernel;
 mod pool;
 mod prefix_sums;
@@ -72,6 +73,7 @@ pub use device::{Gpu, GpuChoice, Memory};
 pub use encode::GpuMotionSearch;
 pub use error::GpuError;
 pub use ingest::{GpuIngestError, GpuMeshIngester};
+pub use fusion::{GpuFusion, GpuSums, GpuViews};
 pub use stopwatch::KernelTime;
 pub(crate) use storage::Storage;
 pub use store::VolumeStore;
@@ -104,6 +106,11 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (encode::shaders::SEARCH, &["search"]),
     (encode::shaders::CODE, &["code"]),
     (encode::shaders::SHIFTS, &["find_shifts"]),
+    (fusion::kernels::PLANES, &["fit_planes"]),
+    (fusion::kernels::COUNT, &["count_rays"]),
+    (fusion::kernels::ALLOCATE, &["allocate"]),
+    (fusion::kernels::INTEGRATE, &["integrate"]),
+    (fusion::kernels::RESOLVE, &["resolve"]),
 ];
 
 #[cfg(test)]

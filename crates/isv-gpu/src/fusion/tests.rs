@@ -1,0 +1,1 @@
+//! Fusion on the GPU against fusion on the CPU.
