@@ -48,11 +48,8 @@ pub trait FusionBackend: fmt::Debug {
     ///
     /// # Errors
     /// [`FusionError::Backend`].
-    fn views(
-        &mut self,
-        images: &[DepthImage],
-        settings: &FusionSettings,
-    ) -> Result<Self::Views, FusionError>;
+    fn views(&mut self, images: &[DepthImage], settings: &FusionSettings)
+    -> Result<Self::Views, FusionError>;
 
     /// The blocks that rays pass through within the band, in Morton order, each once; nothing if there are more than `limit`. The
     /// voxels of these blocks are `scale` times as large as those of `grid`; `scale` is 1 or more.

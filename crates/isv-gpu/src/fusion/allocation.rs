@@ -4,7 +4,7 @@ use super::GpuFusion;
 use super::views::{Batch, GpuViews, Strip};
 use crate::commands::Commands;
 use crate::prefix_sums::PrefixSums;
-use crate::storage::{Room, Usage, write};
+use crate::storage::{Room, Usage};
 use crate::{GpuError, Storage};
 use isv_volume::{BlockCoord, COORD_LIMIT, Grid, MortonCode};
 use std::hash::{BuildHasher, Hasher, RandomState};

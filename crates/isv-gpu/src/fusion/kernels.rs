@@ -20,8 +20,10 @@ pub(crate) const ALLOCATE: Shader = Shader {
     parts: &[VIEW, BLOCK_TABLE, include_str!("../shaders/fusion_allocate.wgsl")],
 };
 /// Sums of voxels.
-pub(crate) const INTEGRATE: Shader =
-    Shader { name: "fusion integrate", parts: &[VIEW, SUMS, include_str!("../shaders/fusion_integrate.wgsl")] };
+pub(crate) const INTEGRATE: Shader = Shader {
+    name: "fusion integrate",
+    parts: &[VIEW, SUMS, include_str!("../shaders/fusion_integrate.wgsl")],
+};
 /// From sums to samples.
 pub(crate) const RESOLVE: Shader =
     Shader { name: "fusion resolve", parts: &[SUMS, include_str!("../shaders/fusion_resolve.wgsl")] };
