@@ -4,8 +4,10 @@ use anyhow::Result;
 use isv::decode::{Decoder, Limits, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
+use isv::fusion::FusionSettings;
 use isv::gpu::{
-    AnyDecoder, AnyEncoder, AnyMeshIngester, BackendChoice, GpuError, OpenedBackend, VolumeStore,
+    AnyAccumulator, AnyDecoder, AnyEncoder, AnyFusion, AnyMeshIngester, BackendChoice, GpuError,
+    OpenedBackend, VolumeStore,
 };
 use isv::ingest::MeshIngest;
 use std::env;
@@ -81,6 +83,21 @@ impl Backend {
     pub(crate) fn mesh_ingester(&self, settings: MeshIngest) -> Result<AnyMeshIngester> {
         let on_gpu = self.on_gpu(|store, falls_back| AnyMeshIngester::on_gpu(settings, store, falls_back))?;
         Ok(on_gpu.unwrap_or_else(|| AnyMeshIngester::on_cpu(settings)))
+    }
+
+    /// What fuses the depth images of one instant, with such a line.
+    pub(crate) fn fusion(&self) -> Result<AnyFusion> {
+        let on_gpu = self.on_gpu(|store, falls_back| AnyFusion::on_gpu(store.gpu(), falls_back))?;
+        Ok(on_gpu.unwrap_or_else(AnyFusion::on_cpu))
+    }
+
+    /// What fuses them with all that came before. If it is left to us this is done on the CPU, which cannot go on from the sums of
+    /// a GPU that fails.
+    pub(crate) fn accumulator(&self, settings: FusionSettings) -> Result<AnyAccumulator> {
+        match &self.store {
+            Some(store) if !self.falls_back => Ok(AnyAccumulator::on_gpu(store.gpu(), settings)?),
+            _ => Ok(AnyAccumulator::on_cpu(settings)),
+        }
     }
 
     /// What a GPU gives, told whether it may fall back to the CPU; nothing where the CPU is to be used.

@@ -38,12 +38,15 @@
 //! - Kernels are WGSL in `shaders`, put together from parts (`kernel`); one workgroup works on one block. What a decoder repeats is
 //!   `i32` and `u32` only, and written after the scalar code of `isv-kernels` and `isv-decode`, which tests compare it with.
 //! - Meshes become volumes where they are coded (`ingest`): distances in floating point, everything else in integers.
+//! - Depth images are fused (`fusion`): planes, blocks and sums of voxels on the GPU, the rest by `isv-fusion`. In floating point, so
+//!   that these are not the CPU's bits.
 //! - Surfaces are extracted where the volumes are (`surface`), and stay there until they are wanted here.
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
 mod any_decoder;
 mod any_encoder;
+mod any_fusion;
 mod any_mesh_ingester;
 mod blocks;
 mod choice;
@@ -52,8 +55,8 @@ mod decode;
 mod device;
 mod encode;
 mod error;
-mod ingest;
 mod fusion;
+mod ingest;
 mod kernel;
 mod pool;
 mod prefix_sums;
@@ -66,14 +69,15 @@ mod volume;
 pub use adapter::{AdapterKind, AdapterReport, adapters};
 pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
 pub use any_encoder::AnyEncoder;
+pub use any_fusion::{AnyAccumulator, AnyFusion};
 pub use any_mesh_ingester::AnyMeshIngester;
 pub use choice::{BackendChoice, OpenedBackend};
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
 pub use encode::GpuMotionSearch;
 pub use error::GpuError;
-pub use ingest::{GpuIngestError, GpuMeshIngester};
 pub use fusion::{GpuFusion, GpuSums, GpuViews};
+pub use ingest::{GpuIngestError, GpuMeshIngester};
 pub use stopwatch::KernelTime;
 pub(crate) use storage::Storage;
 pub use store::VolumeStore;

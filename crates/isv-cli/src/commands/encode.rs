@@ -127,8 +127,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     interrupt::listen()?;
     let settings = args.settings(&mut header)?;
     let backend = args.backend.open()?;
-    let maker =
-        args.ingest.volume_maker(header.grid, args.header.profile_name(), &backend, Arc::clone(&progress))?;
+    let profile = args.header.profile_name();
+    let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
     let mut job = Job {
         header,
         encoder: backend.encoder(&header, settings)?,

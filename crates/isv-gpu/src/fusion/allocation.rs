@@ -8,6 +8,7 @@ use crate::storage::{Room, Usage};
 use crate::{GpuError, Storage};
 use isv_volume::{BlockCoord, COORD_LIMIT, Grid, MortonCode};
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::ops::Range;
 
 /// Entries that a table begins with, and by how much it grows where they are not enough.
 const FIRST_ENTRIES: u64 = 1 << 17;
@@ -68,7 +69,8 @@ impl GpuFusion {
     /// The blocks that rays pass through, if they are not more than a limit.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] if there are more rays or blocks than can be counted here, and what goes wrong on the GPU.
+    /// [`GpuError::TooLarge`] or [`GpuError::Unsupported`] if there are more blocks or rays than can be counted here, though not
+    /// more than the limit; and what goes wrong on the GPU.
     pub(super) fn allocate(
         &mut self,
         views: &GpuViews,
@@ -82,9 +84,21 @@ impl GpuFusion {
             match self.search(views, &scale)? {
                 Search::Found(blocks) => return Ok(Some(blocks)),
                 Search::OverLimit => return Ok(None),
-                Search::Crowded => self.allocator.entries *= GROWTH,
+                Search::Crowded => self.grow_table()?,
             }
         }
+    }
+
+    /// Has the next table be larger.
+    fn grow_table(&mut self) -> Result<(), GpuError> {
+        let (entries, limit) = (self.allocator.entries, self.gpu.binding_bytes());
+        let most = 1 << (limit / NAME_BYTES).ilog2();
+        if entries >= most {
+            let bytes = NAME_BYTES * entries * GROWTH;
+            return Err(GpuError::TooLarge { what: "blocks found", bytes, limit });
+        }
+        self.allocator.entries = (entries * GROWTH).min(most);
+        Ok(())
     }
 
     /// Looks for blocks with a table of the present size.
@@ -97,8 +111,7 @@ impl GpuFusion {
                     return Ok(Search::OverLimit);
                 }
                 if rays == u32::MAX {
-                    let (bytes, limit) = (u64::from(rays) * NAME_BYTES, self.gpu.binding_bytes());
-                    return Err(GpuError::TooLarge { what: "the rays of a depth image", bytes, limit });
+                    return Err(GpuError::Unsupported("depth images whose pixels cover thousands of blocks"));
                 }
                 for first in (0..rays).step_by(RAYS_AT_ONCE) {
                     let end = first.saturating_add(RAYS_AT_ONCE as u32).min(rays);
@@ -157,7 +170,7 @@ impl GpuFusion {
         strip: &Strip,
         scale: &Scale,
         table: &Table,
-        rays: std::ops::Range<u32>,
+        rays: Range<u32>,
     ) -> Result<(), GpuError> {
         let gpu = &self.gpu;
         let counts = self.allocator.rays.of(gpu, PrefixSums::bytes(strip.pixels() + 1))?;

@@ -68,11 +68,13 @@ impl GpuSums {
     /// Makes room for blocks that are new.
     fn add(&mut self, gpu: &Gpu, grid: &Grid, coords: &[BlockCoord]) -> Result<(), GpuError> {
         let at_once = blocks_at_once(gpu, grid.edge);
-        for coord in coords {
+        let is_new = |coord: &&BlockCoord| {
             let next = self.places.len() as u32;
-            if *self.places.entry(coord.morton()).or_insert(next) != next {
-                continue;
-            }
+            *self.places.entry(coord.morton()).or_insert(next) == next
+        };
+        let rows: Vec<_> = coords.iter().filter(is_new).map(row).collect();
+        let mut rest = &rows[..];
+        while !rest.is_empty() {
             if self.parts.last().is_none_or(|part| part.blocks == at_once) {
                 let bytes = u64::from(at_once) * block_bytes(grid.edge);
                 self.parts.push(Part {
@@ -83,8 +85,10 @@ impl GpuSums {
                 });
             }
             let part = self.parts.last_mut().expect("there is room");
-            write(gpu, &part.coords, 16 * u64::from(part.blocks), bytemuck::cast_slice(&row(coord)));
-            part.blocks += 1;
+            let (now, later) = rest.split_at(rest.len().min((at_once - part.blocks) as usize));
+            write(gpu, &part.coords, 16 * u64::from(part.blocks), bytemuck::cast_slice(now));
+            part.blocks += now.len() as u32;
+            rest = later;
         }
         Ok(())
     }

@@ -266,9 +266,10 @@ fn any_depths_give_a_volume_or_an_error() {
         let depths: Vec<f32> = (0..LENS.pixels())
             .map(|_| (random.signed() * spread).exp2() as f32 * random.signed() as f32)
             .collect();
-        let noise = DepthImage::new(LENS, look_at(random.point() * 3.0, random.point()), depths).unwrap();
+        let pose = look_at(random.point() * 3.0, random.point());
+        let noise = [DepthImage::new(LENS, pose, depths).unwrap()];
         let settings = FusionSettings { max_blocks: 20_000, ..settings(0.02, BlockEdge::E8, 8) };
-        let [ours, cpus] = [fuse_on(&mut ours, &[noise.clone()], &settings), fuse(&[noise], &settings)];
+        let [ours, cpus] = [fuse_on(&mut ours, &noise, &settings), fuse(&noise, &settings)];
         match (ours, cpus) {
             (Ok(ours), Ok(cpus)) => {
                 let (a, b) = (ours.block_count(), cpus.block_count());

@@ -7,7 +7,7 @@ use crate::length::Length;
 use crate::progress::Progress;
 use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
-use isv::fusion::{Accumulator, FusionSettings};
+use isv::fusion::FusionSettings;
 use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
 use isv::volume::Grid;
 use std::sync::Arc;
@@ -46,12 +46,12 @@ impl IngestArgs {
         self.band
     }
 
-    /// What makes volumes on a grid, as far from the surface as is coded.
+    /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who fuses depth images.
     pub(super) fn volume_maker(
         &self,
         grid: Grid,
         profile: ProfileName,
-        backend: &Backend,
+        backend: Backend,
         progress: Arc<Progress>,
     ) -> Result<VolumeMaker> {
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
@@ -66,18 +66,17 @@ impl IngestArgs {
             _ => Reach::Band,
         };
         let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
-        let fusion = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
+        let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
-            mesh: backend.mesh_ingester(MeshIngest { grid, sign, offset_voxels, max_blocks, reach })?,
+            backend,
+            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks, reach },
+            mesh_ingester: None,
             mesh_sign: None,
             loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },
             point_sign: None,
             normals: self.normals,
-            depth: match self.fusion {
-                FusionName::PerFrame => DepthFusion::PerFrame(fusion),
-                FusionName::Accumulate => DepthFusion::Accumulate(Box::new(Accumulator::new(fusion))),
-            },
+            depth: DepthFusion { mode: self.fusion, settings, fuser: None },
             band: match profile {
                 ProfileName::Main => BandName::Full,
                 ProfileName::Paper => self.band.unwrap_or(BandName::Full),

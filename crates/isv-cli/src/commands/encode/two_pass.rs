@@ -67,9 +67,8 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
     let skip_bad_frames = args.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::silent(Some(range.len()), "measuring"));
-    let backend = Backend::CPU;
-    let maker =
-        args.ingest.volume_maker(header.grid, args.header.profile_name(), &backend, Arc::clone(&progress))?;
+    let profile = args.header.profile_name();
+    let maker = args.ingest.volume_maker(header.grid, profile, Backend::CPU, Arc::clone(&progress))?;
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;

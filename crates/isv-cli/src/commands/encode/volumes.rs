@@ -1,16 +1,16 @@
 //! Captured frames to volumes: the part of encoding before the codec.
 
-use crate::backend::notify;
+use crate::backend::{self, Backend};
 use crate::capture::{CapturedFrame, Content};
 use crate::length::Length;
 use crate::progress::Progress;
 use crate::stats::timed;
-use crate::terms::{BandName, NormalsName};
+use crate::terms::{BandName, FusionName, NormalsName};
 use anyhow::{Context, Result, anyhow, bail};
-use isv::fusion::{Accumulator, FusionError, FusionSettings, fuse};
-use isv::gpu::{AnyMeshIngester, GpuIngestError};
+use isv::fusion::{FusionError, FusionSettings};
+use isv::gpu::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
+    IngestError, MeshIngest, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
     decide_point_sign, decide_sign, estimate_normals, ingest_points, lost_share,
 };
 use isv::io::Geometry;
@@ -30,7 +30,10 @@ pub(super) struct IngestedFrame {
 
 /// Makes volumes; what is decided on the first frame holds for all.
 pub(super) struct VolumeMaker {
-    pub(super) mesh: AnyMeshIngester,
+    pub(super) backend: Backend,
+    pub(super) mesh: MeshIngest,
+    /// Opened for the first mesh.
+    pub(super) mesh_ingester: Option<AnyMeshIngester>,
     pub(super) mesh_sign: Option<SignDecision>,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
@@ -43,11 +46,19 @@ pub(super) struct VolumeMaker {
 }
 
 /// What becomes of depth images.
-pub(super) enum DepthFusion {
+pub(super) struct DepthFusion {
+    pub(super) mode: FusionName,
+    pub(super) settings: FusionSettings,
+    /// Opened for the first images.
+    pub(super) fuser: Option<Fuser>,
+}
+
+/// Who fuses depth images.
+pub(super) enum Fuser {
     /// Each frame's make that frame's volume.
-    PerFrame(FusionSettings),
+    PerFrame(AnyFusion),
     /// Each frame's extend the volume of all frames before.
-    Accumulate(Box<Accumulator>),
+    Accumulate(AnyAccumulator),
 }
 
 impl VolumeMaker {
@@ -57,7 +68,7 @@ impl VolumeMaker {
         let (volume, ingest_ms) = timed(|| match content {
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
-            Content::Depth(images) => self.depth.volume(&images),
+            Content::Depth(images) => self.depth.volume(&images, &self.backend),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
         });
         let volume = volume.with_context(|| name.clone())?;
@@ -79,20 +90,25 @@ impl VolumeMaker {
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {
-                let (sign, evidence) = decide_sign(mesh, self.mesh.settings().sign);
+                let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
                 (sign, Some(evidence))
             }
         };
-        let volume = self.mesh.ingest(mesh, sign).map_err(|error| match error {
+        let ingester = match self.mesh_ingester.take() {
+            Some(ingester) => ingester,
+            None => self.backend.mesh_ingester(self.mesh)?,
+        };
+        let ingester = self.mesh_ingester.insert(ingester);
+        let volume = ingester.ingest(mesh, sign).map_err(|error| match error {
             GpuIngestError::Ingest(error) => with_advice(error),
             other => other.into(),
         })?;
-        if let Some(why) = self.mesh.take_notice() {
-            notify(&why);
+        if let Some(why) = ingester.take_notice() {
+            backend::notify(&why);
         }
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
-            self.progress.note(&sign_sentence(sign, evidence, self.mesh.settings().sign));
+            self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
         if let SignDecision::Closed { .. } = sign {
@@ -134,7 +150,7 @@ impl VolumeMaker {
 
     /// A volume on another grid is sampled anew, from its surface.
     fn volume_to_volume(&mut self, name: &str, volume: SparseVolume) -> Result<SparseVolume> {
-        if *volume.grid() == self.mesh.settings().grid {
+        if *volume.grid() == self.mesh.grid {
             return Ok(volume);
         }
         self.mesh_to_volume(name, &extract_surface(&volume, &SurfaceOptions::default()))
@@ -142,7 +158,7 @@ impl VolumeMaker {
 
     /// A wrong unit that makes the surface small is no error, but leaves little of it.
     fn warn_if_tiny(&self, name: &str, diagonal_m: Option<f64>) {
-        let Grid { voxel_size, edge, .. } = self.mesh.settings().grid;
+        let Grid { voxel_size, edge, .. } = self.mesh.grid;
         let diagonal_m = diagonal_m.unwrap_or(0.0);
         if diagonal_m < voxel_size.metres() * edge.voxels() as f64 {
             let diagonal = Length::from_metres(diagonal_m);
@@ -152,14 +168,31 @@ impl VolumeMaker {
 }
 
 impl DepthFusion {
-    fn volume(&mut self, images: &[DepthImage]) -> Result<SparseVolume> {
-        match self {
-            Self::PerFrame(settings) => fuse(images, settings).map_err(with_depth_advice),
-            Self::Accumulate(accumulator) => {
+    fn volume(&mut self, images: &[DepthImage], backend: &Backend) -> Result<SparseVolume> {
+        let fuser = match self.fuser.take() {
+            Some(fuser) => fuser,
+            None => self.open(backend)?,
+        };
+        match self.fuser.insert(fuser) {
+            Fuser::PerFrame(fusion) => {
+                let volume = fusion.fuse(images, &self.settings).map_err(with_depth_advice);
+                if let Some(why) = fusion.take_notice() {
+                    backend::notify(&why);
+                }
+                volume
+            }
+            Fuser::Accumulate(accumulator) => {
                 accumulator.integrate(images).map_err(with_depth_advice)?;
-                Ok(accumulator.volume())
+                Ok(accumulator.volume()?)
             }
         }
+    }
+
+    fn open(&self, backend: &Backend) -> Result<Fuser> {
+        Ok(match self.mode {
+            FusionName::PerFrame => Fuser::PerFrame(backend.fusion()?),
+            FusionName::Accumulate => Fuser::Accumulate(backend.accumulator(self.settings)?),
+        })
     }
 }
 
