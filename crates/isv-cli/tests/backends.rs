@@ -67,6 +67,27 @@ fn a_gpu_encodes_for_every_decoder() {
 }
 
 #[test]
+fn a_gpu_fuses_depth_images() {
+    let Some(room) = support::real_sequence("room_rgbd") else { return };
+    let work = Workspace::new();
+    if usable_gpus(&work).is_empty() {
+        println!("skipped: a_gpu_fuses_depth_images: no GPU");
+        return;
+    }
+    let options =
+        ["encode", room.to_str().unwrap(), "--voxel", "4cm", "--frames", "0..3", "--profile", "paper"];
+    for mode in ["per-frame", "accumulate"] {
+        let blocks = ["cpu", "gpu"].map(|backend| {
+            let output = format!("{mode}_{backend}.isv");
+            work.isv(&[&options[..], &["--fusion", mode, "-o", &output, "--backend", backend]].concat())
+                .done();
+            work.isv(&["info", &output, "--json"]).json()["packets"][2]["blocks"].as_f64().unwrap()
+        });
+        assert!(blocks[0] > 0.0 && (blocks[1] / blocks[0] - 1.0).abs() < 0.01, "{mode}: {blocks:?}");
+    }
+}
+
+#[test]
 fn auto_works_wherever_it_is() {
     let (work, _) = Workspace::with_stream(2);
     let verified = work.isv(&["verify", "take.isv", "--backend", "auto"]).done();
