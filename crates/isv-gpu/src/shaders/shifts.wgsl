@@ -42,9 +42,9 @@ struct Group {
 const CODES_PER_VOXEL = 256.0;
 /// Words of a block's marks of each kind.
 const MARK_WORDS = 16u;
-/// Weight of voxels at the ends of crossed edges, and how near to the surface others are that have a weight.
+/// Weight of voxels at the ends of crossed edges, and how near to the surface others are that have a weight, in codes.
 const CROSSED = 1.0;
-const NEAR = 1.5;
+const NEAR_CODES = 384;
 /// Largest step, largest shift, and the shortest step that is taken.
 const LONGEST_STEP = 2.0;
 const LIMIT = 31.0;
@@ -82,8 +82,9 @@ struct Row {
     y: i32,
     z: i32,
     samples: array<i32, 8>,
+    /// Observed voxels at the ends of crossed edges, and others near the surface.
     crossed: u32,
-    unobserved: u32,
+    near: u32,
 }
 
 /// The `n`th row of a block that is looked at.
@@ -95,21 +96,20 @@ fn sought_row(block: u32, n: u32) -> Row {
     let row = 8u * z + y;
     let mark = 2u * MARK_WORDS * block + (row >> 2u);
     let bit = 8u * (row & 3u);
-    return Row(
-        i32(y), i32(z), load_row(bitcast<u32>(sources[block].w), row),
-        (marks[mark] >> bit) & 255u, (marks[mark + MARK_WORDS] >> bit) & 255u,
-    );
+    let observed = (~marks[mark + MARK_WORDS] >> bit) & 255u;
+    let crossed = (marks[mark] >> bit) & observed;
+    let samples = load_row(bitcast<u32>(sources[block].w), row);
+    var near = 0u;
+    for (var x = 0u; x < 8u; x++) {
+        near |= select(0u, 1u << x, abs(samples[x]) < NEAR_CODES);
+    }
+    return Row(i32(y), i32(z), samples, crossed, near & observed & ~crossed);
 }
 
 /// How much a voxel tells of motion.
-fn weight_of(row: Row, x: u32, sample: f32) -> f32 {
-    if ((row.unobserved >> x) & 1u) != 0u {
-        return 0.0;
-    }
-    if ((row.crossed >> x) & 1u) != 0u {
-        return CROSSED;
-    }
-    return select(0.0, parameters.near_weight, abs(sample) < NEAR);
+fn weight_of(row: Row, x: u32) -> f32 {
+    let near = select(0.0, parameters.near_weight, ((row.near >> x) & 1u) != 0u);
+    return select(near, CROSSED, ((row.crossed >> x) & 1u) != 0u);
 }
 
 /// A sample of the frame before, in codes, by its place from the first voxel of `lowest` on. `centre`: the block from which it is
@@ -173,6 +173,9 @@ fn sum_equations(thread: u32, group: Group, first_block: vec3<i32>) {
         let block = group.first + i / rows;
         let coord = sources[block].xyz;
         let row = sought_row(block, i % rows);
+        if (row.crossed | row.near) == 0u {
+            continue;
+        }
         let start = 8 * (coord - first_block) + within + vec3<i32>(0, row.y, row.z);
         let centre = coord + way;
         // The far face of one voxel is the near face of the next.
@@ -180,7 +183,7 @@ fn sum_equations(thread: u32, group: Group, first_block: vec3<i32>) {
         for (var x = 0u; x < 8u; x++) {
             let far = face(start + vec3<i32>(i32(x) + 1, 0, 0), from_block, centre);
             let sample = f32(row.samples[x]) / CODES_PER_VOXEL;
-            let weight = weight_of(row, x, sample);
+            let weight = weight_of(row, x);
             let s = far - near;
             let v = near + fraction.x * s;
             let along_y = vec2<f32>(v.y - v.x, v.w - v.z);
