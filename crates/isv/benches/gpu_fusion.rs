@@ -37,7 +37,7 @@ fn main() -> Result<()> {
     let (dancer, room) = (data.join("dancer"), data.join("room_rgbd"));
     if dancer.is_dir() {
         let paths = FrameSequence::open(dancer.to_str().context("a folder whose name is text")?)?;
-        let frames = paths.paths().iter().take(FRAMES).map(|path| Ok(eight_cameras(path)?));
+        let frames = paths.paths().iter().take(FRAMES).map(|path| eight_cameras(path));
         measure("dancer, 8 cameras", 0.005, &frames.collect::<Result<Vec<_>>>()?, &gpu)?;
     }
     if room.is_dir() {
