@@ -2,8 +2,8 @@
 //!
 //! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The project's own figure is always
 //! measured, captures where they are (`ISV_DATA`, else `../shared/data`): a person, the same person with nine times the faces, and a
-//! building. For each, frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are encoded and decoded on the
-//! CPU and on the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
+//! building. For each, meshes become volumes, and frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are
+//! encoded and decoded on the CPU and on the GPU, where their surfaces are extracted too; the first is not counted. Kernels are timed by the GPU's own clock in a run of
 //! their own; the least that they must read and write is set against the rate at which the GPU copies.
 
 use anyhow::{Context, Result};
@@ -13,9 +13,10 @@ use isv::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
 use isv::gpu::{
-    AnyEncoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuSurfaceExtractor, KernelTime, VolumeStore,
+    AnyEncoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime,
+    VolumeStore,
 };
-use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
+use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
@@ -86,7 +87,8 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
     let profiles = [("main", Profile::Main, Reach::Surface), ("paper", Profile::Paper(paper), Reach::Band)];
     for (profile_name, profile, reach) in profiles {
         let header = StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } };
-        let volumes = ingest(grid, reach, meshes)?;
+        let ingest = Ingest::new(grid, reach, meshes)?;
+        let (volumes, ingest_on_cpu) = ingest.on_cpu()?;
         let (stream, encode_on_cpu) = encode(&header, &volumes, |settings| {
             let mut encoder = Encoder::new(&header, settings);
             Ok(move |volume: &SparseVolume| Ok(encoder.encode(volume)))
@@ -96,8 +98,10 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
         let gpu = &open()?;
         let [cpu_decode, cpu_surface] = on_cpu(&header, &packets)?;
         let [gpu_decode, gpu_surface] = on_gpu(&header, &packets, gpu)?;
+        let ingest_on_gpu = ingest.on_gpu(gpu)?;
         gpu.start_timing();
         on_gpu(&header, &packets, gpu)?;
+        ingest.on_gpu(gpu)?;
         let mut kernels = gpu.take_times();
         let encode_on_gpu = || {
             let store = VolumeStore::new(gpu)?;
@@ -113,6 +117,7 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
         kernels.extend(gpu.take_times());
         println!("\n## {name}, {} mm, profile {profile_name}\n", voxel_m * 1e3);
         println!("| ms a frame | CPU | GPU |\n|---|---|---|");
+        println!("| mesh to volume, which stays there | {ingest_on_cpu:.2} | {ingest_on_gpu:.2} |");
         println!("| encode, volume to bytes | {encode_on_cpu:.2} | {encode_ms:.2} |");
         println!("| decode | {cpu_decode:.2} | {gpu_decode:.2} |");
         println!("| surface, which stays there | {cpu_surface:.2} | {gpu_surface:.2} |");
@@ -123,11 +128,49 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
     Ok(())
 }
 
-fn ingest(grid: Grid, reach: Reach, meshes: &[TriangleMesh]) -> Result<Vec<SparseVolume>> {
-    let settings = MeshIngest { reach, ..MeshIngest::new(grid) };
-    let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
-    let mut ingester = MeshIngester::new(settings);
-    Ok(meshes.iter().map(|mesh| ingester.ingest(mesh, sign)).collect::<Result<_, _>>()?)
+/// The meshes of a take on their way to volumes.
+struct Ingest<'a> {
+    settings: MeshIngest,
+    sign: SignDecision,
+    meshes: &'a [TriangleMesh],
+}
+
+impl<'a> Ingest<'a> {
+    fn new(grid: Grid, reach: Reach, meshes: &'a [TriangleMesh]) -> Result<Self> {
+        let settings = MeshIngest { reach, ..MeshIngest::new(grid) };
+        let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
+        Ok(Self { settings, sign, meshes })
+    }
+
+    /// The volumes, and the median of the times.
+    fn on_cpu(&self) -> Result<(Vec<SparseVolume>, f64)> {
+        let mut ingester = MeshIngester::new(self.settings);
+        let (mut volumes, mut times) = (Vec::new(), Vec::new());
+        for mesh in self.meshes {
+            let (volume, ms) = timed(|| ingester.ingest(mesh, self.sign));
+            volumes.push(volume?);
+            times.push([ms]);
+        }
+        let [median] = medians(&times);
+        Ok((volumes, median))
+    }
+
+    /// The median of the times.
+    fn on_gpu(&self, gpu: &Gpu) -> Result<f64> {
+        let mut ingester = GpuMeshIngester::new(&VolumeStore::new(gpu)?, self.settings)?;
+        let mut times = Vec::new();
+        for mesh in self.meshes {
+            let (done, ms) = timed(|| {
+                let volume = ingester.ingest_to_gpu(mesh, self.sign)?;
+                gpu.wait()?;
+                anyhow::Ok(volume)
+            });
+            drop(done?);
+            times.push([ms]);
+        }
+        let [median] = medians(&times);
+        Ok(median)
+    }
 }
 
 /// The stream that an encoder makes, and the median of its times, uploads included.
@@ -228,6 +271,8 @@ fn least_bytes(kernel: &str) -> Option<u64> {
         "crossed_corners" => Some(2 * 10 * 10 * 10 + 64),
         "expected_activity" => Some(window + 4),
         "find_signs" => Some(block + 132),
+        "wind" => Some(block),
+        "measure" => Some(2 * block),
         _ => None,
     }
 }
