@@ -273,7 +273,14 @@ impl<'a> SliceEncoder<'a> {
         let (_, search) = self.frame.reference.as_ref().expect("temporal modes have a reference");
         let mut shifts = vec![best];
         match search {
-            MotionSearch::Done(found) => shifts.extend(found[block].iter().take(most)),
+            MotionSearch::Done(found) => {
+                let found = found[block];
+                shifts.extend(found.iter().take(most));
+                // A neighbour's vector that is better than what was found leads to another place.
+                if sought.error(best) < sought.error(found[0]) {
+                    shifts.push(sought.refine(best, block_steps));
+                }
+            }
             MotionSearch::InSlices(cubes) => {
                 for cube in cubes.shifts(block, &mut self.cube_scratch) {
                     if shifts.iter().all(|known| !are_close(*known, cube)) {
