@@ -28,6 +28,9 @@ const VECTOR_LAMBDA: f32 = 1.5;
 /// With an error of so many times what the first level costs, it is hardly the case that no level pays.
 const UNLIKELY: f32 = 2.0;
 
+/// A vector leads to another place than what was found if its error is less than this share.
+const CLEARLY_BETTER: f32 = 0.8;
+
 /// What all slices of a frame share.
 #[derive(Debug)]
 pub(crate) struct FrameContext<'a> {
@@ -276,8 +279,8 @@ impl<'a> SliceEncoder<'a> {
             MotionSearch::Done(found) => {
                 let found = found[block];
                 shifts.extend(found.iter().take(most));
-                // A neighbour's vector that is better than what was found leads to another place.
-                if sought.error(best) < sought.error(found[0]) {
+                // A neighbour's vector that is clearly better than what was found leads to another place.
+                if sought.error(best) < CLEARLY_BETTER * sought.error(found[0]) {
                     shifts.push(sought.refine(best, block_steps));
                 }
             }
