@@ -154,8 +154,10 @@ fn captures_become_the_volumes_of_the_cpu() {
     let store = VolumeStore::new(&gpu).unwrap();
     for take in ["dancer", "thomas"] {
         let Some(mesh) = captured_mesh(take) else { continue };
-        let mut ingester = GpuMeshIngester::new(&store, settings(0.01, Reach::Surface)).unwrap();
         let (sign, _) = decide_sign(&mesh, SignMode::Auto);
-        check(&mut ingester, &mesh, sign, take);
+        for reach in [Reach::Surface, Reach::Band] {
+            let mut ingester = GpuMeshIngester::new(&store, settings(0.01, reach)).unwrap();
+            check(&mut ingester, &mesh, sign, take);
+        }
     }
 }

@@ -13,7 +13,7 @@ const CODES = 256.0;
 /// The square of a distance that nothing has.
 const FAR_AWAY = 1e12;
 /// By how much, in voxels, the distance to a rim may come out larger than that to the faces there, by rounding alone.
-const SLACK = 1e-4;
+const SLACK = 1e-5;
 
 /// Corners in voxels from the block's lowest corner.
 var<workgroup> corners: array<array<vec3<f32>, 3>, TOGETHER>;
