@@ -21,9 +21,9 @@ const MOST_PARTS: usize = 1 << 22;
 /// Long edges are halved, again and again, whatever triangle they belong to: two triangles that share an edge share its parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LatticeMesh {
-    /// The block whose lowest corner is where the lattice begins. Nothing within [`LatticeMesh::of`]'s `margin` lies below it.
+    /// The block whose lowest corner is where the lattice begins. Nothing that close to the mesh as in `blocks` lies below it.
     pub origin: BlockCoord,
-    /// Blocks along x, y and z from there on that anything within the margin lies in.
+    /// Blocks along x, y and z from there on that anything within the truncation and two voxels of the mesh lies in.
     pub blocks: [u32; 3],
     /// Base-2 logarithm of the steps in a voxel, 10 to 16.
     pub fraction_bits: u32,

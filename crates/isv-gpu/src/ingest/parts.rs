@@ -4,6 +4,9 @@ use super::MASK_WORDS;
 use crate::GpuError;
 use std::ops::Range;
 
+/// Triangles of a block: a workgroup that has more of them to look at keeps a driver waiting that resets devices for it.
+const MOST_TRIANGLES: u32 = 1 << 20;
+
 /// Some blocks in a row, and where the lists of their triangles lie.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Part {
@@ -22,12 +25,15 @@ impl Part {
 /// Parts of blocks with so many triangles each, as large as buffers of so many bytes allow.
 ///
 /// # Errors
-/// [`GpuError::TooLarge`] if a single block has more triangles than that.
+/// [`GpuError::TooLarge`] if a single block has more triangles than that, [`GpuError::Unsupported`] if it has more than a million.
 pub(super) fn parts(counts: &[u32], binding_bytes: u64) -> Result<Vec<Part>, GpuError> {
     let most_triangles = (binding_bytes / 4).min(u64::from(u32::MAX));
     let most_blocks = (binding_bytes / (4 * MASK_WORDS as u64)) as usize;
     let mut parts: Vec<Part> = Vec::new();
     for (block, count) in counts.iter().enumerate() {
+        if *count > MOST_TRIANGLES {
+            return Err(GpuError::Unsupported("a block of more than a million triangles"));
+        }
         if u64::from(*count) > most_triangles {
             let (bytes, limit) = (4 * u64::from(*count), binding_bytes);
             return Err(GpuError::TooLarge { what: "the triangles of a block", bytes, limit });
@@ -69,6 +75,7 @@ mod tests {
     #[test]
     fn a_block_with_too_many_triangles_is_an_error() {
         assert!(matches!(parts(&[3, 257], 1024), Err(GpuError::TooLarge { .. })));
+        assert!(matches!(parts(&[2 * MOST_TRIANGLES], 1 << 30), Err(GpuError::Unsupported(_))));
         assert_eq!(parts(&[3, 256], 1024).unwrap().len(), 2);
         assert_eq!(parts(&[], 1024).unwrap(), []);
     }
