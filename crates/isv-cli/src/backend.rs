@@ -4,10 +4,10 @@ use anyhow::Result;
 use isv::decode::{Decoder, Limits, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
-use isv::fusion::FusionSettings;
+use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{
     AnyAccumulator, AnyDecoder, AnyEncoder, AnyFusion, AnyMeshIngester, BackendChoice, GpuError,
-    OpenedBackend, VolumeStore,
+    GpuIngestError, OpenedBackend, VolumeStore,
 };
 use isv::ingest::MeshIngest;
 use std::env;
@@ -96,7 +96,11 @@ impl Backend {
     pub(crate) fn accumulator(&self, settings: FusionSettings) -> Result<AnyAccumulator> {
         match &self.store {
             Some(store) if !self.falls_back => Ok(AnyAccumulator::on_gpu(store.gpu(), settings)?),
-            _ => Ok(AnyAccumulator::on_cpu(settings)),
+            Some(_) => {
+                eprintln!("depth images are accumulated on the CPU");
+                Ok(AnyAccumulator::on_cpu(settings))
+            }
+            None => Ok(AnyAccumulator::on_cpu(settings)),
         }
     }
 
@@ -113,7 +117,34 @@ impl Backend {
     }
 }
 
+/// Whether it is a GPU that failed, and not what it was given.
+pub(crate) fn has_failed(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.is::<GpuError>()
+            || matches!(cause.downcast_ref(), Some(GpuIngestError::Gpu(_)))
+            || matches!(cause.downcast_ref(), Some(FusionError::Backend(_)))
+    })
+}
+
 /// Says why the CPU does what a GPU was to do.
 pub(crate) fn notify(why: &dyn std::error::Error) {
     eprintln!("{why}: working on the CPU");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+    use isv::ingest::IngestError;
+
+    #[test]
+    fn failures_of_a_gpu_are_told_from_bad_frames() {
+        let lost = GpuError::Lost("unplugged".to_owned());
+        let fusion = FusionError::Backend("unplugged".to_owned());
+        let failed = [anyhow::Error::from(lost.clone()), GpuIngestError::Gpu(lost).into(), fusion.into()];
+        for error in failed {
+            assert!(has_failed(&Err::<(), _>(error).context("frame_0001.ply").unwrap_err()));
+        }
+        assert!(!has_failed(&GpuIngestError::Ingest(IngestError::NoNormals).into()));
+    }
 }

@@ -14,6 +14,8 @@ pub struct Accumulator<B: FusionBackend = Cpu> {
     settings: FusionSettings,
     backend: B,
     sums: B::Sums,
+    /// Why the sums are gone, if they are.
+    lost: Option<FusionError>,
 }
 
 impl Accumulator {
@@ -35,19 +37,27 @@ impl<B: FusionBackend> Accumulator<B> {
     /// An accumulator that has seen nothing, its sums kept by a backend.
     #[must_use]
     pub fn on(backend: B, settings: FusionSettings) -> Self {
-        Self { settings, backend, sums: B::Sums::default() }
+        Self { settings, backend, sums: B::Sums::default(), lost: None }
     }
 
     /// Adds the images of one instant.
     ///
     /// # Errors
     /// See [`FusionError`]; [`FusionSettings::max_blocks`] counts all blocks so far. After an error the accumulator is as
-    /// it was before, unless the backend failed: its sums are gone then.
+    /// it was before, unless the backend failed while it added up: its sums are gone then, and every call gives that error.
     pub fn integrate(&mut self, images: &[DepthImage]) -> Result<(), FusionError> {
+        self.check_sums()?;
         let views = limits::checked_views(&mut self.backend, images, &self.settings)?;
         let known = B::coords(&self.sums);
         let touched = limits::checked_blocks(&mut self.backend, &views, &self.settings, &known)?;
-        self.backend.accumulate(&mut self.sums, &views, &self.settings.grid, &touched)
+        let done = self.backend.accumulate(&mut self.sums, &views, &self.settings.grid, &touched);
+        self.lost = done.clone().err();
+        done
+    }
+
+    /// Fails if the sums are gone.
+    fn check_sums(&self) -> Result<(), FusionError> {
+        self.lost.clone().map_or(Ok(()), Err)
     }
 
     /// [`Accumulator::volume`] of any backend.
@@ -55,6 +65,7 @@ impl<B: FusionBackend> Accumulator<B> {
     /// # Errors
     /// [`FusionError::Backend`].
     pub fn try_volume(&mut self) -> Result<SparseVolume, FusionError> {
+        self.check_sums()?;
         let grid = self.settings.grid;
         let sampled = self.backend.resolve(&self.sums, &grid)?;
         Ok(Blocks::new(grid, B::coords(&self.sums), sampled).finish())

@@ -34,6 +34,8 @@ use thiserror::Error;
 const MASK_WORDS: usize = 16;
 /// Blocks along an axis that a kernel lets a triangle reach.
 const MOST_REACHED: f64 = 16.0;
+/// So many times the blocks allowed may be reached.
+const REACHED_SHARE: usize = 4;
 /// How far the triangles that close a mesh matter, in voxels: a row is changed less than a voxel behind them.
 const CLOSING_REACH: f64 = 1.25;
 
@@ -106,15 +108,10 @@ impl GpuMeshIngester {
     /// For volumes in a store.
     ///
     /// # Errors
-    /// [`GpuError::Unsupported`] for blocks of another edge than 8 voxels and very long truncations, [`GpuError::Refused`].
+    /// [`GpuError::Unsupported`] for blocks of another edge than 8 voxels, [`GpuError::Refused`].
     pub fn new(store: &VolumeStore, settings: MeshIngest) -> Result<Self, GpuError> {
         if settings.grid.edge != BlockEdge::E8 {
             return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
-        }
-        let farthest = f64::from(settings.grid.truncation.voxels()) + settings.offset_voxels;
-        let reached = (f64::from(LONGEST_EDGE) + 2.0 * farthest) / 8.0 + 2.0;
-        if reached.is_nan() || reached > MOST_REACHED {
-            return Err(GpuError::Unsupported("meshes with so long a truncation"));
         }
         Ok(Self {
             settings,
@@ -169,18 +166,21 @@ impl GpuMeshIngester {
     /// The volume of a job before what its holes need.
     fn sample(&mut self, job: &MeshJob) -> Result<GpuVolume, GpuIngestError> {
         let (store, gpu) = (self.store.clone(), self.store.gpu());
-        let lattice = job.lattice().ok_or(GpuError::Unsupported("a mesh of this extent"))?;
+        let lattice = job.lattice().ok_or_else(|| refusal(job, "a mesh of this extent"))?;
         let mesh = OnGpu {
             vertices: self.vertices.holding(gpu, lattice.vertices.as_flattened())?,
             triangles: self.triangles.holding(gpu, lattice.triangles.as_flattened())?,
             lattice,
-            parameters: parameters(job, lattice)?,
+            parameters: parameters(job, lattice)
+                .ok_or_else(|| refusal(job, "a mesh of this extent or with so long a truncation"))?,
         };
-        let (entries, limit) = (&mut self.entries, job.max_blocks());
-        let Some(reached) = Reached::find(gpu, &self.kernels, &mesh, entries, limit)? else {
+        // Not all of them will have a voxel near the surface.
+        let limit = job.max_blocks().saturating_mul(REACHED_SHARE);
+        let reached = Reached::find(gpu, &self.kernels, &mesh, &mut self.entries, limit)?
+            .ok_or_else(|| refusal(job, "a mesh that reaches so many blocks"))?;
+        if reached.coords.len() > job.max_blocks() {
             job.check_blocks()?;
-            return Err(GpuError::Unsupported("a mesh that reaches so many blocks").into());
-        };
+        }
         let taken = store.pool().take(reached.coords.len())?;
         let slots = Slots::new(&store, taken);
         let mut commands = Commands::new(gpu);
@@ -216,15 +216,21 @@ impl OnGpu<'_> {
     }
 }
 
-/// What kernels are told of a job.
-fn parameters(job: &MeshJob, lattice: &LatticeMesh) -> Result<Parameters, GpuError> {
+/// Why a mesh cannot be sampled here: it needs more blocks than allowed, or a GPU cannot do what the CPU can.
+fn refusal(job: &MeshJob, what: &'static str) -> GpuIngestError {
+    job.check_blocks().map_or_else(GpuIngestError::from, |()| GpuError::Unsupported(what).into())
+}
+
+/// What kernels are told of a job; nothing if numbers are too large for them.
+fn parameters(job: &MeshJob, lattice: &LatticeMesh) -> Option<Parameters> {
     let key_bits = lattice.blocks.map(|blocks| blocks.next_power_of_two().ilog2());
-    if key_bits.iter().sum::<u32>() > 31 {
-        return Err(GpuError::Unsupported("a mesh of this extent"));
+    let reached = (f64::from(LONGEST_EDGE) + 2.0 * job.near().max(job.band())) / 8.0 + 2.0;
+    if key_bits.iter().sum::<u32>() > 31 || reached > MOST_REACHED {
+        return None;
     }
     let steps = |voxels: f64| (voxels * f64::from(1u32 << lattice.fraction_bits)).ceil() as i32 + 1;
     let ends = [lattice.faces, lattice.faces + lattice.closing, lattice.triangles.len()];
-    Ok(Parameters {
+    Some(Parameters {
         origin: lattice.origin.to_array(),
         fraction_bits: lattice.fraction_bits,
         ends: ends.map(|end| end as u32),

@@ -36,9 +36,11 @@ pub struct MeshJob<'m> {
 
 /// What is to be known of wide holes once there are samples.
 struct Holes {
-    caps: Caps,
-    /// What unobserved samples are blended by, if they are.
-    blending: Option<Sides>,
+    wide: WideHoles,
+    /// The triangles over all holes.
+    closing: Vec<[u32; 3]>,
+    /// Whether unobserved samples are coded like any other.
+    are_coded: bool,
 }
 
 impl<'m> MeshJob<'m> {
@@ -61,16 +63,18 @@ impl<'m> MeshJob<'m> {
         if let SignDecision::Closed { .. } = decision {
             let boundary = Boundary::of(&voxel_mesh);
             closing = close(&boundary.chain, &voxel_mesh.vertices);
-            limits::check_closing(&voxel_mesh, &closing, settings)?;
+            if let Err(error) = limits::check_closing(&voxel_mesh, &closing, settings) {
+                // If the mesh alone is too large, that is what there is to say.
+                limits::list_tiles(&mesh, &voxel_mesh, settings, &near)?;
+                return Err(error);
+            }
             wide = WideHoles::find(&voxel_mesh, &boundary);
         }
         let rims = wide.as_ref().map_or(&[][..], |wide| &wide.rims);
         // Marching cubes look a voxel farther.
         let lattice = LatticeMesh::of(&voxel_mesh, &closing, rims, band.width + 2.0);
-        let holes = wide.as_ref().map(|wide| Holes {
-            caps: Caps::of(&voxel_mesh, &closing, Some(wide), &near),
-            blending: (reach == Reach::Band).then(|| Sides::of(&voxel_mesh, &closing, Some(wide), &near)),
-        });
+        drop(voxel_mesh);
+        let holes = wide.map(|wide| Holes { wide, closing, are_coded: reach == Reach::Band });
         let offset = matches!(decision, SignDecision::Offset).then_some(margin);
         Ok(Self { mesh, settings: *settings, near, band, offset, holes, lattice })
     }
@@ -130,17 +134,21 @@ impl<'m> MeshJob<'m> {
     /// The volume of what was sampled: without teeth, specks and invented surfaces at wide holes.
     #[must_use]
     pub fn finish(&self, sampled: SparseVolume) -> SparseVolume {
-        let Some(Holes { caps, blending }) = &self.holes else { return sampled };
+        let Some(Holes { wide, closing, are_coded }) = &self.holes else { return sampled };
         let grid = self.grid();
+        let voxel_mesh = limits::in_voxels(&self.mesh, grid.voxel_size.metres());
+        let caps = Caps::of(&voxel_mesh, closing, Some(wide), &self.near);
+        // Only now that there are no more blocks than allowed: these are as many numbers as the mesh has rows of voxels.
+        let blending = are_coded.then(|| Sides::of(&voxel_mesh, closing, Some(wide), &self.near));
         let mut blocks = Blocks {
             coords: sampled.coords().to_vec(),
             samples: sampled.samples().collect(),
             masks: sampled.unobserved_masks().clone(),
         };
-        if let Some(sides) = blending {
+        if let Some(sides) = &blending {
             blocks.blend(grid, sides, &unobserved(&blocks.masks));
         }
-        blocks.open_caps(grid, caps, blending.as_ref());
+        blocks.open_caps(grid, &caps, blending.as_ref());
         blocks.trim_rims(grid.edge);
         SparseVolume::from_parts(*grid, blocks.coords, blocks.samples, blocks.masks)
     }

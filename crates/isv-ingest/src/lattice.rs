@@ -52,8 +52,10 @@ impl LatticeMesh {
         rims: &[[DVec3; 2]],
         margin: f64,
     ) -> Option<Self> {
-        let bounds = mesh.vertices.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], vertex| {
-            [lo.min(*vertex), hi.max(*vertex)]
+        // Vertices that no triangle has may be anywhere.
+        let corners = mesh.triangles.iter().flatten().map(|vertex| mesh.vertices[*vertex as usize]);
+        let bounds = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], corner| {
+            [lo.min(corner), hi.max(corner)]
         });
         let [first, last] = [bounds[0] - margin, bounds[1] + margin].map(|p| (p / 8.0).floor().as_ivec3());
         let blocks = (last - first + 1).max(IVec3::ONE).as_uvec3();
@@ -198,5 +200,10 @@ mod tests {
         assert_eq!(far(30_000.0).map(|mesh| mesh.fraction_bits), Some(15));
         assert_eq!(far(1_000_000.0).map(|mesh| mesh.fraction_bits), Some(10));
         assert_eq!(far(2_000_000.0), None);
+        // What no triangle has does not count.
+        let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::splat(8e6)];
+        let triangles: Vec<[u32; 3]> = vec![[0, 1, 2]];
+        let mesh = VoxelMesh { vertices, triangles: triangles.into() };
+        assert_eq!(LatticeMesh::of(&mesh, &[], &[], 2.0).map(|mesh| mesh.fraction_bits), Some(16));
     }
 }

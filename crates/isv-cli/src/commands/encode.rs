@@ -186,7 +186,7 @@ impl Job {
                 self.encode(&frame)?;
                 self.note_missed_error(&frame, progress)
             }
-            Err(error) if self.skip_bad_frames => {
+            Err(error) if self.skip_bad_frames && !backend::has_failed(&error) => {
                 self.skipped += 1;
                 progress.note(&format!("skipped: {error:#}"));
                 Ok(())

@@ -140,7 +140,7 @@ impl GpuFusion {
         // New memory is zeros.
         let table = gpu.storage("blocks found", NAME_BYTES * entries, Usage::Kernels)?;
         let state = gpu.storage("number of blocks found", NAME_BYTES, Usage::Kernels)?;
-        let found = gpu.storage("names of blocks", NAME_BYTES * capacity, Usage::Kernels)?;
+        let found = gpu.storage("names of blocks", NAME_BYTES * capacity.max(1), Usage::Kernels)?;
         // What is found does not depend on it.
         let key = RandomState::new().build_hasher().finish() as u32;
         Ok(Table { capacity, entries, key, table, state, found })

@@ -7,6 +7,9 @@ use std::ops::Range;
 /// Triangles of a block: a workgroup that has more of them to look at keeps a driver waiting that resets devices for it.
 const MOST_TRIANGLES: u32 = 1 << 20;
 
+/// Parts of a mesh: each goes through all its triangles.
+const MOST_PARTS: usize = 64;
+
 /// Some blocks in a row, and where the lists of their triangles lie.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Part {
@@ -25,7 +28,8 @@ impl Part {
 /// Parts of blocks with so many triangles each, as large as buffers of so many bytes allow.
 ///
 /// # Errors
-/// [`GpuError::TooLarge`] if a single block has more triangles than that, [`GpuError::Unsupported`] if it has more than a million.
+/// [`GpuError::TooLarge`] if a single block has more triangles than that, [`GpuError::Unsupported`] if it has more than a million, or
+/// there would be too many parts.
 pub(super) fn parts(counts: &[u32], binding_bytes: u64) -> Result<Vec<Part>, GpuError> {
     let most_triangles = (binding_bytes / 4).min(u64::from(u32::MAX));
     let most_blocks = (binding_bytes / (4 * MASK_WORDS as u64)) as usize;
@@ -42,6 +46,9 @@ pub(super) fn parts(counts: &[u32], binding_bytes: u64) -> Result<Vec<Part>, Gpu
             part.triangles() + u64::from(*count) > most_triangles || part.blocks.len() >= most_blocks
         };
         if parts.last().is_none_or(full) {
+            if parts.len() == MOST_PARTS {
+                return Err(GpuError::Unsupported("a mesh so many of whose triangles are near each block"));
+            }
             parts.push(Part { blocks: block..block, starts: vec![0] });
         }
         let part = parts.last_mut().expect("there is a part");

@@ -33,15 +33,17 @@ impl Reached {
         entries: &mut u32,
         limit: usize,
     ) -> Result<Option<Self>, GpuError> {
+        let mut wanted = *entries;
         loop {
-            if let Some(reached) = Self::with_table(gpu, kernels, mesh, *entries)? {
+            if let Some(reached) = Self::with_table(gpu, kernels, mesh, wanted)? {
+                *entries = wanted;
                 return Ok((reached.coords.len() <= limit).then_some(reached));
             }
-            // A table that is far from full can be so only where very many blocks share a hash.
-            if *entries as usize / GROWTH as usize > limit || *entries >= 1 << 30 {
+            // With so many entries a table is not crowded by as many blocks as there may be.
+            if wanted as usize / GROWTH as usize > limit || wanted >= 1 << 30 {
                 return Ok(None);
             }
-            *entries *= GROWTH;
+            wanted *= GROWTH;
         }
     }
 

@@ -46,7 +46,7 @@ impl IngestArgs {
         self.band
     }
 
-    /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who fuses depth images.
+    /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who does it, as far as it can.
     pub(super) fn volume_maker(
         &self,
         grid: Grid,

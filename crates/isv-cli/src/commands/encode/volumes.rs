@@ -99,13 +99,14 @@ impl VolumeMaker {
             None => self.backend.mesh_ingester(self.mesh)?,
         };
         let ingester = self.mesh_ingester.insert(ingester);
-        let volume = ingester.ingest(mesh, sign).map_err(|error| match error {
-            GpuIngestError::Ingest(error) => with_advice(error),
-            other => other.into(),
-        })?;
+        let volume = ingester.ingest(mesh, sign);
         if let Some(why) = ingester.take_notice() {
             backend::notify(&why);
         }
+        let volume = volume.map_err(|error| match error {
+            GpuIngestError::Ingest(error) => with_advice(error),
+            other => other.into(),
+        })?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
             self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
