@@ -14,17 +14,11 @@ fn find_reached(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
     if triangle >= parameters.ends.z {
         return;
     }
-    let reached = reached_blocks(triangle);
-    for (var z = reached.first.z; z <= reached.last.z; z++) {
-        for (var y = reached.first.y; y <= reached.last.y; y++) {
-            for (var x = reached.first.x; x <= reached.last.x; x++) {
-                count(vec3<i32>(x, y, z));
-            }
-        }
-    }
+    visit_reached(triangle);
 }
 
-fn count(block: vec3<i32>) {
+/// Counts a triangle of a block.
+fn visit(_triangle: u32, block: vec3<i32>) {
     let c = bitcast<vec3<u32>>(block);
     let key = 1u + (c.x | (c.y << parameters.key_bits.x) | (c.z << (parameters.key_bits.x + parameters.key_bits.y)));
     var at = table_hash(block, atomicLoad(&counts[parameters.entries + 1u]), parameters.entries);

@@ -13,20 +13,18 @@ fn list_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     if triangle >= parameters.ends.z {
         return;
     }
-    let reached = reached_blocks(triangle);
-    for (var z = reached.first.z; z <= reached.last.z; z++) {
-        for (var y = reached.first.y; y <= reached.last.y; y++) {
-            for (var x = reached.first.x; x <= reached.last.x; x++) {
-                let block = find_block(parameters.origin + vec3<i32>(x, y, z));
-                // Below the first it wraps around.
-                let place = block - parameters.part.x;
-                if block != NO_BLOCK && place < parameters.part.y {
-                    let at = atomicAdd(&next[place], 1u);
-                    if at < arrayLength(&lists) {
-                        lists[at] = triangle;
-                    }
-                }
-            }
+    visit_reached(triangle);
+}
+
+/// Enters a triangle into the list of a block, if that is in the part.
+fn visit(triangle: u32, place: vec3<i32>) {
+    let block = find_block(parameters.origin + place);
+    // Below the first it wraps around.
+    let number = block - parameters.part.x;
+    if block != NO_BLOCK && number < parameters.part.y {
+        let at = atomicAdd(&next[number], 1u);
+        if at < arrayLength(&lists) {
+            lists[at] = triangle;
         }
     }
 }

@@ -1,4 +1,5 @@
-// The blocks that a triangle matters in: those with a voxel whose centre is in its bounds, grown by its reach.
+// The blocks that a triangle matters in: those with a voxel whose centre is in its bounds, grown by its reach. What is done in each is
+// said by `visit` of whoever includes this, with the block's place from the lattice's origin.
 
 struct Reached {
     first: vec3<i32>,
@@ -25,4 +26,16 @@ fn reached_blocks(triangle: u32) -> Reached {
     let first = (min(min(a, b), c) + (half - 1 - reach)) >> shift;
     let last = (max(max(a, b), c) + (reach - half)) >> shift;
     return Reached(first, min(last, first + (MOST_REACHED - 1)));
+}
+
+/// Visits them.
+fn visit_reached(triangle: u32) {
+    let reached = reached_blocks(triangle);
+    for (var z = reached.first.z; z <= reached.last.z; z++) {
+        for (var y = reached.first.y; y <= reached.last.y; y++) {
+            for (var x = reached.first.x; x <= reached.last.x; x++) {
+                visit(triangle, vec3<i32>(x, y, z));
+            }
+        }
+    }
 }
