@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(lattice(20_000.0, DVec3::ZERO), None, "four million parts");
         let far = |size: f64| {
             let vertices = vec![DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::new(size, 0.0, 0.0)];
-            let triangles: Vec<[u32; 3]> = vec![[0, 1, 1]];
+            let triangles: Vec<[u32; 3]> = vec![[0, 1, 2]];
             LatticeMesh::of(&VoxelMesh { vertices, triangles: triangles.into() }, &[], &[], 2.0)
         };
         assert_eq!(far(30_000.0).map(|mesh| mesh.fraction_bits), Some(15));
