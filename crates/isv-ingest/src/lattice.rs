@@ -193,8 +193,10 @@ mod tests {
     fn positions_are_as_fine_as_they_can_be() {
         assert_eq!(lattice(20_000.0, DVec3::ZERO), None, "four million parts");
         let far = |size: f64| {
-            let vertices = vec![DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::new(size, 0.0, 0.0)];
-            let triangles: Vec<[u32; 3]> = vec![[0, 1, 2]];
+            // Two triangles so far apart.
+            let corners = [DVec3::ZERO, DVec3::Y, DVec3::Z];
+            let vertices = [0.0, size].map(|x| corners.map(|corner| corner + x * DVec3::X)).concat();
+            let triangles: Vec<[u32; 3]> = vec![[0, 1, 2], [3, 4, 5]];
             LatticeMesh::of(&VoxelMesh { vertices, triangles: triangles.into() }, &[], &[], 2.0)
         };
         assert_eq!(far(30_000.0).map(|mesh| mesh.fraction_bits), Some(15));
