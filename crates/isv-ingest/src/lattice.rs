@@ -78,8 +78,8 @@ impl LatticeMesh {
         let faces = splitter.triangles.len();
         splitter.add_all(mesh, closing)?;
         let closing = splitter.triangles.len() - faces;
-        for [from, to] in rims {
-            splitter.split([*from, *to, *to])?;
+        for rim in rims {
+            splitter.split_rim(*rim)?;
         }
         let Splitter { vertices, triangles, .. } = splitter;
         let origin = BlockCoord::from(first.to_array());
@@ -123,14 +123,32 @@ impl Splitter {
             if let Some([from, to, apex]) = longest {
                 let middle = 0.5 * (from + to);
                 stack.extend([[from, middle, apex], [middle, to, apex]]);
-            } else if self.triangles.len() < self.most {
-                let triangle = [a, b, c].map(|corner| self.vertex(corner));
-                self.triangles.push(triangle);
             } else {
-                return None;
+                self.push([a, b, c])?;
             }
         }
         Some(())
+    }
+
+    /// Halves a rim as the edge that it is.
+    fn split_rim(&mut self, rim: [DVec3; 2]) -> Option<()> {
+        let mut stack = vec![rim];
+        while let Some([from, to]) = stack.pop() {
+            if is_long(from, to) {
+                let middle = 0.5 * (from + to);
+                stack.extend([[from, middle], [middle, to]]);
+            } else {
+                self.push([from, to, to])?;
+            }
+        }
+        Some(())
+    }
+
+    /// A part with vertices of its own; nothing if there are too many.
+    fn push(&mut self, corners: [DVec3; 3]) -> Option<()> {
+        let triangle = corners.map(|corner| self.vertex(corner));
+        self.triangles.push(triangle);
+        (self.triangles.len() <= self.most).then_some(())
     }
 
     /// A new vertex.
@@ -165,7 +183,7 @@ mod tests {
         for (radius, place) in [(3.0, DVec3::ZERO), (90.0, DVec3::new(1e4, -3e4, 7.0))] {
             let mesh = lattice(radius, place).unwrap();
             assert_eq!(mesh.fraction_bits, 16);
-            assert!(mesh.closing >= 4 && mesh.rims() >= 1);
+            assert!(mesh.closing >= 4 && mesh.rims().is_power_of_two());
             let most = i32::try_from(LONGEST_EDGE << mesh.fraction_bits).unwrap() + 1;
             let mut sides: BTreeMap<[[i32; 3]; 2], i32> = BTreeMap::new();
             for (number, triangle) in mesh.triangles.iter().enumerate() {
