@@ -1,12 +1,12 @@
 //! `--backend`: who does the arithmetic on samples.
 
 use anyhow::Result;
-use isv::decode::{Decoder, Limits, Lod};
+use isv::decode::{BackendError, Decoder, Limits, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
 use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{
-    AnyAccumulator, AnyDecoder, AnyEncoder, AnyFusion, AnyMeshIngester, BackendChoice, GpuError,
+    AnyAccumulator, AnyCoder, AnyDecoder, AnyFusion, AnyMeshIngester, BackendChoice, GpuError,
     GpuIngestError, OpenedBackend, VolumeStore,
 };
 use isv::ingest::MeshIngest;
@@ -72,11 +72,11 @@ impl Backend {
     /// The CPU.
     pub(crate) const CPU: Self = Self { store: None, falls_back: false };
 
-    /// An encoder of a stream, and a line on standard error if it is on another backend than it might be.
-    pub(crate) fn encoder(&self, header: &StreamHeader, settings: EncoderSettings) -> Result<AnyEncoder> {
+    /// A coder of a stream, and a line on standard error if it is on another backend than it might be.
+    pub(crate) fn coder(&self, header: &StreamHeader, settings: EncoderSettings) -> Result<AnyCoder> {
         let on_gpu =
-            self.on_gpu(|store, falls_back| AnyEncoder::on_gpu(header, settings, store, falls_back))?;
-        Ok(on_gpu.unwrap_or_else(|| AnyEncoder::on_cpu(header, settings)))
+            self.on_gpu(|store, falls_back| AnyCoder::on_gpu(header, settings, store, falls_back))?;
+        Ok(on_gpu.unwrap_or_else(|| AnyCoder::on_cpu(header, settings)))
     }
 
     /// What makes volumes of meshes, with such a line.
@@ -121,6 +121,7 @@ impl Backend {
 pub(crate) fn has_failed(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.is::<GpuError>()
+            || cause.is::<BackendError>()
             || matches!(cause.downcast_ref(), Some(GpuIngestError::Gpu(_)))
             || matches!(cause.downcast_ref(), Some(FusionError::Backend(_)))
     })
@@ -141,7 +142,13 @@ mod tests {
     fn failures_of_a_gpu_are_told_from_bad_frames() {
         let lost = GpuError::Lost("unplugged".to_owned());
         let fusion = FusionError::Backend("unplugged".to_owned());
-        let failed = [anyhow::Error::from(lost.clone()), GpuIngestError::Gpu(lost).into(), fusion.into()];
+        let coding = BackendError::DeviceFailed("unplugged".to_owned());
+        let failed = [
+            anyhow::Error::from(lost.clone()),
+            GpuIngestError::Gpu(lost).into(),
+            fusion.into(),
+            coding.into(),
+        ];
         for error in failed {
             assert!(has_failed(&Err::<(), _>(error).context("frame_0001.ply").unwrap_err()));
         }

@@ -1,10 +1,11 @@
 //! The encoder: one volume, one frame payload.
 
-use crate::main_profile::{MainEncoder, MainSettings};
-use crate::paper_encoder::PaperEncoder;
+use crate::frame_coder::FrameCoder;
+use crate::frame_writer::FrameWriter;
+use crate::main_profile::MainSettings;
 use crate::syntax::SymbolSegments;
 use isv_decode::backend::Cpu;
-use isv_format::{FrameHeader, FramePayload, PacketHeader, Prediction, Profile, SlicePayload, StreamHeader};
+use isv_format::{FrameHeader, FramePayload, PacketHeader, Prediction, SlicePayload, StreamHeader};
 use isv_volume::SparseVolume;
 
 /// Blocks a slice holds at most, unless the number of slices is given or has reached its limit. A person at 5 mm is one
@@ -125,15 +126,11 @@ impl EncodedFrame {
     }
 }
 
-/// Codes the frames of a stream in order, on the CPU.
+/// Codes the frames of a stream in order, on the CPU: a coder and its writer, one after the other.
 #[derive(Debug)]
-pub struct Encoder(ProfileEncoder);
-
-/// An encoder of each profile.
-#[derive(Debug)]
-enum ProfileEncoder {
-    Paper(Box<PaperEncoder<Cpu>>),
-    Main(Box<MainEncoder<Cpu>>),
+pub struct Encoder {
+    coder: FrameCoder<Cpu, Cpu>,
+    writer: FrameWriter,
 }
 
 impl Encoder {
@@ -143,17 +140,7 @@ impl Encoder {
     /// If `settings.gop` is 0.
     #[must_use]
     pub fn new(header: &StreamHeader, settings: EncoderSettings) -> Self {
-        assert!(settings.gop > 0, "a GOP has at least one frame");
-        Self(match &header.profile {
-            Profile::Paper(paper) => {
-                let encoder = PaperEncoder::new(header.grid, paper, settings, Cpu::default());
-                ProfileEncoder::Paper(Box::new(encoder))
-            }
-            Profile::Main => {
-                let encoder = MainEncoder::new(header.grid, settings, Cpu::default());
-                ProfileEncoder::Main(Box::new(encoder))
-            }
-        })
+        Self { coder: FrameCoder::on_cpu(header, settings), writer: FrameWriter::default() }
     }
 
     /// Codes the next frame.
@@ -161,19 +148,13 @@ impl Encoder {
     /// # Panics
     /// If the volume is not on the stream's grid.
     pub fn encode(&mut self, volume: &SparseVolume) -> EncodedFrame {
-        let frame = match &mut self.0 {
-            ProfileEncoder::Paper(encoder) => encoder.encode(volume),
-            ProfileEncoder::Main(encoder) => encoder.encode(volume),
-        };
-        frame.expect("at full resolution the CPU never fails")
+        let frame = self.coder.code(volume).expect("at full resolution the CPU never fails");
+        self.writer.write(frame)
     }
 
     /// What the decoder will have after the last frame; `None` before the first.
     #[must_use]
     pub fn reconstruction(&self) -> Option<&SparseVolume> {
-        match &self.0 {
-            ProfileEncoder::Paper(encoder) => encoder.reconstruction(),
-            ProfileEncoder::Main(encoder) => encoder.reconstruction(),
-        }
+        self.coder.reconstruction()
     }
 }

@@ -3,7 +3,7 @@
 mod support;
 
 use isv_decode::volume_hash;
-use isv_encode::{EncoderSettings, MotionMode, surface_rms_voxels};
+use isv_encode::{Encoder, EncoderSettings, FrameCoder, FrameWriter, MotionMode, surface_rms_voxels};
 use isv_format::{PaperParameters, Prediction, Profile};
 use support::{ball, decode, encode, header};
 
@@ -69,6 +69,25 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     let decoded = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| decode(&one));
     decoded.1.unwrap();
     assert_eq!(decoded.0, decode(&one).0);
+}
+
+#[test]
+fn symbols_can_be_written_when_all_frames_are_coded() {
+    let header = header(8, 8, 64);
+    let volumes: Vec<_> = (0..6).map(|t| ball(header.grid, f64::from(t))).collect();
+    for motion in [MotionMode::Fixed(Prediction::SixDof), MotionMode::Auto] {
+        let mut coder = FrameCoder::on_cpu(&header, settings(motion));
+        let coded: Vec<_> = volumes.iter().map(|volume| coder.code(volume).unwrap()).collect();
+        let mut writer = FrameWriter::default();
+        let mut encoder = Encoder::new(&header, settings(motion));
+        for (coded, volume) in coded.into_iter().zip(&volumes) {
+            let (late, in_turn) = (writer.write(coded), encoder.encode(volume));
+            assert_eq!(
+                (late.keyframe, late.payload().to_bytes()),
+                (in_turn.keyframe, in_turn.payload().to_bytes())
+            );
+        }
+    }
 }
 
 #[test]

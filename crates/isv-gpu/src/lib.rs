@@ -44,8 +44,8 @@
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
+mod any_coder;
 mod any_decoder;
-mod any_encoder;
 mod any_fusion;
 mod any_mesh_ingester;
 mod blocks;
@@ -67,8 +67,8 @@ mod surface;
 mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
+pub use any_coder::AnyCoder;
 pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
-pub use any_encoder::AnyEncoder;
 pub use any_fusion::{AnyAccumulator, AnyFusion};
 pub use any_mesh_ingester::AnyMeshIngester;
 pub use choice::{BackendChoice, OpenedBackend};

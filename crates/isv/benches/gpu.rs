@@ -8,12 +8,12 @@
 
 use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, Preset};
+use isv::encode::{EncodedFrame, Encoder, EncoderSettings, FrameWriter, MotionMode, Preset};
 use isv::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
 use isv::gpu::{
-    AnyEncoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime,
+    AnyCoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime,
     VolumeStore,
 };
 use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
@@ -106,8 +106,9 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
         let encode_on_gpu = || {
             let store = VolumeStore::new(gpu)?;
             let encoder = |settings| {
-                let mut encoder = AnyEncoder::on_gpu(&header, settings, &store, false)?;
-                anyhow::Ok(move |volume: &SparseVolume| Ok(encoder.encode(volume)?))
+                let mut coder = AnyCoder::on_gpu(&header, settings, &store, false)?;
+                let mut writer = FrameWriter::default();
+                anyhow::Ok(move |volume: &SparseVolume| Ok(writer.write(coder.code(volume)?)))
             };
             anyhow::Ok(encode(&header, &volumes, encoder)?.1)
         };

@@ -1,6 +1,7 @@
 //! `isv encode`: a capture to a stream.
 
 mod auto_voxel;
+mod coding;
 mod header;
 mod ingest;
 mod paper;
@@ -19,11 +20,11 @@ use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
+use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
 use ingest::IngestArgs;
-use isv::encode::{EncodedFrame, EncoderSettings, RateTarget, surface_rms_voxels};
+use isv::encode::{EncoderSettings, FrameWriter, RateTarget};
 use isv::format::{PacketWriter, StreamHeader};
-use isv::gpu::AnyEncoder;
 use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -129,10 +130,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
+    let compares = args.stats.is_some() || matches!(settings.main.target, RateTarget::MaxError(_));
+    let coding = Coding { coder: backend.coder(&header, settings)?, compares };
     let mut job = Job {
         header,
-        encoder: backend.encoder(&header, settings)?,
-        writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
+        frame_writer: FrameWriter::default(),
+        packet_writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
@@ -144,7 +147,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         progress.note(&remark);
     }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
-    for frame in volumes(capture.read(range)?, maker, taking_turns) {
+    for frame in pipeline(capture.read(range)?, maker, coding, taking_turns) {
         job.take(frame, &progress)?;
         progress.step();
     }
@@ -152,22 +155,33 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     job.finish(args)
 }
 
-/// The pipeline up to the encoder. Reading runs ahead of everything else, and making volumes runs ahead of encoding
-/// unless the two are to take turns.
-fn volumes(
+/// The pipeline up to the writing of symbols. Reading runs ahead of everything else; making volumes runs ahead of coding them, and
+/// that of writing, unless they are to take turns.
+fn pipeline(
     frames: Frames<CapturedFrame>,
-    mut maker: VolumeMaker,
+    maker: VolumeMaker,
+    coding: Coding,
     taking_turns: bool,
-) -> Box<dyn Iterator<Item = Result<IngestedFrame>>> {
-    let ingested = Ahead::new(frames).map(move |frame| maker.ingest(frame?));
-    if taking_turns { Box::new(ingested) } else { Box::new(Ahead::new(ingested)) }
+) -> Box<dyn Iterator<Item = Result<CodedFrame>>> {
+    match taking_turns {
+        true => Box::new(coding.code_all(ingested(frames, maker))),
+        false => Box::new(Ahead::new(coding.code_all(Ahead::new(ingested(frames, maker))))),
+    }
 }
 
-/// The encoding side.
+/// Frames as volumes, read ahead.
+fn ingested(
+    frames: Frames<CapturedFrame>,
+    mut maker: VolumeMaker,
+) -> impl Iterator<Item = Result<IngestedFrame>> {
+    Ahead::new(frames).map(move |frame| maker.ingest(frame?))
+}
+
+/// The writing side.
 struct Job {
     header: StreamHeader,
-    encoder: AnyEncoder,
-    writer: PacketWriter<Output>,
+    frame_writer: FrameWriter,
+    packet_writer: PacketWriter<Output>,
     stats: StatsFile<EncodedFrameStats>,
     skip_bad_frames: bool,
     /// What the encoder aims at, until it was said that it is out of reach.
@@ -179,12 +193,12 @@ struct Job {
 }
 
 impl Job {
-    /// Encodes a frame, or deals with what is wrong with it.
-    fn take(&mut self, frame: Result<IngestedFrame>, progress: &Progress) -> Result<()> {
+    /// Writes a frame, or deals with what is wrong with it.
+    fn take(&mut self, frame: Result<CodedFrame>, progress: &Progress) -> Result<()> {
         match frame {
             Ok(frame) => {
-                self.encode(&frame)?;
-                self.note_missed_error(&frame, progress)
+                self.note_missed_error(&frame, progress);
+                self.write(frame)
             }
             Err(error) if self.skip_bad_frames && !backend::has_failed(&error) => {
                 self.skipped += 1;
@@ -196,62 +210,47 @@ impl Job {
     }
 
     /// Says once that a frame could not be brought within the error asked for.
-    fn note_missed_error(&mut self, frame: &IngestedFrame, progress: &Progress) -> Result<()> {
-        let Some(RateTarget::MaxError(bound)) = self.target else { return Ok(()) };
-        let decoded = self.encoder.reconstruction()?.expect("a frame was just encoded");
-        let voxel_m = self.header.grid.voxel_size.metres();
-        let error = surface_rms_voxels(&frame.volume, &decoded);
+    fn note_missed_error(&mut self, frame: &CodedFrame, progress: &Progress) {
+        let Some(RateTarget::MaxError(bound)) = self.target else { return };
+        let error =
+            frame.surface_rms_voxels.expect("decoded frames are compared where their error is aimed at");
         if error > bound {
             self.target = None;
+            let voxel_m = self.header.grid.voxel_size.metres();
             let [error, bound] = [error, bound].map(|voxels| Length::from_metres(voxels * voxel_m));
             progress.note(&format!(
                 "frame {}: {error} from what was captured even with the finest step, not {bound}: smaller voxels reach it",
                 frame.number
             ));
         }
-        Ok(())
     }
 
     /// A frame keeps its time if frames before it were skipped.
-    fn encode(&mut self, frame: &IngestedFrame) -> Result<()> {
-        let (coded, encode_ms) = timed(|| self.encoder.encode(&frame.volume));
-        let coded = coded?;
-        if let Some(why) = self.encoder.take_notice() {
-            backend::notify(&why);
-        }
-        let timestamp_ns = self.header.frame_rate.timestamp_ns((frame.number - self.first) as u64);
-        let bytes = self.writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
+    fn write(&mut self, frame: CodedFrame) -> Result<()> {
+        let CodedFrame { number, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
+        let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
+        let timestamp_ns = self.header.frame_rate.timestamp_ns((number - self.first) as u64);
+        let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {
-            let stats = self.frame_stats(frame, &coded, encode_ms, bytes)?;
-            self.stats.push(stats);
+            let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
+            let rms = surface_rms_voxels.expect("decoded frames are compared where statistics are wanted");
+            self.stats.push(EncodedFrameStats {
+                ingest_ms,
+                encode_ms: coding_ms + writing_ms,
+                bytes,
+                bytes_blocks: coded.bytes_blocks(),
+                bytes_motion: coded.bytes_motion(),
+                bytes_coefficients: coded.bytes_coefficients(),
+                bytes_masks: coded.bytes_masks(),
+                bytes_dc: coded.bytes_dc(),
+                blocks_band,
+                blocks_coded: coded.payload().header.blocks as usize,
+                keyframe: coded.keyframe,
+                surface_rms_mm: rms * voxel_mm,
+            });
         }
         Ok(())
-    }
-
-    fn frame_stats(
-        &self,
-        frame: &IngestedFrame,
-        coded: &EncodedFrame,
-        encode_ms: f64,
-        bytes: usize,
-    ) -> Result<EncodedFrameStats> {
-        let decoded = self.encoder.reconstruction()?.expect("a frame was just encoded");
-        let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
-        Ok(EncodedFrameStats {
-            ingest_ms: frame.ingest_ms,
-            encode_ms,
-            bytes,
-            bytes_blocks: coded.bytes_blocks(),
-            bytes_motion: coded.bytes_motion(),
-            bytes_coefficients: coded.bytes_coefficients(),
-            bytes_masks: coded.bytes_masks(),
-            bytes_dc: coded.bytes_dc(),
-            blocks_band: frame.blocks_band,
-            blocks_coded: coded.payload().header.blocks as usize,
-            keyframe: coded.keyframe,
-            surface_rms_mm: surface_rms_voxels(&frame.volume, &decoded) * voxel_mm,
-        })
     }
 
     /// Completes the stream, which is a shorter one after Ctrl-C.
@@ -265,7 +264,7 @@ impl Job {
                 false => bail!("{input}: no frame could be used, {skipped} skipped"),
             }
         }
-        let bytes = self.writer.finish()?.commit()?;
+        let bytes = self.packet_writer.finish()?.commit()?;
         let mbps = megabits_per_second(bytes, self.frames, self.header.frame_rate.per_second());
         let ms = self.stats.wall_ms() / self.frames as f64;
         eprintln!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame");

@@ -6,7 +6,8 @@ use isv_decode::backend::{Backend, Cpu, CpuPaperFrame};
 use isv_decode::reconstruct::predict;
 use isv_decode::{BackendError, CodingParameters, Decoder, FrameSymbols, Limits, volume_hash};
 use isv_encode::{
-    EncodeBackend, EncodedFrame, Encoder, EncoderSettings, MotionMode, PaperEncoder, surface_rms_voxels,
+    EncodeBackend, EncodedFrame, Encoder, EncoderSettings, FrameWriter, MotionMode, PaperCoder,
+    surface_rms_voxels,
 };
 use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
@@ -200,13 +201,14 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
         for motion in modes.into_iter().take(if name == "ball" { 3 } else { 2 }) {
             let settings = EncoderSettings { motion, gop: 3, checksums: true, ..EncoderSettings::default() };
             let mut on_cpu = Encoder::new(&header, settings);
-            let mut on_gpu = PaperEncoder::new(header.grid, &PAPER, settings, backend(&gpu));
+            let mut on_gpu = PaperCoder::new(header.grid, &PAPER, settings, backend(&gpu));
+            let mut writer = FrameWriter::default();
             let [mut expected, mut found] = [Stream::new(header), Stream::new(header)];
             let mut hashes = Vec::new();
             for volume in &volumes {
                 let frame = on_cpu.encode(volume);
                 expected.add(&frame, volume, on_cpu.reconstruction().unwrap());
-                let frame = on_gpu.encode(volume).unwrap();
+                let frame = writer.write(on_gpu.code(volume).unwrap());
                 let decoded = on_gpu.reconstruction().unwrap().download().unwrap();
                 found.add(&frame, volume, &decoded);
                 hashes.push(volume_hash(&decoded));
@@ -235,10 +237,10 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
 #[test]
 fn an_empty_frame_and_a_frame_after_it_are_coded() {
     let Some(gpu) = gpu_for_tests("an_empty_frame_and_a_frame_after_it_are_coded") else { return };
-    let mut encoder = PaperEncoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
+    let mut coder = PaperCoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
     for volume in [ball(grid(), 0.0), noise(0, 1), ball(grid(), 1.0)] {
-        encoder.encode(&volume).unwrap();
-        let found: &GpuVolume = encoder.reconstruction().unwrap();
+        coder.code(&volume).unwrap();
+        let found: &GpuVolume = coder.reconstruction().unwrap();
         assert_eq!(found.download().unwrap().coords(), volume.coords());
     }
 }
@@ -247,18 +249,18 @@ fn an_empty_frame_and_a_frame_after_it_are_coded() {
 fn other_blocks_are_not_supported() {
     let Some(gpu) = gpu_for_tests("other_blocks_are_not_supported") else { return };
     let grid = Grid { edge: BlockEdge::E4, ..grid() };
-    let mut encoder = PaperEncoder::new(grid, &PAPER, EncoderSettings::default(), backend(&gpu));
-    let error = encoder.encode(&ball(grid, 0.0)).unwrap_err();
+    let mut coder = PaperCoder::new(grid, &PAPER, EncoderSettings::default(), backend(&gpu));
+    let error = coder.code(&ball(grid, 0.0)).unwrap_err();
     assert!(matches!(error, BackendError::Unsupported(_)), "{error}");
 }
 
 #[test]
 fn a_lost_device_is_an_error() {
     let Some(gpu) = gpu_for_tests("a_lost_device_is_an_error") else { return };
-    let mut encoder = PaperEncoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
-    encoder.encode(&ball(grid(), 0.0)).unwrap();
+    let mut coder = PaperCoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
+    coder.code(&ball(grid(), 0.0)).unwrap();
     gpu.lose();
     for t in [1.0, 2.0] {
-        assert!(matches!(encoder.encode(&ball(grid(), t)), Err(BackendError::DeviceFailed(_))));
+        assert!(matches!(coder.code(&ball(grid(), t)), Err(BackendError::DeviceFailed(_))));
     }
 }

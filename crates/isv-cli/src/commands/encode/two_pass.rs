@@ -1,6 +1,7 @@
 //! The one step that meets a rate, found by coding everything with others.
 
-use super::{Args, volumes};
+use super::{Args, ingested};
+use crate::ahead::Ahead;
 use crate::backend::Backend;
 use crate::capture::Capture;
 use crate::interrupt;
@@ -72,7 +73,7 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;
-    for frame in volumes(capture.read(range)?, maker, false) {
+    for frame in Ahead::new(ingested(capture.read(range)?, maker)) {
         match frame {
             Ok(frame) => {
                 let coded = encoder.encode(&frame.volume);

@@ -1,84 +1,46 @@
-//! An encoder on whatever there is.
+//! A coder on whatever there is.
 
 use crate::{GpuBackend, GpuError, GpuMotionSearch, GpuVolume, VolumeStore};
 use isv_decode::BackendError;
-use isv_encode::{EncodedFrame, Encoder, EncoderSettings, MainEncoder, PaperEncoder};
+use isv_decode::backend::Cpu;
+use isv_encode::{EncoderSettings, FrameCoder, MainEncoder, PaperCoder, UnwrittenFrame};
 use isv_format::{Profile, StreamHeader};
 use isv_volume::{BlockEdge, SparseVolume};
 
-/// An [`Encoder`] on the CPU or on a GPU, where in profile `main` motion is searched for. If a GPU fails, it can go on with a
-/// keyframe on the CPU.
+/// A [`FrameCoder`] on the CPU or on a GPU, where in profile `main` motion is searched for. If a GPU fails, it can go on with a
+/// keyframe on the CPU. A [`FrameWriter`](isv_encode::FrameWriter) writes its frames, whoever coded them.
 #[derive(Debug)]
-pub struct AnyEncoder {
+pub struct AnyCoder {
     header: StreamHeader,
     settings: EncoderSettings,
-    encoder: Inner,
+    coder: Inner,
     /// Why the GPU was given up, until somebody asks.
     notice: Option<BackendError>,
 }
 
 #[derive(Debug)]
 enum Inner {
-    Cpu(Box<Encoder>),
-    Gpu { encoder: GpuEncoder, falls_back: bool },
-}
-
-/// An encoder of each profile.
-#[derive(Debug)]
-enum GpuEncoder {
-    Paper(Box<PaperEncoder<GpuBackend>>),
-    Main(Box<MainEncoder<GpuMotionSearch>>),
-}
-
-impl GpuEncoder {
-    fn new(header: &StreamHeader, settings: EncoderSettings, store: &VolumeStore) -> Result<Self, GpuError> {
-        if header.grid.edge != BlockEdge::E8 {
-            return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
-        }
-        Ok(match &header.profile {
-            Profile::Paper(paper) => {
-                let backend = GpuBackend::new(store)?;
-                Self::Paper(Box::new(PaperEncoder::new(header.grid, paper, settings, backend)))
-            }
-            Profile::Main => {
-                let search = GpuMotionSearch::new(store)?;
-                Self::Main(Box::new(MainEncoder::new(header.grid, settings, search)))
-            }
-        })
-    }
-
-    fn encode(&mut self, volume: &SparseVolume) -> Result<EncodedFrame, BackendError> {
-        match self {
-            Self::Paper(encoder) => encoder.encode(volume),
-            Self::Main(encoder) => encoder.encode(volume),
-        }
-    }
-
-    fn reconstruction(&self) -> Result<Option<SparseVolume>, GpuError> {
-        match self {
-            Self::Paper(encoder) => encoder.reconstruction().map(GpuVolume::download).transpose(),
-            Self::Main(encoder) => Ok(encoder.reconstruction().cloned()),
-        }
-    }
+    Cpu(FrameCoder<Cpu, Cpu>),
+    Gpu { coder: FrameCoder<GpuBackend, GpuMotionSearch>, falls_back: bool },
 }
 
 impl Inner {
     fn on_cpu(header: &StreamHeader, settings: EncoderSettings) -> Self {
-        Self::Cpu(Box::new(Encoder::new(header, settings)))
+        Self::Cpu(FrameCoder::on_cpu(header, settings))
     }
 }
 
-impl AnyEncoder {
-    /// An encoder on the CPU.
+impl AnyCoder {
+    /// A coder on the CPU.
     ///
     /// # Panics
     /// If `settings.gop` is 0.
     #[must_use]
     pub fn on_cpu(header: &StreamHeader, settings: EncoderSettings) -> Self {
-        Self { header: *header, settings, encoder: Inner::on_cpu(header, settings), notice: None }
+        Self { header: *header, settings, coder: Inner::on_cpu(header, settings), notice: None }
     }
 
-    /// An encoder on a GPU. `falls_back`: whether it goes on on the CPU if the GPU fails.
+    /// A coder on a GPU. `falls_back`: whether it goes on on the CPU if the GPU fails.
     ///
     /// # Errors
     /// [`GpuError::Unsupported`] for blocks of another edge than 8 voxels, and [`GpuError::Refused`] if the driver does not take a
@@ -92,8 +54,8 @@ impl AnyEncoder {
         store: &VolumeStore,
         falls_back: bool,
     ) -> Result<Self, GpuError> {
-        let encoder = Inner::Gpu { encoder: GpuEncoder::new(header, settings, store)?, falls_back };
-        Ok(Self { header: *header, settings, encoder, notice: None })
+        let coder = Inner::Gpu { coder: coder_on_gpu(header, settings, store)?, falls_back };
+        Ok(Self { header: *header, settings, coder, notice: None })
     }
 
     /// Codes the next frame.
@@ -103,17 +65,17 @@ impl AnyEncoder {
     ///
     /// # Panics
     /// If the volume is not on the stream's grid.
-    pub fn encode(&mut self, volume: &SparseVolume) -> Result<EncodedFrame, BackendError> {
-        let error = match &mut self.encoder {
-            Inner::Cpu(encoder) => return Ok(encoder.encode(volume)),
-            Inner::Gpu { encoder, falls_back } => match encoder.encode(volume) {
+    pub fn code(&mut self, volume: &SparseVolume) -> Result<UnwrittenFrame, BackendError> {
+        let error = match &mut self.coder {
+            Inner::Cpu(coder) => return coder.code(volume),
+            Inner::Gpu { coder, falls_back } => match coder.code(volume) {
                 Err(error) if *falls_back => error,
                 frame => return frame,
             },
         };
         // Its first frame is a keyframe, so nothing of the GPU's is wanted any more.
-        (self.encoder, self.notice) = (Inner::on_cpu(&self.header, self.settings), Some(error));
-        self.encode(volume)
+        (self.coder, self.notice) = (Inner::on_cpu(&self.header, self.settings), Some(error));
+        self.code(volume)
     }
 
     /// What the decoder will have after the last frame; nothing before the first.
@@ -121,9 +83,12 @@ impl AnyEncoder {
     /// # Errors
     /// What goes wrong on a GPU.
     pub fn reconstruction(&self) -> Result<Option<SparseVolume>, GpuError> {
-        match &self.encoder {
-            Inner::Cpu(encoder) => Ok(encoder.reconstruction().cloned()),
-            Inner::Gpu { encoder, .. } => encoder.reconstruction(),
+        match &self.coder {
+            Inner::Cpu(coder) => Ok(coder.reconstruction().cloned()),
+            Inner::Gpu { coder: FrameCoder::Paper(coder), .. } => {
+                coder.reconstruction().map(GpuVolume::download).transpose()
+            }
+            Inner::Gpu { coder: FrameCoder::Main(encoder), .. } => Ok(encoder.reconstruction().cloned()),
         }
     }
 
@@ -133,13 +98,33 @@ impl AnyEncoder {
     }
 }
 
+fn coder_on_gpu(
+    header: &StreamHeader,
+    settings: EncoderSettings,
+    store: &VolumeStore,
+) -> Result<FrameCoder<GpuBackend, GpuMotionSearch>, GpuError> {
+    if header.grid.edge != BlockEdge::E8 {
+        return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
+    }
+    Ok(match &header.profile {
+        Profile::Paper(paper) => {
+            let backend = GpuBackend::new(store)?;
+            FrameCoder::Paper(Box::new(PaperCoder::new(header.grid, paper, settings, backend)))
+        }
+        Profile::Main => {
+            let search = GpuMotionSearch::new(store)?;
+            FrameCoder::Main(Box::new(MainEncoder::new(header.grid, settings, search)))
+        }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Gpu;
     use crate::tests::{gpu_for_tests, grid};
     use isv_decode::{Decoder, Limits};
-    use isv_encode::MotionMode;
+    use isv_encode::{FrameWriter, MotionMode};
     use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction};
     use isv_testkit::ball;
 
@@ -154,15 +139,16 @@ mod tests {
         let store = VolumeStore::new(gpu).unwrap();
         let motion = MotionMode::Fixed(Prediction::ThreeDof);
         let settings = EncoderSettings { checksums: true, motion, ..EncoderSettings::default() };
-        let mut encoder = AnyEncoder::on_gpu(header, settings, &store, true).unwrap();
-        let mut writer = PacketWriter::new(Vec::new(), header).unwrap();
+        let mut coder = AnyCoder::on_gpu(header, settings, &store, true).unwrap();
+        let (mut frames, mut writer) =
+            (FrameWriter::default(), PacketWriter::new(Vec::new(), header).unwrap());
         let mut keyframes = Vec::new();
         for frame in 0..4 {
             if frame == 2 {
                 gpu.lose();
             }
-            let coded = encoder.encode(&ball(grid(), f64::from(frame))).unwrap();
-            assert_eq!(encoder.take_notice().is_some(), frame == 2);
+            let coded = frames.write(coder.code(&ball(grid(), f64::from(frame))).unwrap());
+            assert_eq!(coder.take_notice().is_some(), frame == 2);
             keyframes.push(coded.keyframe);
             writer.write_frame(coded.keyframe, 0, &coded.payload()).unwrap();
         }
@@ -189,10 +175,10 @@ mod tests {
             let Some(gpu) = gpu_for_tests("a_lost_gpu_is_an_error_where_a_gpu_was_asked_for") else { return };
             let (header, store) = (header(profile), VolumeStore::new(&gpu).unwrap());
             let settings = EncoderSettings::default();
-            let mut encoder = AnyEncoder::on_gpu(&header, settings, &store, false).unwrap();
-            encoder.encode(&ball(grid(), 0.0)).unwrap();
+            let mut coder = AnyCoder::on_gpu(&header, settings, &store, false).unwrap();
+            coder.code(&ball(grid(), 0.0)).unwrap();
             gpu.lose();
-            let error = encoder.encode(&ball(grid(), 1.0)).unwrap_err();
+            let error = coder.code(&ball(grid(), 1.0)).unwrap_err();
             assert!(matches!(error, BackendError::DeviceFailed(_)), "{error}");
         }
     }
@@ -203,7 +189,7 @@ mod tests {
         let store = VolumeStore::new(&gpu).unwrap();
         let wide =
             StreamHeader { grid: isv_volume::Grid { edge: BlockEdge::E16, ..grid() }, ..header(PAPER) };
-        let encoder = AnyEncoder::on_gpu(&wide, EncoderSettings::default(), &store, false);
-        assert!(matches!(encoder, Err(GpuError::Unsupported(_))));
+        let coder = AnyCoder::on_gpu(&wide, EncoderSettings::default(), &store, false);
+        assert!(matches!(coder, Err(GpuError::Unsupported(_))));
     }
 }

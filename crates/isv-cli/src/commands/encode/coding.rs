@@ -1,0 +1,55 @@
+//! Volumes to symbols: the part of encoding between ingest and the bytes.
+
+use super::volumes::IngestedFrame;
+use crate::backend;
+use crate::stats::timed;
+use anyhow::Result;
+use isv::encode::{UnwrittenFrame, surface_rms_voxels};
+use isv::gpu::AnyCoder;
+
+/// A frame ready to be written.
+pub(super) struct CodedFrame {
+    /// Its number in the capture.
+    pub(super) number: usize,
+    pub(super) frame: UnwrittenFrame,
+    /// Of [`IngestedFrame`].
+    pub(super) blocks_band: usize,
+    pub(super) ingest_ms: f64,
+    pub(super) coding_ms: f64,
+    /// How far the decoded surface is from the ingested one, if the two are compared.
+    pub(super) surface_rms_voxels: Option<f64>,
+}
+
+/// Codes volumes.
+pub(super) struct Coding {
+    pub(super) coder: AnyCoder,
+    /// Whether decoded frames are compared with what was ingested.
+    pub(super) compares: bool,
+}
+
+impl Coding {
+    /// Codes one frame after the other.
+    pub(super) fn code_all(
+        mut self,
+        frames: impl Iterator<Item = Result<IngestedFrame>>,
+    ) -> impl Iterator<Item = Result<CodedFrame>> {
+        frames.map(move |frame| self.code(frame?))
+    }
+
+    fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame> {
+        let IngestedFrame { number, volume, blocks_band, ingest_ms } = frame;
+        let (coded, coding_ms) = timed(|| self.coder.code(&volume));
+        let frame = coded?;
+        if let Some(why) = self.coder.take_notice() {
+            backend::notify(&why);
+        }
+        let surface_rms_voxels = match self.compares {
+            true => {
+                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
+                Some(surface_rms_voxels(&volume, &decoded))
+            }
+            false => None,
+        };
+        Ok(CodedFrame { number, frame, blocks_band, ingest_ms, coding_ms, surface_rms_voxels })
+    }
+}
