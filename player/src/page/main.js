@@ -49,7 +49,8 @@ class Page {
     const ask = listenToFiles((files) => this.open(files.map((file) => ({ name: file.name, options: { source: file } }))));
     const commands = {
       toggle: () => this.toggle(),
-      step: (/** @type {number} */ frames) => this.players.forEach((player) => player.step(frames)),
+      // The clock is shared: the others follow.
+      step: (/** @type {number} */ frames) => this.players[0]?.step(frames),
       seek: (/** @type {number} */ frame) => this.seek(frame),
       faster: (/** @type {number} */ steps) => this.#transport.faster(steps),
       loop: () => (this.clock.loop = !this.clock.loop),

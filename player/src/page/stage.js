@@ -174,6 +174,26 @@ export class Stage {
     return true;
   }
 
+  /**
+   * The first picture from another camera, as a PNG in a data URL: to be compared with pictures made elsewhere.
+   * @param {[number, number, number]} position
+   * @param {[number, number, number]} target
+   * @param {number[]} projection 4 x 4, row by row
+   */
+  pictureFrom(position, target, projection) {
+    const camera = new PerspectiveCamera();
+    camera.position.set(...position);
+    camera.lookAt(...target);
+    camera.projectionMatrix.set(.../** @type {Parameters<import('three').Matrix4['set']>} */ (projection));
+    camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
+    const { clientWidth, clientHeight } = this.#canvas;
+    this.renderer.setScissorTest(false);
+    this.renderer.setViewport(0, 0, clientWidth, clientHeight);
+    this.renderer.render(withLamp(this.#pictures[0].scene, camera), camera);
+    this.stale = true;
+    return this.#canvas.toDataURL();
+  }
+
   #aspect() {
     const { clientWidth, clientHeight } = this.#canvas;
     return Math.max(1, clientWidth) / Math.max(1, this.#pictures.length) / Math.max(1, clientHeight);
