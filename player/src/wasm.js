@@ -31,6 +31,15 @@
  */
 
 /**
+ * How the blocks of a frame are coded: those that it codes, and those that stay as they are, by number of the block.
+ * @typedef {object} BlockDetails
+ * @property {Int32Array} places Four a block: x, y, z in blocks, then 0 if it stays as it is, 1 if it is coded without the frame
+ *   before, 2 if it is predicted from it.
+ * @property {Float32Array} bits Bits that each takes.
+ * @property {Float32Array} motion Three a block: x, y, z in metres from where it is predicted to where it is.
+ */
+
+/**
  * A decoded frame. The arrays are the caller's, and nothing else refers to their buffers: they can be transferred.
  * @typedef {object} DecodedFrame
  * @property {number} timestampNs When it is shown, in nanoseconds.
@@ -38,6 +47,7 @@
  * @property {Float32Array} positions x, y, z of each vertex in metres; empty without a surface.
  * @property {Float32Array} normals x, y, z of each vertex's unit normal; empty where they were not wanted.
  * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
+ * @property {BlockDetails} [blocks] Only if details were wanted.
  */
 
 /**
@@ -46,6 +56,7 @@
  * @property {number} [at] Where the packet begins in the stream, for the words of errors.
  * @property {boolean} [surface] Whether the surface is extracted; it is, unless this says otherwise.
  * @property {boolean} [normals] Whether vertices get normals.
+ * @property {boolean} [details] Whether to tell how the blocks are coded.
  */
 
 /**
@@ -201,10 +212,11 @@ export class Decoder {
    * @returns {DecodedFrame}
    * @throws {IsvError}
    */
-  decode(packet, { at = 0, surface = true, normals = false } = {}) {
+  decode(packet, { at = 0, surface = true, normals = false, details = false } = {}) {
     return this.#run(() => {
       const exports = this.#exports;
       this.#give(packet);
+      exports.isv_details(details ? 1 : 0);
       this.#check(exports.isv_decode(at));
       if (surface) {
         this.#check(exports.isv_surface(normals ? 1 : 0));
@@ -217,6 +229,7 @@ export class Decoder {
         positions: this.#copy(Float32Array, exports.isv_vertices(), 3 * vertices),
         normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
         indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),
+        ...(details ? { blocks: this.#blocks() } : {}),
       };
     });
   }
@@ -236,6 +249,20 @@ export class Decoder {
   statedHash() {
     const exports = this.#exports;
     return exports.isv_states_hash() === 0 ? undefined : hexadecimal(exports.isv_stated_hash());
+  }
+
+  /**
+   * How the blocks of the last frame are coded.
+   * @returns {BlockDetails}
+   */
+  #blocks() {
+    const exports = this.#exports;
+    const count = exports.isv_block_count();
+    return {
+      places: this.#copy(Int32Array, exports.isv_blocks(), 4 * count),
+      bits: this.#copy(Float32Array, exports.isv_block_bits(), count),
+      motion: this.#copy(Float32Array, exports.isv_block_motion(), 3 * count),
+    };
   }
 
   /**

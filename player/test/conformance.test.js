@@ -115,6 +115,30 @@ for (const { of, bytes } of MODULES) {
     assert.equal(decoder.decode(packet, { surface: false }).positions.length, 0);
   });
 
+  test(`${of}: blocks are told of where that is wanted`, async () => {
+    const decoder = await create();
+    for (const name of NAMES) {
+      const stream = read(name);
+      const { voxelSize, blockSide } = decoder.open(streamHeader(stream));
+      for (const [frame, { bytes }] of packetsByWalking(decoder, stream).entries()) {
+        const { blocks } = decoder.decode(bytes, { surface: false, details: true });
+        assert.ok(blocks !== undefined);
+        const { places, bits, motion } = blocks;
+        assert.equal(places.length, 4 * bits.length, name);
+        assert.equal(motion.length, 3 * bits.length, name);
+        assert.ok(bits.reduce((sum, count) => sum + count, 0) <= 8 * bytes.length, name);
+        assert.ok(motion.every((metres) => Math.abs(metres) <= 4 * blockSide * voxelSize), name);
+        const codings = bits.map((_, block) => places[4 * block + 3]);
+        assert.ok(codings.every((coding) => [0, 1, 2].includes(coding)), name);
+        assert.ok(frame > 0 || codings.every((coding) => coding === 1), name);
+        assert.ok(bits.every((count, block) => count >= 0 && (codings[block] > 0 || count === 0)), name);
+      }
+    }
+    const [{ bytes }] = packetsByWalking(decoder, read('intra.isv'));
+    decoder.open(streamHeader(read('intra.isv')));
+    assert.equal(decoder.decode(bytes).blocks, undefined);
+  });
+
   test(`${of}: decoding from a keyframe gives the frames from the start`, async () => {
     const decoder = await create();
     let tested = 0;
@@ -222,7 +246,7 @@ test('the committed module does what a fresh one does', { skip: FRESH === undefi
     const stream = read(name);
     const [ours, theirs] = decoders.map((decoder) => {
       const facts = decoder.open(streamHeader(stream));
-      const frames = packetsByWalking(decoder, stream).map(({ bytes }) => decoder.decode(bytes, { normals: true }));
+      const frames = packetsByWalking(decoder, stream).map(({ bytes }) => decoder.decode(bytes, { normals: true, details: true }));
       return { facts, frames };
     });
     assert.deepEqual(ours, theirs, name);

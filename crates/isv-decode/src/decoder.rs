@@ -7,6 +7,7 @@ mod sequence;
 
 use crate::DecodeError;
 use crate::backend::{Backend, Cpu};
+use crate::details::{BlockDetail, Details};
 use crate::reduced::Lod;
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{GridError, SparseVolume};
@@ -53,6 +54,7 @@ struct FrameFacts {
 pub struct Decoder<B: Backend = Cpu> {
     backend: B,
     profile: ProfileDecoder<B>,
+    details: Details,
 }
 
 /// A decoder of each profile.
@@ -95,7 +97,19 @@ impl<B: Backend> Decoder<B> {
             }
             Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
         };
-        Self { backend, profile }
+        Self { backend, profile, details: Details::default() }
+    }
+
+    /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.
+    pub fn keep_details(&mut self, wanted: bool) {
+        self.details.keep(wanted);
+    }
+
+    /// How the last frame's blocks are coded, in Morton order: those that it codes, and in profile `main` those that stay as they
+    /// are. Empty before the first frame, after an error and unless [`Self::keep_details`] asked for them.
+    #[must_use]
+    pub fn details(&self) -> &[BlockDetail] {
+        self.details.blocks()
     }
 
     /// Who does the arithmetic on samples.
@@ -117,7 +131,7 @@ impl<B: Backend> Decoder<B> {
     /// # Errors
     /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
     pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
-        self.profile.decode(packet, &mut self.backend)
+        self.profile.decode(packet, &mut self.backend, &mut self.details)
     }
 
     /// Decodes a frame packet and compares the hash that it states, if it states one.
@@ -126,7 +140,7 @@ impl<B: Backend> Decoder<B> {
     /// As [`Self::decode`], and [`DecodeError::HashMismatch`].
     pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
         let frame = self.profile.frames();
-        let decoded = self.profile.decode(packet, &mut self.backend)?;
+        let decoded = self.profile.decode(packet, &mut self.backend, &mut self.details)?;
         if let Some(stated) = decoded.stated_hash {
             let found = self.backend.hash(decoded.volume)?;
             if stated != found {
@@ -146,13 +160,14 @@ impl<B: Backend> ProfileDecoder<B> {
         &mut self,
         packet: &Packet,
         backend: &mut B,
+        details: &mut Details,
     ) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         let facts = rayon::scope(|_| match self {
-            Self::Paper(decoder) => decoder.decode(packet, backend),
-            Self::Main(decoder) => decoder.decode(packet, backend),
+            Self::Paper(decoder) => decoder.decode(packet, backend, details),
+            Self::Main(decoder) => decoder.decode(packet, backend, details),
         });
-        let FrameFacts { timestamp_ns, keyframe, stated_hash } = facts?;
+        let FrameFacts { timestamp_ns, keyframe, stated_hash } = facts.inspect_err(|_| details.clear())?;
         let volume = self.volume().expect("a frame was decoded");
         Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash })
     }

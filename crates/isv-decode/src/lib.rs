@@ -14,6 +14,7 @@
 
 pub mod backend;
 mod decoder;
+mod details;
 mod error;
 pub mod extension;
 mod hash;
@@ -26,6 +27,7 @@ mod symbols;
 pub mod syntax;
 
 pub use decoder::{DecodedFrame, Decoder, Limits};
+pub use details::{BitTally, BlockCoding, BlockDetail};
 pub use error::{BackendError, DecodeError};
 pub use hash::volume_hash;
 pub use parameters::CodingParameters;

@@ -179,6 +179,13 @@ impl<'a> RangeDecoder<'a> {
         value
     }
 
+    /// Bits read so far, fractions included: differences of it are what each symbol cost, as with [`RangeEncoder::bits`].
+    #[must_use]
+    pub fn bits(&self) -> f64 {
+        // Four bytes were read before the first symbol, which are the 32 bits that the encoder starts from.
+        (8 * self.position) as f64 - f64::from(self.range).log2()
+    }
+
     /// Whether more was decoded than the bytes can hold: past the end by more than the four
     /// zeros that an encoder may leave off.
     #[must_use]

@@ -52,6 +52,26 @@ fn bits_are_counted_as_they_are_written() {
     assert!((bytes - before / 8.0).abs() <= 4.0, "{bytes} bytes, {before} bits");
 }
 
+/// After each symbol the decoder has read as many bits as the encoder had written.
+#[test]
+fn bits_are_counted_alike_on_both_sides() {
+    let symbol = |i: u32| (i.wrapping_mul(2_654_435_761) >> 20) as i32 % 40 - 20;
+    let (mut encoder, mut model) = (RangeEncoder::new(), IntegerModel::default());
+    let written: Vec<f64> = (0..2000)
+        .map(|i| {
+            model.encode(&mut encoder, symbol(i));
+            encoder.bits()
+        })
+        .collect();
+    let bytes = encoder.finish();
+    let (mut decoder, mut model) = (RangeDecoder::new(&bytes), IntegerModel::default());
+    assert_eq!(decoder.bits().round(), 0.0);
+    for (i, bits) in (0..).zip(written) {
+        assert_eq!(model.decode(&mut decoder), symbol(i));
+        assert_eq!(decoder.bits(), bits, "symbol {i}");
+    }
+}
+
 proptest! {
     #[test]
     fn decoder_returns_the_symbols(symbols in prop::collection::vec(symbol(), 0..400)) {

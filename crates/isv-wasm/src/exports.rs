@@ -235,3 +235,33 @@ extern "C" fn isv_triangles() -> *const u32 {
 extern "C" fn isv_triangle_count() -> usize {
     with(|session| session.surface().triangles.len())
 }
+
+/// Whether the details of the blocks of the next frames are kept, if that is not 0.
+#[unsafe(no_mangle)]
+extern "C" fn isv_details(wanted: u32) {
+    with(|session| session.keep_blocks(wanted != 0));
+}
+
+/// Blocks of the last frame whose details were kept.
+#[unsafe(no_mangle)]
+extern "C" fn isv_block_count() -> usize {
+    with(|session| session.blocks().places.len())
+}
+
+/// Of each block x, y and z in blocks, and 0: it stays as it is, 1: coded without the frame before, 2: predicted from it.
+#[unsafe(no_mangle)]
+extern "C" fn isv_blocks() -> *const i32 {
+    with(|session| session.blocks().places.as_ptr().cast())
+}
+
+/// Bits that each block takes.
+#[unsafe(no_mangle)]
+extern "C" fn isv_block_bits() -> *const f32 {
+    with(|session| session.blocks().bits.as_ptr())
+}
+
+/// Of each block x, y and z in metres, from where it is predicted to where it is.
+#[unsafe(no_mangle)]
+extern "C" fn isv_block_motion() -> *const f32 {
+    with(|session| session.blocks().motion.as_ptr().cast())
+}

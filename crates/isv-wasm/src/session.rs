@@ -1,5 +1,6 @@
 //! A decoder with all that it was given and has found.
 
+mod blocks;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -8,6 +9,8 @@ use crate::error::{SessionError, Status};
 use isv_decode::{Decoder, Limits, volume_hash};
 use isv_format::{Packet, PacketHeader, PacketReader, StreamHeader, StreamIndex};
 use isv_volume::SparseVolume;
+
+pub(crate) use blocks::Blocks;
 pub(crate) use surface::Surface;
 
 /// Most voxels in a frame unless the player says otherwise: 131,072 blocks of 8. Memory stays below a gigabyte with them.
@@ -31,6 +34,8 @@ pub(crate) struct Session {
     index: Index,
     packet: Option<PacketHeader>,
     surface: Surface,
+    wants_blocks: bool,
+    blocks: Blocks,
 }
 
 /// A stream that was opened.
@@ -69,13 +74,15 @@ impl Default for Session {
             index: Index::default(),
             packet: None,
             surface: Surface::default(),
+            wants_blocks: false,
+            blocks: Blocks::default(),
         }
     }
 }
 
 impl Session {
-    /// Limits the voxels of a frame, blocks times voxels a block, from the next [`Self::open`] on, and with them the vertices of a
-    /// surface and the bytes of input.
+    /// Limits the voxels of a frame, blocks times voxels a block, from the next [`Self::open`] on, and from now on, in proportion,
+    /// the vertices of a surface and the bytes of input.
     pub(crate) fn limit(&mut self, voxels: usize) {
         self.voxels = voxels.min(MOST_VOXELS);
     }
@@ -96,6 +103,7 @@ impl Session {
     pub(crate) fn open(&mut self) -> Result<(), SessionError> {
         self.stream = None;
         self.surface = Surface::default();
+        self.blocks.clear();
         let header = StreamHeader::parse(self.input_as("a stream header")?)?;
         let decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels });
         self.stream = Some(Stream { header, decoder, frame: None });
@@ -147,12 +155,25 @@ impl Session {
         let packet = self.whole_packet(at);
         let stream = self.stream.as_mut().ok_or(SessionError::Order("a frame before the stream's header"))?;
         stream.frame = None;
+        self.blocks.clear();
         let packet = packet?;
+        stream.decoder.keep_details(self.wants_blocks);
         let decoded = stream.decoder.decode(&packet)?;
         let (timestamp_ns, keyframe, stated_hash) =
             (decoded.timestamp_ns, decoded.keyframe, decoded.stated_hash);
         stream.frame = Some(Frame { timestamp_ns, keyframe, stated_hash });
+        self.blocks.set(stream.decoder.details(), stream.header.grid.voxel_size.metres());
         Ok(())
+    }
+
+    /// Whether to keep how the blocks of the next frames are coded.
+    pub(crate) fn keep_blocks(&mut self, wanted: bool) {
+        self.wants_blocks = wanted;
+    }
+
+    /// How the blocks of the last frame are coded, if that was wanted.
+    pub(crate) fn blocks(&self) -> &Blocks {
+        &self.blocks
     }
 
     /// What the last frame says beside its volume; nothing before the first and after an error.

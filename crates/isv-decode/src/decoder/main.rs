@@ -5,6 +5,7 @@ use super::sequence::Sequence;
 use super::{FrameFacts, Limits};
 use crate::DecodeError;
 use crate::backend::{Backend, MainFrame};
+use crate::details::{BlockCoding, Details};
 use crate::extension::{ExtensionPlan, FrameBlocks, Kept};
 use crate::main_profile::reconstruct::BLOCK_SAMPLES;
 use crate::main_profile::syntax::EntropyState;
@@ -50,7 +51,12 @@ impl<B: Backend> MainDecoder<B> {
     ///
     /// # Errors
     /// As [`super::Decoder::decode`].
-    pub(super) fn decode(&mut self, packet: &Packet, backend: &mut B) -> Result<FrameFacts, DecodeError> {
+    pub(super) fn decode(
+        &mut self,
+        packet: &Packet,
+        backend: &mut B,
+        details: &mut Details,
+    ) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let last = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
@@ -88,7 +94,7 @@ impl<B: Backend> MainDecoder<B> {
         let symbols =
             FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
-            .read_frame(&payload, &main, symbols, plan, reference, backend)
+            .read_frame(&payload, &main, symbols, plan, reference, backend, details)
             .map_err(|failure| failure.of(packet, self.sequence))?;
         self.sequence.advance(packet);
         self.reference = Some(decoded);
@@ -108,6 +114,7 @@ impl<B: Backend> MainDecoder<B> {
     }
 
     /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension.
+    #[expect(clippy::too_many_arguments, reason = "what the block set leaves to read, and who reads it")]
     fn read_frame(
         &mut self,
         payload: &FramePayload,
@@ -116,6 +123,7 @@ impl<B: Backend> MainDecoder<B> {
         plan: impl FnOnce() -> ExtensionPlan + Send,
         reference: Option<&B::Main>,
         backend: &mut B,
+        details: &mut Details,
     ) -> Result<B::Main, Failure> {
         let (header, blocks_before) = (&payload.header, reference.map(B::main_blocks));
         let layout = SliceLayout::new(symbols.coords.len(), usize::from(header.slices));
@@ -127,7 +135,10 @@ impl<B: Backend> MainDecoder<B> {
         // The blocks are known: those around them are found while the symbols are read.
         let (plan, symbols) = rayon::join(
             || debug_span!("extension plan").in_scope(plan),
-            || debug_span!("symbols").in_scope(|| self.read_symbols(payload, main, symbols, &causal, before)),
+            || {
+                debug_span!("symbols")
+                    .in_scope(|| self.read_symbols(payload, main, symbols, &causal, before, details))
+            },
         );
         let symbols = symbols?;
         let parameters = &self.parameters;
@@ -150,29 +161,39 @@ impl<B: Backend> MainDecoder<B> {
         mut symbols: FrameSymbols,
         causal: &CausalBlocks,
         reference: Option<MainBlocks>,
+        details: &mut Details,
     ) -> Result<FrameSymbols, SyntaxError> {
         let FrameHeader { slices, .. } = payload.header;
         let ranges: Vec<_> = SliceLayout::new(symbols.coords.len(), usize::from(slices)).ranges().collect();
         let parameters = &self.parameters;
+        let tallies = details.tallies(ranges.iter().cloned());
         let slices = self.entropy.slices(usize::from(slices)).par_iter_mut().zip(ranges).zip(&payload.slices);
         let decoded: Vec<_> = slices
-            .map(|((models, range), bytes)| {
+            .zip(tallies)
+            .map(|(((models, range), bytes), mut tally)| {
                 let blocks = SliceBlocks { coords: &symbols.coords, range, causal };
                 let modes = match reference {
                     Some(reference) => {
-                        models.modes.read(bytes.motion, &blocks, reference, main.vector_step())?
+                        models.modes.read(bytes.motion, &blocks, reference, main.vector_step(), &mut tally)?
                     }
                     None => vec![BlockMode::Spatial; blocks.range.len()],
                 };
+                let bytes = bytes.coefficients;
                 let levels =
-                    models.coefficients.read(parameters, bytes.coefficients, &blocks, &modes, reference)?;
-                Ok((modes, levels))
+                    models.coefficients.read(parameters, bytes, &blocks, &modes, reference, &mut tally)?;
+                Ok(((modes, levels), tally))
             })
             .collect::<Result<_, SyntaxError>>()?;
+        let (decoded, tallies): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         for (modes, levels) in decoded {
             symbols.modes.extend(modes);
             symbols.levels.append(&levels);
         }
+        details.set(&symbols.coords, tallies, |block| match symbols.modes[block].vector() {
+            Some(vector) => BlockCoding::Predicted { from: vector.0 },
+            None => BlockCoding::Alone,
+        });
+        details.add_still(&symbols.still);
         Ok(symbols)
     }
 }

@@ -3,6 +3,7 @@
 use super::sequence::Sequence;
 use super::{FrameFacts, Limits};
 use crate::backend::Backend;
+use crate::details::{BlockCoding, Details};
 use crate::syntax::{self, EntropyState, SyntaxError};
 use crate::{CodingParameters, DecodeError, FrameSymbols, ReferenceBlocks};
 use isv_format::{
@@ -45,7 +46,12 @@ impl<B: Backend> PaperDecoder<B> {
     ///
     /// # Errors
     /// As [`super::Decoder::decode`].
-    pub(super) fn decode(&mut self, packet: &Packet, backend: &mut B) -> Result<FrameFacts, DecodeError> {
+    pub(super) fn decode(
+        &mut self,
+        packet: &Packet,
+        backend: &mut B,
+        details: &mut Details,
+    ) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let reference = self.reference.take();
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
@@ -63,7 +69,7 @@ impl<B: Backend> PaperDecoder<B> {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
         let symbols = self
-            .read_symbols(&payload, reference.as_ref().map(B::paper_blocks))
+            .read_symbols(&payload, reference.as_ref().map(B::paper_blocks), details)
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
         self.reference = Some(backend.reconstruct_paper(&self.parameters, symbols, reference.as_ref())?);
         self.sequence.advance(packet);
@@ -95,6 +101,7 @@ impl<B: Backend> PaperDecoder<B> {
         &mut self,
         payload: &FramePayload,
         reference: Option<ReferenceBlocks>,
+        details: &mut Details,
     ) -> Result<FrameSymbols, SyntaxError> {
         let header = &payload.header;
         let edge = self.parameters.grid.edge;
@@ -105,20 +112,34 @@ impl<B: Backend> PaperDecoder<B> {
         let neighbours = syntax::CausalNeighbours::new(&coords, header.prediction.has_motion());
         let layout = SliceLayout::new(blocks, usize::from(header.slices));
         let slices = self.entropy.slices(usize::from(header.slices));
+        let tallies = details.tallies(layout.ranges());
         let decoded: Vec<_> = slices
             .par_iter_mut()
             .zip(layout.ranges().collect::<Vec<_>>())
             .zip(&payload.slices)
-            .map(|((models, range), bytes)| {
+            .zip(tallies)
+            .map(|(((models, range), bytes), mut tally)| {
                 let sources = &references[range.clone()];
-                let motion =
-                    models.motion.read(bytes.motion, header.prediction, edge, range, sources, &neighbours)?;
-                let levels = models.coefficients.read(bytes.coefficients, sources)?;
-                Ok((motion, levels))
+                let motion = models.motion.read(
+                    bytes.motion,
+                    header.prediction,
+                    edge,
+                    range,
+                    sources,
+                    &neighbours,
+                    &mut tally,
+                )?;
+                let levels = models.coefficients.read(bytes.coefficients, sources, &mut tally)?;
+                Ok(((motion, levels), tally))
             })
             .collect::<Result<_, SyntaxError>>()?;
+        let (decoded, tallies): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         let (motion, levels): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         let (motion, levels) = (motion.concat(), levels.concat());
+        details.set(&coords, tallies, |block| match references[block] {
+            Some(_) => BlockCoding::Predicted { from: motion[block].translation.map(i16::from) },
+            None => BlockCoding::Alone,
+        });
         Ok(FrameSymbols { prediction: header.prediction, coords, unobserved, references, motion, levels })
     }
 }

@@ -1,6 +1,7 @@
 //! Motion vectors, predicted from the blocks before (Sec. 3.5: "motion side information").
 
 use super::{SyntaxError, check_overrun};
+use crate::details::BitTally;
 use isv_entropy::{IntegerModel, RangeDecoder};
 use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
@@ -18,10 +19,11 @@ pub struct MotionModels {
 pub const SPREADS: usize = 3;
 
 impl MotionModels {
-    /// Reads the vectors of a slice's blocks, `range` of the frame's; blocks without a reference have none.
+    /// Reads the vectors of a slice's blocks, `range` of the frame's; blocks without a reference have none. `tally`: of these blocks.
     ///
     /// # Errors
     /// Vectors out of range, or bytes that end too early.
+    #[expect(clippy::too_many_arguments, reason = "all that is known of the slice")]
     pub fn read(
         &mut self,
         bytes: &[u8],
@@ -30,12 +32,14 @@ impl MotionModels {
         range: Range<usize>,
         references: &[Option<u32>],
         neighbours: &CausalNeighbours,
+        tally: &mut BitTally,
     ) -> Result<Vec<MotionVector>, SyntaxError> {
         let mut vectors = vec![MotionVector::ZERO; range.len()];
         if !prediction.has_motion() {
             return Ok(vectors);
         }
         let mut decoder = RangeDecoder::new(bytes);
+        tally.begin(&decoder);
         let mut last = MotionVector::ZERO;
         for block in 0..range.len() {
             if references[block].is_none() {
@@ -58,6 +62,7 @@ impl MotionModels {
                 return Err(SyntaxError("a motion vector is out of range"));
             }
             last = *vector;
+            tally.charge(block, &decoder);
         }
         check_overrun(&decoder, "the motion vectors end too early")?;
         Ok(vectors)

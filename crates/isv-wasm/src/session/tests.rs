@@ -80,13 +80,8 @@ fn the_surface_is_that_of_the_volume_in_single_precision() {
         let mesh = isv_surface::extract_surface(session.volume().unwrap(), &options);
         let surface = session.surface();
         assert!(!mesh.triangles.is_empty());
-        assert!(
-            surface.vertices.iter().eq(mesh
-                .vertices
-                .iter()
-                .map(|v| &v.as_vec3().to_array())
-                .collect::<Vec<_>>())
-        );
+        let rounded: Vec<_> = mesh.vertices.iter().map(|vertex| vertex.as_vec3().to_array()).collect();
+        assert_eq!(surface.vertices, rounded);
         assert_eq!(surface.normals.len(), mesh.normals.len());
         assert_eq!(surface.triangles, mesh.triangles);
     }
@@ -175,4 +170,26 @@ fn frames_surfaces_and_input_above_the_limits_are_refused() {
     assert!(least.input.is_empty());
     least.limit(usize::MAX);
     assert_eq!(least.voxels, MOST_VOXELS);
+}
+
+#[test]
+fn blocks_are_told_of_where_that_is_wanted() {
+    let stream = stream("main_still_cells.isv");
+    let packets = packets(&stream);
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packets[0]), Status::Done);
+    assert!(session.blocks().places.is_empty());
+    session.keep_blocks(true);
+    assert_eq!(decode(&mut session, packets[1]), Status::Done);
+    let Blocks { places, bits, motion } = session.blocks();
+    assert!((bits.len(), motion.len()) == (places.len(), places.len()));
+    for coding in [0, 2] {
+        assert!(places.iter().any(|place| place[3] == coding), "{coding}");
+    }
+    for (place, (bits, motion)) in places.iter().zip(bits.iter().zip(motion)) {
+        assert!(place[3] == 2 || *motion == [0.0; 3]);
+        assert!(place[3] != 0 || *bits == 0.0);
+    }
+    assert_eq!(decode(&mut session, packets[1]), Status::NeedsKeyframe);
+    assert!(session.blocks().places.is_empty());
 }

@@ -1,6 +1,7 @@
 //! Quantized coefficients, block after block: how many are not zero, where they are, and what they are.
 
 use super::modes::BEFORE_CLASSES;
+use crate::details::BitTally;
 use crate::main_profile::{
     BlockLevels, BlockMode, COEFFICIENTS, CausalBlocks, MainBlocks, MainParameters, SliceBlocks,
 };
@@ -103,7 +104,7 @@ impl CoefficientModels {
         ]
     }
 
-    /// Reads the levels of a slice's blocks. `modes`: of the slice's blocks.
+    /// Reads the levels of a slice's blocks. `modes`, `tally`: of the slice's blocks.
     ///
     /// # Errors
     /// Bytes that end too early.
@@ -114,8 +115,10 @@ impl CoefficientModels {
         SliceBlocks { coords, range, causal }: &SliceBlocks,
         modes: &[BlockMode],
         reference: Option<MainBlocks>,
+        tally: &mut BitTally,
     ) -> Result<BlockLevels, SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
+        tally.begin(&decoder);
         let mut levels = BlockLevels::with_capacity(range.len());
         let mut dense = [0; COEFFICIENTS];
         for block in range.clone() {
@@ -129,6 +132,7 @@ impl CoefficientModels {
                 reference,
             );
             let count = self.read_block(parameters, &mut decoder, &context, &mut dense);
+            tally.charge(local, &decoder);
             if count == 0 {
                 levels.push(&[]);
             } else {

@@ -1,5 +1,6 @@
 //! How blocks are predicted, and vectors.
 
+use crate::details::BitTally;
 use crate::main_profile::{BlockMode, CausalBlocks, MainBlocks, SliceBlocks, Vector};
 use crate::syntax::SyntaxError;
 use isv_entropy::{BitModel, IntegerModel, RangeDecoder};
@@ -49,7 +50,7 @@ impl ModeModels {
         &mut self.components[axis][usize::from(context.new > 0)]
     }
 
-    /// Reads the modes of a slice's blocks. `step`: of new vectors, in quarter voxels.
+    /// Reads the modes of a slice's blocks. `step`: of new vectors, in quarter voxels. `tally`: of these blocks.
     ///
     /// # Errors
     /// Vectors out of range, or bytes that end too early.
@@ -59,13 +60,16 @@ impl ModeModels {
         SliceBlocks { coords, range, causal }: &SliceBlocks,
         reference: MainBlocks,
         step: i32,
+        tally: &mut BitTally,
     ) -> Result<Vec<BlockMode>, SyntaxError> {
         let mut decoder = RangeDecoder::new(bytes);
+        tally.begin(&decoder);
         let mut modes = Vec::with_capacity(range.len());
         for block in range.clone() {
             let context =
                 ModeContext::new(coords[block], block, causal, |n| modes[n - range.start], reference);
             modes.push(self.read_mode(&mut decoder, &context, step)?);
+            tally.charge(block - range.start, &decoder);
         }
         if decoder.overran() {
             return Err(SyntaxError("the modes end too early"));
