@@ -83,10 +83,10 @@ export class BlockGrid extends LineSegments {
     this.frustumCulled = false;
   }
 
-  /** @param {import('./worker.js').BlockDetails | null} details @param {{ voxelSize: number, blockSide: number }} facts */
+  /** @param {import('./wasm.js').BlockDetails | null} details @param {{ voxelSize: number, blockSide: number }} facts */
   show(details, { voxelSize, blockSide }) {
     const geometry = /** @type {InstancedBufferGeometry} */ (this.geometry);
-    const blocks = details?.blocks ?? new Int32Array();
+    const blocks = details?.places ?? new Int32Array();
     instances(geometry, 'block', blocks, 4);
     geometry.instanceCount = blocks.length / 4;
     /** @type {ShaderMaterial} */ (this.material).uniforms.side.value = voxelSize * blockSide;
@@ -107,7 +107,7 @@ export class MotionVectors extends Mesh {
     this.frustumCulled = false;
   }
 
-  /** @param {import('./worker.js').BlockDetails | null} details @param {{ voxelSize: number, blockSide: number }} facts */
+  /** @param {import('./wasm.js').BlockDetails | null} details @param {{ voxelSize: number, blockSide: number }} facts */
   show(details, { voxelSize, blockSide }) {
     const geometry = /** @type {InstancedBufferGeometry} */ (this.geometry);
     const { blocks, motion } = moving(details);
@@ -120,14 +120,14 @@ export class MotionVectors extends Mesh {
   }
 }
 
-/** Coordinates and vectors of the blocks that moved. @param {import('./worker.js').BlockDetails | null} details */
+/** Coordinates and vectors of the blocks that moved. @param {import('./wasm.js').BlockDetails | null} details */
 function moving(details) {
   const blocks = [];
   const vectors = [];
   for (let block = 0; details && block < details.bits.length; block++) {
     const [x, y, z] = details.motion.subarray(3 * block, 3 * block + 3);
     if (x === 0 && y === 0 && z === 0) continue;
-    blocks.push(details.blocks[4 * block], details.blocks[4 * block + 1], details.blocks[4 * block + 2]);
+    blocks.push(details.places[4 * block], details.places[4 * block + 1], details.places[4 * block + 2]);
     vectors.push(x, y, z);
   }
   return { blocks, motion: vectors };

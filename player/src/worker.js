@@ -2,7 +2,7 @@
 // is heard at once, and sends back meshes whose arrays are transferred.
 
 import { Decoder } from './wasm.js';
-import { colourByBits } from './block-bits.js';
+import { bitsOfVertices } from './block-bits.js';
 import { words } from './failure.js';
 
 /**
@@ -21,14 +21,6 @@ import { words } from './failure.js';
  */
 
 /**
- * What is known of the blocks of a frame; one entry a block.
- * @typedef {object} BlockDetails
- * @property {Int32Array} blocks x, y, z in blocks, and the kind: 0 stands still, 1 coded without a reference, 2 predicted
- * @property {Float32Array} bits what the block took
- * @property {Float32Array} motion x, y, z in metres: from where the block is predicted to where it is
- */
-
-/**
  * A frame that can be drawn.
  * @typedef {object} Frame
  * @property {Float32Array} positions x, y, z of each vertex in metres
@@ -41,7 +33,8 @@ import { words } from './failure.js';
  * @property {number} bytes what the arrays take
  * @property {number} decodeMs
  * @property {number} surfaceMs
- * @property {(BlockDetails & { vertexBits: Float32Array }) | null} details what each block is and took; null unless it was asked for
+ * @property {(import('./wasm.js').BlockDetails & { vertexBits: Float32Array }) | null} details how blocks are coded, and for each
+ *   vertex the bits of the block around it; null unless it was asked for
  */
 
 /**
@@ -96,14 +89,11 @@ function next() {
 /** @param {Decode} order */
 function decode({ run, frame, packet, at, surface, details }) {
   if (!decoder || !facts) return;
-  const begin = performance.now();
   try {
     const decoded = decoder.decode(packet, { at, surface, normals: true, details });
-    const passed = performance.now() - begin;
-    const surfaceMs = decoded.surfaceMs ?? 0;
-    const decodeMs = passed - surfaceMs;
+    const { decodeMs } = decoded;
     if (!surface) return scope.postMessage({ is: 'done', run, frame, mesh: null, decodeMs });
-    const mesh = finished(decoded, facts, { packetBytes: packet.length, decodeMs, surfaceMs });
+    const mesh = finished(decoded, facts, packet.length);
     scope.postMessage({ is: 'done', run, frame, mesh, decodeMs }, buffersOf(mesh));
   } catch (error) {
     lostRun = run;
@@ -111,26 +101,11 @@ function decode({ run, frame, packet, at, surface, details }) {
   }
 }
 
-/**
- * @param {import('./wasm.js').DecodedFrame} decoded
- * @param {import('./wasm.js').StreamFacts} facts
- * @param {{ packetBytes: number, decodeMs: number, surfaceMs: number }} measured
- * @returns {Frame}
- */
-function finished(decoded, facts, measured) {
-  const { positions, normals, indices, timestampNs, keyframe } = decoded;
-  const details = decoded.details ? { ...decoded.details, vertexBits: colourByBits(positions, decoded.details, facts) } : null;
-  const mesh = {
-    positions,
-    normals,
-    indices,
-    bounds: boundsOf(positions),
-    timestampNs,
-    keyframe,
-    details,
-    bytes: 0,
-    ...measured,
-  };
+/** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @returns {Frame} */
+function finished({ blocks, ...decoded }, facts, packetBytes) {
+  const { positions } = decoded;
+  const details = blocks ? { ...blocks, vertexBits: bitsOfVertices(positions, blocks, facts) } : null;
+  const mesh = { ...decoded, bounds: boundsOf(positions), details, packetBytes, bytes: 0 };
   mesh.bytes = buffersOf(mesh).reduce((bytes, buffer) => bytes + buffer.byteLength, 0);
   return mesh;
 }
@@ -138,7 +113,7 @@ function finished(decoded, facts, measured) {
 /** @param {Frame} mesh @returns {ArrayBuffer[]} */
 function buffersOf({ positions, normals, indices, details }) {
   const arrays = [positions, normals, indices];
-  const more = details ? [details.blocks, details.bits, details.motion, details.vertexBits] : [];
+  const more = details ? [details.places, details.bits, details.motion, details.vertexBits] : [];
   return [...arrays, ...more].map((array) => /** @type {ArrayBuffer} */ (array.buffer));
 }
 

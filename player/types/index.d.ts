@@ -18,7 +18,7 @@ export interface StreamFacts {
 /** What is known of the blocks of a frame. */
 export interface BlockDetails {
   /** Four numbers a block: x, y, z in blocks, and 0 for one that stands still, 1 coded without a reference, 2 predicted. */
-  blocks: Int32Array;
+  places: Int32Array;
   /** What each block took in the file. */
   bits: Float32Array;
   /** x, y, z in metres for each block: from where it is predicted to where it is. */
