@@ -15,7 +15,7 @@ import { channels } from './colour.js';
 /** How much longer motion vectors are drawn than they are. */
 export const MOTION_SCALE = 3;
 /** Length of a vector, in voxels, at the warm end of its colours. */
-export const MOTION_VOXELS = 4;
+export const MOTION_VOXELS = 6;
 
 /** sRGB colours of the kinds of blocks: standing still, coded without a reference, predicted. */
 export const BLOCK_COLOURS = [0x8a8f98, 0xe8833a, 0x3f8fe0];

@@ -41,7 +41,7 @@ const KEYS = [
   { keys: ['l'], shown: ['L'], says: 'loop', does: (c) => c.loop() },
   {
     keys: VIEWS.map((_, at) => String(at + 1)),
-    shown: ['1', String(VIEWS.length)],
+    shown: VIEWS.map((_, at) => String(at + 1)),
     says: VIEWS.map(({ title }) => title.toLowerCase()).join(', '),
     does: (c, e) => c.view(Number(e.key) - 1),
   },

@@ -30,7 +30,7 @@ function contentOf(view, voxelSize) {
   }
   if (view === 'bits') return [make('p', { text: 'Bits of each block' }), ...scale(heatGradient(), '0', `${HEAT_BITS} or more`)];
   if (view === 'motion') {
-    const words = `Motion since the frame before, drawn ${MOTION_SCALE} times as long`;
+    const words = `Motion since the frame before, ${MOTION_SCALE} times as long`;
     const colours = 'linear-gradient(to right, rgb(41 107 217), rgb(26 168 122), rgb(242 115 26))';
     return [make('p', { text: words }), ...scale(colours, '0', `${asLength(MOTION_VOXELS * voxelSize)} or more`)];
   }

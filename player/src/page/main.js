@@ -32,6 +32,8 @@ class Page {
   /** @type {import('../views.js').View} */
   view = 'shaded';
   stage;
+  /** When the first picture was drawn, in ms since the page was asked for; null before it. @type {number | null} */
+  firstPictureMs = null;
   #cards = new Cards();
   #messages;
   #scrubBar;
@@ -117,7 +119,10 @@ class Page {
     this.view = view;
     for (const views of this.views) views.view = view;
     const input = document.querySelector(`#views input[value=${view}]`);
-    if (input instanceof HTMLInputElement) input.checked = true;
+    if (input instanceof HTMLInputElement) {
+      input.checked = true;
+      input.parentElement?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
+    }
     showLegend(view, this.players[0]?.facts ?? null);
     this.stage.stale = true;
   }
@@ -177,7 +182,7 @@ class Page {
       this.stage.covered = innerHeight - byId('foot').getBoundingClientRect().top;
       this.fit();
     }
-    this.stage.draw();
+    if (this.stage.draw() && this.#framed) this.firstPictureMs ??= performance.now();
     this.#cards.update(now, this.stage);
     const first = this.players[0];
     this.#scrubBar.update(first, first?.live ? 0 : Math.min(first?.frames ?? 0, this.clock.frames));
