@@ -36,7 +36,20 @@ async function compile(url) {
   }
 }
 
-/** Starts a worker. @returns {import('./lane.js').Port} */
+/** Workers that were started before they were needed. @type {Worker[]} */
+const waiting = [];
+
+/** Starts workers and compiles the decoder before there is a player, so that they are there when there is one. @param {number} workers */
+export function prepare(workers) {
+  compileDecoder().catch(() => {}); // The player says it.
+  while (waiting.length < workers) waiting.push(started());
+}
+
+/** Starts a worker, or takes one that has been. @returns {import('./lane.js').Port} */
 export function spawnWorker() {
-  return /** @type {import('./lane.js').Port} */ (new Worker(new URL('./worker.js', import.meta.url), { type: 'module' }));
+  return /** @type {import('./lane.js').Port} */ (waiting.pop() ?? started());
+}
+
+function started() {
+  return new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
 }

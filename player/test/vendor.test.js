@@ -33,3 +33,17 @@ test('the page loads nothing from elsewhere', () => {
     );
   }
 });
+
+test('the page preloads every module that it needs', () => {
+  const page = readFileSync(`${PLAYER}index.html`, 'utf8');
+  const found = new Set(['src/page/main.js']);
+  for (const file of found) {
+    for (const [, path] of readFileSync(PLAYER + file, 'utf8').matchAll(/^(?:import|export) .*from '(\.[^']+)'/gm)) {
+      found.add(new URL(path, `file:///${file}`).pathname.slice(1));
+    }
+  }
+  assert.deepEqual(
+    [...found].filter((file) => !page.includes(`"${file}"`)),
+    [],
+  );
+});

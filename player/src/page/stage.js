@@ -95,6 +95,8 @@ export class Stage {
       return { scene, turned, ground };
     });
     this.#divider.hidden = players.length < 2;
+    // Shaders compile while the first frame is decoded.
+    for (const { scene } of this.#pictures) this.renderer.compile(withLamp(scene, this.camera), this.camera);
     this.#layGround();
     this.stale = true;
   }
