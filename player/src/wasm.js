@@ -48,6 +48,8 @@
  * @property {Float32Array} normals x, y, z of each vertex's unit normal; empty where they were not wanted.
  * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
  * @property {BlockDetails} [blocks] Only if details were wanted.
+ * @property {number} decodeMs How long decoding took, in milliseconds.
+ * @property {number} surfaceMs How long the surface took after that.
  */
 
 /**
@@ -217,10 +219,13 @@ export class Decoder {
       const exports = this.#exports;
       this.#give(packet);
       exports.isv_details(details ? 1 : 0);
+      const begun = performance.now();
       this.#check(exports.isv_decode(at));
+      const decoded = performance.now();
       if (surface) {
         this.#check(exports.isv_surface(normals ? 1 : 0));
       }
+      const surfaced = performance.now();
       const vertices = surface ? exports.isv_vertex_count() : 0;
       const triangles = surface ? exports.isv_triangle_count() : 0;
       return {
@@ -230,6 +235,8 @@ export class Decoder {
         normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
         indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),
         ...(details ? { blocks: this.#blocks() } : {}),
+        decodeMs: decoded - begun,
+        surfaceMs: surfaced - decoded,
       };
     });
   }

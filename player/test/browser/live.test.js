@@ -1,0 +1,57 @@
+// A live stream in headless Chromium, from a server that is killed and comes again.
+
+import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
+import { after, before, describe, test } from 'node:test';
+import { hasBrowser, launch } from '../support/browser.js';
+import { serveLive } from '../support/live-server.js';
+import { opened } from '../support/page.js';
+import { serve } from '../support/server.js';
+
+describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chromium' }, () => {
+  /** @type {import('playwright-core').Browser} */
+  let browser;
+  /** @type {import('../support/server.js').Served} */
+  let server;
+  /** @type {Uint8Array} */
+  let stream;
+
+  before(async () => {
+    stream = await readFile(new URL('../../../conformance/main_settled.isv', import.meta.url));
+    server = await serve();
+    browser = await launch();
+  });
+
+  after(async () => {
+    await browser?.close();
+    await server?.close();
+  });
+
+  /** Waits until so many more frames have been shown. @param {import('playwright-core').Page} page @param {number} frames */
+  async function goesOn(page, frames) {
+    const from = await page.evaluate(() => /** @type {any} */ (globalThis).isv.players[0].shownFrame);
+    await page.waitForFunction((until) => /** @type {any} */ (globalThis).isv.players[0].shownFrame >= until, from + frames, {
+      timeout: 60_000,
+    });
+  }
+
+  test('is shown with its latency, and outlives its source and its server', async () => {
+    let live = await serveLive(stream);
+    const { page } = await opened(browser, `${server.url}?live=ws://127.0.0.1:${live.port}/live`);
+    try {
+      await goesOn(page, 8);
+      const latency = await page.evaluate(() => /** @type {any} */ (globalThis).isv.players[0].live.latencyMs);
+      assert.ok(latency > 0 && latency < 30_000, `${latency} ms`);
+      await page.locator('#cards', { hasText: /Latency\d+ ms/ }).waitFor();
+      live.restart();
+      await goesOn(page, 8);
+      await live.kill();
+      await page.locator('#messages', { hasText: 'server has gone away' }).waitFor();
+      live = await serveLive(stream, live.port);
+      await goesOn(page, 8);
+      assert.equal(await page.locator('#messages', { hasText: 'gone away' }).count(), 0);
+    } finally {
+      await live.kill().catch(() => {});
+    }
+  });
+});

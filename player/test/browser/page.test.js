@@ -1,0 +1,310 @@
+// The page in headless Chromium, against what the native program makes of the same stream. Needs `ISV_BIN`.
+
+import assert from 'node:assert/strict';
+import { after, before, describe, test } from 'node:test';
+import { hasBrowser, launch } from '../support/browser.js';
+import { ISV_BIN, blobStream, decodedMeshes, parsePng, rendered } from '../support/native.js';
+import { opened, shows, state } from '../support/page.js';
+import { serve } from '../support/server.js';
+import { packetsOf, repeated } from '../support/stream.js';
+import { nativeCamera } from '../support/native-camera.js';
+
+const skip = !hasBrowser ? 'there is no /usr/bin/chromium' : !ISV_BIN ? 'ISV_BIN names no program' : false;
+
+/** Frames of the take, and of each GOP of the long stream. */
+const FRAMES = 12;
+
+describe('the page', { skip }, () => {
+  /** @type {import('playwright-core').Browser} */
+  let browser;
+  /** @type {import('../support/server.js').Served} */
+  let server;
+  /** @type {Uint8Array} */
+  let stream;
+  /** @type {ReturnType<typeof decodedMeshes>} */
+  let meshes;
+
+  before(async () => {
+    stream = blobStream(FRAMES);
+    meshes = decodedMeshes(stream);
+    browser = await launch();
+    server = await serve({
+      'blob.isv': stream,
+      'long.isv': repeated(stream, 240),
+      'text.isv': new Uint8Array(4000).fill(65),
+      'damaged.isv': damaged(stream),
+    });
+  });
+
+  after(async () => {
+    await browser?.close();
+    await server?.close();
+  });
+
+  /** @param {string} query @param {import('../support/page.js').Screen} [screen] */
+  const open = (query, screen) => opened(browser, server.url + query, screen);
+
+  /** The shown frame is the native one, vertex for vertex. @param {import('playwright-core').Page} page @param {number} frame @param {number} [player] */
+  async function isNative(page, frame, player) {
+    await shows(page, frame, player);
+    const { vertices, triangles, drawn, positions } = await state(page, player);
+    const native = meshes[frame % FRAMES];
+    assert.deepEqual(
+      { vertices, triangles, drawn },
+      { vertices: native.vertices, triangles: native.triangles, drawn: native.triangles },
+      `frame ${frame}`,
+    );
+    assert.deepEqual(positions, Array.from(native.positions.subarray(0, 300)), `frame ${frame}`);
+  }
+
+  test('plays', async () => {
+    const { page, errors } = await open('?src=/files/blob.isv');
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv?.players[0]?.shownFrame >= 3);
+    // And goes round.
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].shownFrame < 3);
+    assert.equal((await state(page)).playing, true);
+    assert.deepEqual(errors, []);
+  });
+
+  test('every frame is the native one', async () => {
+    const { page } = await open('?src=/files/blob.isv&paused');
+    for (let frame = 0; frame < FRAMES; frame++) {
+      await isNative(page, frame);
+      await page.keyboard.press('ArrowRight');
+    }
+    await isNative(page, 0);
+  });
+
+  test('looks as the native picture does', async () => {
+    const size = 480;
+    const { page } = await open('?src=/files/blob.isv&paused&view=normals', { width: size, height: size });
+    for (const [frame, yaw, pitch] of [
+      [0, 0, 0],
+      [7, 140, 20],
+    ]) {
+      await page.evaluate((frame) => /** @type {any} */ (globalThis).isv.seek(frame), frame);
+      await isNative(page, frame);
+      const native = rendered(stream, frame, size, yaw, pitch);
+      const camera = nativeCamera(meshes[frame].positions, yaw, pitch);
+      const drawn = parsePng(await pictureOnly(page, camera));
+      const { overlap, colour } = compared(drawn, native);
+      assert.ok(overlap > 0.985, `frame ${frame}: silhouettes overlap by ${overlap}`);
+      assert.ok(colour < 12, `frame ${frame}: colours are ${colour} of 255 apart`);
+    }
+  });
+
+  test('seeks, steps and goes to the ends', async () => {
+    const { page } = await open('?src=/files/long.isv&paused');
+    await isNative(page, 0);
+    for (const frame of [131, 12, 11, 239, 60]) {
+      await page.locator('#frame').fill(String(frame));
+      await page.locator('#frame').press('Enter');
+      await isNative(page, frame);
+    }
+    await page.locator('#canvas').focus();
+    for (const [key, frame] of /** @type {[string, number][]} */ ([
+      ['ArrowLeft', 59],
+      ['ArrowLeft', 58],
+      ['Shift+ArrowRight', 68],
+      ['End', 239],
+      ['ArrowRight', 0],
+      ['ArrowLeft', 239],
+      ['Home', 0],
+    ])) {
+      await page.keyboard.press(key);
+      await isNative(page, frame);
+    }
+  });
+
+  test('a drag on the scrub bar ends on its frame', async () => {
+    const { page } = await open('?src=/files/long.isv&paused');
+    await shows(page, 0);
+    const box = await page.locator('#position').boundingBox();
+    assert.ok(box);
+    const x = (/** @type {number} */ part) => box.x + 7 + (box.width - 14) * part;
+    const y = box.y + box.height / 2;
+    await page.mouse.move(x(0), y);
+    await page.mouse.down();
+    await page.mouse.move(x(0.9), y, { steps: 30 });
+    await page.mouse.move(x(0.4), y, { steps: 30 });
+    await page.mouse.up();
+    const { frame } = await state(page);
+    assert.ok(Math.abs(frame - 0.4 * 239) <= 2, `${frame}`);
+    await isNative(page, frame);
+  });
+
+  test('keys and buttons control it', async () => {
+    const { page } = await open('?src=/files/long.isv&paused');
+    await shows(page, 0);
+    await page.keyboard.press(' ');
+    assert.equal((await state(page)).playing, true);
+    await page.getByRole('button', { name: 'Pause' }).click();
+    assert.equal((await state(page)).playing, false);
+    await page.locator('#canvas').focus();
+    await page.keyboard.press('2');
+    assert.equal(await page.locator('#views input:checked').inputValue(), 'normals');
+    await page.keyboard.press('l');
+    await page.locator('[data-do=loop][aria-pressed=false]').waitFor();
+    await page.keyboard.press(']');
+    assert.equal(await page.locator('#speed').inputValue(), '2');
+    const camera = () => page.evaluate(() => /** @type {any} */ (globalThis).isv.stage.camera.position.toArray());
+    const before = await camera();
+    await page.keyboard.press('d');
+    assert.notDeepEqual(await camera(), before);
+    await page.keyboard.press('?');
+    assert.ok(await page.getByRole('dialog').isVisible());
+    assert.match((await page.getByRole('dialog').textContent()) ?? '', /play or pause/);
+    await page.keyboard.press('Escape');
+    assert.equal(await page.getByRole('dialog').isVisible(), false);
+  });
+
+  test('everything can be reached by Tab and has a name', async () => {
+    const { page } = await open('?src=/files/blob.isv&paused');
+    await shows(page, 0);
+    const controls = page.locator('button:visible, select:visible, input:visible');
+    const nameless = await controls.evaluateAll((all) =>
+      all
+        .filter(
+          (one) =>
+            !one.getAttribute('aria-label') &&
+            !(/** @type {HTMLInputElement} */ (one).labels?.[0]?.textContent?.trim()) &&
+            !one.textContent?.trim(),
+        )
+        .map((one) => one.outerHTML),
+    );
+    assert.deepEqual(nameless, []);
+    const reached = new Set();
+    for (let presses = 0; presses < 25; presses++) {
+      await page.keyboard.press('Tab');
+      reached.add(
+        await page.evaluate(() => document.activeElement?.id || /** @type {HTMLElement} */ (document.activeElement)?.dataset.do),
+      );
+    }
+    for (const id of ['canvas', 'position', 'play', 'speed', 'frame', 'help'])
+      assert.ok(reached.has(id), `Tab reaches ${id}: ${[...reached]}`);
+  });
+
+  test('two files go side by side, with one clock and one camera', async () => {
+    const { page, errors } = await open('?src=/files/blob.isv&compare=/files/long.isv&paused');
+    await isNative(page, 0, 0);
+    await isNative(page, 0, 1);
+    await page.keyboard.press('ArrowRight');
+    await page.keyboard.press('ArrowRight');
+    await isNative(page, 2, 0);
+    await isNative(page, 2, 1);
+    await page.keyboard.press('End');
+    await isNative(page, FRAMES - 1, 0);
+    await isNative(page, FRAMES - 1, 1);
+    assert.equal(await page.locator('#cards article').count(), 2);
+    assert.deepEqual(errors, []);
+  });
+
+  test('a file of this device is opened', async () => {
+    const { page } = await open('');
+    assert.ok(await page.getByRole('heading', { name: 'isv player' }).isVisible());
+    await page.locator('#file').setInputFiles({ name: 'mine.isv', mimeType: '', buffer: Buffer.from(stream) });
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0]?.shown);
+    assert.match((await page.locator('#cards').textContent()) ?? '', /mine\.isv/);
+  });
+
+  test('what cannot be played is said in words', async () => {
+    for (const [query, words] of /** @type {[string, RegExp][]} */ ([
+      ['?src=/files/none.isv', /no such file/],
+      ['?src=/files/text.isv', /text\.isv is no \.isv file/],
+    ])) {
+      const { page } = await open(query);
+      await page.getByRole('alert').waitFor();
+      assert.match((await page.getByRole('alert').textContent()) ?? '', words);
+    }
+  });
+
+  test('a missing decoder is said in words', async () => {
+    server.habits.missing.add('/src/isv.wasm');
+    const { page } = await open('?src=/files/blob.isv');
+    await page
+      .getByRole('alert')
+      .waitFor()
+      .finally(() => server.habits.missing.clear());
+    assert.match((await page.getByRole('alert').textContent()) ?? '', /decoder cannot be loaded/);
+  });
+
+  test('a damaged frame is said, and playing goes on at the next keyframe', async () => {
+    const { page } = await open('?src=/files/damaged.isv');
+    const message = page.locator('#messages', { hasText: 'frame 15 is damaged' });
+    await message.waitFor();
+    assert.match((await message.textContent()) ?? '', /goes on at frame 24/);
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].shownFrame >= 24);
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.seek(26));
+    await isNative(page, 26);
+  });
+
+  test('a browser without WebGL is said in words', async () => {
+    const context = await browser.newContext();
+    const page = await context.newPage();
+    await page.addInitScript(() => {
+      HTMLCanvasElement.prototype.getContext = () => null;
+    });
+    await page.goto(`${server.url}?src=/files/blob.isv`);
+    await page.getByRole('alert').waitFor();
+    assert.match((await page.getByRole('alert').textContent()) ?? '', /WebGL/);
+  });
+
+  test('it stays within its memory, and buffers are not made anew for each frame', async () => {
+    const { page } = await open('?src=/files/long.isv');
+    await page.evaluate(() => {
+      const page = /** @type {any} */ (globalThis).isv;
+      page.clock.speed = 4;
+    });
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].shownFrame > 60);
+    const { bytes, budget, reallocations } = await page.evaluate(() => {
+      const { ahead, mesh } = /** @type {any} */ (globalThis).isv.players[0];
+      return { bytes: ahead.bytes, budget: ahead.budget, reallocations: mesh.geometry.reallocations };
+    });
+    assert.ok(bytes <= budget, `${bytes} of ${budget}`);
+    assert.ok(reallocations <= 3, `${reallocations}`);
+  });
+
+  test('fits a phone: nothing is wider than the screen', async () => {
+    const { page } = await open('?src=/files/blob.isv&paused&view=normals', { width: 360, height: 740, touch: true });
+    await shows(page, 0);
+    const wide = await page.evaluate(() =>
+      [...document.querySelectorAll('#transport *, #cards *, #legend *')]
+        .filter((one) => one.getBoundingClientRect().right > innerWidth + 1)
+        .map((one) => one.outerHTML.slice(0, 80)),
+    );
+    assert.deepEqual(wide, []);
+  });
+});
+
+/** Three GOPs, the second with a byte turned in a frame. @param {Uint8Array} stream */
+function damaged(stream) {
+  const long = Uint8Array.from(repeated(stream, 3 * FRAMES));
+  const packet = packetsOf(long)[FRAMES + 3];
+  packet[packet.length - 5] ^= 16;
+  return long;
+}
+
+/** The picture alone, from a camera. @param {import('playwright-core').Page} page @param {{ position: number[], target: number[], projection: number[] }} camera */
+async function pictureOnly(page, camera) {
+  const url = await page.evaluate(({ position, target, projection }) => {
+    const { stage } = /** @type {any} */ (globalThis).isv;
+    stage.grid = false;
+    return stage.pictureFrom(position, target, projection);
+  }, camera);
+  return Buffer.from(url.split(',')[1], 'base64');
+}
+
+/** How much two silhouettes overlap, and how far colours are apart where both are opaque. @param {import('../support/native.js').Pixels} a @param {import('../support/native.js').Pixels} b */
+function compared(a, b) {
+  let both = 0;
+  let either = 0;
+  let apart = 0;
+  for (let at = 0; at < a.rgba.length; at += 4) {
+    const [inA, inB] = [a.rgba[at + 3] > 127, b.rgba[at + 3] > 127];
+    both += Number(inA && inB);
+    either += Number(inA || inB);
+    if (inA && inB) for (let c = 0; c < 3; c++) apart += Math.abs(a.rgba[at + c] - b.rgba[at + c]) / 3;
+  }
+  return { overlap: both / either, colour: apart / both };
+}

@@ -1,0 +1,161 @@
+// What the native program makes of the same streams.
+
+import { execFileSync, spawn } from 'node:child_process';
+import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { inflateSync } from 'node:zlib';
+import { writeBlob } from './blob.js';
+
+/** The program: the environment's `ISV_BIN`, or none. */
+export const ISV_BIN = process.env.ISV_BIN && existsSync(process.env.ISV_BIN) ? process.env.ISV_BIN : null;
+
+/** Runs the program in a folder that is gone afterwards. @template T @param {(folder: string) => T} use @returns {T} */
+function inFolder(use) {
+  const folder = mkdtempSync(join(tmpdir(), 'isv-player-'));
+  try {
+    return use(folder);
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+/** @param {string[]} words @param {string} folder */
+function isv(words, folder) {
+  if (!ISV_BIN) throw new Error('ISV_BIN names no program');
+  execFileSync(ISV_BIN, words, { cwd: folder, stdio: ['ignore', 'ignore', 'pipe'] });
+}
+
+/** A stream of a blob that moves, with one keyframe. @param {number} frames @returns {Uint8Array} */
+export function blobStream(frames) {
+  return inFolder((folder) => {
+    writeBlob(folder, frames);
+    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--gop', String(frames), '--checksums'], folder);
+    return readFileSync(join(folder, 'out.isv'));
+  });
+}
+
+/**
+ * The meshes that the program decodes, frame by frame.
+ * @param {Uint8Array} stream
+ * @returns {{ vertices: number, triangles: number, positions: Float32Array }[]}
+ */
+export function decodedMeshes(stream) {
+  return inFolder((folder) => {
+    isv(['decode', fileOf(stream, folder), '-o', 'meshes', '--format', 'ply'], folder);
+    const meshes = [];
+    for (let frame = 0; ; frame++) {
+      const path = join(folder, 'meshes', `frame_${String(frame).padStart(4, '0')}.ply`);
+      if (!existsSync(path)) return meshes;
+      meshes.push(parsePly(readFileSync(path)));
+    }
+  });
+}
+
+/** A frame as the program draws it, in colours of normals on nothing. @param {Uint8Array} stream @param {number} frame @param {number} size @param {number} yaw degrees @param {number} pitch degrees */
+export function rendered(stream, frame, size, yaw, pitch) {
+  return inFolder((folder) => {
+    const view = ['--size', String(size), '--yaw', String(yaw), '--pitch', String(pitch), '--background', 'transparent'];
+    isv(['render', fileOf(stream, folder), '-o', 'picture.png', '--frame', String(frame), ...view], folder);
+    return parsePng(readFileSync(join(folder, 'picture.png')));
+  });
+}
+
+/** @param {Uint8Array} stream @param {string} folder */
+function fileOf(stream, folder) {
+  const path = join(folder, 'stream.isv');
+  execFileSync('tee', [path], { input: stream, stdio: ['pipe', 'ignore', 'inherit'] });
+  return path;
+}
+
+/** @param {Buffer} ply with float x, y, z first, binary and little-endian */
+function parsePly(ply) {
+  const end = ply.indexOf('end_header\n') + 'end_header\n'.length;
+  const header = ply.toString('latin1', 0, end);
+  const count = (/** @type {string} */ what) => Number(new RegExp(`element ${what} (\\d+)`).exec(header)?.[1]);
+  const vertices = count('vertex');
+  const stride = 4 * [...header.matchAll(/property float /g)].length;
+  const positions = new Float32Array(3 * vertices);
+  for (let at = 0; at < positions.length; at++) positions[at] = ply.readFloatLE(end + stride * Math.floor(at / 3) + 4 * (at % 3));
+  return { vertices, triangles: count('face'), positions };
+}
+
+/** @typedef {{ width: number, height: number, rgba: Uint8Array }} Pixels */
+
+/** @param {Buffer} png 8 bits a channel, RGB or RGBA @returns {Pixels} */
+export function parsePng(png) {
+  let width = 0;
+  let height = 0;
+  let channels = 4;
+  const parts = [];
+  for (let at = 8; at < png.length; at += 12 + png.readUInt32BE(at)) {
+    const length = png.readUInt32BE(at);
+    const kind = png.toString('latin1', at + 4, at + 8);
+    const data = png.subarray(at + 8, at + 8 + length);
+    if (kind === 'IHDR') {
+      width = data.readUInt32BE(0);
+      height = data.readUInt32BE(4);
+      channels = { 2: 3, 6: 4 }[data[9]] ?? 0;
+      if (data[8] !== 8 || !channels || data[12]) throw new Error('a kind of PNG that tests do not read');
+    }
+    if (kind === 'IDAT') parts.push(data);
+  }
+  return { width, height, rgba: unfiltered(inflateSync(Buffer.concat(parts)), width, height, channels) };
+}
+
+/** @param {Uint8Array} rows with a filter each @param {number} width @param {number} height @param {number} channels */
+function unfiltered(rows, width, height, channels) {
+  const stride = width * channels;
+  const bytes = new Uint8Array(stride * height);
+  for (let y = 0; y < height; y++) {
+    const filter = rows[y * (stride + 1)];
+    for (let x = 0; x < stride; x++) {
+      const left = x < channels ? 0 : bytes[y * stride + x - channels];
+      const up = y ? bytes[(y - 1) * stride + x] : 0;
+      const corner = y && x >= channels ? bytes[(y - 1) * stride + x - channels] : 0;
+      const guess = [0, left, up, (left + up) >> 1, paeth(left, up, corner)][filter];
+      bytes[y * stride + x] = rows[y * (stride + 1) + 1 + x] + guess;
+    }
+  }
+  if (channels === 4) return bytes;
+  return Uint8Array.from({ length: 4 * width * height }, (_, at) => (at % 4 === 3 ? 255 : bytes[(at >> 2) * 3 + (at % 4)]));
+}
+
+/** @param {number} left @param {number} up @param {number} corner */
+function paeth(left, up, corner) {
+  const guess = left + up - corner;
+  const [a, b, c] = [left, up, corner].map((value) => Math.abs(guess - value));
+  return a <= b && a <= c ? left : b <= c ? up : corner;
+}
+
+/**
+ * Serves streams by `isv view`, if the program has it.
+ * @param {Uint8Array[]} streams one or two
+ * @returns {Promise<{ url: string, close: () => void } | null>}
+ */
+export async function viewed(streams) {
+  if (!ISV_BIN || !execFileSync(ISV_BIN, ['--help'], { encoding: 'utf8' }).includes('\n  view ')) return null;
+  const folder = mkdtempSync(join(tmpdir(), 'isv-view-'));
+  const paths = streams.map((stream, at) => {
+    const path = join(folder, `${at}.isv`);
+    execFileSync('tee', [path], { input: stream, stdio: ['pipe', 'ignore', 'inherit'] });
+    return path;
+  });
+  const server = spawn(ISV_BIN, ['view', '--no-open', '--port', '0', ...paths]);
+  const close = () => {
+    server.kill();
+    rmSync(folder, { recursive: true });
+  };
+  const url = await new Promise((/** @type {(url: string) => void} */ found, reject) => {
+    let said = '';
+    const hear = (/** @type {Buffer} */ data) => {
+      said += data;
+      const match = /http:\/\/\S+/.exec(said);
+      if (match) found(match[0]);
+    };
+    server.stdout.on('data', hear);
+    server.stderr.on('data', hear);
+    server.on('exit', () => reject(new Error(`isv view ended: ${said}`)));
+  });
+  return { url, close };
+}

@@ -1,0 +1,202 @@
+// Types of isv-player.
+
+import type { Group, Material, Mesh } from 'three';
+
+/** What a stream's header says. */
+export interface StreamFacts {
+  /** Edge of a voxel in metres. */
+  voxelSize: number;
+  /** Frames a second. */
+  fps: number;
+  /** Voxels along an edge of a block. */
+  blockSide: number;
+  /** Truncation in voxels. */
+  truncation: number;
+  profile: 'paper' | 'main';
+}
+
+/** What is known of the blocks of a frame. */
+export interface BlockDetails {
+  /** Four numbers a block: x, y, z in blocks, and 0 for one that stands still, 1 coded without a reference, 2 predicted. */
+  places: Int32Array;
+  /** What each block took in the file. */
+  bits: Float32Array;
+  /** x, y, z in metres for each block: from where it is predicted to where it is. */
+  motion: Float32Array;
+  /** For each vertex, the bits of the block around it. */
+  vertexBits: Float32Array;
+}
+
+/** A decoded frame. */
+export interface Frame {
+  /** x, y, z of each vertex in metres. */
+  positions: Float32Array;
+  /** Unit normal of each vertex. */
+  normals: Float32Array;
+  /** Three vertices a triangle, counter-clockwise seen from outside. */
+  indices: Uint32Array;
+  /** Smallest x, y, z and largest. */
+  bounds: [number, number, number, number, number, number];
+  timestampNs: number;
+  keyframe: boolean;
+  /** Size in the file. */
+  packetBytes: number;
+  /** Size in memory. */
+  bytes: number;
+  decodeMs: number;
+  surfaceMs: number;
+  /** Only while the player's `details` are asked for. */
+  details: BlockDetails | null;
+}
+
+export interface PlayerOptions {
+  /** A file, by HTTP; with ranges where the server has them. */
+  url?: string;
+  /** A file that is already here. */
+  source?: Blob | ArrayBuffer | Uint8Array;
+  /** Address of a live stream. */
+  live?: string;
+  /** The decoder, if it is not beside the modules: bundlers move it. */
+  wasm?: string | URL | WebAssembly.Module;
+  /** How many workers decode; as many as there are cores, up to 4. */
+  workers?: number;
+  /** Most bytes of decoded frames; 256 MiB. */
+  memory?: number;
+  /** Most voxels of a frame: others are refused before they take memory. */
+  voxels?: number;
+  /** Of the mesh. */
+  material?: Material;
+  /** Shared with other players that go in step. */
+  clock?: Clock;
+  autoplay?: boolean;
+  loop?: boolean;
+  speed?: number;
+}
+
+/** Events of a player and what their `detail` is. */
+export interface PlayerEvents {
+  /** The stream is open: `facts`, `frames` and `duration` are known. */
+  open: undefined;
+  /** Another frame is shown. */
+  frame: { frame: number; decoded: Frame };
+  /** The playhead waits for a frame; it goes on. */
+  waiting: undefined;
+  resumed: undefined;
+  /** It went round; it came to the end. */
+  wrapped: undefined;
+  ended: undefined;
+  /** Frames `frame` to before `resumes` are damaged; it goes on after them. */
+  lost: { frame: number; resumes: number; message: string };
+  /** Bytes cannot be read, which is tried again; they can. */
+  stalled: { message: string };
+  recovered: undefined;
+  /** Of a live stream. */
+  state: { state: LiveState };
+  /** It cannot be played. */
+  error: { error: Error; message: string };
+}
+
+export type LiveState = 'connecting' | 'waiting' | 'live' | 'ended' | 'lost';
+
+/** A live stream, as a player has it. */
+export interface LiveSource {
+  readonly state: LiveState;
+  /** From capture, or from the server, to the picture shown last, in ms; null before it. */
+  readonly latencyMs: number | null;
+  /** Bits a second over the last seconds. */
+  readonly bitrate: number;
+  /** Decoded frames that wait to be shown. */
+  readonly buffered: number;
+  /** Packets dropped to keep up. */
+  readonly dropped: number;
+}
+
+/** Plays a stream as a three.js object. Call `update` for every picture drawn. */
+export class IsvPlayer extends EventTarget {
+  constructor(options: PlayerOptions);
+  /** To be added to a scene. Metres, in the axes of the capture. */
+  readonly object: Group;
+  readonly mesh: Mesh;
+  readonly clock: Clock;
+  /** Settles with the first decoded frame; rejects if the stream cannot be played. */
+  readonly ready: Promise<this>;
+  /** Null until the stream is open. */
+  readonly facts: StreamFacts | null;
+  /** Number of frames; 0 until the file is open, Infinity of a live stream. */
+  readonly frames: number;
+  readonly fps: number;
+  /** Seconds. */
+  readonly duration: number;
+  /** The frame under the playhead. */
+  readonly frame: number;
+  /** The frame that is shown, and its number; null and -1 before the first. */
+  readonly shown: Frame | null;
+  readonly shownFrame: number;
+  readonly playing: boolean;
+  /** Whether the playhead waits for a frame. */
+  readonly waiting: boolean;
+  readonly live: LiveSource | null;
+  /** What ended it; null while it plays. */
+  readonly error: Error | null;
+  speed: number;
+  loop: boolean;
+  /** Whether frames come with what each block is and took. Changing it decodes frames anew. */
+  details: boolean;
+  play(): void;
+  pause(): void;
+  /** Moves the playhead; the frame is shown as soon as it is decoded. */
+  seek(frame: number): void;
+  /** Moves by frames and pauses; below 0 goes back. */
+  step(frames: number): void;
+  /** Moves the playhead while it is being dragged: shows what is near at once. End the drag with `seek`. */
+  scrub(frame: number): void;
+  /** Moves the clock, and the mesh with it. Returns whether the mesh has changed. */
+  update(now?: number): boolean;
+  dispose(): void;
+  addEventListener<Type extends keyof PlayerEvents>(
+    type: Type,
+    listener: (event: CustomEvent<PlayerEvents[Type]>) => void,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
+  addEventListener(type: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;
+}
+
+export type View = 'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits';
+
+export const VIEWS: readonly { name: View; title: string; says: string; details: boolean }[];
+
+/** Switches a player between views. */
+export class IsvViews {
+  constructor(player: IsvPlayer);
+  view: View;
+  /** Colours, as numbers, of the surface under overlays and of triangles' edges. */
+  set colours(colours: { form: number; edges: number });
+  dispose(): void;
+}
+
+/** Playback time, for players that share it. */
+export class Clock {
+  constructor(facts?: { fps?: number; frames?: number });
+  /** In frames. */
+  position: number;
+  playing: boolean;
+  loop: boolean;
+  speed: number;
+  readonly fps: number;
+  readonly frames: number;
+  readonly frame: number;
+  readonly seconds: number;
+  play(): void;
+  pause(): void;
+  seek(frame: number): void;
+}
+
+/** An error outside the decoder, with a message that can be shown as it is. */
+export class IsvFailure extends Error {
+  readonly kind: 'missing' | 'not-isv' | 'damaged' | 'limit' | 'unsupported';
+}
+
+/** An error of the decoder. */
+export class IsvError extends Error {
+  readonly kind: 'malformed' | 'limit' | 'keyframe' | 'order';
+}
