@@ -1,0 +1,113 @@
+// A decoder in a worker, as the side that deals work to it sees it.
+
+import { IsvFailure } from './failure.js';
+
+/** Packets given to a worker before it has answered: enough that it never waits, few enough to be soon done with. */
+const DEPTH = 6;
+
+/**
+ * What a lane needs of a Web Worker; a test gives something else.
+ * @typedef {object} Port
+ * @property {(order: import('./worker.js').Order, transfer?: Transferable[]) => void} postMessage
+ * @property {((event: { data: import('./worker.js').Answer }) => void) | null} onmessage
+ * @property {((event: { message?: string }) => void) | null} onerror
+ * @property {() => void} terminate
+ */
+
+/** What is being decoded by a lane: some frames of a run, in order. */
+export class Task {
+  cancelling = new AbortController();
+
+  /** @param {number} id @param {number} at the next frame to give to the worker @param {number} end the frame before which to stop */
+  constructor(id, at, end) {
+    this.id = id;
+    this.at = at;
+    this.end = end;
+  }
+
+  get cancelled() {
+    return this.cancelling.signal.aborted;
+  }
+}
+
+export class Lane {
+  /** @type {Task | null} */
+  task = null;
+  /** The frame that the decoder would go on with; -1 if it needs a keyframe. */
+  next = -1;
+  /** Frames on their way that will come with a surface. @type {Set<number>} */
+  coming = new Set();
+  #port;
+  /** Packets not answered yet. */
+  #waiting = 0;
+  /** @type {(() => void) | null} */
+  #wake = null;
+  #generation = 0;
+
+  /**
+   * @param {Port} port
+   * @param {{ module: WebAssembly.Module, header: Uint8Array, voxels?: number }} start
+   * @param {{ done(answer: import('./worker.js').Done): void, lost(lane: Lane, answer: import('./worker.js').Lost): void, broken(error: Error): void }} on
+   */
+  constructor(port, start, on) {
+    this.#port = port;
+    port.onmessage = ({ data }) => this.#answer(data, on);
+    port.onerror = ({ message }) =>
+      on.broken(new IsvFailure('unsupported', `the decoder cannot be started: ${message ?? 'its script does not load'}`));
+    port.postMessage({ do: 'start', ...start });
+  }
+
+  /** Waits until the worker can take another packet. @returns {Promise<void> | undefined} nothing to wait for if it can now */
+  room() {
+    if (this.#waiting < DEPTH) return undefined;
+    return new Promise((wake) => (this.#wake = wake));
+  }
+
+  /** @param {{ frame: number, packet: Uint8Array, at: number, surface: boolean, details: boolean }} work */
+  decode({ frame, packet, at, surface, details }) {
+    this.#waiting++;
+    if (surface) this.coming.add(frame);
+    this.next = frame + 1;
+    const order = /** @type {const} */ ({ do: 'decode', run: this.#generation, frame, packet, at, surface, details });
+    this.#port.postMessage(order, [/** @type {ArrayBuffer} */ (packet.buffer)]);
+  }
+
+  /** Gives up what is being done and what waits. The decoder then needs a keyframe. */
+  cancel() {
+    this.task?.cancelling.abort();
+    this.task = null;
+    this.next = -1;
+    this.coming.clear();
+    this.#generation++;
+    this.#waiting = 0;
+    this.#rouse();
+    this.#port.postMessage({ do: 'cancel' });
+  }
+
+  close() {
+    this.task?.cancelling.abort();
+    this.task = null;
+    this.#rouse();
+    this.#port.terminate();
+  }
+
+  #rouse() {
+    this.#wake?.();
+    this.#wake = null;
+  }
+
+  /** @param {import('./worker.js').Answer} answer @param {ConstructorParameters<typeof Lane>[2]} on */
+  #answer(answer, on) {
+    if (answer.is === 'ready') return;
+    if (answer.is === 'broken')
+      return on.broken(new IsvFailure('unsupported', `the decoder cannot be started: ${answer.message}`));
+    const current = answer.run === this.#generation;
+    if (current) {
+      this.#waiting--;
+      this.coming.delete(answer.frame);
+      this.#rouse();
+    }
+    if (answer.is === 'done') on.done(answer);
+    else if (current) on.lost(this, answer);
+  }
+}

@@ -1,0 +1,133 @@
+// A live stream's messages over a WebSocket. Connects again when the server goes away, and learns how the server's clock differs
+// from ours.
+
+/** Kinds of messages from the server: their first byte. */
+const HEADER = 0;
+const PACKET = 1;
+const ENDED = 2;
+const CLOCK = 3;
+
+/** Waits in ms before connecting again, the last one over and over. */
+const BACKOFF = [250, 500, 1000, 2000, 4000];
+/** How often the server's clock is asked for, in ms. */
+const CLOCK_PERIOD = 3000;
+/** Answers about the clock that the best is taken of. */
+const CLOCK_ANSWERS = 8;
+
+/**
+ * `connecting`: for the first time. `waiting`: connected, no stream yet. `live`. `ended`: the source ended, it may come again.
+ * `lost`: the server went away; it is tried again.
+ * @typedef {'connecting' | 'waiting' | 'live' | 'ended' | 'lost'} LiveState
+ * @typedef {object} LiveEvents
+ * @property {(state: LiveState) => void} state
+ * @property {(header: Uint8Array) => void} header a stream begins; what came before is over
+ * @property {(packet: Uint8Array, serverMs: number) => void} packet when the server had it, in unix ms by its clock
+ *
+ * @typedef {Pick<WebSocket, 'send' | 'close' | 'readyState'> & { binaryType: string, onopen: unknown, onmessage: unknown, onclose: unknown }} Socket
+ */
+
+export class LiveConnection {
+  /** @type {LiveState} */
+  state = 'connecting';
+  /** What to add to our clock to have the server's, in ms. */
+  offsetMs = 0;
+  #connect;
+  #on;
+  #failures = 0;
+  /** @type {Socket | null} */
+  #socket = null;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  #retry;
+  /** @type {ReturnType<typeof setInterval> | undefined} */
+  #asking;
+  /** @type {{ tripMs: number, offsetMs: number }[]} */
+  #answers = [];
+  #closed = false;
+
+  /** @param {{ connect: () => Socket, on: LiveEvents }} options */
+  constructor({ connect, on }) {
+    this.#connect = connect;
+    this.#on = on;
+    this.#open();
+  }
+
+  /** The server's clock now, in unix ms. */
+  get serverNow() {
+    return unixNow() + this.offsetMs;
+  }
+
+  close() {
+    this.#closed = true;
+    clearTimeout(this.#retry);
+    clearInterval(this.#asking);
+    this.#socket?.close();
+  }
+
+  #open() {
+    const socket = this.#connect();
+    this.#socket = socket;
+    socket.binaryType = 'arraybuffer';
+    socket.onopen = () => {
+      this.#become('waiting');
+      this.#askClock();
+      this.#asking = setInterval(() => this.#askClock(), CLOCK_PERIOD);
+    };
+    socket.onmessage = (/** @type {MessageEvent} */ { data }) => this.#take(data);
+    socket.onclose = () => this.#lost();
+  }
+
+  #lost() {
+    clearInterval(this.#asking);
+    if (this.#closed) return;
+    this.#become('lost');
+    const wait = BACKOFF[Math.min(this.#failures++, BACKOFF.length - 1)];
+    this.#retry = setTimeout(() => this.#open(), wait);
+  }
+
+  /** @param {unknown} message */
+  #take(message) {
+    if (!(message instanceof ArrayBuffer) || message.byteLength < 1) return;
+    const bytes = new Uint8Array(message);
+    const view = new DataView(message);
+    if (bytes[0] === HEADER && bytes.length === 49) {
+      this.#failures = 0;
+      this.#on.header(bytes.slice(1));
+      this.#become('live');
+    } else if (bytes[0] === PACKET && bytes.length > 9) {
+      this.#on.packet(bytes.slice(9), view.getFloat64(1, true));
+    } else if (bytes[0] === ENDED) {
+      this.#become('ended');
+    } else if (bytes[0] === CLOCK && bytes.length === 17) {
+      this.#learn(view.getFloat64(1, true), view.getFloat64(9, true));
+    }
+  }
+
+  #askClock() {
+    if (this.#socket?.readyState !== 1) return;
+    const question = new DataView(new ArrayBuffer(8));
+    question.setFloat64(0, unixNow(), true);
+    this.#socket.send(question.buffer);
+  }
+
+  /** The answer that took the least time says most exactly what the server's clock was. @param {number} serverMs @param {number} askedMs */
+  #learn(serverMs, askedMs) {
+    const now = unixNow();
+    const tripMs = now - askedMs;
+    if (!(tripMs >= 0)) return;
+    this.#answers.push({ tripMs, offsetMs: serverMs - (askedMs + now) / 2 });
+    if (this.#answers.length > CLOCK_ANSWERS) this.#answers.shift();
+    this.offsetMs = this.#answers.reduce((best, answer) => (answer.tripMs < best.tripMs ? answer : best)).offsetMs;
+  }
+
+  /** @param {LiveState} state */
+  #become(state) {
+    if (state === this.state) return;
+    this.state = state;
+    this.#on.state(state);
+  }
+}
+
+/** Our clock in unix ms, with fractions. */
+function unixNow() {
+  return performance.timeOrigin + performance.now();
+}

@@ -1,0 +1,227 @@
+// The page: opens what its address names, or files that are dropped on it, and ties controls to players.
+//
+// `?src=A.isv` plays a file, `&compare=B.isv` another beside it, `?live=/live` a live stream. `&view=normals` and `&up=z` are where
+// it begins, `&paused` stands still at first.
+
+import { Box3 } from 'three';
+import { Clock } from '../clock.js';
+import { words } from '../failure.js';
+import { IsvPlayer } from '../player.js';
+import { IsvViews, VIEWS } from '../views.js';
+import { Cards } from './cards.js';
+import { byId, make } from './element.js';
+import { listenToKeys } from './keyboard.js';
+import { showLegend } from './legend.js';
+import { Messages } from './messages.js';
+import { listenToFiles } from './opening.js';
+import { ScrubBar } from './scrub-bar.js';
+import { Stage } from './stage.js';
+import { Transport } from './transport.js';
+
+/** Bytes of decoded frames that all players hold together. */
+const MEMORY = 384 << 20;
+
+/** @typedef {{ name: string, options: import('../player.js').PlayerOptions }} Take */
+
+class Page {
+  clock = new Clock();
+  /** @type {IsvPlayer[]} */
+  players = [];
+  /** @type {IsvViews[]} */
+  views = [];
+  /** @type {import('../views.js').View} */
+  view = 'shaded';
+  stage;
+  #cards = new Cards();
+  #messages;
+  #scrubBar;
+  #transport;
+  #framed = false;
+
+  /** @param {Messages} messages */
+  constructor(messages) {
+    this.#messages = messages;
+    this.stage = new Stage(byId('canvas', HTMLCanvasElement), byId('divider'));
+    this.#scrubBar = new ScrubBar({
+      scrub: (frame) => this.players.forEach((player) => player.scrub(frame)),
+      seek: (frame) => this.seek(frame),
+    });
+    const ask = listenToFiles((files) => this.open(files.map((file) => ({ name: file.name, options: { source: file } }))));
+    const commands = {
+      toggle: () => this.toggle(),
+      step: (/** @type {number} */ frames) => this.players.forEach((player) => player.step(frames)),
+      seek: (/** @type {number} */ frame) => this.seek(frame),
+      faster: (/** @type {number} */ steps) => this.#transport.faster(steps),
+      loop: () => (this.clock.loop = !this.clock.loop),
+      view: (/** @type {number} */ number) => this.look(VIEWS[number].name),
+      turn: (/** @type {number} */ yaw, /** @type {number} */ pitch) => this.stage.turn(yaw, pitch),
+      pan: (/** @type {number} */ right, /** @type {number} */ up) => this.stage.pan(right, up),
+      zoom: (/** @type {number} */ factor) => this.stage.zoom(factor),
+      fit: () => this.fit(),
+      grid: () => (this.stage.grid = !this.stage.grid),
+      up: () => (this.stage.up = this.stage.up === 'y' ? 'z' : 'y'),
+      figures: () => (this.#cards.brief = !this.#cards.brief),
+      open: ask,
+      help: () => toggleHelp(),
+    };
+    this.#transport = new Transport(this.clock, commands);
+    listenToKeys(commands);
+    this.#listViews();
+    this.#cards.brief = innerWidth < 600;
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.#colour());
+    requestAnimationFrame((now) => this.#turn(now));
+  }
+
+  /** Plays one take, or two side by side. @param {Take[]} takes @param {{ paused?: boolean }} [options] */
+  open(takes, { paused = false } = {}) {
+    this.#messages.clear();
+    for (const views of this.views) views.dispose();
+    for (const player of this.players) player.dispose();
+    const cores = Math.min(navigator.hardwareConcurrency || 2, 4);
+    const share = { clock: this.clock, memory: MEMORY / takes.length, workers: Math.ceil(cores / takes.length) };
+    this.clock.set({ fps: 30, frames: 0 });
+    this.#framed = false;
+    this.players = takes.map(({ options }) => new IsvPlayer({ ...options, ...share }));
+    this.views = this.players.map((player) => new IsvViews(player));
+    this.players.forEach((player, at) => this.#listen(player, takes[at].name));
+    this.stage.show(this.players);
+    this.#cards.show(this.players.map((player, at) => ({ player, name: takes[at].name })));
+    document.body.classList.toggle(
+      'live',
+      takes.some(({ options }) => options.live !== undefined),
+    );
+    document.title = `${takes.map(({ name }) => name).join(' | ')} \u00b7 isv`;
+    this.look(this.view);
+    this.#colour();
+    if (!paused) for (const player of this.players) player.play();
+  }
+
+  toggle() {
+    const playing = this.players.some((player) => player.playing);
+    for (const player of this.players) playing ? player.pause() : player.play();
+  }
+
+  /** @param {number} frame of the first player; too large is the last */
+  seek(frame) {
+    const first = this.players[0];
+    if (!first || first.live) return;
+    first.seek(Math.min(frame, first.frames - 1));
+    // The clock is shared: the others only have to hear of it.
+    for (const other of this.players.slice(1)) other.seek(other.frame);
+  }
+
+  /** @param {import('../views.js').View} view */
+  look(view) {
+    this.view = view;
+    for (const views of this.views) views.view = view;
+    const input = document.querySelector(`#views input[value=${view}]`);
+    if (input instanceof HTMLInputElement) input.checked = true;
+    showLegend(view, this.players[0]?.facts ?? null);
+    this.stage.stale = true;
+  }
+
+  /** Looks at all of the frame that is shown. */
+  fit() {
+    const box = new Box3();
+    for (const { mesh, shown } of this.players)
+      if (shown?.indices.length && mesh.geometry.boundingBox) box.union(mesh.geometry.boundingBox);
+    this.stage.fit(box);
+  }
+
+  /** @param {IsvPlayer} player @param {string} name */
+  #listen(player, name) {
+    const of = this.players.length > 1 ? `${name}: ` : '';
+    const on = (/** @type {string} */ type, /** @type {(detail: any) => void} */ then) =>
+      player.addEventListener(type, (event) => then(/** @type {CustomEvent} */ (event).detail));
+    on('open', () => {
+      showLegend(this.view, player.facts);
+      if (player.source && !player.source.indexed)
+        this.#messages.say(`${of}the file has no index: it was cut, or is still being written`, 'warn');
+    });
+    on('error', ({ message }) => this.#fail(player, `${of}${message}`));
+    on('stalled', ({ message }) => this.#messages.hold(name, `${message}; trying again`));
+    on('recovered', () => this.#messages.release(name));
+    on('lost', ({ frame, resumes, message }) => {
+      const goesOn = player.live
+        ? 'it goes on at the next keyframe'
+        : resumes < player.frames
+          ? `it goes on at frame ${resumes}`
+          : 'nothing after it can be shown';
+      this.#messages.say(`${of}frame ${frame} is damaged (${message}); ${goesOn}`, 'bad');
+    });
+    on('state', ({ state }) => {
+      if (state === 'lost') this.#messages.hold('live', 'The server has gone away; trying again');
+      else if (state === 'ended') this.#messages.hold('live', 'The source has ended; waiting for it to come again', '');
+      else if (state === 'waiting') this.#messages.hold('live', 'Connected; waiting for the source', '');
+      else this.#messages.release('live');
+    });
+  }
+
+  /** @param {IsvPlayer} player @param {string} message */
+  #fail(player, message) {
+    if (player.shown) this.#messages.hold('failed', message, 'bad');
+    else this.#messages.welcome(message);
+  }
+
+  /** @param {number} now */
+  #turn(now) {
+    requestAnimationFrame((next) => this.#turn(next));
+    for (const player of this.players) if (player.update(now)) this.stage.stale = true;
+    if (!this.#framed && this.players.some(({ shown }) => shown?.indices.length)) {
+      this.#framed = true;
+      this.fit();
+    }
+    this.stage.draw();
+    this.#cards.update(now, this.stage);
+    const first = this.players[0];
+    this.#scrubBar.update(first, first?.live ? 0 : Math.min(first?.frames ?? 0, this.clock.frames));
+    this.#transport.update(first, this.stage, this.#cards.brief);
+  }
+
+  #colour() {
+    for (const views of this.views)
+      views.colours = this.stage.dark ? { form: 0x8d949c, edges: 0x9cc4ff } : { form: 0xc3c8ce, edges: 0x1b57b0 };
+    this.stage.stale = true;
+  }
+
+  #listViews() {
+    for (const { name, title, says } of VIEWS) {
+      const input = /** @type {HTMLInputElement} */ (make('input'));
+      Object.assign(input, { type: 'radio', name: 'view', value: name, checked: name === this.view });
+      input.addEventListener('change', () => this.look(name));
+      const label = make('label', {}, input, make('span', { text: title }));
+      label.title = says;
+      byId('views').append(label);
+    }
+  }
+}
+
+function toggleHelp() {
+  const help = byId('help', HTMLDialogElement);
+  if (help.open) help.close();
+  else help.showModal();
+}
+
+/** What the address names. @param {URLSearchParams} query @returns {Take[]} */
+function takesOf(query) {
+  const live = query.get('live');
+  if (live !== null) return [{ name: 'Live', options: { live } }];
+  const urls = [query.get('src'), query.get('compare')].filter((url) => url !== null);
+  return urls.map((url) => ({ name: decodeURIComponent(url.split(/[?#]/)[0].split('/').pop() || url), options: { url } }));
+}
+
+const messages = new Messages();
+try {
+  const query = new URLSearchParams(location.search);
+  const takes = takesOf(query);
+  const page = new Page(messages);
+  // For tests and for the curious.
+  Object.assign(globalThis, { isv: page });
+  if (query.get('up') === 'z') page.stage.up = 'z';
+  const view = VIEWS.find(({ name }) => name === query.get('view'));
+  if (view) page.look(view.name);
+  if (takes.length) page.open(takes, { paused: query.has('paused') });
+  else messages.welcome();
+} catch (error) {
+  messages.welcome(words(error));
+}

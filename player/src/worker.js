@@ -1,0 +1,162 @@
+// A Web Worker with one decoder. It takes packets in order, decodes them one a turn, so that a `cancel` between two of them
+// is heard at once, and sends back meshes whose arrays are transferred.
+
+import { Decoder } from './wasm.js';
+import { colourByBits } from './block-bits.js';
+import { words } from './failure.js';
+
+/**
+ * What a worker is told. `start` comes first. `decode`: `run` is a number that comes back with the answer; `surface` false only
+ * moves the decoder on. `cancel` forgets what waits.
+ * @typedef {{ do: 'start', module: WebAssembly.Module, header: Uint8Array, voxels?: number }} Start
+ * @typedef {object} Decode
+ * @property {'decode'} do
+ * @property {number} run
+ * @property {number} frame
+ * @property {Uint8Array} packet
+ * @property {number} at where the packet begins in the stream
+ * @property {boolean} surface
+ * @property {boolean} details
+ * @typedef {Start | Decode | { do: 'cancel' }} Order
+ */
+
+/**
+ * What is known of the blocks of a frame; one entry a block.
+ * @typedef {object} BlockDetails
+ * @property {Int32Array} blocks x, y, z in blocks, and the kind: 0 stands still, 1 coded without a reference, 2 predicted
+ * @property {Float32Array} bits what the block took
+ * @property {Float32Array} motion x, y, z in metres: from where the block is predicted to where it is
+ */
+
+/**
+ * A frame that can be drawn.
+ * @typedef {object} Frame
+ * @property {Float32Array} positions x, y, z of each vertex in metres
+ * @property {Float32Array} normals unit normal of each vertex
+ * @property {Uint32Array} indices three vertices a triangle
+ * @property {[number, number, number, number, number, number]} bounds smallest x, y, z and largest; of a frame without vertices all 0
+ * @property {number} timestampNs when it is shown, in nanoseconds
+ * @property {boolean} keyframe
+ * @property {number} packetBytes
+ * @property {number} bytes what the arrays take
+ * @property {number} decodeMs
+ * @property {number} surfaceMs
+ * @property {(BlockDetails & { vertexBits: Float32Array }) | null} details what each block is and took; null unless it was asked for
+ */
+
+/**
+ * What a worker says. `done` answers each packet; it has a frame if a surface was wanted. `lost`: the packet cannot be decoded, and
+ * what waited of the same run is forgotten. `broken`: the worker cannot go on.
+ * @typedef {{ is: 'ready' }} Ready
+ * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null, decodeMs: number }} Done
+ * @typedef {{ is: 'lost', run: number, frame: number, message: string }} Lost
+ * @typedef {Ready | Done | Lost | { is: 'broken', message: string }} Answer
+ */
+
+/** The part of a worker's global scope that is used. */
+const scope = /** @type {{ postMessage(answer: Answer, transfer?: Transferable[]): void, onmessage: unknown }} */ (
+  /** @type {unknown} */ (globalThis)
+);
+
+/** @type {Decoder | null} */
+let decoder = null;
+/** @type {import('./wasm.js').StreamFacts | null} */
+let facts = null;
+/** @type {Decode[]} */
+let waiting = [];
+/** The run whose packets cannot be decoded any more. */
+let lostRun = -1;
+const turns = new MessageChannel();
+turns.port1.onmessage = next;
+
+scope.onmessage = (/** @type {MessageEvent<Order>} */ { data }) => {
+  if (data.do === 'start') start(data);
+  else if (data.do === 'cancel') waiting = [];
+  else if (waiting.push(data) === 1) turns.port2.postMessage(null);
+};
+
+/** @param {Start} order */
+async function start({ module, header, voxels }) {
+  try {
+    decoder = await Decoder.create(module);
+    if (voxels) decoder.limit(voxels);
+    facts = decoder.open(header);
+    scope.postMessage({ is: 'ready' });
+  } catch (error) {
+    scope.postMessage({ is: 'broken', message: words(error) });
+  }
+}
+
+function next() {
+  const order = waiting.shift();
+  if (order && order.run !== lostRun) decode(order);
+  if (waiting.length) turns.port2.postMessage(null);
+}
+
+/** @param {Decode} order */
+function decode({ run, frame, packet, at, surface, details }) {
+  if (!decoder || !facts) return;
+  const begin = performance.now();
+  try {
+    const decoded = decoder.decode(packet, { at, surface, normals: true, details });
+    const passed = performance.now() - begin;
+    const surfaceMs = decoded.surfaceMs ?? 0;
+    const decodeMs = passed - surfaceMs;
+    if (!surface) return scope.postMessage({ is: 'done', run, frame, mesh: null, decodeMs });
+    const mesh = finished(decoded, facts, { packetBytes: packet.length, decodeMs, surfaceMs });
+    scope.postMessage({ is: 'done', run, frame, mesh, decodeMs }, buffersOf(mesh));
+  } catch (error) {
+    lostRun = run;
+    scope.postMessage({ is: 'lost', run, frame, message: words(error) });
+  }
+}
+
+/**
+ * @param {import('./wasm.js').DecodedFrame} decoded
+ * @param {import('./wasm.js').StreamFacts} facts
+ * @param {{ packetBytes: number, decodeMs: number, surfaceMs: number }} measured
+ * @returns {Frame}
+ */
+function finished(decoded, facts, measured) {
+  const { positions, normals, indices, timestampNs, keyframe } = decoded;
+  const details = decoded.details ? { ...decoded.details, vertexBits: colourByBits(positions, decoded.details, facts) } : null;
+  const mesh = {
+    positions,
+    normals,
+    indices,
+    bounds: boundsOf(positions),
+    timestampNs,
+    keyframe,
+    details,
+    bytes: 0,
+    ...measured,
+  };
+  mesh.bytes = buffersOf(mesh).reduce((bytes, buffer) => bytes + buffer.byteLength, 0);
+  return mesh;
+}
+
+/** @param {Frame} mesh @returns {ArrayBuffer[]} */
+function buffersOf({ positions, normals, indices, details }) {
+  const arrays = [positions, normals, indices];
+  const more = details ? [details.blocks, details.bits, details.motion, details.vertexBits] : [];
+  return [...arrays, ...more].map((array) => /** @type {ArrayBuffer} */ (array.buffer));
+}
+
+/** @param {Float32Array} positions @returns {Frame['bounds']} */
+function boundsOf(positions) {
+  if (positions.length === 0) return [0, 0, 0, 0, 0, 0];
+  let [left, low, back] = positions;
+  let [right, high, front] = positions;
+  for (let at = 3; at < positions.length; at += 3) {
+    const x = positions[at];
+    const y = positions[at + 1];
+    const z = positions[at + 2];
+    if (x < left) left = x;
+    if (x > right) right = x;
+    if (y < low) low = y;
+    if (y > high) high = y;
+    if (z < back) back = z;
+    if (z > front) front = z;
+  }
+  return [left, low, back, right, high, front];
+}

@@ -1,0 +1,338 @@
+// Decodes ahead of the playhead: deals runs of whole GOPs to workers and keeps what they give in a ring, bounded in bytes.
+// The frame under the playhead always comes first: until it is there, nothing else is begun.
+
+import { IsvFailure, isAbort } from './failure.js';
+import { Lane, Task } from './lane.js';
+import { Ring } from './ring.js';
+
+/** Part of the ring that frames ahead may fill; the rest is for those just shown and for frames larger than the mean. */
+const AHEAD_PART = 0.75;
+/** Frames ahead until it is known how large they are. */
+const FIRST_WINDOW = 8;
+/** How far ahead the clock looks for missing frames. */
+const GATE_FRAMES = 32;
+/** Waits in ms before a read that failed is tried again, the last one over and over. */
+const RETRIES = [500, 1000, 2000, 4000, 8000];
+
+/**
+ * @typedef {import('./worker.js').Frame} Frame
+ * @typedef {{ frame: number, resumes: number, message: string }} LostFrames frames `frame` to before `resumes` cannot be shown
+ * @typedef {object} Events
+ * @property {(frame: number) => void} [frame] a frame has come
+ * @property {(lost: LostFrames) => void} [lost]
+ * @property {(error: Error, fatal: boolean) => void} [failed] bytes cannot be read, which is tried again; or, fatal, no decoder works
+ * @property {() => void} [recovered] they can be read again
+ */
+
+export class DecodeAhead {
+  /** Frames that cannot be decoded, and why. @type {Map<number, string>} */
+  lost = new Map();
+  loop = true;
+  details = false;
+  /** The frame under the playhead. */
+  target = 0;
+  /** How many frames before the target are wanted, too, as when stepping back. */
+  behind = 0;
+  #source;
+  #gops;
+  #on;
+  #ring;
+  /** @type {Lane[]} */
+  #lanes = [];
+  #tasks = 0;
+  #failures = 0;
+  #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
+  #broken = false;
+  /** Times of what was decoded lately, in ms, for {@link DecodeAhead.rate}. @type {number[]} */
+  #times = [];
+
+  /**
+   * @param {object} options
+   * @param {import('./source.js').FileSource} options.source
+   * @param {WebAssembly.Module} options.module
+   * @param {() => import('./lane.js').Port} options.spawn starts a worker
+   * @param {number} options.workers
+   * @param {number} options.budget bytes
+   * @param {number} [options.voxels] most voxels of a frame
+   * @param {Events} [options.on]
+   */
+  constructor({ source, module, spawn, workers, budget, voxels, on = {} }) {
+    this.#source = source;
+    this.#gops = source.gops;
+    this.#on = on;
+    /** @type {Ring<Frame>} */
+    this.#ring = new Ring(budget);
+    const start = { module, header: source.header, voxels };
+    const answers = {
+      done: this.#done.bind(this),
+      lost: this.#lose.bind(this),
+      broken: this.#break.bind(this),
+    };
+    const useful = Math.min(workers, this.#gops.runs.length || 1);
+    for (let lane = 0; lane < useful; lane++) this.#lanes.push(new Lane(spawn(), start, answers));
+  }
+
+  get bytes() {
+    return this.#ring.bytes;
+  }
+
+  get budget() {
+    return this.#ring.budget;
+  }
+
+  /** How many frames are held. */
+  get held() {
+    return this.#ring.size;
+  }
+
+  /** How many workers decode. */
+  get workers() {
+    return this.#lanes.length;
+  }
+
+  /** Moves the playhead. @param {number} frame @param {{ loop?: boolean, behind?: number }} [options] */
+  aim(frame, { loop = this.loop, behind = 0 } = {}) {
+    if (frame === this.target && loop === this.loop && behind === this.behind) return;
+    this.target = frame;
+    this.loop = loop;
+    this.behind = behind;
+    this.#deal();
+  }
+
+  /** Begins to decode; later, is called whenever something has changed. */
+  start() {
+    this.#deal();
+  }
+
+  /** @param {number} frame @returns {Frame | undefined} */
+  get(frame) {
+    return this.#ring.get(frame);
+  }
+
+  /** Whether a frame need not be waited for: it is there, or never will be. @param {number} frame */
+  settled(frame) {
+    return this.#ring.has(frame) || this.lost.has(frame);
+  }
+
+  /** The frame nearest to another among those that are there. @param {number} frame @returns {number} -1 if there is none */
+  nearest(frame) {
+    let best = -1;
+    for (const held of this.#ring.numbers()) if (best < 0 || Math.abs(held - frame) < Math.abs(best - frame)) best = held;
+    return best;
+  }
+
+  /** First frame after one that would have to be waited for, counted on past the end when it goes round. @param {number} frame @returns {number} Infinity if it is far off */
+  firstMissing(frame) {
+    const frames = this.#gops.frames;
+    for (let next = frame; next <= frame + GATE_FRAMES; next++) {
+      if (next >= frames && !this.loop) return Infinity;
+      if (!this.settled(next % frames)) return next;
+    }
+    return Infinity;
+  }
+
+  /** Spans `[from, to)` of frames that are there, ascending. @returns {[number, number][]} */
+  spans() {
+    /** @type {[number, number][]} */
+    const spans = [];
+    for (const frame of [...this.#ring.numbers()].sort((a, b) => a - b)) {
+      const last = spans[spans.length - 1];
+      if (last && last[1] === frame) last[1]++;
+      else spans.push([frame, frame + 1]);
+    }
+    return spans;
+  }
+
+  /** Frames a second that all workers together give when they do nothing else, by the last times taken. */
+  get rate() {
+    const total = this.#times.reduce((sum, ms) => sum + ms, 0);
+    return total ? (1000 * this.#times.length * this.#lanes.length) / total : 0;
+  }
+
+  /** Whether frames come with details of their blocks. All are decoded again. @param {boolean} wanted */
+  setDetails(wanted) {
+    if (wanted === this.details) return;
+    this.details = wanted;
+    if (!wanted) return; // Frames that have them do no harm.
+    this.#ring.clear();
+    for (const lane of this.#lanes) lane.cancel();
+    this.#deal();
+  }
+
+  close() {
+    this.#broken = true;
+    if (this.#retrying !== null) clearTimeout(this.#retrying);
+    for (const lane of this.#lanes) lane.close();
+    this.#ring.clear();
+  }
+
+  /** How many frames from the target on are wanted. */
+  get #window() {
+    const frames = this.#gops.frames;
+    const mean = this.#ring.meanBytes;
+    if (!mean) return Math.min(frames, FIRST_WINDOW);
+    if (mean * frames * 1.05 <= this.#ring.budget) return frames;
+    return Math.min(frames, Math.max(2, Math.floor((this.#ring.budget * AHEAD_PART) / mean)));
+  }
+
+  /** The frames that are wanted, as spans, most urgent first. @returns {[number, number][]} */
+  #wanted() {
+    const frames = this.#gops.frames;
+    const end = this.target + this.#window;
+    /** @type {[number, number][]} */
+    const spans = [[this.target, Math.min(frames, end)]];
+    if (this.loop && end > frames) spans.push([0, Math.min(end - frames, this.target)]);
+    if (this.behind > 0) spans.push([Math.max(0, this.target - this.behind), this.target]);
+    return spans;
+  }
+
+  /** First frame of a span that is neither there nor lost, -1 if there is none. @param {number} from @param {number} to */
+  #missing(from, to) {
+    for (let frame = from; frame < to; frame++) if (!this.settled(frame)) return frame;
+    return -1;
+  }
+
+  /** The next wanted frame in `[from, end)`, -1 if there is none. @param {number} from @param {number} end */
+  #nextWanted(from, end) {
+    const found = this.#wanted()
+      .map(([first, last]) => this.#missing(Math.max(first, from), Math.min(last, end)))
+      .filter((frame) => frame >= 0);
+    return found.length ? Math.min(...found) : -1;
+  }
+
+  /** Gives work to workers that have none, and takes it from one if the target would wait otherwise. */
+  #deal() {
+    if (this.#broken || this.#retrying !== null) return;
+    for (const [from, to] of this.#wanted()) {
+      for (let frame = this.#missing(from, to); frame >= 0; frame = this.#missing(frame, to)) {
+        if (this.#gops.runOf(frame) < 0) {
+          this.#loseUntilKeyframe(frame, 'there is no keyframe before it');
+          continue;
+        }
+        const urgent = frame === this.target;
+        if (!this.#isComing(frame)) {
+          const lane = this.#idleLane(frame) ?? (urgent ? this.#leastUseful(frame) : null);
+          if (!lane) return;
+          this.#work(lane, frame);
+        }
+        if (urgent) return;
+        frame = this.#gops.runEnd(frame);
+      }
+    }
+  }
+
+  /** Whether a worker is on its way to a frame. @param {number} frame */
+  #isComing(frame) {
+    return this.#lanes.some(({ task, coming }) => coming.has(frame) || (task && task.at <= frame && frame < task.end));
+  }
+
+  /** The idle worker that has the least to decode before a frame. @param {number} frame */
+  #idleLane(frame) {
+    const idle = this.#lanes.filter(({ task }) => !task);
+    return idle.sort((a, b) => frame - this.#begin(b, frame) - (frame - this.#begin(a, frame)))[idle.length - 1];
+  }
+
+  /** Where a worker would begin in order to come to a frame. @param {Lane} lane @param {number} frame */
+  #begin(lane, frame) {
+    const keyframe = this.#gops.keyframeOf(frame);
+    return lane.next > keyframe && lane.next <= frame ? lane.next : keyframe;
+  }
+
+  /** A busy worker, freed: one that is in the target's own run, or else the one that is farthest ahead. @param {number} frame */
+  #leastUseful(frame) {
+    const run = this.#gops.runOf(frame);
+    const urgency = (/** @type {Lane} */ { task }) =>
+      task && this.#gops.runOf(task.at) === run ? Infinity : this.#distance(task?.at ?? 0);
+    const lane = [...this.#lanes].sort((a, b) => urgency(b) - urgency(a))[0];
+    lane.cancel();
+    return lane;
+  }
+
+  /** Decodes what is wanted from a frame to the end of its run. @param {Lane} lane @param {number} frame */
+  async #work(lane, frame) {
+    const task = new Task(++this.#tasks, this.#begin(lane, frame), this.#gops.runEnd(frame));
+    lane.task = task;
+    try {
+      for (;;) {
+        const wanted = this.#nextWanted(task.at, task.end);
+        if (wanted < 0) break;
+        task.at = Math.max(task.at, this.#gops.keyframeOf(wanted));
+        const at = this.#source.offsets[task.at];
+        const packet = await this.#source.packet(task.at, task.cancelling.signal);
+        await lane.room();
+        if (task.cancelled) return;
+        this.#readAgain();
+        const surface = this.#nextWanted(task.at, task.at + 1) === task.at;
+        lane.decode({ frame: task.at, packet, at, surface, details: this.details });
+        task.at++;
+      }
+    } catch (error) {
+      if (!task.cancelled) this.#fail(lane, /** @type {Error} */ (error));
+      return;
+    }
+    lane.task = null;
+    this.#deal();
+  }
+
+  /** @param {import('./worker.js').Done} answer */
+  #done({ frame, mesh, decodeMs }) {
+    this.#times.push(decodeMs + (mesh?.surfaceMs ?? 0));
+    if (this.#times.length > 60) this.#times.shift();
+    if (!mesh || (this.details && !mesh.details)) return;
+    this.#ring.put(frame, mesh);
+    this.#ring.trim((held) => this.#distance(held));
+    this.#on.frame?.(frame);
+    this.#deal();
+  }
+
+  /** How far a frame is from being shown. @param {number} frame */
+  #distance(frame) {
+    const frames = this.#gops.frames;
+    const ahead = (frame - this.target + frames) % frames;
+    const window = this.#window;
+    return ahead < window && (this.loop || frame >= this.target) ? ahead : window + Math.abs(this.target - frame);
+  }
+
+  /** @param {Lane} lane @param {import('./worker.js').Lost} answer */
+  #lose(lane, { frame, message }) {
+    lane.cancel();
+    this.#loseUntilKeyframe(frame, message);
+    this.#deal();
+  }
+
+  /** @param {number} frame @param {string} message */
+  #loseUntilKeyframe(frame, message) {
+    const resumes = this.#gops.keyframeAfter(frame);
+    const known = this.lost.has(frame);
+    for (let lost = frame; lost < resumes; lost++) this.lost.set(lost, message);
+    if (!known) this.#on.lost?.({ frame, resumes, message });
+  }
+
+  /** Bytes could not be read. @param {Lane} lane @param {Error} error */
+  #fail(lane, error) {
+    lane.cancel();
+    if (isAbort(error) || this.#broken) return;
+    const hopeless = error instanceof IsvFailure && error.kind !== 'missing';
+    this.#on.failed?.(error, hopeless);
+    if (hopeless) return this.close();
+    if (this.#retrying !== null) return;
+    const wait = RETRIES[Math.min(this.#failures++, RETRIES.length - 1)];
+    this.#retrying = setTimeout(() => {
+      this.#retrying = null;
+      this.#deal();
+    }, wait);
+  }
+
+  #readAgain() {
+    if (!this.#failures) return;
+    this.#failures = 0;
+    this.#on.recovered?.();
+  }
+
+  /** @param {Error} error */
+  #break(error) {
+    if (this.#broken) return;
+    this.close();
+    this.#on.failed?.(error, true);
+  }
+}
