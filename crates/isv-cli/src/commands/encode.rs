@@ -5,6 +5,7 @@ mod header;
 mod ingest;
 mod paper;
 mod target;
+mod timestamps;
 mod two_pass;
 mod volumes;
 
@@ -17,6 +18,7 @@ use crate::length::Length;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
+use crate::terms::TimestampsName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use header::HeaderArgs;
@@ -28,6 +30,8 @@ use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::SystemTime;
+use timestamps::Timestamps;
 use volumes::{IngestedFrame, VolumeMaker};
 
 /// Encode a capture into an .isv stream
@@ -59,6 +63,9 @@ pub(crate) struct Args {
     /// time. Frames of an .isv file, which need each other, cannot be skipped
     #[arg(long)]
     skip_bad_frames: bool,
+    /// What packets are stamped with
+    #[arg(long, value_enum, default_value = "rate")]
+    timestamps: TimestampsName,
     /// Put a hash of every decoded frame into the stream, for isv verify
     #[arg(long)]
     checksums: bool,
@@ -136,6 +143,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
+        timestamps: Timestamps::new(args.timestamps, header.frame_rate),
         first: range.start,
         frames: 0,
         skipped: 0,
@@ -159,7 +167,8 @@ fn volumes(
     mut maker: VolumeMaker,
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<IngestedFrame>>> {
-    let ingested = Ahead::new(frames).map(move |frame| maker.ingest(frame?));
+    let read = Ahead::new(frames.map(|frame| (SystemTime::now(), frame)));
+    let ingested = read.map(move |(read, frame)| maker.ingest(frame?, read));
     if taking_turns { Box::new(ingested) } else { Box::new(Ahead::new(ingested)) }
 }
 
@@ -172,6 +181,7 @@ struct Job {
     skip_bad_frames: bool,
     /// What the encoder aims at, until it was said that it is out of reach.
     target: Option<RateTarget>,
+    timestamps: Timestamps,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
@@ -219,7 +229,7 @@ impl Job {
         if let Some(why) = self.encoder.take_notice() {
             backend::notify(&why);
         }
-        let timestamp_ns = self.header.frame_rate.timestamp_ns((frame.number - self.first) as u64);
+        let timestamp_ns = self.timestamps.of((frame.number - self.first) as u64, frame.read);
         let bytes = self.writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {
