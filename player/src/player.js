@@ -52,6 +52,8 @@ export class IsvPlayer extends EventTarget {
   /** Frames decoded ahead. @type {DecodeAhead | null} */
   ahead = null;
   clock;
+  /** What ended it; null while it plays. @type {Error | null} */
+  error = null;
   /** Settles when the stream is open and its first picture is decoded; rejects with what went wrong. @type {Promise<IsvPlayer>} */
   ready;
   #gate = (/** @type {number} */ position) => this.#gatePosition(position);
@@ -271,6 +273,7 @@ export class IsvPlayer extends EventTarget {
   #fail(cause) {
     if (this.#closed) return;
     const error = cause instanceof Error ? cause : new Error(String(cause));
+    this.error = error;
     this.clock.gates.delete(this.#gate);
     this.#first.reject(error);
     this.#tell('error', { error, message: words(error) });

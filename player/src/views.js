@@ -1,6 +1,6 @@
 // Ways of looking at a player's frames: the surface by light, by its normals or as triangles, and what the codec made of it.
 
-import { DoubleSide, LineBasicMaterial, LineSegments, ShaderMaterial, Vector3 } from 'three';
+import { DoubleSide, LineSegments, ShaderMaterial, Vector3, Vector4 } from 'three';
 import { BlockGrid, MotionVectors } from './block-overlays.js';
 import { channels } from './colour.js';
 import { EdgeGeometry } from './edge-geometry.js';
@@ -78,6 +78,24 @@ const BITS_FRAGMENT = /* glsl */ `
     gl_FragColor = vec4(heat(part) * (0.7 + 0.3 * abs(vFacing)), 1.0);
   }`;
 
+/** Edges grow faint where triangles are as small as pixels, so that the form can still be seen. */
+const EDGE_VERTEX = /* glsl */ `
+  uniform float voxel;
+  uniform float height;
+  varying float vAlpha;
+  void main() {
+    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+    float pixels = voxel * projectionMatrix[1][1] * height * 0.5 / gl_Position.w;
+    vAlpha = clamp(pixels / 16.0, 0.12, 0.75);
+  }`;
+
+const EDGE_FRAGMENT = /* glsl */ `
+  uniform vec3 colour;
+  varying float vAlpha;
+  void main() {
+    gl_FragColor = vec4(colour, vAlpha);
+  }`;
+
 /** Switches a player between views. What a view needs is made when it is first looked at. */
 export class IsvViews {
   /** @type {View} */
@@ -86,7 +104,7 @@ export class IsvViews {
   #shaded;
   /** @type {Map<string, ShaderMaterial>} */
   #materials = new Map();
-  #edges = new LineSegments(new EdgeGeometry(), new LineBasicMaterial());
+  #edges = new LineSegments(new EdgeGeometry(), edgeMaterial());
   #grid = new BlockGrid();
   #motion = new MotionVectors();
   #bits = new VertexBits();
@@ -97,6 +115,11 @@ export class IsvViews {
     this.#player = player;
     this.#shaded = player.mesh.material;
     this.#edges.frustumCulled = false;
+    const { uniforms } = this.#edges.material;
+    this.#edges.onBeforeRender = (renderer) => {
+      uniforms.height.value = renderer.getCurrentViewport(new Vector4()).w;
+      uniforms.voxel.value = player.facts?.voxelSize ?? 0;
+    };
     player.object.add(this.#edges, this.#grid, this.#motion);
     player.addEventListener('frame', this.#onframe);
     this.colours = { form: 0x9aa0a8, edges: 0x1b66c9 };
@@ -116,7 +139,7 @@ export class IsvViews {
   /** Colours, as numbers, of the surface under overlays and of triangles' edges. @param {{ form: number, edges: number }} colours */
   set colours({ form, edges }) {
     this.#material('form').uniforms.colour.value.set(...channels(form));
-    /** @type {LineBasicMaterial} */ (this.#edges.material).color.setHex(edges);
+    this.#edges.material.uniforms.colour.value.set(...channels(edges));
   }
 
   dispose() {
@@ -165,4 +188,10 @@ function surfaceMaterial(name) {
   const offset = name === 'form' ? { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 } : {};
   const uniforms = { colour: { value: new Vector3(0.6, 0.62, 0.65) } };
   return new ShaderMaterial({ vertexShader: SURFACE_VERTEX, fragmentShader, uniforms, side: DoubleSide, ...offset });
+}
+
+function edgeMaterial() {
+  const uniforms = { colour: { value: new Vector3() }, voxel: { value: 0 }, height: { value: 1 } };
+  const shaders = { vertexShader: EDGE_VERTEX, fragmentShader: EDGE_FRAGMENT };
+  return new ShaderMaterial({ ...shaders, uniforms, transparent: true, depthWrite: false });
 }

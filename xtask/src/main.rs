@@ -8,6 +8,7 @@ mod lod_table;
 mod main_table;
 mod paper_results;
 mod paper_table;
+mod player;
 mod regression;
 mod takes;
 
@@ -78,6 +79,15 @@ enum Command {
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
     FuzzSeeds { folder: String },
+    /// Build the decoder as WebAssembly into player/src/isv.wasm
+    Player {
+        /// Write nothing; fail where the file does not do what a fresh one does
+        #[arg(long)]
+        check: bool,
+        /// Build with Debian's packages, standard library and all, even where rustup has it for WebAssembly
+        #[arg(long)]
+        from_source: bool,
+    },
 }
 
 fn main() -> Result<()> {
@@ -97,5 +107,6 @@ fn main() -> Result<()> {
         Command::CountedKernels => instructions::run_kernels(),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
+        Command::Player { check, from_source } => player::run(check, from_source),
     }
 }

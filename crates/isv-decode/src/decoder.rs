@@ -104,6 +104,12 @@ impl<B: Backend> Decoder<B> {
         &self.backend
     }
 
+    /// The volume of the last frame; `None` before the first and after an error.
+    #[must_use]
+    pub fn volume(&self) -> Option<&B::Volume> {
+        self.profile.volume()
+    }
+
     /// Decodes a frame packet.
     ///
     /// After an error the decoder waits for a keyframe.
@@ -147,12 +153,16 @@ impl<B: Backend> ProfileDecoder<B> {
             Self::Main(decoder) => decoder.decode(packet, backend),
         });
         let FrameFacts { timestamp_ns, keyframe, stated_hash } = facts?;
-        let volume = match self {
+        let volume = self.volume().expect("a frame was decoded");
+        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash })
+    }
+
+    /// As [`Decoder::volume`].
+    fn volume(&self) -> Option<&B::Volume> {
+        match self {
             Self::Paper(decoder) => decoder.volume(),
             Self::Main(decoder) => decoder.volume(),
-        };
-        let volume = volume.expect("a frame was decoded");
-        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash })
+        }
     }
 
     /// Frames decoded so far.

@@ -69,7 +69,8 @@ impl StreamIndex {
     }
 
     /// Where the trailer says that the index packet begins; `None` if these are not the bytes of a trailer.
-    pub(crate) fn parse_trailer(bytes: &[u8; Self::TRAILER_BYTES]) -> Option<u64> {
+    #[must_use]
+    pub fn parse_trailer(bytes: &[u8; Self::TRAILER_BYTES]) -> Option<u64> {
         let at = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes"));
         (*bytes == Self::trailer(at)).then_some(at)
     }

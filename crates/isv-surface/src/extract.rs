@@ -7,6 +7,7 @@ use bytemuck::{Zeroable, zeroed_vec};
 use isv_kernels::simd::vectorized;
 use isv_volume::{BlockEdge, BlockIndex, SparseVolume, TriangleMesh};
 use rayon::prelude::*;
+use thiserror::Error;
 use tracing::debug_span;
 
 /// What to extract beside positions and triangles.
@@ -14,6 +15,16 @@ use tracing::debug_span;
 pub struct SurfaceOptions {
     /// Whether vertices get normals: the unit gradient of the field, which is smoother than the triangles.
     pub normals: bool,
+}
+
+/// A surface that is larger than the caller allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("a surface of {vertices} vertices, above the limit of {limit}")]
+pub struct TooManyVertices {
+    /// Vertices it has.
+    pub vertices: usize,
+    /// The caller's limit.
+    pub limit: usize,
 }
 
 /// The zero crossing of a volume as an indexed mesh: positions in metres, triangles counter-clockwise seen from the
@@ -52,14 +63,27 @@ impl SurfaceExtractor {
     /// # Panics
     /// As [`extract_surface`].
     pub fn extract(&mut self, volume: &SparseVolume) -> &TriangleMesh {
+        self.extract_within(volume, u32::MAX as usize).expect("at most u32::MAX vertices")
+    }
+
+    /// [`Self::extract`], unless the surface has more vertices than `limit`, which is `u32::MAX` at most. Found out before there is
+    /// memory for any of them.
+    ///
+    /// # Errors
+    /// [`TooManyVertices`]; the last surface is what it was.
+    pub fn extract_within(
+        &mut self,
+        volume: &SparseVolume,
+        limit: usize,
+    ) -> Result<&TriangleMesh, TooManyVertices> {
         let Self { options, mesh } = self;
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         rayon::scope(|_| match volume.grid().edge {
-            BlockEdge::E4 => extract::<4>(volume, options, mesh),
-            BlockEdge::E8 => extract::<8>(volume, options, mesh),
-            BlockEdge::E16 => extract::<16>(volume, options, mesh),
-        });
-        &self.mesh
+            BlockEdge::E4 => extract::<4>(volume, options, limit, mesh),
+            BlockEdge::E8 => extract::<8>(volume, options, limit, mesh),
+            BlockEdge::E16 => extract::<16>(volume, options, limit, mesh),
+        })?;
+        Ok(&self.mesh)
     }
 
     /// The last surface.
@@ -69,10 +93,20 @@ impl SurfaceExtractor {
     }
 }
 
-fn extract<const SIDE: usize>(volume: &SparseVolume, options: &SurfaceOptions, mesh: &mut TriangleMesh) {
+fn extract<const SIDE: usize>(
+    volume: &SparseVolume,
+    options: &SurfaceOptions,
+    limit: usize,
+    mesh: &mut TriangleMesh,
+) -> Result<(), TooManyVertices> {
     let signs = debug_span!("surface signs").in_scope(|| Signs::<SIDE>::new(volume));
     let surface = debug_span!("surface cells").in_scope(|| Surface::find(volume, signs));
+    let vertices = surface.chunks.iter().map(|chunk| chunk.total().vertices).sum();
+    if vertices > limit {
+        return Err(TooManyVertices { vertices, limit });
+    }
     debug_span!("surface mesh").in_scope(|| surface.fill(options, mesh));
+    Ok(())
 }
 
 /// The blocks that hold any part of a volume's surface.

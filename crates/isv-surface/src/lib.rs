@@ -55,5 +55,5 @@ mod window;
 
 pub use band::surface_band;
 pub use cases::case_triangles;
-pub use extract::{SurfaceExtractor, SurfaceOptions, extract_surface};
+pub use extract::{SurfaceExtractor, SurfaceOptions, TooManyVertices, extract_surface};
 pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};

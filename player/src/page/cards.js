@@ -62,7 +62,8 @@ export class Cards {
 }
 
 /** @param {IsvPlayer} player */
-function factsOf({ facts, live }) {
+function factsOf({ facts, live, error }) {
+  if (error) return 'cannot be played';
   if (!facts) return live ? STATES[live.state] : 'loading';
   const fps = `${Number(facts.fps.toFixed(3))} fps`;
   return `${facts.profile}, ${asLength(facts.voxelSize)} voxels, ${fps}`;
@@ -91,7 +92,7 @@ function streamFigures(player) {
   const whole = source.bytesBetween(0, source.frames);
   return {
     Size: `${asBytes(whole)}, ${asBitrate((8 * whole * player.fps) / source.frames)}`,
-    'Bitrate here': asBitrate((8 * source.bytesBetween(from, from + frames) * player.fps) / frames),
+    'This second': asBitrate((8 * source.bytesBetween(from, from + frames) * player.fps) / frames),
     Frame: frame,
     Triangles: triangles,
     Buffer: `${ahead.held} frames, ${asBytes(ahead.bytes)}`,

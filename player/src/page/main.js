@@ -90,6 +90,7 @@ class Page {
       'live',
       takes.some(({ options }) => options.live !== undefined),
     );
+    document.body.classList.remove('empty');
     document.title = `${takes.map(({ name }) => name).join(' | ')} \u00b7 isv`;
     this.look(this.view);
     this.#colour();
@@ -160,7 +161,10 @@ class Page {
   /** @param {IsvPlayer} player @param {string} message */
   #fail(player, message) {
     if (player.shown) this.#messages.hold('failed', message, 'bad');
-    else this.#messages.welcome(message);
+    else {
+      this.#messages.welcome(message);
+      this.clock.pause();
+    }
   }
 
   /** @param {number} now */
@@ -169,6 +173,7 @@ class Page {
     for (const player of this.players) if (player.update(now)) this.stage.stale = true;
     if (!this.#framed && this.players.some(({ shown }) => shown?.indices.length)) {
       this.#framed = true;
+      this.stage.covered = innerHeight - byId('foot').getBoundingClientRect().top;
       this.fit();
     }
     this.stage.draw();
@@ -221,7 +226,10 @@ try {
   const view = VIEWS.find(({ name }) => name === query.get('view'));
   if (view) page.look(view.name);
   if (takes.length) page.open(takes, { paused: query.has('paused') });
-  else messages.welcome();
+  else {
+    document.body.classList.add('empty');
+    messages.welcome();
+  }
 } catch (error) {
   messages.welcome(words(error));
 }

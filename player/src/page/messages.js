@@ -39,7 +39,7 @@ export class Messages {
     if (why === undefined) return;
     const title = /** @type {HTMLElement} */ (this.#welcome.querySelector('h1'));
     title.textContent = 'This cannot be played';
-    byId('welcome-words').textContent = `${why[0].toUpperCase()}${why.slice(1)}.`;
+    byId('welcome-words').textContent = `${why}.`;
     this.#welcome.setAttribute('role', 'alert');
   }
 

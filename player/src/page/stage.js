@@ -16,8 +16,8 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { IsvFailure } from '../failure.js';
 
 const FIELD_OF_VIEW = 32;
-/** Part of the picture's height that panels cover at its foot, which the subject is lifted clear of. */
-const LIFT = 0.06;
+/** Parts of the free height and width that a subject fills at most. */
+const FILLED = { height: 0.82, width: 0.86 };
 
 /** @typedef {import('../player.js').IsvPlayer} IsvPlayer */
 
@@ -31,6 +31,8 @@ export class Stage {
   drawMs = 0;
   /** Distance of the ground's lines in metres; 0 before there is ground. */
   spacing = 0;
+  /** Pixels at the foot that panels cover: the picture's middle is above them. */
+  covered = 0;
   #canvas;
   #divider;
   /** @type {{ scene: Scene, turned: Group, ground: Group }[]} */
@@ -89,7 +91,7 @@ export class Stage {
       turned.add(player.object);
       turned.rotation.x = this.#up === 'z' ? -Math.PI / 2 : 0;
       ground.visible = this.#gridShown;
-      scene.add(turned, ground, new HemisphereLight(0xffffff, 0x8a8178, 1.5));
+      scene.add(turned, ground, new HemisphereLight(0xffffff, 0x77706a, 1.15));
       return { scene, turned, ground };
     });
     this.#divider.hidden = players.length < 2;
@@ -107,8 +109,9 @@ export class Stage {
     const aspect = this.#aspect();
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const width = Math.hypot(size.x, size.z);
-    const distance = Math.max(size.y / 2 / half / 0.8, width / 2 / half / aspect / 0.86) + width / 2;
-    centre.y -= size.y * LIFT;
+    const free = 1 - this.covered / Math.max(1, this.#canvas.clientHeight);
+    const tall = size.y / FILLED.height / Math.max(free, 0.3);
+    const distance = Math.max(tall, width / FILLED.width / aspect) / 2 / half + width / 2;
     this.controls.target.copy(centre);
     const towards = new Vector3(0.28, 0.16, 1).normalize();
     this.camera.position.copy(centre).addScaledVector(towards, Math.max(distance, 1e-3));
@@ -160,7 +163,7 @@ export class Stage {
     this.camera.near = Math.max(distance - 2 * reach, distance / 100);
     this.camera.far = distance + 30 * reach;
     this.camera.aspect = this.#aspect();
-    this.camera.updateProjectionMatrix();
+    this.camera.setViewOffset(width, clientHeight, 0, this.covered / 2, width, clientHeight);
     this.renderer.setScissorTest(this.#pictures.length > 1);
     this.#pictures.forEach(({ scene }, at) => {
       this.renderer.setViewport(at * width, 0, width, clientHeight);
@@ -225,7 +228,7 @@ function makeRenderer(canvas) {
 function withLamp(scene, camera) {
   let lamp = /** @type {DirectionalLight | undefined} */ (scene.getObjectByName('lamp'));
   if (!lamp) {
-    lamp = new DirectionalLight(0xffffff, 2.1);
+    lamp = new DirectionalLight(0xffffff, 2.3);
     lamp.name = 'lamp';
     scene.add(lamp, lamp.target);
   }

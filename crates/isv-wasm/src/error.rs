@@ -1,0 +1,64 @@
+//! What can stop a session.
+
+use isv_decode::DecodeError;
+use isv_format::FormatError;
+use isv_surface::TooManyVertices;
+use thiserror::Error;
+
+/// A call that could not be done. What it says is for people.
+#[derive(Debug, Error)]
+pub(crate) enum SessionError {
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    #[error(transparent)]
+    Surface(#[from] TooManyVertices),
+    /// More input than is allowed.
+    #[error("{bytes} bytes of input, above the limit of {limit}")]
+    Input { bytes: usize, limit: usize },
+    /// Input that is not as long as what it holds.
+    #[error("{found} bytes where {what} of {expected} bytes should be")]
+    Length { what: &'static str, expected: usize, found: usize },
+    /// Something else where an index should be.
+    #[error("the packet at byte {at} is no index")]
+    NoIndex { at: u64 },
+    /// A call that needs another before it; which.
+    #[error("{0}")]
+    Order(&'static str),
+}
+
+/// What an error means to the player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum Status {
+    Done = 0,
+    /// Bytes that break the format.
+    Malformed = 1,
+    /// Above a limit.
+    Limit = 2,
+    /// The frame predicts from one that was not decoded.
+    NeedsKeyframe = 3,
+    /// A call too early.
+    Order = 4,
+}
+
+impl SessionError {
+    pub(crate) fn status(&self) -> Status {
+        match self {
+            Self::Format(FormatError::LimitExceeded { .. })
+            | Self::Decode(
+                DecodeError::TooManyBlocks { .. } | DecodeError::Format(FormatError::LimitExceeded { .. }),
+            )
+            | Self::Surface(_)
+            | Self::Input { .. } => Status::Limit,
+            Self::Decode(DecodeError::NoReference { .. } | DecodeError::MissingFrame { .. }) => {
+                Status::NeedsKeyframe
+            }
+            Self::Order(_) => Status::Order,
+            Self::Format(_) | Self::Decode(_) | Self::Length { .. } | Self::NoIndex { .. } => {
+                Status::Malformed
+            }
+        }
+    }
+}

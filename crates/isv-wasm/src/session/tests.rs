@@ -1,0 +1,178 @@
+//! The session on this machine: what `player/test` asks of the module, where faults are easier to find.
+
+use super::*;
+use std::path::{Path, PathBuf};
+
+fn conformance() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance")
+}
+
+fn stream(name: &str) -> Vec<u8> {
+    std::fs::read(conformance().join(name)).unwrap()
+}
+
+/// The packets of a stream and where they begin.
+fn packets(stream: &[u8]) -> Vec<(u64, &[u8])> {
+    let mut reader = PacketReader::new(stream).unwrap();
+    let mut packets = Vec::new();
+    while let Some(packet) = reader.next_packet().unwrap() {
+        let at = packet.at as usize;
+        packets.push((packet.at, &stream[at..at + packet.total_bytes()]));
+    }
+    packets
+}
+
+fn give(session: &mut Session, bytes: &[u8]) {
+    session.input(bytes.len()).unwrap().copy_from_slice(bytes);
+}
+
+fn opened(stream: &[u8]) -> Session {
+    let mut session = Session::default();
+    give(&mut session, &stream[..StreamHeader::BYTES]);
+    session.open().unwrap();
+    session
+}
+
+/// What decoding a packet says.
+fn decode(session: &mut Session, (at, bytes): (u64, &[u8])) -> Status {
+    give(session, bytes);
+    let result = session.decode(at);
+    session.report(result)
+}
+
+#[test]
+fn streams_decode_to_their_hashes() {
+    let table = std::fs::read_to_string(conformance().join("hashes.txt")).unwrap();
+    let mut names: Vec<&str> = table.lines().map(|line| line.split(' ').next().unwrap()).collect();
+    names.dedup();
+    let mut found = String::new();
+    for name in names {
+        let stream = stream(name);
+        let mut session = opened(&stream);
+        let packets = packets(&stream);
+        let (index, frames) = packets.split_last().unwrap();
+        for (number, packet) in frames.iter().enumerate() {
+            assert_eq!(decode(&mut session, *packet), Status::Done, "{name}: {}", session.message());
+            found += &format!("{name} {number} {:016x}\n", session.hash().unwrap());
+            let stated = session.frame().unwrap().stated_hash;
+            assert!(stated.is_none_or(|stated| Some(stated) == session.hash()));
+        }
+        give(&mut session, index.1);
+        session.read_index(index.0).unwrap();
+        let starts: Vec<f64> = frames.iter().map(|(at, _)| *at as f64).collect();
+        assert_eq!(session.index().offsets, starts);
+        assert_eq!(session.index().keyframes[0], 1);
+        give(&mut session, &stream[stream.len() - StreamIndex::TRAILER_BYTES..]);
+        assert_eq!(session.trailer(), Some(index.0));
+    }
+    assert_eq!(found, table);
+}
+
+#[test]
+fn the_surface_is_that_of_the_volume_in_single_precision() {
+    let stream = stream("main_inter.isv");
+    let mut session = opened(&stream);
+    let packets = packets(&stream);
+    assert_eq!(decode(&mut session, packets[0]), Status::Done);
+    for normals in [true, false, true] {
+        session.extract_surface(normals).unwrap();
+        let options = isv_surface::SurfaceOptions { normals };
+        let mesh = isv_surface::extract_surface(session.volume().unwrap(), &options);
+        let surface = session.surface();
+        assert!(!mesh.triangles.is_empty());
+        assert!(
+            surface.vertices.iter().eq(mesh
+                .vertices
+                .iter()
+                .map(|v| &v.as_vec3().to_array())
+                .collect::<Vec<_>>())
+        );
+        assert_eq!(surface.normals.len(), mesh.normals.len());
+        assert_eq!(surface.triangles, mesh.triangles);
+    }
+}
+
+#[test]
+fn after_a_damaged_packet_the_decoder_goes_on_at_a_keyframe() {
+    let stream = stream("main_inter.isv");
+    let packets = packets(&stream);
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packets[1]), Status::NeedsKeyframe);
+    assert_eq!(decode(&mut session, packets[0]), Status::Done);
+    let mut damaged = packets[1].1.to_vec();
+    *damaged.last_mut().unwrap() ^= 1;
+    assert_eq!(decode(&mut session, (packets[1].0, &damaged)), Status::Malformed);
+    assert!(session.message().contains("checksum"), "{}", session.message());
+    assert!(session.frame().is_none() && session.hash().is_none());
+    let result = session.extract_surface(false);
+    assert_eq!(session.report(result), Status::Order);
+    assert_eq!(decode(&mut session, packets[2]), Status::NeedsKeyframe);
+    assert_eq!(decode(&mut session, packets[0]), Status::Done);
+    assert_eq!(session.message(), "");
+}
+
+#[test]
+fn packets_that_are_cut_or_too_long_are_refused() {
+    let stream = stream("intra.isv");
+    let (at, packet) = packets(&stream)[0];
+    let mut session = opened(&stream);
+    for length in (0..packet.len()).step_by(7) {
+        assert_eq!(decode(&mut session, (at, &packet[..length])), Status::Malformed, "{length} bytes");
+        assert!(!session.message().is_empty());
+    }
+    let longer = [packet, &[0]].concat();
+    assert_eq!(decode(&mut session, (at, &longer)), Status::Malformed);
+    assert_eq!(decode(&mut session, (at, packet)), Status::Done);
+    give(&mut session, packet);
+    let result = session.read_index(at);
+    assert_eq!(session.report(result), Status::Malformed);
+}
+
+#[test]
+fn calls_in_the_wrong_order_are_errors() {
+    let stream = stream("intra.isv");
+    let packet = packets(&stream)[0];
+    let mut session = Session::default();
+    assert_eq!(decode(&mut session, packet), Status::Order);
+    assert!(session.header().is_none() && session.frame().is_none() && session.packet_header().is_none());
+    give(&mut session, &[0; 48]);
+    let result = session.open();
+    assert_eq!(session.report(result), Status::Malformed);
+    let mut session = opened(&stream);
+    let result = session.extract_surface(true);
+    assert_eq!(session.report(result), Status::Order);
+}
+
+#[test]
+fn frames_surfaces_and_input_above_the_limits_are_refused() {
+    let stream = stream("main_inter.isv");
+    let packet = packets(&stream)[0];
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packet), Status::Done);
+    let voxels = session.volume().unwrap().sample_count();
+    session.extract_surface(false).unwrap();
+    let vertices = session.surface().vertices.len();
+    let with_limit = |limit| {
+        let mut session = Session::default();
+        session.limit(limit);
+        give(&mut session, &stream[..StreamHeader::BYTES]);
+        session.open().unwrap();
+        session
+    };
+    let mut enough = with_limit(voxels);
+    assert_eq!(decode(&mut enough, packet), Status::Done);
+    enough.limit(VOXELS_A_VERTEX * vertices);
+    enough.extract_surface(false).unwrap();
+    enough.limit(VOXELS_A_VERTEX * (vertices - 1));
+    let result = enough.extract_surface(false);
+    assert_eq!(enough.report(result), Status::Limit);
+    assert!(enough.surface().vertices.is_empty() && enough.surface().triangles.is_empty());
+    assert_eq!(decode(&mut with_limit(voxels - 1), packet), Status::Limit);
+    let mut least = with_limit(0);
+    assert!(least.input(LEAST_INPUT).is_ok());
+    let result = least.input(LEAST_INPUT + 1).map(drop);
+    assert_eq!(least.report(result), Status::Limit);
+    assert!(least.input.is_empty());
+    least.limit(usize::MAX);
+    assert_eq!(least.voxels, MOST_VOXELS);
+}

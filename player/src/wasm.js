@@ -1,0 +1,353 @@
+// The decoder: what `crates/isv-wasm` exports, as a class. Works in a page, in a worker and in node.
+
+/**
+ * What the module exports: see `crates/isv-wasm/src/exports.rs`.
+ * @typedef {Record<string, (...values: number[]) => number> & { memory: WebAssembly.Memory }} Exports
+ */
+
+/**
+ * What a stream's header says.
+ * @typedef {object} StreamFacts
+ * @property {number} voxelSize Edge of a voxel in metres.
+ * @property {number} fps Frames a second.
+ * @property {number} blockSide Voxels along an edge of a block.
+ * @property {number} truncation Truncation in voxels.
+ * @property {'paper' | 'main'} profile
+ */
+
+/**
+ * What a packet's header says.
+ * @typedef {object} PacketFacts
+ * @property {'frame' | 'keyframe' | 'index'} kind
+ * @property {number} payloadBytes Bytes after the header.
+ * @property {number} timestampNs When the frame is shown, in nanoseconds.
+ */
+
+/**
+ * Where the frames of a stream are.
+ * @typedef {object} StreamIndex
+ * @property {Float64Array} offsets Byte offset of each frame's packet.
+ * @property {Uint8Array} keyframes 1 for each keyframe, 0 for the others.
+ */
+
+/**
+ * A decoded frame. The arrays are the caller's, and nothing else refers to their buffers: they can be transferred.
+ * @typedef {object} DecodedFrame
+ * @property {number} timestampNs When it is shown, in nanoseconds.
+ * @property {boolean} keyframe Whether decoding could have begun here.
+ * @property {Float32Array} positions x, y, z of each vertex in metres; empty without a surface.
+ * @property {Float32Array} normals x, y, z of each vertex's unit normal; empty where they were not wanted.
+ * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
+ */
+
+/**
+ * What to do beside decoding.
+ * @typedef {object} DecodeOptions
+ * @property {number} [at] Where the packet begins in the stream, for the words of errors.
+ * @property {boolean} [surface] Whether the surface is extracted; it is, unless this says otherwise.
+ * @property {boolean} [normals] Whether vertices get normals.
+ */
+
+/**
+ * `malformed`: bytes that break the format. `limit`: they ask for more memory than is allowed. `keyframe`: the frame predicts from
+ * one that was not decoded. `order`: a call too early.
+ * @typedef {'malformed' | 'limit' | 'keyframe' | 'order'} ErrorKind
+ */
+
+/** @type {(ErrorKind | undefined)[]} By status. */
+const ERROR_KINDS = [undefined, 'malformed', 'limit', 'keyframe', 'order'];
+/** @type {PacketFacts['kind'][]} By number. */
+const PACKET_KINDS = ['frame', 'keyframe', 'index'];
+
+/** What a decoder cannot do, in words for people. */
+export class IsvError extends Error {
+  /**
+   * @param {ErrorKind} kind
+   * @param {string} message
+   */
+  constructor(kind, message) {
+    super(message);
+    this.name = 'IsvError';
+    this.kind = kind;
+  }
+}
+
+/** Decodes the packets of one stream in order, from any keyframe on. After an error it waits for a keyframe. */
+export class Decoder {
+  /** Bytes of a stream header, a packet header and a trailer. */
+  static STREAM_HEADER_BYTES = 48;
+  static PACKET_HEADER_BYTES = 24;
+  static TRAILER_BYTES = 16;
+
+  #module;
+  /** @type {Exports} */
+  #exports;
+  /** @type {Uint8Array | undefined} The header of the stream, for a fresh instance. */
+  #header;
+  /** @type {number | undefined} */
+  #voxels;
+
+  /**
+   * @param {WebAssembly.Module} module
+   * @param {Exports} exports
+   */
+  constructor(module, exports) {
+    this.#module = module;
+    this.#exports = exports;
+  }
+
+  /**
+   * A decoder with an instance of its own.
+   * @param {WebAssembly.Module | BufferSource | URL | string} [source] `isv.wasm`: compiled, its bytes, or where it is; without it,
+   *   the file beside this one.
+   * @returns {Promise<Decoder>}
+   */
+  static async create(source = new URL('isv.wasm', import.meta.url)) {
+    const module = await compile(source);
+    const instance = await WebAssembly.instantiate(module, {});
+    return new Decoder(module, exportsOf(instance));
+  }
+
+  /** Bytes of memory that the instance has. It never becomes less. */
+  get memoryBytes() {
+    return this.#exports.memory.buffer.byteLength;
+  }
+
+  /**
+   * Limits the voxels of a frame, blocks times voxels a block, from the next `open` on.
+   * @param {number} voxels
+   */
+  limit(voxels) {
+    this.#voxels = voxels;
+    this.#exports.isv_limit(voxels);
+  }
+
+  /**
+   * Begins a stream.
+   * @param {Uint8Array} header Its first 48 bytes.
+   * @returns {StreamFacts}
+   * @throws {IsvError}
+   */
+  open(header) {
+    this.#header = header.slice();
+    return this.#run(() => {
+      const exports = this.#exports;
+      this.#give(header);
+      this.#check(exports.isv_open());
+      return {
+        voxelSize: exports.isv_voxel_size(),
+        fps: exports.isv_fps(),
+        blockSide: exports.isv_block_side(),
+        truncation: exports.isv_truncation(),
+        profile: exports.isv_profile() === 0 ? 'paper' : 'main',
+      };
+    });
+  }
+
+  /**
+   * Where the index packet begins.
+   * @param {Uint8Array} bytes The last 16 bytes of a file.
+   * @returns {number | undefined} Nothing if they are no trailer: the file was cut, or is still being written.
+   * @throws {IsvError}
+   */
+  parseTrailer(bytes) {
+    return this.#run(() => {
+      this.#give(bytes);
+      const at = this.#exports.isv_trailer();
+      return at < 0 ? undefined : at;
+    });
+  }
+
+  /**
+   * @param {Uint8Array} bytes The whole index packet.
+   * @param {number} at Where it begins in the stream.
+   * @returns {StreamIndex}
+   * @throws {IsvError}
+   */
+  parseIndex(bytes, at) {
+    return this.#run(() => {
+      const exports = this.#exports;
+      this.#give(bytes);
+      this.#check(exports.isv_index(at));
+      const frames = exports.isv_index_frames();
+      return {
+        offsets: this.#copy(Float64Array, exports.isv_index_offsets(), frames),
+        keyframes: this.#copy(Uint8Array, exports.isv_index_keyframes(), frames),
+      };
+    });
+  }
+
+  /**
+   * @param {Uint8Array} bytes The first 24 bytes of a packet.
+   * @param {number} at Where they begin in the stream.
+   * @returns {PacketFacts}
+   * @throws {IsvError}
+   */
+  parsePacketHeader(bytes, at) {
+    return this.#run(() => {
+      const exports = this.#exports;
+      this.#give(bytes);
+      const payloadBytes = exports.isv_packet(at);
+      this.#check(Math.max(-payloadBytes, 0));
+      const kind = PACKET_KINDS[exports.isv_packet_kind()];
+      return { kind, payloadBytes, timestampNs: exports.isv_packet_timestamp() };
+    });
+  }
+
+  /**
+   * Decodes a frame.
+   * @param {Uint8Array} packet Its packet, header and payload.
+   * @param {DecodeOptions} [options]
+   * @returns {DecodedFrame}
+   * @throws {IsvError}
+   */
+  decode(packet, { at = 0, surface = true, normals = false } = {}) {
+    return this.#run(() => {
+      const exports = this.#exports;
+      this.#give(packet);
+      this.#check(exports.isv_decode(at));
+      if (surface) {
+        this.#check(exports.isv_surface(normals ? 1 : 0));
+      }
+      const vertices = surface ? exports.isv_vertex_count() : 0;
+      const triangles = surface ? exports.isv_triangle_count() : 0;
+      return {
+        timestampNs: exports.isv_timestamp(),
+        keyframe: exports.isv_keyframe() !== 0,
+        positions: this.#copy(Float32Array, exports.isv_vertices(), 3 * vertices),
+        normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
+        indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),
+      };
+    });
+  }
+
+  /**
+   * The hash of the last frame's volume: XXH64, as 16 hexadecimal digits.
+   * @returns {string}
+   */
+  hash() {
+    return hexadecimal(this.#exports.isv_hash());
+  }
+
+  /**
+   * The hash that the last frame's packet states for it.
+   * @returns {string | undefined} Nothing if it states none.
+   */
+  statedHash() {
+    const exports = this.#exports;
+    return exports.isv_states_hash() === 0 ? undefined : hexadecimal(exports.isv_stated_hash());
+  }
+
+  /**
+   * Gives input to the next call.
+   * @param {Uint8Array} bytes
+   */
+  #give(bytes) {
+    const address = this.#exports.isv_input(bytes.length);
+    this.#check(address === 0 ? 2 : 0);
+    new Uint8Array(this.#exports.memory.buffer).set(bytes, address);
+  }
+
+  /**
+   * Throws what a status other than 0 stands for.
+   * @param {number} status
+   */
+  #check(status) {
+    const kind = ERROR_KINDS[status];
+    if (kind === undefined) {
+      return;
+    }
+    const { memory, isv_message, isv_message_bytes } = this.#exports;
+    // Addresses are numbers without a sign.
+    const words = new Uint8Array(memory.buffer, isv_message() >>> 0, isv_message_bytes());
+    throw new IsvError(kind, new TextDecoder().decode(words));
+  }
+
+  /**
+   * A copy of numbers in the instance's memory.
+   * @template {Float64Array | Float32Array | Uint32Array | Int32Array | Uint8Array} T
+   * @param {new (buffer: ArrayBufferLike, at: number, length: number) => T} type
+   * @param {number} address
+   * @param {number} length
+   * @returns {T}
+   */
+  #copy(type, address, length) {
+    return /** @type {T} */ (new type(this.#exports.memory.buffer, address >>> 0, length).slice());
+  }
+
+  /**
+   * Makes calls. If the instance stops in one of them, for its memory can grow no further, a fresh one takes its place.
+   * @template T
+   * @param {() => T} calls
+   * @returns {T}
+   */
+  #run(calls) {
+    try {
+      return calls();
+    } catch (error) {
+      if (!(error instanceof WebAssembly.RuntimeError)) {
+        throw error;
+      }
+      this.#restart();
+      throw new IsvError('limit', 'the frame takes more memory than there is');
+    }
+  }
+
+  #restart() {
+    this.#exports = exportsOf(new WebAssembly.Instance(this.#module, {}));
+    if (this.#voxels !== undefined) {
+      this.#exports.isv_limit(this.#voxels);
+    }
+    if (this.#header !== undefined) {
+      this.#give(this.#header);
+      this.#exports.isv_open();
+    }
+  }
+}
+
+/**
+ * @param {WebAssembly.Module | BufferSource | URL | string} source
+ * @returns {Promise<WebAssembly.Module>}
+ */
+async function compile(source) {
+  if (source instanceof WebAssembly.Module) {
+    return source;
+  }
+  if (typeof source === 'string' || source instanceof URL) {
+    return WebAssembly.compile(await read(source));
+  }
+  return WebAssembly.compile(source);
+}
+
+/**
+ * @param {URL | string} url
+ * @returns {Promise<BufferSource>}
+ */
+async function read(url) {
+  // Node has no `fetch` of files.
+  if (url instanceof URL && url.protocol === 'file:') {
+    const { readFile } = await import('node:fs/promises');
+    return readFile(url);
+  }
+  const response = await fetch(url);
+  if (!response.ok) {
+    throw new Error(`${url}: ${response.status} ${response.statusText}`);
+  }
+  return response.arrayBuffer();
+}
+
+/**
+ * @param {WebAssembly.Instance} instance
+ * @returns {Exports}
+ */
+function exportsOf(instance) {
+  return /** @type {Exports} */ (/** @type {unknown} */ (instance.exports));
+}
+
+/**
+ * @param {number} hash A 64-bit number: a BigInt, which may have come with a sign.
+ * @returns {string}
+ */
+function hexadecimal(hash) {
+  return BigInt.asUintN(64, BigInt(hash)).toString(16).padStart(16, '0');
+}

@@ -1,0 +1,122 @@
+import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
+import { after, before, test } from 'node:test';
+import { BlobBytes, HttpBytes } from '../src/ranges.js';
+import { FileSource } from '../src/source.js';
+import { Decoder } from '../src/wasm.js';
+import { serve } from './support/server.js';
+import { packetsOf, repeated } from './support/stream.js';
+
+const short = await readFile(new URL('../../conformance/3dof_fine_steps.isv', import.meta.url));
+const long = repeated(short, 12_000);
+/** @type {import('./support/server.js').Served} */
+let server;
+/** @type {Decoder} */
+let parser;
+
+before(async () => {
+  parser = await Decoder.create();
+  const files = {
+    'short.isv': short,
+    'long.isv': long,
+    'cut.isv': long.subarray(0, 3_000_001),
+    'empty.isv': new Uint8Array(),
+    'text.isv': new Uint8Array(5000).fill(65),
+  };
+  server = await serve(files);
+});
+
+after(() => server.close());
+
+/** @param {string} name @param {ConstructorParameters<typeof HttpBytes>[1]} [options] */
+const at = (name, options) => new HttpBytes(`${server.url}files/${name}`, options);
+
+/** @param {FileSource} source @param {Uint8Array} stream @param {number[]} frames */
+async function samePackets(source, stream, frames) {
+  const packets = packetsOf(stream);
+  for (const frame of frames)
+    assert.deepEqual(Buffer.from(await source.packet(frame)), Buffer.from(packets[frame]), `frame ${frame}`);
+}
+
+test('a short file takes two requests, made at once', async () => {
+  const bytes = at('short.isv');
+  const source = await FileSource.open(bytes, parser);
+  await samePackets(source, short, [...packetsOf(short).keys()]);
+  assert.equal(bytes.requests, 2);
+});
+
+test('a long file is read in large parts', async () => {
+  const bytes = at('long.isv');
+  const source = await FileSource.open(bytes, Promise.resolve(parser));
+  assert.equal(source.frames, 12_000);
+  assert.ok(bytes.requests <= 4, `${bytes.requests} requests to open it`);
+  const frames = Array.from({ length: 3000 }, (_, frame) => frame);
+  for (const frame of frames) await source.packet(frame);
+  const read = source.bytesBetween(0, 3000);
+  assert.ok(bytes.requests < 8 + read / (1 << 20), `${bytes.requests} requests for ${read} bytes`);
+  await samePackets(source, long, [0, 1, 2999, 6_000, 11_999]);
+  source.close();
+});
+
+test('reads at the same time share their requests', async () => {
+  const bytes = at('long.isv');
+  const source = await FileSource.open(bytes, parser);
+  const before = bytes.requests;
+  await Promise.all(Array.from({ length: 50 }, (_, frame) => source.packet(6_000 + frame)));
+  assert.ok(bytes.requests - before <= 2, `${bytes.requests - before}`);
+});
+
+test('a server without ranges is read once', async () => {
+  server.habits.ranges = false;
+  const bytes = at('long.isv');
+  const source = await FileSource.open(bytes, parser).finally(() => (server.habits.ranges = true));
+  await samePackets(source, long, [0, 11_999]);
+  assert.equal(bytes.requests, 2);
+});
+
+test('a server without ranges cannot send more than the limit', async () => {
+  server.habits.ranges = false;
+  const opened = FileSource.open(at('long.isv', { limit: 100_000 }), parser);
+  await assert.rejects(opened, { name: 'IsvFailure', kind: 'limit' }).finally(() => (server.habits.ranges = true));
+});
+
+test('without an index the packets are walked', async () => {
+  const source = await FileSource.open(at('cut.isv'), parser);
+  const whole = packetsOf(long).filter((packet) => packet.byteOffset - long.byteOffset + packet.length <= 3_000_001);
+  assert.equal(source.indexed, false);
+  assert.equal(source.frames, whole.length);
+  await samePackets(source, long, [0, whole.length - 1]);
+});
+
+test('a file on this device is the same', async () => {
+  const source = await FileSource.open(new BlobBytes(new Blob([new Uint8Array(long)])), parser);
+  await samePackets(source, long, [0, 1_234, 11_999]);
+});
+
+test('what is no stream is said', async () => {
+  for (const [name, kind, says] of [
+    ['text.isv', 'not-isv', /text\.isv/],
+    ['empty.isv', 'not-isv', /empty/],
+    ['none.isv', 'missing', /no such file/],
+  ]) {
+    await assert.rejects(
+      FileSource.open(at(String(name)), parser),
+      (/** @type {any} */ error) => error.kind === kind && /** @type {RegExp} */ (says).test(error.message),
+    );
+  }
+  const unreachable = new HttpBytes('http://127.0.0.1:9/x.isv');
+  await assert.rejects(FileSource.open(unreachable, parser), { kind: 'missing' });
+});
+
+test('a file that changes while it plays is noticed', async () => {
+  const source = await FileSource.open(at('long.isv'), parser);
+  server.files.set('long.isv', repeated(short, 11_000));
+  await assert.rejects(source.packet(6_000), /has changed/).finally(() => server.files.set('long.isv', long));
+});
+
+test('a read that failed is made again', async () => {
+  const source = await FileSource.open(at('long.isv'), parser);
+  server.habits.missing.add('/files/long.isv');
+  await assert.rejects(source.packet(6_000), { kind: 'missing' }).finally(() => server.habits.missing.clear());
+  await samePackets(source, long, [6_000]);
+});

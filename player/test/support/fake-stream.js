@@ -1,0 +1,85 @@
+// Streams for tests of everything around the decoder: a packet is `[frame, keyframe]`, and decoding one after the wrong frame
+// is noticed.
+
+import { Gops } from '../../src/gops.js';
+
+/** Bytes of a decoded frame. */
+export const FRAME_BYTES = 100;
+
+/** What stands for a file that is open. @param {number} frames @param {number} gop @param {number} first the first keyframe */
+export function fakeSource(frames, gop, first) {
+  const gops = new Gops(Array.from({ length: frames }, (_, frame) => (frame >= first && frame % gop === 0 ? 1 : 0)));
+  const source = {
+    gops,
+    frames,
+    header: new Uint8Array(48),
+    offsets: Float64Array.from({ length: frames + 1 }, (_, frame) => 48 + 24 * frame),
+    /** @type {number[]} */
+    read: [],
+    /** @type {Error | null} */
+    fails: null,
+    /** @param {number} frame */
+    async packet(frame) {
+      if (source.fails) throw source.fails;
+      source.read.push(frame);
+      return new Uint8Array(Float64Array.of(frame, gops.keyframeOf(frame) === frame ? 1 : 0).buffer);
+    },
+  };
+  return source;
+}
+
+/** Stands for a worker: takes a turn of the event loop a packet. */
+export class FakePort {
+  /** @type {((event: { data: any }) => void) | null} */
+  onmessage = null;
+  onerror = null;
+  terminated = false;
+  /** Frames decoded, in order. @type {number[]} */
+  decoded = [];
+  /** Packets that cannot be decoded. @type {Set<number>} */
+  damaged;
+  /** @type {any[]} */
+  #waiting = [];
+  #last = -1;
+  #lostRun = -1;
+
+  /** @param {{ damaged?: Iterable<number> }} [options] */
+  constructor({ damaged = [] } = {}) {
+    this.damaged = new Set(damaged);
+  }
+
+  /** @param {any} order */
+  postMessage(order) {
+    if (order.do === 'cancel') this.#waiting = [];
+    if (order.do === 'decode' && this.#waiting.push(order) === 1) setImmediate(() => this.#next());
+  }
+
+  terminate() {
+    this.terminated = true;
+  }
+
+  #next() {
+    const order = this.#waiting.shift();
+    if (order && order.run !== this.#lostRun) this.#decode(order);
+    if (this.#waiting.length) setImmediate(() => this.#next());
+  }
+
+  /** @param {any} order */
+  #decode({ run, frame, packet, surface, details }) {
+    const [number, keyframe] = new Float64Array(packet.buffer);
+    this.decoded.push(number);
+    if (this.damaged.has(number) || (!keyframe && this.#last !== number - 1)) {
+      this.#lostRun = run;
+      const message = this.damaged.has(number) ? 'damaged' : `frame ${number} after ${this.#last}`;
+      return this.#answer({ is: 'lost', run, frame, message });
+    }
+    this.#last = number;
+    const mesh = surface ? { number, bytes: FRAME_BYTES, surfaceMs: 1, details: details ? {} : null } : null;
+    this.#answer({ is: 'done', run, frame, mesh, decodeMs: 1 });
+  }
+
+  /** @param {any} data */
+  #answer(data) {
+    if (!this.terminated) this.onmessage?.({ data });
+  }
+}

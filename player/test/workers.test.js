@@ -1,0 +1,196 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { IsvFailure } from '../src/failure.js';
+import { DecodeAhead } from '../src/workers.js';
+import { FRAME_BYTES, FakePort, fakeSource } from './support/fake-stream.js';
+
+/**
+ * @param {object} [options]
+ * @param {number} [options.frames]
+ * @param {number} [options.gop]
+ * @param {number} [options.first] the first keyframe
+ * @param {number} [options.workers]
+ * @param {number} [options.hold] frames that fit into memory
+ * @param {number[]} [options.damaged]
+ */
+function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [] } = {}) {
+  const source = fakeSource(frames, gop, first);
+  /** @type {FakePort[]} */
+  const ports = [];
+  /** @type {any[]} */
+  const events = [];
+  const ahead = new DecodeAhead({
+    source: /** @type {any} */ (source),
+    module: /** @type {any} */ (null),
+    spawn: () => {
+      const port = new FakePort({ damaged });
+      ports.push(port);
+      return /** @type {any} */ (port);
+    },
+    workers,
+    budget: hold * FRAME_BYTES,
+    on: {
+      frame: (frame) => events.push({ frame }),
+      lost: (lost) => events.push({ lost }),
+      failed: (error, fatal) => events.push({ failed: error.message, fatal }),
+      recovered: () => events.push({ recovered: true }),
+    },
+  });
+  ahead.start();
+  return { ahead, source, ports, events };
+}
+
+/** Lets everything that is under way come to rest. */
+async function rest() {
+  for (let turn = 0; turn < 400; turn++) await new Promise((next) => setImmediate(next));
+}
+
+/** @param {DecodeAhead} ahead @param {number} frames */
+const held = (ahead, frames) => Array.from({ length: frames }, (_, frame) => frame).filter((frame) => ahead.get(frame));
+
+test('frames come in order from both workers, none after the wrong one', async () => {
+  const { ahead, ports, events } = begun({ frames: 40, hold: 60 });
+  await rest();
+  assert.equal(held(ahead, 40).length, 40);
+  assert.ok(
+    ports.every(({ decoded }) => decoded.length >= 10),
+    'both have decoded',
+  );
+  assert.equal(events.filter(({ lost }) => lost).length, 0);
+  assert.equal(ports.flatMap(({ decoded }) => decoded).length, 40, 'nothing is decoded twice');
+});
+
+test('memory is bounded: frames far ahead are not made, those behind are freed', async () => {
+  const { ahead } = begun({ frames: 100_000, hold: 40 });
+  await rest();
+  assert.ok(ahead.bytes <= 40 * FRAME_BYTES, `${ahead.bytes}`);
+  assert.ok(ahead.settled(25) && !ahead.settled(45));
+  for (let frame = 0; frame < 500; frame += 5) {
+    ahead.aim(frame);
+    await new Promise((next) => setImmediate(next));
+    assert.ok(ahead.bytes <= 41 * FRAME_BYTES);
+  }
+  await rest();
+  assert.equal(ahead.get(400), undefined);
+  assert.ok(ahead.settled(495) && ahead.settled(520));
+});
+
+test('a take that fits is kept whole and decoded once, however often it goes round', async () => {
+  const { ahead, ports } = begun({ frames: 30, hold: 40 });
+  await rest();
+  for (let round = 0; round < 3; round++) for (let frame = 0; frame < 30; frame++) ahead.aim(frame);
+  await rest();
+  assert.equal(ports.flatMap(({ decoded }) => decoded).length, 30);
+});
+
+test('a seek shows its frame first, decoded from the keyframe before', async () => {
+  const { ahead, ports, events } = begun({ frames: 1000 });
+  await rest();
+  events.length = 0;
+  for (const port of ports) port.decoded.length = 0;
+  ahead.aim(735);
+  await rest();
+  assert.equal(events[0].frame, 735);
+  assert.deepEqual(ports.find(({ decoded }) => decoded.includes(735))?.decoded.slice(0, 6), [730, 731, 732, 733, 734, 735]);
+  assert.equal(ahead.get(732), undefined, 'frames before it are not surfaced');
+});
+
+test('stepping back makes the frames before, too', async () => {
+  const { ahead } = begun({ frames: 1000 });
+  await rest();
+  ahead.aim(735, { behind: 8 });
+  await rest();
+  assert.deepEqual(
+    [730, 731, 734, 735].map((frame) => ahead.settled(frame)),
+    [true, true, true, true],
+  );
+});
+
+test('a drag does not queue up what it passed', async () => {
+  const { ahead, ports } = begun({ frames: 100_000 });
+  await rest();
+  for (const port of ports) port.decoded.length = 0;
+  for (let frame = 50_005; frame < 52_000; frame += 10) ahead.aim(frame);
+  ahead.aim(60_009);
+  await rest();
+  const passed = ports.flatMap(({ decoded }) => decoded).filter((frame) => frame < 60_000);
+  assert.ok(ahead.settled(60_009));
+  assert.ok(passed.length < 20, `${passed.length} frames decoded for nothing`);
+});
+
+test('a short seek ahead within a GOP goes on from where the decoder is', async () => {
+  const { ahead, ports } = begun({ frames: 200, gop: 100, workers: 1, hold: 10 });
+  await rest();
+  const before = ports[0].decoded.length;
+  ahead.aim(40);
+  await rest();
+  assert.ok(!ports[0].decoded.slice(before).includes(0), 'the keyframe is not decoded again');
+  assert.ok(ahead.settled(40));
+});
+
+test('a damaged frame loses what follows it, up to the next keyframe', async () => {
+  const { ahead, events } = begun({ frames: 40, damaged: [13] });
+  await rest();
+  assert.deepEqual(
+    events.filter(({ lost }) => lost),
+    [{ lost: { frame: 13, resumes: 20, message: 'damaged' } }],
+  );
+  assert.deepEqual(
+    [12, 13, 19, 20].map((frame) => Boolean(ahead.get(frame))),
+    [true, false, false, true],
+  );
+  assert.ok(ahead.settled(13), 'nobody waits for it');
+});
+
+test('frames before the first keyframe are lost', async () => {
+  const { ahead } = begun({ frames: 20, first: 10 });
+  await rest();
+  ahead.aim(5);
+  await rest();
+  assert.deepEqual(
+    [0, 9, 10].map((frame) => ahead.lost.has(frame)),
+    [true, true, false],
+  );
+  assert.ok(ahead.get(10));
+});
+
+test('what cannot be read is tried again', async (context) => {
+  context.mock.timers.enable({ apis: ['setTimeout'] });
+  const { ahead, source, events } = begun({ frames: 20 });
+  source.fails = new IsvFailure('missing', 'no network');
+  ahead.aim(5);
+  await rest();
+  assert.ok(events.some(({ failed, fatal }) => failed === 'no network' && !fatal));
+  source.fails = null;
+  context.mock.timers.tick(600);
+  await rest();
+  assert.ok(ahead.settled(5));
+  assert.ok(events.some(({ recovered }) => recovered));
+});
+
+test('a file that has changed is not tried again', async () => {
+  const { ahead, source, events, ports } = begun({ frames: 1000 });
+  source.fails = new IsvFailure('damaged', 'changed');
+  ahead.aim(500);
+  await rest();
+  assert.ok(events.some(({ failed, fatal }) => failed === 'changed' && fatal));
+  assert.ok(ports.every(({ terminated }) => terminated));
+});
+
+test('details are asked for only while they are wanted', async () => {
+  const { ahead } = begun({ frames: 20 });
+  await rest();
+  assert.equal(ahead.get(3)?.details, null);
+  ahead.setDetails(true);
+  assert.equal(ahead.held, 0);
+  await rest();
+  assert.ok(ahead.get(3)?.details);
+});
+
+test('the clock may go as far as there are frames', async () => {
+  const { ahead } = begun({ frames: 10, gop: 5, hold: 100, damaged: [7] });
+  assert.equal(ahead.firstMissing(0), 0);
+  await rest();
+  assert.equal(ahead.firstMissing(0), Infinity);
+  assert.deepEqual(ahead.spans(), [[0, 7]]);
+});
