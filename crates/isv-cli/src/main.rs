@@ -25,7 +25,9 @@ mod threads;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use commands::{backends, compare, decode, demo, encode, eval, export_player, info, render, serve, verify, view};
+use commands::{
+    backends, compare, decode, demo, encode, eval, export_player, info, render, serve, verify, view,
+};
 use failure::usage;
 use isv::kernels::simd::{self, Instructions};
 use std::process::ExitCode;

@@ -28,7 +28,8 @@ pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
 /// Listens, does what there is to do once that is possible, and serves until the user wants to stop.
 pub(crate) fn serve(settings: Settings, ready: impl FnOnce(&Server) -> Result<()>) -> Result<()> {
     interrupt::listen()?;
-    let runtime = runtime::Builder::new_multi_thread().enable_all().build().context("cannot start a server")?;
+    let runtime =
+        runtime::Builder::new_multi_thread().enable_all().build().context("cannot start a server")?;
     let served = runtime.block_on(async {
         let server = Server::bind(settings)?;
         ready(&server)?;

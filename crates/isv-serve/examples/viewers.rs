@@ -42,7 +42,8 @@ async fn main() -> Result<(), Failure> {
 /// Serves what comes on standard input, and says where.
 async fn serve() -> Result<(), Failure> {
     let hub = Arc::new(Hub::new(HubLimits::default()));
-    let server = Server::bind(Settings { page: Page::player(), live: Some(Arc::clone(&hub)), ..Settings::default() })?;
+    let server =
+        Server::bind(Settings { page: Page::player(), live: Some(Arc::clone(&hub)), ..Settings::default() })?;
     println!("{}", server.address());
     let _feed = Source::pipe("standard input", std::io::stdin()).feed(hub, |notice| eprintln!("{notice}"));
     server.run().await;
@@ -51,8 +52,11 @@ async fn serve() -> Result<(), Failure> {
 
 async fn load(file: &str, viewers: usize, time: Duration) -> Result<(), Failure> {
     let (header, packets) = read(file)?;
-    let mut server =
-        Command::new(std::env::current_exe()?).arg(SERVER).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+    let mut server = Command::new(std::env::current_exe()?)
+        .arg(SERVER)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()?;
     let measured = measure(&mut server, &header, &packets, viewers, time).await;
     server.kill()?;
     server.wait()?;
@@ -127,7 +131,12 @@ async fn watch(address: SocketAddr) -> Result<JoinHandle<Vec<f64>>, Failure> {
 }
 
 /// Writes packets in their time; returns how many packets and bytes.
-fn feed(input: &mut ChildStdin, packets: &[Packet], rate: f64, time: Duration) -> Result<(usize, usize), Failure> {
+fn feed(
+    input: &mut ChildStdin,
+    packets: &[Packet],
+    rate: f64,
+    time: Duration,
+) -> Result<(usize, usize), Failure> {
     let start = Instant::now();
     let (mut written, mut bytes) = (0, 0);
     for packet in packets.iter().cycle() {
@@ -136,7 +145,8 @@ fn feed(input: &mut ChildStdin, packets: &[Packet], rate: f64, time: Duration) -
             break;
         }
         std::thread::sleep(due.saturating_sub(start.elapsed()));
-        let header = PacketHeader::seal(packet.header.kind, packet.header.since_keyframe, unix_ns(), &packet.payload);
+        let header =
+            PacketHeader::seal(packet.header.kind, packet.header.since_keyframe, unix_ns(), &packet.payload);
         input.write_all(&[&header[..], &packet.payload].concat())?;
         written += 1;
         bytes += packet.total_bytes();
@@ -150,7 +160,9 @@ fn unix_ns() -> u64 {
 
 fn percentiles(values: &mut [f64]) -> String {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(f64::NAN);
+    let at = |share: f64| {
+        values.get(((values.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or(f64::NAN)
+    };
     format!("p50 {:.1} ms, p95 {:.1} ms, p99 {:.1} ms, most {:.1} ms", at(0.5), at(0.95), at(0.99), at(1.0))
 }
 

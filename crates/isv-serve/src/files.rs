@@ -54,7 +54,8 @@ impl StreamFiles {
     }
 
     fn find(&self, number: &str, name: &str) -> Option<&StreamFile> {
-        self.files.get(number.parse::<usize>().ok()?).filter(|file| file.name == name)
+        let at: usize = number.parse().ok()?;
+        self.files.get(at).filter(|file| file.name == name && at.to_string() == number)
     }
 }
 

@@ -56,14 +56,17 @@ impl Source {
     /// # Errors
     /// [`ServeError::File`] for what is not there and cannot come.
     pub fn open(path: &Path) -> Result<Self, ServeError> {
+        let fail = |cause| ServeError::File { path: path.to_owned(), cause };
         let kind = match fs::metadata(path) {
             Ok(metadata) if is_fifo(&metadata) => Kind::Fifo { path: path.to_owned(), open: None },
             Ok(metadata) if metadata.is_dir() => Kind::Followed(Followed::folder(path)),
-            Ok(_) => Kind::Followed(Followed::file(path)),
+            Ok(metadata) if metadata.is_file() => Kind::Followed(Followed::file(path)),
+            // A device, such as a serial line.
+            Ok(_) => Kind::Pipe(Some(Box::new(File::open(path).map_err(fail)?))),
             Err(error) if error.kind() == io::ErrorKind::NotFound && folder_exists(path) => {
                 Kind::Followed(Followed::file(path))
             }
-            Err(cause) => return Err(ServeError::File { path: path.to_owned(), cause }),
+            Err(cause) => return Err(fail(cause)),
         };
         Ok(Self { name: path.display().to_string(), kind })
     }
@@ -143,6 +146,8 @@ impl<N: FnMut(&str)> Feeder<N> {
                         thread::sleep(RECOVERY);
                     }
                     self.hub.end();
+                    // What is at its end again at once must not keep a processor busy.
+                    thread::sleep(POLL);
                 }
                 Ok(None) => return,
                 Err(error) => return self.tell(&format!("{error}: no longer read")),
@@ -165,8 +170,10 @@ impl<N: FnMut(&str)> Feeder<N> {
                     self.tell(&format!("{what}: passed over, up to the next keyframe"));
                 }
                 Piece::End => {
+                    // Before anybody hears of the end and writes the next stream.
+                    let goes_on = kind.goes_on_after_an_end();
                     self.hub.end();
-                    if !kind.goes_on_after_an_end() {
+                    if !goes_on {
                         return Ok(());
                     }
                 }
@@ -187,8 +194,7 @@ fn folder_exists(path: &Path) -> bool {
 #[cfg(unix)]
 fn is_fifo(metadata: &fs::Metadata) -> bool {
     use std::os::unix::fs::FileTypeExt;
-    // A device such as a terminal is read as it comes too.
-    metadata.file_type().is_fifo() || metadata.file_type().is_char_device()
+    metadata.file_type().is_fifo()
 }
 
 #[cfg(not(unix))]

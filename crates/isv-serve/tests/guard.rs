@@ -7,7 +7,8 @@ use support::{Watcher, ask, ask_as, conformance, hub, live, settings, start};
 
 #[tokio::test]
 async fn pages_of_other_sites_cannot_watch() {
-    let address = start(Settings { allowed_origins: vec!["https://show.example".parse().unwrap()], ..live(&hub()) });
+    let address =
+        start(Settings { allowed_origins: vec!["https://show.example".parse().unwrap()], ..live(&hub()) });
     let own = format!("http://{address}");
     for origin in [None, Some(own.as_str()), Some("https://show.example")] {
         assert!(Watcher::try_join(address, origin).await.is_ok(), "{origin:?}");
@@ -44,7 +45,11 @@ async fn only_allowed_sites_may_read_files() {
     let answer = ask(shared, path, &[("Origin", "https://show.example")]).await;
     assert_eq!(answer.header("access-control-allow-origin"), "https://show.example");
     assert!(answer.header("access-control-expose-headers").contains("content-range"));
-    let asked = [("Origin", "https://show.example"), ("Access-Control-Request-Method", "GET"), ("Access-Control-Request-Headers", "range,if-range")];
+    let asked = [
+        ("Origin", "https://show.example"),
+        ("Access-Control-Request-Method", "GET"),
+        ("Access-Control-Request-Headers", "range,if-range"),
+    ];
     let preflight = ask(shared, "OPTIONS /files/0/intra.isv", &asked).await;
     assert_eq!(preflight.status, 200);
     assert!(preflight.header("access-control-allow-headers").contains("range"));

@@ -51,12 +51,17 @@ async fn a_viewer_may_ask_for_the_time_and_nothing_else() {
     let address = start(live(&hub()));
     let mut watcher = join(address).await;
     let before = unix_ms();
-    watcher.send(Message::binary(*b"anything")).await;
+    watcher.send(Message::binary(b"anything".to_vec())).await;
     let answer = watcher.expect(message::CLOCK).await;
     assert_eq!((answer.len(), &answer[9..]), (17, &b"anything"[..]));
     assert!((before - 1.0..=unix_ms() + 1.0).contains(&f64_at(&answer[1..])));
 
-    for wrong in [Message::text("12345678"), Message::binary([0; 9]), Message::binary([0; 0]), Message::binary(vec![0; 1 << 20])] {
+    for wrong in [
+        Message::text("12345678"),
+        Message::binary(vec![0; 9]),
+        Message::binary(vec![0; 0]),
+        Message::binary(vec![0; 1 << 20]),
+    ] {
         let mut watcher = join(address).await;
         // One that is too large may be cut off while it is sent.
         let _ = futures_util::SinkExt::send(&mut watcher.socket, wrong.clone()).await;
@@ -67,14 +72,14 @@ async fn a_viewer_may_ask_for_the_time_and_nothing_else() {
         }
         assert!(watcher.next().await.is_none());
     }
-    watcher.send(Message::binary(*b"still on")).await;
+    watcher.send(Message::binary(b"still on".to_vec())).await;
     watcher.expect(message::CLOCK).await;
 }
 
 #[tokio::test]
 async fn a_viewer_that_asks_without_end_is_cut_off() {
     let address = start(live(&hub()));
-    for question in [Message::binary([0; 8]), Message::Ping(vec![0; 8].into())] {
+    for question in [Message::binary(vec![0; 8]), Message::Ping(vec![0; 8].into())] {
         let mut watcher = join(address).await;
         for _ in 0..100 {
             // Fails once it is cut off.

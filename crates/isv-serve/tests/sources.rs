@@ -6,8 +6,8 @@ use isv_serve::{Feed, Hub, HubLimits, Source, Viewer, message};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, SystemTime};
 use support::{conformance, number_of, packet, stream, stream_header};
 

@@ -51,6 +51,9 @@ mod tests {
         assert_eq!(stamps(TimestampsName::Rate), [0, 33_333_333, 66_666_666, 100_000_000]);
         let second = 1_000_000_000;
         let first = 1_800_000_000 * second;
-        assert_eq!(stamps(TimestampsName::Clock), [first, first + second, first + second + 1, first + 2 * second]);
+        assert_eq!(
+            stamps(TimestampsName::Clock),
+            [first, first + second, first + second + 1, first + 2 * second]
+        );
     }
 }

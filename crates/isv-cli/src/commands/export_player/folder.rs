@@ -111,7 +111,9 @@ fn check(path: &Path) -> Result<()> {
     };
     let known: BTreeSet<PathBuf> = list.lines().chain([LIST]).map(PathBuf::from).collect();
     match found.iter().find(|file| !known.contains(*file)) {
-        Some(foreign) => bail!("{name}: {} is from no export: move it, or name another folder", foreign.display()),
+        Some(foreign) => {
+            bail!("{name}: {} is from no export: move it, or name another folder", foreign.display())
+        }
         None => Ok(()),
     }
 }
@@ -145,7 +147,8 @@ mod tests {
     }
 
     fn names(path: &Path) -> Vec<String> {
-        let mut names: Vec<_> = files_in(path).unwrap().iter().map(|file| file.display().to_string()).collect();
+        let mut names: Vec<_> =
+            files_in(path).unwrap().iter().map(|file| file.display().to_string()).collect();
         names.sort();
         names
     }
