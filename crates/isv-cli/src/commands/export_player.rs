@@ -26,9 +26,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     check_streams(&args.files)?;
     interrupt::listen()?;
     let mut folder = ExportFolder::create(&args.folder)?;
+    let urls = StreamFiles::new(&args.files)?.urls();
     // Relative to the page, wherever that will be.
-    let mut urls = StreamFiles::new(&args.files)?.urls();
-    urls.iter_mut().for_each(|url| drop(url.remove(0)));
+    let urls: Vec<_> = urls.iter().map(|url| url.trim_start_matches('/').to_owned()).collect();
     for (path, bytes) in Page::player().export(&urls) {
         folder.write(path, &bytes)?;
     }
