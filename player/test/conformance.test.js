@@ -146,11 +146,20 @@ for (const { of, bytes } of MODULES) {
       const stream = read(name);
       decoder.open(streamHeader(stream));
       const packets = packetsByWalking(decoder, stream);
-      const all = hashes(decoder, packets.map(({ bytes }) => bytes));
+      const all = hashes(
+        decoder,
+        packets.map(({ bytes }) => bytes),
+      );
       for (const [frame, { keyframe }] of packets.entries()) {
         if (frame > 0 && keyframe) {
           decoder.open(streamHeader(stream));
-          assert.deepEqual(hashes(decoder, packets.slice(frame).map(({ bytes }) => bytes)), all.slice(frame));
+          assert.deepEqual(
+            hashes(
+              decoder,
+              packets.slice(frame).map(({ bytes }) => bytes),
+            ),
+            all.slice(frame),
+          );
           tested += 1;
         }
       }
@@ -166,13 +175,25 @@ for (const { of, bytes } of MODULES) {
       const packets = packetsByWalking(decoder, stream).map(({ bytes }) => bytes);
       const all = hashes(decoder, packets);
       decoder.open(streamHeader(stream));
-      assert.equal(errorOf(() => decoder.decode(packets[1])), 'keyframe');
+      assert.equal(
+        errorOf(() => decoder.decode(packets[1])),
+        'keyframe',
+      );
       decoder.decode(packets[0]);
       const damaged = packets[1].slice();
       damaged[damaged.length >> 1] ^= 4;
-      assert.equal(errorOf(() => decoder.decode(damaged)), 'malformed');
-      assert.equal(errorOf(() => decoder.decode(packets[2])), 'keyframe');
-      assert.equal(errorOf(() => decoder.decode(packets[1])), 'keyframe');
+      assert.equal(
+        errorOf(() => decoder.decode(damaged)),
+        'malformed',
+      );
+      assert.equal(
+        errorOf(() => decoder.decode(packets[2])),
+        'keyframe',
+      );
+      assert.equal(
+        errorOf(() => decoder.decode(packets[1])),
+        'keyframe',
+      );
       assert.deepEqual(hashes(decoder, packets), all);
     }
   });
@@ -183,39 +204,76 @@ for (const { of, bytes } of MODULES) {
     decoder.open(streamHeader(stream));
     const [{ bytes }] = packetsByWalking(decoder, stream);
     for (let length = 0; length < bytes.length; length += 1 + (length >> 3)) {
-      assert.equal(errorOf(() => decoder.decode(bytes.subarray(0, length))), 'malformed', `${length} bytes`);
+      assert.equal(
+        errorOf(() => decoder.decode(bytes.subarray(0, length))),
+        'malformed',
+        `${length} bytes`,
+      );
     }
-    assert.equal(errorOf(() => decoder.decode(Uint8Array.of(...bytes, 0))), 'malformed');
+    assert.equal(
+      errorOf(() => decoder.decode(Uint8Array.of(...bytes, 0))),
+      'malformed',
+    );
     decoder.decode(bytes);
   });
 
   test(`${of}: other bytes are errors`, async () => {
     const decoder = await create();
     const zeros = new Uint8Array(48);
-    assert.equal(errorOf(() => decoder.open(zeros)), 'malformed');
-    assert.equal(errorOf(() => decoder.open(zeros.subarray(1))), 'malformed');
-    assert.equal(errorOf(() => decoder.parsePacketHeader(zeros.subarray(24), 48)), 'malformed');
-    assert.equal(errorOf(() => decoder.parseIndex(zeros, 48)), 'malformed');
+    assert.equal(
+      errorOf(() => decoder.open(zeros)),
+      'malformed',
+    );
+    assert.equal(
+      errorOf(() => decoder.open(zeros.subarray(1))),
+      'malformed',
+    );
+    assert.equal(
+      errorOf(() => decoder.parsePacketHeader(zeros.subarray(24), 48)),
+      'malformed',
+    );
+    assert.equal(
+      errorOf(() => decoder.parseIndex(zeros, 48)),
+      'malformed',
+    );
     assert.equal(decoder.parseTrailer(zeros.subarray(32)), undefined);
     const stream = read('intra.isv');
     decoder.open(streamHeader(stream));
     const [first] = packetsByWalking(decoder, stream);
-    assert.equal(errorOf(() => decoder.decode(zeros)), 'malformed');
-    assert.equal(errorOf(() => decoder.parseIndex(first.bytes, first.at)), 'malformed');
+    assert.equal(
+      errorOf(() => decoder.decode(zeros)),
+      'malformed',
+    );
+    assert.equal(
+      errorOf(() => decoder.parseIndex(first.bytes, first.at)),
+      'malformed',
+    );
   });
 
   test(`${of}: calls in the wrong order and above the limits are errors`, async () => {
     const decoder = await create();
     const stream = read('intra.isv');
     const [{ bytes }] = packetsByWalking(decoder, stream);
-    assert.equal(errorOf(() => decoder.decode(bytes)), 'order');
+    assert.equal(
+      errorOf(() => decoder.decode(bytes)),
+      'order',
+    );
     decoder.limit(512);
     decoder.open(streamHeader(stream));
-    assert.equal(errorOf(() => decoder.decode(bytes)), 'limit');
-    assert.equal(errorOf(() => decoder.decode(new Uint8Array(17 << 20))), 'limit');
+    assert.equal(
+      errorOf(() => decoder.decode(bytes)),
+      'limit',
+    );
+    assert.equal(
+      errorOf(() => decoder.decode(new Uint8Array(17 << 20))),
+      'limit',
+    );
     const huge = bytes.slice(0, 24);
     new DataView(huge.buffer).setUint32(8, 0xffff_ffff, true);
-    assert.equal(errorOf(() => decoder.parsePacketHeader(huge, 48)), 'limit');
+    assert.equal(
+      errorOf(() => decoder.parsePacketHeader(huge, 48)),
+      'limit',
+    );
     decoder.limit(1 << 26);
     decoder.open(streamHeader(stream));
     decoder.decode(bytes);

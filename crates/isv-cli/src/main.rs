@@ -16,6 +16,7 @@ mod length;
 mod matching;
 mod output;
 mod progress;
+mod serving;
 mod stats;
 mod stream;
 mod table;
@@ -24,7 +25,9 @@ mod threads;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use commands::{backends, compare, decode, demo, encode, eval, info, render, verify};
+use commands::{
+    backends, compare, decode, demo, encode, eval, export_player, info, render, serve, verify, view,
+};
 use failure::usage;
 use isv::kernels::simd::{self, Instructions};
 use std::process::ExitCode;
@@ -51,6 +54,9 @@ enum Command {
     Eval(eval::Args),
     Compare(compare::Args),
     Render(render::Args),
+    View(view::Args),
+    Serve(serve::Args),
+    ExportPlayer(export_player::Args),
     Backends(backends::Args),
 }
 
@@ -78,6 +84,9 @@ fn run(command: &Command) -> Result<()> {
         Command::Eval(args) => eval::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),
+        Command::View(args) => view::run(args),
+        Command::Serve(args) => serve::run(args),
+        Command::ExportPlayer(args) => export_player::run(args),
         Command::Backends(args) => backends::run(args),
     }
 }

@@ -68,6 +68,15 @@ pub(crate) enum PresetName {
     Archive,
 }
 
+/// `--timestamps`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TimestampsName {
+    /// When the frame is due, counted from the first one at the frame rate
+    Rate,
+    /// When the frame was read, in nanoseconds since 1970: live viewers see how late they are
+    Clock,
+}
+
 /// `--band`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BandName {

@@ -3,6 +3,7 @@
 use crate::FormatError;
 use crate::bytes::ByteReader;
 
+/// First bytes of a packet.
 const MAGIC: [u8; 4] = *b"ISVP";
 /// Largest payload of a packet. A frame of a million blocks is a few tens of megabytes.
 pub const MAX_PAYLOAD: u32 = 1 << 30;
@@ -44,6 +45,9 @@ const FLAG_HASHED: u8 = 2;
 impl PacketHeader {
     /// Size in bytes.
     pub const BYTES: usize = 24;
+
+    /// First bytes of every header: what to look for where the place of the next packet is not known.
+    pub const MAGIC: [u8; 4] = MAGIC;
 
     /// The packet's header and payload as bytes, with the checksum of both.
     ///

@@ -1,7 +1,7 @@
 //! Packets off a byte source, one after the other.
 
 use crate::packet::checksum;
-use crate::{FormatError, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::Read;
 
 /// Reads packets from anything that gives bytes, a pipe or a socket included. Never seeks.
@@ -10,6 +10,7 @@ pub struct PacketReader<R> {
     source: R,
     header: Option<StreamHeader>,
     at: u64,
+    largest_payload: u32,
     saw_index: bool,
 }
 
@@ -28,12 +29,24 @@ impl<R: Read> PacketReader<R> {
             return Err(if is_prefix { cut } else { FormatError::NotIsv });
         }
         let header = StreamHeader::parse(&bytes)?;
-        Ok(Self { source, header: Some(header), at: bytes.len() as u64, saw_index: false })
+        Ok(Self {
+            source,
+            header: Some(header),
+            at: bytes.len() as u64,
+            largest_payload: MAX_PAYLOAD,
+            saw_index: false,
+        })
     }
 
     /// Continues at a packet that begins at byte `at`, to which `source` has been brought.
     pub fn at_packet(source: R, at: u64) -> Self {
-        Self { source, header: None, at, saw_index: false }
+        Self { source, header: None, at, largest_payload: MAX_PAYLOAD, saw_index: false }
+    }
+
+    /// Refuses packets whose payload is larger than this, before a byte of it is read.
+    #[must_use]
+    pub fn with_largest_payload(self, bytes: u32) -> Self {
+        Self { largest_payload: bytes, ..self }
     }
 
     /// The stream header, if this reader began at it.
@@ -63,6 +76,11 @@ impl<R: Read> PacketReader<R> {
             return Err(FormatError::Truncated { at: self.at + length as u64, inside: "a packet header" });
         }
         let header = PacketHeader::parse(&bytes, self.at)?;
+        if header.payload_bytes > self.largest_payload {
+            let (asked, allowed) = (u64::from(header.payload_bytes), u64::from(self.largest_payload));
+            let what = "packet payload bytes";
+            return Err(FormatError::LimitExceeded { at: self.at, what, asked, allowed });
+        }
         let payload = self.read_payload(header.payload_bytes)?;
         if checksum(&bytes[..PacketHeader::BYTES - 4], &payload) != header.checksum {
             return Err(FormatError::Checksum { at: self.at, what: "the packet" });

@@ -159,6 +159,19 @@ mod tests {
     }
 
     #[test]
+    fn a_reader_may_be_stricter_about_sizes_than_the_format() {
+        let bytes = stream();
+        let payload =
+            PacketReader::new(&bytes[..]).unwrap().next_packet().unwrap().unwrap().payload.len() as u32;
+        let first =
+            |largest| PacketReader::new(&bytes[..]).unwrap().with_largest_payload(largest).next_packet();
+        assert!(first(payload).is_ok());
+        assert!(
+            matches!(first(payload - 1), Err(FormatError::LimitExceeded { allowed, .. }) if allowed + 1 == payload.into())
+        );
+    }
+
+    #[test]
     fn every_flipped_bit_is_noticed() {
         let bytes = stream();
         for bit in 0..bytes.len() * 8 {

@@ -6,6 +6,7 @@ mod header;
 mod ingest;
 mod paper;
 mod target;
+mod timestamps;
 mod two_pass;
 mod volumes;
 
@@ -18,6 +19,7 @@ use crate::length::Length;
 use crate::output::{Output, frames_in_words};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
+use crate::terms::TimestampsName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
 use coding::{CodedFrame, Coding};
@@ -29,6 +31,8 @@ use isv::io::Unit;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::SystemTime;
+use timestamps::Timestamps;
 use volumes::{IngestedFrame, VolumeMaker};
 
 /// Encode a capture into an .isv stream
@@ -60,6 +64,9 @@ pub(crate) struct Args {
     /// time. Frames of an .isv file, which need each other, cannot be skipped
     #[arg(long)]
     skip_bad_frames: bool,
+    /// What packets are stamped with
+    #[arg(long, value_enum, default_value = "rate")]
+    timestamps: TimestampsName,
     /// Put a hash of every decoded frame into the stream, for isv verify
     #[arg(long)]
     checksums: bool,
@@ -139,6 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         stats: StatsFile::create(args.stats.as_deref())?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
+        timestamps: Timestamps::new(args.timestamps, header.frame_rate),
         first: range.start,
         frames: 0,
         skipped: 0,
@@ -174,7 +182,8 @@ fn ingested(
     frames: Frames<CapturedFrame>,
     mut maker: VolumeMaker,
 ) -> impl Iterator<Item = Result<IngestedFrame>> {
-    Ahead::new(frames).map(move |frame| maker.ingest(frame?))
+    let read = Ahead::new(frames.map(|frame| (SystemTime::now(), frame)));
+    read.map(move |(read, frame)| maker.ingest(frame?, read))
 }
 
 /// The writing side.
@@ -186,6 +195,7 @@ struct Job {
     skip_bad_frames: bool,
     /// What the encoder aims at, until it was said that it is out of reach.
     target: Option<RateTarget>,
+    timestamps: Timestamps,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
@@ -227,9 +237,9 @@ impl Job {
 
     /// A frame keeps its time if frames before it were skipped.
     fn write(&mut self, frame: CodedFrame) -> Result<()> {
-        let CodedFrame { number, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
+        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
-        let timestamp_ns = self.header.frame_rate.timestamp_ns((number - self.first) as u64);
+        let timestamp_ns = self.timestamps.of((number - self.first) as u64, read);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {

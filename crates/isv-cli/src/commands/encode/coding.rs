@@ -6,11 +6,14 @@ use crate::stats::timed;
 use anyhow::Result;
 use isv::encode::{UnwrittenFrame, surface_rms_voxels};
 use isv::gpu::AnyCoder;
+use std::time::SystemTime;
 
 /// A frame ready to be written.
 pub(super) struct CodedFrame {
     /// Its number in the capture.
     pub(super) number: usize,
+    /// When it had been read.
+    pub(super) read: SystemTime,
     pub(super) frame: UnwrittenFrame,
     /// Of [`IngestedFrame`].
     pub(super) blocks_band: usize,
@@ -37,7 +40,7 @@ impl Coding {
     }
 
     fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame> {
-        let IngestedFrame { number, volume, blocks_band, ingest_ms } = frame;
+        let IngestedFrame { number, read, volume, blocks_band, ingest_ms } = frame;
         let (coded, coding_ms) = timed(|| self.coder.code(&volume));
         let frame = coded?;
         if let Some(why) = self.coder.take_notice() {
@@ -50,6 +53,6 @@ impl Coding {
             }
             false => None,
         };
-        Ok(CodedFrame { number, frame, blocks_band, ingest_ms, coding_ms, surface_rms_voxels })
+        Ok(CodedFrame { number, read, frame, blocks_band, ingest_ms, coding_ms, surface_rms_voxels })
     }
 }

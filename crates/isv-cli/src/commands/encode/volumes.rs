@@ -17,11 +17,14 @@ use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, extract_surface, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
     /// Its number in the capture.
     pub(super) number: usize,
+    /// When it had been read.
+    pub(super) read: SystemTime,
     pub(super) volume: SparseVolume,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
     pub(super) blocks_band: usize,
@@ -62,8 +65,8 @@ pub(super) enum Fuser {
 }
 
 impl VolumeMaker {
-    /// The volume of a frame.
-    pub(super) fn ingest(&mut self, frame: CapturedFrame) -> Result<IngestedFrame> {
+    /// The volume of a frame that had been read at a time.
+    pub(super) fn ingest(&mut self, frame: CapturedFrame, read: SystemTime) -> Result<IngestedFrame> {
         let CapturedFrame { number, name, content } = frame;
         let (volume, ingest_ms) = timed(|| match content {
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
@@ -80,7 +83,7 @@ impl VolumeMaker {
             BandName::Full => volume,
             BandName::Surface => surface_band(&volume),
         };
-        Ok(IngestedFrame { number, volume, blocks_band, ingest_ms })
+        Ok(IngestedFrame { number, read, volume, blocks_band, ingest_ms })
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {

@@ -1,0 +1,44 @@
+//! `isv export-player`: the player for any web host.
+
+mod folder;
+
+use crate::interrupt;
+use crate::serving::check_streams;
+use anyhow::{Result, bail};
+use folder::ExportFolder;
+use isv_serve::{Page, StreamFiles};
+use std::path::PathBuf;
+
+/// Write the player as static files, for any web host; its page plays what its address names, as in
+/// index.html?src=FILE.isv&compare=OTHER.isv
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The folder to write: a new one, an empty one, or that of an earlier export, which is replaced
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Streams to copy into it; the page opens the first, beside the second if there is one, when its address names none
+    #[arg(value_name = "FILE.isv")]
+    files: Vec<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    check_streams(&args.files)?;
+    interrupt::listen()?;
+    let mut folder = ExportFolder::create(&args.folder)?;
+    let urls = StreamFiles::new(&args.files)?.urls();
+    // Relative to the page, wherever that will be.
+    let urls: Vec<_> = urls.iter().map(|url| url.trim_start_matches('/').to_owned()).collect();
+    for (path, bytes) in Page::player().export(&urls) {
+        folder.write(path, &bytes)?;
+    }
+    for (number, file) in args.files.iter().enumerate() {
+        folder.copy(file, &format!("files/{number}"))?;
+        if interrupt::requested() {
+            bail!("interrupted: nothing was exported");
+        }
+    }
+    let files = folder.commit()?;
+    eprintln!("{}: {files} files", args.folder.display());
+    Ok(())
+}

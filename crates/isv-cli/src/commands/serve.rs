@@ -1,0 +1,81 @@
+//! `isv serve`: files and live streams for browsers elsewhere.
+
+use crate::output::{is_pipe, print};
+use crate::serving::{check_streams, serve};
+use crate::stream;
+use anyhow::Result;
+use isv_serve::{Hub, HubLimits, LiveLimits, Origin, Server, Settings, Source, StreamFiles};
+use std::io::stdin;
+use std::net::SocketAddr;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Serve .isv files, a live stream or both to browsers until Ctrl-C; prints the addresses. Only this machine can reach them
+/// unless --bind says otherwise
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The files
+    #[arg(value_name = "FILE.isv", required_unless_present = "live")]
+    files: Vec<PathBuf>,
+    /// Send packets to viewers as they come: from - for standard input, a FIFO, a file that is being written, as by
+    /// isv encode -o - > FILE.isv, or the newest such file of a folder. When it ends and begins anew, so do the viewers
+    #[arg(long, value_name = "SOURCE")]
+    live: Option<PathBuf>,
+    /// Where to listen; 0.0.0.0 is all networks that this machine is in, port 0 any port that is free
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8047")]
+    bind: SocketAddr,
+    /// Let pages of another site watch and read, such as https://show.example; may be given several times
+    #[arg(long, value_name = "ORIGIN")]
+    allow_origin: Vec<Origin>,
+    /// Viewers of the live stream at a time; without it, 100
+    #[arg(long, value_name = "N", requires = "live")]
+    viewers: Option<NonZero<usize>>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    check_streams(&args.files)?;
+    let source = args.source()?;
+    let hub = source.is_some().then(|| Arc::new(Hub::new(HubLimits::default())));
+    let settings = Settings {
+        address: args.bind,
+        files: StreamFiles::new(&args.files)?,
+        live: hub.clone(),
+        live_limits: args.live_limits(),
+        allowed_origins: args.allow_origin.clone(),
+        ..Settings::default()
+    };
+    let mut feed = None;
+    serve(settings, |server| {
+        introduce(server)?;
+        feed = source.zip(hub).map(|(source, hub)| source.feed(hub, |notice| eprintln!("{notice}")));
+        Ok(())
+    })
+}
+
+impl Args {
+    fn source(&self) -> Result<Option<Source>> {
+        Ok(match self.live.as_deref() {
+            Some(path) if is_pipe(path) => Some(Source::pipe(stream::name(path), stdin())),
+            Some(path) => Some(Source::open(path)?),
+            None => None,
+        })
+    }
+
+    fn live_limits(&self) -> LiveLimits {
+        let usual = LiveLimits::default();
+        LiveLimits { viewers: self.viewers.map_or(usual.viewers, NonZero::get), ..usual }
+    }
+}
+
+/// Says what is served, and to whom.
+fn introduce(server: &Server) -> Result<()> {
+    for url in server.urls() {
+        print(&url)?;
+    }
+    if server.is_open() {
+        eprintln!("anybody who reaches {} can watch", server.address());
+    }
+    Ok(())
+}

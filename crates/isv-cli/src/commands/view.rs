@@ -1,0 +1,39 @@
+//! `isv view`: streams in a browser.
+
+use crate::output::print;
+use crate::serving::{check_streams, serve};
+use anyhow::Result;
+use isv_serve::{Settings, StreamFiles};
+use std::net::Ipv4Addr;
+use std::path::PathBuf;
+
+/// Watch an .isv file in a browser, or two side by side, until Ctrl-C; prints the address. Only this machine can reach it
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The file, or two to compare
+    #[arg(value_name = "FILE.isv", required = true, num_args = 1..=2)]
+    files: Vec<PathBuf>,
+    /// The port to serve at; 0 is any that is free
+    #[arg(long, value_name = "N", default_value = "0")]
+    port: u16,
+    /// Only print the address
+    #[arg(long)]
+    no_open: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    check_streams(&args.files)?;
+    let files = StreamFiles::new(&args.files)?;
+    let address = (Ipv4Addr::LOCALHOST, args.port).into();
+    serve(Settings { address, files, ..Settings::default() }, |server| {
+        let url = server.comparison_url();
+        print(&url)?;
+        if !args.no_open
+            && let Err(error) = open::that_detached(&url)
+        {
+            eprintln!("no browser could be opened: {error}: open the address in one");
+        }
+        Ok(())
+    })
+}

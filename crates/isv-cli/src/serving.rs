@@ -1,0 +1,51 @@
+//! What `isv view` and `isv serve` share: a server that runs until Ctrl-C.
+
+use crate::failure::usage;
+use crate::interrupt;
+use crate::output::is_pipe;
+use crate::stream;
+use anyhow::{Context, Result};
+use isv_serve::{Server, Settings};
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::runtime;
+use tokio::time::sleep;
+
+/// How often it is looked whether the user wants to stop.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Refuses what is no stream, before anybody tries to watch it.
+pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
+    for path in paths {
+        if is_pipe(path) {
+            return Err(usage("-: files are wanted here: isv serve --live - takes a stream from a pipe"));
+        }
+        stream::open(path)?;
+    }
+    Ok(())
+}
+
+/// Listens, does what there is to do once that is possible, and serves until the user wants to stop.
+pub(crate) fn serve(settings: Settings, ready: impl FnOnce(&Server) -> Result<()>) -> Result<()> {
+    interrupt::listen()?;
+    let runtime =
+        runtime::Builder::new_multi_thread().enable_all().build().context("cannot start a server")?;
+    let served = runtime.block_on(async {
+        let server = Server::bind(settings)?;
+        ready(&server)?;
+        tokio::select! {
+            () = server.run() => {}
+            () = interrupted() => {}
+        }
+        Ok(())
+    });
+    // Nobody waits for downloads in progress.
+    runtime.shutdown_background();
+    served
+}
+
+async fn interrupted() {
+    while !interrupt::requested() {
+        sleep(PATIENCE).await;
+    }
+}

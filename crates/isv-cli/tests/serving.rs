@@ -1,0 +1,218 @@
+//! Streams in a browser: files and live ones over HTTP, the player as files.
+
+mod support;
+
+use futures_util::StreamExt;
+use isv::format::PacketReader;
+use isv_serve::{Page, message};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::process::{Child, Command, Stdio};
+use std::time::{SystemTime, UNIX_EPOCH};
+use support::{ENCODE, Workspace};
+
+/// A server that ends with its test.
+struct Serving {
+    child: Child,
+    stdout: BufReader<std::process::ChildStdout>,
+}
+
+impl Serving {
+    fn start(mut command: Command) -> Self {
+        let mut child = command.spawn().unwrap();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        Self { child, stdout }
+    }
+
+    /// The next line of output: an address and what follows it.
+    fn url(&mut self) -> (SocketAddr, String) {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).unwrap();
+        let (address, path) = line.trim_end().strip_prefix("http://").expect(&line).split_once('/').unwrap();
+        (address.parse().unwrap(), format!("/{path}"))
+    }
+
+    /// Ends it as Ctrl-C does; it must end well and have said no more. Returns what it said on stderr.
+    #[cfg(unix)]
+    fn interrupt(mut self) -> String {
+        let kill = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let (mut rest, mut stderr) = (String::new(), String::new());
+        self.stdout.read_to_string(&mut rest).unwrap();
+        self.child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        assert!(self.child.wait().unwrap().success(), "{stderr}");
+        assert_eq!(rest, "");
+        stderr
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The answer to a request, with its headers.
+fn get(address: SocketAddr, path: &str, headers: &str) -> (String, Vec<u8>) {
+    let mut socket = TcpStream::connect(address).unwrap();
+    write!(socket, "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n").unwrap();
+    let mut answer = Vec::new();
+    socket.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n").unwrap();
+    (String::from_utf8(answer[..end].to_vec()).unwrap(), answer[end + 4..].to_vec())
+}
+
+#[cfg(unix)]
+#[test]
+fn view_serves_two_files_and_their_page_until_it_is_interrupted() {
+    let (work, bytes) = Workspace::with_stream(3);
+    std::fs::copy(work.path("take.isv"), work.path("other take.isv")).unwrap();
+    let mut view = Serving::start(work.command(&["view", "take.isv", "other take.isv", "--no-open"]));
+    let (address, path) = view.url();
+    assert!(address.ip().is_loopback());
+    assert_eq!(path, "/?src=/files/0/take.isv&compare=/files/1/other%2520take.isv");
+    let (_, page) = get(address, &path, "");
+    let index = Page::player().files().iter().find(|(path, _)| *path == "index.html").unwrap().1;
+    assert_eq!(page, index);
+    let (head, part) = get(address, "/files/1/other%20take.isv", "Range: bytes=100-199\r\n");
+    assert!(head.starts_with("HTTP/1.1 206 "), "{head}");
+    assert_eq!(part, bytes[100..200]);
+    assert_eq!(view.interrupt(), "");
+}
+
+#[test]
+fn what_cannot_be_served_is_refused() {
+    let (work, _) = Workspace::with_stream(1);
+    work.write("text.isv", "a text");
+    work.isv(&["view", "text.isv", "--no-open"]).fails(1, &["text.isv: ", "magic"]);
+    work.isv(&["view", "take.isv", "missing.isv", "--no-open"]).fails(1, &["missing.isv: "]);
+    work.isv(&["view", "-", "--no-open"]).fails(2, &["isv serve --live -"]);
+    work.isv(&["view"]).fails(2, &["FILE.isv"]);
+    work.isv(&["view", "take.isv", "take.isv", "take.isv"]).fails(2, &[]);
+    work.isv(&["serve"]).fails(2, &[]);
+    work.isv(&["serve", "take.isv", "--viewers", "3"]).fails(2, &["--live"]);
+    work.isv(&["serve", "take.isv", "--allow-origin", "show.example"]).fails(2, &["https://show.example"]);
+    work.isv(&["serve", "--live", "no/such/take.isv"]).fails(1, &["no/such/take.isv: "]);
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let holder = std::net::TcpListener::bind(taken).unwrap();
+    work.isv(&["serve", "take.isv", "--bind", &taken.to_string()]).fails(1, &[&taken.to_string(), "another"]);
+    drop(holder);
+}
+
+#[cfg(unix)]
+#[test]
+fn serve_says_what_it_serves_and_who_can_watch() {
+    let (work, bytes) = Workspace::with_stream(1);
+    let args = ["serve", "take.isv", "take.isv", "--live", "growing.isv", "--bind", "0.0.0.0:0"];
+    let mut serve = Serving::start(work.command(&args));
+    let (address, first) = serve.url();
+    assert!(address.ip().is_loopback(), "an address that a browser understands");
+    assert_eq!(first, "/?src=/files/0/take.isv");
+    assert_eq!(serve.url().1, "/?src=/files/1/take.isv");
+    assert_eq!(serve.url().1, "/?live=/live");
+    assert_eq!(get(address, "/files/1/take.isv", "").1, bytes);
+    let stderr = serve.interrupt();
+    assert_eq!(stderr, format!("anybody who reaches 0.0.0.0:{} can watch\n", address.port()));
+}
+
+#[test]
+fn an_encoder_on_a_pipe_is_watched_as_it_runs() {
+    let work = Workspace::with_figure(4);
+    let encode = ["encode", "-", "-o", "-", "--voxel", "20mm", "--gop=3", "--timestamps", "clock"];
+    let mut encoder = work.command(&encode).spawn().unwrap();
+    let mut command = work.command(&["serve", "--live", "-", "--bind", "127.0.0.1:0"]);
+    command.stdin(Stdio::from(encoder.stdout.take().unwrap()));
+    let mut serve = Serving::start(command);
+    let (address, path) = serve.url();
+    assert_eq!(path, "/?live=/live");
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async {
+        let socket = tokio::net::TcpStream::connect(address).await.unwrap();
+        let (mut socket, _) =
+            tokio_tungstenite::client_async(format!("ws://{address}/live"), socket).await.unwrap();
+        let mut next = async || loop {
+            let received = socket.next().await.unwrap().unwrap();
+            if received.is_binary() {
+                return received.into_data();
+            }
+        };
+        let start = unix_ns();
+        let mut before = start;
+        let mut stdin = encoder.stdin.take().unwrap();
+        for frame in 0..4 {
+            // Each of these would wait for ever if anything on the way waited for the frame after.
+            stdin.write_all(&work.read(&format!("frames/frame_{frame}.ply"))).unwrap();
+            if frame == 0 {
+                let header = next().await;
+                assert_eq!((header[0], header.len()), (message::HEADER, 49));
+            }
+            let received = next().await;
+            assert_eq!(received[0], message::PACKET);
+            let packet = PacketReader::at_packet(&received[9..], 0).next_packet().unwrap().unwrap();
+            assert_eq!(packet.is_keyframe(), frame % 3 == 0);
+            let stamp = packet.header.timestamp_ns;
+            assert!(before < stamp && stamp <= unix_ns(), "{before} < {stamp}");
+            before = stamp;
+        }
+        drop(stdin);
+        assert_eq!(next().await[..], [message::END]);
+    });
+    assert!(encoder.wait().unwrap().success());
+}
+
+fn unix_ns() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64
+}
+
+#[test]
+fn timestamps_by_the_clock_change_nothing_else() {
+    let (work, _) = Workspace::with_stream(4);
+    let mut by_clock = [&ENCODE[..], &["--timestamps", "clock"]].concat();
+    by_clock[3] = "clock.isv";
+    let before = unix_ns();
+    work.isv(&by_clock).done();
+    let info = |name| work.isv(&["info", name, "--json"]).json();
+    let (mut rate, mut clock) = (info("take.isv"), info("clock.isv"));
+    let mut stamps = |info: &mut Value| -> Vec<u64> {
+        let packets = info["packets"].as_array_mut().unwrap().iter_mut();
+        packets.map(|packet| packet["timestamp_ns"].take().as_u64().unwrap()).collect()
+    };
+    assert_eq!(stamps(&mut rate), [0, 33_333_333, 66_666_666, 100_000_000]);
+    let stamps = stamps(&mut clock);
+    assert!(stamps[0] >= before && stamps[3] <= unix_ns(), "{before}: {stamps:?}");
+    assert!(stamps.is_sorted_by(|a, b| a < b), "{stamps:?}");
+    assert_eq!(rate, clock, "frame rate, sizes and all");
+    work.isv(&["verify", "clock.isv"]).done();
+    for name in ["take", "clock"] {
+        work.isv(&["decode", &format!("{name}.isv"), "-o", name]).done();
+    }
+    assert_eq!(work.read("take/frame_0003.ply"), work.read("clock/frame_0003.ply"));
+    let eval = |name| work.isv(&["eval", "frames", name, "--json"]).json()["chamfer_mm"].clone();
+    assert_eq!(eval("take.isv"), eval("clock.isv"));
+}
+
+#[test]
+fn the_player_is_exported_with_streams_to_open() {
+    let (work, bytes) = Workspace::with_stream(1);
+    std::fs::copy(work.path("take.isv"), work.path("b c.isv")).unwrap();
+    work.isv(&["export-player", "site"]).done();
+    assert!(!work.path("site/start.js").exists());
+    for (path, expected) in Page::player().files() {
+        assert_eq!(work.read(&format!("site/{path}")), *expected, "{path}");
+    }
+    let done = work.isv(&["export-player", "site", "take.isv", "b c.isv"]).done();
+    assert!(done.stderr().starts_with("site: "), "{}", done.stderr());
+    assert_eq!(work.read("site/files/0/take.isv"), bytes);
+    assert_eq!(work.read("site/files/1/b c.isv"), bytes);
+    let start = String::from_utf8(work.read("site/start.js")).unwrap();
+    assert!(start.contains("\"?src=files/0/take.isv&compare=files/1/b%2520c.isv\""), "{start}");
+    let index = String::from_utf8(work.read("site/index.html")).unwrap();
+    assert_eq!(index.matches("<script src=\"start.js\"></script>").count(), 1);
+    work.isv(&["export-player", "frames"]).fails(1, &["frames: not empty, and no earlier export"]);
+    work.isv(&["export-player", "other", "frames/frame_0.ply"]).fails(1, &["frame_0.ply: "]);
+    assert!(!work.path("other").exists());
+}

@@ -1,0 +1,41 @@
+//! Streams to browsers: the player's page, `.isv` files with ranges, and packets as they are made.
+//!
+//! ```text
+//! a pipe, a growing file, a folder ── Source ─> Hub ─ Viewer ─┐
+//!                                                             ├─> Server ─> browsers
+//!                       .isv files ── StreamFiles ────────────┤
+//!                       player/    ── Page ───────────────────┘
+//! ```
+//!
+//! | URL | what |
+//! |---|---|
+//! | `/` and the paths of `player/` | the page and its modules, embedded at compile time |
+//! | `/files/N/NAME.isv` | the files given, with HTTP ranges |
+//! | `/live` | a WebSocket with the packets of a live source, as [`message`] has them |
+//!
+//! It reads packets, and decodes none. What a viewer can make the server hold does not grow: all viewers read one ring, and
+//! whoever is too slow for it goes on at a later keyframe.
+
+mod accept;
+mod allowance;
+mod error;
+mod files;
+mod guard;
+mod hub;
+mod live;
+pub mod message;
+mod page;
+mod policy;
+mod range;
+mod server;
+mod source;
+mod url;
+
+pub use error::ServeError;
+pub use files::StreamFiles;
+pub use guard::{Origin, ParseOriginError};
+pub use hub::{Held, Hub, HubLimits, Viewer};
+pub use live::LiveLimits;
+pub use page::Page;
+pub use server::{Server, Settings};
+pub use source::{Feed, Source};

@@ -1,0 +1,57 @@
+//! The live protocol: binary WebSocket messages, the first byte of which is the kind.
+//!
+//! | kind | what follows | when |
+//! |---|---|---|
+//! | [`HEADER`] | the 48 bytes of a stream header | first, and whenever the source starts anew |
+//! | [`PACKET`] | unix time in ms when the server had it (`f64`), the packet as in a file | after a header or a gap: a keyframe |
+//! | [`END`] | nothing | the source ended; a header may follow |
+//! | [`CLOCK`] | unix time in ms of the server (`f64`), the 8 bytes that the viewer sent | answer to a message of 8 bytes |
+//!
+//! Numbers are little-endian. A viewer sends nothing but those 8 bytes, its own time, to find how far the clocks differ.
+
+use axum::body::Bytes;
+use isv_format::StreamHeader;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A stream begins.
+pub const HEADER: u8 = 0;
+/// A frame.
+pub const PACKET: u8 = 1;
+/// The source ended.
+pub const END: u8 = 2;
+/// The server's time.
+pub const CLOCK: u8 = 3;
+
+/// Bytes of a viewer's question for the time.
+pub const CLOCK_QUESTION_BYTES: usize = 8;
+
+pub(crate) fn header(header: &[u8; StreamHeader::BYTES]) -> Bytes {
+    joined(HEADER, &[header])
+}
+
+/// `packet` is header and payload; `arrived_ms` in milliseconds since 1970.
+pub(crate) fn packet(packet: &[u8], arrived_ms: f64) -> Bytes {
+    joined(PACKET, &[&arrived_ms.to_le_bytes(), packet])
+}
+
+pub(crate) fn end() -> Bytes {
+    Bytes::from_static(&[END])
+}
+
+pub(crate) fn clock(now_ms: f64, question: &[u8; CLOCK_QUESTION_BYTES]) -> Bytes {
+    joined(CLOCK, &[&now_ms.to_le_bytes(), question])
+}
+
+fn joined(kind: u8, parts: &[&[u8]]) -> Bytes {
+    let mut message = Vec::with_capacity(1 + parts.iter().map(|part| part.len()).sum::<usize>());
+    message.push(kind);
+    for part in parts {
+        message.extend_from_slice(part);
+    }
+    message.into()
+}
+
+/// Milliseconds since 1970, by this machine's clock.
+pub(crate) fn unix_ms() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64() * 1e3
+}

@@ -1,0 +1,192 @@
+//! The server: what it listens at, and what is where.
+
+use crate::ServeError;
+use crate::accept;
+use crate::files::{self, StreamFiles};
+use crate::guard::{Guard, Origin};
+use crate::hub::Hub;
+use crate::live::{self, Live, LiveLimits};
+use crate::page::{self, Page};
+use axum::Router;
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+use tokio::net::{TcpListener, TcpSocket};
+use tower_http::cors::CorsLayer;
+
+/// Bytes that the system may hold for a viewer that does not read: about a second of a stream. What is beyond that is late
+/// anyway, and is dropped at a keyframe.
+const SEND_BUFFER_BYTES: u32 = 256 << 10;
+/// Connections beside those of live viewers; a browser opens up to six. Further ones wait.
+const CONNECTIONS: usize = 512;
+/// Connections that may wait to be accepted.
+const BACKLOG: u32 = 256;
+
+/// What is served, to whom.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Where to listen; port 0 is any that is free.
+    pub address: SocketAddr,
+    /// The page at `/`.
+    pub page: Page,
+    /// What is under `/files`.
+    pub files: StreamFiles,
+    /// The stream at `/live`.
+    pub live: Option<Arc<Hub>>,
+    /// Limits of `/live`.
+    pub live_limits: LiveLimits,
+    /// Other sites whose pages may watch and read.
+    pub allowed_origins: Vec<Origin>,
+}
+
+impl Default for Settings {
+    /// The player with nothing to play, on this machine only.
+    fn default() -> Self {
+        Self {
+            address: (Ipv4Addr::LOCALHOST, 0).into(),
+            page: Page::player(),
+            files: StreamFiles::default(),
+            live: None,
+            live_limits: LiveLimits::default(),
+            allowed_origins: Vec::new(),
+        }
+    }
+}
+
+/// A server that listens.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    settings: Settings,
+}
+
+impl Server {
+    /// Begins to listen; connections wait until [`Self::run`].
+    ///
+    /// # Errors
+    /// [`ServeError::Bind`], as when the port is taken.
+    ///
+    /// # Panics
+    /// Outside a tokio runtime.
+    pub fn bind(settings: Settings) -> Result<Self, ServeError> {
+        let fail = |cause| ServeError::Bind { address: settings.address, cause };
+        let listener = listen(settings.address).map_err(fail)?;
+        let address = listener.local_addr().map_err(fail)?;
+        Ok(Self { listener, address, settings })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether other machines can reach it.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        !self.address.ip().is_loopback()
+    }
+
+    /// The address of the page with the first file, and the second to compare it with.
+    #[must_use]
+    pub fn comparison_url(&self) -> String {
+        format!("{}/{}", self.base_url(), page::query(&self.settings.files.urls()))
+    }
+
+    /// The address of the page with each file, and with the live stream.
+    #[must_use]
+    pub fn urls(&self) -> Vec<String> {
+        let files = self.settings.files.urls();
+        let queries = files.into_iter().map(|url| page::query(&[url]));
+        let live = self.settings.live.iter().map(|_| "?live=/live".to_owned());
+        queries.chain(live).map(|query| format!("{}/{query}", self.base_url())).collect()
+    }
+
+    /// The server as this machine reaches it.
+    fn base_url(&self) -> String {
+        let ip = match self.address.ip() {
+            IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+            IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+            ip => ip,
+        };
+        format!("http://{}", SocketAddr::new(ip, self.address.port()))
+    }
+
+    /// Serves until it is dropped.
+    pub async fn run(self) {
+        let on_loopback = !self.is_open();
+        accept::serve(self.listener, router(self.settings, on_loopback), CONNECTIONS).await;
+    }
+}
+
+fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+    // A server that was just ended still has the port for a while. Elsewhere than on Unix this would share a port in use.
+    #[cfg(unix)]
+    socket.set_reuseaddr(true)?;
+    // Accepted connections have the listener's.
+    socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
+}
+
+fn router(settings: Settings, on_loopback: bool) -> Router {
+    let guard = Arc::new(Guard { on_loopback, allowed: settings.allowed_origins });
+    let page = Arc::new(settings.page);
+    let mut router = Router::new()
+        .route("/files/{number}/{name}", get(files::serve))
+        .with_state(settings.files)
+        .fallback(page::serve)
+        .with_state(Arc::clone(&page));
+    if let Some(hub) = settings.live {
+        let socket = get(live::watch)
+            .with_state(Live::new(hub, settings.live_limits))
+            .route_layer(from_fn_with_state(Arc::clone(&guard), own_pages_only));
+        router = router.route("/live", socket);
+    }
+    if !guard.allowed.is_empty() {
+        router = router.layer(readable_by(&guard.allowed));
+    }
+    router
+        .layer(from_fn_with_state(guard, known_hosts_only))
+        .layer(from_fn_with_state(page, with_security_headers))
+}
+
+/// What browsers need to be told so that pages of other sites may read.
+fn readable_by(origins: &[Origin]) -> CorsLayer {
+    let values = origins.iter().filter_map(|origin| HeaderValue::try_from(origin.to_string()).ok());
+    CorsLayer::new()
+        .allow_origin(values.collect::<Vec<_>>())
+        .allow_methods([Method::GET, Method::HEAD])
+        .allow_headers([header::RANGE, header::IF_RANGE, header::IF_NONE_MATCH])
+        .expose_headers([header::CONTENT_RANGE, header::ACCEPT_RANGES, header::CONTENT_LENGTH, header::ETAG])
+}
+
+async fn own_pages_only(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+    if guard.allows_origin(request.headers()) {
+        return next.run(request).await;
+    }
+    (StatusCode::FORBIDDEN, "pages of this site may not watch: --allow-origin lets them").into_response()
+}
+
+async fn known_hosts_only(State(guard): State<Arc<Guard>>, request: Request, next: Next) -> Response {
+    if guard.knows_host(request.headers()) {
+        return next.run(request).await;
+    }
+    (StatusCode::FORBIDDEN, "this server is for this machine only: reach it as localhost").into_response()
+}
+
+async fn with_security_headers(State(page): State<Arc<Page>>, request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_SECURITY_POLICY, page.policy());
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    headers.insert("cross-origin-resource-policy", HeaderValue::from_static("same-origin"));
+    response
+}

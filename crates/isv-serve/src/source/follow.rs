@@ -1,0 +1,194 @@
+//! Files that are being written.
+
+use super::{Opened, POLL};
+use isv_format::{StreamHeader, StreamIndex};
+use std::fs::{self, File, Metadata};
+use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime};
+
+/// How long a file must have been still before a newer one in its folder takes its place.
+const STILLNESS: Duration = Duration::from_secs(1);
+/// How often a folder is read.
+const FOLDER_POLL: Duration = Duration::from_millis(200);
+
+/// A file, or whichever in a folder was written last.
+#[derive(Debug)]
+pub(super) struct Followed {
+    place: Place,
+    /// The file that is read.
+    reading: PathBuf,
+    /// The file whose end was read last, as it was then.
+    done: Option<Candidate>,
+}
+
+#[derive(Clone, Debug)]
+enum Place {
+    File(PathBuf),
+    Folder(PathBuf),
+}
+
+/// A file as it is at a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Candidate {
+    path: PathBuf,
+    /// Differs between files that had the same path.
+    identity: u128,
+    length: u64,
+    written: SystemTime,
+}
+
+impl Followed {
+    pub(super) fn file(path: &Path) -> Self {
+        Self { place: Place::File(path.to_owned()), reading: PathBuf::new(), done: None }
+    }
+
+    pub(super) fn folder(path: &Path) -> Self {
+        Self { place: Place::Folder(path.to_owned()), reading: PathBuf::new(), done: None }
+    }
+
+    /// Waits for a file other than the one whose end was read, and begins at its last keyframe; `None` when told to stop.
+    pub(super) fn open(&mut self, stop: &Arc<AtomicBool>) -> io::Result<Option<Opened>> {
+        while !stop.load(Ordering::Relaxed) {
+            let found = self.place.newest()?.filter(|found| self.done.as_ref() != Some(found));
+            // What cannot be opened may have gone in this very moment, or may not be readable yet.
+            let opened = found.and_then(|found| Some((found.path.clone(), self.begin(found, stop).ok()?)));
+            if let Some((path, opened)) = opened {
+                self.reading = path;
+                return Ok(Some(opened));
+            }
+            sleep(self.place.poll());
+        }
+        Ok(None)
+    }
+
+    /// The end of what is read has come: it is not opened again unless it changes.
+    pub(super) fn note_end(&mut self) {
+        self.done = Candidate::at(&self.reading);
+    }
+
+    /// The stream header, and then the file from its last keyframe on: what was before is no longer live. A file in which none
+    /// can be found is read from its first byte.
+    fn begin(&self, found: Candidate, stop: &Arc<AtomicBool>) -> io::Result<Opened> {
+        let mut file = File::open(&found.path)?;
+        let at = last_keyframe(&file).unwrap_or(0);
+        let mut header = Vec::new();
+        if at > 0 {
+            file.seek(SeekFrom::Start(0))?;
+            (&file).take(StreamHeader::BYTES as u64).read_to_end(&mut header)?;
+        }
+        file.seek(SeekFrom::Start(at))?;
+        let skipped = at.saturating_sub(header.len() as u64);
+        let (place, stop) = (self.place.clone(), Arc::clone(stop));
+        let rest = Growing { file, at, opened: found, place, folder_read: Instant::now(), stop };
+        Ok(Opened { bytes: Box::new(Cursor::new(header).chain(rest)), skipped })
+    }
+}
+
+fn last_keyframe(file: &File) -> Option<u64> {
+    let index = StreamIndex::load(&mut BufReader::new(file)).ok()?;
+    index.frames.iter().rfind(|frame| frame.keyframe).map(|frame| frame.at)
+}
+
+impl Place {
+    fn poll(&self) -> Duration {
+        match self {
+            Self::File(_) => POLL,
+            Self::Folder(_) => FOLDER_POLL,
+        }
+    }
+
+    /// The file, if it is there; of a folder the stream that was written last.
+    fn newest(&self) -> io::Result<Option<Candidate>> {
+        let folder = match self {
+            Self::File(path) => return Ok(Candidate::at(path)),
+            Self::Folder(folder) => folder,
+        };
+        let mut newest: Option<Candidate> = None;
+        for entry in fs::read_dir(folder)? {
+            let path = entry?.path();
+            let found = if is_stream(&path) { Candidate::at(&path) } else { None };
+            newest = newest
+                .into_iter()
+                .chain(found)
+                .max_by(|a, b| (a.written, &a.path).cmp(&(b.written, &b.path)));
+        }
+        Ok(newest)
+    }
+}
+
+/// Whether a path has the ending of a stream. Hidden files are not yet what they will be.
+fn is_stream(path: &Path) -> bool {
+    let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    !is_hidden && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv"))
+}
+
+impl Candidate {
+    fn at(path: &Path) -> Option<Self> {
+        let metadata = fs::metadata(path).ok().filter(Metadata::is_file)?;
+        let written = metadata.modified().ok()?;
+        Some(Self { path: path.to_owned(), identity: identity(&metadata), length: metadata.len(), written })
+    }
+}
+
+#[cfg(unix)]
+fn identity(metadata: &Metadata) -> u128 {
+    use std::os::unix::fs::MetadataExt;
+    u128::from(metadata.dev()) << 64 | u128::from(metadata.ino())
+}
+
+#[cfg(not(unix))]
+fn identity(metadata: &Metadata) -> u128 {
+    let created = metadata.created().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
+    created.unwrap_or_default().as_nanos()
+}
+
+/// A file whose end is waited for, until another is to be read.
+struct Growing {
+    file: File,
+    /// Bytes of the file before the next one.
+    at: u64,
+    opened: Candidate,
+    place: Place,
+    folder_read: Instant,
+    stop: Arc<AtomicBool>,
+}
+
+impl Growing {
+    /// Whether the file was begun anew, or another has come in its place.
+    fn is_over(&mut self) -> io::Result<bool> {
+        let current = Candidate::at(&self.opened.path);
+        if let Some(current) = &current
+            && (current.identity != self.opened.identity || current.length < self.at)
+        {
+            return Ok(true);
+        }
+        if matches!(self.place, Place::File(_)) || self.folder_read.elapsed() < FOLDER_POLL {
+            return Ok(false);
+        }
+        self.folder_read = Instant::now();
+        let newest = self.place.newest()?.filter(|newest| newest.path != self.opened.path);
+        Ok(newest
+            .is_some_and(|newest| current.is_none_or(|current| newest.written > current.written + STILLNESS)))
+    }
+}
+
+impl Read for Growing {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while !self.stop.load(Ordering::Relaxed) {
+            let count = self.file.read(buffer)?;
+            self.at += count as u64;
+            if count > 0 || buffer.is_empty() {
+                return Ok(count);
+            }
+            if self.is_over()? {
+                return Ok(0);
+            }
+            sleep(POLL);
+        }
+        Ok(0)
+    }
+}
