@@ -97,8 +97,8 @@ fn blocks_that_stay_are_told_and_take_no_bits() {
     let volumes = [0.0, 1.0, 2.0].map(|t| still_and_moving_ball(header.grid, t));
     let frames = details(&header, settings(1), &volumes);
     for (details, ..) in &frames[1..] {
-        let (still, coded): (Vec<_>, Vec<_>) =
-            details.iter().partition(|block| block.coding == BlockCoding::Still);
+        let is_still = |block: &&BlockDetail| block.coding == BlockCoding::Still;
+        let (still, coded): (Vec<&BlockDetail>, Vec<&BlockDetail>) = details.iter().partition(is_still);
         assert!(still.len() > 20 && coded.len() > 20, "{} stay, {} are coded", still.len(), coded.len());
         assert!(still.iter().all(|block| block.bits == 0.0));
         assert!(details.is_sorted_by_key(|block| block.coord.morton()));
