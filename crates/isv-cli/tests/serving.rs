@@ -7,7 +7,7 @@ use isv::format::PacketReader;
 use isv_serve::{Page, message};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
 use support::{ENCODE, Workspace};
@@ -96,10 +96,9 @@ fn what_cannot_be_served_is_refused() {
     work.isv(&["serve", "take.isv", "--viewers", "3"]).fails(2, &["--live"]);
     work.isv(&["serve", "take.isv", "--allow-origin", "show.example"]).fails(2, &["https://show.example"]);
     work.isv(&["serve", "--live", "no/such/take.isv"]).fails(1, &["no/such/take.isv: "]);
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let holder = std::net::TcpListener::bind(taken).unwrap();
+    let holder = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = holder.local_addr().unwrap();
     work.isv(&["serve", "take.isv", "--bind", &taken.to_string()]).fails(1, &[&taken.to_string(), "another"]);
-    drop(holder);
 }
 
 #[cfg(unix)]
@@ -177,7 +176,7 @@ fn timestamps_by_the_clock_change_nothing_else() {
     work.isv(&by_clock).done();
     let info = |name| work.isv(&["info", name, "--json"]).json();
     let (mut rate, mut clock) = (info("take.isv"), info("clock.isv"));
-    let mut stamps = |info: &mut Value| -> Vec<u64> {
+    let stamps = |info: &mut Value| -> Vec<u64> {
         let packets = info["packets"].as_array_mut().unwrap().iter_mut();
         packets.map(|packet| packet["timestamp_ns"].take().as_u64().unwrap()).collect()
     };
