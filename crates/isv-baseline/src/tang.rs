@@ -7,7 +7,7 @@
 use crate::BlockBasis;
 use crate::basis::LeadingBasis;
 use isv_decode::syntax::{EntropyState, SyntaxError, most_slices};
-use isv_decode::{FrameSymbols, Limits};
+use isv_decode::{BitTally, FrameSymbols, Limits};
 use isv_encode::BLOCKS_PER_SLICE;
 use isv_encode::syntax::{self, SymbolSegments};
 use isv_format::{
@@ -244,7 +244,9 @@ fn read_symbols(
     let levels = slices
         .zip(layout.ranges().collect::<Vec<_>>())
         .zip(&payload.slices)
-        .map(|((models, range), slice)| models.coefficients.read(slice.coefficients, &references[range]))
+        .map(|((models, range), slice)| {
+            models.coefficients.read(slice.coefficients, &references[range], &mut BitTally::default())
+        })
         .collect::<Result<Vec<_>, _>>()?
         .concat();
     let motion = vec![MotionVector::ZERO; blocks];
