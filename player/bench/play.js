@@ -28,7 +28,10 @@ async function open(query = '') {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
   const page = await context.newPage();
   await page.goto(`${server.url}?src=/files/long.isv${query}`, { waitUntil: 'commit' });
-  await page.waitForFunction(() => /** @type {any} */ (globalThis).isv?.players[0]?.shown, undefined, { polling: 5, timeout: 60_000 });
+  await page.waitForFunction(() => /** @type {any} */ (globalThis).isv?.players[0]?.shown, undefined, {
+    polling: 5,
+    timeout: 60_000,
+  });
   return page;
 }
 

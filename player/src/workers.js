@@ -43,8 +43,6 @@ export class DecodeAhead {
   #failures = 0;
   #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
   #broken = false;
-  /** Times of what was decoded lately, in ms, for {@link DecodeAhead.rate}. @type {number[]} */
-  #times = [];
 
   /**
    * @param {object} options
@@ -114,13 +112,6 @@ export class DecodeAhead {
     return this.#ring.has(frame) || this.lost.has(frame);
   }
 
-  /** The frame nearest to another among those that are there. @param {number} frame @returns {number} -1 if there is none */
-  nearest(frame) {
-    let best = -1;
-    for (const held of this.#ring.numbers()) if (best < 0 || Math.abs(held - frame) < Math.abs(best - frame)) best = held;
-    return best;
-  }
-
   /** First frame after one that would have to be waited for, counted on past the end when it goes round. @param {number} frame @returns {number} Infinity if it is far off */
   firstMissing(frame) {
     const frames = this.#gops.frames;
@@ -141,12 +132,6 @@ export class DecodeAhead {
       else spans.push([frame, frame + 1]);
     }
     return spans;
-  }
-
-  /** Frames a second that all workers together give when they do nothing else, by the last times taken. */
-  get rate() {
-    const total = this.#times.reduce((sum, ms) => sum + ms, 0);
-    return total ? (1000 * this.#times.length * this.#lanes.length) / total : 0;
   }
 
   /** Whether frames come with details of their blocks. All are decoded again. @param {boolean} wanted */
@@ -275,9 +260,7 @@ export class DecodeAhead {
   }
 
   /** @param {import('./worker.js').Done} answer */
-  #done({ frame, mesh, decodeMs }) {
-    this.#times.push(decodeMs + (mesh?.surfaceMs ?? 0));
-    if (this.#times.length > 60) this.#times.shift();
+  #done({ frame, mesh }) {
     if (!mesh || (this.details && !mesh.details)) return;
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
