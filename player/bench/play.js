@@ -57,7 +57,7 @@ async function rate() {
     await new Promise((wake) => setTimeout(wake, 4000));
     const fps = (1000 * (player.ahead.held - from.held)) / (performance.now() - from.at);
     const { workers, bytes, budget } = player.ahead;
-    const { decodeMs, surfaceMs } = player.ahead.get(player.ahead.held - 1) ?? {};
+    const { decodeMs, surfaceMs } = player.ahead.get(8);
     player.dispose();
     return { fps, workers, full: bytes > 0.7 * budget, decodeMs, surfaceMs };
   });
@@ -100,7 +100,7 @@ const summary = (times) => {
 console.log(`${path}: 60 s, ${(long.length / 1e6).toFixed(1)} MB, a keyframe every ${taken} frames`);
 const { fps: rated, workers, full, decodeMs, surfaceMs } = await rate();
 console.log(`decoded and surfaced: ${rated.toFixed(1)} frames a second by ${workers} workers${full ? ' (memory was full)' : ''}`);
-console.log(`a frame: ${decodeMs?.toFixed(1)} ms to decode, ${surfaceMs?.toFixed(1)} ms for the surface, while the others work`);
+console.log(`a frame: ${decodeMs.toFixed(1)} ms to decode, ${surfaceMs.toFixed(1)} ms for the surface, while the others work`);
 const openings = [];
 for (let opening = 0; opening < OPENINGS; opening++) openings.push(await firstPicture());
 console.log(`first picture: ${summary(openings)}`);

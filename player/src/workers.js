@@ -188,6 +188,7 @@ export class DecodeAhead {
   /** Gives work to workers that have none, and takes it from one if the target would wait otherwise. */
   #deal() {
     if (this.#broken || this.#retrying !== null) return;
+    if (!this.settled(this.target)) this.#dropUnwanted();
     for (const [from, to] of this.#wanted()) {
       for (let frame = this.#missing(from, to); frame >= 0; frame = this.#missing(frame, to)) {
         if (this.#gops.runOf(frame) < 0) {
@@ -203,6 +204,15 @@ export class DecodeAhead {
         if (urgent) return;
         frame = this.#gops.runEnd(frame);
       }
+    }
+  }
+
+  /** After a seek: takes from workers what is no longer wanted, so that it does not slow down what is. */
+  #dropUnwanted() {
+    const wanted = (/** @type {number} */ frame) => this.#wanted().some(([from, to]) => from <= frame && frame < to);
+    for (const lane of this.#lanes) {
+      const comes = [...lane.coming].some(wanted) || (lane.task && this.#nextWanted(lane.task.at, lane.task.end) >= 0);
+      if (!comes && (lane.task || lane.coming.size)) lane.cancel();
     }
   }
 
