@@ -2,8 +2,10 @@
 
 import { IsvFailure } from './failure.js';
 
-/** Packets given to a worker before it has answered: enough that it never waits, few enough to be soon done with. */
-const DEPTH = 6;
+/** Surfaces asked of a worker before it has answered: enough that it never waits for this thread, few enough to fit beside the ring. */
+const SURFACES = 6;
+/** Packets given to it before it has answered: a GOP can be gone through, on the way to a frame, without this thread. */
+const PACKETS = 48;
 
 /**
  * What a lane needs of a Web Worker; a test gives something else.
@@ -59,7 +61,7 @@ export class Lane {
 
   /** Waits until the worker can take another packet. @returns {Promise<void> | undefined} nothing to wait for if it can now */
   room() {
-    if (this.#waiting < DEPTH) return undefined;
+    if (this.coming.size < SURFACES && this.#waiting < PACKETS) return undefined;
     return new Promise((wake) => (this.#wake = wake));
   }
 

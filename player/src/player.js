@@ -43,7 +43,7 @@ export class IsvPlayer extends EventTarget {
   shown = null;
   /** Number of the frame that is shown; -1 before the first. */
   shownFrame = -1;
-  /** Bytes of the mesh's upload and other work of the last `update` that showed a frame, in ms. */
+  /** How long the last frame took to be copied into the mesh and its listeners to look at it, in ms. */
   uploadMs = 0;
   /** The stream, once it is open. @type {FileSource | null} */
   source = null;
@@ -62,7 +62,7 @@ export class IsvPlayer extends EventTarget {
   #closed = false;
   /** Where a drag on the scrub bar is, while a picture near an earlier place is still on its way. */
   #scrub = -1;
-  /** The frame to step to from, while the one under the playhead is not there yet. */
+  /** Settles {@link IsvPlayer.ready}. */
   #first = /** @type {{ resolve: (player: IsvPlayer) => void, reject: (error: Error) => void }} */ ({});
 
   /** @param {PlayerOptions} options */

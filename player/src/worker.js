@@ -41,7 +41,7 @@ import { words } from './failure.js';
  * What a worker says. `done` answers each packet; it has a frame if a surface was wanted. `lost`: the packet cannot be decoded, and
  * what waited of the same run is forgotten. `broken`: the worker cannot go on.
  * @typedef {{ is: 'ready' }} Ready
- * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null, decodeMs: number }} Done
+ * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null }} Done
  * @typedef {{ is: 'lost', run: number, frame: number, message: string }} Lost
  * @typedef {Ready | Done | Lost | { is: 'broken', message: string }} Answer
  */
@@ -91,10 +91,9 @@ function decode({ run, frame, packet, at, surface, details }) {
   if (!decoder || !facts) return;
   try {
     const decoded = decoder.decode(packet, { at, surface, normals: true, details });
-    const { decodeMs } = decoded;
-    if (!surface) return scope.postMessage({ is: 'done', run, frame, mesh: null, decodeMs });
+    if (!surface) return scope.postMessage({ is: 'done', run, frame, mesh: null });
     const mesh = finished(decoded, facts, packet.length);
-    scope.postMessage({ is: 'done', run, frame, mesh, decodeMs }, buffersOf(mesh));
+    scope.postMessage({ is: 'done', run, frame, mesh }, buffersOf(mesh));
   } catch (error) {
     lostRun = run;
     scope.postMessage({ is: 'lost', run, frame, message: words(error) });

@@ -43,8 +43,6 @@ export class DecodeAhead {
   #failures = 0;
   #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
   #broken = false;
-  /** Times of what was decoded lately, in ms, for {@link DecodeAhead.rate}. @type {number[]} */
-  #times = [];
 
   /**
    * @param {object} options
@@ -114,13 +112,6 @@ export class DecodeAhead {
     return this.#ring.has(frame) || this.lost.has(frame);
   }
 
-  /** The frame nearest to another among those that are there. @param {number} frame @returns {number} -1 if there is none */
-  nearest(frame) {
-    let best = -1;
-    for (const held of this.#ring.numbers()) if (best < 0 || Math.abs(held - frame) < Math.abs(best - frame)) best = held;
-    return best;
-  }
-
   /** First frame after one that would have to be waited for, counted on past the end when it goes round. @param {number} frame @returns {number} Infinity if it is far off */
   firstMissing(frame) {
     const frames = this.#gops.frames;
@@ -141,12 +132,6 @@ export class DecodeAhead {
       else spans.push([frame, frame + 1]);
     }
     return spans;
-  }
-
-  /** Frames a second that all workers together give when they do nothing else, by the last times taken. */
-  get rate() {
-    const total = this.#times.reduce((sum, ms) => sum + ms, 0);
-    return total ? (1000 * this.#times.length * this.#lanes.length) / total : 0;
   }
 
   /** Whether frames come with details of their blocks. All are decoded again. @param {boolean} wanted */
@@ -203,6 +188,7 @@ export class DecodeAhead {
   /** Gives work to workers that have none, and takes it from one if the target would wait otherwise. */
   #deal() {
     if (this.#broken || this.#retrying !== null) return;
+    if (!this.settled(this.target)) this.#dropUnwanted();
     for (const [from, to] of this.#wanted()) {
       for (let frame = this.#missing(from, to); frame >= 0; frame = this.#missing(frame, to)) {
         if (this.#gops.runOf(frame) < 0) {
@@ -218,6 +204,15 @@ export class DecodeAhead {
         if (urgent) return;
         frame = this.#gops.runEnd(frame);
       }
+    }
+  }
+
+  /** After a seek: takes from workers what is no longer wanted, so that it does not slow down what is. */
+  #dropUnwanted() {
+    const wanted = (/** @type {number} */ frame) => this.#wanted().some(([from, to]) => from <= frame && frame < to);
+    for (const lane of this.#lanes) {
+      const comes = [...lane.coming].some(wanted) || (lane.task && this.#nextWanted(lane.task.at, lane.task.end) >= 0);
+      if (!comes && (lane.task || lane.coming.size)) lane.cancel();
     }
   }
 
@@ -275,9 +270,7 @@ export class DecodeAhead {
   }
 
   /** @param {import('./worker.js').Done} answer */
-  #done({ frame, mesh, decodeMs }) {
-    this.#times.push(decodeMs + (mesh?.surfaceMs ?? 0));
-    if (this.#times.length > 60) this.#times.shift();
+  #done({ frame, mesh }) {
     if (!mesh || (this.details && !mesh.details)) return;
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));

@@ -158,7 +158,11 @@ export class IsvPlayer extends EventTarget {
     listener: (event: CustomEvent<PlayerEvents[Type]>) => void,
     options?: boolean | AddEventListenerOptions,
   ): void;
-  addEventListener(type: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;
+  addEventListener(
+    type: string,
+    listener: EventListenerOrEventListenerObject | null,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
 }
 
 export type View = 'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits';

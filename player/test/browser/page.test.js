@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { after, before, describe, test } from 'node:test';
 import { hasBrowser, launch } from '../support/browser.js';
-import { ISV_BIN, blobStream, decodedMeshes, parsePng, rendered } from '../support/native.js';
+import { ISV_BIN, blobStream, decodedMeshes, parsePng, rendered, viewed } from '../support/native.js';
 import { opened, shows, state } from '../support/page.js';
 import { serve } from '../support/server.js';
 import { packetsOf, repeated } from '../support/stream.js';
@@ -73,6 +73,22 @@ describe('the page', { skip }, () => {
       await page.keyboard.press('ArrowRight');
     }
     await isNative(page, 0);
+  });
+
+  test('is the same from the program itself', async (context) => {
+    const served = await viewed([stream, stream]);
+    if (!served) return context.skip('this program has no command view');
+    try {
+      const { page, errors } = await opened(browser, served.url);
+      await page.waitForFunction(() => /** @type {any} */ (globalThis).isv?.players[1]?.shown);
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+      await page.evaluate(() => /** @type {any} */ (globalThis).isv.seek(5));
+      await isNative(page, 5, 0);
+      await isNative(page, 5, 1);
+      assert.deepEqual(errors, []);
+    } finally {
+      served.close();
+    }
   });
 
   test('looks as the native picture does', async () => {

@@ -74,8 +74,8 @@ export class FakePort {
       return this.#answer({ is: 'lost', run, frame, message });
     }
     this.#last = number;
-    const mesh = surface ? { number, bytes: FRAME_BYTES, surfaceMs: 1, details: details ? {} : null } : null;
-    this.#answer({ is: 'done', run, frame, mesh, decodeMs: 1 });
+    const mesh = surface ? { number, bytes: FRAME_BYTES, details: details ? {} : null } : null;
+    this.#answer({ is: 'done', run, frame, mesh });
   }
 
   /** @param {any} data */

@@ -22,7 +22,9 @@ export async function serveLive(stream, port = 0) {
   const server = createServer();
   server.on('upgrade', (request, socket) => {
     const key = createHash('sha1').update(`${request.headers['sec-websocket-key']}${GUID}`).digest('base64');
-    socket.write(`HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: ${key}\r\n\r\n`);
+    socket.write(
+      `HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: ${key}\r\n\r\n`,
+    );
     socket.on('data', (data) => answer(socket, data));
     socket.on('error', () => viewers.delete(socket));
     socket.on('close', () => viewers.delete(socket));
