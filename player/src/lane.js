@@ -49,7 +49,7 @@ export class Lane {
   /**
    * @param {Port} port
    * @param {{ module: WebAssembly.Module, header: Uint8Array, voxels?: number }} start
-   * @param {{ done(answer: import('./worker.js').Done): void, lost(lane: Lane, answer: import('./worker.js').Lost): void, broken(error: Error): void }} on
+   * @param {{ ready?(): void, done(answer: import('./worker.js').Done): void, lost(lane: Lane, answer: import('./worker.js').Lost): void, broken(error: Error): void }} on
    */
   constructor(port, start, on) {
     this.#port = port;
@@ -100,7 +100,7 @@ export class Lane {
 
   /** @param {import('./worker.js').Answer} answer @param {ConstructorParameters<typeof Lane>[2]} on */
   #answer(answer, on) {
-    if (answer.is === 'ready') return;
+    if (answer.is === 'ready') return on.ready?.();
     if (answer.is === 'broken')
       return on.broken(new IsvFailure('unsupported', `the decoder cannot be started: ${answer.message}`));
     const current = answer.run === this.#generation;

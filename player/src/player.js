@@ -2,17 +2,12 @@
 
 import { Group, Mesh, MeshStandardMaterial } from 'three';
 import { Clock } from './clock.js';
-import { IsvFailure, words } from './failure.js';
+import { words } from './failure.js';
 import { LiveSource } from './live.js';
 import { MovingGeometry } from './moving-geometry.js';
-import { BlobBytes, HttpBytes } from './ranges.js';
-import { FileSource } from './source.js';
+import { openFile } from './opening.js';
 import { compileDecoder, spawnWorker } from './spawn.js';
-import { Decoder } from './wasm.js';
-import { DecodeAhead } from './workers.js';
 
-/** Bytes of decoded frames held, unless said otherwise: about three seconds of a person at 5 mm, and more of what is smaller. */
-const MEMORY = 256 << 20;
 /** Frames before the target that are made on the way to it when going back, so that the next steps back are at once. */
 const BEHIND = 8;
 /** Wait for a frame, in ms, after which it is called waiting. */
@@ -45,11 +40,11 @@ export class IsvPlayer extends EventTarget {
   shownFrame = -1;
   /** How long the last frame took to be copied into the mesh and its listeners to look at it, in ms. */
   uploadMs = 0;
-  /** The stream, once it is open. @type {FileSource | null} */
+  /** The stream, once it is open. @type {import('./source.js').FileSource | null} */
   source = null;
   /** @type {LiveSource | null} */
   live = null;
-  /** Frames decoded ahead. @type {DecodeAhead | null} */
+  /** Frames decoded ahead. @type {import('./workers.js').DecodeAhead | null} */
   ahead = null;
   clock;
   /** What ended it; null while it plays. @type {Error | null} */
@@ -157,6 +152,7 @@ export class IsvPlayer extends EventTarget {
     this.#scrub = -1;
     this.clock.seek(this.#clockFrame(frame));
     this.#aim();
+    this.ahead?.hurry();
   }
 
   /** Moves by frames and pauses. @param {number} frames below 0 goes back */
@@ -196,6 +192,8 @@ export class IsvPlayer extends EventTarget {
     if (this.#closed) return false;
     if (this.live) return this.#updateLive(now);
     if (!this.ahead) return false;
+    const { target, lost } = this.ahead;
+    if (this.shownFrame === target || lost.has(target)) this.ahead.release();
     const event = this.clock.tick(now);
     if (event) this.#tell(event);
     this.#noteWaiting(now);
@@ -218,48 +216,38 @@ export class IsvPlayer extends EventTarget {
 
   /** @param {PlayerOptions} options */
   async #open(options) {
-    const module = compileDecoder(options.wasm);
-    const cores = globalThis.navigator?.hardwareConcurrency || 2;
-    const workers = Math.max(1, options.workers ?? Math.min(cores, 4));
     if (options.live !== undefined) {
+      const module = compileDecoder(options.wasm);
       this.live = new LiveSource({ url: options.live, module, spawn: spawnWorker, voxels: options.voxels });
       this.live.onevent = (type, detail) => this.#tell(type, detail);
       this.live.details = this.#details;
       return;
     }
-    // Their scripts load while the file is opened.
-    const ports = Array.from({ length: workers }, spawnWorker);
-    const parser = module.then((module) => Decoder.create(module));
-    parser.catch(() => {}); // Said below, unless the file fails first.
-    const source = await FileSource.open(bytesOf(options), parser);
-    if (this.#closed) return source.close();
+    const ahead = await openFile(options);
+    const { source } = ahead;
+    if (this.#closed) {
+      ahead.close();
+      return source.close();
+    }
     this.source = source;
-    const { memory = MEMORY, voxels } = options;
-    this.ahead = new DecodeAhead({
-      source,
-      module: await module,
-      spawn: () => ports.pop() ?? spawnWorker(),
-      workers,
-      budget: memory,
-      voxels,
-      on: {
-        frame: () => this.#firstPicture(),
-        lost: (detail) => this.#tell('lost', detail),
-        failed: (error, fatal) => (fatal ? this.#fail(error) : this.#tell('stalled', { message: words(error) })),
-        recovered: () => this.#tell('recovered'),
-      },
-    });
+    this.ahead = ahead;
     this.ahead.setDetails(this.#details);
-    for (const port of ports) port.terminate();
     this.clock.gates.add(this.#gate);
     if (this.clock.frames === 0) this.clock.set({ fps: source.facts.fps, frames: source.frames });
     else this.#shorten(source);
     this.#tell('open');
+    this.ahead.listen({
+      frame: () => this.#firstPicture(),
+      lost: (detail) => this.#tell('lost', detail),
+      failed: (error, fatal) => (fatal ? this.#fail(error) : this.#tell('stalled', { message: words(error) })),
+      recovered: () => this.#tell('recovered'),
+    });
     this.ahead.aim(this.frame, { loop: this.loop });
+    this.ahead.hurry();
     this.ahead.start();
   }
 
-  /** Another stream already has the clock: it ends with the shorter one. @param {FileSource} source */
+  /** Another stream already has the clock: it ends with the shorter one. @param {import('./source.js').FileSource} source */
   #shorten(source) {
     const frames = Math.floor((source.frames * this.clock.fps) / source.facts.fps + 1e-6);
     this.clock.set({ fps: this.clock.fps, frames: Math.max(1, Math.min(this.clock.frames, frames)) });
@@ -304,14 +292,14 @@ export class IsvPlayer extends EventTarget {
 
   /** During a drag, shows what is nearest; goes on to where the drag is as soon as a picture near the place before has come. */
   #updateScrub() {
-    const ahead = /** @type {DecodeAhead} */ (this.ahead);
+    const ahead = /** @type {import('./workers.js').DecodeAhead} */ (this.ahead);
     if (ahead.settled(this.#scrub)) {
       const frame = this.#scrub;
       this.#scrub = -1;
       return this.#show(frame);
     }
     if (!ahead.settled(ahead.target)) return false;
-    const keyframe = /** @type {FileSource} */ (this.source).gops.keyframeOf(this.#scrub);
+    const keyframe = /** @type {import('./source.js').FileSource} */ (this.source).gops.keyframeOf(this.#scrub);
     const passed = ahead.target;
     ahead.aim(ahead.settled(keyframe) || keyframe < 0 ? this.#scrub : keyframe, { loop: this.loop });
     return this.#show(passed);
@@ -358,12 +346,4 @@ export class IsvPlayer extends EventTarget {
   #tell(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
-}
-
-/** @param {PlayerOptions} options */
-function bytesOf({ url, source }) {
-  if (source instanceof Blob) return new BlobBytes(source);
-  if (source) return new BlobBytes(new Blob([/** @type {ArrayBuffer} */ (source)]));
-  if (url !== undefined) return new HttpBytes(url);
-  throw new IsvFailure('missing', 'there is nothing to play: give a url, a source or a live stream');
 }

@@ -29,13 +29,21 @@ export class DecodeAhead {
   lost = new Map();
   loop = true;
   details = false;
+  /** Settles when a decoder works, or none ever will. @type {Promise<void>} */
+  begun;
+  #settle = () => {};
   /** The frame under the playhead. */
   target = 0;
   /** How many frames before the target are wanted, too, as when stepping back. */
   behind = 0;
   #source;
   #gops;
+  /** Who hears of what happens. @type {Events | null} */
   #on;
+  /** What happened before anyone did. @type {(() => void)[]} */
+  #unheard = [];
+  /** Whether nothing but the target is decoded. */
+  #hurried = false;
   #ring;
   /** @type {Lane[]} */
   #lanes = [];
@@ -52,22 +60,29 @@ export class DecodeAhead {
    * @param {number} options.workers
    * @param {number} options.budget bytes
    * @param {number} [options.voxels] most voxels of a frame
-   * @param {Events} [options.on]
+   * @param {Events} [options.on] without it, {@link DecodeAhead.listen} is told what happened until then
    */
-  constructor({ source, module, spawn, workers, budget, voxels, on = {} }) {
+  constructor({ source, module, spawn, workers, budget, voxels, on }) {
     this.#source = source;
     this.#gops = source.gops;
-    this.#on = on;
+    this.#on = on ?? null;
     /** @type {Ring<Frame>} */
     this.#ring = new Ring(budget);
     const start = { module, header: source.header, voxels };
+    this.begun = new Promise((resolve) => (this.#settle = resolve));
     const answers = {
+      ready: () => this.#settle(),
       done: this.#done.bind(this),
       lost: this.#lose.bind(this),
       broken: this.#break.bind(this),
     };
     const useful = Math.min(workers, this.#gops.runs.length || 1);
     for (let lane = 0; lane < useful; lane++) this.#lanes.push(new Lane(spawn(), start, answers));
+  }
+
+  /** The file. */
+  get source() {
+    return this.#source;
   }
 
   get bytes() {
@@ -94,6 +109,24 @@ export class DecodeAhead {
     this.target = frame;
     this.loop = loop;
     this.behind = behind;
+    this.#deal();
+  }
+
+  /** @param {Events} on */
+  listen(on) {
+    this.#on = on;
+    for (const tell of this.#unheard.splice(0)) tell();
+  }
+
+  /** Decodes nothing but the target until {@link DecodeAhead.release}: it has the processors to itself, and so has the drawing of it. */
+  hurry() {
+    this.#hurried = !this.settled(this.target);
+  }
+
+  /** The target's picture has been drawn. */
+  release() {
+    if (!this.#hurried) return;
+    this.#hurried = false;
     this.#deal();
   }
 
@@ -146,6 +179,7 @@ export class DecodeAhead {
 
   close() {
     this.#broken = true;
+    this.#settle();
     if (this.#retrying !== null) clearTimeout(this.#retrying);
     for (const lane of this.#lanes) lane.close();
     this.#ring.clear();
@@ -153,6 +187,7 @@ export class DecodeAhead {
 
   /** How many frames from the target on are wanted. */
   get #window() {
+    if (this.#hurried) return 1;
     const frames = this.#gops.frames;
     const mean = this.#ring.meanBytes;
     if (!mean) return Math.min(frames, FIRST_WINDOW);
@@ -274,7 +309,7 @@ export class DecodeAhead {
     if (!mesh || (this.details && !mesh.details)) return;
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
-    this.#on.frame?.(frame);
+    this.#tell((on) => on.frame?.(frame));
     this.#deal();
   }
 
@@ -298,7 +333,7 @@ export class DecodeAhead {
     const resumes = this.#gops.keyframeAfter(frame);
     const known = this.lost.has(frame);
     for (let lost = frame; lost < resumes; lost++) this.lost.set(lost, message);
-    if (!known) this.#on.lost?.({ frame, resumes, message });
+    if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message }));
   }
 
   /** Bytes could not be read. @param {Lane} lane @param {Error} error */
@@ -306,7 +341,7 @@ export class DecodeAhead {
     lane.cancel();
     if (isAbort(error) || this.#broken) return;
     const hopeless = error instanceof IsvFailure && error.kind !== 'missing';
-    this.#on.failed?.(error, hopeless);
+    this.#tell((on) => on.failed?.(error, hopeless));
     if (hopeless) return this.close();
     if (this.#retrying !== null) return;
     const wait = RETRIES[Math.min(this.#failures++, RETRIES.length - 1)];
@@ -319,13 +354,19 @@ export class DecodeAhead {
   #readAgain() {
     if (!this.#failures) return;
     this.#failures = 0;
-    this.#on.recovered?.();
+    this.#tell((on) => on.recovered?.());
+  }
+
+  /** @param {(on: Events) => void} what */
+  #tell(what) {
+    if (this.#on) what(this.#on);
+    else this.#unheard.push(() => this.#tell(what));
   }
 
   /** @param {Error} error */
   #break(error) {
     if (this.#broken) return;
     this.close();
-    this.#on.failed?.(error, true);
+    this.#tell((on) => on.failed?.(error, true));
   }
 }

@@ -1,5 +1,19 @@
 // What takes time and needs no page: runs before three.js is there.
 
+import { anticipate } from '../opening.js';
 import { prepare } from '../spawn.js';
+import { filesOf, shareOf } from './share.js';
 
-if (location.search) prepare(Math.min(navigator.hardwareConcurrency || 2, 4));
+/** How long the page may wait for its decoders, in ms. */
+const PATIENCE = 300;
+
+const query = new URLSearchParams(location.search);
+const urls = query.has('live') ? [] : filesOf(query);
+if (query.has('live')) prepare(1);
+const anticipated = Promise.all(urls.map((url) => anticipate({ url, ...shareOf(urls.length) })));
+
+/**
+ * Settles when decoders are at work, or soon. Making a context for drawing keeps this thread for as long as a frame takes to be
+ * decoded, and workers cannot start meanwhile: it comes after this.
+ */
+export const decoding = Promise.race([anticipated, new Promise((wake) => setTimeout(wake, PATIENCE))]);

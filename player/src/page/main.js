@@ -9,17 +9,16 @@ import { words } from '../failure.js';
 import { IsvPlayer } from '../player.js';
 import { IsvViews, VIEWS } from '../views.js';
 import { Cards } from './cards.js';
+import { decoding } from './early.js';
 import { byId, make } from './element.js';
 import { listenToKeys } from './keyboard.js';
 import { showLegend } from './legend.js';
 import { Messages } from './messages.js';
 import { listenToFiles } from './opening.js';
 import { ScrubBar } from './scrub-bar.js';
+import { filesOf, shareOf } from './share.js';
 import { Stage } from './stage.js';
 import { Transport } from './transport.js';
-
-/** Bytes of decoded frames that all players hold together. */
-const MEMORY = 384 << 20;
 
 /** @typedef {{ name: string, options: import('../player.js').PlayerOptions }} Take */
 
@@ -80,8 +79,7 @@ class Page {
     this.#messages.clear();
     for (const views of this.views) views.dispose();
     for (const player of this.players) player.dispose();
-    const cores = Math.min(navigator.hardwareConcurrency || 2, 4);
-    const share = { clock: this.clock, memory: MEMORY / takes.length, workers: Math.ceil(cores / takes.length) };
+    const share = { clock: this.clock, ...shareOf(takes.length) };
     this.clock.set({ fps: 30, frames: 0 });
     this.#framed = false;
     this.players = takes.map(({ options }) => new IsvPlayer({ ...options, ...share }));
@@ -217,11 +215,11 @@ function toggleHelp() {
 function takesOf(query) {
   const live = query.get('live');
   if (live !== null) return [{ name: 'Live', options: { live } }];
-  const urls = [query.get('src'), query.get('compare')].filter((url) => url !== null);
-  return urls.map((url) => ({ name: decodeURIComponent(url.split(/[?#]/)[0].split('/').pop() || url), options: { url } }));
+  return filesOf(query).map((url) => ({ name: decodeURIComponent(url.split(/[?#]/)[0].split('/').pop() || url), options: { url } }));
 }
 
 const messages = new Messages();
+await decoding;
 try {
   const query = new URLSearchParams(location.search);
   const takes = takesOf(query);
