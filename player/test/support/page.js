@@ -27,7 +27,14 @@ export async function opened(browser, url, { width = 800, height = 600, dark = f
     if (message.type() === 'error') errors.push(message.text());
   });
   await page.goto(url);
+  await page.waitForFunction(isReady, undefined, { timeout: 60_000, polling: 20 });
   return { page, errors };
+}
+
+/** Whether the page has opened what it was asked for, or says why not. */
+function isReady() {
+  const { isv, document } = /** @type {any} */ (globalThis);
+  return isv?.players.every((/** @type {any} */ player) => player.frames > 0) || !document.getElementById('welcome').hidden;
 }
 
 /** Waits until a player shows a frame. @param {BrowserPage} page @param {number} frame @param {number} [player] */
