@@ -1,12 +1,35 @@
 // A live stream in headless Chromium, from a server that is killed and comes again.
 
 import assert from 'node:assert/strict';
+import { appendFileSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { readFile } from 'node:fs/promises';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
 import { after, before, describe, test } from 'node:test';
 import { hasBrowser, launch } from '../support/browser.js';
 import { serveLive } from '../support/live-server.js';
+import { ISV_BIN, serving } from '../support/native.js';
 import { opened } from '../support/page.js';
 import { serve } from '../support/server.js';
+import { packetsOf, repeated } from '../support/stream.js';
+
+/** A file that is written as a running encoder writes it, 15 frames a second; one that is there is replaced. */
+class GrowingFile {
+  #timer;
+
+  /** @param {string} path @param {Uint8Array} stream played over and over */
+  constructor(path, stream) {
+    const long = repeated(stream, 10_000);
+    const packets = packetsOf(long);
+    writeFileSync(path, long.subarray(0, 48));
+    let next = 0;
+    this.#timer = setInterval(() => appendFileSync(path, packets[next++]), 1000 / 15);
+  }
+
+  kill() {
+    clearInterval(this.#timer);
+  }
+}
 
 describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chromium' }, () => {
   /** @type {import('playwright-core').Browser} */
@@ -52,6 +75,31 @@ describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chr
       assert.equal(await page.locator('#messages', { hasText: 'gone away' }).count(), 0);
     } finally {
       await live.kill().catch(() => {});
+    }
+  });
+
+  const skip = ISV_BIN ? false : 'ISV_BIN names no program';
+  test('comes from the program itself, and outlives its source and the program', { skip }, async () => {
+    const folder = mkdtempSync(join(tmpdir(), 'isv-live-'));
+    const path = join(folder, 'take.isv');
+    let source = new GrowingFile(path, stream);
+    let live = await serving(['serve', '--live', path, '--bind', '127.0.0.1:0']);
+    const { port } = new URL(live.url);
+    try {
+      const { page, errors } = await opened(browser, live.url);
+      await goesOn(page, 8);
+      source.kill();
+      source = new GrowingFile(path, stream);
+      await goesOn(page, 8);
+      assert.deepEqual(errors, []);
+      live.close();
+      await page.locator('#messages', { hasText: 'server has gone away' }).waitFor();
+      live = await serving(['serve', '--live', path, '--bind', `127.0.0.1:${port}`]);
+      await goesOn(page, 8);
+    } finally {
+      live.close();
+      source.kill();
+      rmSync(folder, { recursive: true });
     }
   });
 });

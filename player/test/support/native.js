@@ -1,9 +1,10 @@
 // What the native program makes of the same streams.
 
 import { execFileSync, spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
 import { inflateSync } from 'node:zlib';
 import { writeBlob } from './blob.js';
 
@@ -64,7 +65,7 @@ export function rendered(stream, frame, size, yaw, pitch) {
 /** @param {Uint8Array} stream @param {string} folder */
 function fileOf(stream, folder) {
   const path = join(folder, 'stream.isv');
-  execFileSync('tee', [path], { input: stream, stdio: ['pipe', 'ignore', 'inherit'] });
+  writeFileSync(path, stream);
   return path;
 }
 
@@ -128,24 +129,47 @@ function paeth(left, up, corner) {
   return a <= b && a <= c ? left : b <= c ? up : corner;
 }
 
+/** A stream of the first frames of a capture; null where there are no captures. @param {string} name @param {number} frames */
+export function captureStream(name, frames) {
+  const captures = process.env.ISV_DATA ?? fileURLToPath(new URL('../../../../shared/data', import.meta.url));
+  const capture = join(captures, name);
+  if (!existsSync(capture)) return null;
+  return inFolder((folder) => {
+    isv(['encode', capture, '-o', 'out.isv', '--voxel', '5mm', '--frames', `0..${frames}`], folder);
+    return readFileSync(join(folder, 'out.isv'));
+  });
+}
+
 /**
- * Serves streams by `isv view`, if the program has it.
+ * Serves streams by `isv view`.
  * @param {Uint8Array[]} streams one or two
- * @returns {Promise<{ url: string, close: () => void } | null>}
+ * @returns {Promise<{ url: string, close: () => void }>}
  */
 export async function viewed(streams) {
-  if (!ISV_BIN || !execFileSync(ISV_BIN, ['--help'], { encoding: 'utf8' }).includes('\n  view ')) return null;
   const folder = mkdtempSync(join(tmpdir(), 'isv-view-'));
   const paths = streams.map((stream, at) => {
     const path = join(folder, `${at}.isv`);
-    execFileSync('tee', [path], { input: stream, stdio: ['pipe', 'ignore', 'inherit'] });
+    writeFileSync(path, stream);
     return path;
   });
-  const server = spawn(ISV_BIN, ['view', '--no-open', '--port', '0', ...paths]);
-  const close = () => {
-    server.kill();
-    rmSync(folder, { recursive: true });
+  const { url, close } = await serving(['view', '--no-open', '--port', '0', ...paths]);
+  return {
+    url,
+    close: () => {
+      close();
+      rmSync(folder, { recursive: true });
+    },
   };
+}
+
+/**
+ * Runs the program as a server.
+ * @param {string[]} words
+ * @returns {Promise<{ url: string, close: () => void }>} once it says where its page is; `close` kills it
+ */
+export async function serving(words) {
+  if (!ISV_BIN) throw new Error('ISV_BIN names no program');
+  const server = spawn(ISV_BIN, words);
   const url = await new Promise((/** @type {(url: string) => void} */ found, reject) => {
     let said = '';
     const hear = (/** @type {Buffer} */ data) => {
@@ -155,7 +179,7 @@ export async function viewed(streams) {
     };
     server.stdout.on('data', hear);
     server.stderr.on('data', hear);
-    server.on('exit', () => reject(new Error(`isv view ended: ${said}`)));
+    server.on('exit', () => reject(new Error(`isv ${words[0]} ended: ${said}`)));
   });
-  return { url, close };
+  return { url, close: () => server.kill('SIGKILL') };
 }
