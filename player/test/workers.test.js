@@ -12,8 +12,9 @@ import { FRAME_BYTES, FakePort, fakeSource } from './support/fake-stream.js';
  * @param {number} [options.workers]
  * @param {number} [options.hold] frames that fit into memory
  * @param {number[]} [options.damaged]
+ * @param {boolean} [options.silent] whether nobody listens
  */
-function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [] } = {}) {
+function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [], silent = false } = {}) {
   const source = fakeSource(frames, gop, first);
   /** @type {FakePort[]} */
   const ports = [];
@@ -29,7 +30,7 @@ function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, dama
     },
     workers,
     budget: hold * FRAME_BYTES,
-    on: {
+    on: silent ? undefined : {
       frame: (frame) => events.push({ frame }),
       lost: (lost) => events.push({ lost }),
       failed: (error, fatal) => events.push({ failed: error.message, fatal }),
@@ -93,6 +94,45 @@ test('a seek shows its frame first, decoded from the keyframe before', async () 
   assert.equal(events[0].frame, 735);
   assert.deepEqual(ports.find(({ decoded }) => decoded.includes(735))?.decoded.slice(0, 6), [730, 731, 732, 733, 734, 735]);
   assert.equal(ahead.get(732), undefined, 'frames before it are not surfaced');
+});
+
+test('a hurried frame has the workers to itself until it is drawn', async () => {
+  const { ahead, ports } = begun({ frames: 1000 });
+  await rest();
+  for (const port of ports) port.decoded.length = 0;
+  ahead.aim(735);
+  ahead.hurry();
+  await rest();
+  assert.deepEqual(
+    ports.flatMap(({ decoded }) => decoded).filter((frame) => frame > 735),
+    [],
+    'nothing is decoded ahead',
+  );
+  assert.ok(ahead.settled(735));
+  ahead.release();
+  await rest();
+  assert.ok(ahead.settled(736) && ahead.settled(750));
+});
+
+test('a hurried frame that is there holds nothing up', async () => {
+  const { ahead } = begun({ frames: 1000 });
+  await rest();
+  ahead.aim(10);
+  ahead.hurry();
+  await rest();
+  assert.ok(ahead.settled(36), 'decoding goes on');
+});
+
+test('who listens late is told what happened', async () => {
+  const { ahead, events } = begun({ frames: 30, damaged: [4], silent: true });
+  await rest();
+  assert.equal(events.length, 0);
+  ahead.listen({ frame: (frame) => events.push({ frame }), lost: (lost) => events.push({ lost }) });
+  assert.equal(events[0].frame, 0);
+  assert.deepEqual(
+    events.filter(({ lost }) => lost).map(({ lost }) => [lost.frame, lost.resumes]),
+    [[4, 10]],
+  );
 });
 
 test('stepping back makes the frames before, too', async () => {

@@ -52,8 +52,9 @@ impl Page {
         if !streams.is_empty() {
             for (_, bytes) in files.iter_mut().filter(|(path, _)| *path == INDEX) {
                 let text = String::from_utf8_lossy(bytes);
-                let tag = format!("<script src=\"{START}\"></script>\n</head>");
-                *bytes = text.replacen("</head>", &tag, 1).into_bytes();
+                // First of all: whatever reads the address comes after it.
+                let tag = format!("<head>\n    <script src=\"{START}\"></script>");
+                *bytes = text.replacen("<head>", &tag, 1).into_bytes();
             }
             files.push((START, start_script(streams).into_bytes()));
         }
@@ -140,7 +141,7 @@ mod tests {
         );
         let files = page.export(&["files/0/a%20b.isv".to_owned(), "files/1/\"c.isv".to_owned()]);
         let text = |at: usize| String::from_utf8(files[at].1.clone()).unwrap();
-        assert_eq!(text(0), "<head><title>isv</title><script src=\"start.js\"></script>\n</head>");
+        assert_eq!(text(0), "<head>\n    <script src=\"start.js\"></script><title>isv</title></head>");
         assert_eq!(files[2].0, "start.js");
         let query = "\"?src=files/0/a%2520b.isv&compare=files/1/%22c.isv\"";
         assert!(text(2).contains(query), "{}", text(2));
