@@ -3,11 +3,13 @@
 mod failure;
 mod main;
 mod paper;
+mod recovery;
 mod sequence;
 
 use crate::DecodeError;
 use crate::backend::{Backend, Cpu};
 use crate::details::{BlockDetail, Details};
+use crate::main_profile::ExactBlocks;
 use crate::reduced::Lod;
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{GridError, SparseVolume};
@@ -39,6 +41,8 @@ pub struct DecodedFrame<'a, V = SparseVolume> {
     pub keyframe: bool,
     /// Hash that the stream states, if any; `None` at reduced resolution, where it cannot be compared.
     pub stated_hash: Option<u64>,
+    /// Blocks that are not as the encoder had them, after a loss: see [`Decoder::recover`]. 0 elsewhere.
+    pub inexact_blocks: usize,
 }
 
 /// What is said of a frame beside its volume.
@@ -47,6 +51,7 @@ struct FrameFacts {
     timestamp_ns: u64,
     keyframe: bool,
     stated_hash: Option<u64>,
+    inexact_blocks: usize,
 }
 
 /// Decodes the packets of a stream in order, from any keyframe on. `B`: who does the arithmetic on samples.
@@ -100,6 +105,17 @@ impl<B: Backend> Decoder<B> {
         Self { backend, profile, details: Details::default() }
     }
 
+    /// Whether to go on after a lost packet at the next resilient frame, of which only profile `main` has any, and not only at the next
+    /// keyframe. What is decoded then is near what was encoded, and [`DecodedFrame::inexact_blocks`] counts what is not yet
+    /// exact; no other frames are decoded until all is. Meanwhile [`Self::volume`] is the last one before the loss.
+    ///
+    /// A stream can be entered so at any resilient frame.
+    pub fn recover(&mut self, wanted: bool) {
+        if let ProfileDecoder::Main(decoder) = &mut self.profile {
+            decoder.recover(wanted);
+        }
+    }
+
     /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.
     pub fn keep_details(&mut self, wanted: bool) {
         self.details.keep(wanted);
@@ -118,15 +134,24 @@ impl<B: Backend> Decoder<B> {
         &self.backend
     }
 
-    /// The volume of the last frame; `None` before the first and after an error.
+    /// The volume of the last frame; `None` before the first, and after an error unless [`Self::recover`] asked for it.
     #[must_use]
     pub fn volume(&self) -> Option<&B::Volume> {
         self.profile.volume()
     }
 
+    /// Which blocks of the last frame are exact, unless all are: see [`Self::recover`].
+    #[must_use]
+    pub fn exact_blocks(&self) -> Option<&ExactBlocks> {
+        match &self.profile {
+            ProfileDecoder::Paper(_) => None,
+            ProfileDecoder::Main(decoder) => decoder.exact_blocks(),
+        }
+    }
+
     /// Decodes a frame packet.
     ///
-    /// After an error the decoder waits for a keyframe.
+    /// After an error the decoder waits for a keyframe, or for what [`Self::recover`] says.
     ///
     /// # Errors
     /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
@@ -167,9 +192,10 @@ impl<B: Backend> ProfileDecoder<B> {
             Self::Paper(decoder) => decoder.decode(packet, backend, details),
             Self::Main(decoder) => decoder.decode(packet, backend, details),
         });
-        let FrameFacts { timestamp_ns, keyframe, stated_hash } = facts.inspect_err(|_| details.clear())?;
+        let FrameFacts { timestamp_ns, keyframe, stated_hash, inexact_blocks } =
+            facts.inspect_err(|_| details.clear())?;
         let volume = self.volume().expect("a frame was decoded");
-        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash })
+        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash, inexact_blocks })
     }
 
     /// As [`Decoder::volume`].

@@ -15,6 +15,7 @@ pub mod activity;
 mod blocks;
 pub mod crossed_cells;
 mod displaced_block;
+mod exactness;
 mod levels;
 mod loop_filter;
 mod neighbours;
@@ -26,6 +27,7 @@ pub mod syntax;
 mod window;
 
 pub use blocks::{CodedBlock, MainBlocks};
+pub use exactness::ExactBlocks;
 pub use levels::{BlockLevels, Level};
 pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};
 pub use parameters::{COEFFICIENTS, MainParameters};

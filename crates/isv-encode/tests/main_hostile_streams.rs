@@ -169,6 +169,7 @@ fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
 fn announcing(blocks: u32, block_set: &[u8]) -> Vec<u8> {
     let main = MainFrameHeader {
         still_cells: false,
+        resilient: false,
         step: 9000,
         filter: 0,
         filter_limit: 0,

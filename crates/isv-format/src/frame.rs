@@ -89,6 +89,9 @@ pub struct MainFrameHeader {
     pub no_spatial_prediction: bool,
     /// Whether cells of 4x4x4 blocks may stay as they were in the frame before; only with [`Prediction::ThreeDof`].
     pub still_cells: bool,
+    /// Whether the frame's symbols are coded without any frame before it, so that they can be read where one was lost; only with
+    /// [`Prediction::ThreeDof`], and without [`Self::still_cells`].
+    pub resilient: bool,
 }
 
 impl MainFrameHeader {
@@ -122,7 +125,27 @@ impl MainFrameHeader {
     /// Bit of the prediction's byte that holds [`Self::still_cells`].
     const STILL_CELLS: u8 = 1 << 2;
 
-    fn parse(fields: &mut ByteReader, still_cells: bool) -> Result<Self, FormatError> {
+    /// Bit of the same byte that holds [`Self::resilient`].
+    const RESILIENT: u8 = 1 << 3;
+
+    /// Its bits of the prediction's byte.
+    fn prediction_bits(&self) -> u8 {
+        let still = if self.still_cells { Self::STILL_CELLS } else { 0 };
+        still | if self.resilient { Self::RESILIENT } else { 0 }
+    }
+
+    /// Takes the prediction's byte apart: what is left without the bits of this header, and those. Without a frame to predict from
+    /// no bit is set, and never both.
+    fn split_prediction(code: u8) -> (u8, u8) {
+        const TRANSLATION: u8 = Prediction::ThreeDof as u8;
+        match code ^ TRANSLATION {
+            bits @ (Self::STILL_CELLS | Self::RESILIENT) => (TRANSLATION, bits),
+            _ => (code, 0),
+        }
+    }
+
+    /// `prediction_bits`: see [`Self::split_prediction`].
+    fn parse(fields: &mut ByteReader, prediction_bits: u8) -> Result<Self, FormatError> {
         let at = fields.at();
         let step = fields.varint()?;
         if !(1..=Self::MAX_STEP).contains(&step) {
@@ -141,7 +164,8 @@ impl MainFrameHeader {
             filter_limit,
             half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0,
             no_spatial_prediction: byte & Self::NO_SPATIAL_PREDICTION != 0,
-            still_cells,
+            still_cells: prediction_bits & Self::STILL_CELLS != 0,
+            resilient: prediction_bits & Self::RESILIENT != 0,
         })
     }
 }
@@ -166,8 +190,11 @@ impl FrameHeader {
     pub const MAX_SLICES: u16 = 256;
 
     fn put(&self, out: &mut Vec<u8>) {
-        let still_cells = matches!(&self.coding, FrameCoding::Main(main) if main.still_cells);
-        out.push(self.prediction.code() | if still_cells { MainFrameHeader::STILL_CELLS } else { 0 });
+        let bits = match &self.coding {
+            FrameCoding::Paper => 0,
+            FrameCoding::Main(main) => main.prediction_bits(),
+        };
+        out.push(self.prediction.code() | bits);
         put_varint(out, self.blocks);
         put_varint(out, u32::from(self.slices));
         if let FrameCoding::Main(main) = &self.coding {
@@ -181,10 +208,10 @@ impl FrameHeader {
     fn parse(fields: &mut ByteReader, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
         let at = fields.at();
         let code = fields.u8()?;
-        // Without a frame to predict from, nothing stays.
-        let still = MainFrameHeader::STILL_CELLS | Prediction::ThreeDof.code();
-        let still_cells = *profile == Profile::Main && code == still;
-        let prediction = if still_cells { Prediction::ThreeDof.code() } else { code };
+        let (prediction, prediction_bits) = match profile {
+            Profile::Paper(_) => (code, 0),
+            Profile::Main => MainFrameHeader::split_prediction(code),
+        };
         let prediction = Prediction::from_code(prediction, profile).ok_or_else(|| {
             FormatError::malformed(
                 at,
@@ -199,7 +226,7 @@ impl FrameHeader {
         }
         let coding = match profile {
             Profile::Paper(_) => FrameCoding::Paper,
-            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields, still_cells)?),
+            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields, prediction_bits)?),
         };
         let volume_hash = if hashed { Some(fields.u64()?) } else { None };
         Ok(Self { prediction, blocks, slices: slices as u16, coding, volume_hash })
@@ -274,6 +301,7 @@ mod tests {
         half_voxel_vectors: true,
         no_spatial_prediction: true,
         still_cells: true,
+        resilient: false,
     };
 
     fn payload(coding: FrameCoding) -> FramePayload<'static> {
@@ -326,6 +354,7 @@ mod tests {
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
                 still_cells: false,
+                resilient: true,
             },
             MainFrameHeader {
                 step: 1024,
@@ -334,6 +363,7 @@ mod tests {
                 half_voxel_vectors: true,
                 no_spatial_prediction: false,
                 still_cells: false,
+                resilient: true,
             },
             MainFrameHeader {
                 step: 1024,
@@ -342,6 +372,7 @@ mod tests {
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
                 still_cells: false,
+                resilient: true,
             },
         ];
         for header in headers {
@@ -360,6 +391,7 @@ mod tests {
             half_voxel_vectors: true,
             no_spatial_prediction: true,
             still_cells: true,
+            resilient: false,
         };
         let bytes = payload(FrameCoding::Main(header)).to_bytes();
         assert_eq!(bytes[..9], [6, 0x94, 0x23, 2, 0xac, 0x02, 0xd4, 40, 0xef]);
@@ -391,6 +423,14 @@ mod tests {
         }
         // Where nothing is predicted, no cell stays as it was.
         payload.header.prediction = Prediction::None;
+        assert_malformed(&payload, &Profile::Main, 0);
+        // Nor is there anything to be without.
+        let resilient = MainFrameHeader { still_cells: false, resilient: true, ..MAIN_HEADER };
+        payload.header.coding = FrameCoding::Main(resilient);
+        assert_malformed(&payload, &Profile::Main, 0);
+        // What stays is told by what was before.
+        payload.header.prediction = Prediction::ThreeDof;
+        payload.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: true, ..resilient });
         assert_malformed(&payload, &Profile::Main, 0);
         payload.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: false, ..MAIN_HEADER });
         for prediction in [Prediction::None, Prediction::ThreeDof] {

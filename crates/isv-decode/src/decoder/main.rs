@@ -1,22 +1,26 @@
 //! The decoder of profile `main`.
 
 use super::failure::Failure;
+use super::recovery::Recovery;
 use super::sequence::Sequence;
 use super::{FrameFacts, Limits};
-use crate::DecodeError;
 use crate::backend::{Backend, MainFrame};
 use crate::details::{BlockCoding, Details};
 use crate::extension::{ExtensionPlan, FrameBlocks, Kept};
 use crate::main_profile::reconstruct::BLOCK_SAMPLES;
 use crate::main_profile::syntax::EntropyState;
-use crate::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainBlocks, MainParameters, SliceBlocks};
+use crate::main_profile::{
+    BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainBlocks, MainParameters, SliceBlocks,
+};
 use crate::syntax::SyntaxError;
+use crate::{BackendError, DecodeError};
 use isv_format::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
     SliceLayout,
 };
-use isv_volume::{BlockSet, Grid};
+use isv_volume::{BlockSet, Grid, VoxelMask};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use tracing::debug_span;
 
 /// [`super::Decoder`] for streams of profile `main`.
@@ -26,7 +30,16 @@ pub(super) struct MainDecoder<B: Backend> {
     limits: Limits,
     entropy: EntropyState,
     reference: Option<B::Main>,
+    /// Whether and how it goes on after a loss.
+    recovery: Recovery,
     sequence: Sequence,
+}
+
+/// What a frame leaves behind.
+struct Decoded<F> {
+    frame: F,
+    /// Which of its blocks are exact, unless all are.
+    exact: Option<ExactBlocks>,
 }
 
 impl<B: Backend> MainDecoder<B> {
@@ -34,7 +47,17 @@ impl<B: Backend> MainDecoder<B> {
     pub(super) fn new(grid: Grid, limits: Limits) -> Self {
         let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
-        Self { parameters, limits, entropy, reference: None, sequence }
+        Self { parameters, limits, entropy, reference: None, recovery: Recovery::default(), sequence }
+    }
+
+    /// As [`super::Decoder::recover`].
+    pub(super) fn recover(&mut self, wanted: bool) {
+        self.recovery.want(wanted);
+    }
+
+    /// As [`super::Decoder::exact_blocks`].
+    pub(super) fn exact_blocks(&self) -> Option<&ExactBlocks> {
+        self.recovery.exact()
     }
 
     /// Frames decoded so far.
@@ -59,16 +82,43 @@ impl<B: Backend> MainDecoder<B> {
     ) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let last = self.reference.take();
+        match self.decode_after(last.as_ref(), packet, backend, details) {
+            Ok((Decoded { frame, exact }, facts)) => {
+                self.sequence.advance(packet);
+                self.recovery.set(exact);
+                self.reference = Some(frame);
+                if let Some(last) = last {
+                    backend.retire(last);
+                }
+                Ok(facts)
+            }
+            Err(error) => {
+                self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
+                Err(error)
+            }
+        }
+    }
+
+    /// Decodes a frame packet with the frame before it at hand, which may be another than the encoder's after a loss.
+    fn decode_after(
+        &mut self,
+        last: Option<&B::Main>,
+        packet: &Packet,
+        backend: &mut B,
+        details: &mut Details,
+    ) -> Result<(Decoded<B::Main>, FrameFacts), DecodeError> {
         let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
             return Err(self.sequence.malformed(packet, "an index where a frame should be"));
         };
-        if keyframe {
-            self.entropy = EntropyState::default();
-        } else {
-            self.sequence.check(packet, last.is_some())?;
+        let lost = match keyframe {
+            true => None,
+            false => self.sequence.check(packet, last.is_some() && self.recovery.is_whole()).err(),
+        };
+        if !self.recovery.is_wanted()
+            && let Some(lost) = lost
+        {
+            return Err(lost);
         }
-        let reference = last.as_ref().filter(|_| !keyframe);
-        let before = reference.map(B::main_blocks);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
         self.check_limit(packet, payload.header.blocks as usize)?;
         if keyframe && payload.header.prediction != Prediction::None {
@@ -77,6 +127,26 @@ impl<B: Backend> MainDecoder<B> {
         let FrameCoding::Main(main) = payload.header.coding else {
             unreachable!("the payload was parsed as one of profile main")
         };
+        let empty;
+        let (reference, exact_before) = match lost {
+            None => (last.filter(|_| !keyframe), None),
+            Some(lost) if !main.resilient => return Err(lost),
+            Some(_) => {
+                let reference = match last {
+                    Some(last) => last,
+                    None => {
+                        empty = self.empty_frame(&main, backend)?;
+                        &empty
+                    }
+                };
+                let exact = self.recovery.exact_after(&self.sequence, packet, B::main_blocks(reference));
+                (Some(reference), Some(exact))
+            }
+        };
+        if keyframe || main.resilient {
+            self.entropy = EntropyState::default();
+        }
+        let before = reference.map(B::main_blocks).filter(|_| !main.resilient);
         let count = payload.header.blocks as usize;
         let activity = |still: &BlockSet| match reference {
             Some(reference) => backend.expected_activity(reference, still).map_err(Failure::from),
@@ -94,18 +164,27 @@ impl<B: Backend> MainDecoder<B> {
         let symbols =
             FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
-            .read_frame(&payload, &main, symbols, plan, reference, backend, details)
+            .read_frame(&payload, &main, symbols, plan, (reference, exact_before), backend, details)
             .map_err(|failure| failure.of(packet, self.sequence))?;
-        self.sequence.advance(packet);
-        self.reference = Some(decoded);
-        if let Some(last) = last {
-            backend.retire(last);
-        }
-        Ok(FrameFacts {
+        let inexact_blocks = decoded.exact.as_ref().map_or(0, ExactBlocks::inexact);
+        let facts = FrameFacts {
             timestamp_ns: packet.header.timestamp_ns,
             keyframe,
-            stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact()),
-        })
+            stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact() && inexact_blocks == 0),
+            inexact_blocks,
+        };
+        Ok((decoded, facts))
+    }
+
+    /// A frame without blocks.
+    fn empty_frame(&self, header: &MainFrameHeader, backend: &mut B) -> Result<B::Main, BackendError> {
+        let plan = ExtensionPlan::new(FrameBlocks::default(), &[], None);
+        let (parameters, causal) = (&self.parameters, &CausalBlocks::new(&[], std::iter::once(0..0)));
+        let symbols = FrameSymbols::default();
+        let frame = MainFrame { parameters, header, symbols, causal, plan, predicts: false };
+        let mut frame = backend.reconstruct_main(frame, None)?;
+        backend.add_masks(&mut frame, BTreeMap::new())?;
+        Ok(frame)
     }
 
     fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
@@ -113,7 +192,8 @@ impl<B: Backend> MainDecoder<B> {
         if blocks > limit { Err(DecodeError::TooManyBlocks { at: packet.at, blocks, limit }) } else { Ok(()) }
     }
 
-    /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension.
+    /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension. `reference`: the frame
+    /// before, and which of its blocks are exact, unless all are.
     #[expect(clippy::too_many_arguments, reason = "what the block set leaves to read, and who reads it")]
     fn read_frame(
         &mut self,
@@ -121,46 +201,59 @@ impl<B: Backend> MainDecoder<B> {
         main: &MainFrameHeader,
         symbols: FrameSymbols,
         plan: impl FnOnce() -> ExtensionPlan + Send,
-        reference: Option<&B::Main>,
+        (reference, exact_before): (Option<&B::Main>, Option<ExactBlocks>),
         backend: &mut B,
         details: &mut Details,
-    ) -> Result<B::Main, Failure> {
-        let (header, blocks_before) = (&payload.header, reference.map(B::main_blocks));
+    ) -> Result<Decoded<B::Main>, Failure> {
+        let header = &payload.header;
         let layout = SliceLayout::new(symbols.coords.len(), usize::from(header.slices));
         let causal =
             debug_span!("neighbours").in_scope(|| CausalBlocks::new(&symbols.coords, layout.ranges()));
+        // A resilient frame's symbols are read without the frame before; its samples are predicted from it.
+        let known = reference.map(B::main_blocks).filter(|_| !main.resilient);
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
         let predicts = header.prediction != Prediction::None;
-        let before = blocks_before.filter(|_| predicts);
+        let (temporal, before) = (predicts && reference.is_some(), known.filter(|_| predicts));
         // The blocks are known: those around them are found while the symbols are read.
         let (plan, symbols) = rayon::join(
             || debug_span!("extension plan").in_scope(plan),
             || {
-                debug_span!("symbols")
-                    .in_scope(|| self.read_symbols(payload, main, symbols, &causal, before, details))
+                debug_span!("symbols").in_scope(|| {
+                    self.read_symbols(payload, main, symbols, &causal, (temporal, before), details)
+                })
             },
         );
         let symbols = symbols?;
+        let exact = reference.map(B::main_blocks).zip(exact_before);
+        let exact = exact
+            .map(|(blocks, exact)| ExactBlocks::of_frame(main, &symbols, &causal, &plan, (blocks, &exact)));
         let parameters = &self.parameters;
-        let known = MainFrame { parameters, header: main, symbols, causal: &causal, plan, predicts };
-        let mut frame = backend.reconstruct_main(known, reference)?;
-        let masks = debug_span!("masks").in_scope(|| {
-            let (blocks, before) = (B::main_blocks(&frame).blocks, blocks_before.map(|before| before.blocks));
-            let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
-            self.entropy.masks.read(payload.masks, blocks, before, corners)
+        let frame = MainFrame { parameters, header: main, symbols, causal: &causal, plan, predicts };
+        let mut frame = backend.reconstruct_main(frame, reference)?;
+        let masks = debug_span!("masks").in_scope(|| match (&exact, reference) {
+            // Where masks can be is told by samples: they cannot be read before these are right. Until then they stay.
+            (Some(exact), Some(reference)) if !exact.is_whole() => {
+                Ok(masks_kept(B::main_blocks(&frame), B::main_blocks(reference)))
+            }
+            _ => {
+                let (blocks, before) = (B::main_blocks(&frame).blocks, known.map(|known| known.blocks));
+                let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
+                self.entropy.masks.read(payload.masks, blocks, before, corners)
+            }
         })?;
         backend.add_masks(&mut frame, masks)?;
-        Ok(frame)
+        Ok(Decoded { frame, exact: exact.filter(|exact| !exact.is_whole()) })
     }
 
-    /// Adds the modes and levels of all slices.
+    /// Adds the modes and levels of all slices. `temporal`: whether blocks can be predicted from the frame before; `reference`: that
+    /// frame, as far as modes and contexts look at it.
     fn read_symbols(
         &mut self,
         payload: &FramePayload,
         main: &MainFrameHeader,
         mut symbols: FrameSymbols,
         causal: &CausalBlocks,
-        reference: Option<MainBlocks>,
+        (temporal, reference): (bool, Option<MainBlocks>),
         details: &mut Details,
     ) -> Result<FrameSymbols, SyntaxError> {
         let FrameHeader { slices, .. } = payload.header;
@@ -172,11 +265,11 @@ impl<B: Backend> MainDecoder<B> {
             .zip(tallies)
             .map(|(((models, range), bytes), mut tally)| {
                 let blocks = SliceBlocks { coords: &symbols.coords, range, causal };
-                let modes = match reference {
-                    Some(reference) => {
+                let modes = match temporal {
+                    true => {
                         models.modes.read(bytes.motion, &blocks, reference, main.vector_step(), &mut tally)?
                     }
-                    None => vec![BlockMode::Spatial; blocks.range.len()],
+                    false => vec![BlockMode::Spatial; blocks.range.len()],
                 };
                 let bytes = bytes.coefficients;
                 let levels =
@@ -196,4 +289,11 @@ impl<B: Backend> MainDecoder<B> {
         details.add_still(&symbols.still);
         Ok(symbols)
     }
+}
+
+/// The masks that a frame's blocks have in another one, by index in the frame.
+fn masks_kept(frame: MainBlocks, other: MainBlocks) -> BTreeMap<u32, VoxelMask> {
+    let place = |block: &u32| frame.blocks.index.get(other.blocks.coords[*block as usize]);
+    let masks = other.blocks.unobserved.iter();
+    masks.filter_map(|(block, mask)| Some((place(block)?, mask.clone()))).collect()
 }

@@ -77,6 +77,7 @@ impl<B: Backend> PaperDecoder<B> {
             timestamp_ns: packet.header.timestamp_ns,
             keyframe,
             stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact()),
+            inexact_blocks: 0,
         })
     }
 

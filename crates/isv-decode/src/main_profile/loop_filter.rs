@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Faces that a thread smooths by itself.
 const FACES_AT_ONCE: usize = 256;
 
-/// The places of the two blocks of a face, the lower one first.
+/// The two blocks of a face, the lower one first.
 type Face = [usize; 2];
 type Block = [i16; BLOCK_SAMPLES];
 
@@ -20,22 +20,26 @@ type Block = [i16; BLOCK_SAMPLES];
 ///
 /// `places`: where in `samples` each block is.
 pub(super) fn smooth_faces(symbols: &FrameSymbols, filter: FaceFilter, samples: &mut [i16], places: &[u32]) {
+    for (axis, faces) in filtered_faces(symbols).into_iter().enumerate() {
+        let place = |face: Face| face.map(|block| places[block] as usize);
+        smooth(axis, faces.into_iter().map(place).collect(), samples.as_chunks_mut().0, 0, filter);
+    }
+}
+
+/// The faces that are smoothed along each axis: the numbers of the two blocks among those coded in the frame.
+pub(super) fn filtered_faces(symbols: &FrameSymbols) -> [Vec<Face>; 3] {
     let index = BlockIndex::new(&symbols.coords);
     let faces = |finder: &mut NeighbourFinder, lower: usize| {
         finder.turn_to(symbols.coords[lower]);
         [14, 16, 22].map(|after| {
             let upper = finder.get(after)? as usize;
             // Morton order puts the upper block after the lower one.
-            let face = [lower, upper].map(|block| places[block] as usize);
-            (!is_continued(symbols, lower, upper)).then_some(face)
+            (!is_continued(symbols, lower, upper)).then_some([lower, upper])
         })
     };
     let blocks = (0..symbols.coords.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
     let faces: Vec<_> = blocks.map_init(|| NeighbourFinder::new(&index), faces).collect();
-    for axis in 0..3 {
-        let along = faces.iter().filter_map(|faces| faces[axis]).collect();
-        smooth(axis, along, samples.as_chunks_mut().0, 0, filter);
-    }
+    std::array::from_fn(|axis| faces.iter().filter_map(|faces| faces[axis]).collect())
 }
 
 /// Smooths faces along an axis, none of which depends on another. `first`: the place of the first of the blocks.

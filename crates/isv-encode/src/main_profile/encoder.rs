@@ -6,6 +6,7 @@ use super::level_costs::LevelCosts;
 use super::motion_search::{CubeSearch, SearchEffort};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
+use super::refresh::{Refresh, Refreshed};
 use super::slice::{CodedSlice, FrameContext, MotionSearch, SliceEncoder, SliceSamples};
 use super::sought_frame::{BlockShifts, SoughtFrame};
 use super::syntax;
@@ -19,7 +20,9 @@ use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
 use isv_decode::main_profile::syntax::masks::MaskModels;
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
-use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, MainReference};
+use isv_decode::main_profile::{
+    BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainParameters, MainReference,
+};
 use isv_decode::{BackendError, volume_hash};
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::quant::STEP_FRACTION_BITS;
@@ -114,6 +117,8 @@ pub struct MainSettings {
     pub keyframe_lambda: f32,
     /// Slices of a frame, where the encoder's settings do not say.
     pub slices: u16,
+    /// How decoders that lost something come to have all again. With [`Refresh::Gradual`] a GOP is a cycle of it.
+    pub refresh: Refresh,
 }
 
 impl Default for MainSettings {
@@ -132,6 +137,7 @@ impl Default for MainSettings {
             step_share: 1.0,
             keyframe_lambda: 0.4,
             slices: 1,
+            refresh: Refresh::Keyframes,
         }
     }
 }
@@ -142,11 +148,11 @@ pub struct MainEncoder<B> {
     backend: B,
     parameters: MainParameters,
     settings: MainSettings,
-    /// A keyframe at least every this many frames.
+    /// A keyframe at least every this many frames, or, with gradual refresh, all is refreshed in so many.
     gop: u32,
     slices: u16,
     checksums: bool,
-    /// Frames since the last keyframe and with it; 0 before the first.
+    /// Frames since the last keyframe and with it; 0 before the first. With gradual refresh, those of the last cycle and the keyframe.
     since_keyframe: u32,
     dct: FieldDct,
     /// Place in scan order of each position, if it is coded.
@@ -204,6 +210,8 @@ struct State {
     /// By slice, of temporal and of spatial blocks.
     costs: Vec<[LevelCosts; 2]>,
     reference: Option<MainReference>,
+    /// Which of its blocks are exact in a decoder that had none when the cycle of refresh began; not after keyframes.
+    exact: Option<ExactBlocks>,
 }
 
 impl State {
@@ -266,10 +274,11 @@ impl<B: SearchBackend> MainEncoder<B> {
     /// If the volume is not on the stream's grid.
     pub fn encode(&mut self, volume: &SparseVolume) -> Result<EncodedFrame, BackendError> {
         assert_eq!(volume.grid(), &self.parameters.grid, "one grid a stream");
-        let keyframe = self.since_keyframe.is_multiple_of(self.gop);
+        let keyframe = self.keyframe_is_due(self.since_keyframe);
         let constant = self.settings.quality;
         let MainSettings { band, tools, .. } = self.settings;
-        let mut still = match !keyframe && tools.still {
+        // In the symbols of a resilient frame there is nothing to stay as it was.
+        let mut still = match !keyframe && tools.still && self.settings.refresh == Refresh::Keyframes {
             true => debug_span!("change").in_scope(|| self.still_blocks(volume)),
             false => BlockSet::default(),
         };
@@ -302,9 +311,9 @@ impl<B: SearchBackend> MainEncoder<B> {
                     spare = coded.state.into_samples();
                 }
                 None => {
-                    let since_keyframe = if facts.keyframe { 1 } else { self.since_keyframe + 1 };
+                    let since_keyframe = if facts.keyframe { 1 } else { self.since_keyframe % self.gop + 1 };
                     if let Some(reference) = &coded.state.reference
-                        && !since_keyframe.is_multiple_of(self.gop)
+                        && !self.keyframe_is_due(since_keyframe)
                     {
                         debug_span!("hand over").in_scope(|| self.backend.keep(reference))?;
                     }
@@ -321,6 +330,14 @@ impl<B: SearchBackend> MainEncoder<B> {
             }
         }
         unreachable!("rate control ends")
+    }
+
+    /// Whether a keyframe comes after so many frames since the last one and with it.
+    fn keyframe_is_due(&self, since_keyframe: u32) -> bool {
+        match self.settings.refresh {
+            Refresh::Keyframes => since_keyframe.is_multiple_of(self.gop),
+            Refresh::Gradual => since_keyframe == 0,
+        }
     }
 
     /// Blocks of the last frame in cells that may stay as they are.
@@ -391,36 +408,49 @@ impl<B: SearchBackend> MainEncoder<B> {
             false => &self.state,
         };
         let reference = before.reference.as_ref();
+        let resilient = reference.is_some() && self.settings.refresh == Refresh::Gradual;
+        let known = reference.filter(|_| !resilient);
+        let exact_before = reference.filter(|_| resilient).map(|reference| self.exact_before(reference));
         let coords = targets.coords();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let main = MainFrameHeader { still_cells: !still.is_empty(), ..self.frame_header(quality) };
-        let mut entropy = before.entropy.clone();
+        let main =
+            MainFrameHeader { still_cells: !still.is_empty(), resilient, ..self.frame_header(quality) };
+        let mut entropy = if resilient { EntropyState::default() } else { before.entropy.clone() };
         let mut mask_models = take(&mut entropy.masks);
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
-        let kept = reference.map(|before| Kept { before: &before.extended().blocks, still });
+        let kept = known.map(|before| Kept { before: &before.extended().blocks, still });
         let kept = kept.filter(|_| !still.is_empty());
         let plan = debug_span!("extension plan")
             .in_scope(|| ExtensionPlan::new(FrameBlocks::new(coords, kept), coords, kept));
         let mut samples = plan.room(take(spare));
         let mut block_set = Vec::new();
         // The set is written while one slice waits for the others, and on while the frame is finished.
-        let (symbols, slice_segments, costs, (main, extended), (masks, mask_bytes)) = rayon::scope(|scope| {
-            let write_set = |_: &Scope| {
-                let write = || syntax::block_set::write(block_set_models, coords, reference, still);
-                block_set = debug_span!("block set").in_scope(write);
-            };
-            let causal = debug_span!("neighbours").in_scope(|| CausalBlocks::new(coords, layout.ranges()));
-            let frame = self.frame_context(targets, shifts, &causal, reference, &main, quality);
-            let parts = slice_samples(&mut samples, plan.places(), layout);
-            let meanwhile = || scope.spawn(write_set);
-            let (coded, costs) = debug_span!("slices")
-                .in_scope(|| code_slices(&frame, parts, slice_models, &before.costs, meanwhile));
-            let (symbols, segments) = gather(coded, coords, still);
-            let (main, extended) = self.filter(targets, main, &symbols, samples, plan, reference);
-            let masks = debug_span!("masks")
-                .in_scope(|| self.write_masks(&mut mask_models, volume, &extended, reference));
-            (symbols, segments, costs, (main, extended), masks)
-        });
+        let (symbols, slice_segments, (costs, exact), (main, extended), (masks, mask_bytes)) =
+            rayon::scope(|scope| {
+                let write_set = |_: &Scope| {
+                    let write = || syntax::block_set::write(block_set_models, coords, known, still);
+                    block_set = debug_span!("block set").in_scope(write);
+                };
+                let causal =
+                    debug_span!("neighbours").in_scope(|| CausalBlocks::new(coords, layout.ranges()));
+                let refreshed = exact_before.as_ref().zip(reference).map(|(exact, before)| {
+                    Refreshed::new((self.since_keyframe - 1, self.gop), coords.len(), before.blocks(), exact)
+                });
+                let references = (reference, known, refreshed);
+                let frame = self.frame_context(targets, shifts, &causal, references, &main, quality);
+                let parts = slice_samples(&mut samples, plan.places(), layout);
+                let meanwhile = || scope.spawn(write_set);
+                let (coded, costs) = debug_span!("slices")
+                    .in_scope(|| code_slices(&frame, parts, slice_models, &before.costs, meanwhile));
+                let (symbols, segments) = gather(coded, coords, still);
+                let exact = exact_before.as_ref().zip(reference).map(|(exact, before)| {
+                    ExactBlocks::of_frame(&main, &symbols, &causal, &plan, (before.blocks(), exact))
+                });
+                let (main, extended) = self.filter(targets, main, &symbols, samples, plan, reference);
+                let masks = debug_span!("masks")
+                    .in_scope(|| self.write_masks(&mut mask_models, volume, &extended, known));
+                (symbols, segments, (costs, exact), (main, extended), masks)
+            });
         entropy.masks = mask_models;
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
@@ -434,7 +464,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             volume_hash: self.checksums.then(|| volume_hash(decoded.volume())),
         };
         let segments = SymbolSegments { block_set, masks: mask_bytes, slices: slice_segments };
-        let state = State { entropy, costs, reference: Some(decoded) };
+        let state = State { entropy, costs, reference: Some(decoded), exact };
         CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
     }
 
@@ -457,9 +487,20 @@ impl<B: SearchBackend> MainEncoder<B> {
         syntax::masks::write(models, volume, extended, unobserved, blocks_before)
     }
 
+    /// Whether the in-loop filter is used. It would carry what is not exact over the faces of blocks that were refreshed.
+    fn filters(&self) -> bool {
+        self.settings.tools.filter && self.settings.refresh == Refresh::Keyframes
+    }
+
+    /// Which blocks of the last frame are exact in a decoder that had none when the cycle of refresh began.
+    fn exact_before(&self, reference: &MainReference) -> ExactBlocks {
+        let known = self.state.exact.clone().filter(|_| self.since_keyframe > 1);
+        known.unwrap_or_else(|| ExactBlocks::none(reference.volume().coords().len()))
+    }
+
     fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
-        let filter = if self.settings.tools.filter { filter } else { 0 };
+        let filter = if self.filters() { filter } else { 0 };
         let filter_limit = if filter > 0 { filter_limit } else { 0 };
         MainFrameHeader {
             step: quality.code(),
@@ -468,6 +509,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             half_voxel_vectors: self.settings.half_voxel_vectors,
             no_spatial_prediction: !self.settings.tools.spatial,
             still_cells: false,
+            resilient: false,
         }
     }
 
@@ -486,7 +528,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         let filtered = |main: &MainFrameHeader, samples, plan| {
             filter_and_extend(&self.parameters, main, symbols, samples, plan, before)
         };
-        if !self.settings.tools.filter || !self.settings.filter_search {
+        if !self.filters() || !self.settings.filter_search {
             return (main, filtered(&main, samples, plan));
         }
         let limit = self.settings.filter.1;
@@ -505,7 +547,11 @@ impl<B: SearchBackend> MainEncoder<B> {
         targets: &'a Targets<'a>,
         shifts: Option<&'a [BlockShifts]>,
         causal: &'a CausalBlocks,
-        reference: Option<&'a MainReference>,
+        (reference, known, refreshed): (
+            Option<&'a MainReference>,
+            Option<&'a MainReference>,
+            Option<Refreshed<'a>>,
+        ),
         main: &MainFrameHeader,
         quality: FrameQuality,
     ) -> FrameContext<'a> {
@@ -534,6 +580,8 @@ impl<B: SearchBackend> MainEncoder<B> {
                 };
                 (reference, search)
             }),
+            known: known.map(MainReference::blocks),
+            refreshed,
             vector_step: main.vector_step(),
             trials: self.settings.trials,
             effort,

@@ -6,6 +6,7 @@ use super::motion_search::{
     CubeScratch, CubeSearch, SearchEffort, Shift, Sought, SoughtBlock, are_close, to_shift,
 };
 use super::pursuit::{Metrics, Pursued, Pursuit};
+use super::refresh::Refreshed;
 use super::sought_frame::BlockShifts;
 use super::syntax::{self, BitCount};
 use super::target::{BlockTarget, Targets};
@@ -41,6 +42,10 @@ pub(crate) struct FrameContext<'a> {
     pub causal: &'a CausalBlocks,
     /// The frame before, unless this one does without, and where blocks are looked for in it.
     pub reference: Option<(&'a MainReference, MotionSearch<'a>)>,
+    /// The same as far as symbols are coded in its context: not at all in resilient frames.
+    pub known: Option<MainBlocks<'a>>,
+    /// Which blocks are not predicted from just anything, in resilient frames.
+    pub refreshed: Option<Refreshed<'a>>,
     /// Step of new vectors in quarter voxels.
     pub vector_step: i32,
     /// Candidates that are coded to see what they cost, beside the spatial prediction.
@@ -173,7 +178,7 @@ impl<'a> SliceEncoder<'a> {
                 target: &mut target,
                 has_target: false,
                 metrics: &mut metrics,
-                context: reference.map(|reference| self.mode_context(number, reference.blocks())),
+                context: reference.map(|_| self.mode_context(number)),
             };
             let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&mut block, sought));
             let best = self.spatial_if_better(&mut block, temporal);
@@ -187,9 +192,10 @@ impl<'a> SliceEncoder<'a> {
         (self.coded, self.costs)
     }
 
-    fn mode_context(&self, block: usize, reference: MainBlocks) -> ModeContext {
+    fn mode_context(&self, block: usize) -> ModeContext {
+        let frame = self.frame;
         let mode = |n: usize| self.coded.modes[n - self.range.start];
-        ModeContext::new(self.frame.targets.coords()[block], block, self.frame.causal, mode, reference)
+        ModeContext::new(frame.targets.coords()[block], block, frame.causal, mode, frame.known)
     }
 
     /// The best of the most promising vectors.
@@ -213,7 +219,7 @@ impl<'a> SliceEncoder<'a> {
         let mut best: Option<(f32, Shift)> = None;
         for (k, vector) in context.candidates.as_slice().iter().enumerate() {
             let cost = self.vector_cost(bits[k]);
-            if !self.allows_merging(*vector) || cost >= modes.bound() {
+            if !self.allows_merging(*vector) || !self.allows(block, *vector) || cost >= modes.bound() {
                 continue;
             }
             let shift = to_shift(*vector);
@@ -226,7 +232,7 @@ impl<'a> SliceEncoder<'a> {
                 break;
             }
         }
-        let (least, shift) = best.expect("there are candidates");
+        let Some((least, shift)) = best else { return modes };
         // A vector of its own costs at least as much as one that equals the first candidate, were there such a one.
         let vector = context.candidates.as_slice()[0];
         if self.frame.tools.motion
@@ -236,6 +242,12 @@ impl<'a> SliceEncoder<'a> {
             self.add_new_vectors(block, shift, context, sought, &mut modes);
         }
         modes
+    }
+
+    /// Whether a block may be predicted under a vector.
+    fn allows(&self, block: usize, vector: Vector) -> bool {
+        let coord = self.frame.targets.coords()[block];
+        self.frame.refreshed.is_none_or(|refreshed| refreshed.allows(block, coord, vector))
     }
 
     /// Whether a block may take a vector over.
@@ -257,7 +269,7 @@ impl<'a> SliceEncoder<'a> {
         let mut known: Vec<Vector> = merged.filter(|vector| self.allows_merging(*vector)).collect();
         for shift in self.shifts_to_try(block, best, sought) {
             let Some(vector) = self.nearest_vector(shift, context) else { continue };
-            if known.contains(&vector) {
+            if known.contains(&vector) || !self.allows(block, vector) {
                 continue;
             }
             known.push(vector);
@@ -435,9 +447,8 @@ impl<'a> SliceEncoder<'a> {
     /// What is known around a block when its number of levels is coded.
     fn count_context(&self, block: usize, mode: BlockMode) -> CountContext {
         let frame = self.frame;
-        let reference = frame.reference.as_ref().map(|(reference, _)| reference.blocks());
         let count = |n: usize| self.coded.levels.count(n - self.range.start);
-        CountContext::new(frame.targets.coords()[block], block, mode, frame.causal, count, reference)
+        CountContext::new(frame.targets.coords()[block], block, mode, frame.causal, count, frame.known)
     }
 
     /// Writes a block's symbols, learns from them, and reconstructs it.

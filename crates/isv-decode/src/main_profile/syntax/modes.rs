@@ -50,7 +50,8 @@ impl ModeModels {
         &mut self.components[axis][usize::from(context.new > 0)]
     }
 
-    /// Reads the modes of a slice's blocks. `step`: of new vectors, in quarter voxels. `tally`: of these blocks.
+    /// Reads the modes of a slice's blocks. `reference`: the frame before, as far as the syntax looks at it. `step`: of new vectors, in
+    /// quarter voxels. `tally`: of these blocks.
     ///
     /// # Errors
     /// Vectors out of range, or bytes that end too early.
@@ -58,7 +59,7 @@ impl ModeModels {
         &mut self,
         bytes: &[u8],
         SliceBlocks { coords, range, causal }: &SliceBlocks,
-        reference: MainBlocks,
+        reference: Option<MainBlocks>,
         step: i32,
         tally: &mut BitTally,
     ) -> Result<Vec<BlockMode>, SyntaxError> {
@@ -148,14 +149,15 @@ pub struct ModeContext {
 }
 
 impl ModeContext {
-    /// Context of a block, once the modes of the blocks before it are known.
+    /// Context of a block, once the modes of the blocks before it are known. `reference`: the frame before, as far as the syntax looks
+    /// at it.
     #[must_use]
     pub fn new(
         coord: BlockCoord,
         block: usize,
         causal: &CausalBlocks,
         mode: impl Fn(usize) -> BlockMode,
-        reference: MainBlocks,
+        reference: Option<MainBlocks>,
     ) -> Self {
         let mut candidates = Candidates { vectors: [Vector::ZERO; MOST_CANDIDATES], count: 0 };
         let (mut spatial, mut new, mut known) = (0, 0, 0);
@@ -171,7 +173,7 @@ impl ModeContext {
                 candidates.add(vector);
             }
         }
-        let coded = reference.coded(coord);
+        let coded = reference.and_then(|reference| reference.coded(coord));
         if let Some(vector) = coded.and_then(|coded| coded.vector) {
             candidates.add(vector);
         }
