@@ -1,23 +1,23 @@
 // A live stream: its packets decoded in one worker as they come, shown after a jitter buffer of a few frames. What cannot be
-// kept up with is dropped, up to the newest keyframe.
+// kept up with is dropped, up to the newest entry: a keyframe, or a resilient frame.
 
 import { JitterBuffer } from './jitter-buffer.js';
 import { Lane } from './lane.js';
 import { LiveConnection } from './live-connection.js';
 import { Decoder } from './wasm.js';
 
-/** Packets waiting above which those before the newest keyframe are dropped. */
+/** Packets waiting above which those before the newest entry are dropped. */
 const BEHIND = 12;
 /** Packets waiting above which only the decoder is moved on and no surface is made. */
 const HURRY = 3;
-/** Bytes waiting above which all is dropped, to wait for the next keyframe. */
+/** Bytes waiting above which all is dropped, to wait for the next entry. */
 const MOST_BYTES = 1 << 26;
 /** Timestamps above this are unix time in ns. */
 const UNIX_NS = 1e18;
 
 /**
  * @typedef {import('./worker.js').Frame} Frame
- * @typedef {{ packet: Uint8Array, serverMs: number, keyframe: boolean }} Waiting
+ * @typedef {{ packet: Uint8Array, serverMs: number, entry: boolean }} Waiting
  */
 
 export class LiveSource {
@@ -44,7 +44,9 @@ export class LiveSource {
   /** When the server had each packet that is with the worker, by number. @type {Map<number, number>} */
   #serverMs = new Map();
   #number = 0;
-  #needsKeyframe = true;
+  #needsEntry = true;
+  /** As in the stream's header. */
+  #profile = 0;
   #feeding = false;
   /** How many streams have begun. */
   #streams = 0;
@@ -110,6 +112,7 @@ export class LiveSource {
   /** A stream begins, perhaps not the first: all that was is over. @param {Uint8Array} header */
   async #begin(header) {
     const stream = ++this.#streams;
+    this.#profile = header[12];
     this.#drop();
     this.#lane?.close();
     this.#lane = null;
@@ -138,24 +141,23 @@ export class LiveSource {
 
   /** @param {Uint8Array} packet @param {number} serverMs */
   #take(packet, serverMs) {
-    // The flags of a packet's header, docs/spec/format.md 6.2.
-    const keyframe = (packet[5] & 1) === 1;
+    const entry = isEntry(packet, this.#profile);
     this.#measure(packet.length);
-    if (this.#needsKeyframe && !keyframe) return;
-    this.#needsKeyframe = false;
-    this.#waiting.push({ packet, serverMs, keyframe });
+    if (this.#needsEntry && !entry) return;
+    this.#needsEntry = false;
+    this.#waiting.push({ packet, serverMs, entry });
     this.#keepUp();
     this.#feed();
   }
 
-  /** Drops what is before the newest keyframe when too much waits. */
+  /** Drops what is before the newest entry when too much waits. */
   #keepUp() {
     if (this.#waiting.reduce((bytes, { packet }) => bytes + packet.length, 0) > MOST_BYTES) {
       this.dropped += this.#waiting.length;
       return this.#drop();
     }
     if (this.#waiting.length <= BEHIND) return;
-    const newest = this.#waiting.findLastIndex(({ keyframe }) => keyframe);
+    const newest = this.#waiting.findLastIndex(({ entry }) => entry);
     if (newest <= 0) return;
     this.dropped += newest;
     this.#waiting.splice(0, newest);
@@ -164,7 +166,7 @@ export class LiveSource {
   #drop() {
     this.#waiting = [];
     this.#serverMs.clear();
-    this.#needsKeyframe = true;
+    this.#needsEntry = true;
   }
 
   async #feed() {
@@ -191,10 +193,10 @@ export class LiveSource {
     if (mesh && serverMs !== undefined) this.#buffer?.put({ ...mesh, serverMs }, performance.now());
   }
 
-  /** A packet that is no good: the next keyframe is waited for. @param {string} message */
+  /** A packet that is no good: the next entry is waited for. @param {string} message */
   #lost(message) {
     this.#lane?.cancel();
-    const newest = this.#waiting.findIndex(({ keyframe }) => keyframe);
+    const newest = this.#waiting.findIndex(({ entry }) => entry);
     if (newest < 0) this.#drop();
     else this.#waiting.splice(0, newest);
     this.onevent('lost', { frame: this.#number, resumes: this.#number, message });
@@ -206,6 +208,13 @@ export class LiveSource {
     this.#sizes.push({ at, bytes });
     while (this.#sizes[0].at < at - 3000) this.#sizes.shift();
   }
+}
+
+/** Whether decoding can begin at a packet: docs/spec/format.md, 6.2, 6.4 and 7.13. @param {Uint8Array} packet @param {number} profile */
+function isEntry(packet, profile) {
+  const keyframe = (packet[5] & 1) === 1;
+  const resilient = profile === 1 && packet[24] === 10;
+  return keyframe || resilient;
 }
 
 /** A WebSocket's address from one that may be relative to the page. @param {string} url */

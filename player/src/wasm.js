@@ -44,6 +44,7 @@
  * @typedef {object} DecodedFrame
  * @property {number} timestampNs When it is shown, in nanoseconds.
  * @property {boolean} keyframe Whether decoding could have begun here.
+ * @property {number} inexactBlocks Blocks that are not what was encoded, after packets that are missing; 0 elsewhere.
  * @property {Float32Array} positions x, y, z of each vertex in metres; empty without a surface.
  * @property {Float32Array} normals x, y, z of each vertex's unit normal; empty where they were not wanted.
  * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
@@ -85,7 +86,10 @@ export class IsvError extends Error {
   }
 }
 
-/** Decodes the packets of one stream in order, from any keyframe on. After an error it waits for a keyframe. */
+/**
+ * Decodes the packets of one stream in order, from any keyframe on. After an error or a missing packet it goes on at the next keyframe, or
+ * at the next resilient frame, of which some blocks are then inexact.
+ */
 export class Decoder {
   /** Bytes of a stream header, a packet header and a trailer. */
   static STREAM_HEADER_BYTES = 48;
@@ -231,6 +235,7 @@ export class Decoder {
       return {
         timestampNs: exports.isv_timestamp(),
         keyframe: exports.isv_keyframe() !== 0,
+        inexactBlocks: exports.isv_inexact_blocks(),
         positions: this.#copy(Float32Array, exports.isv_vertices(), 3 * vertices),
         normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
         indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),

@@ -29,6 +29,7 @@ import { words } from './failure.js';
  * @property {[number, number, number, number, number, number]} bounds smallest x, y, z and largest; of a frame without vertices all 0
  * @property {number} timestampNs when it is shown, in nanoseconds
  * @property {boolean} keyframe
+ * @property {number} inexactBlocks blocks that are not what was encoded
  * @property {number} packetBytes
  * @property {number} bytes what the arrays take
  * @property {number} decodeMs
@@ -38,7 +39,7 @@ import { words } from './failure.js';
  */
 
 /**
- * What a worker says. `done` answers each packet; it has a frame if a surface was wanted. `lost`: the packet cannot be decoded, and
+ * What a worker says. `done` answers each packet; it has a frame if a surface was wanted, and there was all of it once. `lost`: the packet cannot be decoded, and
  * what waited of the same run is forgotten. `broken`: the worker cannot go on.
  * @typedef {{ is: 'ready' }} Ready
  * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null }} Done
@@ -57,6 +58,8 @@ let decoder = null;
 let facts = null;
 /** @type {Decode[]} */
 let waiting = [];
+/** Whether a frame was what was encoded. Who comes into a stream at a resilient frame has only parts of it at first. */
+let whole = false;
 /** The run whose packets cannot be decoded any more. */
 let lostRun = -1;
 const turns = new MessageChannel();
@@ -91,7 +94,8 @@ function decode({ run, frame, packet, at, surface, details }) {
   if (!decoder || !facts) return;
   try {
     const decoded = decoder.decode(packet, { at, surface, normals: true, details });
-    if (!surface) return scope.postMessage({ is: 'done', run, frame, mesh: null });
+    whole ||= decoded.inexactBlocks === 0;
+    if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null });
     const mesh = finished(decoded, facts, packet.length);
     scope.postMessage({ is: 'done', run, frame, mesh }, buffersOf(mesh));
   } catch (error) {

@@ -5,6 +5,7 @@ mod fuzz_seeds;
 mod ingest_table;
 mod instructions;
 mod lod_table;
+mod loss;
 mod main_table;
 mod paper_results;
 mod paper_table;
@@ -50,6 +51,15 @@ enum Command {
         /// Only this part
         #[arg(long)]
         part: Option<paper_results::Part>,
+    },
+    /// Measure what is shown of streams that lose packets: docs/results/loss.md
+    Loss {
+        /// Folder of the captures
+        #[arg(default_value = "../shared/data", env = "ISV_DATA")]
+        data: PathBuf,
+        /// Where the results go
+        #[arg(long, default_value = "docs/results")]
+        docs: PathBuf,
     },
     /// Measure the regression table anew and fail where it became worse
     Regression {
@@ -101,6 +111,7 @@ fn main() -> Result<()> {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
         Command::IngestTable { folder } => ingest_table::run(&folder),
+        Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
         Command::Instructions { table, update } => instructions::run(&table, update),

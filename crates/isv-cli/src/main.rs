@@ -11,6 +11,7 @@ mod commands;
 mod failure;
 mod frame_range;
 mod frame_rate;
+mod held_frames;
 mod interrupt;
 mod length;
 mod matching;
@@ -26,7 +27,8 @@ mod threads;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use commands::{
-    backends, compare, decode, demo, encode, eval, export_player, info, render, serve, verify, view,
+    backends, compare, cut, decode, demo, encode, eval, export_player, info, join, render, repair, serve,
+    verify, view,
 };
 use failure::usage;
 use isv::kernels::simd::{self, Instructions};
@@ -51,6 +53,9 @@ enum Command {
     Decode(decode::Args),
     Info(info::Args),
     Verify(verify::Args),
+    Cut(cut::Args),
+    Join(join::Args),
+    Repair(repair::Args),
     Eval(eval::Args),
     Compare(compare::Args),
     Render(render::Args),
@@ -81,6 +86,9 @@ fn run(command: &Command) -> Result<()> {
         Command::Decode(args) => decode::run(args),
         Command::Info(args) => info::run(args),
         Command::Verify(args) => verify::run(args),
+        Command::Cut(args) => cut::run(args),
+        Command::Join(args) => join::run(args),
+        Command::Repair(args) => repair::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),

@@ -6,7 +6,7 @@ use crate::output::is_pipe;
 use crate::stats::timed;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{DecodeError, Limits, Lod};
-use isv::format::{PacketReader, StreamHeader, StreamIndex};
+use isv::format::{FormatError, PacketReader, StreamHeader, StreamIndex};
 use isv::gpu::{AnyDecoder, AnyVolume};
 use isv::surface::SurfaceOptions;
 use isv::volume::TriangleMesh;
@@ -15,7 +15,8 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
 
-type ByteSource = Box<dyn Read + Send>;
+/// Bytes from a file or a pipe.
+pub(crate) type ByteSource = Box<dyn Read + Send>;
 
 /// The name of an input in messages.
 pub(crate) fn name(path: &Path) -> String {
@@ -31,10 +32,14 @@ pub(crate) fn open_file(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
+/// Opens the bytes of a stream, `-` being standard input.
+pub(crate) fn source(path: &Path) -> Result<ByteSource> {
+    Ok(if is_pipe(path) { Box::new(io::stdin()) } else { Box::new(open_file(path)?) })
+}
+
 /// Opens a stream, `-` being standard input, and reads its header.
 pub(crate) fn open(path: &Path) -> Result<(PacketReader<ByteSource>, StreamHeader)> {
-    let source: ByteSource = if is_pipe(path) { Box::new(io::stdin()) } else { Box::new(open_file(path)?) };
-    let packets = PacketReader::new(source).with_context(|| name(path))?;
+    let packets = PacketReader::new(source(path)?).with_context(|| name(path))?;
     let header = *packets.header().expect("a reader that began at the header has it");
     Ok((packets, header))
 }
@@ -166,6 +171,19 @@ fn seek(path: &Path, range: FrameRange) -> Result<(PacketReader<ByteSource>, usi
     let mut file = open_file(path)?;
     file.seek(SeekFrom::Start(at)).with_context(|| name(path))?;
     Ok((PacketReader::at_packet(Box::new(file), at), keyframe))
+}
+
+/// Whether an error is one of bytes that were damaged or lost, so that others of the stream may be sound.
+pub(crate) fn is_loss(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| match (cause.downcast_ref(), cause.downcast_ref()) {
+        (Some(FormatError::Checksum { at, .. }), _) => *at > 0,
+        (Some(FormatError::Truncated { at, .. }), _) => *at > StreamHeader::BYTES as u64,
+        (Some(FormatError::Malformed { at, .. }), _) => *at >= StreamHeader::BYTES as u64,
+        (_, Some(error)) => {
+            matches!(error, DecodeError::NoReference { .. } | DecodeError::MissingFrame { .. })
+        }
+        _ => false,
+    })
 }
 
 /// A decoder's error with the name of the stream, and its frame counted from the stream's start. `first` is the number

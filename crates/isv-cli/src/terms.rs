@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use isv::decode::Lod;
-use isv::encode::{MotionMode, Preset};
+use isv::encode::{MotionMode, Preset, Refresh};
 use isv::format::Prediction;
 use isv::ingest::SignMode;
 
@@ -55,6 +55,35 @@ pub(crate) enum MotionName {
     SixDof,
     /// Whichever takes the fewest bytes, frame by frame; takes as long as all of them
     Auto,
+}
+
+/// `--after-loss`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AfterLossName {
+    /// End there, and say what is wrong
+    Stop,
+    /// Show the last frame for every frame that is lost, and go on at the next keyframe, or at the next frame that can be read
+    /// without those before it
+    Hold,
+}
+
+/// `--refresh`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum RefreshName {
+    /// At keyframes, one every --gop frames
+    Keyframes,
+    /// A part of each frame anew, all of it within --gop frames: for live streams over lossy channels, without bursts of
+    /// keyframes; only the first frame is one
+    Gradual,
+}
+
+impl From<RefreshName> for Refresh {
+    fn from(name: RefreshName) -> Self {
+        match name {
+            RefreshName::Keyframes => Self::Keyframes,
+            RefreshName::Gradual => Self::Gradual,
+        }
+    }
 }
 
 /// `--preset`

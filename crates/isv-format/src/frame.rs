@@ -128,6 +128,11 @@ impl MainFrameHeader {
     /// Bit of the same byte that holds [`Self::resilient`].
     const RESILIENT: u8 = 1 << 3;
 
+    /// Whether a payload with this first byte is of a resilient frame.
+    pub(crate) fn is_resilient(code: u8, profile: &Profile) -> bool {
+        *profile == Profile::Main && Self::split_prediction(code).1 == Self::RESILIENT
+    }
+
     /// Its bits of the prediction's byte.
     fn prediction_bits(&self) -> u8 {
         let still = if self.still_cells { Self::STILL_CELLS } else { 0 };

@@ -1,7 +1,7 @@
 //! Packets: one a frame, each whole in itself.
 
-use crate::FormatError;
 use crate::bytes::ByteReader;
+use crate::{FormatError, MainFrameHeader, Profile};
 
 /// First bytes of a packet.
 const MAGIC: [u8; 4] = *b"ISVP";
@@ -130,6 +130,13 @@ impl Packet {
     #[must_use]
     pub fn is_keyframe(&self) -> bool {
         matches!(self.header.kind, PacketKind::Frame { keyframe: true, .. })
+    }
+
+    /// Whether this is a frame whose symbols can be read without any before it: a keyframe, or a resilient frame of profile `main`.
+    #[must_use]
+    pub fn is_entry(&self, profile: &Profile) -> bool {
+        let PacketKind::Frame { keyframe, .. } = self.header.kind else { return false };
+        keyframe || self.payload.first().is_some_and(|code| MainFrameHeader::is_resilient(*code, profile))
     }
 
     /// Where the payload begins in the stream.

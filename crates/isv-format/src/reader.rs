@@ -131,7 +131,7 @@ impl<R: Read> PacketReader<R> {
 }
 
 /// Fills as much of `buffer` as the source has.
-fn read_up_to(source: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
+pub(crate) fn read_up_to(source: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
         match source.read(&mut buffer[filled..]) {

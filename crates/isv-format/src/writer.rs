@@ -1,7 +1,7 @@
 //! Packets into a byte sink, one after the other.
 
 use crate::packet::{PacketHeader, PacketKind};
-use crate::{FormatError, FramePayload, IndexEntry, StreamHeader, StreamIndex};
+use crate::{FormatError, FramePayload, IndexEntry, Packet, StreamHeader, StreamIndex};
 use std::io::Write;
 
 /// Writes a stream to anything that takes bytes. Never seeks, patches nothing.
@@ -40,6 +40,25 @@ impl<W: Write> PacketWriter<W> {
         self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
         let bytes =
             self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
+        self.sink.flush()?;
+        self.index.frames.push(IndexEntry { at, keyframe });
+        Ok(bytes)
+    }
+
+    /// Writes a frame packet of a stream with the same header as it is, but for its time, and returns its size in bytes.
+    ///
+    /// # Errors
+    /// I/O errors of the sink.
+    ///
+    /// # Panics
+    /// If the packet is an index.
+    pub fn copy_frame(&mut self, packet: &Packet, timestamp_ns: u64) -> Result<usize, FormatError> {
+        let PacketKind::Frame { keyframe, .. } = packet.header.kind else {
+            panic!("an index is made anew by `finish`")
+        };
+        let at = self.at;
+        self.since_keyframe = packet.header.since_keyframe;
+        let bytes = self.write_packet(packet.header.kind, timestamp_ns, &packet.payload)?;
         self.sink.flush()?;
         self.index.frames.push(IndexEntry { at, keyframe });
         Ok(bytes)

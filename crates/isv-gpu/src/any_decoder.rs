@@ -40,6 +40,8 @@ pub struct AnyFrame {
     pub surface: Option<TriangleMesh>,
     /// Hash that the stream states, if any.
     pub stated_hash: Option<u64>,
+    /// As [`isv_decode::DecodedFrame::inexact_blocks`].
+    pub inexact_blocks: usize,
 }
 
 /// A [`Decoder`] on the CPU or on a GPU. If a GPU fails, it can go on from the last keyframe on the CPU.
@@ -48,6 +50,8 @@ pub struct AnyDecoder {
     header: StreamHeader,
     limits: Limits,
     decoder: Inner,
+    /// As [`Self::recover`] was told.
+    recovers: bool,
     /// Why the GPU was given up, until somebody asks.
     notice: Option<BackendError>,
 }
@@ -68,7 +72,7 @@ impl AnyDecoder {
     /// A decoder on the CPU.
     #[must_use]
     pub fn on_cpu(header: &StreamHeader, limits: Limits, decoder: Decoder) -> Self {
-        Self { header: *header, limits, decoder: Inner::Cpu(decoder), notice: None }
+        Self { header: *header, limits, decoder: Inner::Cpu(decoder), recovers: false, notice: None }
     }
 
     /// A decoder on a GPU. `falls_back`: whether it goes on on the CPU if the GPU fails.
@@ -83,7 +87,7 @@ impl AnyDecoder {
     ) -> Result<Self, GpuError> {
         let decoder = Box::new(Decoder::with_backend(header, limits, GpuBackend::new(store)?));
         let decoder = Inner::Gpu { decoder, extractor: None, kept: None, falls_back };
-        Ok(Self { header: *header, limits, decoder, notice: None })
+        Ok(Self { header: *header, limits, decoder, recovers: false, notice: None })
     }
 
     /// The decoder with the surfaces of its frames, if it is on a GPU: there they need not leave it to be meshed.
@@ -95,6 +99,15 @@ impl AnyDecoder {
             *extractor = Some(Box::new(GpuSurfaceExtractor::new(decoder.backend().store(), options)?));
         }
         Ok(self)
+    }
+
+    /// As [`Decoder::recover`].
+    pub fn recover(&mut self, wanted: bool) {
+        self.recovers = wanted;
+        match &mut self.decoder {
+            Inner::Cpu(decoder) => decoder.recover(wanted),
+            Inner::Gpu { decoder, .. } => decoder.recover(wanted),
+        }
     }
 
     /// Decodes a frame packet.
@@ -135,7 +148,14 @@ impl AnyDecoder {
         let Some(KeptPackets { packets, .. }) = before else { return Err(error.into()) };
         let mut decoder = Decoder::new(&self.header, self.limits);
         let (last, others) = packets.split_last().expect("the packet that was to be decoded is kept");
-        others.iter().try_for_each(|packet| decoder.decode(packet).map(drop))?;
+        decoder.recover(self.recovers);
+        for packet in others {
+            let decoded = decoder.decode(packet).map(drop);
+            // What could not be decoded the first time cannot now.
+            if !self.recovers {
+                decoded?;
+            }
+        }
         let frame = on_cpu(&mut decoder, last, verify);
         (self.decoder, self.notice) = (Inner::Cpu(decoder), Some(error));
         frame
@@ -152,7 +172,8 @@ fn on_gpu(
     let extract = |extractor: &mut GpuSurfaceExtractor| extractor.extract(frame.volume)?.download();
     let surface = extractor.map(extract).transpose().map_err(BackendError::from)?;
     let volume = AnyVolume::Gpu(frame.volume.clone());
-    Ok(AnyFrame { volume, surface, stated_hash: frame.stated_hash })
+    let inexact_blocks = frame.inexact_blocks;
+    Ok(AnyFrame { volume, surface, stated_hash: frame.stated_hash, inexact_blocks })
 }
 
 fn on_cpu(decoder: &mut Decoder, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
@@ -161,6 +182,7 @@ fn on_cpu(decoder: &mut Decoder, packet: &Packet, verify: bool) -> Result<AnyFra
         volume: AnyVolume::Cpu(frame.volume.clone()),
         surface: None,
         stated_hash: frame.stated_hash,
+        inexact_blocks: frame.inexact_blocks,
     })
 }
 

@@ -16,7 +16,7 @@ const SLOT_BYTES: usize = 128;
 pub struct HubLimits {
     /// Memory of the ring in bytes, whatever the number of viewers.
     pub ring_bytes: usize,
-    /// How old the next packet of a viewer may be before the viewer goes on at the newest keyframe instead.
+    /// How old the next packet of a viewer may be before the viewer goes on at the newest entry instead.
     pub lag: Duration,
 }
 
@@ -56,7 +56,7 @@ struct Ring {
     header: Bytes,
     /// Whether the source ended and did not start anew.
     ended: bool,
-    /// Whether packets have no use until the next keyframe.
+    /// Whether packets have no use until the next entry.
     broken: bool,
     /// Sequence number of the oldest packet, or of the next if there is none.
     first: u64,
@@ -67,7 +67,8 @@ struct Ring {
 #[derive(Debug)]
 struct Slot {
     message: Bytes,
-    keyframe: bool,
+    /// Whether decoding can begin here, or begin to recover.
+    entry: bool,
     arrived: Instant,
 }
 
@@ -81,13 +82,13 @@ impl Ring {
         self.packets.get(usize::try_from(sequence.checked_sub(self.first)?).ok()?)
     }
 
-    fn newest_keyframe(&self) -> Option<u64> {
-        self.packets.iter().rposition(|slot| slot.keyframe).map(|at| self.first + at as u64)
+    fn newest_entry(&self) -> Option<u64> {
+        self.packets.iter().rposition(|slot| slot.entry).map(|at| self.first + at as u64)
     }
 
-    /// The first keyframe at or after a packet that is not evicted.
-    fn keyframe_from(&self, sequence: u64) -> Option<u64> {
-        (sequence..self.end()).find(|sequence| self.get(*sequence).is_some_and(|slot| slot.keyframe))
+    /// The first entry at or after a packet that is not evicted.
+    fn entry_from(&self, sequence: u64) -> Option<u64> {
+        (sequence..self.end()).find(|sequence| self.get(*sequence).is_some_and(|slot| slot.entry))
     }
 
     fn push(&mut self, slot: Slot, limit: usize) {
@@ -134,20 +135,21 @@ impl Hub {
         });
     }
 
-    /// A frame's packet, header and payload, has arrived. Those that follow a gap are dropped until a keyframe.
-    pub fn publish(&self, packet: &[u8], keyframe: bool) {
+    /// A frame's packet, header and payload, has arrived. Those that follow a gap are dropped until an entry: a keyframe, or
+    /// another frame whose symbols need none before it.
+    pub fn publish(&self, packet: &[u8], entry: bool) {
         let slot =
-            Slot { message: message::packet(packet, message::unix_ms()), keyframe, arrived: Instant::now() };
+            Slot { message: message::packet(packet, message::unix_ms()), entry, arrived: Instant::now() };
         let limit = self.limits.ring_bytes;
         self.update(|ring| {
-            ring.broken &= !keyframe;
+            ring.broken &= !entry;
             if !ring.broken {
                 ring.push(slot, limit);
             }
         });
     }
 
-    /// Something was lost: nothing can be decoded until the next keyframe.
+    /// Something was lost: nothing can be decoded until the next entry.
     pub fn gap(&self) {
         self.update(|ring| ring.broken = true);
     }
@@ -164,14 +166,14 @@ impl Hub {
         Held { packets: ring.packets.len(), bytes: ring.bytes }
     }
 
-    /// A viewer who sees the stream from the next keyframe on.
+    /// A viewer who sees the stream from the next entry on.
     #[must_use]
     pub fn join(self: &Arc<Self>) -> Viewer {
         Viewer {
             changed: self.changed.subscribe(),
             stream: 0,
             next: self.lock().end(),
-            place: Place::BeforeKeyframe,
+            place: Place::BeforeEntry,
             told_end: false,
             missed: 0,
             hub: Arc::clone(self),
@@ -207,7 +209,7 @@ pub struct Viewer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     /// It has no packet yet.
-    BeforeKeyframe,
+    BeforeEntry,
     /// It has the packet before the next one.
     Inside,
     /// Packets that it should have had are gone.
@@ -243,8 +245,8 @@ impl Viewer {
         }
         self.drop_what_is_too_old(&ring, now, hub.limits.lag);
         if self.place != Place::Inside {
-            let keyframe = ring.keyframe_from(self.next);
-            self.pass_to(keyframe.unwrap_or(ring.end()));
+            let entry = ring.entry_from(self.next);
+            self.pass_to(entry.unwrap_or(ring.end()));
         }
         if let Some(slot) = ring.get(self.next) {
             self.next += 1;
@@ -259,18 +261,18 @@ impl Viewer {
     fn begin(&mut self, ring: &Ring) {
         self.stream = ring.streams;
         self.next = self.next.max(ring.first);
-        self.place = Place::BeforeKeyframe;
+        self.place = Place::BeforeEntry;
         self.told_end = false;
     }
 
-    /// What was evicted is lost; what is older than `lag` is passed over if a keyframe has come since.
+    /// What was evicted is lost; what is older than `lag` is passed over if an entry has come since.
     fn drop_what_is_too_old(&mut self, ring: &Ring, now: Instant, lag: Duration) {
         if self.next < ring.first {
             self.lose_until(ring.first);
         }
         let is_late = ring.get(self.next).is_some_and(|slot| now.duration_since(slot.arrived) > lag);
-        if let Some(keyframe) = ring.newest_keyframe().filter(|keyframe| is_late && *keyframe > self.next) {
-            self.lose_until(keyframe);
+        if let Some(entry) = ring.newest_entry().filter(|entry| is_late && *entry > self.next) {
+            self.lose_until(entry);
         }
     }
 

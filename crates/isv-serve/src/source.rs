@@ -164,7 +164,7 @@ impl<N: FnMut(&str)> Feeder<N> {
             }
             match piece {
                 Piece::Header(header) => self.hub.start(&header),
-                Piece::Frame { packet, keyframe } => self.hub.publish(packet, keyframe),
+                Piece::Frame { packet, entry } => self.hub.publish(packet, entry),
                 Piece::Damage(what) => {
                     self.hub.gap();
                     self.tell(&format!("{what}: passed over, up to the next keyframe"));

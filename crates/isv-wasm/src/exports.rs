@@ -179,6 +179,12 @@ extern "C" fn isv_keyframe() -> u32 {
     frame(|frame| u32::from(frame.keyframe))
 }
 
+/// Blocks of the last frame that are not what was encoded.
+#[unsafe(no_mangle)]
+extern "C" fn isv_inexact_blocks() -> u32 {
+    frame(|frame| frame.inexact_blocks as u32)
+}
+
 /// Whether the last frame's packet states a hash.
 #[unsafe(no_mangle)]
 extern "C" fn isv_states_hash() -> u32 {

@@ -6,7 +6,7 @@ mod surface;
 mod tests;
 
 use crate::error::{SessionError, Status};
-use isv_decode::{Decoder, Limits, volume_hash};
+use isv_decode::{DecodedFrame, Decoder, Limits, volume_hash};
 use isv_format::{Packet, PacketHeader, PacketReader, StreamHeader, StreamIndex};
 use isv_volume::SparseVolume;
 
@@ -53,6 +53,7 @@ pub(crate) struct Frame {
     pub(crate) timestamp_ns: u64,
     pub(crate) keyframe: bool,
     pub(crate) stated_hash: Option<u64>,
+    pub(crate) inexact_blocks: usize,
 }
 
 /// Where the frames of the stream are, as the player takes it.
@@ -105,7 +106,8 @@ impl Session {
         self.surface = Surface::default();
         self.blocks.clear();
         let header = StreamHeader::parse(self.input_as("a stream header")?)?;
-        let decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels });
+        let mut decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels });
+        decoder.recover(true);
         self.stream = Some(Stream { header, decoder, frame: None });
         Ok(())
     }
@@ -150,7 +152,7 @@ impl Session {
         self.packet.as_ref()
     }
 
-    /// Decodes a frame. Input: its packet, which begins at byte `at`. After an error the decoder waits for a keyframe.
+    /// Decodes a frame. Input: its packet, which begins at byte `at`. After an error the decoder waits for a keyframe, or for a resilient frame.
     pub(crate) fn decode(&mut self, at: u64) -> Result<(), SessionError> {
         let packet = self.whole_packet(at);
         let stream = self.stream.as_mut().ok_or(SessionError::Order("a frame before the stream's header"))?;
@@ -159,9 +161,8 @@ impl Session {
         let packet = packet?;
         stream.decoder.keep_details(self.wants_blocks);
         let decoded = stream.decoder.decode(&packet)?;
-        let (timestamp_ns, keyframe, stated_hash) =
-            (decoded.timestamp_ns, decoded.keyframe, decoded.stated_hash);
-        stream.frame = Some(Frame { timestamp_ns, keyframe, stated_hash });
+        let DecodedFrame { timestamp_ns, keyframe, stated_hash, inexact_blocks, .. } = decoded;
+        stream.frame = Some(Frame { timestamp_ns, keyframe, stated_hash, inexact_blocks });
         self.blocks.set(stream.decoder.details(), stream.header.grid.voxel_size.metres());
         Ok(())
     }

@@ -160,6 +160,7 @@ impl NoiseFrame {
         let prediction = if frame.is_multiple_of(3) { Prediction::None } else { Prediction::ThreeDof };
         let main = MainFrameHeader {
             still_cells: still_cells && prediction != Prediction::None,
+            resilient: false,
             step: [4096, 9000, 30_000, 1 << 20, 700][frame % 5],
             filter: [25, 13, 0, 7, 20][frame % 5],
             filter_limit: [255, 38, 0, 3, 90][frame % 5],

@@ -7,17 +7,19 @@ use crate::ahead::Ahead;
 use crate::backend::BackendArgs;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
+use crate::held_frames::HeldFrames;
 use crate::interrupt;
 use crate::length::Length;
 use crate::output::frames_in_words;
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrame, StreamFrames};
-use crate::terms::{FormName, LodName};
+use crate::terms::{AfterLossName, FormName, LodName};
 use crate::threads::use_threads;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::Lod;
 use isv::format::StreamHeader;
+use isv::surface::SurfaceOptions;
 use product::{OutputFormat, Product, Recipe};
 use sink::Sink;
 use std::num::NonZero;
@@ -55,6 +57,9 @@ pub(crate) struct Args {
     /// Only these frames, counted from 0, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
+    /// What to do where packets are damaged or missing
+    #[arg(long, value_enum, default_value = "stop")]
+    after_loss: AfterLossName,
     /// Threads to work with; without it, one a core
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
@@ -73,14 +78,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let frames = StreamFrames::open(&args.input, args.frames, args.lod.into(), args.backend)?;
-    let density = product::density(args.points, args.spacing, args.voxel_m(frames.header()));
+    let source = Source::open(args)?;
+    let header = *source.header();
+    let density = product::density(args.points, args.spacing, args.voxel_m(&header));
     let recipe = Recipe { form, normals: args.normals, density };
-    let frames = match recipe.surface() {
-        Some(options) => frames.with_surfaces(options)?,
-        None => frames,
-    };
-    let mut sink = Sink::new(&args.output, format, frames.header().frame_rate.per_second())?;
+    let frames = source.frames(recipe.surface())?;
+    let mut sink = Sink::new(&args.output, format, header.frame_rate.per_second())?;
     let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
@@ -92,7 +95,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Ok(())
     });
     drop(progress);
-    done.map_err(|error| sink.account_for(error))?;
+    done.map_err(|error| {
+        let is_loss = stream::is_loss(&error);
+        let error = sink.account_for(error);
+        if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
+    })?;
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
     eprintln!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64);
     stats.commit()?;
@@ -114,6 +121,45 @@ impl Args {
     }
 }
 
+/// Where frames come from.
+enum Source {
+    /// A stream that is to be whole.
+    Whole(Box<StreamFrames>),
+    /// One that may have losses.
+    Lossy(Box<HeldFrames>),
+}
+
+impl Source {
+    fn open(args: &Args) -> Result<Self> {
+        let (input, range, lod) = (&args.input, args.frames, args.lod.into());
+        Ok(match args.after_loss {
+            AfterLossName::Stop => {
+                Self::Whole(Box::new(StreamFrames::open(input, range, lod, args.backend)?))
+            }
+            AfterLossName::Hold => Self::Lossy(Box::new(HeldFrames::open(input, range, lod, args.backend)?)),
+        })
+    }
+
+    fn header(&self) -> &StreamHeader {
+        match self {
+            Self::Whole(frames) => frames.header(),
+            Self::Lossy(frames) => frames.header(),
+        }
+    }
+
+    /// The frames, with their surfaces where a backend makes these.
+    fn frames(self, surface: Option<SurfaceOptions>) -> Result<StreamFrameIterator> {
+        Ok(match (self, surface) {
+            (Self::Whole(frames), Some(options)) => Box::new(frames.with_surfaces(options)?),
+            (Self::Whole(frames), None) => frames,
+            (Self::Lossy(frames), Some(options)) => Box::new(frames.with_surfaces(options)?),
+            (Self::Lossy(frames), None) => frames,
+        })
+    }
+}
+
+type StreamFrameIterator = Box<dyn Iterator<Item = Result<StreamFrame>> + Send>;
+
 /// A frame ready to be written.
 struct DecodedFrame {
     number: usize,
@@ -124,7 +170,7 @@ struct DecodedFrame {
 
 /// The pipeline up to writing: the next frame is decoded while the surface of one is extracted and one is written.
 fn products(
-    frames: StreamFrames,
+    frames: StreamFrameIterator,
     recipe: Recipe,
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {

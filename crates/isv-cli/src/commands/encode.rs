@@ -53,7 +53,7 @@ pub(crate) struct Args {
     /// Only these frames, counted from 0, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// A keyframe at least every this many frames
+    /// A keyframe at least every this many frames; with --refresh gradual, all is refreshed in so many
     #[arg(long, value_name = "FRAMES", default_value = "30")]
     gop: NonZero<u32>,
     #[command(flatten)]

@@ -29,7 +29,11 @@ struct Verified {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let mut verified = Verified::default();
-    verify(args, &mut verified).map_err(|error| match verified.frames {
+    let checked = verify(args, &mut verified).map_err(|error| match stream::is_loss(&error) {
+        true => anyhow!("{error:#}: isv repair keeps what is sound"),
+        false => error,
+    });
+    checked.map_err(|error| match verified.frames {
         0 => error,
         1 => anyhow!("{error:#}: the frame before is sound, and --frames 0..1 decodes it"),
         frames => {

@@ -373,8 +373,10 @@ impl<B: SearchBackend> MainEncoder<B> {
         let coded = self.encode_frame(source, keyframe, quality, spare);
         let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
             && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
-        // A scene of which some stays as it is has not been cut.
-        if keyframe || alike || !source.still.is_empty() {
+        // A scene of which some stays as it is has not been cut. Where blocks are refreshed, spatial ones tell nothing, and a
+        // resilient frame is as good as a keyframe for who has lost the frame before.
+        let gradual = self.settings.refresh == Refresh::Gradual;
+        if keyframe || alike || gradual || !source.still.is_empty() {
             return coded;
         }
         let cut = self.encode_frame(source, true, quality, spare);

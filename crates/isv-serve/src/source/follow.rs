@@ -1,7 +1,7 @@
 //! Files that are being written.
 
 use super::{Opened, POLL};
-use isv_format::{StreamHeader, StreamIndex};
+use isv_format::{PacketReader, StreamHeader, StreamIndex};
 use std::fs::{self, File, Metadata};
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ impl Followed {
         Self { place: Place::Folder(path.to_owned()), reading: PathBuf::new(), done: None }
     }
 
-    /// Waits for a file other than the one whose end was read, and begins at its last keyframe; `None` when told to stop.
+    /// Waits for a file other than the one whose end was read, and begins at its last entry; `None` when told to stop.
     pub(super) fn open(&mut self, stop: &Arc<AtomicBool>) -> io::Result<Option<Opened>> {
         while !stop.load(Ordering::Relaxed) {
             let found = self.place.newest()?.filter(|found| self.done.as_ref() != Some(found));
@@ -70,11 +70,11 @@ impl Followed {
         self.done = Candidate::at(&self.reading);
     }
 
-    /// The stream header, and then the file from its last keyframe on: what was before is no longer live. A file in which none
+    /// The stream header, and then the file from its last entry on: what was before is no longer live. A file in which none
     /// can be found is read from its first byte.
     fn begin(&self, found: Candidate, stop: &Arc<AtomicBool>) -> io::Result<Opened> {
         let mut file = File::open(&found.path)?;
-        let at = last_keyframe(&file).unwrap_or(0);
+        let at = last_entry(&file).unwrap_or(0);
         let mut header = Vec::new();
         if at > 0 {
             file.seek(SeekFrom::Start(0))?;
@@ -88,8 +88,18 @@ impl Followed {
     }
 }
 
-fn last_keyframe(file: &File) -> Option<u64> {
-    let index = StreamIndex::load(&mut BufReader::new(file)).ok()?;
+/// Where the last frame begins that decoding can begin at: a keyframe, or the last frame of all, if that is resilient.
+fn last_entry(file: &File) -> Option<u64> {
+    let mut bytes = BufReader::new(file);
+    let index = StreamIndex::load(&mut bytes).ok()?;
+    bytes.seek(SeekFrom::Start(0)).ok()?;
+    let profile = PacketReader::new(&mut bytes).ok()?.header()?.profile;
+    let last = index.frames.last()?.at;
+    bytes.seek(SeekFrom::Start(last)).ok()?;
+    let packet = PacketReader::at_packet(&mut bytes, last).next_frame().ok()??;
+    if packet.is_entry(&profile) {
+        return Some(last);
+    }
     index.frames.iter().rfind(|frame| frame.keyframe).map(|frame| frame.at)
 }
 

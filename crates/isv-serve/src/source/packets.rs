@@ -1,7 +1,7 @@
 //! Packets of a stream that may be damaged, cut, or followed by another.
 
 use super::replay::Replay;
-use isv_format::{FormatError, MAGIC, PacketHeader, PacketReader, StreamHeader};
+use isv_format::{FormatError, MAGIC, PacketHeader, PacketReader, Profile, StreamHeader};
 use std::io::{self, Read};
 
 /// What comes next.
@@ -12,8 +12,8 @@ pub(super) enum Piece<'a> {
     /// A frame's packet, header and payload, as it stood there.
     Frame {
         packet: &'a [u8],
-        /// Whether decoding can begin here.
-        keyframe: bool,
+        /// Whether decoding can begin here, or begin to recover.
+        entry: bool,
     },
     /// The stream ended as its writer meant it to.
     End,
@@ -32,8 +32,8 @@ pub(super) struct Packets<R> {
     at: u64,
     /// Bytes of the first stream that were left out behind its header.
     skipped: u64,
-    /// Whether a stream header came; without one packets have no meaning.
-    in_stream: bool,
+    /// The profile of the stream whose header came; without one packets have no meaning.
+    profile: Option<Profile>,
     /// Whether the damage was told that the next bytes are in.
     told: bool,
 }
@@ -41,14 +41,14 @@ pub(super) struct Packets<R> {
 /// What one attempt to read gave.
 enum Found {
     Header,
-    Frame { keyframe: bool },
+    Frame { entry: bool },
     End,
 }
 
 impl<R: Read> Packets<R> {
     /// `skipped` bytes were left out of `source` behind its stream header. Larger packets are damage.
     pub(super) fn new(source: R, skipped: u64, largest_packet: usize) -> Self {
-        Self { bytes: Replay::new(source), largest_packet, at: 0, skipped, in_stream: false, told: false }
+        Self { bytes: Replay::new(source), largest_packet, at: 0, skipped, profile: None, told: false }
     }
 
     /// The next piece, for which it waits; `None` at the end of the bytes.
@@ -77,10 +77,10 @@ impl<R: Read> Packets<R> {
 
     /// Reads a header or a packet, or what is neither.
     fn read(&mut self) -> Result<Found, FormatError> {
-        match Begins::of(self.bytes.peek(MAGIC.len())?, self.in_stream) {
+        match Begins::of(self.bytes.peek(MAGIC.len())?, self.profile.is_some()) {
             Some(Begins::Stream) => self.read_header(),
             Some(Begins::Packet) => self.read_packet(),
-            None if self.in_stream => Err(FormatError::Malformed {
+            None if self.profile.is_some() => Err(FormatError::Malformed {
                 at: self.at,
                 what: "no packet begins where one should".to_owned(),
             }),
@@ -90,9 +90,10 @@ impl<R: Read> Packets<R> {
 
     fn read_header(&mut self) -> Result<Found, FormatError> {
         self.at = 0;
-        self.in_stream = false;
-        PacketReader::new(&mut self.bytes)?;
-        self.in_stream = true;
+        self.profile = None;
+        let header =
+            *PacketReader::new(&mut self.bytes)?.header().expect("a reader that began at the header has it");
+        self.profile = Some(header.profile);
         Ok(Found::Header)
     }
 
@@ -101,8 +102,10 @@ impl<R: Read> Packets<R> {
         let largest = u32::try_from(largest).unwrap_or(u32::MAX);
         let frame =
             PacketReader::at_packet(&mut self.bytes, self.at).with_largest_payload(largest).next_frame()?;
-        self.in_stream = frame.is_some();
-        Ok(frame.map_or(Found::End, |packet| Found::Frame { keyframe: packet.is_keyframe() }))
+        self.profile = self.profile.filter(|_| frame.is_some());
+        Ok(frame
+            .zip(self.profile)
+            .map_or(Found::End, |(packet, profile)| Found::Frame { entry: packet.is_entry(&profile) }))
     }
 
     fn piece(&mut self, found: Found) -> Piece<'_> {
@@ -112,7 +115,7 @@ impl<R: Read> Packets<R> {
                 self.at += std::mem::take(&mut self.skipped);
                 Piece::Header(bytes.try_into().expect("a stream header was read"))
             }
-            Found::Frame { keyframe } => Piece::Frame { packet: bytes, keyframe },
+            Found::Frame { entry } => Piece::Frame { packet: bytes, entry },
             Found::End => Piece::End,
         }
     }
@@ -130,7 +133,7 @@ impl<R: Read> Packets<R> {
             }
             let bytes = self.bytes.unread();
             let mut openings = bytes.windows(MAGIC.len());
-            if let Some(at) = openings.position(|bytes| Begins::of(bytes, self.in_stream).is_some()) {
+            if let Some(at) = openings.position(|bytes| Begins::of(bytes, self.profile.is_some()).is_some()) {
                 self.bytes.skip(at);
                 return Ok(());
             }

@@ -3,9 +3,9 @@
 use crate::bit_rate::BitRate;
 use crate::failure::usage;
 use crate::length::Length;
-use crate::terms::{BandName, PresetName};
+use crate::terms::{BandName, PresetName, RefreshName};
 use anyhow::Result;
-use isv::encode::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, Tools};
+use isv::encode::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, Refresh, Tools};
 use isv::format::StreamHeader;
 
 const DEFAULT_QUALITY: f32 = 50.0;
@@ -30,6 +30,9 @@ pub(super) struct TargetArgs {
     /// How much work to take on; without it, balanced
     #[arg(long, value_enum)]
     preset: Option<PresetName>,
+    /// How who lost a packet comes to have all again; without it, at keyframes
+    #[arg(long, value_enum)]
+    refresh: Option<RefreshName>,
     /// For studies: tools to leave out, separated by commas
     #[arg(long, value_name = "TOOL,..", hide = true)]
     without: Option<Tools>,
@@ -53,6 +56,7 @@ impl TargetArgs {
         let others = [
             (self.passes.is_some(), "--passes"),
             (self.preset.is_some(), "--preset"),
+            (self.refresh.is_some(), "--refresh"),
             (self.without.is_some(), "--without"),
         ];
         let flags = self.targets().into_iter().chain(others);
@@ -83,6 +87,7 @@ impl TargetArgs {
                 Some(BandName::Surface) | None => Band::Surface,
             },
             tools: self.without.unwrap_or(Tools::ALL),
+            refresh: self.refresh.map_or(Refresh::Keyframes, Refresh::from),
             ..preset.settings()
         }
     }

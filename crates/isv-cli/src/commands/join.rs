@@ -1,0 +1,69 @@
+//! `isv join`: streams one after the other, as one.
+
+use crate::failure::usage;
+use crate::output::{Output, frames_in_words, is_pipe, print};
+use crate::stream;
+use anyhow::{Context, Result, bail};
+use isv::format::{PacketWriter, StreamHeader};
+use std::path::PathBuf;
+
+/// Put streams one after the other, without coding anything anew. They have the same profile, grid and frame rate
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The streams, in order
+    #[arg(value_name = "IN.isv", required = true)]
+    inputs: Vec<PathBuf>,
+    /// The stream to write; - for standard output
+    #[arg(short, long, value_name = "OUT.isv")]
+    output: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    if args.inputs.iter().any(|input| is_pipe(input)) {
+        return Err(usage("-: streams are joined from files"));
+    }
+    let headers = args.inputs.iter().map(|input| Ok(stream::open(input)?.1)).collect::<Result<Vec<_>>>()?;
+    let header = headers[0];
+    for (other, input) in headers.iter().zip(&args.inputs) {
+        if let Some(what) = difference(&header, other) {
+            let [first, other] = [&args.inputs[0], input].map(|path| stream::name(path));
+            bail!("{other}: has another {what} than {first}: code one of them anew with isv encode");
+        }
+    }
+    let mut writer = PacketWriter::new(Output::create(&args.output)?, &header)?;
+    let (mut frames, mut next_ns) = (0, 0);
+    for input in &args.inputs {
+        let name = stream::name(input);
+        let (mut packets, _) = stream::open(input)?;
+        let (mut first_ns, begin_ns) = (None, next_ns);
+        while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
+            if first_ns.is_none() && !packet.is_keyframe() {
+                bail!("{name}: does not begin with a keyframe: isv repair makes a stream that does");
+            }
+            let first_ns = *first_ns.get_or_insert(packet.header.timestamp_ns);
+            let time_ns = packet.header.timestamp_ns.saturating_sub(first_ns).saturating_add(begin_ns);
+            writer.copy_frame(&packet, time_ns)?;
+            next_ns = time_ns.saturating_add(header.frame_rate.timestamp_ns(1));
+            frames += 1;
+        }
+    }
+    let bytes = writer.finish()?.commit()?;
+    if !is_pipe(&args.output) {
+        print(&format!("{}: {}, {bytes} bytes", args.output.display(), frames_in_words(frames)))?;
+    }
+    Ok(())
+}
+
+/// What keeps packets of two streams from being in one.
+fn difference(a: &StreamHeader, b: &StreamHeader) -> Option<&'static str> {
+    [
+        (a.profile.name() != b.profile.name(), "profile"),
+        (a.profile != b.profile, "quantizer"),
+        (a.grid.voxel_size != b.grid.voxel_size, "voxel size"),
+        (a.grid != b.grid, "grid"),
+        (a.frame_rate != b.frame_rate, "frame rate"),
+    ]
+    .into_iter()
+    .find_map(|(differs, what)| differs.then_some(what))
+}

@@ -1,0 +1,184 @@
+//! What can be seen of a stream with losses: frames in time, and where one is lost, the last one.
+
+use crate::backend::{self, BackendArgs};
+use crate::frame_range::FrameRange;
+use crate::stats::timed;
+use crate::stream::{self, ByteSource, StreamFrame};
+use anyhow::{Context, Result};
+use isv::decode::{DecodeError, Limits, Lod};
+use isv::format::{Packet, SalvageReader, Salvaged, StreamHeader};
+use isv::gpu::{AnyDecoder, AnyFrame};
+use isv::surface::SurfaceOptions;
+use std::path::Path;
+
+/// A frame is held for so many seconds at most: timestamps that jump further are those of another clock.
+const LONGEST_HOLD_S: f64 = 10.0;
+
+/// How what is shown relates to what was encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Health {
+    /// It is the same.
+    Exact,
+    /// Nothing was decoded: the last frame is held.
+    Held,
+    /// It is near.
+    Inexact,
+}
+
+/// Decodes what there is of a stream, in order. Each packet's time says which frame it is; frames that are not there or cannot be
+/// decoded are the last one that could. Says on stderr where that begins and ends.
+pub(crate) struct HeldFrames {
+    name: String,
+    header: StreamHeader,
+    packets: SalvageReader<ByteSource>,
+    decoder: AnyDecoder,
+    range: Option<FrameRange>,
+    health: Health,
+    /// The last packet's time in nanoseconds.
+    last_ns: Option<u64>,
+    /// The last frame that could be decoded.
+    last: Option<AnyFrame>,
+    /// Number of the next frame to give.
+    next: usize,
+    /// Number of the frame that the packet at hand is, and what was decoded of it, if anything, in how many milliseconds.
+    at_hand: Option<(usize, Option<(AnyFrame, f64)>)>,
+}
+
+impl HeldFrames {
+    /// Opens a stream, to be decoded from its start at a level of detail by a backend.
+    pub(crate) fn open(
+        path: &Path,
+        range: Option<FrameRange>,
+        lod: Lod,
+        backend: BackendArgs,
+    ) -> Result<Self> {
+        let name = stream::name(path);
+        let packets = SalvageReader::new(stream::source(path)?).with_context(|| name.clone())?;
+        let header = *packets.header();
+        let mut decoder = backend.decoder(&header, Limits::default(), lod).with_context(|| name.clone())?;
+        decoder.recover(true);
+        Ok(Self {
+            name,
+            header,
+            packets,
+            decoder,
+            range,
+            health: Health::Exact,
+            last_ns: None,
+            last: None,
+            next: 0,
+            at_hand: None,
+        })
+    }
+
+    /// The header of the stream.
+    pub(crate) fn header(&self) -> &StreamHeader {
+        &self.header
+    }
+
+    /// The frames with their surfaces, where they are decoded on a GPU.
+    pub(crate) fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self> {
+        self.decoder = self.decoder.with_surfaces(options)?;
+        Ok(self)
+    }
+
+    fn advance(&mut self) -> Result<Option<StreamFrame>> {
+        loop {
+            if self.range.is_some_and(|range| self.next >= range.end) {
+                return Ok(None);
+            }
+            let Some((number, _)) = self.at_hand else {
+                let Some(packet) = self.next_packet()? else { return Ok(None) };
+                self.take(&packet)?;
+                continue;
+            };
+            let frame = if self.next < number {
+                self.last.clone().map(|frame| (frame, 0.0))
+            } else {
+                let (_, decoded) = self.at_hand.take().expect("it is at hand");
+                if let Some((frame, _)) = &decoded {
+                    self.last = Some(frame.clone());
+                }
+                decoded.or_else(|| self.last.clone().map(|frame| (frame, 0.0)))
+            };
+            let number = self.next;
+            self.next += 1;
+            if let Some((AnyFrame { volume, surface, .. }, decode_ms)) = frame
+                && self.range.is_none_or(|range| number >= range.start)
+            {
+                return Ok(Some(StreamFrame { number, volume, surface, decode_ms }));
+            }
+        }
+    }
+
+    /// The next packet that is sound.
+    fn next_packet(&mut self) -> Result<Option<Packet>> {
+        loop {
+            match self.packets.next_frame().with_context(|| self.name.clone())? {
+                Some(Salvaged::Damage { at, bytes }) => {
+                    eprintln!("{}: {bytes} bytes are damaged from byte {at} on", self.name);
+                }
+                Some(Salvaged::Frame(packet)) => return Ok(Some(packet)),
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// Decodes a packet, if that can be done.
+    fn take(&mut self, packet: &Packet) -> Result<()> {
+        let number = match self.last_ns {
+            Some(last_ns) => self.next + self.frames_missing(last_ns, packet.header.timestamp_ns),
+            None => self.next,
+        };
+        self.last_ns = Some(packet.header.timestamp_ns);
+        let (decoded, decode_ms) = timed(|| self.decoder.decode(packet));
+        if let Some(why) = self.decoder.take_notice() {
+            backend::notify(&why);
+        }
+        let decoded = match decoded {
+            Ok(frame) => {
+                let health = if frame.inexact_blocks == 0 { Health::Exact } else { Health::Inexact };
+                self.is_now(health, number, "");
+                Some((frame, decode_ms))
+            }
+            // Not the stream's fault.
+            Err(DecodeError::Backend(error)) => {
+                return Err(stream::fault(&self.name, 0, error.into()));
+            }
+            Err(error) => {
+                self.is_now(Health::Held, number, &error.to_string());
+                None
+            }
+        };
+        self.at_hand = Some((number, decoded));
+        Ok(())
+    }
+
+    /// How many frames lie between two packets by their times.
+    fn frames_missing(&self, last_ns: u64, now_ns: u64) -> usize {
+        let rate = self.header.frame_rate.per_second();
+        let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
+        let frames = (seconds * rate).round();
+        if seconds > LONGEST_HOLD_S { 0 } else { (frames as usize).saturating_sub(1) }
+    }
+
+    /// Says so where it changes.
+    fn is_now(&mut self, health: Health, frame: usize, why: &str) {
+        if std::mem::replace(&mut self.health, health) != health {
+            let name = &self.name;
+            match health {
+                Health::Exact => eprintln!("{name}: exact again from frame {frame} on"),
+                Health::Held => eprintln!("{name}: frame {frame} is lost, the last one is held: {why}"),
+                Health::Inexact => eprintln!("{name}: near what was encoded from frame {frame} on"),
+            }
+        }
+    }
+}
+
+impl Iterator for HeldFrames {
+    type Item = Result<StreamFrame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.advance().transpose()
+    }
+}

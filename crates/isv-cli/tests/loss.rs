@@ -1,0 +1,166 @@
+//! Streams that lost something: `isv repair`, `isv decode --after-loss hold`, and `isv cut` and `isv join` of whole ones.
+
+mod support;
+
+use support::Workspace;
+
+const FRAMES: usize = 9;
+
+/// Where the packets of a stream begin and how long they are.
+fn packets(work: &Workspace, stream: &str) -> Vec<(usize, usize)> {
+    let info = work.isv(&["info", stream, "--json"]).json();
+    let sizes = info["packets"].as_array().unwrap().iter().map(|p| p["bytes"].as_u64().unwrap() as usize);
+    let mut at = 48;
+    sizes
+        .map(|size| {
+            at += size;
+            (at - size, size)
+        })
+        .collect()
+}
+
+fn info(work: &Workspace, stream: &str) -> serde_json::Value {
+    work.isv(&["info", stream, "--json"]).json()
+}
+
+fn hashes(work: &Workspace, stream: &str) -> String {
+    String::from_utf8(work.isv(&["verify", stream]).done().stdout().to_vec()).unwrap()
+}
+
+/// A keyframe every three frames: a damaged packet costs what needs it, up to the next.
+#[test]
+fn a_damaged_packet_costs_what_needs_it() {
+    let (work, mut bytes) = Workspace::with_stream(FRAMES);
+    let whole = packets(&work, "take.isv");
+    bytes[whole[4].0 + 30] ^= 1;
+    work.write("damaged.isv", &bytes);
+    work.isv(&["verify", "damaged.isv"]).fails(1, &["damaged.isv", "isv repair"]);
+    let run = work.isv(&["repair", "damaged.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+    let (at, size) = whole[4];
+    assert_eq!(
+        said.trim(),
+        format!(
+            "damaged.isv: 7 frames kept, {size} bytes are damaged from byte {at} on, 1 frame left out that needs a lost one"
+        )
+    );
+    assert!(hashes(&work, "mended.isv").contains("7 frames verified, 7 of them by hash"));
+    // Their times are those that they had.
+    let (old, new) = (info(&work, "take.isv"), info(&work, "mended.isv"));
+    let times: Vec<_> =
+        new["packets"].as_array().unwrap().iter().map(|p| p["timestamp_ns"].clone()).collect();
+    let kept = [0, 1, 2, 3, 6, 7, 8];
+    assert_eq!(times, kept.map(|frame| old["packets"][frame]["timestamp_ns"].clone()));
+}
+
+#[test]
+fn a_cut_file_is_repaired_to_its_last_whole_frame() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    let whole = packets(&work, "take.isv");
+    let (last, _) = whole[8];
+    for (length, frames) in [(last + 10, 8), (last, 8), (whole[1].0 + 1, 1)] {
+        work.write("cut.isv", &bytes[..length]);
+        let run = work.isv(&["repair", "cut.isv", "-o", "mended.isv"]).done();
+        let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+        assert!(said.contains("the end was missing and is new"), "{said}");
+        assert_eq!(info(&work, "mended.isv")["frames"], frames, "{length} bytes");
+        assert_eq!(info(&work, "mended.isv")["complete"], true);
+        work.isv(&["verify", "mended.isv"]).done();
+    }
+    work.write("cut.isv", &bytes[..whole[0].0 + 50]);
+    work.isv(&["repair", "cut.isv", "-o", "nothing.isv"]).fails(1, &["no frame in it can be decoded"]);
+    assert!(!work.path("nothing.isv").exists());
+    work.write("cut.isv", &bytes[..40]);
+    work.isv(&["repair", "cut.isv", "-o", "nothing.isv"]).fails(1, &["cut off at byte 40"]);
+}
+
+#[test]
+fn a_whole_stream_stays_byte_for_byte_and_pipes_work() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.isv(&["repair", "take.isv", "-o", "same.isv"]).done();
+    assert_eq!(work.read("same.isv"), bytes);
+    let run = work.isv_with_input(&["repair", "-", "-o", "-"], &[&bytes[..], b"and more"].concat()).done();
+    assert_eq!(run.stdout(), bytes);
+    assert!(run.stderr().contains("8 bytes are damaged"), "{}", run.stderr());
+}
+
+/// Every frame of time has a file: where one is lost, the last one's.
+#[test]
+fn lost_frames_are_held() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    let whole = packets(&work, "take.isv");
+    // Frame 4 is gone as if it had never been sent, so frame 5 cannot be decoded.
+    let (at, size) = whole[4];
+    work.write("lossy.isv", [&bytes[..at], &bytes[at + size..]].concat());
+    work.isv(&["decode", "lossy.isv", "-o", "stopped"])
+        .fails(1, &["a packet is missing", "--after-loss hold"]);
+    let run = work.isv(&["decode", "lossy.isv", "-o", "held", "--after-loss", "hold"]).done();
+    let said = run.stderr();
+    assert!(said.contains("frame 5 is lost") && said.contains("exact again from frame 6 on"), "{said}");
+    assert_eq!(work.names("held"), work.names("whole"));
+    let shown = [0, 1, 2, 3, 3, 3, 6, 7, 8];
+    for (frame, shown) in shown.into_iter().enumerate() {
+        let (held, whole) = (format!("held/frame_{frame:04}.ply"), format!("whole/frame_{shown:04}.ply"));
+        assert_eq!(work.read(&held), work.read(&whole), "frame {frame}");
+    }
+    // The same where a packet is there, but damaged.
+    let mut damaged = bytes;
+    damaged[at + 30] ^= 1;
+    work.write("damaged.isv", damaged);
+    let held = ["decode", "damaged.isv", "-o", "part", "--after-loss", "hold", "--frames", "3..6"];
+    assert!(work.isv(&held).done().stderr().contains("bytes are damaged from byte"));
+    assert_eq!(work.names("part").len(), 3);
+    assert_eq!(work.read("part/frame_0005.ply"), work.read("whole/frame_0003.ply"));
+}
+
+#[test]
+fn a_stream_with_gradual_refresh_is_whole_again_without_a_keyframe() {
+    let work = Workspace::with_figure(FRAMES);
+    let encode =
+        ["encode", "frames", "-o", "take.isv", "--voxel=20mm", "--gop=2", "--checksums", "--refresh=gradual"];
+    work.isv(&encode).done();
+    assert_eq!(info(&work, "take.isv")["keyframes"], serde_json::json!([0]));
+    assert!(hashes(&work, "take.isv").contains("9 frames verified, 9 of them by hash"));
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    let (bytes, (at, size)) = (work.read("take.isv"), packets(&work, "take.isv")[2]);
+    work.write("lossy.isv", [&bytes[..at], &bytes[at + size..]].concat());
+    let run = work.isv(&["decode", "lossy.isv", "-o", "held", "--after-loss", "hold"]).done();
+    assert!(run.stderr().contains("near what was encoded from frame 3 on"), "{}", run.stderr());
+    assert!(run.stderr().contains("exact again from frame 4 on"), "{}", run.stderr());
+    for frame in [0, 1, 4, 5, 6, 7, 8] {
+        let name = format!("frame_{frame:04}.ply");
+        assert!(work.read(&format!("held/{name}")) == work.read(&format!("whole/{name}")), "frame {frame}");
+    }
+    let said = work.isv(&["repair", "lossy.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(said.stdout().to_vec()).unwrap();
+    assert!(said.contains("8 frames kept") && said.contains("--after-loss hold"), "{said}");
+    let paper = ["encode", "frames", "-o", "p.isv", "--voxel=20mm", "--profile=paper", "--refresh=gradual"];
+    work.isv(&paper).fails(2, &["--refresh", "profile main"]);
+}
+
+#[test]
+fn streams_are_cut_at_keyframes_and_joined() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.isv(&["cut", "take.isv", "0..3", "-o", "a.isv"]).done();
+    work.isv(&["cut", "take.isv", "3..9", "-o", "b.isv"]).done();
+    for (part, frames) in [("a.isv", 3), ("b.isv", 6)] {
+        assert!(hashes(&work, part).contains(&format!("{frames} frames verified, {frames} of them by hash")));
+        assert_eq!(info(&work, part)["packets"][0]["timestamp_ns"], 0);
+    }
+    work.isv(&["join", "a.isv", "b.isv", "-o", "joined.isv"]).done();
+    assert_eq!(info(&work, "joined.isv")["frames"], 9);
+    assert_eq!(work.read("joined.isv").len(), bytes.len());
+    work.isv(&["verify", "joined.isv"]).done();
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    work.isv(&["decode", "joined.isv", "-o", "again"]).done();
+    for name in work.names("whole") {
+        assert!(work.read(&format!("whole/{name}")) == work.read(&format!("again/{name}")), "{name}");
+    }
+    work.isv(&["cut", "take.isv", "4..9", "-o", "c.isv"]).fails(1, &["frame 4 is no keyframe", "3 or 6"]);
+    work.isv(&["cut", "take.isv", "3..10", "-o", "c.isv"]).fails(1, &["there are 9"]);
+    work.isv(&["encode", "frames", "-o", "other.isv", "--voxel=25mm"]).done();
+    work.isv(&["join", "a.isv", "other.isv", "-o", "c.isv"]).fails(1, &["other.isv", "voxel size"]);
+    work.isv(&["join", "-", "-o", "c.isv"]).fails(2, &["from files"]);
+    assert!(!work.path("c.isv").exists());
+}

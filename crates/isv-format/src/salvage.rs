@@ -1,0 +1,357 @@
+//! Packets of a damaged stream: what is sound, and where something is missing.
+
+use crate::packet::checksum;
+use crate::reader::read_up_to;
+use crate::{FormatError, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use std::io::Read;
+
+/// Bytes asked of the source at a time.
+const CHUNK: usize = 1 << 16;
+/// Places that look like packets and are not may cost so many bytes of checksums for each byte of the stream, and so many in
+/// all beside; then only short packets are believed. Otherwise a stream of false packets, each said to reach to its end,
+/// would take the square of its length.
+const PATIENCE: u64 = 16;
+const PATIENCE_AT_FIRST: u64 = 1 << 26;
+/// What counts as short then.
+const SHORT: usize = 1 << 12;
+
+/// What is found in a damaged stream, in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Salvaged {
+    /// A whole frame packet, its checksum verified.
+    Frame(Packet),
+    /// Bytes that are no packet.
+    Damage {
+        /// Where they begin in the stream.
+        at: u64,
+        /// How many they are.
+        bytes: u64,
+    },
+}
+
+/// Reads what is sound of a stream whose bytes are damaged, lost or cut off: where no packet begins, the next one is looked for.
+/// Never seeks.
+///
+/// It takes memory for the packet at hand, and where a false header says so, for as many bytes as that says and the source has.
+#[derive(Debug)]
+pub struct SalvageReader<R> {
+    source: R,
+    header: StreamHeader,
+    /// Bytes read. Those before `start` are passed; the one there is byte `at` of the stream.
+    buffer: Vec<u8>,
+    start: usize,
+    at: u64,
+    source_ended: bool,
+    /// Where the damage that is being passed over began.
+    damaged_since: Option<u64>,
+    /// A packet that was found behind damage, which is told first.
+    found: Option<Packet>,
+    /// Bytes whose checksums were taken in vain.
+    wasted: u64,
+    saw_index: bool,
+}
+
+impl<R: Read> SalvageReader<R> {
+    /// Reads the stream header, without which nothing can be decoded.
+    ///
+    /// # Errors
+    /// Bytes that are not a stream header of this version, or a damaged one.
+    pub fn new(mut source: R) -> Result<Self, FormatError> {
+        let mut bytes = [0; StreamHeader::BYTES];
+        let length = read_up_to(&mut source, &mut bytes)?;
+        if length < bytes.len() {
+            return Err(FormatError::Truncated { at: length as u64, inside: "the stream header" });
+        }
+        let header = StreamHeader::parse(&bytes)?;
+        Ok(Self {
+            source,
+            header,
+            buffer: Vec::new(),
+            start: 0,
+            at: StreamHeader::BYTES as u64,
+            source_ended: false,
+            damaged_since: None,
+            found: None,
+            wasted: 0,
+            saw_index: false,
+        })
+    }
+
+    /// The stream header.
+    pub fn header(&self) -> &StreamHeader {
+        &self.header
+    }
+
+    /// Whether a sound index was met: what comes after it was not lost with the end.
+    pub fn complete(&self) -> bool {
+        self.saw_index
+    }
+
+    /// The next frame, or what lies before it; `None` at the end of the bytes. Index and trailer are passed over where they are
+    /// sound.
+    ///
+    /// # Errors
+    /// Those of the source.
+    pub fn next_frame(&mut self) -> Result<Option<Salvaged>, FormatError> {
+        if let Some(packet) = self.found.take() {
+            return Ok(Some(Salvaged::Frame(packet)));
+        }
+        loop {
+            if let Some(packet) = self.packet_here()? {
+                let damage = self.damage_until(packet.at);
+                self.pass(packet.total_bytes());
+                if packet.header.kind == PacketKind::Index {
+                    self.saw_index = true;
+                    self.pass_trailer(packet.at)?;
+                    match damage {
+                        Some(damage) => return Ok(Some(damage)),
+                        None => continue,
+                    }
+                }
+                return Ok(Some(match damage {
+                    Some(damage) => {
+                        self.found = Some(packet);
+                        damage
+                    }
+                    None => Salvaged::Frame(packet),
+                }));
+            }
+            if self.window().is_empty() {
+                return Ok(self.damage_until(self.at));
+            }
+            self.damaged_since.get_or_insert(self.at);
+            self.pass_to_magic()?;
+        }
+    }
+
+    /// The packet that begins where the window does, if one does.
+    fn packet_here(&mut self) -> Result<Option<Packet>, FormatError> {
+        if !self.fill(PacketHeader::BYTES)? {
+            return Ok(None);
+        }
+        let fields: [u8; PacketHeader::BYTES] =
+            self.window()[..PacketHeader::BYTES].try_into().expect("as many as were asked for");
+        let Ok(header) = PacketHeader::parse(&fields, self.at) else { return Ok(None) };
+        let payload = header.payload_bytes as usize;
+        let read = self.at + self.window().len() as u64;
+        if self.wasted > PATIENCE_AT_FIRST + PATIENCE * read && payload > SHORT {
+            return Ok(None);
+        }
+        if !self.fill(PacketHeader::BYTES + payload)? {
+            return Ok(None);
+        }
+        let payload = &self.window()[PacketHeader::BYTES..][..payload];
+        if checksum(&fields[..PacketHeader::BYTES - 4], payload) != header.checksum {
+            self.wasted += u64::from(header.payload_bytes);
+            return Ok(None);
+        }
+        Ok(Some(Packet { header, at: self.at, payload: payload.to_vec() }))
+    }
+
+    /// Passes over at least a byte, up to what looks like the begin of a packet.
+    fn pass_to_magic(&mut self) -> Result<(), FormatError> {
+        self.pass(1);
+        loop {
+            let is_whole = self.fill(PacketHeader::MAGIC.len())?;
+            let mut places = self.window().windows(PacketHeader::MAGIC.len());
+            if let Some(skipped) = places.position(|bytes| bytes == PacketHeader::MAGIC) {
+                self.pass(skipped);
+                return Ok(());
+            }
+            if !is_whole {
+                self.pass(self.window().len());
+                return Ok(());
+            }
+            // What may be the begin of a magic stays.
+            self.pass(self.window().len() + 1 - PacketHeader::MAGIC.len());
+        }
+    }
+
+    fn pass_trailer(&mut self, index_at: u64) -> Result<(), FormatError> {
+        if self.fill(StreamIndex::TRAILER_BYTES)?
+            && let Some(bytes) = self.window().first_chunk()
+            && StreamIndex::parse_trailer(bytes) == Some(index_at)
+        {
+            self.pass(StreamIndex::TRAILER_BYTES);
+        }
+        Ok(())
+    }
+
+    /// The damage that ends at a byte of the stream, if there is any.
+    fn damage_until(&mut self, end: u64) -> Option<Salvaged> {
+        let at = self.damaged_since.take()?;
+        Some(Salvaged::Damage { at, bytes: end - at })
+    }
+
+    /// Bytes that were read and not passed yet.
+    fn window(&self) -> &[u8] {
+        &self.buffer[self.start..]
+    }
+
+    fn pass(&mut self, bytes: usize) {
+        self.start += bytes;
+        self.at += bytes as u64;
+        if self.start > CHUNK.max(self.buffer.len() / 2) {
+            self.buffer.drain(..self.start);
+            self.start = 0;
+        }
+    }
+
+    /// Reads until the window has this many bytes, and no longer than that. Whether it has them.
+    fn fill(&mut self, bytes: usize) -> Result<bool, FormatError> {
+        while self.window().len() < bytes && !self.source_ended {
+            let before = self.buffer.len();
+            self.buffer.resize(before + CHUNK, 0);
+            let read = read_some(&mut self.source, &mut self.buffer[before..]);
+            self.buffer.truncate(before + *read.as_ref().unwrap_or(&0));
+            self.source_ended = read? == 0;
+        }
+        Ok(self.window().len() >= bytes)
+    }
+}
+
+/// What the source has now, 0 at its end.
+fn read_some(source: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
+    loop {
+        match source.read(buffer) {
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            read => return read,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::header::tests::header;
+    use crate::{
+        FrameCoding, FrameHeader, FramePayload, PacketReader, PacketWriter, Prediction, SlicePayload,
+    };
+    use std::time::Instant;
+
+    const FRAMES: usize = 4;
+
+    fn stream() -> Vec<u8> {
+        let mut writer = PacketWriter::new(Vec::new(), &header()).unwrap();
+        for frame in 0..FRAMES as u64 {
+            let payload = FramePayload {
+                header: FrameHeader {
+                    prediction: Prediction::None,
+                    blocks: 1,
+                    slices: 1,
+                    coding: FrameCoding::Paper,
+                    volume_hash: None,
+                },
+                block_set: &[7],
+                masks: &[],
+                slices: vec![SlicePayload { motion: &[], coefficients: &[frame as u8; 60] }],
+            };
+            writer.write_frame(frame == 0, frame, &payload).unwrap();
+        }
+        writer.finish().unwrap()
+    }
+
+    fn packets(bytes: &[u8]) -> Vec<Packet> {
+        let mut reader = PacketReader::new(bytes).unwrap();
+        std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
+    }
+
+    /// What there is, read a few bytes at a time, and whether the index was there.
+    fn salvage(bytes: &[u8]) -> (Vec<Packet>, Vec<(u64, u64)>, bool) {
+        struct Drops<'a>(&'a [u8]);
+        impl Read for Drops<'_> {
+            fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+                let length = buffer.len().min(7);
+                self.0.read(&mut buffer[..length])
+            }
+        }
+        let mut reader = SalvageReader::new(Drops(bytes)).unwrap();
+        let (mut frames, mut damage) = (Vec::new(), Vec::new());
+        while let Some(found) = reader.next_frame().unwrap() {
+            match found {
+                Salvaged::Frame(packet) => frames.push(packet),
+                Salvaged::Damage { at, bytes } => damage.push((at, bytes)),
+            }
+        }
+        (frames, damage, reader.complete())
+    }
+
+    #[test]
+    fn a_sound_stream_is_all_there() {
+        let bytes = stream();
+        assert_eq!(salvage(&bytes), (packets(&bytes), Vec::new(), true));
+    }
+
+    #[test]
+    fn any_flipped_byte_costs_its_packet_alone() {
+        let (bytes, whole) = (stream(), packets(&stream()));
+        let end = whole[FRAMES - 1].at as usize + whole[FRAMES - 1].total_bytes();
+        for at in StreamHeader::BYTES..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x40;
+            let (found, damage, complete) = salvage(&damaged);
+            let hit = whole.iter().position(|packet| {
+                (packet.at..packet.at + packet.total_bytes() as u64).contains(&(at as u64))
+            });
+            let others: Vec<_> =
+                (0..FRAMES).filter(|frame| Some(*frame) != hit).map(|frame| whole[frame].clone()).collect();
+            assert_eq!(found, others, "byte {at}");
+            assert_eq!(complete, at < end || at >= bytes.len() - StreamIndex::TRAILER_BYTES, "byte {at}");
+            if let Some(hit) = hit {
+                assert_eq!(damage, [(whole[hit].at, whole[hit].total_bytes() as u64)]);
+            } else {
+                assert_eq!(damage.len(), 1, "byte {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_lost_cost_what_they_touch() {
+        let (bytes, whole) = (stream(), packets(&stream()));
+        for (from, to) in [(60, 61), (60, 190), (StreamHeader::BYTES, 100), (200, 260)] {
+            let lost = [&bytes[..from], &bytes[to..]].concat();
+            let (found, damage, complete) = salvage(&lost);
+            let touched = |packet: &&Packet| {
+                packet.at + (packet.total_bytes() as u64) > from as u64 && packet.at < to as u64
+            };
+            let untouched = whole.iter().filter(|packet| !touched(packet)).count();
+            assert!(found.len() == untouched && complete, "{from}..{to}");
+            assert!(damage.len() <= 1);
+        }
+    }
+
+    #[test]
+    fn every_prefix_gives_its_whole_frames() {
+        let (bytes, whole) = (stream(), packets(&stream()));
+        for length in StreamHeader::BYTES..bytes.len() {
+            let (found, damage, _) = salvage(&bytes[..length]);
+            let ends = |packet: &&Packet| packet.at as usize + packet.total_bytes() <= length;
+            assert_eq!(found.len(), whole.iter().filter(ends).count(), "{length} bytes");
+            assert!(damage.len() <= 1);
+        }
+    }
+
+    /// False packets, each said to reach to the end: it is not the square of the length that is read.
+    #[test]
+    fn false_packets_end_in_time() {
+        let mut bytes = header().to_bytes().to_vec();
+        let count = 100_000;
+        for n in 0..count {
+            let rest = (count - n - 1) * PacketHeader::BYTES;
+            let kind = PacketKind::Frame { keyframe: true, hashed: false };
+            let mut fields = PacketHeader::seal(kind, 0, 0, &[]);
+            fields[8..12].copy_from_slice(&(rest as u32).to_le_bytes());
+            bytes.extend(fields);
+        }
+        let start = Instant::now();
+        let mut reader = SalvageReader::new(&bytes[..]).unwrap();
+        while let Some(found) = reader.next_frame().unwrap() {
+            // The last one says that nothing follows, which is true.
+            if let Salvaged::Damage { bytes, .. } = found {
+                assert_eq!(bytes as usize, (count - 1) * PacketHeader::BYTES);
+            }
+        }
+        println!("{:?}, {} MiB of checksums in vain", start.elapsed(), reader.wasted >> 20);
+        assert!(reader.wasted < 2 * (PATIENCE_AT_FIRST + PATIENCE * bytes.len() as u64));
+    }
+}
