@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv_decode::main_profile::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{EncoderSettings, MainSettings, Refresh};
 use isv_format::{FrameCoding, FramePayload, Packet, Profile, StreamHeader};
@@ -64,7 +65,7 @@ fn decode_with_losses(
         found.push(Some(inexact));
         assert_eq!(volume.coords(), whole[frame].coords(), "frame {frame}: the block set is always exact");
         let exact = decoder.exact_blocks();
-        assert_eq!(exact.map_or(0, |exact| exact.inexact()), inexact);
+        assert_eq!(exact.map_or(0, ExactBlocks::inexact), inexact);
         for block in 0..volume.block_count() {
             if exact.is_none_or(|exact| exact.contains(block)) {
                 assert_eq!(volume.block(block), whole[frame].block(block), "frame {frame}, block {block}");

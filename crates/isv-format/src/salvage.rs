@@ -234,6 +234,7 @@ mod tests {
     fn stream() -> Vec<u8> {
         let mut writer = PacketWriter::new(Vec::new(), &header()).unwrap();
         for frame in 0..FRAMES as u64 {
+            let coefficients = [frame as u8; 60];
             let payload = FramePayload {
                 header: FrameHeader {
                     prediction: Prediction::None,
@@ -244,7 +245,7 @@ mod tests {
                 },
                 block_set: &[7],
                 masks: &[],
-                slices: vec![SlicePayload { motion: &[], coefficients: &[frame as u8; 60] }],
+                slices: vec![SlicePayload { motion: &[], coefficients: &coefficients }],
             };
             writer.write_frame(frame == 0, frame, &payload).unwrap();
         }
@@ -316,7 +317,8 @@ mod tests {
             };
             let untouched = whole.iter().filter(|packet| !touched(packet)).count();
             assert!(found.len() == untouched && complete, "{from}..{to}");
-            assert!(damage.len() <= 1);
+            // The trailer points to where the index was.
+            assert!(damage.len() <= 2);
         }
     }
 
