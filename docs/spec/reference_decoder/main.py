@@ -1,0 +1,123 @@
+"""Section 7.10: profile `main`, and 7.10.6 and 7.10.9, its temporal prediction and masks."""
+
+import numpy as np
+
+from block_set import cell_of_block, read_block_set
+from conventions import CUBE, Volume, add, morton_code
+from coefficients import read_coefficients
+from container import block_limit
+from extension import conflicts, extrapolate
+from loop_filter import filter_faces
+from masks import read_mask
+from modes import Neighbours, read_modes
+from range_decoder import RangeDecoder
+from refusal import Refused
+from residual import reconstruct
+from surface_fit import surface_fit
+from warp import warp
+
+EDGE = 8
+
+
+def decode_main(header, frame, models, reference, read_masks=True):
+    """`reference`: a volume or None."""
+    known = None if frame.prediction == 10 else reference
+    still, blocks = read_block_set(frame, models.bits, known)
+    before = known if frame.prediction in (2, 6) else None
+    volume = Volume()
+    volume.still = still
+    steps = [frame.step] * header.coefficients
+    for s in range(frame.slices):
+        of_slice = frame.slice(s, blocks)
+        neighbours = Neighbours(of_slice)
+        modes = read_modes(frame, s, models.slices[s], neighbours, before)
+        levels = read_coefficients(frame, s, models.slices[s], neighbours, modes, before)
+        for b in of_slice:
+            if modes[b].vector is not None:
+                prediction = predict_temporal(reference, b, modes[b].vector, header.mu_codes)
+                volume.vectors[b] = modes[b].vector
+            elif frame.no_spatial_prediction:
+                prediction = 0
+            else:
+                prediction = surface_fit(b, neighbours.fitted[b], volume.samples, header.mu_codes)
+            volume.samples[b] = reconstruct(prediction, levels[b], steps, EDGE, header.mu_codes)
+            volume.levels_of[b] = sum(level != 0 for level in levels[b])
+    filter_faces(frame, volume, header.mu_codes)
+    of_still_cells = [] if known is None else [b for b in known.coded if cell_of_block(b) in still]
+    for b in of_still_cells:
+        volume.samples[b] = known.samples[b]
+        volume.vectors[b], volume.levels_of[b] = (0, 0, 0), 0
+    volume.coded = set(volume.samples)
+    extend(volume, header)
+    read_volume_masks(frame, models.bits, volume, known, set(blocks), read_masks)
+    return volume
+
+
+def predict_temporal(reference, b, vector, mu_codes):
+    """7.10.6"""
+    whole = tuple((c + 16) // 32 for c in vector)
+    t = tuple(c - 32 * n for c, n in zip(vector, whole))
+    return warp(reference.samples, add(b, whole), t, (0, 0, 0), EDGE, mu_codes)
+
+
+def extend(volume, header):
+    """7.10.8: adds the extrapolated blocks, and leaves all blocks in Morton order."""
+    extrapolated = extrapolate(volume.samples, block_limit(header), header.mu_codes)
+    both = volume.samples | extrapolated
+    volume.samples = {b: both[b] for b in sorted(both, key=morton_code)}
+
+
+def settled_blocks(volume, known, coded_now):
+    """7.10.8, What has settled."""
+    if known is None or not volume.still:
+        return set()
+    changed = coded_now | {b for b in known.coded if cell_of_block(b) not in volume.still}
+    near = {add(c, d) for c in changed for d in CUBE}
+    near = {add(c, d) for c in near for d in CUBE}    # at most 2 blocks away
+    return set(volume.samples) - near
+
+
+def read_volume_masks(frame, models, volume, known, coded_now, read_masks):
+    """7.10.9. `known`: the reference, or None; `coded_now`: the blocks that are coded in this frame."""
+    settled = settled_blocks(volume, known, coded_now)
+    unobserved = conflicts(volume, [b for b in volume.samples if b not in settled])
+    for b in settled:
+        if b in known.masks:
+            unobserved[b] = np.frombuffer(known.masks[b], np.uint8).reshape(EDGE, EDGE, EDGE).astype(bool)
+    decoder = RangeDecoder(frame.masks)
+    read = {}
+    if read_masks and decoder.decode_any(models["any"]) == 1:
+        for b in volume.samples:
+            if b in settled:
+                continue
+            corners = np.flatnonzero(corners_of_crossed_cells(volume.samples, unobserved, b)).tolist()
+            if corners:
+                mask = read_mask(decoder, models, b, corners, EDGE, volume.samples, read, known)
+                if mask is not None:
+                    read[b] = mask
+    for b in volume.samples:
+        mask = bytearray(unobserved[b].tobytes()) if b in unobserved else bytearray(EDGE**3)
+        if b in read:
+            mask = bytearray(m | n for m, n in zip(mask, read[b]))
+        if any(mask):
+            volume.masks[b] = mask
+
+
+def corners_of_crossed_cells(samples, unobserved, b):
+    """Boolean array [z][y][x]: the voxels of b that are corners of a crossed cell."""
+    # The voxels from -1 to 8 along each axis, from the block itself and its neighbours.
+    known, negative = np.zeros((2, EDGE + 2, EDGE + 2, EDGE + 2), bool)
+    here = {-1: slice(0, 1), 0: slice(1, 9), 1: slice(9, 10)}
+    there = {-1: slice(7, 8), 0: slice(0, 8), 1: slice(0, 1)}
+    for d in CUBE:
+        n = add(b, d)
+        if n in samples:
+            to, part = (tuple(where[c] for c in reversed(d)) for where in (here, there))
+            known[to] = ~unobserved[n][part] if n in unobserved else True
+            negative[to] = samples[n][part] < 0
+    corner = [np.s_[k : k + 9, j : j + 9, i : i + 9] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
+    all_known = np.logical_and.reduce([known[c] for c in corner])
+    some = np.logical_or.reduce([negative[c] for c in corner])
+    every = np.logical_and.reduce([negative[c] for c in corner])
+    crossed = all_known & some & ~every               # cells from (-1, -1, -1) to (7, 7, 7)
+    return np.logical_or.reduce([crossed[k : k + 8, j : j + 8, i : i + 8] for k in (0, 1) for j in (0, 1) for i in (0, 1)])
