@@ -56,9 +56,10 @@ class Volume:
     samples      coordinate -> int16 array [z][y][x]
     masks        coordinate -> bytearray of edge^3, 1 for the voxels in the mask; blocks without a mask are not there
     The rest is of profile `main`: which blocks are coded, the vectors of those that are temporal, how many of their
-    levels are not 0, and the cells that were still.
+    levels are not 0, and the cells that were still. After a loss (section 7.13) also which blocks are not exact.
     """
 
     def __init__(self):
         self.samples, self.masks = {}, {}
         self.coded, self.vectors, self.levels_of, self.still = set(), {}, {}, set()
+        self.inexact, self.kept_over_loss = set(), False

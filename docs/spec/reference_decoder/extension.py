@@ -66,7 +66,7 @@ def extrapolate_block(neighbours, mu_codes):
 
 
 def conflicts(volume, blocks):
-    """The voxels of `blocks` that are unobserved by conflicts, as Boolean arrays [z][y][x] by coordinate."""
+    """The voxels of `blocks` that are unobserved by conflicts, as masks by coordinate."""
     unobserved = {}
     for u in blocks:
         if u in volume.coded:
@@ -77,7 +77,7 @@ def conflicts(volume, blocks):
                 if n in volume.samples and n not in volume.coded and is_negative(volume, n) != is_negative(volume, u):
                     mask = unobserved.setdefault(u, np.zeros((8, 8, 8), bool))
                     np.moveaxis(mask, 2 - axis, 0)[0 if side < 0 else 7] = True
-    return unobserved
+    return {u: bytearray(mask.tobytes()) for u, mask in unobserved.items()}
 
 
 def is_negative(volume, u):

@@ -1,7 +1,8 @@
-"""Section 7.10: profile `main`, and 7.10.6 and 7.10.9, its temporal prediction and masks."""
+"""Section 7.10: profile `main`, and 7.10.9, its masks."""
 
 import numpy as np
 
+import loss
 from block_set import cell_of_block, read_block_set
 from conventions import CUBE, Volume, add, morton_code
 from coefficients import read_coefficients
@@ -14,19 +15,20 @@ from range_decoder import RangeDecoder
 from refusal import Refused
 from residual import reconstruct
 from surface_fit import surface_fit
-from warp import warp
+from temporal import predict_temporal
 
 EDGE = 8
 
 
-def decode_main(header, frame, models, reference, read_masks=True):
-    """`reference`: a volume or None."""
+def decode_main(header, frame, models, reference):
+    """`reference`: a volume or None. It is exact as a whole but for resilient frames after a loss (7.13)."""
     known = None if frame.prediction == 10 else reference
     still, blocks = read_block_set(frame, models.bits, known)
     before = known if frame.prediction in (2, 6) else None
     volume = Volume()
     volume.still = still
     steps = [frame.step] * header.coefficients
+    after_loss = frame.prediction == 10 and not loss.is_exact(reference)
     for s in range(frame.slices):
         of_slice = frame.slice(s, blocks)
         neighbours = Neighbours(of_slice)
@@ -42,6 +44,10 @@ def decode_main(header, frame, models, reference, read_masks=True):
                 prediction = surface_fit(b, neighbours.fitted[b], volume.samples, header.mu_codes)
             volume.samples[b] = reconstruct(prediction, levels[b], steps, EDGE, header.mu_codes)
             volume.levels_of[b] = sum(level != 0 for level in levels[b])
+        if after_loss:
+            loss.find_inexact_before_filter(frame, neighbours, modes, reference, volume.inexact)
+    if after_loss:
+        loss.spread_by_filter(frame, volume, volume.inexact)
     filter_faces(frame, volume, header.mu_codes)
     of_still_cells = [] if known is None else [b for b in known.coded if cell_of_block(b) in still]
     for b in of_still_cells:
@@ -49,15 +55,12 @@ def decode_main(header, frame, models, reference, read_masks=True):
         volume.vectors[b], volume.levels_of[b] = (0, 0, 0), 0
     volume.coded = set(volume.samples)
     extend(volume, header)
-    read_volume_masks(frame, models.bits, volume, known, set(blocks), read_masks)
+    volume.inexact |= loss.inexact_extrapolated(volume, volume.inexact)
+    if loss.is_exact(volume):
+        read_volume_masks(frame, models.bits, volume, known, set(blocks))
+    else:
+        keep_masks(volume, reference)
     return volume
-
-
-def predict_temporal(reference, b, vector, mu_codes):
-    """7.10.6"""
-    whole = tuple((c + 16) // 32 for c in vector)
-    t = tuple(c - 32 * n for c, n in zip(vector, whole))
-    return warp(reference.samples, add(b, whole), t, (0, 0, 0), EDGE, mu_codes)
 
 
 def extend(volume, header):
@@ -77,16 +80,15 @@ def settled_blocks(volume, known, coded_now):
     return set(volume.samples) - near
 
 
-def read_volume_masks(frame, models, volume, known, coded_now, read_masks):
+def read_volume_masks(frame, models, volume, known, coded_now):
     """7.10.9. `known`: the reference, or None; `coded_now`: the blocks that are coded in this frame."""
     settled = settled_blocks(volume, known, coded_now)
-    unobserved = conflicts(volume, [b for b in volume.samples if b not in settled])
-    for b in settled:
-        if b in known.masks:
-            unobserved[b] = np.frombuffer(known.masks[b], np.uint8).reshape(EDGE, EDGE, EDGE).astype(bool)
+    of_settled = {b: known.masks[b] for b in settled if b in known.masks}
+    conflicting = conflicts(volume, [b for b in volume.samples if b not in settled])
+    unobserved = {b: np.array(mask, bool).reshape(EDGE, EDGE, EDGE) for b, mask in (conflicting | of_settled).items()}
     decoder = RangeDecoder(frame.masks)
     read = {}
-    if read_masks and decoder.decode_any(models["any"]) == 1:
+    if decoder.decode_any(models["any"]) == 1:
         for b in volume.samples:
             if b in settled:
                 continue
@@ -95,12 +97,19 @@ def read_volume_masks(frame, models, volume, known, coded_now, read_masks):
                 mask = read_mask(decoder, models, b, corners, EDGE, volume.samples, read, known)
                 if mask is not None:
                     read[b] = mask
-    for b in volume.samples:
-        mask = bytearray(unobserved[b].tobytes()) if b in unobserved else bytearray(EDGE**3)
-        if b in read:
-            mask = bytearray(m | n for m, n in zip(mask, read[b]))
-        if any(mask):
-            volume.masks[b] = mask
+    volume.masks = unions(read, conflicting) | of_settled
+
+
+def unions(some, others):
+    """The masks of both, joined where a block has both."""
+    joined = {b: bytearray(m | n for m, n in zip(some[b], others[b])) for b in some.keys() & others.keys()}
+    return some | others | joined
+
+
+def keep_masks(volume, reference):
+    """7.13: the masks of a frame with blocks that are not exact."""
+    kept = {b: mask for b, mask in reference.masks.items() if b in volume.samples}
+    volume.masks = unions(kept, conflicts(volume, volume.samples))
 
 
 def corners_of_crossed_cells(samples, unobserved, b):
