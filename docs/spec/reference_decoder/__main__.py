@@ -12,7 +12,6 @@ import sys
 
 import loss
 from container import MAIN, Reader, parse_frame, read_frame_packets, read_stream_header
-from conventions import Volume
 from main import decode_main
 from paper import decode_paper
 from range_decoder import Models
@@ -35,8 +34,7 @@ def decode_stream(file, after_loss=False):
         elif reference is None or packet.since_keyframe != expected:
             if not after_loss:
                 raise Refused("missing", "the frame before is not there")
-            reference = reference or Volume()
-            reference.kept_over_loss = True
+            reference = loss.keep_over_loss(reference)
         frame = parse_frame(header, packet)
         if packet.keyframe or frame.prediction == RESILIENT:
             models = Models()

@@ -3,8 +3,11 @@
 A volume knows its blocks that are not exact, and whether it was kept over a loss: then nothing in it is exact.
 """
 
-from conventions import AHEAD, NEIGHBOURS, add
+import copy
+
+from conventions import AHEAD, NEIGHBOURS, Volume, add
 from loop_filter import is_filtered
+from temporal import split_vector
 
 
 def is_exact(volume):
@@ -14,6 +17,13 @@ def is_exact(volume):
 
 def is_exact_at(volume, coordinate):
     return not volume.kept_over_loss and coordinate not in volume.inexact
+
+
+def keep_over_loss(volume):
+    """`volume`: the last one that there is, or None."""
+    kept = copy.copy(volume) if volume is not None else Volume()
+    kept.kept_over_loss = True
+    return kept
 
 
 def find_inexact_before_filter(frame, neighbours, modes, reference, inexact):
