@@ -4,17 +4,25 @@ from functools import cache
 
 import numpy as np
 
-from conventions import AHEAD, NEIGHBOURS, add, in_range
+from conventions import AHEAD, COORDINATE_BITS, NEIGHBOURS, add, in_range
 from refusal import Refused
 
 
-def extrapolate(coded, limit, mu_codes):
-    """`coded`: samples of the coded blocks. Returns those of the extrapolated blocks."""
-    around = set()
-    for b in coded:
-        around.update(n for d in NEIGHBOURS if (n := add(b, d)) not in coded and in_range(n))
-        if len(coded) + len(around) > limit:
+def check_limit(coded, limit):
+    """Counts the blocks of the extended volume before any of them is made. `coded`: coordinates of the coded blocks."""
+    # A coordinate in one number, 21 bits each for z, y and x; along one axis after the other blocks grow by their neighbours.
+    numbers = np.array([c + 2**COORDINATE_BITS for b in coded for c in b], np.int64).reshape(-1, 3) @ [1, 2**21, 2**42]
+    for axis in range(3):
+        along = numbers >> 21 * axis & 2**21 - 1
+        behind, ahead = numbers[along > 0] - 2 ** (21 * axis), numbers[along < 2**21 - 1] + 2 ** (21 * axis)
+        numbers = np.unique(np.concatenate([behind, numbers, ahead]))
+        if len(numbers) > limit:
             raise Refused("limit", "blocks of the extended volume")
+
+
+def extrapolate(coded, mu_codes):
+    """`coded`: samples of the coded blocks. Returns those of the extrapolated blocks."""
+    around = {n for b in coded for d in NEIGHBOURS if (n := add(b, d)) not in coded and in_range(n)}
     return {u: extrapolate_block(neighbours_of(u, coded), mu_codes) for u in around}
 
 

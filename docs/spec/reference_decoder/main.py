@@ -7,7 +7,7 @@ from block_set import cell_of_block, read_block_set
 from conventions import CUBE, Volume, add, morton_code
 from coefficients import read_coefficients
 from container import block_limit
-from extension import conflicts, extrapolate
+from extension import check_limit, conflicts, extrapolate
 from loop_filter import filter_faces
 from masks import read_mask
 from modes import Neighbours, read_modes
@@ -24,6 +24,8 @@ def decode_main(header, frame, models, reference):
     """`reference`: a volume or None. It is exact as a whole but for resilient frames after a loss (7.13)."""
     known = None if frame.prediction == 10 else reference
     still, blocks = read_block_set(frame, models.bits, known)
+    of_still_cells = [] if known is None else [b for b in known.coded if cell_of_block(b) in still]
+    check_limit(blocks + of_still_cells, block_limit(header))
     before = known if frame.prediction in (2, 6) else None
     volume = Volume()
     volume.still = still
@@ -49,12 +51,11 @@ def decode_main(header, frame, models, reference):
     if after_loss:
         loss.spread_by_filter(frame, volume, volume.inexact)
     filter_faces(frame, volume, header.mu_codes)
-    of_still_cells = [] if known is None else [b for b in known.coded if cell_of_block(b) in still]
     for b in of_still_cells:
         volume.samples[b] = known.samples[b]
         volume.vectors[b], volume.levels_of[b] = (0, 0, 0), 0
     volume.coded = set(volume.samples)
-    extend(volume, header)
+    extend(volume, header.mu_codes)
     volume.inexact |= loss.inexact_extrapolated(volume, volume.inexact)
     if loss.is_exact(volume):
         read_volume_masks(frame, models.bits, volume, known, set(blocks))
@@ -63,10 +64,9 @@ def decode_main(header, frame, models, reference):
     return volume
 
 
-def extend(volume, header):
+def extend(volume, mu_codes):
     """7.10.8: adds the extrapolated blocks, and leaves all blocks in Morton order."""
-    extrapolated = extrapolate(volume.samples, block_limit(header), header.mu_codes)
-    both = volume.samples | extrapolated
+    both = volume.samples | extrapolate(volume.samples, mu_codes)
     volume.samples = {b: both[b] for b in sorted(both, key=morton_code)}
 
 

@@ -1,13 +1,13 @@
 """Section 7.10.5: spatial prediction.
 
-Sums over voxels are int64 arrays; the equations are solved in Python's integers.
+In arrays of int64, which are wide enough, as the section says.
 """
 
 from functools import cache
 
 import numpy as np
 
-from conventions import clamp, ilog2, round_shift
+from conventions import ilog2, round_shift
 
 E = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (1, 0, 1), (0, 1, 1)]
 R = [2097, 655, 655, 655, 15360, 15360, 15360, 15360, 15360, 15360]
@@ -16,7 +16,7 @@ NEAR = {-1: range(4, 8), 0: range(0, 8), 1: range(0, 4)}
 
 
 def saturate(a):
-    return clamp(a, -(2**31), 2**31 - 1)
+    return np.minimum(np.maximum(a, -(2**31)), 2**31 - 1)
 
 
 def weight(distance):
@@ -51,47 +51,43 @@ def moments(b, neighbours, samples):
         count += np.count_nonzero(w)
         w_moments = w_moments + of_w @ w
         p_moments = p_moments + of_p @ (w * s)
-    if count < 8:
-        return None, None, count
-    return dict(zip(POWERS, w_moments.tolist())), dict(zip(E, p_moments.tolist())), count
+    return w_moments, p_moments, count
 
 
 def scaled(m, bits, degree):
-    if bits >= 4 * degree:
-        return m << (bits - 4 * degree)
-    return round_shift(m, 4 * degree - bits)
+    """Of arrays of moments and of their degrees."""
+    left, right = np.maximum(bits - 4 * degree, 0), np.maximum(4 * degree - bits, 1)
+    return np.where(bits >= 4 * degree, m << left, round_shift(m, right))
+
+
+# Where the moment of E[i] + E[j] stands in POWERS, and the degrees of these and of E.
+SUMS = np.array([[POWERS.index(tuple(np.add(E[i], E[j]))) for j in range(10)] for i in range(10)])
+SUM_DEGREES = np.array([sum(powers) for powers in POWERS])[SUMS]
+DEGREES = np.array([sum(powers) for powers in E])
 
 
 def equations(w_moments, p_moments):
-    a = [[0] * 11 for _ in range(10)]
-    for i in range(10):
-        for j in range(10):
-            powers = tuple(p + q for p, q in zip(E[i], E[j]))
-            a[i][j] = scaled(w_moments[powers], 10, sum(powers))
-        a[i][i] += R[i]
-        a[i][10] = scaled(p_moments[E[i]], 3, sum(E[i]))
+    a = np.empty((10, 11), np.int64)
+    a[:, :10] = scaled(w_moments[SUMS], 10, SUM_DEGREES) + np.diag(R)
+    a[:, 10] = scaled(p_moments, 3, DEGREES)
     return a
 
 
 def solve(a):
-    """K"""
-    inverse, shift, u = [0] * 10, [0] * 10, [0] * 10
-    f = [[0] * 10 for _ in range(10)]
+    """K. Rows are arrays; what is worked out below the diagonal is never read."""
+    inverse, shift = [0] * 10, [0] * 10
+    f, u = np.zeros((10, 10), np.int64), np.zeros(10, np.int64)
     for k in range(10):
-        pivot = max(a[k][k], R[k])
+        pivot = max(int(a[k, k]), R[k])
         n = 30 - ilog2(pivot)
         inverse[k] = 2**61 // (pivot << n)
         shift[k] = 61 - n
-        for i in range(k + 1, 10):
-            f[k][i] = saturate(round_shift(a[k][i] * inverse[k], shift[k] - 20))
-            for j in range(k + 1, 11):
-                a[i][j] = saturate(a[i][j] - round_shift(f[k][i] * a[k][j], 20))
+        f[k, k + 1 :] = saturate(round_shift(a[k, k + 1 : 10] * inverse[k], shift[k] - 20))
+        a[k + 1 :, k + 1 :] = saturate(a[k + 1 :, k + 1 :] - round_shift(f[k, k + 1 :, None] * a[k, k + 1 :], 20))
     for k in range(9, -1, -1):
-        total = round_shift(a[k][10] * inverse[k], shift[k] - 17)
-        for i in range(k + 1, 10):
-            total -= round_shift(f[k][i] * u[i], 20)
+        total = round_shift(a[k, 10] * inverse[k], shift[k] - 17) - round_shift(f[k, k + 1 :] * u[k + 1 :], 20).sum()
         u[k] = saturate(total)
-    return [clamp(round_shift(c, 6), -(2**21 - 1), 2**21 - 1) for c in u]
+    return np.clip(round_shift(u, 6), -(2**21 - 1), 2**21 - 1)
 
 
 @cache
@@ -107,5 +103,5 @@ def surface_fit(b, neighbours, samples, limit):
     w_moments, p_moments, count = moments(b, neighbours, samples)
     if count < 8:
         return 0
-    total = np.array(solve(equations(w_moments, p_moments))) @ voxel_monomials()
+    total = solve(equations(w_moments, p_moments)) @ voxel_monomials()
     return np.clip(round_shift(total, 12), -limit, limit).reshape(8, 8, 8)

@@ -172,7 +172,7 @@ class Streams(unittest.TestCase):
         hashes, _ = outcome(stream)
         end = packets_of(stream)[2][1]
         done = subprocess.run(
-            [sys.executable, str(FOLDER), "/dev/stdin"], input=stream[: end + 30], stdout=subprocess.PIPE, check=True
+            [sys.executable, str(FOLDER), "/dev/stdin"], input=stream[: end + 30], capture_output=True, check=True
         )
         lines = [f"{number} {found:016x}" for number, found in enumerate(hashes[:3])] + ["refused cut"]
         self.assertEqual(done.stdout.decode().splitlines(), lines)
