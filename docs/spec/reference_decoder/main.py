@@ -12,7 +12,6 @@ from loop_filter import filter_faces
 from masks import read_mask
 from modes import Neighbours, read_modes
 from range_decoder import RangeDecoder
-from refusal import Refused
 from residual import reconstruct
 from surface_fit import surface_fit
 from temporal import predict_temporal
