@@ -24,9 +24,10 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// `3 * 2^30` voxels, six million blocks of 8: a building at 5 mm.
+    /// `3 * 2^30` voxels, six million blocks of 8: a building at 5 mm. Where addresses have 32 bits, `2^27`: all that a frame takes
+    /// at the peak of decoding, with the frame before, then fits.
     fn default() -> Self {
-        Self { frame_voxels: 3 << 30 }
+        Self { frame_voxels: if usize::BITS < 64 { 1 << 27 } else { 3 << 30 } }
     }
 }
 
@@ -212,5 +213,17 @@ impl<B: Backend> ProfileDecoder<B> {
             Self::Paper(decoder) => decoder.frames(),
             Self::Main(decoder) => decoder.frames(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_frame_within_the_limit_takes_can_be_addressed() {
+        // The largest list that a decoder holds has four bytes a voxel: the levels of profile `paper`.
+        let largest = Limits::default().frame_voxels.checked_mul(4);
+        assert!(largest.is_some_and(|bytes| bytes <= isize::MAX as usize));
     }
 }

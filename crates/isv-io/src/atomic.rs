@@ -1,16 +1,16 @@
 //! Output that appears whole or not at all.
 
 use crate::WriteError;
-use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// A buffered file that takes its name only when [committed](Self::commit).
 ///
-/// Bytes go to a hidden file beside the final name, which is renamed at the end and removed if the value is dropped
-/// before. A file that had the name stays untouched until then. This guards against jobs that fail, not against power
-/// cuts: nothing is forced to the disk.
+/// Bytes go to a file beside the final name: that name with `.part` after it, or with `.2.part` and so on where such a file is
+/// there already. It is renamed at the end and removed if the value is dropped before. A file that had the final name stays
+/// untouched until then. Of a job that is killed, what it had flushed stays under the name with `.part`. This guards against jobs
+/// that fail, not against power cuts: nothing is forced to the disk.
 ///
 /// What is no regular file (a pipe, `/dev/null`) is written straight through, as a rename would replace it. A link to a
 /// file stays a link.
@@ -61,7 +61,7 @@ impl AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some(rename) = &self.pending {
-            // Nobody is left to tell; the worst that can happen is a hidden file that stays.
+            // Nobody is left to tell; the worst that can happen is a file that stays.
             let _ = fs::remove_file(&rename.from);
         }
     }
@@ -94,12 +94,11 @@ fn open(path: &Path) -> io::Result<(File, Option<Rename>)> {
         Err(_) => path.to_owned(),
     };
     let name = to.file_name().ok_or(io::ErrorKind::InvalidInput)?;
-    // Another process, or a job that was killed, may hold the first name tried.
-    for attempt in 0..1000 {
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}-{attempt}.partial", std::process::id()));
-        let from = to.with_file_name(hidden);
+    // Another process, or a job that was killed, may hold the first name tried: nothing of theirs is overwritten.
+    for attempt in 1..=1000 {
+        let mut part = name.to_owned();
+        part.push(if attempt == 1 { ".part".to_owned() } else { format!(".{attempt}.part") });
+        let from = to.with_file_name(part);
         match OpenOptions::new().write(true).create_new(true).open(&from) {
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
             opened => return Ok((opened?, Some(Rename { from, to }))),
@@ -111,6 +110,7 @@ fn open(path: &Path) -> io::Result<(File, Option<Rename>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::ffi::OsString;
 
     fn names(folder: &Path) -> Vec<OsString> {
         let mut names: Vec<_> = folder.read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
@@ -124,8 +124,7 @@ mod tests {
         let path = folder.path().join("out.isv");
         let mut file = AtomicFile::create(&path).unwrap();
         file.write_all(&[7; 100_000]).unwrap();
-        assert_eq!(names(folder.path()).len(), 1);
-        assert!(!path.exists());
+        assert_eq!(names(folder.path()), ["out.isv.part"]);
         drop(file);
         assert!(names(folder.path()).is_empty());
     }
@@ -142,6 +141,7 @@ mod tests {
         file.seek(SeekFrom::Start(0)).unwrap();
         file.write_all(b"n").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(folder.path()), ["out.isv", "out.isv.2.part", "out.isv.part"]);
         file.commit().unwrap();
         drop(abandoned);
         assert_eq!(fs::read(&path).unwrap(), b"nEW");

@@ -146,8 +146,7 @@ fn open(folder: &tempfile::TempDir, name: &str) -> Result<FrameSequence, Sequenc
 
 #[test]
 fn a_folder_is_its_mesh_files_in_natural_order() {
-    let folder =
-        folder_of(&["f_10.ply", "f_2.PLY", "f_1.ply", "notes.txt", ".f_0.ply.1-0.partial", "._f_1.ply"]);
+    let folder = folder_of(&["f_10.ply", "f_2.PLY", "f_1.ply", "notes.txt", "f_0.ply.part", "._f_1.ply"]);
     fs::create_dir(folder.path().join("f_3.ply")).unwrap();
     assert_eq!(names(&open(&folder, "").unwrap()), ["f_1.ply", "f_2.PLY", "f_10.ply"]);
 }

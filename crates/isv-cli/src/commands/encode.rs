@@ -41,7 +41,8 @@ pub(crate) struct Args {
     /// A folder of frames, a pattern such as 'take/*.obj' or one file, in natural order of their names; a folder of depth
     /// images and calibration; an .isv file; - for frames on a pipe
     input: String,
-    /// The stream to write; - for standard output
+    /// The stream to write; - for standard output. Until it is whole its name is OUT.isv.part, which opens up to its last whole
+    /// frame
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
     /// Unit of the input's coordinates: m, dm, cm, mm or in

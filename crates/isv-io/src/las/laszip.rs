@@ -171,7 +171,7 @@ impl<'a> Chunk<'a> {
         let layers: usize = record.vlr.items().iter().map(|item| layers_of(item.item_type())).sum();
         let mut end = lengths + 4 * layers;
         for length in bytes.get(lengths..end)?.chunks_exact(4) {
-            end += u32::from_le_bytes(take(length, 0)) as usize;
+            end = end.checked_add(u32::from_le_bytes(take(length, 0)) as usize)?;
         }
         (points > 0).then_some(Self { bytes: bytes.get(..end)?, points: points.into() })
     }

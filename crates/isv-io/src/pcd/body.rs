@@ -79,6 +79,10 @@ impl<'a> Points<'a> {
         if room < self.header.points {
             return Err(self.truncated(room, body.len()));
         }
+        if self.header.points == 0 {
+            return Ok(());
+        }
+        // A row lies in the body, so that its length and all in it fit.
         let row_bytes = row_bytes as usize;
         let mut offsets = Vec::new();
         let mut offset = 0;
@@ -107,6 +111,9 @@ impl<'a> Points<'a> {
         }
         let unreadable = || Flaw::unreadable("PCD", at + 8, &"its LZF data is damaged");
         let columns = lzf::decompress(compressed, length(4)).ok_or_else(unreadable)?;
+        if self.header.points == 0 {
+            return Ok(());
+        }
         let points = self.header.points as usize;
         let mut starts = Vec::new();
         let mut start = 0;

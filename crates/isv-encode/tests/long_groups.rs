@@ -1,0 +1,69 @@
+//! Packets count the frames since a keyframe modulo 2^16: a longer group of pictures decodes, and what is missing is still noticed.
+
+use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
+use isv_encode::{Encoder, EncoderSettings};
+use isv_format::{FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv_testkit::volume_of;
+use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+
+/// Frames of a group: four more than the count has values for.
+const FRAMES: u64 = (1 << 16) + 4;
+
+/// The packets of a stream with one keyframe, a speck to which another one comes in frame `2^16`.
+fn group(header: &StreamHeader) -> Vec<Packet> {
+    let [one, two] = [1, 2].map(|count| specks(header.grid, count));
+    let settings = EncoderSettings { gop: u32::MAX, checksums: true, ..EncoderSettings::default() };
+    let mut encoder = Encoder::new(header, settings);
+    let mut writer = PacketWriter::new(Vec::new(), header).unwrap();
+    for frame in 0..FRAMES {
+        let coded = encoder.encode(if frame < 1 << 16 { &one } else { &two });
+        assert_eq!(coded.keyframe, frame == 0);
+        writer.write_frame(coded.keyframe, frame, &coded.payload()).unwrap();
+    }
+    let bytes = writer.finish().unwrap();
+    let mut reader = PacketReader::new(&bytes[..]).unwrap();
+    std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
+}
+
+/// Specks of two voxels in radius, 64 apart.
+fn specks(grid: Grid, count: u32) -> SparseVolume {
+    let distance = |[x, y, z]: [f64; 3]| {
+        let to = |speck: u32| ((x - 64.0 * f64::from(speck)).powi(2) + y * y + z * z).sqrt() - 2.0;
+        (0..count).map(to).fold(f64::INFINITY, f64::min)
+    };
+    volume_of(grid, 10, distance, |_| false)
+}
+
+fn header(profile: Profile) -> StreamHeader {
+    let grid = Grid {
+        voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8).unwrap(),
+    };
+    StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
+}
+
+#[test]
+fn a_group_may_be_longer_than_its_packets_count() {
+    let paper = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 });
+    for profile in [Profile::Main, paper] {
+        let header = header(profile);
+        let packets = group(&header);
+        let counts = packets.iter().map(|packet| u64::from(packet.header.since_keyframe));
+        assert!(counts.eq((0..FRAMES).map(|frame| frame % (1 << 16))));
+
+        let mut decoder = Decoder::new(&header, Limits::default());
+        let mut hashes = Vec::new();
+        for packet in &packets {
+            hashes.push(volume_hash(decoder.decode_and_verify(packet).unwrap().volume));
+        }
+        assert_eq!(hashes.len() as u64, FRAMES);
+        assert_ne!(hashes[(1 << 16) - 1], hashes[1 << 16]);
+
+        // Frame 2^16 again, which has the count 0, where the frame with the count 4 should be.
+        match decoder.decode(&packets[1 << 16]) {
+            Err(DecodeError::MissingFrame { expected: 4, found: 0, .. }) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+}
