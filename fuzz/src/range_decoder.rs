@@ -8,7 +8,7 @@ use oracle::{Decoder, Integer, Model};
 /// Models of each kind that a script uses.
 const MODELS: usize = 4;
 /// Most symbols of a script.
-const SYMBOLS: usize = 1 << 12;
+const SYMBOLS: usize = 1 << 10;
 
 /// A symbol to be coded.
 #[derive(Clone, Copy, Debug)]

@@ -59,6 +59,9 @@ pub(crate) fn run(corpus: &str) -> Result<()> {
     for target in ["ingest", "encoder"] {
         save(target, &noise)?;
     }
+    for range in ["bytes=0-9", "bytes=5-", "bytes=-5", "bytes=0-1,4-5"] {
+        save("range_header", range.as_bytes())?;
+    }
     save("range_decoder", &[&32u16.to_le_bytes(), &noise[..]].concat())?;
     Ok(())
 }
@@ -67,7 +70,7 @@ pub(crate) fn run(corpus: &str) -> Result<()> {
 const MOST_STREAM_BYTES: usize = 32 << 10;
 
 /// Targets that take `.isv` streams.
-const STREAM_TARGETS: [&str; 5] = ["container", "packet", "syntax", "stream", "differential"];
+const STREAM_TARGETS: [&str; 6] = ["container", "packet", "syntax", "stream", "differential", "live"];
 
 /// The streams of a folder and of those in it, those that decoders must refuse included.
 fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
