@@ -173,10 +173,10 @@ fn memory_is_not_taken_for_tiles_that_the_image_cannot_fill() {
     let mut bytes = bytes.into_inner();
     write(room.path(), "depth/0.exr", &bytes);
     assert_eq!(depths(&open(&room).unwrap().read(0).unwrap()), [[1.5; 8]]);
-    // Tiles of half a terabyte, and a chunk that claims a gigabyte of it.
-    let tiles =
-        bytes.windows(8).position(|name| name == b"tiledesc").unwrap() + "tiledesc\0tiledesc\0".len() + 4;
-    bytes[tiles + 4..tiles + 8].copy_from_slice(&0x0800_0040_u32.to_le_bytes());
+    // Tiles of 34 gigabytes, and a chunk that claims one of them.
+    let rows = bytes.windows(9).position(|kind| kind == b"tiledesc\0").unwrap() + 9 + 4 + 4;
+    assert_eq!(bytes[rows..rows + 4], [64, 0, 0, 0]);
+    bytes[rows..rows + 4].copy_from_slice(&0x0800_0040_u32.to_le_bytes());
     let chunk = bytes.len() - 4 * 8 - 4;
     assert_eq!(bytes[chunk..chunk + 4], [32, 0, 0, 0]);
     bytes[chunk..chunk + 4].copy_from_slice(&0x4000_0000_u32.to_le_bytes());
