@@ -65,7 +65,7 @@ pub(crate) fn run(corpus: &str) -> Result<()> {
     for range in ["bytes=0-9", "bytes=5-", "bytes=-5", "bytes=0-1,4-5"] {
         save("range_header", range.as_bytes())?;
     }
-    save("range_decoder", &[&32u16.to_le_bytes(), &noise[..]].concat())?;
+    save("range_decoder", &[&32u16.to_le_bytes()[..], &noise].concat())?;
     Ok(())
 }
 
