@@ -1,4 +1,4 @@
-//! An .isv stream.
+//! An .isv stream, changed anywhere.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| isv_fuzz::decode_stream(bytes));
+libfuzzer_sys::fuzz_target!(init: isv_fuzz::on_one_thread(), |bytes: &[u8]| isv_fuzz::stream::decode(bytes));

@@ -1,20 +1,22 @@
 //! Files for the fuzz targets to start from, one folder a target. Small ones: a fuzzer changes them thousands of times a
-//! second.
+//! second. Those of the codec are the conformance streams as well.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use glam::DVec3;
 use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, SignDecision, ingest_mesh};
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_volume};
 use isv::volume::{BlockEdge, Grid, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
 /// Writes the seeds of all targets into `corpus`.
 pub(crate) fn run(corpus: &str) -> Result<()> {
-    let save = |target: &str, bytes: &[u8]| save(&Path::new(corpus).join(target), bytes);
+    let mut seeds = Seeds { corpus: Path::new(corpus), counts: BTreeMap::new() };
+    let mut save = |target: &'static str, bytes: &[u8]| seeds.save(target, bytes);
     let mesh = tetrahedron();
     for format in Format::ALL.iter().filter(|format| format.writes_mesh()) {
         let mut bytes = Vec::new();
@@ -43,16 +45,77 @@ pub(crate) fn run(corpus: &str) -> Result<()> {
     let volume = |grid| ingest_mesh(&mesh, &MeshIngest::new(grid), SignDecision::Closed { flipped: false });
     let paper = Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 });
     save("arrays", &arrays(&volume(grid(BlockEdge::E4))?)?)?;
-    save("stream", &stream(paper, &volume(grid(BlockEdge::E4))?)?)?;
-    save("stream", &stream(Profile::Main, &volume(grid(BlockEdge::E8))?)?)?;
-    save("ingest", &(0..240u8).map(|i| i.wrapping_mul(37)).collect::<Vec<_>>())?;
+    let mut streams = conformance_streams(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../conformance"))?;
+    streams.retain(|stream| stream.len() <= MOST_STREAM_BYTES);
+    streams.sort();
+    streams.push(stream(paper, &volume(grid(BlockEdge::E4))?)?);
+    streams.push(stream(Profile::Main, &volume(grid(BlockEdge::E8))?)?);
+    for stream in &streams {
+        for target in ["container", "live", "stream"] {
+            save(target, stream)?;
+        }
+        for target in ["packet", "syntax", "differential"] {
+            save(target, first_frames(stream))?;
+        }
+    }
+    let noise: Vec<u8> = (0..240u8).map(|i| i.wrapping_mul(37)).collect();
+    for target in ["ingest", "encoder"] {
+        save(target, &noise)?;
+    }
+    for range in ["bytes=0-9", "bytes=5-", "bytes=-5", "bytes=0-1,4-5"] {
+        save("range_header", range.as_bytes())?;
+    }
+    save("range_decoder", &[&32u16.to_le_bytes()[..], &noise].concat())?;
     Ok(())
 }
 
-/// Writes a seed; its name keeps seeds of one target apart.
-fn save(folder: &Path, bytes: &[u8]) -> Result<()> {
-    fs::create_dir_all(folder)?;
-    Ok(fs::write(folder.join(format!("seed_{}", bytes.len())), bytes)?)
+/// Larger streams take too long.
+const MOST_STREAM_BYTES: usize = 32 << 10;
+
+/// Streams of which all frames are decoded for every input.
+const FEW_STREAM_BYTES: usize = 2 << 10;
+
+/// The beginning of a stream, to the end of its second packet; all of it if it is small, or cannot be read so far.
+fn first_frames(stream: &[u8]) -> &[u8] {
+    let end = || {
+        let mut packets = PacketReader::new(stream).ok()?;
+        packets.next_packet().ok()??;
+        let second = packets.next_packet().ok()??;
+        Some(second.at as usize + second.total_bytes())
+    };
+    if stream.len() <= FEW_STREAM_BYTES { stream } else { &stream[..end().unwrap_or(stream.len())] }
+}
+
+/// The streams of a folder and of those in it, those that decoders must refuse included.
+fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut streams = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        if path.is_dir() {
+            streams.extend(conformance_streams(&path)?);
+        } else if path.extension().is_some_and(|extension| extension == "isv") {
+            streams.push(fs::read(path)?);
+        }
+    }
+    Ok(streams)
+}
+
+/// Seeds are numbered, so that those of another time do not stay beside them.
+struct Seeds<'a> {
+    corpus: &'a Path,
+    counts: BTreeMap<&'static str, usize>,
+}
+
+impl Seeds<'_> {
+    fn save(&mut self, target: &'static str, bytes: &[u8]) -> Result<()> {
+        let count = self.counts.entry(target).or_default();
+        let folder = self.corpus.join(target);
+        fs::create_dir_all(&folder)?;
+        fs::write(folder.join(format!("seed_{count:02}")), bytes)?;
+        *count += 1;
+        Ok(())
+    }
 }
 
 fn grid(edge: BlockEdge) -> Grid {

@@ -99,6 +99,22 @@ fn segments_that_end_too_early_are_refused() {
     assert_malformed(refused, "the block set ends too early");
 }
 
+#[test]
+fn of_several_bad_slices_the_first_is_told_whatever_the_threads() {
+    let packets = packets(stream());
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+    for _ in 0..200 {
+        let refused = threads.install(|| {
+            decode_changed(&packets, 1, |payload| {
+                // The first slice is found to be bad long after the second.
+                payload.slices[0].coefficients = &payload.slices[0].coefficients[..1];
+                payload.slices[1].motion = &[];
+            })
+        });
+        assert_malformed(refused, "the coefficients end too early");
+    }
+}
+
 /// Random numbers below a bound.
 struct Below(isv_testkit::Random);
 

@@ -1,7 +1,8 @@
 //! Folders of depth images: what is read from them, and what is said of those that are broken.
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage, f16,
+    AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2,
+    WritableImage, f16,
 };
 use isv_io::{DepthFileError, DepthSequence, TUM_INTRINSICS, is_depth_folder};
 use isv_volume::DepthImage;
@@ -157,6 +158,30 @@ fn halves_and_single_channels_of_any_name_are_depths() {
     assert_eq!(text, "depth/0.exr: frame 0: no channel of depths: none is called Z, R, Y, depth or D");
     write(room.path(), "depth/0.exr", &exr(vec![("Z", FlatSamples::U32(vec![1; 8]))]));
     assert!(refused(&room).ends_with("EXR must hold metres"));
+}
+
+#[test]
+fn memory_is_not_taken_for_tiles_that_the_image_cannot_fill() {
+    let room = room(1);
+    fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
+    let channel = AnyChannel::new("Z", FlatSamples::F32(vec![1.5; 8]));
+    let tiles = Encoding { blocks: Blocks::Tiles(Vec2(64, 64)), ..Encoding::UNCOMPRESSED };
+    let channels = AnyChannels::sort([channel].into_iter().collect());
+    let layer = Layer::new((4, 2), LayerAttributes::default(), tiles, channels);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+    let mut bytes = bytes.into_inner();
+    write(room.path(), "depth/0.exr", &bytes);
+    assert_eq!(depths(&open(&room).unwrap().read(0).unwrap()), [[1.5; 8]]);
+    // Tiles of 34 gigabytes, and a chunk that claims one of them.
+    let rows = bytes.windows(9).position(|kind| kind == b"tiledesc\0").unwrap() + 9 + 4 + 4;
+    assert_eq!(bytes[rows..rows + 4], [64, 0, 0, 0]);
+    bytes[rows..rows + 4].copy_from_slice(&0x0800_0040_u32.to_le_bytes());
+    let chunk = bytes.len() - 4 * 8 - 4;
+    assert_eq!(bytes[chunk..chunk + 4], [32, 0, 0, 0]);
+    bytes[chunk..chunk + 4].copy_from_slice(&0x4000_0000_u32.to_le_bytes());
+    write(room.path(), "depth/0.exr", &bytes);
+    assert_eq!(refused(&room), "depth/0.exr: frame 0: tiles of 64 x 134217792 pixels");
 }
 
 #[test]

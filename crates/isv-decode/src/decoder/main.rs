@@ -261,7 +261,7 @@ impl<B: Backend> MainDecoder<B> {
         let parameters = &self.parameters;
         let tallies = details.tallies(ranges.iter().cloned());
         let slices = self.entropy.slices(usize::from(slices)).par_iter_mut().zip(ranges).zip(&payload.slices);
-        let decoded: Vec<_> = slices
+        let decoded: Vec<Result<_, SyntaxError>> = slices
             .zip(tallies)
             .map(|(((models, range), bytes), mut tally)| {
                 let blocks = SliceBlocks { coords: &symbols.coords, range, causal };
@@ -276,7 +276,9 @@ impl<B: Backend> MainDecoder<B> {
                     models.coefficients.read(parameters, bytes, &blocks, &modes, reference, &mut tally)?;
                 Ok(((modes, levels), tally))
             })
-            .collect::<Result<_, SyntaxError>>()?;
+            .collect();
+        // In order, so that what is said of several bad slices does not depend on threads.
+        let decoded: Vec<_> = decoded.into_iter().collect::<Result<_, SyntaxError>>()?;
         let (decoded, tallies): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         for (modes, levels) in decoded {
             symbols.modes.extend(modes);

@@ -114,7 +114,7 @@ impl<B: Backend> PaperDecoder<B> {
         let layout = SliceLayout::new(blocks, usize::from(header.slices));
         let slices = self.entropy.slices(usize::from(header.slices));
         let tallies = details.tallies(layout.ranges());
-        let decoded: Vec<_> = slices
+        let decoded: Vec<Result<_, SyntaxError>> = slices
             .par_iter_mut()
             .zip(layout.ranges().collect::<Vec<_>>())
             .zip(&payload.slices)
@@ -133,7 +133,9 @@ impl<B: Backend> PaperDecoder<B> {
                 let levels = models.coefficients.read(bytes.coefficients, sources, &mut tally)?;
                 Ok(((motion, levels), tally))
             })
-            .collect::<Result<_, SyntaxError>>()?;
+            .collect();
+        // In order, so that what is said of several bad slices does not depend on threads.
+        let decoded: Vec<_> = decoded.into_iter().collect::<Result<_, SyntaxError>>()?;
         let (decoded, tallies): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         let (motion, levels): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
         let (motion, levels) = (motion.concat(), levels.concat());

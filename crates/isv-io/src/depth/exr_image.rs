@@ -5,9 +5,9 @@ use super::image::ImageFile;
 use exr::block::chunk::TileCoordinates;
 use exr::block::reader::ChunksReader;
 use exr::block::{BlockIndex, UncompressedBlock};
-use exr::meta::MetaData;
 use exr::meta::attribute::{ChannelList, SampleType};
 use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
 use std::io::{Read, Seek};
 
 /// Names of channels that hold depth, the likeliest first; what stands before a dot is the layer.
@@ -15,6 +15,9 @@ const CHANNELS: [&str; 6] = ["Z", "R", "Y", "depth", "Depth", "D"];
 
 /// Most channels that an image may have: a block of it holds a few hundred rows of each.
 const MOST_CHANNELS: usize = 64;
+
+/// Most pixels of a tile that is larger than its image: memory is taken for as much of it as the file says that there is.
+const MOST_TILE_PIXELS: usize = 1 << 20;
 
 /// The depth channel, in metres.
 pub(crate) fn read(
@@ -27,6 +30,12 @@ pub(crate) fn read(
         file.check_size([header.layer_size.width() as u64, header.layer_size.height() as u64], length)?;
         if header.channels.list.len() > MOST_CHANNELS {
             return Err(file.flaw(format!("more than {MOST_CHANNELS} channels")));
+        }
+        if let BlockDescription::Tiles(tiles) = header.blocks {
+            let exr::math::Vec2(columns, rows) = tiles.tile_size;
+            if columns.saturating_mul(rows) > MOST_TILE_PIXELS.max(header.layer_size.area()) {
+                return Err(file.flaw(format!("tiles of {columns} x {rows} pixels")));
+            }
         }
     }
     let (layer, channel) = depth_channel(reader.headers())

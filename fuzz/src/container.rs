@@ -1,0 +1,105 @@
+//! The container alone: stream header, packets, frame payloads, index and trailer, as bytes from a pipe and as a file.
+
+use crate::sealing::with_checksums;
+use isv::format::{
+    FormatError, FramePayload, Packet, PacketHeader, PacketKind, PacketReader, StreamHeader, StreamIndex,
+};
+use std::io::Cursor;
+
+/// Reads the bytes as they are, and with the checksums that they should have.
+pub fn read(bytes: &[u8]) {
+    read_as_it_is(bytes);
+    read_as_it_is(&with_checksums(bytes));
+}
+
+fn read_as_it_is(bytes: &[u8]) {
+    if let Some(first) = bytes.first_chunk::<{ StreamHeader::BYTES }>()
+        && let Ok(header) = StreamHeader::parse(first)
+    {
+        assert_eq!(header.to_bytes(), *first, "a header has one form");
+    }
+    let Ok(mut reader) = PacketReader::new(bytes) else {
+        let _ = StreamIndex::load(&mut Cursor::new(bytes));
+        return;
+    };
+    let header = *reader.header().expect("a reader that began at the header has it");
+    let mut packets = Vec::new();
+    let end = loop {
+        match reader.next_packet() {
+            Ok(Some(packet)) => packets.push(packet),
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+    };
+    let mut at = StreamHeader::BYTES as u64;
+    for packet in &packets {
+        assert_eq!(packet.at, at, "packets follow each other without gaps");
+        at += packet.total_bytes() as u64;
+        read_packet(packet, &header, bytes);
+    }
+    assert!(at <= bytes.len() as u64);
+    load_index(bytes, &packets, end);
+}
+
+/// A packet that was read: it stands where it says, and its contents are read as what they are.
+fn read_packet(packet: &Packet, header: &StreamHeader, bytes: &[u8]) {
+    let again = PacketReader::at_packet(&bytes[packet.at as usize..], packet.at).next_packet();
+    assert_eq!(again.ok().flatten().as_ref(), Some(packet), "a packet is whole in itself");
+    let PacketHeader { kind, since_keyframe, timestamp_ns, .. } = packet.header;
+    let sealed = PacketHeader::seal(kind, since_keyframe, timestamp_ns, &packet.payload);
+    assert!(bytes[packet.at as usize..].starts_with(&sealed), "a packet header has one form");
+    match kind {
+        PacketKind::Frame { hashed, .. } => {
+            let (at, profile) = (packet.payload_at(), &header.profile);
+            if let Ok(payload) = FramePayload::parse(&packet.payload, at, hashed, profile) {
+                let written = payload.to_bytes();
+                // Numbers may have been written with more bytes than they need.
+                assert!(written.len() <= packet.payload.len());
+                let again =
+                    FramePayload::parse(&written, at, hashed, profile).expect("what was written is read");
+                assert_eq!(again, payload);
+            }
+        }
+        PacketKind::Index => {
+            if let Ok(index) = StreamIndex::parse(&packet.payload, packet.at) {
+                assert_eq!(index.to_payload(), packet.payload, "an index has one form");
+            }
+        }
+    }
+}
+
+/// Loads the index as from a file, and goes to each of its frames. `end`: of `packets`, which were read one after the other.
+fn load_index(bytes: &[u8], packets: &[Packet], end: Result<(), FormatError>) {
+    let loaded = StreamIndex::load(&mut Cursor::new(bytes));
+    if !has_trailer(bytes) {
+        let frames = packets.iter().filter(|packet| packet.header.kind != PacketKind::Index);
+        match &loaded {
+            Ok(index) => assert!(
+                index
+                    .frames
+                    .iter()
+                    .map(|frame| (frame.at, frame.keyframe))
+                    .eq(frames.map(|packet| (packet.at, packet.is_keyframe()))),
+                "an index that is made has all whole frames"
+            ),
+            Err(_) => assert!(
+                !matches!(end, Err(FormatError::Truncated { .. }))
+                    || packets.last().is_some_and(|last| last.header.kind == PacketKind::Index),
+                "a cut stream has an index of its whole frames"
+            ),
+        }
+    }
+    let Ok(index) = loaded else { return };
+    for (number, frame) in index.frames.iter().enumerate() {
+        let keyframe = index.keyframe_before(number);
+        assert!(keyframe.is_none_or(|keyframe| keyframe <= number && index.frames[keyframe].keyframe));
+        let rest = bytes.get(frame.at as usize..).unwrap_or_default();
+        let _ = PacketReader::at_packet(rest, frame.at).next_packet();
+    }
+    assert_eq!(index.keyframe_before(index.frames.len()), None);
+}
+
+/// Whether the last bytes are those of a trailer.
+fn has_trailer(bytes: &[u8]) -> bool {
+    bytes.last_chunk().is_some_and(|last| StreamIndex::parse_trailer(last).is_some())
+}

@@ -1,0 +1,59 @@
+//! What a server reads of a live source and of requests. Its modules are compiled in by themselves: the server around them is no reader.
+
+#[path = "../../crates/isv-serve/src/source/packets.rs"]
+mod packets;
+#[path = "../../crates/isv-serve/src/range.rs"]
+mod range;
+#[path = "../../crates/isv-serve/src/source/replay.rs"]
+mod replay;
+
+use crate::differential::Trickle;
+use isv_format::{PacketReader, StreamHeader};
+use packets::{Packets, Piece};
+use range::Selected;
+use std::io::Read;
+
+/// Largest packet that is taken.
+const LARGEST_PACKET: usize = 1 << 16;
+
+/// Reads streams that may be damaged, cut and followed by others, all at once and a byte at a time.
+pub fn read_packets(bytes: &[u8]) {
+    let found = pieces(bytes);
+    assert!(found == pieces(Trickle(bytes)), "a byte at a time against all");
+    // As they are, and with checksums that let more through.
+    let sealed = crate::sealing::with_checksums(bytes);
+    pieces(&sealed[..]);
+}
+
+/// All pieces in words. Each is whole in itself.
+fn pieces(source: impl Read) -> Vec<String> {
+    let mut packets = Packets::new(source, 0, LARGEST_PACKET);
+    let mut found = Vec::new();
+    while let Some(piece) = packets.next().expect("memory can be read") {
+        match &piece {
+            Piece::Header(header) => drop(StreamHeader::parse(header).expect("a stream header")),
+            Piece::Frame { packet, keyframe } => {
+                let read = PacketReader::at_packet(*packet, 0).next_packet();
+                let read = read.expect("a packet").expect("a packet");
+                assert_eq!((read.total_bytes(), read.is_keyframe()), (packet.len(), *keyframe));
+                assert!(packet.len() <= LARGEST_PACKET);
+            }
+            Piece::End | Piece::Damage(_) => {}
+        }
+        found.push(format!("{piece:?}"));
+    }
+    found
+}
+
+/// Reads a `Range` header for files of several lengths.
+pub fn read_range(bytes: &[u8]) {
+    let Ok(header) = std::str::from_utf8(bytes) else { return };
+    for length in [0, 1, 10, 1 << 40, u64::MAX] {
+        match range::select(Some(header), length) {
+            Selected::Part(part) => {
+                assert!(part.start < part.end && part.end <= length, "{part:?} of {length} bytes");
+            }
+            Selected::Whole | Selected::Unsatisfiable => {}
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Changes of `.isv` streams that keep the rest whole, so that they reach what they are meant for: a payload or a segment whose
+//! lengths around it are made to fit. Most bytes changed at random end at a length.
+
+use crate::sealing::{payloads, replace_payload, with_checksums};
+use crate::stream::{LIMITS, open};
+use isv::decode::Decoder;
+use isv::format::{
+    FrameCoding, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile, SlicePayload,
+};
+use libfuzzer_sys::fuzzer_mutate;
+
+/// Changes the payload of one packet. Arguments and result as [`libfuzzer_sys::fuzz_mutator!`] has them.
+pub fn payload(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+    let mut choices = Choices(seed);
+    let stream = &data[..size];
+    let Some(place) = choices.one_of(&payloads(stream)).cloned() else {
+        return fuzzer_mutate(data, size, max_size);
+    };
+    let payload = mutated(&stream[place.clone()], max_size.saturating_sub(size));
+    write(data, max_size, &replace_payload(stream, &place, &payload))
+}
+
+/// Changes one segment of one frame, or one field of its header. Arguments and result as [`payload`].
+pub fn syntax(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+    let changed = change_syntax(&data[..size], max_size, Choices(seed));
+    match changed {
+        Some(stream) => write(data, max_size, &stream),
+        None => payload(data, size, max_size, seed),
+    }
+}
+
+/// Changes a stream in any of the ways. Arguments and result as [`payload`].
+pub fn any(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+    match seed % 8 {
+        0 => fuzzer_mutate(data, size, max_size),
+        1 => payload(data, size, max_size, seed / 8),
+        _ => syntax(data, size, max_size, seed / 8),
+    }
+}
+
+/// Bytes as libFuzzer changes them, and at most `room` more of them.
+fn mutated(bytes: &[u8], room: usize) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    out.resize(bytes.len() + room.max(1), 0);
+    let most = out.len();
+    let length = fuzzer_mutate(&mut out, bytes.len(), most);
+    out.truncate(length);
+    out
+}
+
+/// The result of a mutator: it is cut at `max_size`.
+fn write(data: &mut [u8], max_size: usize, stream: &[u8]) -> usize {
+    let length = stream.len().min(max_size).min(data.len());
+    data[..length].copy_from_slice(&stream[..length]);
+    length
+}
+
+/// `None` if the stream, or the payload that is chosen, is not well formed enough.
+fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<Vec<u8>> {
+    let sealed = with_checksums(bytes);
+    let (header, packets) = open(&sealed)?;
+    let number = choices.below(packets.len() as u32) as usize;
+    let packet = packets.get(number)?;
+    let PacketKind::Frame { hashed, keyframe } = packet.header.kind else { return None };
+    let place = packet.payload_at() as usize..packet.at as usize + packet.total_bytes();
+    let mut payload = FramePayload::parse(&packet.payload, 0, hashed, &header.profile).ok()?;
+    let room = max_size.saturating_sub(bytes.len());
+    if choices.below(8) == 0 {
+        change_field(&mut payload, &header.profile, &mut choices);
+        return Some(replace_payload(bytes, &place, &payload.to_bytes()));
+    }
+    let mut segments = segments(&mut payload);
+    // A segment that is read has bytes. The set of blocks, which all others depend on, not more often than the rest together.
+    let filled: Vec<usize> = (1..segments.len()).filter(|segment| !segments[*segment].is_empty()).collect();
+    let chosen = if choices.below(4) == 0 { 0 } else { choices.one_of(&filled).copied().unwrap_or(0) };
+    let changed = mutated(segments[chosen], room);
+    *segments[chosen] = &changed;
+    let decoder = Decoder::new(&header, LIMITS);
+    if chosen == 0 && (keyframe || choices.below(4) == 0) {
+        fit_block_count(&mut payload, decoder, &packets[..=number]);
+    }
+    Some(replace_payload(bytes, &place, &payload.to_bytes()))
+}
+
+/// All segments of a payload, the block set first.
+fn segments<'p, 'a>(payload: &'p mut FramePayload<'a>) -> Vec<&'p mut &'a [u8]> {
+    let slices = payload.slices.iter_mut().flat_map(|slice| [&mut slice.motion, &mut slice.coefficients]);
+    [&mut payload.block_set, &mut payload.masks].into_iter().chain(slices).collect()
+}
+
+/// Gives a field of the frame header another value, which need not be allowed.
+fn change_field(payload: &mut FramePayload, profile: &Profile, choices: &mut Choices) {
+    let header = &mut payload.header;
+    match (&mut header.coding, choices.below(10)) {
+        (_, 0) => header.blocks = header.blocks.wrapping_add_signed(choices.below(5) as i32 - 2),
+        (_, 1) => {
+            header.slices = 1 + choices.below(6) as u16;
+            payload.slices.resize(usize::from(header.slices), SlicePayload::default());
+        }
+        (_, 2) | (FrameCoding::Paper, _) => {
+            let known: &[Prediction] = match profile {
+                Profile::Paper(_) => &Prediction::ALL,
+                Profile::Main => &[Prediction::None, Prediction::ThreeDof],
+            };
+            header.prediction = known[choices.below(known.len() as u32) as usize];
+            if let (FrameCoding::Main(main), Prediction::None) = (&mut header.coding, header.prediction) {
+                main.still_cells = false;
+            }
+        }
+        (FrameCoding::Main(main), 3) => main.step = 1 << choices.below(21),
+        (FrameCoding::Main(main), 4) => main.step = 1 + choices.below(MainFrameHeader::MAX_STEP),
+        (FrameCoding::Main(main), 5) => main.filter = choices.below(26) as u8,
+        (FrameCoding::Main(main), 6) => main.filter_limit = choices.below(256) as u8,
+        (FrameCoding::Main(main), 7) => main.half_voxel_vectors ^= true,
+        (FrameCoding::Main(main), 8) => main.no_spatial_prediction ^= true,
+        (FrameCoding::Main(main), _) => {
+            main.still_cells = !main.still_cells && header.prediction == Prediction::ThreeDof;
+        }
+    }
+}
+
+/// Has the header announce as many blocks as the block set holds: otherwise hardly any change of it would get further.
+fn fit_block_count(payload: &mut FramePayload, mut decoder: Decoder, packets: &[Packet]) {
+    let Some((packet, before)) = packets.split_last() else { return };
+    let (mut low, mut high) = (0, (LIMITS.frame_voxels / 512) as u32);
+    while low <= high {
+        payload.header.blocks = (low + high) / 2;
+        before.iter().for_each(|packet| drop(decoder.decode(packet)));
+        let mut packet = packet.clone();
+        packet.payload = payload.to_bytes();
+        match decoder.decode(&packet).err().map(|error| error.to_string()) {
+            Some(refusal) if refusal.contains("holds more blocks") => low = payload.header.blocks + 1,
+            Some(refusal) if refusal.contains("holds fewer blocks") && payload.header.blocks > 0 => {
+                high = payload.header.blocks - 1;
+            }
+            _ => return,
+        }
+    }
+}
+
+/// Small random numbers, all from libFuzzer's seed.
+struct Choices(u32);
+
+impl Choices {
+    /// A number below `end`; 0 if that is 0.
+    fn below(&mut self, end: u32) -> u32 {
+        // Numerical Recipes' generator, of which the high bits are used.
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        ((u64::from(self.0) * u64::from(end)) >> 32) as u32
+    }
+
+    fn one_of<'a, T>(&mut self, choices: &'a [T]) -> Option<&'a T> {
+        choices.get(self.below(choices.len() as u32) as usize)
+    }
+}

@@ -1,0 +1,65 @@
+//! Streams whose checksums are made to fit: nothing that a fuzzer changes would get past them.
+
+use isv::format::{PacketHeader, StreamHeader, StreamIndex};
+use std::ops::Range;
+
+/// Bytes of a checksum, which are the last of whatever has one.
+const CHECKSUM: usize = 4;
+/// Where a packet header states the bytes of its payload.
+const LENGTH: Range<usize> = 8..12;
+
+/// The payloads of the whole packets of a stream, by place.
+pub(crate) fn payloads(bytes: &[u8]) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut at = StreamHeader::BYTES + PacketHeader::BYTES;
+    while at <= bytes.len() {
+        let length = &bytes[at - PacketHeader::BYTES..][LENGTH];
+        let length = u32::from_le_bytes(length.try_into().expect("four bytes")) as usize;
+        if length > bytes.len() - at {
+            break;
+        }
+        found.push(at..at + length);
+        at += length + PacketHeader::BYTES;
+    }
+    found
+}
+
+/// The stream with another payload in the place of one of its own, and the length in its packet's header made to fit.
+pub(crate) fn replace_payload(bytes: &[u8], place: &Range<usize>, payload: &[u8]) -> Vec<u8> {
+    let mut out = [&bytes[..place.start], payload, &bytes[place.end..]].concat();
+    let header = &mut out[place.start - PacketHeader::BYTES..place.start];
+    header[LENGTH].copy_from_slice(&(payload.len() as u32).to_le_bytes());
+    out
+}
+
+/// The stream with the checksums of its header, of its whole packets and of its trailer made anew.
+pub(crate) fn with_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    if bytes.len() < StreamHeader::BYTES {
+        return bytes;
+    }
+    seal(&mut bytes[..StreamHeader::BYTES], &[]);
+    let payloads = payloads(&bytes);
+    for place in &payloads {
+        let (before, payload) = bytes.split_at_mut(place.start);
+        let header = before.len() - PacketHeader::BYTES;
+        seal(&mut before[header..], &payload[..place.len()]);
+    }
+    let end = payloads.last().map_or(StreamHeader::BYTES, |last| last.end);
+    if let Some(trailer) = bytes[end..].get_mut(..StreamIndex::TRAILER_BYTES) {
+        // What begins as a packet is a cut one.
+        if !trailer.starts_with(&PacketHeader::MAGIC) {
+            seal(trailer, &[]);
+        }
+    }
+    bytes
+}
+
+/// Writes the checksum at the end of a structure: that of the bytes before it and of the payload after it.
+fn seal(structure: &mut [u8], payload: &[u8]) {
+    let (fields, checksum) = structure.split_at_mut(structure.len() - CHECKSUM);
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(fields);
+    hasher.update(payload);
+    checksum.copy_from_slice(&hasher.finalize().to_le_bytes());
+}
