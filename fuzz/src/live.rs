@@ -28,14 +28,17 @@ pub fn read_packets(bytes: &[u8]) {
 /// All pieces in words. Each is whole in itself.
 fn pieces(source: impl Read) -> Vec<String> {
     let mut packets = Packets::new(source, 0, LARGEST_PACKET);
-    let mut found = Vec::new();
+    let (mut found, mut profile) = (Vec::new(), None);
     while let Some(piece) = packets.next().expect("memory can be read") {
         match &piece {
-            Piece::Header(header) => drop(StreamHeader::parse(header).expect("a stream header")),
-            Piece::Frame { packet, keyframe } => {
+            Piece::Header(header) => {
+                profile = Some(StreamHeader::parse(header).expect("a stream header").profile)
+            }
+            Piece::Frame { packet, entry } => {
+                let profile = profile.as_ref().expect("packets come after a stream header");
                 let read = PacketReader::at_packet(*packet, 0).next_packet();
                 let read = read.expect("a packet").expect("a packet");
-                assert_eq!((read.total_bytes(), read.is_keyframe()), (packet.len(), *keyframe));
+                assert_eq!((read.total_bytes(), read.is_entry(profile)), (packet.len(), *entry));
                 assert!(packet.len() <= LARGEST_PACKET);
             }
             Piece::End | Piece::Damage(_) => {}

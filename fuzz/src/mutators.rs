@@ -104,7 +104,7 @@ fn change_field(payload: &mut FramePayload, profile: &Profile, choices: &mut Cho
             };
             header.prediction = known[choices.below(known.len() as u32) as usize];
             if let (FrameCoding::Main(main), Prediction::None) = (&mut header.coding, header.prediction) {
-                main.still_cells = false;
+                (main.still_cells, main.resilient) = (false, false);
             }
         }
         (FrameCoding::Main(main), 3) => main.step = 1 << choices.below(21),
@@ -114,7 +114,8 @@ fn change_field(payload: &mut FramePayload, profile: &Profile, choices: &mut Cho
         (FrameCoding::Main(main), 7) => main.half_voxel_vectors ^= true,
         (FrameCoding::Main(main), 8) => main.no_spatial_prediction ^= true,
         (FrameCoding::Main(main), _) => {
-            main.still_cells = !main.still_cells && header.prediction == Prediction::ThreeDof;
+            let kind = if header.prediction == Prediction::ThreeDof { choices.below(3) } else { 0 };
+            (main.still_cells, main.resilient) = (kind == 1, kind == 2);
         }
     }
 }
