@@ -1,6 +1,6 @@
 //! What can stop a decoder.
 
-use isv_format::FormatError;
+use isv_format::{FormatError, RefusalClass};
 use thiserror::Error;
 
 /// What keeps a [`crate::backend::Backend`] from its work. No fault of the stream.
@@ -76,4 +76,19 @@ pub enum DecodeError {
         /// Hash of what was decoded.
         found: u64,
     },
+}
+
+impl DecodeError {
+    /// The class of the refusal; `None` if the arithmetic or the source is at fault and not the stream.
+    #[must_use]
+    pub fn class(&self) -> Option<RefusalClass> {
+        match self {
+            Self::Backend(_) => None,
+            Self::Format(error) => error.class(),
+            Self::Malformed { .. } => Some(RefusalClass::Malformed),
+            Self::NoReference { .. } | Self::MissingFrame { .. } => Some(RefusalClass::Missing),
+            Self::TooManyBlocks { .. } => Some(RefusalClass::Limit),
+            Self::HashMismatch { .. } => Some(RefusalClass::Damaged),
+        }
+    }
 }

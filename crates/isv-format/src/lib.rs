@@ -16,6 +16,7 @@ mod header;
 mod index;
 mod packet;
 mod reader;
+mod refusal;
 mod writer;
 
 pub use error::FormatError;
@@ -26,4 +27,5 @@ pub use header::{FORMAT_VERSION, FrameRate, MAGIC, PaperParameters, Profile, Str
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;
+pub use refusal::RefusalClass;
 pub use writer::PacketWriter;
