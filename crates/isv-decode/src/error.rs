@@ -66,6 +66,20 @@ pub enum DecodeError {
         /// The caller's limit.
         limit: usize,
     },
+    /// More blocks than so few bytes are trusted with: [`crate::Limits::voxels_per_byte`].
+    #[error(
+        "packet at byte {at} makes {blocks} blocks of the {bytes} bytes since its keyframe, above the limit of {limit} for so few"
+    )]
+    TooFewBytes {
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// Blocks of the frame.
+        blocks: usize,
+        /// Bytes of its GOP so far.
+        bytes: u64,
+        /// Blocks that these may have.
+        limit: usize,
+    },
     /// The decoded volume is not the one that was encoded.
     #[error("frame {frame}: the decoded volume's hash is {found:016x}, but the stream says {stated:016x}")]
     HashMismatch {
@@ -87,7 +101,7 @@ impl DecodeError {
             Self::Format(error) => error.class(),
             Self::Malformed { .. } => Some(RefusalClass::Malformed),
             Self::NoReference { .. } | Self::MissingFrame { .. } => Some(RefusalClass::Missing),
-            Self::TooManyBlocks { .. } => Some(RefusalClass::Limit),
+            Self::TooManyBlocks { .. } | Self::TooFewBytes { .. } => Some(RefusalClass::Limit),
             Self::HashMismatch { .. } => Some(RefusalClass::Damaged),
         }
     }

@@ -105,7 +105,7 @@ impl Session {
         self.surface = Surface::default();
         self.blocks.clear();
         let header = StreamHeader::parse(self.input_as("a stream header")?)?;
-        let decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels });
+        let decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels, ..Limits::default() });
         self.stream = Some(Stream { header, decoder, frame: None });
         Ok(())
     }

@@ -87,10 +87,8 @@ impl<B: Backend> PaperDecoder<B> {
     }
 
     fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {
-        let limit = self.limits.frame_voxels / self.parameters.grid.edge.block_voxels();
-        if header.blocks as usize > limit {
-            return Err(DecodeError::TooManyBlocks { at: packet.at, blocks: header.blocks as usize, limit });
-        }
+        let block_voxels = self.parameters.grid.edge.block_voxels();
+        self.limits.check(packet, self.sequence, block_voxels, header.blocks as usize)?;
         let most_slices = syntax::most_slices(self.parameters.coefficients());
         let too_many_slices = FormatError::LimitExceeded {
             at: packet.at,
