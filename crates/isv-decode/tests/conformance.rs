@@ -1,28 +1,78 @@
-//! The committed streams decode to the committed hashes. They change only when the format does: see `conformance/README.md`.
+//! The committed streams decode to the committed hashes, or are refused as they have to be. They never change: see
+//! `conformance/README.md`.
 
-use isv_decode::{Decoder, Limits, volume_hash};
+use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_format::PacketReader;
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance")
+}
+
+/// The streams of a folder, by name.
+fn streams(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+    let streams = files.filter(|path| path.extension().is_some_and(|extension| extension == "isv"));
+    streams
+        .map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(&path).unwrap()))
+        .collect()
+}
+
+/// The hashes of a stream's frames, and whether its index was met; or what is refused after them.
+fn decode(bytes: &[u8]) -> (Vec<u64>, Result<bool, DecodeError>) {
+    let mut hashes = Vec::new();
+    let mut decode = || {
+        let mut reader = PacketReader::new(bytes)?;
+        let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+        while let Some(packet) = reader.next_frame()? {
+            hashes.push(volume_hash(decoder.decode_and_verify(&packet)?.volume));
+        }
+        Ok(reader.complete())
+    };
+    let end = decode();
+    (hashes, end)
+}
 
 #[test]
 fn streams_decode_to_their_hashes() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
-    let table = std::fs::read_to_string(folder.join("hashes.txt")).unwrap();
-    let mut found = String::new();
-    let mut names: Vec<&str> = table.lines().map(|line| line.split(' ').next().unwrap()).collect();
-    names.dedup();
-    for name in &names {
-        let bytes = std::fs::read(folder.join(name)).unwrap();
-        let mut reader = PacketReader::new(&bytes[..]).unwrap();
-        let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
-        let mut frame = 0;
-        while let Some(packet) = reader.next_frame().unwrap() {
-            let hash = volume_hash(decoder.decode_and_verify(&packet).unwrap().volume);
-            found += &format!("{name} {frame} {hash:016x}\n");
-            frame += 1;
-        }
-        assert!(reader.complete(), "{name}");
+    let table = std::fs::read_to_string(folder().join("hashes.txt")).unwrap();
+    let mut expected: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+    for line in table.lines() {
+        let [name, frame, hash] = line.split(' ').collect::<Vec<_>>().try_into().expect("three words");
+        let hashes = expected.entry(name).or_default();
+        assert_eq!(frame, hashes.len().to_string(), "{line}");
+        hashes.push(u64::from_str_radix(hash, 16).unwrap());
     }
-    assert_eq!(found, table);
-    assert_eq!(names.len(), 20);
+    let streams = streams(&folder());
+    for (name, bytes) in &streams {
+        let (hashes, end) = decode(bytes);
+        assert_eq!(end.unwrap(), !name.contains("no_index"), "{name}");
+        // Streams without frames have no line.
+        assert_eq!(&hashes, expected.get(&name[..]).unwrap_or(&Vec::new()), "{name}");
+    }
+    assert!(expected.keys().all(|name| streams.contains_key(*name)));
+    assert!(streams.len() >= 40, "{} streams", streams.len());
+}
+
+#[test]
+fn streams_that_must_be_refused_are_and_say_why() {
+    let streams = streams(&folder().join("refused"));
+    let mut listed = 0;
+    for (table, must) in [("refused.txt", true), ("may_refuse.txt", false)] {
+        for line in std::fs::read_to_string(folder().join(table)).unwrap().lines() {
+            let [name, frames, class] = line.split(' ').collect::<Vec<_>>().try_into().expect("three words");
+            let (hashes, end) = decode(&streams[name]);
+            match end {
+                Err(error) => {
+                    assert_eq!(error.class().unwrap().name(), class, "{name}: {error}");
+                    assert_eq!(hashes.len().to_string(), frames, "{name}: {error}");
+                }
+                Ok(_) => assert!(!must, "{name} is accepted"),
+            }
+            listed += 1;
+        }
+    }
+    assert_eq!(listed, streams.len(), "every stream is listed once");
+    assert!(listed >= 60, "{listed} streams");
 }
