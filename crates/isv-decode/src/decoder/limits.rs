@@ -7,7 +7,7 @@ use isv_format::Packet;
 /// Bounds on what a stream may ask of its decoder. They are checked before memory for samples is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Most voxels in a frame, blocks times voxels a block: [`Self::bytes`] says what memory they take.
+    /// Most voxels in a frame, blocks times voxels a block. A voxel takes about four bytes at the peak of decoding.
     pub frame_voxels: usize,
     /// Most voxels in a frame beyond the first [`Self::FREE_VOXELS`] for each byte of its GOP so far. What is coded under models that
     /// have learned takes next to no bits, so without this bound a few hundred bytes fill the memory. [`usize::MAX`] for streams
@@ -18,8 +18,8 @@ pub struct Limits {
 impl Limits {
     /// Voxels that any stream may have in a frame, however short it is: 8192 blocks of 8.
     pub const FREE_VOXELS: usize = 1 << 22;
-    /// The usual [`Self::voxels_per_byte`]: 128 blocks of 8. The flattest thing that can be made, a box along the axes at the lowest
-    /// quality, has 8.
+    /// The usual [`Self::voxels_per_byte`]: 128 blocks of 8. A box along the axes at the lowest quality, which is as flat as things
+    /// get, has 2.6 coded blocks a byte (`docs/design/031-hostile-files.md`).
     pub const VOXELS_PER_BYTE: usize = 1 << 16;
 
     /// Most blocks of a frame, and whether it is the bytes that bound them.
