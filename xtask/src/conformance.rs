@@ -1,6 +1,10 @@
-//! Makes the conformance streams: small, one feature after the other, each with the hashes of its decoded frames.
+//! Makes the conformance streams: small, one feature after the other, each with the hashes of its decoded frames. A stream that is
+//! there is never made again: what an encoder chooses may change, and what others have tested with must not.
 
+mod extremes;
 mod main_profile;
+mod raw;
+mod refused;
 
 use anyhow::{Context, Result};
 use isv::decode::volume_hash;
@@ -8,7 +12,8 @@ use isv::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
 use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_testkit::ball;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
 /// A stream's bytes and the hashes of its frames.
@@ -68,20 +73,49 @@ const CASES: [Case; 8] = [
     },
 ];
 
-/// Writes every stream and the table of hashes into a folder.
+/// Writes the streams that a folder does not have yet, and adds them to its tables.
 pub(crate) fn run(folder: &str) -> Result<()> {
     let folder = Path::new(folder);
+    std::fs::create_dir_all(folder.join("refused"))?;
     let paper = CASES.iter().map(|case| Ok((case.name, encode_case(case)?))).collect::<Result<Vec<_>>>()?;
     let mut table = String::new();
-    for (name, (stream, hashes)) in paper.into_iter().chain(main_profile::streams()?) {
-        let path = folder.join(format!("{name}.isv"));
-        std::fs::write(&path, stream).with_context(|| path.display().to_string())?;
-        for (frame, hash) in hashes.iter().enumerate() {
-            writeln!(table, "{name}.isv {frame} {hash:016x}")?;
+    for (name, (stream, hashes)) in
+        paper.into_iter().chain(main_profile::streams()?).chain(extremes::streams()?)
+    {
+        if write_new(&folder.join(format!("{name}.isv")), &stream)? {
+            for (frame, hash) in hashes.iter().enumerate() {
+                writeln!(table, "{name}.isv {frame} {hash:016x}")?;
+            }
         }
     }
-    let path = folder.join("hashes.txt");
-    std::fs::write(&path, table).with_context(|| path.display().to_string())
+    append(&folder.join("hashes.txt"), &table)?;
+    for (file, cases) in
+        [("refused.txt", refused::streams()?), ("may_refuse.txt", refused::optional_streams()?)]
+    {
+        let mut table = String::new();
+        for case in cases {
+            if write_new(&folder.join("refused").join(format!("{}.isv", case.name)), &case.bytes)? {
+                writeln!(table, "{}.isv {} {}", case.name, case.frames, case.class)?;
+            }
+        }
+        append(&folder.join(file), &table)?;
+    }
+    Ok(())
+}
+
+/// Writes a file if there is none. Whether it did.
+fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
+    if path.exists() {
+        return Ok(false);
+    }
+    std::fs::write(path, bytes).with_context(|| path.display().to_string())?;
+    Ok(true)
+}
+
+/// Adds lines to the end of a file.
+fn append(path: &Path, lines: &str) -> Result<()> {
+    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path)?;
+    file.write_all(lines.as_bytes()).with_context(|| path.display().to_string())
 }
 
 fn encode_case(case: &Case) -> Result<Stream> {

@@ -85,7 +85,7 @@ enum Command {
     /// What `instructions` counts
     #[command(name = instructions::COUNTED_COMMAND, hide = true)]
     CountedKernels,
-    /// Write the conformance streams and their hashes, after a change of the format
+    /// Write the conformance streams that a folder does not have yet, and add them to its tables
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
     FuzzSeeds { folder: String },

@@ -8,7 +8,7 @@ use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use proptest::prelude::*;
 use std::sync::LazyLock;
 
-const LIMITS: Limits = Limits { frame_voxels: 1 << 22 };
+const LIMITS: Limits = Limits { frame_voxels: 1 << 22, voxels_per_byte: usize::MAX };
 
 fn settings(edge: BlockEdge, coefficients: usize, sixteenths: u32) -> TangSettings {
     let grid = Grid {
@@ -104,7 +104,8 @@ fn more_blocks_than_allowed_are_refused() {
     let settings = settings(BlockEdge::E8, 48, 2048);
     let basis = BlockBasis::dct(BlockEdge::E8);
     let frame = TangEncoder::new(&basis, settings).encode(&ball(settings.grid, 0.0));
-    let mut decoder = TangDecoder::new(&basis, settings, Limits { frame_voxels: 512 * 10 });
+    let mut decoder =
+        TangDecoder::new(&basis, settings, Limits { frame_voxels: 512 * 10, ..Limits::default() });
     assert!(matches!(decoder.decode(&frame.bytes), Err(TangError::TooManyBlocks { limit: 10, .. })));
 }
 

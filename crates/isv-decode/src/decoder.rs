@@ -1,6 +1,7 @@
 //! The decoder: one packet, one volume.
 
 mod failure;
+mod limits;
 mod main;
 mod paper;
 mod recovery;
@@ -13,23 +14,9 @@ use crate::main_profile::ExactBlocks;
 use crate::reduced::Lod;
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{GridError, SparseVolume};
+pub use limits::Limits;
 use main::MainDecoder;
 use paper::PaperDecoder;
-
-/// Bounds on what a stream may ask of its decoder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Most voxels in a frame, blocks times voxels a block. A voxel takes about four bytes at the peak of decoding.
-    pub frame_voxels: usize,
-}
-
-impl Default for Limits {
-    /// `3 * 2^30` voxels, six million blocks of 8: a building at 5 mm. Where addresses have 32 bits, `2^27`: all that a frame takes
-    /// at the peak of decoding, with the frame before, then fits.
-    fn default() -> Self {
-        Self { frame_voxels: if usize::BITS < 64 { 1 << 27 } else { 3 << 30 } }
-    }
-}
 
 /// A frame as decoded. `V`: [`Backend::Volume`].
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! What can stop a decoder.
 
-use isv_format::FormatError;
+use isv_format::{FormatError, RefusalClass};
 use thiserror::Error;
 
 /// What keeps a [`crate::backend::Backend`] from its work. No fault of the stream.
@@ -66,6 +66,20 @@ pub enum DecodeError {
         /// The caller's limit.
         limit: usize,
     },
+    /// More blocks than so few bytes are trusted with: [`crate::Limits::voxels_per_byte`].
+    #[error(
+        "packet at byte {at} makes {blocks} blocks of the {bytes} bytes since its keyframe, above the limit of {limit} for so few"
+    )]
+    TooFewBytes {
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// Blocks of the frame.
+        blocks: usize,
+        /// Bytes of its GOP so far.
+        bytes: u64,
+        /// Blocks that these may have.
+        limit: usize,
+    },
     /// The decoded volume is not the one that was encoded.
     #[error("frame {frame}: the decoded volume's hash is {found:016x}, but the stream says {stated:016x}")]
     HashMismatch {
@@ -76,4 +90,19 @@ pub enum DecodeError {
         /// Hash of what was decoded.
         found: u64,
     },
+}
+
+impl DecodeError {
+    /// The class of the refusal; `None` if the arithmetic or the source is at fault and not the stream.
+    #[must_use]
+    pub fn class(&self) -> Option<RefusalClass> {
+        match self {
+            Self::Backend(_) => None,
+            Self::Format(error) => error.class(),
+            Self::Malformed { .. } => Some(RefusalClass::Malformed),
+            Self::NoReference { .. } | Self::MissingFrame { .. } => Some(RefusalClass::Missing),
+            Self::TooManyBlocks { .. } | Self::TooFewBytes { .. } => Some(RefusalClass::Limit),
+            Self::HashMismatch { .. } => Some(RefusalClass::Damaged),
+        }
+    }
 }

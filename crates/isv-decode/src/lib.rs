@@ -30,6 +30,7 @@ pub use decoder::{DecodedFrame, Decoder, Limits};
 pub use details::{BitTally, BlockCoding, BlockDetail};
 pub use error::{BackendError, DecodeError};
 pub use hash::volume_hash;
+pub use isv_format::RefusalClass;
 pub use parameters::CodingParameters;
 pub use reduced::Lod;
 pub use reference::{Reference, ReferenceBlocks};

@@ -92,7 +92,8 @@ fn a_missing_packet_is_noticed_and_the_next_keyframe_decodes() {
 fn too_many_blocks_are_refused_before_memory_is_taken() {
     let bytes = stream();
     let reader = PacketReader::new(&bytes[..]).unwrap();
-    let mut decoder = Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000 });
+    let mut decoder =
+        Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000, ..Limits::default() });
     let payload = FramePayload {
         header: FrameHeader {
             prediction: Prediction::None,
@@ -124,7 +125,7 @@ proptest! {
     ) {
         let bytes = stream_once();
         let reader = PacketReader::new(bytes).unwrap();
-        let limits = Limits { frame_voxels: 1 << 22 };
+        let limits = Limits { frame_voxels: 1 << 22, ..Limits::default() };
         let mut decoder = Decoder::with_lod(reader.header().unwrap(), limits, lod).unwrap();
         let packets = packets(bytes);
         for packet in &packets[frame / 2 * 2..frame] {

@@ -13,7 +13,7 @@ use isv_volume::{SparseVolume, VolumeBuilder};
 use std::sync::OnceLock;
 use support::{ball, decode, encode, forged, main_header, packets};
 
-const LIMITS: Limits = Limits { frame_voxels: 1 << 20 };
+const LIMITS: Limits = Limits { frame_voxels: 1 << 20, voxels_per_byte: usize::MAX };
 
 /// Four frames of the ball with its hole in two GOPs and two slices.
 fn stream() -> &'static [u8] {
@@ -227,7 +227,7 @@ fn blocks_that_the_extension_would_add_count_towards_the_limit() {
     }
     let bytes = whole_band(&header, &[builder.finish()]);
     let decode = |blocks: usize| {
-        let mut decoder = Decoder::new(&header, Limits { frame_voxels: 512 * blocks });
+        let mut decoder = Decoder::new(&header, Limits { frame_voxels: 512 * blocks, ..Limits::default() });
         decoder.decode(&packets(&bytes)[0]).map(|frame| frame.volume.block_count())
     };
     assert_eq!(decode(27 * 125).unwrap(), 27 * 125);

@@ -2,7 +2,7 @@
 
 use crate::FormatError;
 
-/// Takes fields off the front of a slice that begins at byte `at` of the stream.
+/// Takes fields off the front of a structure whose bytes are all there, and which begins at byte `at` of the stream.
 pub(crate) struct ByteReader<'a> {
     bytes: &'a [u8],
     at: u64,
@@ -25,10 +25,9 @@ impl<'a> ByteReader<'a> {
 
     pub(crate) fn take(&mut self, count: usize) -> Result<&'a [u8], FormatError> {
         let Some((taken, rest)) = self.bytes.split_at_checked(count) else {
-            return Err(FormatError::Truncated {
-                at: self.at + self.bytes.len() as u64,
-                inside: self.inside,
-            });
+            // The structure is whole, or its checksum would be wrong: it is too short for what it states.
+            let at = self.at + self.bytes.len() as u64;
+            return Err(FormatError::malformed(at, format!("{} ends too early", self.inside)));
         };
         self.bytes = rest;
         self.at += count as u64;

@@ -1,5 +1,6 @@
 //! What can be wrong with bytes that claim to be an `.isv` stream.
 
+use crate::RefusalClass;
 use thiserror::Error;
 
 /// A stream that cannot be read further. Offsets count bytes from the start of the stream.
@@ -16,6 +17,12 @@ pub enum FormatError {
         found: u16,
         /// The version this build reads.
         supported: u16,
+    },
+    /// A profile that this document has no tools for.
+    #[error("profile {found} is not known: use a newer isv")]
+    Profile {
+        /// The profile that the stream states.
+        found: u8,
     },
     /// The bytes break the format.
     #[error("{what} at byte {at}")]
@@ -62,5 +69,19 @@ impl FormatError {
     /// A [`FormatError::Malformed`].
     pub(crate) fn malformed(at: u64, what: impl Into<String>) -> Self {
         Self::Malformed { at, what: what.into() }
+    }
+
+    /// The class of the refusal; `None` if the source is at fault and not its bytes.
+    #[must_use]
+    pub fn class(&self) -> Option<RefusalClass> {
+        match self {
+            Self::NotIsv => Some(RefusalClass::Foreign),
+            Self::Version { .. } | Self::Profile { .. } => Some(RefusalClass::Unsupported),
+            Self::Malformed { .. } => Some(RefusalClass::Malformed),
+            Self::Truncated { .. } => Some(RefusalClass::Cut),
+            Self::Checksum { .. } => Some(RefusalClass::Damaged),
+            Self::LimitExceeded { .. } => Some(RefusalClass::Limit),
+            Self::Io(_) => None,
+        }
     }
 }

@@ -226,8 +226,12 @@ impl FrameHeader {
         let blocks = fields.varint()?;
         let at = fields.at();
         let slices = fields.varint()?;
-        if !(1..=u32::from(Self::MAX_SLICES)).contains(&slices) {
-            return Err(FormatError::malformed(at, format!("{slices} slices")));
+        if slices == 0 {
+            return Err(FormatError::malformed(at, "no slices"));
+        }
+        if slices > u32::from(Self::MAX_SLICES) {
+            let (asked, allowed) = (u64::from(slices), u64::from(Self::MAX_SLICES));
+            return Err(FormatError::LimitExceeded { at, what: "slices", asked, allowed });
         }
         let coding = match profile {
             Profile::Paper(_) => FrameCoding::Paper,
@@ -281,7 +285,7 @@ impl<'a> FramePayload<'a> {
     /// # Errors
     /// Fields out of range, segments that do not fill the payload exactly.
     pub fn parse(bytes: &'a [u8], at: u64, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
-        let mut fields = ByteReader::new(bytes, at, "a frame header");
+        let mut fields = ByteReader::new(bytes, at, "a frame's payload");
         let header = FrameHeader::parse(&mut fields, hashed, profile)?;
         let lengths = (0..2 + 2 * header.slices).map(|_| fields.varint()).collect::<Result<Vec<_>, _>>()?;
         let segments = lengths.iter().map(|n| fields.take(*n as usize)).collect::<Result<Vec<_>, _>>()?;
@@ -414,8 +418,14 @@ mod tests {
             assert_malformed(&payload(FrameCoding::Main(header)), &Profile::Main, place);
         }
         for (profile, mut payload) in payloads() {
-            payload.header.slices = 257;
+            payload.header.slices = 0;
             assert_malformed(&payload, &profile, 3);
+            payload.header.slices = 257;
+            let error = FramePayload::parse(&payload.to_bytes(), 0, true, &profile).unwrap_err();
+            assert!(
+                matches!(error, FormatError::LimitExceeded { at: 3, asked: 257, allowed: 256, .. }),
+                "{error}"
+            );
         }
     }
 

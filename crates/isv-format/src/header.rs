@@ -157,7 +157,9 @@ impl StreamHeader {
     /// The fields after the length, in order.
     fn parse_fields(fields: &mut ByteReader) -> Result<Self, FormatError> {
         let profile = fields.u8()?;
-        require(profile == PAPER || profile == MAIN, 12, || format!("profile {profile} is not known"))?;
+        if profile != PAPER && profile != MAIN {
+            return Err(FormatError::Profile { found: profile });
+        }
         let edge_log2 = fields.u8()?;
         let edge = BlockEdge::from_voxels(1u32.checked_shl(u32::from(edge_log2)).unwrap_or(0));
         let truncation = Truncation::from_voxels(u32::from(fields.u8()?));
@@ -287,7 +289,12 @@ pub(crate) mod tests {
             let place = [32, 34, 36, 36, 40, 40][(byte - 32) / 2];
             assert_malformed(&with_byte(&main_header(), byte, 1), place);
         }
-        assert_malformed(&with_byte(&main_header(), 12, 2), 12);
+    }
+
+    #[test]
+    fn a_profile_that_is_not_known_is_named() {
+        let error = StreamHeader::parse(&with_byte(&main_header(), 12, 2)).unwrap_err();
+        assert!(matches!(error, FormatError::Profile { found: 2 }), "{error}");
     }
 
     /// A header with one byte changed, its checksum right.

@@ -75,6 +75,12 @@ impl StreamIndex {
         (*bytes == Self::trailer(at)).then_some(at)
     }
 
+    /// Whether the bytes where a trailer should be are those that were written.
+    pub(crate) fn trailer_checksum_matches(bytes: &[u8; Self::TRAILER_BYTES]) -> bool {
+        let (body, checksum) = bytes.split_at(Self::TRAILER_BYTES - 4);
+        crc32fast::hash(body).to_le_bytes() == *checksum
+    }
+
     /// Index of a stream that can seek: read from its end, or made by walking the packets where the end is missing, as
     /// after a crash of the writer. Whole frames before a cut are found; the cut itself is no error here.
     ///

@@ -16,6 +16,7 @@ mod header;
 mod index;
 mod packet;
 mod reader;
+mod refusal;
 mod salvage;
 mod writer;
 
@@ -27,5 +28,6 @@ pub use header::{FORMAT_VERSION, FrameRate, MAGIC, PaperParameters, Profile, Str
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;
+pub use refusal::RefusalClass;
 pub use salvage::{SalvageReader, Salvaged};
 pub use writer::PacketWriter;

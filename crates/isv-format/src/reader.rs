@@ -123,10 +123,13 @@ impl<R: Read> PacketReader<R> {
         if length < bytes.len() {
             return Err(FormatError::Truncated { at: self.at + length as u64, inside: "the trailer" });
         }
-        if StreamIndex::parse_trailer(&bytes) != Some(index_at) {
-            return Err(FormatError::malformed(self.at, "the trailer does not match the index"));
+        match StreamIndex::parse_trailer(&bytes) {
+            Some(at) if at == index_at => Ok(()),
+            None if !StreamIndex::trailer_checksum_matches(&bytes) => {
+                Err(FormatError::Checksum { at: self.at, what: "the trailer" })
+            }
+            _ => Err(FormatError::malformed(self.at, "the trailer does not match the index")),
         }
-        Ok(())
     }
 }
 

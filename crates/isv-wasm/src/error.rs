@@ -1,7 +1,7 @@
 //! What can stop a session.
 
 use isv_decode::DecodeError;
-use isv_format::FormatError;
+use isv_format::{FormatError, RefusalClass};
 use isv_surface::TooManyVertices;
 use thiserror::Error;
 
@@ -43,22 +43,25 @@ pub(crate) enum Status {
     Order = 4,
 }
 
+impl Status {
+    /// Of bytes that are refused.
+    fn of_refusal(class: Option<RefusalClass>) -> Self {
+        match class {
+            Some(RefusalClass::Limit) => Self::Limit,
+            Some(RefusalClass::Missing) => Self::NeedsKeyframe,
+            _ => Self::Malformed,
+        }
+    }
+}
+
 impl SessionError {
     pub(crate) fn status(&self) -> Status {
         match self {
-            Self::Format(FormatError::LimitExceeded { .. })
-            | Self::Decode(
-                DecodeError::TooManyBlocks { .. } | DecodeError::Format(FormatError::LimitExceeded { .. }),
-            )
-            | Self::Surface(_)
-            | Self::Input { .. } => Status::Limit,
-            Self::Decode(DecodeError::NoReference { .. } | DecodeError::MissingFrame { .. }) => {
-                Status::NeedsKeyframe
-            }
+            Self::Format(error) => Status::of_refusal(error.class()),
+            Self::Decode(error) => Status::of_refusal(error.class()),
+            Self::Surface(_) | Self::Input { .. } => Status::Limit,
             Self::Order(_) => Status::Order,
-            Self::Format(_) | Self::Decode(_) | Self::Length { .. } | Self::NoIndex { .. } => {
-                Status::Malformed
-            }
+            Self::Length { .. } | Self::NoIndex { .. } => Status::Malformed,
         }
     }
 }

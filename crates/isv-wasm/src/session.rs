@@ -106,7 +106,8 @@ impl Session {
         self.surface = Surface::default();
         self.blocks.clear();
         let header = StreamHeader::parse(self.input_as("a stream header")?)?;
-        let mut decoder = Decoder::new(&header, Limits { frame_voxels: self.voxels });
+        let limits = Limits { frame_voxels: self.voxels, ..Limits::default() };
+        let mut decoder = Decoder::new(&header, limits);
         decoder.recover(true);
         self.stream = Some(Stream { header, decoder, frame: None });
         Ok(())

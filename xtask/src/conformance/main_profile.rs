@@ -3,7 +3,7 @@
 use super::{Stream, encode, header};
 use anyhow::{Context, Result, ensure};
 use isv::decode::{DecodeError, Decoder, Limits, volume_hash};
-use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Tools};
+use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh, Tools};
 use isv::format::{
     FormatError, FrameCoding, FrameHeader, FramePayload, MainFrameHeader, PacketReader, PacketWriter,
     Prediction, Profile, SlicePayload, StreamHeader,
@@ -34,6 +34,8 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_noise", noise(8, 1, 1, false)?),
         ("main_noise_slices", noise(16, 4, 2, false)?),
         ("main_noise_still_cells", noise(8, 2, 3, true)?),
+        ("main_resilient", refreshed_ball()?),
+        ("main_noise_resilient", resilient_noise(8, 2, 4)?),
     ])
 }
 
@@ -42,6 +44,14 @@ fn moving_ball(truncation: u32, gop: u32, slices: u16, main: MainSettings) -> Re
     let header = header(Profile::Main, 8, truncation)?;
     let volumes: Vec<_> = (0..gop.max(2)).map(|frame| ball(header.grid, f64::from(frame))).collect();
     encode(&header, EncoderSettings { gop, slices: Some(slices), main, ..Default::default() }, &volumes)
+}
+
+/// The moving ball with gradual refresh: resilient frames after the first, and all refreshed in three of them.
+fn refreshed_ball() -> Result<Stream> {
+    let header = header(Profile::Main, 8, 8)?;
+    let volumes: Vec<_> = (0..5).map(|frame| ball(header.grid, f64::from(frame))).collect();
+    let main = MainSettings { refresh: Refresh::Gradual, ..MainSettings::default() };
+    encode(&header, EncoderSettings { gop: 3, slices: Some(2), main, ..Default::default() }, &volumes)
 }
 
 /// One GOP of a ball that stays and another one that passes by, stops and goes on.
@@ -121,6 +131,32 @@ fn noise(truncation: u32, slices: u16, seed: u64, still_cells: bool) -> Result<S
     Ok((write_noise(&header, &frames)?, hashes))
 }
 
+/// The same with resilient frames of a ball's blocks, and others after them, whose models and contexts go on from there.
+fn resilient_noise(truncation: u32, slices: u16, seed: u64) -> Result<Stream> {
+    let header = header(Profile::Main, 8, truncation)?;
+    let mut random = Random::new(seed);
+    let mut frames = vec![NoiseFrame::first(&header)];
+    let mut hashes = decode_noise(&header, &frames)?;
+    while frames.len() < 6 {
+        let number = frames.len();
+        let found = if matches!(number, 1 | 2 | 5) {
+            frames.push(NoiseFrame::resilient(&mut random, &header, number, slices));
+            decode_noise(&header, &frames).ok()
+        } else {
+            frames.push(NoiseFrame::draw(&mut random, number + 1, slices, number == 4));
+            announce(&header, &mut frames)
+        };
+        match found {
+            Some(found) => hashes = found,
+            None => drop(frames.pop()),
+        }
+    }
+    for (frame, hash) in frames.iter_mut().zip(&hashes) {
+        frame.header.volume_hash = Some(*hash);
+    }
+    Ok((write_noise(&header, &frames)?, hashes))
+}
+
 /// Has the last frame announce as many blocks as its flags hold, which is found by trying. Hashes of all frames, unless something
 /// else is refused.
 fn announce(header: &StreamHeader, frames: &mut [NoiseFrame]) -> Option<Vec<u64>> {
@@ -176,6 +212,27 @@ impl NoiseFrame {
             masks: vec![0x80],
             slices: (0..slices).map(|_| [far_vector(&bytes(80)), bytes(900 / usize::from(slices))]).collect(),
         }
+    }
+
+    /// A resilient frame of the blocks of a small ball that moves, whose other symbols are random.
+    fn resilient(random: &mut Random, header: &StreamHeader, frame: usize, slices: u16) -> Self {
+        let place = [frame as i32 - 2, 0, 1];
+        let small =
+            volume_of(header.grid, 1, |[x, y, z]| (x * x + 1.3 * y * y + z * z).sqrt() - 5.2, |_| false);
+        let mut encoder = Encoder::new(header, EncoderSettings::default());
+        let keyframe = encoder.encode(&moved(&small, place));
+        let keyframe = keyframe.payload();
+        let Self { header: drawn, masks, slices: segments, .. } =
+            Self::draw(random, 3 * frame + 1, slices, false);
+        let FrameCoding::Main(main) = drawn.coding else { unreachable!("frames of profile main are drawn") };
+        let main = MainFrameHeader { resilient: true, ..main };
+        let header = FrameHeader {
+            prediction: Prediction::ThreeDof,
+            blocks: keyframe.header.blocks,
+            coding: FrameCoding::Main(main),
+            ..drawn
+        };
+        Self { header, block_set: keyframe.block_set.to_vec(), masks, slices: segments }
     }
 
     fn payload(&self) -> FramePayload<'_> {

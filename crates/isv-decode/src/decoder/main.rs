@@ -188,8 +188,7 @@ impl<B: Backend> MainDecoder<B> {
     }
 
     fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
-        let limit = self.limits.frame_voxels / BLOCK_SAMPLES;
-        if blocks > limit { Err(DecodeError::TooManyBlocks { at: packet.at, blocks, limit }) } else { Ok(()) }
+        self.limits.check(packet, self.sequence, BLOCK_SAMPLES, blocks)
     }
 
     /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension. `reference`: the frame

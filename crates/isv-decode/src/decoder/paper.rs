@@ -7,7 +7,8 @@ use crate::details::{BlockCoding, Details};
 use crate::syntax::{self, EntropyState, SyntaxError};
 use crate::{CodingParameters, DecodeError, FrameSymbols, ReferenceBlocks};
 use isv_format::{
-    FrameHeader, FramePayload, Packet, PacketKind, PaperParameters, Prediction, Profile, SliceLayout,
+    FormatError, FrameHeader, FramePayload, Packet, PacketKind, PaperParameters, Prediction, Profile,
+    SliceLayout,
 };
 use isv_volume::Grid;
 use rayon::prelude::*;
@@ -87,12 +88,17 @@ impl<B: Backend> PaperDecoder<B> {
     }
 
     fn check_limits(&self, packet: &Packet, header: &FrameHeader) -> Result<(), DecodeError> {
-        let limit = self.limits.frame_voxels / self.parameters.grid.edge.block_voxels();
-        if header.blocks as usize > limit {
-            return Err(DecodeError::TooManyBlocks { at: packet.at, blocks: header.blocks as usize, limit });
-        }
-        if usize::from(header.slices) > syntax::most_slices(self.parameters.coefficients()) {
-            return Err(self.sequence.malformed(packet, "more slices than this many coefficients allow"));
+        let block_voxels = self.parameters.grid.edge.block_voxels();
+        self.limits.check(packet, self.sequence, block_voxels, header.blocks as usize)?;
+        let most_slices = syntax::most_slices(self.parameters.coefficients());
+        let too_many_slices = FormatError::LimitExceeded {
+            at: packet.at,
+            what: "slices of this many coefficients",
+            asked: u64::from(header.slices),
+            allowed: most_slices as u64,
+        };
+        if usize::from(header.slices) > most_slices {
+            return Err(too_many_slices.into());
         }
         Ok(())
     }

@@ -9,6 +9,8 @@ pub(super) struct Sequence {
     /// Frames between the last keyframe and the reference, modulo `2^16`.
     since_keyframe: u16,
     frames: u64,
+    /// Bytes of the packets from the last keyframe up to the reference.
+    bytes: u64,
 }
 
 impl Sequence {
@@ -19,8 +21,15 @@ impl Sequence {
 
     /// Counts a frame that was decoded.
     pub(super) fn advance(&mut self, packet: &Packet) {
+        self.bytes = self.gop_bytes(packet);
         self.frames += 1;
         self.since_keyframe = packet.header.since_keyframe;
+    }
+
+    /// Bytes of the packets from the last keyframe up to one that follows the reference.
+    pub(super) fn gop_bytes(self, packet: &Packet) -> u64 {
+        let before = if packet.is_keyframe() { 0 } else { self.bytes };
+        before + packet.total_bytes() as u64
     }
 
     /// What is wrong with the frame that is being decoded.

@@ -71,12 +71,13 @@ impl BlockSetModels {
                         children.push(cell);
                     }
                 }
+                // What is read beyond the end are cells without end.
+                check_overrun(decoder, "the block set ends too early")?;
                 // Every cell holds at least one block: stop before the memory for more than were announced is taken.
                 if children.len() > count {
                     return Err(SyntaxError("the block set holds more blocks than announced"));
                 }
             }
-            check_overrun(decoder, "the block set ends too early")?;
             cells = children;
         }
         check_overrun(decoder, "the block set ends too early")?;

@@ -63,8 +63,8 @@ impl MotionModels {
             }
             last = *vector;
             tally.charge(block, &decoder);
+            check_overrun(&decoder, "the motion vectors end too early")?;
         }
-        check_overrun(&decoder, "the motion vectors end too early")?;
         Ok(vectors)
     }
 }

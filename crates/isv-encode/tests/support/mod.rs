@@ -51,7 +51,8 @@ pub(crate) fn decode(bytes: &[u8]) -> (Vec<SparseVolume>, Result<(), DecodeError
     let mut volumes = Vec::new();
     let end = (|| {
         let mut reader = PacketReader::new(bytes)?;
-        let mut decoder = Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 1 << 24 });
+        let mut decoder =
+            Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 1 << 24, ..Limits::default() });
         while let Some(packet) = reader.next_frame()? {
             volumes.push(decoder.decode_and_verify(&packet)?.volume.clone());
         }

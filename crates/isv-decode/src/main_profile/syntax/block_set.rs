@@ -79,6 +79,9 @@ impl BlockSetModels {
                 flags.set_coded(candidate);
                 coords.push(reference.blocks.coords[candidate.block as usize]);
             }
+            if decoder.overran() {
+                return Err(SyntaxError("the block set ends too early").into());
+            }
         }
         let Some(rest) = count.checked_sub(coords.len()) else {
             return Err(SyntaxError("the block set holds more blocks than announced").into());

@@ -71,9 +71,9 @@ impl ModeModels {
                 ModeContext::new(coords[block], block, causal, |n| modes[n - range.start], reference);
             modes.push(self.read_mode(&mut decoder, &context, step)?);
             tally.charge(block - range.start, &decoder);
-        }
-        if decoder.overran() {
-            return Err(SyntaxError("the modes end too early"));
+            if decoder.overran() {
+                return Err(SyntaxError("the modes end too early"));
+            }
         }
         Ok(modes)
     }
