@@ -1,7 +1,8 @@
 //! `--backend`: who does the arithmetic on samples.
 
+use crate::memory;
 use anyhow::Result;
-use isv::decode::{BackendError, Decoder, Limits, Lod};
+use isv::decode::{BackendError, Decoder, Lod};
 use isv::encode::EncoderSettings;
 use isv::format::StreamHeader;
 use isv::fusion::{FusionError, FusionSettings};
@@ -29,7 +30,8 @@ impl BackendArgs {
     pub(crate) const CPU: Self = Self { backend: BackendChoice::Cpu };
 
     /// A decoder of a stream at a level of detail, and a line on standard error if it is on another backend than it might be.
-    pub(crate) fn decoder(self, header: &StreamHeader, limits: Limits, lod: Lod) -> Result<AnyDecoder> {
+    pub(crate) fn decoder(self, header: &StreamHeader, lod: Lod) -> Result<AnyDecoder> {
+        let limits = memory::limits();
         let on_cpu =
             || anyhow::Ok(AnyDecoder::on_cpu(header, limits, Decoder::with_lod(header, limits, lod)?));
         if lod != Lod::Full && self.backend != BackendChoice::Cpu {

@@ -2,10 +2,11 @@
 
 use crate::backend::{self, BackendArgs};
 use crate::frame_range::FrameRange;
+use crate::memory;
 use crate::stats::timed;
 use crate::stream::{self, ByteSource, StreamFrame};
 use anyhow::{Context, Result};
-use isv::decode::{DecodeError, Limits, Lod};
+use isv::decode::{DecodeError, Lod};
 use isv::format::{Packet, SalvageReader, Salvaged, StreamHeader};
 use isv::gpu::{AnyDecoder, AnyFrame};
 use isv::surface::SurfaceOptions;
@@ -54,8 +55,9 @@ impl HeldFrames {
     ) -> Result<Self> {
         let name = stream::name(path);
         let packets = SalvageReader::new(stream::source(path)?).with_context(|| name.clone())?;
+        let packets = packets.with_largest_payload(memory::largest_payload());
         let header = *packets.header();
-        let mut decoder = backend.decoder(&header, Limits::default(), lod).with_context(|| name.clone())?;
+        let mut decoder = backend.decoder(&header, lod).with_context(|| name.clone())?;
         decoder.recover(true);
         Ok(Self {
             name,

@@ -15,6 +15,7 @@ mod held_frames;
 mod interrupt;
 mod length;
 mod matching;
+mod memory;
 mod output;
 mod progress;
 mod serving;
@@ -32,6 +33,7 @@ use commands::{
 };
 use failure::usage;
 use isv::kernels::simd::{self, Instructions};
+use memory::MemorySize;
 use std::process::ExitCode;
 
 /// Compress moving 3-D geometry: mesh sequences become sparse distance fields, coded like video.
@@ -42,6 +44,10 @@ struct Cli {
     /// the machine has them; results are the same with all of them
     #[arg(long, value_name = "SET", global = true, env = simd::VARIABLE, hide_env_values = true, default_value_t)]
     simd: Instructions,
+    /// Most memory for the frames of a stream, such as 500MB or 2GiB; a frame that needs more is refused before it takes any.
+    /// Without it, three thousand million voxels, and no more than what the stream's bytes make likely
+    #[arg(long, value_name = "SIZE", global = true)]
+    max_memory: Option<MemorySize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -70,6 +76,9 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return failure::report_command_line(&error),
     };
+    if let Some(size) = cli.max_memory {
+        memory::choose(size);
+    }
     match simd::choose(cli.simd)
         .map_err(|error| usage(format!("--simd: {error}")))
         .and_then(|()| run(&cli.command))

@@ -2,10 +2,11 @@
 
 use crate::backend::{self, BackendArgs};
 use crate::frame_range::FrameRange;
+use crate::memory;
 use crate::output::is_pipe;
 use crate::stats::timed;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{DecodeError, Limits, Lod};
+use isv::decode::{DecodeError, Lod};
 use isv::format::{FormatError, PacketReader, StreamHeader, StreamIndex};
 use isv::gpu::{AnyDecoder, AnyVolume};
 use isv::surface::SurfaceOptions;
@@ -40,6 +41,7 @@ pub(crate) fn source(path: &Path) -> Result<ByteSource> {
 /// Opens a stream, `-` being standard input, and reads its header.
 pub(crate) fn open(path: &Path) -> Result<(PacketReader<ByteSource>, StreamHeader)> {
     let packets = PacketReader::new(source(path)?).with_context(|| name(path))?;
+    let packets = packets.with_largest_payload(memory::largest_payload());
     let header = *packets.header().expect("a reader that began at the header has it");
     Ok((packets, header))
 }
@@ -91,7 +93,7 @@ impl StreamFrames {
         if let Some(range) = range.filter(|_| path.is_file()) {
             (packets, first) = seek(path, range)?;
         }
-        let decoder = backend.decoder(&header, Limits::default(), lod).with_context(|| name(path))?;
+        let decoder = backend.decoder(&header, lod).with_context(|| name(path))?;
         Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, failed: false })
     }
 
@@ -170,7 +172,8 @@ fn seek(path: &Path, range: FrameRange) -> Result<(PacketReader<ByteSource>, usi
     let at = index.frames[keyframe].at;
     let mut file = open_file(path)?;
     file.seek(SeekFrom::Start(at)).with_context(|| name(path))?;
-    Ok((PacketReader::at_packet(Box::new(file), at), keyframe))
+    let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at);
+    Ok((packets.with_largest_payload(memory::largest_payload()), keyframe))
 }
 
 /// Whether an error is one of bytes that were damaged or lost, so that others of the stream may be sound.
@@ -199,5 +202,11 @@ pub(crate) fn fault(name: &str, first: usize, error: DecodeError) -> anyhow::Err
         }
         other => other,
     };
-    anyhow::Error::from(error).context(name.to_owned())
+    let is_large = matches!(error, DecodeError::TooManyBlocks { .. } | DecodeError::TooFewBytes { .. });
+    let error = match memory::chosen() {
+        _ if !is_large => anyhow::Error::from(error),
+        Some(size) => anyhow!("{error}: that is what --max-memory {size} has room for"),
+        None => anyhow!("{error}: --max-memory with a larger amount allows it"),
+    };
+    error.context(name.to_owned())
 }

@@ -298,6 +298,24 @@ fn a_flipped_bit() {
 }
 
 #[test]
+fn a_frame_that_needs_more_memory_than_there_is() {
+    let (work, _) = Workspace::with_stream(2);
+    let decode = |size: &str| work.isv(&["decode", "take.isv", "-o", "out", "--max-memory", size]);
+    decode("100kB").fails(1, &["take.isv", "blocks, above the limit", "--max-memory 100kB has room for"]);
+    decode("1GiB").done();
+    for command in ["verify", "eval", "render"] {
+        let more: &[&str] = match command {
+            "eval" => &["take.isv"],
+            "render" => &["-o", "a.png"],
+            _ => &[],
+        };
+        let args = [&[command, "take.isv"], more, &["--max-memory=100kB"]].concat();
+        work.isv(&args).fails(1, &["--max-memory 100kB has room for"]);
+    }
+    decode("much").fails(2, &["500MB or 2GiB"]);
+}
+
+#[test]
 fn a_hash_that_does_not_match() {
     let (work, bytes) = Workspace::with_stream(3);
     let mut reader = PacketReader::new(&bytes[..]).unwrap();

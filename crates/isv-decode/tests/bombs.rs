@@ -1,7 +1,9 @@
 //! Streams of few bytes that claim much are refused before memory is taken. In a test program of its own, whose memory is measured;
 //! `--nocapture` prints it and the time of each.
 
+use isv_decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
 use isv_decode::{Decoder, Limits, RefusalClass};
+use isv_entropy::RangeEncoder;
 use isv_format::{
     FrameCoding, FrameHeader, FramePayload, FrameRate, MainFrameHeader, PacketHeader, PacketKind,
     PacketReader, PaperParameters, Prediction, Profile, SlicePayload, StreamHeader,
@@ -49,17 +51,45 @@ fn bomb(profile: Profile, blocks: u32, slices: u16, block_set: &[u8]) -> Vec<u8>
     [&header(profile).to_bytes()[..], &packet, &payload].concat()
 }
 
+/// The octree of a cube of `2^depth` blocks a side. Every cell is there, which models soon expect: it takes next to no bits, and is
+/// what an honest encoder would write.
+fn cube(depth: u32) -> Vec<u8> {
+    let (mut models, mut encoder) = (BlockSetModels::default(), RangeEncoder::new());
+    encoder.encode_raw(depth, DEPTH_BITS);
+    for _ in 0..3 * (MAX_DEPTH - depth) {
+        encoder.encode_raw(0, 1);
+    }
+    let mut cells = vec![0];
+    for level in (0..depth).rev() {
+        let mut context = CellContext::new(level, &cells, None);
+        cells = cells.iter().flat_map(|parent| (0..8).map(move |octant| parent << 3 | octant)).collect();
+        for cell in &cells {
+            // The last of eight is coded too: the others are there.
+            encoder.encode(&mut models.cell[context.model(*cell)], true);
+            context.occupy(*cell);
+        }
+    }
+    encoder.finish()
+}
+
 #[test]
 fn few_bytes_take_little_memory() {
     let paper = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 1, ac_step: 1 });
     // Depth 21, then ones: every cell there is.
     let everything = [&[0xa8][..], &[0; 63]].concat();
+    let cube = cube(6);
+    println!("an octree of {} blocks: {} bytes", 1 << 18, cube.len());
     let mut bombs = Vec::new();
     for profile in [paper, Profile::Main] {
         bombs.extend([
             ("2^32 - 1 blocks", RefusalClass::Limit, bomb(profile, u32::MAX, 1, &[])),
             ("2^31 blocks", RefusalClass::Limit, bomb(profile, 1 << 31, 256, &everything)),
             ("as many blocks as are usual", RefusalClass::Limit, bomb(profile, 6_291_456, 1, &everything)),
+            (
+                "a cube of 64^3 blocks, all of them there",
+                RefusalClass::Limit,
+                bomb(profile, 1 << 18, 1, &cube),
+            ),
             ("as many as the bytes allow", RefusalClass::Malformed, bomb(profile, 16_384, 256, &everything)),
         ]);
     }

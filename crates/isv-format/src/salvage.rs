@@ -2,7 +2,7 @@
 
 use crate::packet::checksum;
 use crate::reader::read_up_to;
-use crate::{FormatError, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::Read;
 
 /// Bytes asked of the source at a time.
@@ -46,6 +46,7 @@ pub struct SalvageReader<R> {
     damaged_since: Option<u64>,
     /// A packet that was found behind damage, which is told first.
     found: Option<Packet>,
+    largest_payload: u32,
     /// Bytes whose checksums were taken in vain.
     wasted: u64,
     saw_index: bool,
@@ -72,9 +73,16 @@ impl<R: Read> SalvageReader<R> {
             source_ended: false,
             damaged_since: None,
             found: None,
+            largest_payload: MAX_PAYLOAD,
             wasted: 0,
             saw_index: false,
         })
+    }
+
+    /// Takes packets whose payload is larger than this for damage.
+    #[must_use]
+    pub fn with_largest_payload(self, bytes: u32) -> Self {
+        Self { largest_payload: bytes, ..self }
     }
 
     /// The stream header.
@@ -132,6 +140,9 @@ impl<R: Read> SalvageReader<R> {
         let fields: [u8; PacketHeader::BYTES] =
             self.window()[..PacketHeader::BYTES].try_into().expect("as many as were asked for");
         let Ok(header) = PacketHeader::parse(&fields, self.at) else { return Ok(None) };
+        if header.payload_bytes > self.largest_payload {
+            return Ok(None);
+        }
         let payload = header.payload_bytes as usize;
         let read = self.at + self.window().len() as u64;
         if self.wasted > PATIENCE_AT_FIRST + PATIENCE * read && payload > SHORT {

@@ -100,12 +100,15 @@ impl Geometry {
 pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
+    if let Some(Format::Glb | Format::Gltf) = Format::of_path(path) {
+        return gltf::Animation::open(path, unit)?.mesh_at(0.0).map(Geometry::Mesh);
+    }
     let bytes = regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
     parse_geometry(path, &bytes, unit)
 }
 
-/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Only a `.gltf` that names buffers in
-/// other files has them read, from the folder of `path` or below.
+/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
+/// names buffers in other files is refused.
 ///
 /// # Errors
 /// As [`read_geometry`], without [`ReadError::Io`].

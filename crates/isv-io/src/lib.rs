@@ -29,6 +29,7 @@ mod format;
 mod frame_stream;
 mod geometry;
 mod gltf;
+mod inside;
 mod las;
 mod natural_order;
 mod obj;

@@ -5,7 +5,7 @@ use crate::output::{frames_in_words, print};
 use crate::progress::Progress;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{Limits, Lod};
+use isv::decode::Lod;
 use std::path::PathBuf;
 
 /// Decode a whole stream and check it: packet checksums, frame hashes where it has them, and that its end is there
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn verify(args: &Args, verified: &mut Verified) -> Result<()> {
     let name = stream::name(&args.input);
     let (mut packets, header) = stream::open(&args.input)?;
-    let decoder = args.backend.decoder(&header, Limits::default(), Lod::Full);
+    let decoder = args.backend.decoder(&header, Lod::Full);
     let mut decoder = decoder.with_context(|| name.clone())?;
     let progress = Progress::new(None, "verifying");
     while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {

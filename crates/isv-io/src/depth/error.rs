@@ -42,6 +42,14 @@ pub enum DepthFileError {
         /// What is wrong, with line and column.
         why: serde_json::Error,
     },
+    /// Images that are said to lie outside of the capture's folder.
+    #[error("{}: `{name}` leads out of its folder; images must lie in it", path.display())]
+    Outside {
+        /// The file that says so.
+        path: PathBuf,
+        /// What it says.
+        name: String,
+    },
     /// A line of a text file that is not understood.
     #[error("{}: {why} (line {line})", path.display())]
     Line {

@@ -4,6 +4,7 @@ use super::camera_json::{Lens, Rows, check_fps, pose, read_json};
 use super::error::DepthFileError;
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
+use crate::inside::inside;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -37,7 +38,8 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
             camera: Some(name.clone()),
             cause,
         })?;
-        let images = folder.join(images);
+        let images = inside(folder, &images)
+            .ok_or_else(|| DepthFileError::Outside { path: file.to_owned(), name: images.clone() })?;
         let paths = list_images(&images)?;
         let first = first.get_or_insert(name);
         let expected = opened.first().map_or(paths.len(), |camera| camera.paths.len());

@@ -4,6 +4,7 @@ use super::camera_json::{Lens, read_json};
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
 use super::{Camera, DepthSequence, Poses};
+use crate::inside::inside;
 use crate::regular_file;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use isv_volume::{CameraPose, Intrinsics};
@@ -53,7 +54,8 @@ fn read_images(folder: &Path, file: &Path) -> Result<Vec<(f64, PathBuf)>, DepthF
         let [time, name] = words[..] else {
             return Err("a time stamp and a file name are expected".to_owned());
         };
-        images.push((number(time)?, folder.join(name)));
+        let path = inside(folder, name).ok_or("an image lies in another folder")?;
+        images.push((number(time)?, path));
         Ok(())
     })?;
     if images.is_empty() {

@@ -57,15 +57,21 @@ impl Animation {
     pub fn open(path: &Path, unit: Unit) -> Result<Self, ReadError> {
         let bytes = crate::regular_file::read(path)
             .map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
-        Self::parse(path, &bytes, unit)
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::parse_in(Some(folder), path, &bytes, unit)
     }
 
-    /// As [`Self::open`], from bytes; `path` names the file in errors, and its folder is where buffers are looked for.
+    /// As [`Self::open`], from bytes; `path` names the file in errors. Buffers in other files are refused: nothing is read from the disk.
     ///
     /// # Errors
     /// As [`Self::open`], without [`ReadError::Io`].
     pub fn parse(path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
-        let (scene, clips) = load(path, bytes).map_err(|flaw| flaw.in_file(path))?;
+        Self::parse_in(None, path, bytes, unit)
+    }
+
+    /// The same with buffers in the files of a folder, if there is one.
+    fn parse_in(folder: Option<&Path>, path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
+        let (scene, clips) = load(folder, bytes).map_err(|flaw| flaw.in_file(path))?;
         Ok(Self { path: path.to_owned(), unit, scene, clips, playing: 0 })
     }
 
@@ -133,10 +139,9 @@ impl Animation {
     }
 }
 
-fn load(path: &Path, bytes: &[u8]) -> Result<(Scene, Vec<Clip>), Flaw> {
+fn load(folder: Option<&Path>, bytes: &[u8]) -> Result<(Scene, Vec<Clip>), Flaw> {
     let container = Container::parse(bytes)?;
     let document = Document::parse(container.json, container.json_offset)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = Buffers::load(&document.buffers, folder, container.binary)?;
     let limit = Limit::for_bytes(bytes.len().saturating_add(buffers.total_bytes()));
     let accessors = Accessors::new(&document, buffers, limit);

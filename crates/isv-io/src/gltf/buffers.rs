@@ -3,6 +3,7 @@
 use super::fault::GltfFault;
 use super::schema::Buffer;
 use crate::error::{Flaw, quote};
+use crate::inside::inside;
 use crate::regular_file;
 use base64::Engine;
 use base64::alphabet::STANDARD;
@@ -11,7 +12,7 @@ use percent_encoding::percent_decode_str;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Padding at the end of base64 is often forgotten.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -27,8 +28,13 @@ pub(super) struct Buffers<'a> {
 }
 
 impl<'a> Buffers<'a> {
-    /// Loads all buffers; addresses are relative to `folder`, `binary` is the chunk of a binary file.
-    pub(super) fn load(list: &'a [Buffer], folder: &Path, binary: Option<&'a [u8]>) -> Result<Self, Flaw> {
+    /// Loads all buffers; addresses are relative to `folder`, without which no other file is read; `binary` is the chunk of a binary
+    /// file.
+    pub(super) fn load(
+        list: &'a [Buffer],
+        folder: Option<&Path>,
+        binary: Option<&'a [u8]>,
+    ) -> Result<Self, Flaw> {
         let mut loaded =
             Self { sources: vec![Cow::Borrowed(binary.unwrap_or_default())], buffers: Vec::new() };
         let mut places: HashMap<&str, usize> = HashMap::new();
@@ -67,20 +73,21 @@ impl<'a> Buffers<'a> {
     }
 }
 
-fn fetch(uri: &str, folder: &Path, least_bytes: usize) -> Result<Vec<u8>, GltfFault> {
+fn fetch(uri: &str, folder: Option<&Path>, least_bytes: usize) -> Result<Vec<u8>, GltfFault> {
     let refused = |why| GltfFault::Uri { uri: quote(uri.as_bytes()), why };
     if let Some(data) = uri.strip_prefix("data:") {
         let text = data.split_once(";base64,").ok_or(refused("is data, but not base64"))?.1;
         return BASE64.decode(text).map_err(|_| refused("is broken base64"));
     }
-    let path = folder.join(relative_path(uri).map_err(refused)?);
+    let folder = folder.ok_or(refused("is another file, and this one came without any"))?;
+    let path = path_inside(folder, uri).map_err(refused)?;
     read_file(&path, least_bytes)
         .map_err(|cause| GltfFault::File { uri: quote(uri.as_bytes()), cause: cause.to_string() })
 }
 
 /// The path that an address means. What does not lie in the folder of the glTF file or below is refused, so that opening a
 /// file from elsewhere reads nothing else.
-fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
+fn path_inside(folder: &Path, uri: &str) -> Result<PathBuf, &'static str> {
     let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "is not UTF-8")?;
     let scheme = decoded
         .split_once(':')
@@ -88,12 +95,7 @@ fn relative_path(uri: &str) -> Result<PathBuf, &'static str> {
     if scheme {
         return Err("is absolute or remote; buffers must lie beside the file");
     }
-    let path = PathBuf::from(decoded.as_ref());
-    if path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
-        Ok(path)
-    } else {
-        Err("leaves the folder of the file; buffers must lie beside it")
-    }
+    inside(folder, &decoded).ok_or("leaves the folder of the file; buffers must lie beside it")
 }
 
 /// Reads a file that has at least the bytes that are wanted.
@@ -112,7 +114,8 @@ mod tests {
 
     #[test]
     fn addresses_stay_in_the_folder() {
-        assert_eq!(relative_path("a%20b/c.bin"), Ok(PathBuf::from("a b/c.bin")));
+        let relative_path = |uri| path_inside(Path::new("take"), uri);
+        assert_eq!(relative_path("a%20b/c.bin"), Ok(PathBuf::from("take/a b/c.bin")));
         assert!(relative_path("./c.bin").is_ok());
         for bad in [
             "/etc/passwd",
@@ -132,10 +135,10 @@ mod tests {
     fn buffers_of_one_address_share_their_bytes() {
         let uri = Some("data:application/octet-stream;base64,AQIDBA".to_owned());
         let list = [3, 4, 1].map(|byte_length| Buffer { uri: uri.clone(), byte_length });
-        let buffers = Buffers::load(&list, Path::new(""), Some(&[9; 10])).unwrap();
+        let buffers = Buffers::load(&list, None, Some(&[9; 10])).unwrap();
         assert_eq!((buffers.get(0).unwrap(), buffers.get(2).unwrap()), (&[1, 2, 3][..], &[1][..]));
         assert_eq!(buffers.total_bytes(), 14);
         let long = [Buffer { uri, byte_length: 5 }];
-        assert!(Buffers::load(&long, Path::new(""), None).is_err());
+        assert!(Buffers::load(&long, None, None).is_err());
     }
 }

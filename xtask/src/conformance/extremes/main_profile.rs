@@ -241,7 +241,7 @@ const ATTEMPTS: usize = 4000;
 
 /// A stream whose segments are random bytes, which are symbols whatever they are; what is refused is drawn again.
 fn random(truncation: u32, seed: u64, draws: &[Draw]) -> Result<Stream> {
-    let header = header(Profile::Main, BlockEdge::E8, truncation, seed % 2 == 0)?;
+    let header = header(Profile::Main, BlockEdge::E8, truncation, seed.is_multiple_of(2))?;
     let mut random = Draws(Random::new(seed));
     let mut frames: Vec<(bool, RawFrame)> = Vec::new();
     for draw in draws {
