@@ -14,7 +14,7 @@ use support::{ball, decode, encode, forged, main_header, packets};
 /// Frames in which a volume is refreshed.
 const CYCLE: usize = 5;
 const FRAMES: usize = 20;
-const LIMITS: Limits = Limits { frame_voxels: 1 << 24 };
+const LIMITS: Limits = Limits { frame_voxels: 1 << 24, voxels_per_byte: usize::MAX };
 
 fn header() -> StreamHeader {
     main_header(8)
