@@ -7,7 +7,7 @@ use isv::surface::{SurfaceExtractor, SurfaceOptions};
 use isv::volume::SparseVolume;
 
 /// Fewer voxels than a decoder allows by itself, for speed: 8,192 blocks of 8.
-pub(crate) const LIMITS: Limits = Limits { frame_voxels: 1 << 22 };
+pub(crate) const LIMITS: Limits = Limits { frame_voxels: 1 << 22, voxels_per_byte: usize::MAX };
 /// Frames of a stream that are decoded.
 pub(crate) const FRAMES: usize = 8;
 /// Most vertices of a surface.
