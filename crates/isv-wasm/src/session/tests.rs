@@ -50,13 +50,15 @@ fn streams_decode_to_their_hashes() {
         let stream = stream(name);
         let mut session = opened(&stream);
         let packets = packets(&stream);
-        let (index, frames) = packets.split_last().unwrap();
+        let has_index = !name.contains("no_index");
+        let (frames, index) = packets.split_at(packets.len() - usize::from(has_index));
         for (number, packet) in frames.iter().enumerate() {
             assert_eq!(decode(&mut session, *packet), Status::Done, "{name}: {}", session.message());
             found += &format!("{name} {number} {:016x}\n", session.hash().unwrap());
             let stated = session.frame().unwrap().stated_hash;
             assert!(stated.is_none_or(|stated| Some(stated) == session.hash()));
         }
+        let Some(index) = index.first() else { continue };
         give(&mut session, index.1);
         session.read_index(index.0).unwrap();
         let starts: Vec<f64> = frames.iter().map(|(at, _)| *at as f64).collect();
