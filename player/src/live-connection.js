@@ -26,6 +26,13 @@ const CLOCK_ANSWERS = 8;
  * @typedef {Pick<WebSocket, 'send' | 'close' | 'readyState'> & { binaryType: string, onopen: unknown, onmessage: unknown, onclose: unknown }} Socket
  */
 
+/**
+ * @typedef {object} ClockAnswer
+ * @property {number} tripMs from question to answer
+ * @property {number} offsetMs how far the server's clock is ahead of ours, give or take half of that
+ * @property {number} leastOffsetMs how far it is at least, as packets stamped by it had arrived since this answer
+ */
+
 export class LiveConnection {
   /** @type {LiveState} */
   state = 'connecting';
@@ -40,8 +47,8 @@ export class LiveConnection {
   #retry;
   /** @type {ReturnType<typeof setInterval> | undefined} */
   #asking;
-  /** @type {{ tripMs: number, offsetMs: number }[]} */
-  #answers = [];
+  /** The last answers about the server's clock; at first that there is no difference, with no certainty at all. @type {ClockAnswer[]} */
+  #answers = [{ tripMs: Infinity, offsetMs: 0, leastOffsetMs: -Infinity }];
   #closed = false;
 
   /** @param {{ connect: () => Socket, on: LiveEvents }} options */
@@ -94,7 +101,11 @@ export class LiveConnection {
       this.#on.header(bytes.slice(1));
       this.#become('live');
     } else if (bytes[0] === PACKET && bytes.length > 9) {
-      this.#on.packet(bytes.slice(9), view.getFloat64(1, true));
+      const serverMs = view.getFloat64(1, true);
+      const latest = this.#answers[this.#answers.length - 1];
+      latest.leastOffsetMs = Math.max(latest.leastOffsetMs, serverMs - unixNow());
+      this.#estimateOffset();
+      this.#on.packet(bytes.slice(9), serverMs);
     } else if (bytes[0] === ENDED) {
       this.#become('ended');
     } else if (bytes[0] === CLOCK && bytes.length === 17) {
@@ -109,14 +120,20 @@ export class LiveConnection {
     this.#socket.send(question.buffer);
   }
 
-  /** The answer that took the least time says most exactly what the server's clock was. @param {number} serverMs @param {number} askedMs */
+  /** @param {number} serverMs @param {number} askedMs */
   #learn(serverMs, askedMs) {
     const now = unixNow();
     const tripMs = now - askedMs;
     if (!(tripMs >= 0)) return;
-    this.#answers.push({ tripMs, offsetMs: serverMs - (askedMs + now) / 2 });
+    this.#answers.push({ tripMs, offsetMs: serverMs - (askedMs + now) / 2, leastOffsetMs: -Infinity });
     if (this.#answers.length > CLOCK_ANSWERS) this.#answers.shift();
-    this.offsetMs = this.#answers.reduce((best, answer) => (answer.tripMs < best.tripMs ? answer : best)).offsetMs;
+    this.#estimateOffset();
+  }
+
+  /** The answer that took the least time says most exactly what the server's clock was; but nothing arrives before it was sent. */
+  #estimateOffset() {
+    const best = this.#answers.reduce((best, answer) => (answer.tripMs < best.tripMs ? answer : best));
+    this.offsetMs = Math.max(best.offsetMs, ...this.#answers.map((answer) => answer.leastOffsetMs));
   }
 
   /** @param {LiveState} state */

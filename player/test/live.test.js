@@ -150,3 +150,18 @@ test("the server's clock is learned", (context) => {
   assert.ok(Math.abs(connection.offsetMs - 5000) < 100, `${connection.offsetMs}`);
   connection.close();
 });
+
+test('no packet arrives before it was sent', (context) => {
+  const { connection, sockets } = connected(context);
+  const now = performance.timeOrigin + performance.now();
+  sockets[0].onopen();
+  // An answer that took a second, of which all was the way back: it seems that the server's clock is half a second behind.
+  sockets[0].say(3, now - 1000, now - 1000);
+  assert.ok(Math.abs(connection.offsetMs + 500) < 100, `${connection.offsetMs}`);
+  const sent = performance.timeOrigin + performance.now();
+  sockets[0].say(1, sent, new Uint8Array(30));
+  assert.ok(connection.serverNow >= sent, `${connection.serverNow} after ${sent}`);
+  sockets[0].say(3, now - 1000, now - 1000);
+  assert.ok(connection.serverNow >= sent, 'whatever answers follow');
+  connection.close();
+});

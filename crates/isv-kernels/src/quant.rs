@@ -30,17 +30,20 @@ pub struct Quantizer {
     step: i32,
     /// Sixteenths of an orthonormal code in one coefficient unit, as a power of two.
     unit_shift: u32,
-    /// Largest level whose product with the step stays inside `i32`.
+    /// Largest level that has a code and whose product with the step stays inside `i32`.
     level_limit: i32,
 }
 
 impl Quantizer {
+    /// Largest magnitude of a level that either profile's syntax has a code for.
+    pub const LARGEST_LEVEL: i32 = 1 << 20;
+
     /// A quantizer for coefficients at `2^coefficient_exponent` of the orthonormal scale, -6 to 3.
     #[must_use]
     pub fn new(step: StepSize, coefficient_exponent: i32) -> Self {
         let step = step.0 as i32;
         let unit_shift = (STEP_FRACTION_BITS as i32 - coefficient_exponent) as u32;
-        Self { step, unit_shift, level_limit: ((1 << 30) - 1) / step }
+        Self { step, unit_shift, level_limit: (((1 << 30) - 1) / step).min(Self::LARGEST_LEVEL) }
     }
 
     /// The step in sixteenths of a code.
@@ -55,17 +58,17 @@ impl Quantizer {
         self.unit_shift
     }
 
-    /// Largest level whose product with the step stays inside 30 bits.
+    /// Largest level: one that has a code, and whose product with the step stays inside 30 bits.
     #[must_use]
     pub fn level_limit(&self) -> i32 {
         self.level_limit
     }
 
-    /// Nearest level of a coefficient, halves away from zero.
+    /// Nearest level of a coefficient, halves away from zero, up to [`Self::level_limit`].
     #[must_use]
     pub fn quantize(&self, coefficient: i16) -> i32 {
         let magnitude = i32::from(coefficient).abs() << self.unit_shift;
-        let level = (magnitude + self.step / 2) / self.step;
+        let level = ((magnitude + self.step / 2) / self.step).min(self.level_limit);
         if coefficient < 0 { -level } else { level }
     }
 
@@ -90,10 +93,26 @@ mod tests {
                 let quantizer = Quantizer::new(StepSize::new(step).unwrap(), exponent);
                 let half_step = f64::from(step) / 32.0 * 2f64.powi(exponent);
                 for c in (i16::MIN..=i16::MAX).step_by(37) {
-                    let back = quantizer.dequantize(quantizer.quantize(c));
+                    let level = quantizer.quantize(c);
+                    if level.abs() == Quantizer::LARGEST_LEVEL {
+                        continue;
+                    }
+                    let back = quantizer.dequantize(level);
                     let error = (f64::from(c) - f64::from(back)).abs();
                     assert!(error <= half_step + 0.5, "step {step} exponent {exponent}: {c} -> {back}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn every_level_has_a_code() {
+        for exponent in -6..=3 {
+            let quantizer = Quantizer::new(StepSize::new(1).unwrap(), exponent);
+            for c in [i16::MIN, i16::MIN + 1, -1, 0, 1, i16::MAX] {
+                let level = quantizer.quantize(c);
+                assert!(level.abs() <= Quantizer::LARGEST_LEVEL, "exponent {exponent}: {c} -> {level}");
+                assert_eq!(level.signum(), i32::from(c).signum());
             }
         }
     }

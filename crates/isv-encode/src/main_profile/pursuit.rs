@@ -14,13 +14,14 @@ use super::target::{Bits, BlockTarget, Field, SCALE};
 use super::weight_spectrum::{CODED_ROWS, WeightSpectrum};
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main_profile::COEFFICIENTS;
+use isv_kernels::quant::Quantizer;
 use isv_kernels::simd;
 
 /// Changes of levels at most, and levels at most.
 const CHANGES: usize = 400;
 const LEVELS: usize = 162;
 /// Largest magnitude that is considered.
-const LARGEST: i32 = 1 << 15;
+const LARGEST: i32 = Quantizer::LARGEST_LEVEL;
 /// Levels that rounding would leave at zero by more than this are not considered.
 const LEAST: f32 = 0.35;
 /// A change has to pay this much.
@@ -209,6 +210,7 @@ impl Pursuit<'_> {
         );
         for (k, position) in self.scan.iter().enumerate() {
             let level = (coefficients[usize::from(*position)] / self.step).round() as i32;
+            let level = level.clamp(-LARGEST, LARGEST);
             if level != 0 {
                 state.set_level(k, level);
                 self.dct.add(simd, usize::from(*position), -(level as f32) * self.step, &mut state.error);

@@ -43,10 +43,11 @@ fn forward_pass(v: array<i32, 8>, shift: u32) -> array<i32, 8> {
     );
 }
 
-/// The nearest level of a coefficient, halves away from zero.
+/// The nearest level of a coefficient, halves away from zero, that has a code.
 fn quantize(coefficient: i32, is_lowest: bool, scale: Scale) -> i32 {
     let step = select(scale.steps.y, scale.steps.x, is_lowest);
-    let level = ((abs(coefficient) << scale.unit_shift) + step / 2) / step;
+    let limit = select(scale.level_limits.y, scale.level_limits.x, is_lowest);
+    let level = min(((abs(coefficient) << scale.unit_shift) + step / 2) / step, limit);
     return select(level, -level, coefficient < 0);
 }
 

@@ -11,7 +11,7 @@ struct Scale {
     unit_shift: u32,
     /// Steps of the lowest coefficient and of all others, in sixteenths of a code.
     steps: vec2<i32>,
-    /// Largest levels whose products with the steps stay inside 30 bits.
+    /// Largest levels: they have codes, and their products with the steps stay inside 30 bits.
     level_limits: vec2<i32>,
 }
 
