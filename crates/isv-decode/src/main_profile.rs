@@ -13,6 +13,7 @@
 
 pub mod activity;
 mod blocks;
+mod concealment;
 pub mod crossed_cells;
 mod displaced_block;
 mod exactness;
@@ -27,6 +28,7 @@ pub mod syntax;
 mod window;
 
 pub use blocks::{CodedBlock, MainBlocks};
+pub(crate) use concealment::lead_over_loss;
 pub use exactness::ExactBlocks;
 pub use levels::{BlockLevels, Level};
 pub use neighbours::{CausalBlocks, MERGE_NEIGHBOURS, SliceBlocks};

@@ -39,15 +39,15 @@ fn ingest(meshes: &[TriangleMesh], voxel_m: f64) -> Vec<SparseVolume> {
 }
 
 /// A ball that stands still and one that moves: most cells stay as they were, however long ago that was.
-fn balls() -> Vec<SparseVolume> {
-    (0..TAKE).map(|frame| still_and_moving_ball(grid(0.005), frame as f64)).collect()
+fn balls() -> Option<Vec<SparseVolume>> {
+    Some((0..TAKE).map(|frame| still_and_moving_ball(grid(0.005), frame as f64)).collect())
 }
 
 /// The project's own figure, all of which moves.
-fn figure() -> Vec<SparseVolume> {
+fn figure() -> Option<Vec<SparseVolume>> {
     let voxel = VoxelSize::from_metres(0.012).unwrap();
     let meshes: Vec<_> = (0..TAKE).map(|frame| isv_figure::figure_mesh(frame as f64 / 30.0, voxel)).collect();
-    ingest(&meshes, 0.012)
+    Some(ingest(&meshes, 0.012))
 }
 
 /// A capture, if there is one.
@@ -85,10 +85,11 @@ fn looped(place: u64, take: &[SparseVolume]) -> &SparseVolume {
 }
 
 /// Codes and decodes the take over and over, by way of a file that grows.
-fn soak(name: &str, profile: Profile, gop: u32, take: &[SparseVolume]) {
+fn soak(name: &str, profile: Profile, gop: u32, take: impl FnOnce() -> Option<Vec<SparseVolume>>) {
     static TURN: Mutex<()> = Mutex::new(());
-    // Memory is that of the process: one at a time.
+    // Memory is that of the process: one at a time, its take included.
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(take) = take() else { return };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("soak-{name}.isv"));
     let frame_rate = FrameRate { numerator: 30, denominator: 1 };
     let header = StreamHeader { profile, grid: *take[0].grid(), frame_rate };
@@ -103,7 +104,7 @@ fn soak(name: &str, profile: Profile, gop: u32, take: &[SparseVolume]) {
     let (mut bytes, mut bytes_first_loop) = (0, 0);
     let mut hash = 0;
     for frame in 0..frames {
-        let coded = encoder.encode(looped(frame, take));
+        let coded = encoder.encode(looped(frame, &take));
         assert_eq!(coded.keyframe, frame % u64::from(gop) == 0, "{name}: frame {frame}");
         bytes +=
             writer.write_frame(coded.keyframe, frame_rate.timestamp_ns(frame), &coded.payload()).unwrap();
@@ -142,7 +143,7 @@ fn soak(name: &str, profile: Profile, gop: u32, take: &[SparseVolume]) {
     match memory_mb() {
         None => println!("skipped: this system does not say how much memory a process has"),
         Some(_) => {
-            let allowed = 1.05 * first_loop + 4.0;
+            let allowed = 1.05 * first_loop + 8.0;
             assert!(after <= allowed, "{name}: {first_loop:.1} MB in the first loop, {after:.1} MB after it");
         }
     }
@@ -150,49 +151,45 @@ fn soak(name: &str, profile: Profile, gop: u32, take: &[SparseVolume]) {
 
 #[test]
 fn balls_in_main() {
-    soak("balls_in_main", Profile::Main, EncoderSettings::default().gop, &balls());
+    soak("balls_in_main", Profile::Main, EncoderSettings::default().gop, balls);
 }
 
 #[test]
 fn balls_in_main_in_one_group() {
-    soak("balls_in_main_in_one_group", Profile::Main, ONE_GROUP, &balls());
+    soak("balls_in_main_in_one_group", Profile::Main, ONE_GROUP, balls);
 }
 
 #[test]
 fn balls_in_paper() {
-    soak("balls_in_paper", paper(), EncoderSettings::default().gop, &balls());
+    soak("balls_in_paper", paper(), EncoderSettings::default().gop, balls);
 }
 
 #[test]
 fn balls_in_paper_in_one_group() {
-    soak("balls_in_paper_in_one_group", paper(), ONE_GROUP, &balls());
+    soak("balls_in_paper_in_one_group", paper(), ONE_GROUP, balls);
 }
 
 #[test]
 fn figure_in_main() {
-    soak("figure_in_main", Profile::Main, EncoderSettings::default().gop, &figure());
+    soak("figure_in_main", Profile::Main, EncoderSettings::default().gop, figure);
 }
 
 #[test]
 fn figure_in_main_in_one_group() {
-    soak("figure_in_main_in_one_group", Profile::Main, ONE_GROUP, &figure());
+    soak("figure_in_main_in_one_group", Profile::Main, ONE_GROUP, figure);
 }
 
 #[test]
 fn figure_in_paper_in_one_group() {
-    soak("figure_in_paper_in_one_group", paper(), ONE_GROUP, &figure());
+    soak("figure_in_paper_in_one_group", paper(), ONE_GROUP, figure);
 }
 
 #[test]
 fn capture_in_main() {
-    if let Some(take) = dancer() {
-        soak("capture_in_main", Profile::Main, EncoderSettings::default().gop, &take);
-    }
+    soak("capture_in_main", Profile::Main, EncoderSettings::default().gop, dancer);
 }
 
 #[test]
 fn capture_in_main_in_one_group() {
-    if let Some(take) = dancer() {
-        soak("capture_in_main_in_one_group", Profile::Main, ONE_GROUP, &take);
-    }
+    soak("capture_in_main_in_one_group", Profile::Main, ONE_GROUP, dancer);
 }

@@ -8,8 +8,8 @@ use crate::terms;
 use anyhow::{Context, Result};
 use comfy_table::{Table, presets};
 use isv::format::{
-    FORMAT_VERSION, FormatError, FramePayload, Packet, PacketKind, PacketReader, PaperParameters, Prediction,
-    Profile, StreamHeader,
+    FORMAT_VERSION, FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader,
+    PaperParameters, Profile, StreamHeader,
 };
 use isv::kernels::quant::STEP_FRACTION_BITS;
 use isv::volume::CODES_PER_VOXEL;
@@ -64,6 +64,8 @@ struct PacketInfo {
     keyframe: bool,
     blocks: u32,
     prediction: &'static str,
+    /// Whether a decoder that lost something can go on here, though it is no keyframe.
+    resilient: bool,
     timestamp_ns: u64,
 }
 
@@ -140,19 +142,15 @@ impl StreamInfo {
 
     /// The packets of each kind that occurs.
     fn packets_by_kind(&self) -> Vec<(String, Vec<&PacketInfo>)> {
-        let mut kinds = vec![("keyframes".to_owned(), true, None)];
-        for prediction in Prediction::ALL {
-            let name = terms::prediction(prediction);
-            kinds.push((format!("motion {name}"), false, Some(name)));
+        let mut kinds: Vec<(String, Vec<&PacketInfo>)> = Vec::new();
+        for packet in &self.packets {
+            let kind = packet.kind();
+            match kinds.iter_mut().find(|(name, _)| *name == kind) {
+                Some((_, packets)) => packets.push(packet),
+                None => kinds.push((kind, vec![packet])),
+            }
         }
-        let of_kind = |keyframe, prediction: Option<&str>| {
-            let matches =
-                |p: &&PacketInfo| p.keyframe == keyframe && prediction.is_none_or(|n| n == p.prediction);
-            self.packets.iter().filter(matches).collect::<Vec<_>>()
-        };
-        let counted =
-            kinds.into_iter().map(|(name, keyframe, prediction)| (name, of_kind(keyframe, prediction)));
-        counted.filter(|(_, packets)| !packets.is_empty()).collect()
+        kinds
     }
 }
 
@@ -187,8 +185,18 @@ impl PacketInfo {
             keyframe: packet.is_keyframe(),
             blocks: frame.blocks,
             prediction: terms::prediction(frame.prediction),
+            resilient: matches!(frame.coding, FrameCoding::Main(main) if main.resilient),
             timestamp_ns: packet.header.timestamp_ns,
         })
+    }
+
+    /// What it is called among others.
+    fn kind(&self) -> String {
+        match self {
+            Self { keyframe: true, .. } => "keyframes".to_owned(),
+            Self { resilient: true, prediction, .. } => format!("resilient, motion {prediction}"),
+            Self { prediction, .. } => format!("motion {prediction}"),
+        }
     }
 }
 

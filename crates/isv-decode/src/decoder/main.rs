@@ -1,7 +1,7 @@
 //! The decoder of profile `main`.
 
 use super::failure::Failure;
-use super::recovery::Recovery;
+use super::recovery::{Gap, Recovery};
 use super::sequence::Sequence;
 use super::{FrameFacts, Limits};
 use crate::backend::{Backend, MainFrame};
@@ -11,6 +11,7 @@ use crate::main_profile::reconstruct::BLOCK_SAMPLES;
 use crate::main_profile::syntax::EntropyState;
 use crate::main_profile::{
     BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainBlocks, MainParameters, SliceBlocks,
+    lead_over_loss,
 };
 use crate::syntax::SyntaxError;
 use crate::{BackendError, DecodeError};
@@ -128,7 +129,7 @@ impl<B: Backend> MainDecoder<B> {
             unreachable!("the payload was parsed as one of profile main")
         };
         let empty;
-        let (reference, exact_before) = match lost {
+        let (reference, gap) = match lost {
             None => (last.filter(|_| !keyframe), None),
             Some(lost) if !main.resilient => return Err(lost),
             Some(_) => {
@@ -139,8 +140,8 @@ impl<B: Backend> MainDecoder<B> {
                         &empty
                     }
                 };
-                let exact = self.recovery.exact_after(&self.sequence, packet, B::main_blocks(reference));
-                (Some(reference), Some(exact))
+                let gap = self.recovery.gap(&self.sequence, packet, B::main_blocks(reference));
+                (Some(reference), Some(gap))
             }
         };
         if keyframe || main.resilient {
@@ -164,7 +165,7 @@ impl<B: Backend> MainDecoder<B> {
         let symbols =
             FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
-            .read_frame(&payload, &main, symbols, plan, (reference, exact_before), backend, details)
+            .read_frame(&payload, &main, symbols, plan, (reference, gap), backend, details)
             .map_err(|failure| failure.of(packet, self.sequence))?;
         let inexact_blocks = decoded.exact.as_ref().map_or(0, ExactBlocks::inexact);
         let facts = FrameFacts {
@@ -192,7 +193,7 @@ impl<B: Backend> MainDecoder<B> {
     }
 
     /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension. `reference`: the frame
-    /// before, and which of its blocks are exact, unless all are.
+    /// before, and how it differs from the one that the encoder had, if it does.
     #[expect(clippy::too_many_arguments, reason = "what the block set leaves to read, and who reads it")]
     fn read_frame(
         &mut self,
@@ -200,7 +201,7 @@ impl<B: Backend> MainDecoder<B> {
         main: &MainFrameHeader,
         symbols: FrameSymbols,
         plan: impl FnOnce() -> ExtensionPlan + Send,
-        (reference, exact_before): (Option<&B::Main>, Option<ExactBlocks>),
+        (reference, gap): (Option<&B::Main>, Option<Gap>),
         backend: &mut B,
         details: &mut Details,
     ) -> Result<Decoded<B::Main>, Failure> {
@@ -222,10 +223,12 @@ impl<B: Backend> MainDecoder<B> {
                 })
             },
         );
-        let symbols = symbols?;
-        let exact = reference.map(B::main_blocks).zip(exact_before);
-        let exact = exact
-            .map(|(blocks, exact)| ExactBlocks::of_frame(main, &symbols, &causal, &plan, (blocks, &exact)));
+        let mut symbols = symbols?;
+        let exact = reference.map(B::main_blocks).zip(gap).map(|(before, gap)| {
+            let exact = ExactBlocks::of_frame(main, &symbols, &causal, &plan, (before, &gap.exact));
+            lead_over_loss(&mut symbols.modes, gap.missing);
+            exact
+        });
         let parameters = &self.parameters;
         let frame = MainFrame { parameters, header: main, symbols, causal: &causal, plan, predicts };
         let mut frame = backend.reconstruct_main(frame, reference)?;

@@ -12,6 +12,15 @@ pub(super) struct Recovery {
     exact: Option<ExactBlocks>,
 }
 
+/// How the frame that is there differs from the one before a packet.
+#[derive(Debug)]
+pub(super) struct Gap {
+    /// Which of its blocks are exact.
+    pub exact: ExactBlocks,
+    /// How many frames are missing in between.
+    pub missing: u16,
+}
+
 impl Recovery {
     /// Whether to go on at resilient frames.
     pub(super) fn want(&mut self, wanted: bool) {
@@ -45,15 +54,14 @@ impl Recovery {
         last
     }
 
-    /// Which blocks of the frame that is there are exact for a packet: those known to be if it follows that frame, else none.
-    pub(super) fn exact_after(
-        &self,
-        sequence: &Sequence,
-        packet: &Packet,
-        blocks: MainBlocks,
-    ) -> ExactBlocks {
+    /// The gap between the frame that is there and a packet: none of its blocks are known to be exact unless the packet follows it.
+    /// `blocks`: its blocks.
+    pub(super) fn gap(&self, sequence: &Sequence, packet: &Packet, blocks: MainBlocks) -> Gap {
         let follows = sequence.check(packet, true).is_ok();
         let known = self.exact.clone().filter(|_| follows);
-        known.unwrap_or_else(|| ExactBlocks::none(blocks.coded.len()))
+        Gap {
+            exact: known.unwrap_or_else(|| ExactBlocks::none(blocks.coded.len())),
+            missing: sequence.missing_before(packet),
+        }
     }
 }

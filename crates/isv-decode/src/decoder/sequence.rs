@@ -37,6 +37,16 @@ impl Sequence {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
     }
 
+    /// How many frames are missing between the last one decoded and a packet of its GOP; 0 where that cannot be.
+    pub(super) fn missing_before(self, packet: &Packet) -> u16 {
+        packet
+            .header
+            .since_keyframe
+            .checked_sub(self.since_keyframe)
+            .and_then(|n| n.checked_sub(1))
+            .unwrap_or(0)
+    }
+
     /// Whether a frame that predicts follows the frame that it predicts from.
     pub(super) fn check(self, packet: &Packet, has_reference: bool) -> Result<(), DecodeError> {
         if !has_reference {

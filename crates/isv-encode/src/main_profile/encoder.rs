@@ -416,7 +416,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         let coords = targets.coords();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
         let main =
-            MainFrameHeader { still_cells: !still.is_empty(), resilient, ..self.frame_header(quality) };
+            MainFrameHeader { still_cells: !still.is_empty(), ..self.frame_header(quality, resilient) };
         let mut entropy = if resilient { EntropyState::default() } else { before.entropy.clone() };
         let mut mask_models = take(&mut entropy.masks);
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
@@ -500,7 +500,9 @@ impl<B: SearchBackend> MainEncoder<B> {
         known.unwrap_or_else(|| ExactBlocks::none(reference.volume().coords().len()))
     }
 
-    fn frame_header(&self, quality: FrameQuality) -> MainFrameHeader {
+    /// `resilient`: whether the frame is to be. Then blocks are not predicted from their neighbours: where those are not exact yet,
+    /// each would carry the fault on to the next, and make it larger.
+    fn frame_header(&self, quality: FrameQuality, resilient: bool) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
         let filter = if self.filters() { filter } else { 0 };
         let filter_limit = if filter > 0 { filter_limit } else { 0 };
@@ -509,9 +511,9 @@ impl<B: SearchBackend> MainEncoder<B> {
             filter,
             filter_limit,
             half_voxel_vectors: self.settings.half_voxel_vectors,
-            no_spatial_prediction: !self.settings.tools.spatial,
+            no_spatial_prediction: resilient || !self.settings.tools.spatial,
             still_cells: false,
-            resilient: false,
+            resilient,
         }
     }
 
@@ -588,7 +590,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             trials: self.settings.trials,
             effort,
             refinement: self.settings.refinement && self.settings.tools.pursuit,
-            tools: self.settings.tools,
+            tools: Tools { spatial: !main.no_spatial_prediction, ..self.settings.tools },
         }
     }
 }

@@ -366,7 +366,8 @@ struct BestChange {
 #[derive(Clone)]
 pub(super) struct State {
     pub levels: [i32; COEFFICIENTS],
-    count: usize,
+    /// How many are not zero.
+    pub(super) count: usize,
     /// A bit for each place that has a level.
     used: [u64; COEFFICIENTS.div_ceil(64)],
     goal: Field,

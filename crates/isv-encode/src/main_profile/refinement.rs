@@ -19,6 +19,8 @@ use isv_kernels::simd;
 const STARTS: [f32; 3] = [1.0, 0.4, 2.5];
 /// How often each level of a block is given up.
 const SWEEPS: usize = 2;
+/// With more levels than this none is given up: one of so many matters little, and trying each takes the square of their number.
+const MOST_LEVELS: usize = 64;
 /// A sweep that leaves more than this share of the cost is the last one.
 const LEAST_IMPROVEMENT: f32 = 0.999;
 /// Without a level, the cost has to fall below this share.
@@ -88,6 +90,9 @@ impl Pursuit<'_> {
             best = again;
         }
         for _ in 0..SWEEPS {
+            if best.state.count > MOST_LEVELS {
+                break;
+            }
             let before = best.cost;
             self.give_levels_up(simd, &mut best, target, bits);
             if best.cost > before * LEAST_IMPROVEMENT {

@@ -2,8 +2,7 @@
 //!
 //! Every frame but the first is resilient (`docs/spec/format.md`, sections 7.10 and 7.13): it can be read whatever was lost before. Over
 //! a cycle of frames the volume is made exact, whatever it was: in the `n`-th of `N` frames, the first `n / N` of the blocks, in
-//! Morton order, must be. A block among these is predicted from the frame before only where that is exact already, else from its
-//! neighbours, which come before it in that order and so are exact too.
+//! Morton order, must be. A block among these is predicted from the frame before only where that is exact already, else from nothing.
 
 use isv_decode::main_profile::{ExactBlocks, MainBlocks, Vector};
 use isv_volume::BlockCoord;
