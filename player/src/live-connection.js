@@ -47,8 +47,8 @@ export class LiveConnection {
   #retry;
   /** @type {ReturnType<typeof setInterval> | undefined} */
   #asking;
-  /** The last answers about the server's clock; at first that there is no difference, with no certainty at all. @type {ClockAnswer[]} */
-  #answers = [{ tripMs: Infinity, offsetMs: 0, leastOffsetMs: -Infinity }];
+  /** The last answers about the server's clock, of this connection. @type {ClockAnswer[]} */
+  #answers = [];
   #closed = false;
 
   /** @param {{ connect: () => Socket, on: LiveEvents }} options */
@@ -73,6 +73,9 @@ export class LiveConnection {
   #open() {
     const socket = this.#connect();
     this.#socket = socket;
+    // What is behind the address may be another server now: what was learnt before, at first that there is no difference, holds
+    // with no certainty at all.
+    this.#answers = [{ tripMs: Infinity, offsetMs: this.offsetMs, leastOffsetMs: -Infinity }];
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
       this.#become('waiting');

@@ -165,3 +165,19 @@ test('no packet arrives before it was sent', (context) => {
   assert.ok(connection.serverNow >= sent, 'whatever answers follow');
   connection.close();
 });
+
+test('a server that comes back may have another clock', (context) => {
+  const { connection, sockets, timers } = connected(context);
+  sockets[0].onopen();
+  const asked = new Float64Array(sockets[0].sent[0])[0];
+  sockets[0].say(3, asked + 5000, asked);
+  sockets[0].onclose();
+  timers.tick(250);
+  assert.ok(Math.abs(connection.offsetMs - 5000) < 100, `until more is known: ${connection.offsetMs}`);
+  // However long the new answer took.
+  const now = performance.timeOrigin + performance.now();
+  sockets[1].onopen();
+  sockets[1].say(3, now - 8000, now - 1000);
+  assert.ok(Math.abs(connection.offsetMs + 7500) < 100, `${connection.offsetMs}`);
+  connection.close();
+});
