@@ -1,7 +1,7 @@
 //! A triangle by the heights of points above planes.
 
 use crate::descent::LANES;
-use fearless_simd::{f64x8, prelude::*};
+use fearless_simd::prelude::*;
 use glam::DVec3;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -33,7 +33,7 @@ pub(crate) struct Facet {
     pub(crate) inside_from: f32,
 }
 
-/// What a facet is made from, of one triangle or eight.
+/// What a facet is made from, of one triangle or as many as a vector holds.
 struct Shape<N> {
     normals: [[N; 3]; PLANES],
     heights: [N; PLANES],
@@ -44,7 +44,7 @@ struct Shape<N> {
     height: N,
 }
 
-/// A number, or eight of them.
+/// A number, or a vector of them.
 trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
     /// The same as a constant.
     fn constant(self, value: f64) -> Self;
@@ -67,20 +67,38 @@ impl Number for f64 {
     }
 }
 
-impl<S: Simd> Number for f64x8<S> {
+/// Numbers of several triangles, as many as vectors of the machine hold.
+#[derive(Clone, Copy)]
+struct Vector<S: Simd>(S::f64s);
+
+macro_rules! operators {
+    ($($operator:ident $name:ident),*) => { $(
+        impl<S: Simd> $operator for Vector<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $name(self, other: Self) -> Self {
+                Self(self.0.$name(other.0))
+            }
+        }
+    )* };
+}
+operators!(Add add, Sub sub, Mul mul, Div div);
+
+impl<S: Simd> Number for Vector<S> {
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
-        Self::splat(self.simd, value)
+        Self(S::f64s::splat(self.0.token(), value))
     }
 
     #[inline(always)]
     fn root(self) -> Self {
-        self.sqrt()
+        Self(self.0.sqrt())
     }
 
     #[inline(always)]
     fn if_above(self, other: Self, then: Self, otherwise: Self) -> Self {
-        self.simd_gt(other).select(then, otherwise)
+        Self(self.0.simd_gt(other.0).select(then.0, otherwise.0))
     }
 }
 
@@ -126,43 +144,45 @@ impl Facet {
     /// Eight triangles.
     #[inline(always)]
     pub(crate) fn of_eight<S: Simd>(simd: S, triangles: &[[DVec3; 3]; LANES]) -> [Self; LANES] {
-        let mut rows = [[[0.0; LANES]; 3]; 3];
-        for lane in 0..LANES {
+        let mut facets = [Self::default(); LANES];
+        let some = S::f64s::LEN;
+        for (facets, triangles) in facets.chunks_exact_mut(some).zip(triangles.chunks_exact(some)) {
+            Self::of_some(simd, triangles, facets);
+        }
+        facets
+    }
+
+    /// As many triangles as a vector holds.
+    #[inline(always)]
+    fn of_some<S: Simd>(simd: S, triangles: &[[DVec3; 3]], facets: &mut [Self]) {
+        let mut corners = [[Vector::<S>(S::f64s::splat(simd, 0.0)); 3]; 3];
+        for lane in 0..S::f64s::LEN {
             for corner in 0..3 {
                 let position = triangles[lane][corner];
-                rows[corner][0][lane] = position.x;
-                rows[corner][1][lane] = position.y;
-                rows[corner][2][lane] = position.z;
-            }
-        }
-        let mut corners = [[f64x8::splat(simd, 0.0); 3]; 3];
-        for corner in 0..3 {
-            for axis in 0..3 {
-                corners[corner][axis] = f64x8::simd_from(simd, rows[corner][axis]);
+                corners[corner][0].0[lane] = position.x;
+                corners[corner][1].0[lane] = position.y;
+                corners[corner][2].0[lane] = position.z;
             }
         }
         let shape = Shape::of(corners);
-        let mut facets = [Self::default(); LANES];
-        for plane in 0..PLANES {
-            spread(shape.heights[plane], |lane, value| facets[lane].heights[plane] = value);
+        for (lane, (facet, triangle)) in facets.iter_mut().zip(triangles).enumerate() {
+            for plane in 0..PLANES {
+                facet.heights[plane] = shape.heights[plane].0[lane] as f32;
+                for axis in 0..3 {
+                    facet.growth[axis][plane] = shape.normals[plane][axis].0[lane] as f32;
+                }
+            }
             for axis in 0..3 {
-                spread(shape.normals[plane][axis], |lane, value| facets[lane].growth[axis][plane] = value);
+                facet.centre[axis] = shape.centre[axis].0[lane] as f32;
+                facet.lengths[axis] = shape.lengths[axis].0[lane] as f32;
             }
-        }
-        for axis in 0..3 {
-            spread(shape.centre[axis], |lane, value| facets[lane].centre[axis] = value);
-            spread(shape.lengths[axis], |lane, value| facets[lane].lengths[axis] = value);
-        }
-        spread(shape.radius, |lane, value| facets[lane].radius = value);
-        let heights: [f64; LANES] = shape.height.into();
-        for lane in 0..LANES {
+            facet.radius = shape.radius.0[lane] as f32;
             // Of a triangle without area, the height is not even a number.
-            let has_area = heights[lane] > FLAT;
+            let has_area = shape.height.0[lane] > FLAT;
             if !has_area {
-                facets[lane] = Self::flat(triangles[lane]);
+                *facet = Self::flat(*triangle);
             }
         }
-        facets
     }
 
     /// A triangle that is no more than its longest side.
@@ -193,15 +213,6 @@ impl Facet {
             lengths: [length(longest) as f32; 3],
             ..facet
         }
-    }
-}
-
-/// Hands out eight values, rounded.
-#[inline(always)]
-fn spread<S: Simd>(values: f64x8<S>, mut set: impl FnMut(usize, f32)) {
-    let values: [f64; LANES] = values.into();
-    for lane in 0..LANES {
-        set(lane, values[lane] as f32);
     }
 }
 

@@ -53,6 +53,20 @@ struct Near {
     hi: IVec3,
 }
 
+impl Near {
+    /// None if no cube of the tile is near to the triangle.
+    #[inline(always)]
+    fn to_tile(corners: [DVec3; 3], reach: f32) -> Option<Self> {
+        let [a, b, c] = corners;
+        // In cubes, of which the first has its centre at half a voxel along each axis.
+        let lo = 0.5 * (a.min(b).min(c) - f64::from(reach) - 1.0);
+        let hi = 0.5 * (a.max(b).max(c) + f64::from(reach));
+        let lo = lo.ceil().as_ivec3().max(IVec3::ZERO);
+        let hi = hi.floor().as_ivec3().min(IVec3::splat(EDGE as i32 - 1));
+        lo.cmple(hi).all().then_some(Self { corners, lo, hi })
+    }
+}
+
 impl TileDistances {
     /// Takes the distances of the block at a position in the tile, x fastest, or leaves them alone and returns false if none is within
     /// `reach`. Either way the tile has forgotten them.
@@ -99,26 +113,22 @@ impl TileDistances {
         first: DVec3,
         reach: f32,
     ) {
-        let none = Near { corners: [DVec3::ZERO; 3], lo: IVec3::ZERO, hi: IVec3::ZERO };
-        let (mut batch, mut count) = ([none; LANES], 0);
-        for face in faces {
-            let corners = mesh.corners(*face).map(|corner| corner - first);
-            let [a, b, c] = corners;
-            // In cubes, of which the first has its centre at half a voxel along each axis.
-            let lo = 0.5 * (a.min(b).min(c) - f64::from(reach) - 1.0);
-            let hi = 0.5 * (a.max(b).max(c) + f64::from(reach));
-            let lo = lo.ceil().as_ivec3().max(IVec3::ZERO);
-            let hi = hi.floor().as_ivec3().min(IVec3::splat(EDGE as i32 - 1));
-            if lo.cmple(hi).all() {
-                batch[count] = Near { corners, lo, hi };
+        let mut triangles = faces.iter().filter_map(
+            #[inline(always)]
+            |face| Near::to_tile(mesh.corners(*face).map(|corner| corner - first), reach),
+        );
+        let mut batch = [Near { corners: [DVec3::ZERO; 3], lo: IVec3::ZERO, hi: IVec3::ZERO }; LANES];
+        loop {
+            let mut count = 0;
+            for (place, triangle) in batch.iter_mut().zip(&mut triangles) {
+                *place = triangle;
                 count += 1;
             }
-            if count == LANES {
-                self.scatter_batch(simd, &batch, count, reach);
-                count = 0;
+            if count == 0 {
+                return;
             }
+            self.scatter_batch(simd, &batch, count, reach);
         }
-        self.scatter_batch(simd, &batch, count, reach);
     }
 
     /// Lowers the distances to those of the first `count` of eight triangles.

@@ -5,7 +5,7 @@
 //! `g` is a gradient its derivatives are symmetric in all indices, so only the symmetric parts of those tensors count,
 //! and they are kept as the coefficients of a quadratic and a cubic form.
 
-use fearless_simd::{f64x8, prelude::*};
+use fearless_simd::prelude::*;
 use glam::DVec3;
 
 /// Coefficients of xx, yy, zz, xy, xz, yz.
@@ -102,15 +102,15 @@ impl Expansion {
     }
 }
 
-/// Eight points, by coordinate.
-pub(crate) type Points<S> = [f64x8<S>; 3];
+/// The ways from the points of a vector to one point, by coordinate.
+pub(crate) type Ways<S> = [<S as Simd>::f64s; 3];
 
 impl Expansion {
-    /// [`Self::solid_angle`] seen from eight points at once, given by the ways from them to the centre.
+    /// [`Self::solid_angle`] seen from several points at once, given by the ways from them to the centre.
     #[inline(always)]
-    pub(crate) fn solid_angles<S: Simd>(&self, ways: &Points<S>) -> f64x8<S> {
+    pub(crate) fn solid_angles<S: Simd>(&self, ways: &Ways<S>) -> S::f64s {
         let [x, y, z] = *ways;
-        let inverse_sq = 1.0 / (x * x + y * y + z * z);
+        let inverse_sq = S::f64s::splat(x.token(), 1.0) / (x * x + y * y + z * z);
         let inverse_cubed = inverse_sq * inverse_sq.sqrt();
         let [xx, yy, zz, xy, xz, yz] = self.first;
         let [xxx, yyy, zzz, xxy, xxz, xyy, yyz, xzz, yzz, xyz] = self.second;
@@ -121,7 +121,7 @@ impl Expansion {
             + y * y * (y * yyy + x * xyy + z * yyz)
             + z * z * (z * zzz + x * xzz + y * yzz)
             + x * y * z * xyz;
-        let first = -3.0 * quadratic + (xx + yy + zz);
+        let first = quadratic * -3.0 + (xx + yy + zz);
         let second = (cubic * inverse_sq * 7.5 - trace * 4.5) * inverse_sq;
         (x * self.normal.x + y * self.normal.y + z * self.normal.z + first + second) * inverse_cubed
     }

@@ -7,9 +7,9 @@
 //! Evaluated as in Barill et al. 2018, "Fast winding numbers for soups and clouds": a cluster of triangles seen from
 //! more than [`BETA`] times its radius is replaced by its Taylor expansion, triangles nearby are summed exactly.
 
-use crate::expansion::{Expansion, Points};
+use crate::expansion::{Expansion, Ways};
 use crate::tree::{Content, MAX_DEPTH, Node, Tree};
-use fearless_simd::{dispatch, f64x8, prelude::*};
+use fearless_simd::{dispatch, prelude::*};
 use glam::DVec3;
 use isv_kernels::simd;
 use isv_volume::TriangleMesh;
@@ -104,7 +104,10 @@ fn expand(nodes: &[Node], far_fields: &mut [Expansion], corners: &[[DVec3; 3]]) 
 }
 
 /// Points asked about together.
-const LANES: usize = 8;
+const POINTS: usize = 8;
+
+/// Vectors that hold one number for each of them, at most: the narrowest vectors hold two.
+const MAX_PARTS: usize = POINTS / 2;
 
 /// Fewer points than this are faster one by one.
 const FEW: usize = 3;
@@ -117,7 +120,7 @@ impl WindingNumber {
     #[must_use]
     pub fn at_points(&self, points: &[DVec3]) -> Vec<f64> {
         let mut numbers = Vec::with_capacity(points.len());
-        for eight in points.chunks(LANES) {
+        for eight in points.chunks(POINTS) {
             if eight.len() < FEW {
                 numbers.extend(eight.iter().map(|p| self.at(*p)));
             } else {
@@ -132,28 +135,32 @@ impl WindingNumber {
 
     /// The winding numbers at eight points, to be compiled for one instruction set.
     #[inline(always)]
-    fn sum_eight<S: Simd>(&self, simd: S, points: [[f64; LANES]; 3]) -> [f64; LANES] {
-        let [x, y, z] = points;
-        let points = [f64x8::simd_from(simd, x), f64x8::simd_from(simd, y), f64x8::simd_from(simd, z)];
-        let mut total = f64x8::splat(simd, 0.0);
-        let mut near = HalfAngles::new(simd);
+    fn sum_eight<S: Simd>(&self, simd: S, points: [[f64; POINTS]; 3]) -> [f64; POINTS] {
+        let mut parts = [Part::new(simd, &points, 0); MAX_PARTS];
+        let parts = &mut parts[..POINTS / S::f64s::LEN];
+        for (number, part) in parts.iter_mut().enumerate() {
+            *part = Part::new(simd, &points, number * S::f64s::LEN);
+        }
         let mut stack = [0usize; MAX_DEPTH + 1];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
             let cluster = &self.clusters[stack[depth]];
-            let ways = ways_to(cluster.far_field.centre, &points);
-            let distances_sq = ways[0] * ways[0] + ways[1] * ways[1] + ways[2] * ways[2];
-            if distances_sq.simd_gt(BETA * BETA * cluster.radius_sq).all_true() {
-                total += cluster.far_field.solid_angles(&ways);
+            let mut is_far = true;
+            for part in &*parts {
+                is_far &= part.is_far(cluster);
+            }
+            if is_far {
+                for part in &mut *parts {
+                    part.far += cluster.far_field.solid_angles::<S>(&part.ways_to(cluster.far_field.centre));
+                }
                 continue;
             }
             match &cluster.content {
                 Content::Leaf(range) => {
-                    for [a, b, c] in &self.corners[range.clone()] {
-                        near.add_triangle([ways_to(*a, &points), ways_to(*b, &points), ways_to(*c, &points)]);
+                    for part in &mut *parts {
+                        part.add_triangles(&self.corners[range.clone()]);
                     }
-                    near.rescale();
                 }
                 Content::Inner(a, b) => {
                     stack[depth] = *b;
@@ -162,56 +169,100 @@ impl WindingNumber {
                 }
             }
         }
-        let far: [f64; LANES] = total.into();
-        let near = near.radians();
-        let mut numbers = [0.0; LANES];
-        for lane in 0..LANES {
-            numbers[lane] = (far[lane] + 2.0 * near[lane]) / (4.0 * PI);
+        let mut numbers = [0.0; POINTS];
+        for (part, numbers) in parts.iter().zip(numbers.chunks_exact_mut(S::f64s::LEN)) {
+            part.write_numbers(numbers);
         }
         numbers
     }
 }
 
-/// The ways from eight points to one.
-#[inline(always)]
-fn ways_to<S: Simd>(p: DVec3, [x, y, z]: &Points<S>) -> Points<S> {
-    [p.x - *x, p.y - *y, p.z - *z]
+/// Those of the points that one vector holds, as wide as the machine has them, and what was summed for them so far.
+#[derive(Clone, Copy)]
+struct Part<S: Simd> {
+    points: [S::f64s; 3],
+    /// Solid angles of clusters.
+    far: S::f64s,
+    near: HalfAngles<S>,
+}
+
+impl<S: Simd> Part<S> {
+    #[inline(always)]
+    fn new(simd: S, points: &[[f64; POINTS]; 3], first: usize) -> Self {
+        let zero = S::f64s::splat(simd, 0.0);
+        let mut part = Self {
+            points: [zero; 3],
+            far: zero,
+            near: HalfAngles { re: S::f64s::splat(simd, 1.0), im: zero, turns: zero },
+        };
+        for axis in 0..3 {
+            part.points[axis] = S::f64s::from_slice(simd, &points[axis][first..first + S::f64s::LEN]);
+        }
+        part
+    }
+
+    /// The ways from the points to one.
+    #[inline(always)]
+    fn ways_to(&self, p: DVec3) -> Ways<S> {
+        let [x, y, z] = self.points;
+        let simd = x.token();
+        [S::f64s::splat(simd, p.x) - x, S::f64s::splat(simd, p.y) - y, S::f64s::splat(simd, p.z) - z]
+    }
+
+    /// Whether a cluster is far enough from all of the points to be expanded.
+    #[inline(always)]
+    fn is_far(&self, cluster: &Cluster) -> bool {
+        let ways = self.ways_to(cluster.far_field.centre);
+        dot::<S>(&ways, &ways).simd_gt(BETA * BETA * cluster.radius_sq).all_true()
+    }
+
+    #[inline(always)]
+    fn add_triangles(&mut self, triangles: &[[DVec3; 3]]) {
+        for [a, b, c] in triangles {
+            self.near.add_triangle([self.ways_to(*a), self.ways_to(*b), self.ways_to(*c)]);
+        }
+        self.near.rescale();
+    }
+
+    #[inline(always)]
+    fn write_numbers(&self, numbers: &mut [f64]) {
+        let HalfAngles { re, im, turns } = &self.near;
+        for (lane, number) in numbers.iter_mut().enumerate() {
+            let radians = im[lane].atan2(re[lane]) + TAU * turns[lane];
+            *number = (self.far[lane] + 2.0 * radians) / (4.0 * PI);
+        }
+    }
 }
 
 #[inline(always)]
-fn dot<S: Simd>(u: &Points<S>, v: &Points<S>) -> f64x8<S> {
+fn dot<S: Simd>(u: &Ways<S>, v: &Ways<S>) -> S::f64s {
     u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 }
 
-/// [`HalfAngle`] for eight points at once.
+/// [`HalfAngle`] for the points of a vector.
+#[derive(Clone, Copy)]
 struct HalfAngles<S: Simd> {
-    re: f64x8<S>,
-    im: f64x8<S>,
-    turns: f64x8<S>,
+    re: S::f64s,
+    im: S::f64s,
+    turns: S::f64s,
 }
 
 impl<S: Simd> HalfAngles<S> {
-    #[inline(always)]
-    fn new(simd: S) -> Self {
-        let zero = f64x8::splat(simd, 0.0);
-        Self { re: f64x8::splat(simd, 1.0), im: zero, turns: zero }
-    }
-
     /// Adds half the solid angle of a triangle, given by the ways from the points to its corners; as in [`solid_angle_sum`].
     #[inline(always)]
-    fn add_triangle(&mut self, [a, b, c]: [Points<S>; 3]) {
+    fn add_triangle(&mut self, [a, b, c]: [Ways<S>; 3]) {
         let dot = dot::<S>;
         let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
         let (la, lb, lc) = (dot(&a, &a).sqrt(), dot(&b, &b).sqrt(), dot(&c, &c).sqrt());
-        let scale = 1.0 / (la * lb * lc);
+        let one = S::f64s::splat(la.token(), 1.0);
+        let none = S::f64s::splat(la.token(), 0.0);
+        let scale = one / (la * lb * lc);
         let im = dot(&a, &cross) * scale;
         let re = (dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb) * scale + 1.0;
         let zero = im * 0.0;
         // Zero: seen edge-on or without area. Not finite: the point is a corner, or nearly.
         let counts = im.abs().simd_gt(0.0) & re.abs().simd_lt(f64::INFINITY) & zero.simd_eq(0.0);
         let product = (self.re * re - self.im * im, self.re * im + self.im * re);
-        let one = f64x8::splat(im.simd, 1.0);
-        let none = f64x8::splat(im.simd, 0.0);
         let up = self.im.simd_ge(0.0) & im.simd_gt(0.0) & product.1.simd_lt(0.0) & counts;
         let down = self.im.simd_lt(0.0) & im.simd_lt(0.0) & product.1.simd_ge(0.0) & counts;
         self.turns += up.select(one, none) - down.select(one, none);
@@ -222,19 +273,10 @@ impl<S: Simd> HalfAngles<S> {
     /// Keeps the product of many factors in range.
     #[inline(always)]
     fn rescale(&mut self) {
-        let scale = 1.0 / self.re.abs().max(self.im.abs()).max(f64::MIN_POSITIVE);
+        let largest = self.re.abs().max(self.im.abs()).max(f64::MIN_POSITIVE);
+        let scale = S::f64s::splat(largest.token(), 1.0) / largest;
         self.re *= scale;
         self.im *= scale;
-    }
-
-    #[inline(always)]
-    fn radians(&self) -> [f64; LANES] {
-        let [re, im, turns]: [[f64; LANES]; 3] = [self.re.into(), self.im.into(), self.turns.into()];
-        let mut radians = [0.0; LANES];
-        for lane in 0..LANES {
-            radians[lane] = im[lane].atan2(re[lane]) + TAU * turns[lane];
-        }
-        radians
     }
 }
 

@@ -9,21 +9,24 @@ const CHUNK_BYTES: usize = 1 << 16;
 #[derive(Debug)]
 pub(super) struct Replay<R> {
     source: R,
-    kept: Vec<u8>,
-    /// Where in `kept` the bytes begin that may be asked for again.
+    /// Bytes that were read, and room behind them: it is cleared once, not for each read, as many reads give few bytes.
+    buffer: Vec<u8>,
+    /// Where in `buffer` the bytes begin that may be asked for again.
     start: usize,
-    /// Where in `kept` the next byte to read is.
+    /// Where in `buffer` the next byte to read is.
     next: usize,
+    /// Where in `buffer` the room begins.
+    end: usize,
 }
 
 impl<R: Read> Replay<R> {
     pub(super) fn new(source: R) -> Self {
-        Self { source, kept: Vec::new(), start: 0, next: 0 }
+        Self { source, buffer: Vec::new(), start: 0, next: 0, end: 0 }
     }
 
     /// What was read since [`Self::forget`].
     pub(super) fn read_so_far(&self) -> &[u8] {
-        &self.kept[self.start..self.next]
+        &self.buffer[self.start..self.next]
     }
 
     /// Gives up what was read; returns how many bytes that were.
@@ -31,8 +34,9 @@ impl<R: Read> Replay<R> {
         let forgotten = self.next - self.start;
         self.start = self.next;
         // The rest moves only when it is the smaller part, so that each byte is moved once or so.
-        if self.start > self.kept.len() / 2 {
-            self.kept.drain(..self.start);
+        if self.start > self.end / 2 {
+            self.buffer.copy_within(self.start..self.end, 0);
+            self.end -= self.start;
             (self.start, self.next) = (0, 0);
         }
         forgotten
@@ -45,42 +49,40 @@ impl<R: Read> Replay<R> {
 
     /// Passes over bytes that are kept.
     pub(super) fn skip(&mut self, bytes: usize) {
-        self.next = self.kept.len().min(self.next + bytes);
+        self.next = self.end.min(self.next + bytes);
     }
 
     /// The next bytes without reading them: `length`, unless the source ends before.
     pub(super) fn peek(&mut self, length: usize) -> io::Result<&[u8]> {
-        while self.kept.len() - self.next < length && self.fill()? {}
-        let end = self.kept.len().min(self.next + length);
-        Ok(&self.kept[self.next..end])
+        while self.end - self.next < length && self.fill(CHUNK_BYTES)? > 0 {}
+        let end = self.end.min(self.next + length);
+        Ok(&self.buffer[self.next..end])
     }
 
     /// All that has come and was not read yet.
     pub(super) fn unread(&self) -> &[u8] {
-        &self.kept[self.next..]
+        &self.buffer[self.next..self.end]
     }
 
-    /// Whether more bytes came.
-    fn fill(&mut self) -> io::Result<bool> {
-        let before = self.kept.len();
-        self.kept.resize(before + CHUNK_BYTES, 0);
-        let read = read_some(&mut self.source, &mut self.kept[before..]);
-        self.kept.truncate(before + read.as_ref().copied().unwrap_or(0));
-        Ok(read? > 0)
+    /// Asks the source for some bytes; returns how many came.
+    fn fill(&mut self, most: usize) -> io::Result<usize> {
+        let room = self.end..self.end + most;
+        if self.buffer.len() < room.end {
+            self.buffer.resize(room.end, 0);
+        }
+        let count = read_some(&mut self.source, &mut self.buffer[room])?;
+        self.end += count;
+        Ok(count)
     }
 }
 
 impl<R: Read> Read for Replay<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = if self.next < self.kept.len() {
-            let count = buffer.len().min(self.kept.len() - self.next);
-            buffer[..count].copy_from_slice(&self.kept[self.next..self.next + count]);
-            count
-        } else {
-            let count = read_some(&mut self.source, buffer)?;
-            self.kept.extend_from_slice(&buffer[..count]);
-            count
-        };
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.next == self.end {
+            self.fill(bytes.len().min(CHUNK_BYTES))?;
+        }
+        let count = bytes.len().min(self.end - self.next);
+        bytes[..count].copy_from_slice(&self.buffer[self.next..self.next + count]);
         self.next += count;
         Ok(count)
     }
