@@ -171,30 +171,21 @@ impl<S: Simd, const AXES: usize, const PLANES: usize> Probe<S, AXES, PLANES> {
     /// The same for a cube of 8 voxels.
     #[inline(always)]
     fn measure_eight(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
-        // A function by itself, which is compiled once and not for each way that leads here.
-        self.rises[0].simd.vectorize(
-            #[inline(always)]
-            || {
-                self.each_octant(
-                    heights,
-                    8.0,
-                    band,
-                    #[inline(always)]
-                    |octant, heights| self.measure_four(heights, first + LANES * octant, band, target),
-                );
-            },
-        );
-    }
-
-    /// The same for a cube of 4 voxels.
-    #[inline(always)]
-    fn measure_four(&self, heights: &[f32; PLANES], first: usize, band: f32, target: &mut Target<'_>) {
         self.each_octant(
             heights,
-            4.0,
+            8.0,
             band,
             #[inline(always)]
-            |octant, heights| target.lower(first + octant, self.inside(heights)),
+            |octant, heights| {
+                let first = first + LANES * octant;
+                self.each_octant(
+                    heights,
+                    4.0,
+                    band,
+                    #[inline(always)]
+                    |octant, heights| target.lower(first + octant, self.inside(heights)),
+                );
+            },
         );
     }
 
@@ -264,7 +255,11 @@ pub(crate) fn measure_cells<S: Simd>(
             ($axes:literal, $planes:expr) => {{
                 let (probe, heights) =
                     Probe::<S, $axes, { $planes }>::new(simd, cells.planes(cell), cube.centre);
-                probe.measure(&heights, cube.edge, band, &mut target);
+                // A function by itself: all of them in one loop take the compiler minutes for the fallback.
+                simd.vectorize(
+                    #[inline(always)]
+                    || probe.measure(&heights, cube.edge, band, &mut target),
+                );
             }};
         }
         match cell.axes {
