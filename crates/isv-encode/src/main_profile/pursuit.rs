@@ -228,21 +228,27 @@ impl Pursuit<'_> {
         target: &BlockTarget,
         costs: &LevelCosts,
     ) {
-        for round in 0..SIGN_ROUNDS {
-            if state.guard_signs(simd, target) {
-                metrics.weights_have_changed();
-            } else if round > 0 {
-                break;
-            }
-            // Even a perfect level would pay no more than all of the error.
-            if state.count == 0 && state.weighted_error() <= self.lambda * costs.least_first() {
-                break;
-            }
-            let metric = metrics.of(simd, self.dct, &state.weights);
-            if !self.descend(simd, state, metric, costs) {
-                break;
-            }
-        }
+        // A function by itself: there are many ways here, and it is long.
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for round in 0..SIGN_ROUNDS {
+                    if state.guard_signs(simd, target) {
+                        metrics.weights_have_changed();
+                    } else if round > 0 {
+                        break;
+                    }
+                    // Even a perfect level would pay no more than all of the error.
+                    if state.count == 0 && state.weighted_error() <= self.lambda * costs.least_first() {
+                        break;
+                    }
+                    let metric = metrics.of(simd, self.dct, &state.weights);
+                    if !self.descend(simd, state, metric, costs) {
+                        break;
+                    }
+                }
+            },
+        );
     }
 
     /// Changes levels until no change pays. Whether any was.
