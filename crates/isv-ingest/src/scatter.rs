@@ -113,16 +113,17 @@ impl TileDistances {
         first: DVec3,
         reach: f32,
     ) {
-        let mut triangles = faces.iter().filter_map(
-            #[inline(always)]
-            |face| Near::to_tile(mesh.corners(*face).map(|corner| corner - first), reach),
-        );
+        let mut faces = faces.iter();
         let mut batch = [Near { corners: [DVec3::ZERO; 3], lo: IVec3::ZERO, hi: IVec3::ZERO }; LANES];
         loop {
             let mut count = 0;
-            for (place, triangle) in batch.iter_mut().zip(&mut triangles) {
-                *place = triangle;
-                count += 1;
+            while count < LANES
+                && let Some(face) = faces.next()
+            {
+                if let Some(near) = Near::to_tile(mesh.corners(*face).map(|corner| corner - first), reach) {
+                    batch[count] = near;
+                    count += 1;
+                }
             }
             if count == 0 {
                 return;
