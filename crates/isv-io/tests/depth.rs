@@ -1,10 +1,8 @@
 //! Folders of depth images: what is read from them, and what is said of those that are broken.
 
-use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2,
-    WritableImage, f16,
-};
+use ::exr::prelude::{Blocks, Encoding, FlatSamples, Vec2, f16};
 use isv_io::{DepthFileError, DepthSequence, TUM_INTRINSICS, is_depth_folder};
+use isv_testfiles::{exr, png};
 use isv_volume::DepthImage;
 use std::fs;
 use std::path::Path;
@@ -27,34 +25,13 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) {
     fs::write(path, bytes).unwrap();
 }
 
-/// A grey PNG of 4 x 2 pixels of 16 bits.
-fn png(values: [u16; 8]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 4, 2);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    let data: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
-    encoder.write_header().unwrap().write_image_data(&data).unwrap();
-    bytes
-}
-
 /// A grey PNG of 4 x 2 pixels of 8 bits.
 fn eight_bits() -> Vec<u8> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 4, 2);
-    encoder.set_color(png::ColorType::Grayscale);
+    let mut encoder = ::png::Encoder::new(&mut bytes, 4, 2);
+    encoder.set_color(::png::ColorType::Grayscale);
     encoder.write_header().unwrap().write_image_data(&[9; 8]).unwrap();
     bytes
-}
-
-/// An EXR of 4 x 2 pixels with some channels.
-fn exr(channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
-    let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
-    let layer =
-        Layer::new((4, 2), LayerAttributes::default(), Encoding::default(), AnyChannels::sort(channels));
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
-    bytes.into_inner()
 }
 
 fn room(frames: usize) -> TempDir {
@@ -68,7 +45,7 @@ fn room(frames: usize) -> TempDir {
         write(
             room.path(),
             &format!("depth/frame_{frame}.png"),
-            &png([0, depth, 2 * depth, 65535, 1, 1, 1, 1]),
+            &png::depths(4, &[0, depth, 2 * depth, 65535, 1, 1, 1, 1]),
         );
     }
     room
@@ -126,11 +103,15 @@ fn a_rig_gives_one_image_a_camera() {
     );
     let rig = folder(&[("rig.json", &json)]);
     for frame in 0..2 {
-        write(rig.path(), &format!("l/{frame}.png"), &png([0, 1500, 0, 0, 0, 0, 0, 65535]));
+        write(rig.path(), &format!("l/{frame}.png"), &png::depths(4, &[0, 1500, 0, 0, 0, 0, 0, 65535]));
         let metres = [2.5, f32::NAN, 0.0, f32::INFINITY, -1.0, 1.0, 2.0, 3.0];
         let samples = FlatSamples::F32(metres.to_vec());
         let other = FlatSamples::F32(vec![7.0; 8]);
-        write(rig.path(), &format!("shared/r_{frame}.exr"), &exr(vec![("A", other), ("view.Z", samples)]));
+        write(
+            rig.path(),
+            &format!("shared/r_{frame}.exr"),
+            &exr::image([4, 2], vec![("A", other), ("view.Z", samples)]),
+        );
     }
     let sequence = open(&rig).unwrap();
     assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (2, 2, Some(25.0)));
@@ -150,27 +131,52 @@ fn halves_and_single_channels_of_any_name_are_depths() {
     let room = room(1);
     fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
     let halves = FlatSamples::F16([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0].map(f16::from_f32).to_vec());
-    write(room.path(), "depth/0.exr", &exr(vec![("distance", halves.clone())]));
+    write(room.path(), "depth/0.exr", &exr::image([4, 2], vec![("distance", halves.clone())]));
     let images = open(&room).unwrap().read(0).unwrap();
     assert_eq!(depths(&images), [[0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]]);
-    write(room.path(), "depth/0.exr", &exr(vec![("distance", halves.clone()), ("B", halves)]));
+    write(room.path(), "depth/0.exr", &exr::image([4, 2], vec![("distance", halves.clone()), ("B", halves)]));
     let text = refused(&room);
     assert_eq!(text, "depth/0.exr: frame 0: no channel of depths: none is called Z, R, Y, depth or D");
-    write(room.path(), "depth/0.exr", &exr(vec![("Z", FlatSamples::U32(vec![1; 8]))]));
+    write(room.path(), "depth/0.exr", &exr::image([4, 2], vec![("Z", FlatSamples::U32(vec![1; 8]))]));
     assert!(refused(&room).ends_with("EXR must hold metres"));
+}
+
+/// A folder of an image of 8 x 6 pixels, whose units are sixteenths of a metre.
+fn one_image(name: &str, bytes: &[u8]) -> TempDir {
+    let lens = CAMERA.replace("4, \"height\": 2", "8, \"height\": 6");
+    let json = format!(r#"{{{lens}, "depth_scale_m": 0.0625, "poses": [{STANDING}]}}"#);
+    let folder = folder(&[("camera.json", &json)]);
+    write(folder.path(), &format!("depth/{name}"), bytes);
+    folder
+}
+
+#[test]
+fn every_compression_gives_the_same_depths() {
+    let expected = exr::steps(48);
+    for (name, image) in exr::all_kinds([8, 6]) {
+        let images = open(&one_image("0.exr", &image)).unwrap().read(0);
+        assert_eq!(
+            depths(&images.unwrap_or_else(|error| panic!("{name}: {error}"))),
+            [&expected[..]],
+            "{name}"
+        );
+    }
+    for image in exr::DWA {
+        let images = open(&one_image("0.exr", image)).unwrap().read(0).unwrap();
+        assert_eq!(depths(&images), [&expected[..]], "floats are kept exactly");
+    }
+    let steps: Vec<u16> = expected.iter().map(|depth| (depth * 16.0) as u16).collect();
+    for image in png::all_kinds(8, &steps) {
+        assert_eq!(depths(&open(&one_image("0.png", &image)).unwrap().read(0).unwrap()), [&expected[..]]);
+    }
 }
 
 #[test]
 fn memory_is_not_taken_for_tiles_that_the_image_cannot_fill() {
     let room = room(1);
     fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
-    let channel = AnyChannel::new("Z", FlatSamples::F32(vec![1.5; 8]));
     let tiles = Encoding { blocks: Blocks::Tiles(Vec2(64, 64)), ..Encoding::UNCOMPRESSED };
-    let channels = AnyChannels::sort([channel].into_iter().collect());
-    let layer = Layer::new((4, 2), LayerAttributes::default(), tiles, channels);
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
-    let mut bytes = bytes.into_inner();
+    let mut bytes = exr::encoded([4, 2], vec![("Z", FlatSamples::F32(vec![1.5; 8]))], tiles);
     write(room.path(), "depth/0.exr", &bytes);
     assert_eq!(depths(&open(&room).unwrap().read(0).unwrap()), [[1.5; 8]]);
     // Tiles of 34 gigabytes, and a chunk that claims one of them.
@@ -196,7 +202,7 @@ fn poses_between_time_stamps_are_interpolated() {
         ("camera.json", &format!("{{{CAMERA}, \"depth_scale_m\": 0.0002}}")),
     ]);
     for name in ["a", "b", "early"] {
-        write(tum.path(), &format!("d/{name}.png"), &png([5000; 8]));
+        write(tum.path(), &format!("d/{name}.png"), &png::depths(4, &[5000; 8]));
     }
     let sequence = open(&tum).unwrap();
     assert_eq!((sequence.frames(), sequence.skipped()), (3, 1));
@@ -332,7 +338,7 @@ fn broken_images_are_named_with_their_frame() {
     let sequence = open(&room).unwrap();
     let read = || sequence.read(1).map_err(|error| message(&room, &error));
 
-    fs::write(&image, png([0, 65535, 0, 0, 0, 0, 0, 0])).unwrap();
+    fs::write(&image, png::depths(4, &[0, 65535, 0, 0, 0, 0, 0, 0])).unwrap();
     assert_eq!(read().unwrap_err(), "depth/frame_1.png: frame 1: no pixel has a depth");
     for end in 0..sound.len() - 12 {
         fs::write(&image, &sound[..end]).unwrap();
@@ -357,9 +363,9 @@ fn images_larger_than_their_camera_are_refused_by_their_headers() {
     let room = room(1);
     let path = room.path().join("depth/frame_0.png");
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 1 << 30, 1 << 30);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut encoder = ::png::Encoder::new(&mut bytes, 1 << 30, 1 << 30);
+    encoder.set_color(::png::ColorType::Grayscale);
+    encoder.set_depth(::png::BitDepth::Sixteen);
     drop(encoder.write_header().unwrap());
     fs::write(path, bytes).unwrap();
     let text = refused(&room);
@@ -373,9 +379,9 @@ fn images_larger_than_their_files_are_refused() {
     let wide = CAMERA.replace("4, \"height\": 2", "16384, \"height\": 16384");
     write(room.path(), "camera.json", format!(r#"{{{wide}, "poses": [{STANDING}]}}"#).as_bytes());
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 16384, 16384);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
+    let mut encoder = ::png::Encoder::new(&mut bytes, 16384, 16384);
+    encoder.set_color(::png::ColorType::Grayscale);
+    encoder.set_depth(::png::BitDepth::Sixteen);
     drop(encoder.write_header().unwrap());
     let length = bytes.len();
     write(room.path(), "depth/frame_0.png", &bytes);
@@ -390,7 +396,7 @@ fn images_larger_than_their_files_are_refused() {
 fn damaged_images_never_panic() {
     let room = room(1);
     let depths = FlatSamples::F32((1..9).map(|i| i as f32).collect());
-    let sound = exr(vec![("Z", depths)]);
+    let sound = exr::image([4, 2], vec![("Z", depths)]);
     fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
     let path = room.path().join("depth/frame_0.exr");
     fs::write(&path, &sound).unwrap();

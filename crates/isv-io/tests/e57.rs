@@ -1,13 +1,10 @@
-//! E57, whole and broken, written by the crate `e57`.
+//! E57, whole and broken.
 
-use e57::{
-    E57Writer, Extension, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation,
-};
 use glam::DVec3;
 use isv_io::{Geometry, ReadError, Unit, parse_geometry};
+use isv_testfiles::e57::{cartesian, file, of_all_types, quarter_turn, seal, spherical};
 use isv_volume::PointCloud;
 use proptest::prelude::*;
-use std::io::Cursor;
 use std::path::Path;
 
 fn parse(bytes: &[u8]) -> Result<PointCloud, ReadError> {
@@ -15,94 +12,6 @@ fn parse(bytes: &[u8]) -> Result<PointCloud, ReadError> {
         Geometry::Points(points) => points,
         Geometry::Mesh(_) => panic!("a mesh"),
     })
-}
-
-struct Scan {
-    prototype: Vec<Record>,
-    points: Vec<Vec<RecordValue>>,
-    pose: Option<Transform>,
-}
-
-fn file(scans: Vec<Scan>) -> Vec<u8> {
-    let mut bytes = Cursor::new(Vec::new());
-    let mut writer = E57Writer::new(&mut bytes, "file").unwrap();
-    writer
-        .register_extension(Extension::new("nor", "http://www.libe57.org/E57_NOR_surface_normals.txt"))
-        .unwrap();
-    for (index, scan) in scans.into_iter().enumerate() {
-        let mut cloud = writer.add_pointcloud(&format!("scan {index}"), scan.prototype).unwrap();
-        cloud.set_transform(scan.pose);
-        scan.points.into_iter().for_each(|point| cloud.add_point(point).unwrap());
-        cloud.finalize().unwrap();
-    }
-    writer.finalize().unwrap();
-    drop(writer);
-    bytes.into_inner()
-}
-
-fn double(name: RecordName) -> Record {
-    Record { name, data_type: RecordDataType::Double { min: None, max: None } }
-}
-
-fn state(name: RecordName) -> Record {
-    Record { name, data_type: RecordDataType::Integer { min: 0, max: 2 } }
-}
-
-/// A quarter turn about z, then 10 m along x.
-fn quarter_turn() -> Transform {
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    Transform {
-        rotation: Quaternion { w: half, x: 0.0, y: 0.0, z: half },
-        translation: Translation { x: 10.0, y: 0.0, z: 0.0 },
-    }
-}
-
-/// Three Cartesian points with normals, the second one invalid.
-fn cartesian(pose: Option<Transform>) -> Scan {
-    let scaled = RecordDataType::ScaledInteger { min: -100_000, max: 100_000, scale: 0.001, offset: 1.0 };
-    let normal = |name: &str| Record {
-        name: RecordName::Unknown { namespace: "nor".to_owned(), name: name.to_owned() },
-        data_type: RecordDataType::Single { min: Some(-1.0), max: Some(1.0) },
-    };
-    let mut prototype = vec![
-        Record { name: RecordName::CartesianX, data_type: scaled },
-        double(RecordName::CartesianY),
-        double(RecordName::CartesianZ),
-        state(RecordName::CartesianInvalidState),
-        normal("normalX"),
-        normal("normalY"),
-        normal("normalZ"),
-    ];
-    // A value that is always the same takes no bits.
-    prototype
-        .push(Record { name: RecordName::RowIndex, data_type: RecordDataType::Integer { min: 4, max: 4 } });
-    let point = |x: i64, y: f64, z: f64, state: i64| {
-        let [nx, ny, nz] = [0.0, 1.0, 0.0].map(RecordValue::Single);
-        let (x, y, z) = (RecordValue::ScaledInteger(x), RecordValue::Double(y), RecordValue::Double(z));
-        vec![x, y, z, RecordValue::Integer(state), nx, ny, nz, RecordValue::Integer(4)]
-    };
-    Scan {
-        prototype,
-        points: vec![point(0, 2.0, 3.0, 0), point(7, 7.0, 7.0, 2), point(-3500, 0.0, 0.5, 0)],
-        pose,
-    }
-}
-
-/// Points on a sphere of 2 m, the last one a direction only.
-fn spherical() -> Scan {
-    let prototype = vec![
-        double(RecordName::SphericalRange),
-        double(RecordName::SphericalAzimuth),
-        double(RecordName::SphericalElevation),
-        state(RecordName::SphericalInvalidState),
-    ];
-    let half = std::f64::consts::FRAC_PI_2;
-    let point = |azimuth: f64, elevation: f64, state: i64| {
-        let [range, azimuth, elevation] = [2.0, azimuth, elevation].map(RecordValue::Double);
-        vec![range, azimuth, elevation, RecordValue::Integer(state)]
-    };
-    let points = vec![point(0.0, 0.0, 0), point(half, 0.0, 0), point(1.0, half, 0), point(1.0, 1.0, 1)];
-    Scan { prototype, points, pose: None }
 }
 
 fn assert_close(found: &[DVec3], expected: &[[f64; 3]]) {
@@ -133,6 +42,13 @@ fn several_scans_are_joined() {
     assert_eq!((alone.normals.len(), alone.viewpoint), (0, None));
 }
 
+#[test]
+fn coordinates_of_every_type_are_read() {
+    let points = parse(&file(vec![of_all_types()])).unwrap();
+    let expected: Vec<_> = (0..10).map(f64::from).map(|i| [i / 2.0, i - 5.0, i / 8.0]).collect();
+    assert_close(&points.positions, &expected);
+}
+
 /// A file of many pages, both kinds of scans in it.
 fn large() -> Vec<u8> {
     let mut scans = vec![cartesian(Some(quarter_turn())), spherical()];
@@ -159,21 +75,6 @@ fn a_changed_byte_is_noticed_by_its_page() {
     assert!(message.starts_with("scan.e57: not a readable E57 file: "), "{message}");
     let message = parse(b"PK").unwrap_err().to_string();
     assert_eq!(message, "scan.e57: no E57 file, as it does not start with `ASTM-E57` (byte 0)");
-}
-
-/// The Castagnoli CRC-32 of the standard.
-fn crc32c(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x82f6_3b78 } else { 0 })
-    })
-}
-
-/// Gives every page its checksum, so that a changed file is read further.
-fn seal(file: &mut [u8]) {
-    for page in file.chunks_exact_mut(1024) {
-        let (data, checksum) = page.split_at_mut(1020);
-        checksum.copy_from_slice(&crc32c(data).to_be_bytes());
-    }
 }
 
 /// A file with something in its XML replaced, and the pages filled up with blanks.

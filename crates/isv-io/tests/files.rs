@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use isv_io::{
     Format, FrameSequence, ReadError, SequenceError, Unit, parse_mesh, read_mesh, write_mesh, write_mesh_to,
 };
+use isv_testfiles::text::MESHES;
 use isv_volume::TriangleMesh;
 use proptest::prelude::*;
 use std::fs;
@@ -77,14 +78,8 @@ fn errors_start_with_the_name_of_the_file() {
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let mut stl = Vec::new();
     write_mesh_to(&mut stl, &tetrahedron(), Format::Stl).unwrap();
-    let facet =
-        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
-    vec![
-        ("binary.stl", stl),
-        ("text.stl", format!("solid a\n{facet}endsolid a").into_bytes()),
-        ("a.off", b"COFF\n4 1 0\n0 0 0 1 1 1 1\n2 0 0\n2 2 0\n1 .5 0\n4 0 1 2 3".to_vec()),
-        ("a.obj", b"v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 .5 0\nf 1/1 -3 3//3 4".to_vec()),
-    ]
+    let text = MESHES.iter().map(|(name, text)| (*name, text.as_bytes().to_vec()));
+    text.chain([("binary.stl", stl)]).collect()
 }
 
 proptest! {

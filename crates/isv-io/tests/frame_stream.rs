@@ -4,11 +4,13 @@ use glam::DVec3;
 use isv_io::{
     Format, FrameStream, FrameStreamError, Geometry, MAX_FRAME_BYTES, Unit, write_mesh_to, write_points_to,
 };
+use isv_testfiles::ply::text_of;
+use isv_testfiles::tar::{archive, long_name, with_others, with_pax_records};
 use isv_volume::{PointCloud, TriangleMesh};
 use proptest::prelude::*;
 use std::io::{self, Read};
 use std::path::PathBuf;
-use tar::{Builder, EntryType, Header};
+use tar::Header;
 
 type Item = Result<(PathBuf, Geometry), FrameStreamError>;
 
@@ -47,40 +49,14 @@ fn ply(number: usize) -> Vec<u8> {
 }
 
 fn ascii_ply(number: usize) -> Vec<u8> {
-    let TriangleMesh { vertices, triangles, .. } = mesh(number);
-    let mut text = format!(
-        "ply\r\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face \
-         {}\nproperty list uchar int vertex_indices\nend_header\n",
-        vertices.len(),
-        triangles.len()
-    );
-    vertices.iter().for_each(|v| text += &format!("{} {} {}\n", v.x, v.y, v.z));
-    triangles.iter().for_each(|[a, b, c]| text += &format!("3 {a} {b} {c}\n"));
-    text.into_bytes()
-}
-
-fn entry(archive: &mut Builder<Vec<u8>>, name: &str, bytes: &[u8]) {
-    let mut header = Header::new_gnu();
-    header.set_size(bytes.len() as u64);
-    header.set_mode(0o644);
-    archive.append_data(&mut header, name, bytes).unwrap();
+    text_of(&mesh(number))
 }
 
 /// Three frames among what is passed over; the last one's name is longer than a header holds.
-fn archive() -> (Vec<u8>, Vec<String>) {
-    let mut archive = Builder::new(Vec::new());
-    let mut folder = Header::new_gnu();
-    folder.set_entry_type(EntryType::Directory);
-    folder.set_size(0);
-    archive.append_data(&mut folder, "take.ply", io::empty()).unwrap();
-    entry(&mut archive, "take/readme.txt", &[b'x'; 700]);
-    let long = format!("{}/c.PLY", ["folder"; 40].join("/"));
-    let names = vec!["take/b.ply".to_owned(), "take/a.ply".to_owned(), long];
-    for (number, name) in names.iter().enumerate() {
-        entry(&mut archive, name, &ply(number));
-        entry(&mut archive, "take/._a.ply", b"resources of another system");
-    }
-    (archive.into_inner().unwrap(), names)
+fn take() -> (Vec<u8>, Vec<String>) {
+    let names = ["take/b.ply".to_owned(), "take/a.ply".to_owned(), long_name()];
+    let files: Vec<_> = (0..3).map(ply).collect();
+    (with_others(names.iter().map(String::as_str).zip(files.iter().map(Vec::as_slice))), names.to_vec())
 }
 
 fn assert_meshes(items: Vec<Item>, names: &[String]) {
@@ -94,24 +70,14 @@ fn assert_meshes(items: Vec<Item>, names: &[String]) {
 
 #[test]
 fn a_tar_archive_gives_its_frames_in_its_order() {
-    let (bytes, names) = archive();
+    let (bytes, names) = take();
     assert_meshes(frames(&bytes), &names);
 }
 
 #[test]
 fn pax_records_name_and_size_files() {
-    let mut archive = Builder::new(Vec::new());
-    let frame = ply(0);
-    let size = frame.len().to_string();
-    archive
-        .append_pax_extensions([("path", "given by pax.ply".as_bytes()), ("size", size.as_bytes())])
-        .unwrap();
-    let mut header = Header::new_ustar();
-    header.set_path("short.obj").unwrap();
-    header.set_size(frame.len() as u64);
-    header.set_cksum();
-    archive.append(&header, &frame[..]).unwrap();
-    assert_meshes(frames(&archive.into_inner().unwrap()), &["given by pax.ply".to_owned()]);
+    let bytes = with_pax_records("given by pax.ply", &ply(0));
+    assert_meshes(frames(&bytes), &["given by pax.ply".to_owned()]);
 }
 
 #[test]
@@ -132,13 +98,9 @@ fn ply_files_follow_each_other_in_either_encoding() {
 #[test]
 fn points_come_through_pipes_too() {
     let points = PointCloud { positions: vec![DVec3::X, DVec3::Y], normals: vec![], viewpoint: None };
-    let mut archive = Builder::new(Vec::new());
-    for name in ["0.pcd", "1.pcd"] {
-        let mut bytes = Vec::new();
-        write_points_to(&mut bytes, &points, Format::Pcd).unwrap();
-        entry(&mut archive, name, &bytes);
-    }
-    for item in frames(&archive.into_inner().unwrap()) {
+    let mut file = Vec::new();
+    write_points_to(&mut file, &points, Format::Pcd).unwrap();
+    for item in frames(&archive([("0.pcd", &file[..]), ("1.pcd", &file)])) {
         assert_eq!(item.unwrap().1, Geometry::Points(points.clone()));
     }
 }
@@ -163,17 +125,14 @@ fn other_pipes_are_refused_in_one_sentence() {
     for bytes in [&b"solid x"[..], b"plywood", &[0; 1024], &[0x1f, 0x8b, 8, 0]] {
         assert_eq!(message(bytes), what);
     }
-    let mut archive = Builder::new(Vec::new());
-    entry(&mut archive, "readme.txt", b"none");
-    assert!(message(&archive.into_inner().unwrap()).starts_with("pipe: no frames in the archive; "));
+    assert!(
+        message(&archive([("readme.txt", &b"none"[..])])).starts_with("pipe: no frames in the archive; ")
+    );
 }
 
 #[test]
 fn kinds_are_not_mixed() {
-    let mut archive = Builder::new(Vec::new());
-    entry(&mut archive, "a.ply", &ply(0));
-    entry(&mut archive, "b.xyz", b"1 2 3\n");
-    let items = frames(&archive.into_inner().unwrap());
+    let items = frames(&archive([("a.ply", &ply(0)[..]), ("b.xyz", b"1 2 3\n")]));
     let message = items[1].as_ref().unwrap_err().to_string();
     assert_eq!(message, "b.xyz: the frames before are .ply files; a pipe holds one kind of them");
     assert_eq!(items.len(), 2);
@@ -181,10 +140,7 @@ fn kinds_are_not_mixed() {
 
 #[test]
 fn a_bad_frame_does_not_hide_the_next_one() {
-    let mut archive = Builder::new(Vec::new());
-    entry(&mut archive, "a.ply", b"plywood\n");
-    entry(&mut archive, "b.ply", &ply(0));
-    let items = frames(&archive.into_inner().unwrap());
+    let items = frames(&archive([("a.ply", &b"plywood\n"[..]), ("b.ply", &ply(0))]));
     assert!(matches!(&items[..], [Err(FrameStreamError::Frame(_)), Ok(_)]));
     // Points that are not finite, in a file that is well-formed.
     let bad = String::from_utf8(ascii_ply(0)).unwrap().replace("\n1 1 0\n", "\n1 nan 0\n");
@@ -198,7 +154,7 @@ fn a_bad_frame_does_not_hide_the_next_one() {
 
 #[test]
 fn every_cut_pipe_ends_in_an_error_after_its_whole_frames() {
-    let (tar, _) = archive();
+    let (tar, _) = take();
     let end = tar.len() - 1024;
     let text = [ascii_ply(0), ascii_ply(1)].concat();
     let binary = [ply(0), ply(1)].concat();
@@ -243,9 +199,7 @@ fn sizes_that_do_not_come_take_no_memory() {
 
 #[test]
 fn a_damaged_header_names_its_block() {
-    let mut archive = Builder::new(Vec::new());
-    entry(&mut archive, "a.ply", &ply(0));
-    let mut bytes = archive.into_inner().unwrap();
+    let mut bytes = archive([("a.ply", &ply(0)[..])]);
     let blocks = ply(0).len().div_ceil(512) + 1;
     bytes[blocks * 512] = 1;
     let items = frames(&bytes);
@@ -261,7 +215,7 @@ proptest! {
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..5),
     ) {
         let mut bytes = match kind {
-            0 => archive().0,
+            0 => take().0,
             1 => [ply(0), ply(1), ascii_ply(1)].concat(),
             _ => ascii_ply(0),
         };

@@ -2,84 +2,14 @@
 
 use glam::DVec3;
 use isv_io::{Animation, GltfFault, Malformation, ReadError, Unit, parse_mesh, read_mesh};
+use isv_testfiles::gltf::{
+    Data, MORPH_SPLINE, TRIANGLE, below_ancestors, chunks, container, embedded, morphed, of_all_primitives,
+    of_several_animations, skinned, strided_and_sparse, triangle_shown_by,
+};
 use isv_volume::{MeshError, TriangleMesh};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
-
-/// The binary part of a file, and what its JSON says of it.
-#[derive(Default)]
-struct Data {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Data {
-    fn view(&mut self, bytes: &[u8]) -> usize {
-        self.views.push(json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() }));
-        self.bytes.extend(bytes);
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.views.len() - 1
-    }
-
-    fn accessor(&mut self, accessor: Value) -> usize {
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-
-    fn of_bytes(&mut self, shape: &str, component: u32, count: usize, bytes: &[u8]) -> usize {
-        let view = self.view(bytes);
-        self.accessor(
-            json!({ "bufferView": view, "componentType": component, "type": shape, "count": count }),
-        )
-    }
-
-    fn floats<const N: usize>(&mut self, shape: &str, values: &[[f32; N]]) -> usize {
-        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.of_bytes(shape, 5126, values.len(), &bytes)
-    }
-
-    fn times(&mut self, values: &[f32]) -> usize {
-        let values: Vec<_> = values.iter().map(|v| [*v]).collect();
-        self.floats("SCALAR", &values)
-    }
-
-    fn shorts(&mut self, values: &[u16]) -> usize {
-        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.of_bytes("SCALAR", 5123, values.len(), &bytes)
-    }
-
-    fn joints(&mut self, values: &[[u8; 4]]) -> usize {
-        self.of_bytes("VEC4", 5121, values.len(), values.as_flattened())
-    }
-
-    /// The JSON with the lists of this data.
-    fn json(&self, mut json: Value) -> Value {
-        json["asset"] = json!({ "version": "2.0" });
-        json["accessors"] = self.accessors.clone().into();
-        json["bufferViews"] = self.views.clone().into();
-        json["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
-        json
-    }
-
-    fn glb(&self, json: Value) -> Vec<u8> {
-        container(self.json(json).to_string().into_bytes(), &self.bytes)
-    }
-}
-
-fn container(mut json: Vec<u8>, binary: &[u8]) -> Vec<u8> {
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let length = (12 + 8 + json.len() + 8 + binary.len()) as u32;
-    let mut glb = b"glTF\x02\0\0\0".to_vec();
-    glb.extend(length.to_le_bytes());
-    for (kind, chunk) in [(b"JSON", json.as_slice()), (b"BIN\0", binary)] {
-        glb.extend((chunk.len() as u32).to_le_bytes());
-        glb.extend(kind);
-        glb.extend(chunk);
-    }
-    glb
-}
 
 fn animation(bytes: &[u8]) -> Result<Animation, ReadError> {
     Animation::parse(Path::new("a.glb"), bytes, Unit::Metre)
@@ -100,27 +30,9 @@ fn assert_near(found: &[DVec3], expected: &[[f64; 3]]) {
     }
 }
 
-const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-
-/// A quarter turn about z, from x to y.
-const QUARTER: [f32; 4] = [0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2, std::f32::consts::FRAC_1_SQRT_2];
-const NO_TURN: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
-
-/// One mesh of one triangle and the nodes that show it.
-fn triangle_shown_by(nodes: Value) -> Vec<u8> {
-    let mut data = Data::default();
-    let positions = data.floats("VEC3", &TRIANGLE);
-    data.glb(json!({ "nodes": nodes, "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions } }] }] }))
-}
-
 #[test]
 fn transforms_of_all_ancestors_apply_and_mirrors_turn_triangles_over() {
-    let glb = triangle_shown_by(json!([
-        { "translation": [10, 0, 0], "rotation": QUARTER, "children": [1, 2] },
-        { "scale": [2, 3, 1], "mesh": 0 },
-        { "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1], "mesh": 0 },
-    ]));
+    let glb = below_ancestors();
     let mesh = mesh(&glb).unwrap();
     let expected = [
         [10.0, 0.0, 0.0],
@@ -139,48 +51,13 @@ fn transforms_of_all_ancestors_apply_and_mirrors_turn_triangles_over() {
 
 #[test]
 fn strips_fans_and_lists_become_triangles_and_lines_are_left_out() {
-    let mut data = Data::default();
-    let positions = data.floats("VEC3", &SQUARE);
-    let indices = data.shorts(&[3, 0, 2, 1]);
-    let bytes = data.of_bytes("SCALAR", 5121, 3, &[1, 2, 3]);
-    let attributes = json!({ "POSITION": positions });
-    let primitives = json!([
-        { "attributes": attributes, "mode": 5, "indices": indices },
-        { "attributes": attributes, "mode": 6 },
-        { "attributes": attributes, "mode": 4, "indices": bytes },
-        { "attributes": attributes, "mode": 1 },
-        { "attributes": attributes, "mode": 0 },
-        { "attributes": { "TEXCOORD_0": positions } },
-    ]);
-    let glb = data.glb(json!({ "nodes": [{ "mesh": 0 }], "meshes": [{ "primitives": primitives }] }));
-    let mesh = mesh(&glb).unwrap();
+    let mesh = mesh(&of_all_primitives()).unwrap();
     assert_eq!(mesh.vertices.len(), 4, "primitives that share their vertices share them here");
     assert_eq!(mesh.triangles, [[3, 0, 2], [2, 0, 1], [0, 1, 2], [0, 2, 3], [1, 2, 3]]);
 }
 
 #[test]
 fn integers_strides_and_sparse_elements_are_read() {
-    let mut data = Data::default();
-    // Normalised 16-bit positions every 8 bytes.
-    let rows = [[0i16, 0, 0, 99], [32767, 0, 0, 99], [0, -32768, 0, 99]];
-    let view = data.view(&rows.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>());
-    data.views[view]["byteStride"] = 8.into();
-    let small =
-        json!({ "bufferView": view, "componentType": 5122, "normalized": true, "type": "VEC3", "count": 3 });
-    let small = data.accessor(small);
-    // No view: zeros, two of them replaced.
-    let (places, values) = (data.view(&[1, 2]), data.view(&[3, 0, 0, 0, 250, 1]));
-    let sparse = data.accessor(json!({ "componentType": 5121, "type": "VEC3", "count": 3, "sparse": {
-        "count": 2,
-        "indices": { "bufferView": places, "componentType": 5121 },
-        "values": { "bufferView": values },
-    } }));
-    let primitive = |positions| json!({ "attributes": { "POSITION": positions } });
-    let glb = data.glb(json!({
-        "extensionsRequired": ["KHR_mesh_quantization", "KHR_materials_unlit"],
-        "nodes": [{ "mesh": 0 }],
-        "meshes": [{ "primitives": [primitive(small), primitive(sparse)] }],
-    }));
     let expected = [
         [0.0, 0.0, 0.0],
         [1.0, 0.0, 0.0],
@@ -189,7 +66,7 @@ fn integers_strides_and_sparse_elements_are_read() {
         [3.0, 0.0, 0.0],
         [0.0, 250.0, 1.0],
     ];
-    assert_near(&mesh(&glb).unwrap().vertices, &expected);
+    assert_near(&mesh(&strided_and_sparse()).unwrap().vertices, &expected);
 }
 
 #[test]
@@ -213,40 +90,6 @@ fn the_default_scene_is_shown_and_a_file_without_meshes_says_so() {
     assert_eq!(message(b"{\"asset\":{}}"), "a.glb: no mesh with triangles in the scene (scene 0)");
 }
 
-/// A band of three vertices that two joints bend: the first follows joint 0, the last joint 1, the middle one both. Joint 1 sits
-/// at x = 1 and turns a quarter in one second; the whole skeleton stands at z = 4. The node of the mesh is elsewhere.
-fn skinned(influences: usize) -> Vec<u8> {
-    let mut data = Data::default();
-    let positions = data.floats("VEC3", &[[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [2.0, 0.0, 0.0]]);
-    let joints = data.joints(&[[0, 0, 0, 0], [0, 1, 0, 0], [1, 9, 0, 0]]);
-    let weights = data.floats("VEC4", &[[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]]);
-    let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-    let mut back = identity;
-    back[12] = -1.0;
-    let inverse_bind = data.floats("MAT4", &[identity, back]);
-    let (times, turns) = (data.times(&[0.0, 1.0]), data.floats("VEC4", &[NO_TURN, QUARTER]));
-    let mut attributes = json!({ "POSITION": positions });
-    for set in 0..influences {
-        attributes[format!("JOINTS_{set}")] = joints.into();
-        attributes[format!("WEIGHTS_{set}")] = weights.into();
-    }
-    data.glb(json!({
-        "scenes": [{ "nodes": [0, 1] }],
-        "nodes": [
-            { "mesh": 0, "skin": 0, "translation": [100, 100, 100] },
-            { "translation": [0, 0, 4], "children": [2] },
-            { "translation": [1, 0, 0] },
-        ],
-        "meshes": [{ "primitives": [{ "attributes": attributes }] }],
-        "skins": [{ "joints": [1, 2], "inverseBindMatrices": inverse_bind }],
-        "animations": [{
-            "name": "bend",
-            "channels": [{ "sampler": 0, "target": { "node": 2, "path": "rotation" } }],
-            "samplers": [{ "input": times, "output": turns }],
-        }],
-    }))
-}
-
 #[test]
 fn a_skin_bends_its_mesh() {
     for sets in [1, 2] {
@@ -268,31 +111,6 @@ fn a_skin_bends_its_mesh() {
     assert_near(&unskinned.vertices[..1], &[[100.0, 100.0, 100.0]]);
 }
 
-/// A triangle with two morph targets, the second without positions: the first lifts vertex 2 by 4.
-fn morphed(interpolation: &str, weights: &[f32], extra: &Value) -> Vec<u8> {
-    let mut data = Data::default();
-    let positions = data.floats("VEC3", &TRIANGLE);
-    let lift = data.floats("VEC3", &[[0.0; 3], [0.0; 3], [0.0, 0.0, 4.0]]);
-    let times = data.times(&[0.5, 1.0]);
-    let weights: Vec<_> = weights.iter().map(|w| [*w]).collect();
-    let weights = data.floats("SCALAR", &weights);
-    let mut json = json!({
-        "nodes": [{ "mesh": 0 }],
-        "meshes": [{
-            "weights": [0.25, 1],
-            "primitives": [{ "attributes": { "POSITION": positions }, "targets": [{ "POSITION": lift }, {}] }],
-        }],
-        "animations": [{
-            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
-            "samplers": [{ "input": times, "output": weights, "interpolation": interpolation }],
-        }],
-    });
-    for (key, value) in extra.as_object().into_iter().flatten() {
-        json[key] = value.clone();
-    }
-    data.glb(json)
-}
-
 #[test]
 fn morph_targets_follow_their_weights() {
     let height = |glb: &[u8], seconds| animation(glb).unwrap().mesh_at(seconds).unwrap().vertices[2].z;
@@ -301,8 +119,7 @@ fn morph_targets_follow_their_weights() {
     let step = morphed("STEP", &[0.5, 7.0, 1.0, 7.0], &Value::Null);
     assert_eq!([0.0, 0.99, 1.0].map(|t| height(&step, t)), [2.0, 2.0, 4.0]);
     // Tangents of 8 a second out of the first key: an eighth of half a second's worth arrives half way.
-    let spline =
-        morphed("CUBICSPLINE", &[9.0, 9.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0], &Value::Null);
+    let spline = morphed("CUBICSPLINE", &MORPH_SPLINE, &Value::Null);
     assert_eq!([0.5, 0.75, 1.0].map(|t| height(&spline, t)), [0.0, 2.0, 0.0]);
     let at_rest = |nodes: Value| {
         let glb = morphed("LINEAR", &[0.0; 4], &json!({ "animations": [], "nodes": nodes }));
@@ -315,20 +132,7 @@ fn morph_targets_follow_their_weights() {
 
 #[test]
 fn another_animation_can_be_asked_for_and_what_moves_nothing_is_at_rest() {
-    let mut data = Data::default();
-    let positions = data.floats("VEC3", &TRIANGLE);
-    let times = data.times(&[0.0, 2.0]);
-    let path = data.floats("VEC3", &[[0.0; 3], [0.0, 0.0, 6.0]]);
-    let clip = |node: usize| {
-        json!({ "channels": [{ "sampler": 0, "target": { "node": node, "path": "translation" } }],
-                "samplers": [{ "input": times, "output": path }] })
-    };
-    let glb = data.glb(json!({
-        "nodes": [{ "mesh": 0 }, { "children": [0] }, {}],
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": positions } }] }],
-        "animations": [clip(2), clip(1), clip(0)],
-    }));
-    let mut film = animation(&glb).unwrap();
+    let mut film = animation(&of_several_animations()).unwrap();
     assert!(!film.is_animated(), "a node that shows nothing");
     assert_eq!(film.frame_count(25.0), 1);
     for moving in [1, 2] {
@@ -384,6 +188,13 @@ fn buffers_may_lie_beside_the_file_or_inside_it() {
     std::fs::write(&path, json.to_string()).unwrap();
     let error = read_mesh(&path, Unit::Metre).unwrap_err().to_string();
     assert!(error.ends_with("truncated: its bytes should have 36 bytes, 0 are there (buffer 0)"), "{error}");
+}
+
+#[test]
+fn bytes_inside_the_text_are_those_of_the_binary_file() {
+    for glb in [skinned(2), of_all_primitives(), strided_and_sparse()] {
+        assert_eq!(mesh(&embedded(&glb)).unwrap(), mesh(&glb).unwrap());
+    }
 }
 
 /// The fault of a triangle's file after a change of its JSON.
@@ -555,8 +366,7 @@ proptest! {
         place in any::<prop::sample::Index>(),
     ) {
         for glb in [skinned(2), morphed("LINEAR", &[0.5; 4], &Value::Null)] {
-            let json_bytes = u32::from_le_bytes(*glb[12..].first_chunk().unwrap()) as usize;
-            let (json, binary) = (str::from_utf8(&glb[20..20 + json_bytes]).unwrap(), &glb[28 + json_bytes..]);
+            let (json, binary) = chunks(&glb);
             let key = format!("\"{key}\":");
             let places: Vec<_> = json.match_indices(&key).map(|(at, _)| at + key.len()).collect();
             if places.is_empty() {

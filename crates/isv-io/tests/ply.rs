@@ -4,6 +4,7 @@ use glam::DVec3;
 use isv_io::{
     Format, Geometry, Malformation, Position, ReadError, Unit, parse_geometry, parse_mesh, write_mesh_to,
 };
+use isv_testfiles::ply::{ENCODINGS, POINTS, STRIPS, TYPES, baroque, pyramid, triangle_of_type, with_rows};
 use isv_volume::{MeshError, TriangleMesh};
 use proptest::prelude::*;
 use std::path::Path;
@@ -12,105 +13,25 @@ fn parse(bytes: &[u8]) -> Result<TriangleMesh, ReadError> {
     parse_mesh(Path::new("frame.ply"), bytes, Unit::Metre)
 }
 
-/// A pyramid with a square base, coordinates exact in `f32`.
-fn pyramid() -> TriangleMesh {
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.5], [0.0, 0.0, 1.5], [0.5, -2.25, 0.5]];
-    TriangleMesh {
-        vertices: corners.map(DVec3::from).to_vec(),
-        normals: Vec::new(),
-        triangles: vec![[0, 1, 2], [0, 2, 3], [0, 4, 1], [1, 4, 2], [2, 4, 3], [3, 4, 0]],
-    }
-}
-
 fn written(mesh: &TriangleMesh) -> Vec<u8> {
     let mut bytes = Vec::new();
     write_mesh_to(&mut bytes, mesh, Format::Ply).unwrap();
     bytes
 }
 
-/// A file whose mesh is [`pyramid`], with everything PLY allows around it: an element before, between and after, extra
-/// properties, lists among the vertices, unusual types, a polygon of four corners, faces before vertices.
-struct Baroque {
-    text: bool,
-    big_endian: bool,
-    body: Vec<u8>,
-}
-
-impl Baroque {
-    fn file(encoding: &str) -> Vec<u8> {
-        let mut header = format!("ply\nformat {encoding} 1.0\ncomment made by a test\nobj_info x\n");
-        header += "element camera 2\nproperty double fov\nproperty list uint short path\n";
-        header += "element face 5\nproperty uchar red\nproperty list ushort uint vertex_index\n";
-        header += "property list uchar float texcoord\n";
-        header += "element nothing 4000000000000\n";
-        header += "element vertex 5\nproperty int8 flag\nproperty double z\nproperty float x\n";
-        header += "property list int int8 bones\nproperty float32 y\n";
-        header += "element edge 1\nproperty int a\nend_header\n";
-        let text = encoding == "ascii";
-        let mut out = Self { text, big_endian: encoding == "binary_big_endian", body: header.into_bytes() };
-        out.rows();
-        out.body
-    }
-
-    fn rows(&mut self) {
-        for path in [&[][..], &[-7, 300]] {
-            self.put(45.5f64.to_le_bytes(), 45.5);
-            self.list((path.len() as u32).to_le_bytes(), path, |v| (v as i16).to_le_bytes());
-            self.end();
-        }
-        for face in [&[0, 1, 2, 3][..], &[0, 4, 1], &[1, 4, 2], &[2, 4, 3], &[3, 4, 0]] {
-            self.put([200], 200);
-            self.list((face.len() as u16).to_le_bytes(), face, |v| (v as u32).to_le_bytes());
-            self.list([2], &[8, 9], |v| (v as f32).to_le_bytes());
-            self.end();
-        }
-        for (index, vertex) in pyramid().vertices.into_iter().enumerate() {
-            self.put([0xff], -1);
-            self.put(vertex.z.to_le_bytes(), vertex.z);
-            self.put((vertex.x as f32).to_le_bytes(), vertex.x);
-            let bones = vec![-3; index];
-            self.list((index as i32).to_le_bytes(), &bones, |v| (v as i8).to_le_bytes());
-            self.put((vertex.y as f32).to_le_bytes(), vertex.y);
-            self.end();
-        }
-        self.put(1i32.to_le_bytes(), 1);
-        self.end();
-    }
-
-    fn put<const N: usize>(&mut self, mut raw: [u8; N], shown: impl std::fmt::Display) {
-        if self.text {
-            self.body.extend(format!("{shown} \t").into_bytes());
-        } else {
-            if self.big_endian {
-                raw.reverse();
-            }
-            self.body.extend(raw);
-        }
-    }
-
-    fn list<const L: usize, const N: usize>(
-        &mut self,
-        length: [u8; L],
-        items: &[i64],
-        raw: fn(i64) -> [u8; N],
-    ) {
-        self.put(length, items.len());
-        for item in items {
-            self.put(raw(*item), item);
-        }
-    }
-
-    fn end(&mut self) {
-        if self.text {
-            self.body.extend(b"\r\n\n");
-        }
+#[test]
+fn every_encoding_reads_the_same_mesh_past_what_it_does_not_need() {
+    for encoding in ENCODINGS {
+        assert_eq!(parse(&baroque(encoding)).unwrap(), pyramid(), "{encoding}");
     }
 }
 
 #[test]
-fn every_encoding_reads_the_same_mesh_past_what_it_does_not_need() {
-    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
-        assert_eq!(parse(&Baroque::file(encoding)).unwrap(), pyramid(), "{encoding}");
+fn numbers_of_every_type_are_read() {
+    for (encoding, kind) in ENCODINGS.into_iter().flat_map(|encoding| TYPES.map(|kind| (encoding, kind))) {
+        let mesh = parse(&triangle_of_type(encoding, kind)).unwrap();
+        assert_eq!(mesh.vertices, [DVec3::ZERO, DVec3::X, 2.0 * DVec3::Y], "{encoding}, {kind}");
+        assert_eq!(mesh.triangles, [[0, 1, 2]]);
     }
 }
 
@@ -163,8 +84,8 @@ fn normals_are_kept_at_length_one_or_not_at_all() {
 
 #[test]
 fn every_truncation_fails_and_says_where() {
-    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
-        let file = Baroque::file(encoding);
+    for encoding in ENCODINGS {
+        let file = baroque(encoding);
         // The last row of the text file ends in a number, a separator and line ends, without which it is still whole.
         let needed = if encoding == "ascii" { file.trim_ascii_end().len() } else { file.len() };
         for length in 0..needed {
@@ -187,18 +108,10 @@ fn a_cut_file_names_what_is_missing() {
     assert_eq!(error.to_string(), expected);
 }
 
-fn triangle(vertices: u64, faces: u64, rows: &str) -> Vec<u8> {
-    format!(
-        "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
-         element face {faces}\nproperty list uchar int vertex_indices\nend_header\n{rows}"
-    )
-    .into_bytes()
-}
-
 #[test]
 fn absurd_counts_fail_without_the_memory_they_ask_for() {
     for (vertices, faces) in [(4_000_000_000, 1), (u64::MAX, 1), (0, u64::MAX)] {
-        let text = triangle(vertices, faces, "");
+        let text = with_rows(vertices, faces, "");
         let binary = String::from_utf8(text.clone()).unwrap().replace("ascii", "binary_big_endian");
         for mut file in [text, binary.into_bytes()] {
             file.extend([b'1'; 700]);
@@ -227,7 +140,7 @@ fn why(file: &[u8]) -> (Position, Malformation) {
 #[test]
 fn faults_in_rows_name_their_line() {
     let text = |t: &str| t.to_owned();
-    let fault = |rows: &str| why(&triangle(3, 1, rows));
+    let fault = |rows: &str| why(&with_rows(3, 1, rows));
     let first_row = 10;
     let line = Position::Line;
     assert_eq!(fault("0 0\n1 0 0\n"), (line(first_row), Malformation::LineLength { too_many: false }));
@@ -238,7 +151,7 @@ fn faults_in_rows_name_their_line() {
     assert_eq!(face("3 0 1 -2"), (line(13), Malformation::Index { text: text("-2") }));
     assert_eq!(face("256 0 1 2"), (line(13), Malformation::Number { text: text("256") }));
     assert_eq!(face("3 0 1 2.5"), (line(13), Malformation::Number { text: text("2.5") }));
-    let signed = String::from_utf8(triangle(3, 1, &format!("{corners}-3 0 1 2\n"))).unwrap();
+    let signed = String::from_utf8(with_rows(3, 1, &format!("{corners}-3 0 1 2\n"))).unwrap();
     let signed = signed.replace("list uchar", "list char");
     assert_eq!(why(signed.as_bytes()), (line(13), Malformation::ListLength { length: -3 }));
 }
@@ -263,18 +176,15 @@ fn headers_without_a_mesh_are_refused() {
 
 #[test]
 fn strips_of_triangles_are_faces() {
-    let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
-                element tristrips 2\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n\
-                2 2 2\n9 0 1 2 3 -1 4 2 3 -1\n3 2 1 4\n";
-    assert_eq!(parse(text.as_bytes()).unwrap().triangles, [[0, 1, 2], [2, 1, 3], [4, 2, 3], [2, 1, 4]]);
-    let wrong = text.replace("3 2 1 4", "3 2 1 -2");
+    assert_eq!(parse(STRIPS.as_bytes()).unwrap().triangles, [[0, 1, 2], [2, 1, 3], [4, 2, 3], [2, 1, 4]]);
+    let wrong = STRIPS.replace("3 2 1 4", "3 2 1 -2");
     assert_eq!(why(wrong.as_bytes()), (Position::Line(16), Malformation::Index { text: "-2".into() }));
 }
 
 #[test]
 fn quads_with_a_reflex_corner_are_split_there() {
     let rows = "0 0 0\n4 1 0\n0 2 0\n1 1 0\n4 0 1 2 3\n";
-    let mut triangles = parse(&triangle(4, 1, rows)).unwrap().triangles;
+    let mut triangles = parse(&with_rows(4, 1, rows)).unwrap().triangles;
     triangles.iter_mut().for_each(|t| t.sort_unstable());
     triangles.sort_unstable();
     assert_eq!(triangles, [[0, 1, 3], [1, 2, 3]]);
@@ -283,23 +193,21 @@ fn quads_with_a_reflex_corner_are_split_there() {
 #[test]
 fn vertices_without_faces_are_points() {
     let path = Path::new("scan.ply");
-    let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
-                property float nx\nproperty float ny\nproperty float nz\nend_header\n1 2 3 0 0 2\n4 5 6 0 0 0\n";
-    let Geometry::Points(points) = parse_geometry(path, text.as_bytes(), Unit::Centimetre).unwrap() else {
+    let Geometry::Points(points) = parse_geometry(path, POINTS.as_bytes(), Unit::Centimetre).unwrap() else {
         panic!("a mesh without faces");
     };
     assert_eq!(points.positions, [DVec3::new(0.01, 0.02, 0.03), DVec3::new(0.04, 0.05, 0.06)]);
     assert_eq!(points.normals, [DVec3::Z, DVec3::ZERO], "of unit length, or zero where there is none");
-    let message = parse_mesh(path, text.as_bytes(), Unit::Metre).unwrap_err().to_string();
+    let message = parse_mesh(path, POINTS.as_bytes(), Unit::Metre).unwrap_err().to_string();
     assert_eq!(message, "scan.ply: points without faces, where a mesh is needed");
-    let none = triangle(0, 0, "");
+    let none = with_rows(0, 0, "");
     let message = parse_geometry(path, &none, Unit::Metre).unwrap_err().to_string();
     assert_eq!(message, "scan.ply: no points");
 }
 
 #[test]
 fn unusable_meshes_are_told_from_broken_files() {
-    let mesh_error = |vertices, faces, rows: &str| match parse(&triangle(vertices, faces, rows)).unwrap_err()
+    let mesh_error = |vertices, faces, rows: &str| match parse(&with_rows(vertices, faces, rows)).unwrap_err()
     {
         ReadError::Mesh { cause, .. } => cause,
         other => panic!("{other}"),
@@ -319,7 +227,7 @@ fn unusable_meshes_are_told_from_broken_files() {
 
 #[test]
 fn coordinates_beyond_reach_are_refused() {
-    let error = parse(&triangle(3, 1, "0 0 0\n1 0 -2e9\n0 1 0\n3 0 1 2\n")).unwrap_err();
+    let error = parse(&with_rows(3, 1, "0 0 0\n1 0 -2e9\n0 1 0\n3 0 1 2\n")).unwrap_err();
     assert_eq!(
         error.to_string(),
         "frame.ply: vertex 1 lies 2e9 m from the origin along an axis, the limit is 1e9 m; check --units"
@@ -329,10 +237,10 @@ fn coordinates_beyond_reach_are_refused() {
 proptest! {
     #[test]
     fn arbitrary_bytes_after_a_header_never_panic(
-        encoding in prop::sample::select(vec!["ascii", "binary_little_endian", "binary_big_endian"]),
+        encoding in prop::sample::select(ENCODINGS.to_vec()),
         counts in [any::<u32>(), any::<u32>()],
         types in prop::collection::vec(
-            prop::sample::select(vec!["char", "uchar", "short", "ushort", "int", "uint", "float", "double"]), 6),
+            prop::sample::select(TYPES.to_vec()), 6),
         small in any::<bool>(),
         body in prop::collection::vec(any::<u8>(), 0..400),
     ) {
@@ -359,7 +267,7 @@ proptest! {
 
     #[test]
     fn one_changed_byte_never_panics(at in any::<prop::sample::Index>(), byte in any::<u8>()) {
-        let mut file = Baroque::file("binary_little_endian");
+        let mut file = baroque("binary_little_endian");
         let at = at.index(file.len());
         file[at] = byte;
         let _ = parse(&file);

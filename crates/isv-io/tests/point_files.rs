@@ -5,6 +5,8 @@ use isv_io::{
     Format, Geometry, Malformation, Position, ReadError, Unit, parse_geometry, write_mesh_to, write_points,
     write_points_to,
 };
+use isv_testfiles::pcd::{baroque_files, compressed};
+use isv_testfiles::text::{NORMALS, TWO_POINTS};
 use isv_volume::{PointCloud, PointsError, TriangleMesh};
 use proptest::prelude::*;
 use std::io;
@@ -84,55 +86,6 @@ fn written_pcd_never_changes() {
     assert_eq!(written(&points, Format::Xyz), b"1 -2 0.5 0 1 0\n");
 }
 
-/// The header of a cloud of three points whose fields come in an odd order, types and number.
-const BAROQUE: &str = "# .PCD v.7 - Point Cloud Data file format\nVERSION .7\n\
-    FIELDS rgb z _ normal_z x descriptor y _ normal_x normal_y\nSIZE 4 8 1 4 2 4 4 1 4 8\n\
-    TYPE U F U F I F F U F F\nCOUNT 1 1 4 1 1 3 1 0 1 1\nWIDTH 3\nHEIGHT 1\nVIEWPOINT 1 2 3 0.5 0.5 0.5 0.5\nPOINTS 3\n";
-
-/// The bytes of each field of each point: x, y and z, then the normal.
-fn baroque_fields() -> Vec<[Vec<u8>; 10]> {
-    let points =
-        [([-3i16, 7, 9], [0f32, 0.0, 2.0]), ([1, 2, 3], [f32::NAN; 3]), ([4, 5, 6], [0.0, -0.5, 0.0])];
-    let fields = |([x, y, z], [nx, ny, nz]): ([i16; 3], [f32; 3])| {
-        [
-            vec![0xff; 4],
-            f64::from(z).to_le_bytes().to_vec(),
-            vec![0; 4],
-            nz.to_le_bytes().to_vec(),
-            x.to_le_bytes().to_vec(),
-            vec![0x7f; 12],
-            f32::from(y).to_le_bytes().to_vec(),
-            vec![],
-            nx.to_le_bytes().to_vec(),
-            f64::from(ny).to_le_bytes().to_vec(),
-        ]
-    };
-    points.map(fields).to_vec()
-}
-
-/// LZF that holds only literals.
-fn stored(bytes: &[u8]) -> Vec<u8> {
-    bytes.chunks(32).flat_map(|run| [&[run.len() as u8 - 1], run].concat()).collect()
-}
-
-/// The baroque file in each encoding.
-fn baroque_files() -> [Vec<u8>; 3] {
-    let fields = baroque_fields();
-    let rows = fields.iter().flatten().flatten().copied().collect::<Vec<u8>>();
-    let columns: Vec<u8> =
-        (0..10).flat_map(|field| fields.iter().flat_map(move |point| point[field].clone())).collect();
-    let packed = stored(&columns);
-    let mut lengths = (packed.len() as u32).to_le_bytes().to_vec();
-    lengths.extend((columns.len() as u32).to_le_bytes());
-    let text = "7 9 0 0 0 0 2.0 -3 1 2 3 7 0 0\r\n\n# none\n8 3 0 0 0 0 nan 1 1 2 3 2 nan nan\n\
-                9 6 0 0 0 0 0 4 1 2 3 5 0 -.5";
-    [
-        [BAROQUE.as_bytes(), b"DATA ascii\r\n", text.as_bytes()].concat(),
-        [BAROQUE.as_bytes(), b"DATA binary\n", &rows].concat(),
-        [BAROQUE.as_bytes(), b"DATA binary_compressed\n", &lengths, &packed].concat(),
-    ]
-}
-
 #[test]
 fn every_pcd_encoding_reads_the_same_points_past_what_is_not_needed() {
     let expected = PointCloud {
@@ -143,6 +96,16 @@ fn every_pcd_encoding_reads_the_same_points_past_what_is_not_needed() {
     for file in baroque_files() {
         assert_eq!(parse("a.pcd", &file).unwrap(), expected);
     }
+}
+
+#[test]
+fn long_repeats_are_unpacked() {
+    let columns = [[1f32; 1000], [2.5; 1000], [-3.0; 1000]].concat();
+    let bytes: Vec<u8> = columns.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let packed = compressed(&bytes);
+    assert!(packed.len() < 300);
+    let file = [b"FIELDS x y z\nPOINTS 1000\nDATA binary_compressed\n", &packed[..]].concat();
+    assert_eq!(parse("a.pcd", &file).unwrap().positions, [DVec3::new(1.0, 2.5, -3.0); 1000]);
 }
 
 #[test]
@@ -230,17 +193,7 @@ fn xyz(text: &str) -> PointCloud {
 #[test]
 fn xyz_takes_separators_comments_counts_and_names() {
     let expected = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4e-1, 5.0, 6.5)];
-    for text in [
-        "1 2 3\n-4e-1 5 6.5",
-        "1,2,3\r\n-.4, 5,\t6.5\r\n",
-        "# made by a test\n\n1;2;3 // first\n-0.4;5;6.5 # second\n",
-        "2\n1 2 3\n-0.4 5 6.5\n",
-        "//X Y Z\n1 2 3 200\n-0.4 5 6.5 17\n",
-        "1 2 3 255 0 0\n-0.4 5 6.5 0 0 0\n",
-        "1 2 3 0.3 0.3 0.3\n-0.4 5 6.5 1 0 0\n",
-        "Intensity;Z;y;X\n9;3;2;1\n9;6.5;5;-0.4\n",
-        "\u{feff}1 2 3 4 5 6 7\n-0.4 5 6.5 4 5 6 7\n",
-    ] {
+    for text in TWO_POINTS {
         let points = xyz(text);
         assert_eq!((&points.positions[..], points.normals.len()), (&expected[..], 0), "{text}");
     }
@@ -249,11 +202,7 @@ fn xyz_takes_separators_comments_counts_and_names() {
 #[test]
 fn xyz_normals_are_named_or_of_length_one() {
     let normals = [DVec3::X, DVec3::ZERO, DVec3::new(0.6, 0.8, 0.0)];
-    for text in [
-        "1 2 3 0.99 0 0\n1 2 3 0 0 0\n1 2 3 .6 .8 0\n",
-        "nx ny nz x y z\n2 0 0 1 2 3\n0 0 0 1 2 3\n3 4 0 1 2 3\n",
-        "x y z i normal_x normal_y normal_z\n1 2 3 9 2 0 0\n1 2 3 9 0 0 0\n1 2 3 9 3 4 0\n",
-    ] {
+    for text in NORMALS {
         let points = xyz(text);
         assert!(points.normals.iter().zip(normals).all(|(n, m)| n.distance(m) < 1e-12), "{text}");
         assert_eq!(points.positions, [DVec3::new(1.0, 2.0, 3.0); 3]);

@@ -3,6 +3,7 @@
 use isv_io::{
     ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_volume,
 };
+use isv_testfiles::npy::{self, bytes_of, coords, ramp, tsdf};
 use isv_volume::{
     BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
@@ -15,37 +16,6 @@ fn grid(edge: u32, truncation: u32) -> Grid {
         edge: BlockEdge::from_voxels(edge).unwrap(),
         truncation: Truncation::from_voxels(truncation).unwrap(),
     }
-}
-
-/// A file of NumPy's format 1.0.
-fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    bytes.extend(data);
-    bytes
-}
-
-fn bytes_of<const N: usize, T>(values: impl IntoIterator<Item = T>, to_bytes: fn(T) -> [u8; N]) -> Vec<u8> {
-    values.into_iter().flat_map(to_bytes).collect()
-}
-
-fn coords(rows: &[[i32; 3]]) -> Vec<u8> {
-    npy("<i4", &format!("({}, 3)", rows.len()), &bytes_of(rows.iter().flatten().copied(), i32::to_le_bytes))
-}
-
-/// `n` blocks of 4 whose values count up in steps of 1/128, from -1 on.
-fn ramp(n: usize) -> Vec<f32> {
-    (0..64 * n).map(|i| (i % 256) as f32 / 128.0 - 1.0).collect()
-}
-
-fn tsdf(values: &[f32]) -> Vec<u8> {
-    npy(
-        "<f4",
-        &format!("({}, 4, 4, 4)", values.len() / 64),
-        &bytes_of(values.iter().copied(), f32::to_le_bytes),
-    )
 }
 
 struct Folder(tempfile::TempDir);
@@ -91,7 +61,7 @@ fn bytes_become_codes_in_morton_order_with_x_fastest() {
 fn units_truncations_and_types_mean_the_same_distances() {
     let one_block = coords(&[[0, 0, 0]]);
     let read = |descr: &str, data: Vec<u8>, json: &str, truncation| {
-        let data = npy(descr, "(1, 4, 4, 4, 1)", &data);
+        let data = npy::file(descr, "(1, 4, 4, 4, 1)", &data);
         let folder =
             Folder::new(&[("coords.npy", &one_block), ("tsdf.npy", &data), ("grid.json", json.as_bytes())]);
         read_volume(folder.path(), &grid(4, truncation)).unwrap().block(0).to_vec()
@@ -123,7 +93,7 @@ fn weights_of_zero_and_nan_are_unobserved() {
     let folder = Folder::new(&[
         ("coords.npy", &coords(&[[0, 0, 0], [1, 0, 0], [2, 0, 0]])),
         ("tsdf.npy", &tsdf(&values)),
-        ("weight.npy", &npy("|u1", "(3, 4, 4, 4)", &weights)),
+        ("weight.npy", &npy::file("|u1", "(3, 4, 4, 4)", &weights)),
     ]);
     let volume = read_volume(folder.path(), &grid(4, 8)).unwrap();
     assert_eq!(volume.block_count(), 2, "the block that nobody saw is left out");
@@ -196,31 +166,34 @@ fn what_does_not_fit_is_one_sentence() {
     assert!(message().ends_with("coords.npy: blocks 0 and 1 both lie at [7, -1, 2]"), "{}", message());
     folder.write("coords.npy", &coords(&[[0, 0, 0], [0, 1 << 20, 0]]));
     assert!(message().contains("block 1 lies at [0, 1048576, 0]"), "{}", message());
-    folder.write("coords.npy", &npy("<i8", "(2, 3)", &bytes_of([0, 0, 0, i64::MIN, 1, 1], i64::to_le_bytes)));
+    folder.write(
+        "coords.npy",
+        &npy::file("<i8", "(2, 3)", &bytes_of([0, 0, 0, i64::MIN, 1, 1], i64::to_le_bytes)),
+    );
     assert!(message().contains("block 1 lies at"), "{}", message());
     folder.write("coords.npy", &coords(&[[0, 0, 0]]));
     assert!(matches!(folder.flaw(), ArrayFlaw::Shape { .. }), "{}", message());
     folder.write("coords.npy", &good.0);
 
-    folder.write("tsdf.npy", &npy("<f4", "(1, 4, 4, 8)", &[0; 512]));
+    folder.write("tsdf.npy", &npy::file("<f4", "(1, 4, 4, 8)", &[0; 512]));
     assert!(
         message().contains("the shape is [1, 4, 4, 8], it must be (n, edge, edge, edge)"),
         "{}",
         message()
     );
-    folder.write("tsdf.npy", &npy("<f4", "(1000000000000, 4, 4, 4)", &[0; 512]));
+    folder.write("tsdf.npy", &npy::file("<f4", "(1000000000000, 4, 4, 4)", &[0; 512]));
     assert!(matches!(folder.flaw(), ArrayFlaw::Length { found: 512, .. }), "{}", message());
-    folder.write("tsdf.npy", &npy("<i4", "(2, 4, 4, 4)", &[0; 512]));
+    folder.write("tsdf.npy", &npy::file("<i4", "(2, 4, 4, 4)", &[0; 512]));
     assert!(message().contains("elements of type `<i4` cannot be used here"), "{}", message());
     folder.write("tsdf.npy", &good.1);
 
-    folder.write("weight.npy", &npy("|b1", "(1, 4, 4, 4)", &[1; 64]));
+    folder.write("weight.npy", &npy::file("|b1", "(1, 4, 4, 4)", &[1; 64]));
     assert!(
         message().contains("the shape is [1, 4, 4, 4], it must be that of tsdf.npy, [2, 4, 4, 4]"),
         "{}",
         message()
     );
-    folder.write("weight.npy", &npy("|b1", "(2, 4, 4, 4)", &[1; 128]));
+    folder.write("weight.npy", &npy::file("|b1", "(2, 4, 4, 4)", &[1; 128]));
     folder.write("grid.json", br#"{"tsdf_unit": "mm"}"#);
     assert!(message().contains("grid.json: unknown variant `mm`"), "{}", message());
     folder.write("grid.json", br#"{"truncation_m": -1}"#);
