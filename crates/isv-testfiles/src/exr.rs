@@ -1,8 +1,10 @@
-//! Depth images as EXR.
+//! Depth images as EXR, written by the crate `exr` and by OpenEXR.
 
+use exr::image::write::samples::WritableSamples;
+use exr::math::RoundingMode;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, Vec2,
-    WritableImage, f16,
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, ImageAttributes, Layer,
+    LayerAttributes, Levels, Vec2, WritableImage, f16,
 };
 use std::io::Cursor;
 
@@ -31,11 +33,51 @@ pub fn image(size: [usize; 2], channels: Vec<(&str, FlatSamples)>) -> Vec<u8> {
 /// An image of some channels.
 #[must_use]
 pub fn encoded(size: [usize; 2], channels: Vec<(&str, FlatSamples)>, encoding: Encoding) -> Vec<u8> {
+    of_layers(vec![layer(size, channels, encoding)])
+}
+
+/// [`steps`] of a size in tiles, with the smaller images of a mipmap after the whole one.
+fn with_smaller_images(size: [usize; 2]) -> Vec<u8> {
+    let mut sizes = vec![size];
+    while let Some(last) = sizes.last().filter(|last| **last != [1, 1]) {
+        sizes.push(last.map(|edge| (edge / 2).max(1)));
+    }
+    let level_data = sizes.into_iter().map(|[columns, rows]| floats(&steps(columns * rows))).collect();
+    let levels = Levels::Mip { rounding_mode: RoundingMode::Down, level_data };
+    let encoding = Encoding { blocks: Blocks::Tiles(Vec2(4, 4)), ..Encoding::UNCOMPRESSED };
+    of_layers(vec![layer(size, vec![("Z", levels)], encoding)])
+}
+
+/// [`steps`] of a size as the second of two layers.
+fn with_another_layer(size: [usize; 2]) -> Vec<u8> {
+    let depths = steps(size[0] * size[1]);
+    let layers = [("B", vec![0.5; depths.len()]), ("Z", depths)].map(|(name, depths)| Layer {
+        attributes: LayerAttributes::named(name),
+        ..layer(size, vec![(name, floats(&depths))], Encoding::default())
+    });
+    of_layers(layers.to_vec())
+}
+
+fn layer<Samples>(
+    size: [usize; 2],
+    channels: Vec<(&str, Samples)>,
+    encoding: Encoding,
+) -> Layer<AnyChannels<Samples>>
+where
+    Samples: for<'a> WritableSamples<'a>,
+{
     let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
-    let layer =
-        Layer::new((size[0], size[1]), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    Layer::new((size[0], size[1]), LayerAttributes::default(), encoding, AnyChannels::sort(channels))
+}
+
+fn of_layers<Samples>(layers: Vec<Layer<AnyChannels<Samples>>>) -> Vec<u8>
+where
+    Samples: for<'a> WritableSamples<'a>,
+{
+    let attributes = ImageAttributes::new(layers[0].absolute_bounds());
     let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).unwrap();
+    let image = Image::from_layers(attributes, layers);
+    image.write().non_parallel().to_buffered(&mut bytes).unwrap();
     bytes.into_inner()
 }
 
@@ -45,12 +87,18 @@ pub fn steps(pixels: usize) -> Vec<f32> {
     (0..pixels).map(|i| 1.0 + (i % 16) as f32 / 16.0).collect()
 }
 
-/// [`steps`] of a size as floats and as halves, with each compression in lines and in tiles, and a float among other channels; by what
-/// they are.
+/// Samples of a channel in single precision.
+#[must_use]
+pub fn floats(depths: &[f32]) -> FlatSamples {
+    FlatSamples::F32(depths.to_vec())
+}
+
+/// [`steps`] of a size as floats and as halves, with each compression in lines and in tiles, and a float among other channels; then
+/// among other layers and levels. By what they are.
 #[must_use]
 pub fn all_kinds(size: [usize; 2]) -> Vec<(String, Vec<u8>)> {
     let depths = steps(size[0] * size[1]);
-    let floats = || FlatSamples::F32(depths.clone());
+
     let halves = || FlatSamples::F16(depths.iter().copied().map(f16::from_f32).collect());
     let mut files = Vec::new();
     for compression in COMPRESSIONS {
@@ -58,14 +106,16 @@ pub fn all_kinds(size: [usize; 2]) -> Vec<(String, Vec<u8>)> {
             let encoding = Encoding { compression, blocks, ..Encoding::UNCOMPRESSED };
             let whole = FlatSamples::U32((0..size[0] * size[1]).map(|i| i as u32).collect());
             for (channels, name) in [
-                (vec![("Z", floats())], "floats"),
+                (vec![("Z", floats(&depths))], "floats"),
                 (vec![("Z", halves())], "halves"),
-                (vec![("A", halves()), ("object", whole), ("view.Z", floats())], "several channels"),
+                (vec![("A", halves()), ("object", whole), ("view.Z", floats(&depths))], "several channels"),
             ] {
                 let name = format!("{name}, {compression}, {blocks:?}");
                 files.push((name, encoded(size, channels, encoding)));
             }
         }
     }
+    files.push(("with smaller images".to_owned(), with_smaller_images(size)));
+    files.push(("with another layer".to_owned(), with_another_layer(size)));
     files
 }

@@ -1,0 +1,83 @@
+//! Streams of the codec: those of the conformance suite, and some small ones.
+
+use super::{Seeds, grid, tetrahedron};
+use anyhow::{Context, Result};
+use isv::encode::{Encoder, EncoderSettings};
+use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::ingest::{MeshIngest, SignDecision, ingest_mesh};
+use isv::volume::{BlockEdge, SparseVolume};
+use std::fs;
+use std::path::Path;
+
+pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
+    let mut streams = conformance_streams(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../conformance"))?;
+    streams.retain(|stream| stream.len() <= MOST_STREAM_BYTES);
+    streams.sort();
+    let paper = Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 });
+    streams.push(stream(paper, &volume(BlockEdge::E4)?)?);
+    streams.push(stream(Profile::Main, &volume(BlockEdge::E8)?)?);
+    for stream in &streams {
+        for target in ["container", "live", "loss", "stream"] {
+            seeds.save(target, stream)?;
+        }
+        for target in ["packet", "syntax", "differential"] {
+            seeds.save(target, first_frames(stream))?;
+        }
+    }
+    let noise: Vec<u8> = (0..240u8).map(|i| i.wrapping_mul(37)).collect();
+    for target in ["ingest", "encoder"] {
+        seeds.save(target, &noise)?;
+    }
+    seeds.save("range_decoder", &[&32u16.to_le_bytes()[..], &noise].concat())
+}
+
+/// A tetrahedron as a volume.
+pub(super) fn volume(edge: BlockEdge) -> Result<SparseVolume> {
+    let settings = MeshIngest::new(grid(edge));
+    Ok(ingest_mesh(&tetrahedron(), &settings, SignDecision::Closed { flipped: false })?)
+}
+
+/// Larger streams take too long.
+const MOST_STREAM_BYTES: usize = 32 << 10;
+
+/// Streams of which all frames are decoded for every input.
+const FEW_STREAM_BYTES: usize = 2 << 10;
+
+/// The beginning of a stream, to the end of its second packet; all of it if it is small, or cannot be read so far.
+fn first_frames(stream: &[u8]) -> &[u8] {
+    let end = || {
+        let mut packets = PacketReader::new(stream).ok()?;
+        packets.next_packet().ok()??;
+        let second = packets.next_packet().ok()??;
+        Some(second.at as usize + second.total_bytes())
+    };
+    if stream.len() <= FEW_STREAM_BYTES { stream } else { &stream[..end().unwrap_or(stream.len())] }
+}
+
+/// The streams of a folder and of those in it, those that decoders must refuse included.
+fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut streams = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        if path.is_dir() {
+            streams.extend(conformance_streams(&path)?);
+        } else if path.extension().is_some_and(|extension| extension == "isv") {
+            streams.push(fs::read(path)?);
+        }
+    }
+    Ok(streams)
+}
+
+/// Two frames, the second one predicted.
+fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
+    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let header = StreamHeader { profile, grid: *volume.grid(), frame_rate };
+    let mut encoder = Encoder::new(&header, EncoderSettings::default());
+    let mut writer = PacketWriter::new(Vec::new(), &header)?;
+    for _ in 0..2 {
+        let frame = encoder.encode(volume);
+        writer.write_frame(frame.keyframe, 0, &frame.payload())?;
+    }
+    Ok(writer.finish()?)
+}
