@@ -1,7 +1,13 @@
-//! The two lists of a folder in the TUM RGB-D layout, an empty line between them.
+//! The two lists of a folder in the TUM RGB-D layout and its lens, if there is one, as calibration.txt or as camera.json; empty lines
+//! between them.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let (depth, poses) = isv_fuzz::split(bytes, b"\n\n");
-    isv_fuzz::read_depth(&[("depth.txt", depth), ("groundtruth.txt", poses), ("depth/0.png", b"")]);
+    let (depth, rest) = isv_fuzz::split(bytes, b"\n\n");
+    let (poses, lens) = isv_fuzz::split(rest.trim_ascii_start(), b"\n\n");
+    let lens = lens.trim_ascii_start();
+    let (json, text) = if lens.starts_with(b"{") { (lens, &[][..]) } else { (&[][..], lens) };
+    let lists = [("depth.txt", depth), ("groundtruth.txt", poses)];
+    let lenses = [("camera.json", json), ("calibration.txt", text)];
+    isv_fuzz::read_depth(&[lists, lenses].concat(), &["depth/0.png", "depth/1.png"]);
 });

@@ -1,5 +1,6 @@
 //! Files of other formats: meshes, points, depth images, arrays, and volumes made of them.
 
+use crate::sealing::{with_header_checksums, with_page_checksums};
 use glam::DVec3;
 use isv::ingest::{
     MeshIngest, PointIngest, SignMode, decide_point_sign, decide_sign, estimate_normals, ingest_mesh,
@@ -7,6 +8,8 @@ use isv::ingest::{
 };
 use isv::io::{Animation, DepthSequence, FrameStream, Unit, VolumeSequence, parse_geometry};
 use isv::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
+use isv_testfiles::{exr, png};
+use std::cell::OnceCell;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -17,6 +20,8 @@ const CAMERA_JSON: &str = r#"{"width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3
 
 /// Frames of an animation that are looked at.
 const ANIMATION_FRAMES: u64 = 4;
+/// Frames of depth images that are looked at.
+const DEPTH_FRAMES: usize = 2;
 /// Most blocks of a volume that is made.
 const MAX_BLOCKS: usize = 1000;
 
@@ -27,8 +32,21 @@ pub fn read_geometry(name: &str, bytes: &[u8]) {
     }
 }
 
-/// Reads frames from a pipe until it ends.
+/// Reads a file of E57 whose checksums are made to fit first: behind a wrong one nothing is read.
+pub fn read_scans(bytes: &[u8]) {
+    read_geometry("frame.e57", &with_page_checksums(bytes));
+}
+
+/// Reads frames from a pipe until it ends, as they are and, of an archive, with checksums that fit.
 pub fn read_pipe(bytes: &[u8]) {
+    let sealed = with_header_checksums(bytes);
+    if sealed != bytes {
+        read_frames(&sealed);
+    }
+    read_frames(bytes);
+}
+
+fn read_frames(bytes: &[u8]) {
     if let Ok(frames) = FrameStream::new(bytes, Unit::Metre) {
         frames.for_each(drop);
     }
@@ -47,26 +65,35 @@ pub fn play_animation(bytes: &[u8]) {
     }
 }
 
-/// Reads the first frame of a folder of depth images.
-pub fn read_depth(files: &[(&str, &[u8])]) {
-    in_folder(files, |folder| {
-        if let Ok(sequence) = DepthSequence::open(folder) {
-            let _ = sequence.read(0);
-        }
-    });
+/// Reads the first frames of a folder of depth images: texts that come with an input, and names of images of 8 x 6 pixels that are
+/// sound.
+pub fn read_depth(texts: &[(&str, &[u8])], images: &[&'static str]) {
+    let depths = exr::steps(48);
+    let sound = |name: &str| match name.ends_with(".png") {
+        true => png::depths(8, &depths.iter().map(|depth| (1000.0 * depth) as u16).collect::<Vec<_>>()),
+        false => exr::image([8, 6], vec![("Z", exr::floats(&depths))]),
+    };
+    in_folder(|| images.iter().map(|name| (*name, sound(name))).collect(), texts, read_frames_of_depth);
 }
 
 /// Reads a depth image of 8 x 6 pixels; the name tells its format.
 pub fn read_depth_image(name: &str, bytes: &[u8]) {
-    read_depth(&[("camera.json", CAMERA_JSON.as_bytes()), (name, bytes)]);
+    in_folder(|| vec![("camera.json", CAMERA_JSON.into())], &[(name, bytes)], read_frames_of_depth);
 }
 
-/// Reads the first frame of a folder of arrays.
+fn read_frames_of_depth(folder: &Path) {
+    let Ok(sequence) = DepthSequence::open(folder) else { return };
+    for frame in 0..sequence.frames().min(DEPTH_FRAMES) {
+        let _ = sequence.read(frame);
+    }
+}
+
+/// Reads the first frame of a folder of arrays. Where nothing says how large a voxel is, it has 5 mm.
 pub fn read_arrays(files: &[(&str, &[u8])]) {
-    in_folder(files, |folder| {
+    in_folder(Vec::new, files, |folder| {
         let voxel = VoxelSize::from_metres(0.005).ok();
         let Ok(volumes) = VolumeSequence::open(folder) else { return };
-        if let Ok(grid) = volumes.grid(0, voxel, None) {
+        if let Ok(grid) = volumes.grid(0, None, None).or_else(|_| volumes.grid(0, voxel, None)) {
             let _ = volumes.read(0, &grid);
         }
     });
@@ -101,17 +128,33 @@ pub fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> (&'a [u8], &'a [u8]) {
     bytes.split_at(bytes.len().min(at + 1))
 }
 
-/// Does something with a folder of files. There is one folder a thread: a target always writes the same names.
-fn in_folder(files: &[(&str, &[u8])], work: impl FnOnce(&Path)) {
+/// Does something with a folder of files. There is one folder a thread, as a target always writes the same names; the files of
+/// `standing` stay in it. A file without bytes is not there.
+fn in_folder(
+    standing: impl FnOnce() -> Vec<(&'static str, Vec<u8>)>,
+    files: &[(&str, &[u8])],
+    work: impl FnOnce(&Path),
+) {
     thread_local! {
-        static FOLDER: TempDir = tempfile::tempdir().expect("a folder can be made");
+        static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
     }
     FOLDER.with(|folder| {
-        for (name, bytes) in files {
-            let path = folder.path().join(name);
-            fs::create_dir_all(path.parent().expect("it is in the folder")).expect("a folder can be made");
-            fs::write(path, bytes).expect("a file can be written");
-        }
+        let folder = folder.get_or_init(|| {
+            let folder = tempfile::tempdir().expect("a folder can be made");
+            standing().iter().for_each(|(name, bytes)| write(&folder.path().join(name), bytes));
+            folder
+        });
+        files.iter().for_each(|(name, bytes)| write(&folder.path().join(name), bytes));
         work(folder.path());
     });
+}
+
+fn write(path: &Path, bytes: &[u8]) {
+    fs::create_dir_all(path.parent().expect("it is in the folder")).expect("a folder can be made");
+    if bytes.is_empty() {
+        // It may never have been there.
+        let _ = fs::remove_file(path);
+    } else {
+        fs::write(path, bytes).expect("a file can be written");
+    }
 }

@@ -1,12 +1,17 @@
-//! Streams whose checksums are made to fit: nothing that a fuzzer changes would get past them.
+//! Streams and files whose checksums are made to fit: nothing that a fuzzer changes would get past them.
 
 use isv::format::{PacketHeader, StreamHeader, StreamIndex};
 use std::ops::Range;
 
-/// Bytes of a checksum, which are the last of whatever has one.
+/// Bytes of a checksum of a stream, which are the last of whatever has one.
 const CHECKSUM: usize = 4;
 /// Where a packet header states the bytes of its payload.
 const LENGTH: Range<usize> = 8..12;
+/// Bytes of a block of a tar archive, of which a header is one; and where a header has its size, its checksum, and its mark.
+const TAR_BLOCK: usize = 512;
+const TAR_SIZE: Range<usize> = 124..136;
+const TAR_CHECKSUM: Range<usize> = 148..156;
+const TAR_MARK: Range<usize> = 257..262;
 
 /// The payloads of the whole packets of a stream, by place.
 pub(crate) fn payloads(bytes: &[u8]) -> Vec<Range<usize>> {
@@ -62,4 +67,44 @@ fn seal(structure: &mut [u8], payload: &[u8]) {
     hasher.update(fields);
     hasher.update(payload);
     checksum.copy_from_slice(&hasher.finalize().to_le_bytes());
+}
+
+/// A file of E57 with the checksums of its whole pages made anew.
+pub(crate) fn with_page_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    isv_testfiles::e57::seal(&mut bytes);
+    bytes
+}
+
+/// A tar archive with the checksums of its headers made anew. What does not begin as one stays as it is.
+pub(crate) fn with_header_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    if bytes.get(TAR_MARK) != Some(b"ustar") {
+        return bytes;
+    }
+    let mut rest = &mut bytes[..];
+    while let Some((header, data)) = rest.split_at_mut_checked(TAR_BLOCK) {
+        if header.iter().all(|byte| *byte == 0) {
+            break;
+        }
+        // Its own field counts as blanks.
+        header[TAR_CHECKSUM].fill(b' ');
+        let sum: u32 = header.iter().map(|byte| u32::from(*byte)).sum();
+        header[TAR_CHECKSUM].copy_from_slice(format!("{sum:06o}\0 ").as_bytes());
+        let blocks = tar_size(&header[TAR_SIZE]).div_ceil(TAR_BLOCK);
+        rest = data.get_mut(blocks.saturating_mul(TAR_BLOCK)..).unwrap_or_default();
+    }
+    bytes
+}
+
+/// A size as a tar header has it: octal digits, or binary if the first bit says so.
+fn tar_size(field: &[u8]) -> usize {
+    let (binary, rest) = (field[0] & 0x80 != 0, &field[1..]);
+    if binary {
+        return rest
+            .iter()
+            .fold(0, |size: usize, byte| size.saturating_mul(256).saturating_add((*byte).into()));
+    }
+    let digits = field.iter().filter(|byte| (b'0'..b'8').contains(*byte));
+    digits.fold(0, |size: usize, digit| size.saturating_mul(8).saturating_add((digit - b'0').into()))
 }
