@@ -115,12 +115,19 @@ impl HeldFrames {
 
     /// The next packet that is sound.
     fn next_packet(&mut self) -> Result<Option<Packet>> {
+        let mut damaged = 0;
         loop {
             match self.packets.next_frame().with_context(|| self.name.clone())? {
                 Some(Salvaged::Damage { at, bytes }) => {
                     eprintln!("{}: {bytes} bytes are damaged from byte {at} on", self.name);
+                    damaged += bytes;
                 }
-                Some(Salvaged::Frame(packet)) => return Ok(Some(packet)),
+                Some(Salvaged::Frame(packet)) => {
+                    if damaged > 0 && packet.may_lack_keyframe(damaged) {
+                        self.decoder.lose_packet();
+                    }
+                    return Ok(Some(packet));
+                }
                 None => return Ok(None),
             }
         }

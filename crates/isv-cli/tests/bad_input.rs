@@ -229,7 +229,7 @@ fn something_else_than_a_stream() {
     for command in [&["info"][..], &["verify"], &["decode", "-o", "out"], &["render", "-o", "out.png"]] {
         let run = |name: &str| work.isv(&[command, &[name]].concat());
         run("not.isv").fails(1, &["not.isv: not an .isv stream"]);
-        run("empty.isv").fails(1, &["empty.isv: not an .isv stream"]);
+        run("empty.isv").fails(1, &["empty.isv: cut off at byte 0, inside the stream header"]);
         run("head.isv").fails(1, &["head.isv: cut off at byte 20, inside the stream header"]);
     }
     work.isv(&["verify", "frames"]).fails(1, &["frames: a folder, where an .isv file should be"]);

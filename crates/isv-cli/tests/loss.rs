@@ -135,8 +135,42 @@ fn a_stream_with_gradual_refresh_is_whole_again_without_a_keyframe() {
     let said = work.isv(&["repair", "lossy.isv", "-o", "mended.isv"]).done();
     let said = String::from_utf8(said.stdout().to_vec()).unwrap();
     assert!(said.contains("8 frames kept") && said.contains("--after-loss hold"), "{said}");
+    // Without its keyframe it begins at a resilient frame, and what is refreshed is the same.
+    let first = packets(&work, "take.isv")[0];
+    work.write("headless.isv", [&bytes[..first.0], &bytes[first.0 + first.1..]].concat());
+    let said = work.isv(&["repair", "headless.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(said.stdout().to_vec()).unwrap();
+    assert!(said.contains("8 frames kept, 8 frames of them behind a loss"), "{said}");
+    let run = work.isv(&["decode", "mended.isv", "-o", "entered", "--after-loss", "hold"]).done();
+    assert!(run.stderr().contains("exact again from frame"), "{}", run.stderr());
+    assert!(work.read("entered/frame_0007.ply") == work.read("whole/frame_0008.ply"));
     let paper = ["encode", "frames", "-o", "p.isv", "--voxel=20mm", "--profile=paper", "--refresh=gradual"];
     work.isv(&paper).fails(2, &["--refresh", "profile main"]);
+}
+
+/// A whole GOP is damaged, so that the counts of packets fit each other: what follows needs another frame than the one before.
+#[test]
+fn a_damaged_gop_is_noticed_though_the_counts_fit() {
+    let (work, mut bytes) = Workspace::with_stream(FRAMES);
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    // Keyframes are frames 0, 3 and 6: frame 1 and then frame 5 have the counts 1 and 2.
+    for (at, _) in &packets(&work, "take.isv")[2..5] {
+        bytes[at + 30] ^= 1;
+    }
+    work.write("damaged.isv", bytes);
+    let said = work.isv(&["repair", "damaged.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(said.stdout().to_vec()).unwrap();
+    assert!(
+        said.contains("5 frames kept") && said.contains("1 frame left out that needs a lost one"),
+        "{said}"
+    );
+    work.isv(&["verify", "mended.isv"]).done();
+    let run = work.isv(&["decode", "damaged.isv", "-o", "held", "--after-loss", "hold"]).done();
+    assert!(run.stderr().contains("exact again from frame 6 on"), "{}", run.stderr());
+    for (frame, shown) in [0, 1, 1, 1, 1, 1, 6, 7, 8].into_iter().enumerate() {
+        let (held, whole) = (format!("held/frame_{frame:04}.ply"), format!("whole/frame_{shown:04}.ply"));
+        assert!(work.read(&held) == work.read(&whole), "frame {frame}");
+    }
 }
 
 #[test]

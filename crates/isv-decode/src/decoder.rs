@@ -104,6 +104,12 @@ impl<B: Backend> Decoder<B> {
         }
     }
 
+    /// Says that a packet before the next one is lost, as its reader knows: nothing but a keyframe, or what [`Self::recover`] says,
+    /// follows what was decoded. The count in a packet tells of most losses by itself, but not of that of a whole GOP.
+    pub fn lose_packet(&mut self) {
+        self.profile.lose();
+    }
+
     /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.
     pub fn keep_details(&mut self, wanted: bool) {
         self.details.keep(wanted);
@@ -144,7 +150,8 @@ impl<B: Backend> Decoder<B> {
     /// # Errors
     /// See [`DecodeError`]. A stated hash is not compared here; [`Self::decode_and_verify`] does.
     pub fn decode(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
-        self.profile.decode(packet, &mut self.backend, &mut self.details)
+        let facts = self.profile.decode(packet, &mut self.backend, &mut self.details)?;
+        Ok(self.frame(facts))
     }
 
     /// Decodes a frame packet and compares the hash that it states, if it states one.
@@ -153,14 +160,23 @@ impl<B: Backend> Decoder<B> {
     /// As [`Self::decode`], and [`DecodeError::HashMismatch`].
     pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
         let frame = self.profile.frames();
-        let decoded = self.profile.decode(packet, &mut self.backend, &mut self.details)?;
-        if let Some(stated) = decoded.stated_hash {
-            let found = self.backend.hash(decoded.volume)?;
+        let facts = self.profile.decode(packet, &mut self.backend, &mut self.details)?;
+        if let Some(stated) = facts.stated_hash {
+            let found = self.backend.hash(self.profile.volume().expect("a frame was decoded"))?;
             if stated != found {
+                self.profile.lose();
+                self.details.clear();
                 return Err(DecodeError::HashMismatch { frame, stated, found });
             }
         }
-        Ok(decoded)
+        Ok(self.frame(facts))
+    }
+
+    /// The frame that was decoded.
+    fn frame(&self, facts: FrameFacts) -> DecodedFrame<'_, B::Volume> {
+        let FrameFacts { timestamp_ns, keyframe, stated_hash, inexact_blocks } = facts;
+        let volume = self.profile.volume().expect("a frame was decoded");
+        DecodedFrame { volume, timestamp_ns, keyframe, stated_hash, inexact_blocks }
     }
 }
 
@@ -174,16 +190,21 @@ impl<B: Backend> ProfileDecoder<B> {
         packet: &Packet,
         backend: &mut B,
         details: &mut Details,
-    ) -> Result<DecodedFrame<'_, B::Volume>, DecodeError> {
+    ) -> Result<FrameFacts, DecodeError> {
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         let facts = rayon::scope(|_| match self {
             Self::Paper(decoder) => decoder.decode(packet, backend, details),
             Self::Main(decoder) => decoder.decode(packet, backend, details),
         });
-        let FrameFacts { timestamp_ns, keyframe, stated_hash, inexact_blocks } =
-            facts.inspect_err(|_| details.clear())?;
-        let volume = self.volume().expect("a frame was decoded");
-        Ok(DecodedFrame { volume, timestamp_ns, keyframe, stated_hash, inexact_blocks })
+        facts.inspect_err(|_| details.clear())
+    }
+
+    /// As [`Decoder::lose_packet`].
+    fn lose(&mut self) {
+        match self {
+            Self::Paper(decoder) => decoder.lose(),
+            Self::Main(decoder) => decoder.lose(),
+        }
     }
 
     /// As [`Decoder::volume`].

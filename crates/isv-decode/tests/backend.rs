@@ -6,7 +6,7 @@ use isv_decode::main_profile::activity::Activity;
 use isv_decode::{
     BackendError, CodingParameters, DecodeError, Decoder, FrameSymbols, Limits, ReferenceBlocks,
 };
-use isv_format::{Packet, PacketReader, StreamHeader};
+use isv_format::{FramePayload, Packet, PacketReader, StreamHeader};
 use isv_volume::{BlockSet, SparseVolume, VoxelMask};
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -167,5 +167,36 @@ fn a_decoder_outlives_the_failures_of_its_backend() {
             }
         }
         assert_eq!(fails_at - 1, calls, "{name}");
+    }
+}
+
+/// A frame whose hash is not what it states is refused as one that is damaged: nothing follows it.
+#[test]
+fn a_wrong_volume_leaves_no_reference() {
+    for name in ["3dof.isv", "main_inter.isv"] {
+        let (header, packets, hashes) = stream(name);
+        let mut wrong = packets[1].clone();
+        let mut payload = FramePayload::parse(&packets[1].payload, 0, true, &header.profile).unwrap();
+        payload.header.volume_hash = Some(hashes[1] ^ 1);
+        wrong.payload = payload.to_bytes();
+        for recovers in [false, true] {
+            let mut decoder = Decoder::new(&header, Limits::default());
+            decoder.recover(recovers);
+            decoder.decode_and_verify(&packets[0]).unwrap();
+            let refusal = decoder.decode_and_verify(&wrong).map(drop);
+            assert!(
+                matches!(refusal, Err(DecodeError::HashMismatch { frame: 1, .. })),
+                "{name}: {refusal:?}"
+            );
+            assert!(recovers || decoder.volume().is_none(), "{name}");
+            for packet in &packets[2..] {
+                let refusal = decoder.decode(packet).map(drop);
+                assert!(matches!(refusal, Err(DecodeError::NoReference { .. })), "{name}: {refusal:?}");
+            }
+            // Whoever reads packets may know of a loss that their counts do not show.
+            decoder.decode(&packets[0]).unwrap();
+            decoder.lose_packet();
+            assert!(matches!(decoder.decode(&packets[1]), Err(DecodeError::NoReference { .. })), "{name}");
+        }
     }
 }

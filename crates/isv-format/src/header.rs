@@ -2,7 +2,9 @@
 
 use crate::FormatError;
 use crate::bytes::ByteReader;
+use crate::reader::read_up_to;
 use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use std::io::Read;
 
 /// First bytes of a stream. As in PNG, the first is not ASCII, so no text begins so, and the line ends show a transfer that
 /// rewrote them.
@@ -130,19 +132,28 @@ impl StreamHeader {
         out.try_into().expect("the fields above fill the header")
     }
 
+    /// Reads and checks the header that a source begins with.
+    ///
+    /// # Errors
+    /// As [`Self::parse`], of fewer bytes too: a later version may have a shorter header. Bytes that end inside it.
+    pub(crate) fn read(source: &mut impl Read) -> Result<Self, FormatError> {
+        let mut bytes = [0; Self::BYTES];
+        let length = read_up_to(source, &mut bytes)?;
+        if length == bytes.len() {
+            return Self::parse(&bytes);
+        }
+        check_version(&bytes[..length])?;
+        Err(FormatError::Truncated { at: length as u64, inside: "the stream header" })
+    }
+
     /// Parses and checks a header.
     ///
     /// # Errors
     /// Any of the format errors; the version is looked at before anything else may be judged.
     pub fn parse(bytes: &[u8; Self::BYTES]) -> Result<Self, FormatError> {
+        check_version(bytes)?;
         let mut fields = ByteReader::new(bytes, 0, "the stream header");
-        if fields.take(8)? != MAGIC {
-            return Err(FormatError::NotIsv);
-        }
-        let version = fields.u16()?;
-        if version != FORMAT_VERSION {
-            return Err(FormatError::Version { found: version, supported: FORMAT_VERSION });
-        }
+        fields.take(MAGIC.len() + 2)?;
         let (body, checksum) = bytes.split_at(Self::BYTES - 4);
         if crc32fast::hash(body).to_le_bytes() != checksum {
             return Err(FormatError::Checksum { at: 0, what: "the stream header" });
@@ -208,6 +219,20 @@ impl StreamHeader {
                 format!("block edge {} in profile main, which has edge 8", edge.voxels())
             }),
         }
+    }
+}
+
+/// Whether these are the first bytes of a stream of the version that is read here, as far as they go.
+fn check_version(bytes: &[u8]) -> Result<(), FormatError> {
+    let (magic, rest) = bytes.split_at(bytes.len().min(MAGIC.len()));
+    if magic != &MAGIC[..magic.len()] {
+        return Err(FormatError::NotIsv);
+    }
+    match rest.first_chunk().map(|version| u16::from_le_bytes(*version)) {
+        Some(found) if found != FORMAT_VERSION => {
+            Err(FormatError::Version { found, supported: FORMAT_VERSION })
+        }
+        _ => Ok(()),
     }
 }
 

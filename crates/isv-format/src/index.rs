@@ -75,25 +75,27 @@ impl StreamIndex {
         (*bytes == Self::trailer(at)).then_some(at)
     }
 
-    /// Whether the bytes where a trailer should be are those that were written.
-    pub(crate) fn trailer_checksum_matches(bytes: &[u8; Self::TRAILER_BYTES]) -> bool {
-        let (body, checksum) = bytes.split_at(Self::TRAILER_BYTES - 4);
-        crc32fast::hash(body).to_le_bytes() == *checksum
+    /// Whether these bytes are meant as a trailer: they have its magic.
+    pub(crate) fn is_trailer(bytes: &[u8; Self::TRAILER_BYTES]) -> bool {
+        bytes[8..12] == TRAILER_MAGIC
     }
 
     /// Index of a stream that can seek: read from its end, or made by walking the packets where the end is missing, as
-    /// after a crash of the writer. Whole frames before a cut are found; the cut itself is no error here.
+    /// after a crash of the writer, or damaged. Whole frames before a cut are found; the cut itself is no error here.
     ///
     /// # Errors
-    /// I/O errors, and a stream that is damaged before its end.
+    /// I/O errors, and a stream that is damaged before its index.
     pub fn load(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
-        match Self::load_from_end(source)? {
-            Some(index) => Ok(index),
-            None => Self::walk(source),
+        let Some(at) = Self::index_at(source)? else { return Self::walk(source, None) };
+        match Self::load_at(source, at) {
+            Err(FormatError::Io(error)) => Err(error.into()),
+            Err(_) => Self::walk(source, Some(at)),
+            index => index,
         }
     }
 
-    fn load_from_end(source: &mut (impl Read + Seek)) -> Result<Option<Self>, FormatError> {
+    /// Where the index packet begins by the trailer, if there is one.
+    fn index_at(source: &mut (impl Read + Seek)) -> Result<Option<u64>, FormatError> {
         let length = source.seek(SeekFrom::End(0))?;
         let smallest = StreamHeader::BYTES + PacketHeader::BYTES + Self::TRAILER_BYTES;
         if length < smallest as u64 {
@@ -102,30 +104,32 @@ impl StreamIndex {
         source.seek(SeekFrom::End(-(Self::TRAILER_BYTES as i64)))?;
         let mut trailer = [0; Self::TRAILER_BYTES];
         source.read_exact(&mut trailer)?;
-        let Some(at) = Self::parse_trailer(&trailer).filter(|at| *at < length) else {
-            return Ok(None);
-        };
+        Ok(Self::parse_trailer(&trailer).filter(|at| *at < length))
+    }
+
+    fn load_at(source: &mut (impl Read + Seek), at: u64) -> Result<Self, FormatError> {
         source.seek(SeekFrom::Start(at))?;
-        let packet = PacketReader::at_packet(source, at).next_packet()?;
-        match packet {
-            Some(p) if p.header.kind == PacketKind::Index => Ok(Some(Self::parse(&p.payload, at)?)),
+        match PacketReader::at_packet(source, at).next_packet()? {
+            Some(packet) if packet.header.kind == PacketKind::Index => Self::parse(&packet.payload, at),
             _ => Err(FormatError::malformed(at, "the trailer points to no index")),
         }
     }
 
-    fn walk(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
+    /// Makes the index of the packets there are. `end`: where the index packet begins, which may be damaged.
+    fn walk(source: &mut (impl Read + Seek), end: Option<u64>) -> Result<Self, FormatError> {
         source.seek(SeekFrom::Start(0))?;
         let mut reader = PacketReader::new(source)?;
         let mut index = Self::default();
-        loop {
-            match reader.next_frame() {
-                Ok(Some(packet)) => {
+        while Some(reader.at()) != end {
+            match reader.next_packet() {
+                Ok(Some(packet)) if packet.header.kind != PacketKind::Index => {
                     index.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
                 }
-                Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(index),
+                Ok(_) | Err(FormatError::Truncated { .. }) => break,
                 Err(error) => return Err(error),
             }
         }
+        Ok(index)
     }
 
     /// Number of the last keyframe at or before a frame; `None` if there is none or the frame does not exist.

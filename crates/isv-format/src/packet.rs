@@ -77,15 +77,32 @@ impl PacketHeader {
         out.try_into().expect("the fields above fill the header")
     }
 
-    /// Parses a header that begins at byte `at` of the stream. The checksum waits for the payload.
+    /// Bytes of payload behind a header that begins at byte `at` of the stream: all that can be relied on before the checksum, for
+    /// which the payload is needed.
     ///
     /// # Errors
-    /// A wrong magic, an unknown type, a reserved bit set, or a payload above the limit.
-    pub fn parse(bytes: &[u8; Self::BYTES], at: u64) -> Result<Self, FormatError> {
+    /// A wrong magic, or a payload above the limit.
+    pub fn length(bytes: &[u8; Self::BYTES], at: u64) -> Result<u32, FormatError> {
         let mut fields = ByteReader::new(bytes, at, "a packet header");
         if fields.take(4)? != MAGIC {
             return Err(FormatError::malformed(at, "no packet begins where one should"));
         }
+        fields.take(4)?;
+        let payload_bytes = fields.u32()?;
+        if payload_bytes > MAX_PAYLOAD {
+            let (asked, allowed) = (u64::from(payload_bytes), u64::from(MAX_PAYLOAD));
+            return Err(FormatError::LimitExceeded { at, what: "packet payload bytes", asked, allowed });
+        }
+        Ok(payload_bytes)
+    }
+
+    /// Parses a header that begins at byte `at` of the stream. The checksum waits for the payload.
+    ///
+    /// # Errors
+    /// As [`Self::length`]; then an unknown type or a reserved bit set.
+    pub fn parse(bytes: &[u8; Self::BYTES], at: u64) -> Result<Self, FormatError> {
+        let payload_bytes = Self::length(bytes, at)?;
+        let mut fields = ByteReader::new(&bytes[MAGIC.len()..], at, "a packet header");
         let (code, flags, since_keyframe) = (fields.u8()?, fields.u8()?, fields.u16()?);
         let kind = match code {
             TYPE_FRAME if flags & !(FLAG_KEYFRAME | FLAG_HASHED) == 0 => {
@@ -97,11 +114,7 @@ impl PacketHeader {
         if since_keyframe != 0 && !matches!(kind, PacketKind::Frame { keyframe: false, .. }) {
             return Err(FormatError::malformed(at, "a keyframe or an index counts frames since a keyframe"));
         }
-        let payload_bytes = fields.u32()?;
-        if payload_bytes > MAX_PAYLOAD {
-            let (asked, allowed) = (u64::from(payload_bytes), u64::from(MAX_PAYLOAD));
-            return Err(FormatError::LimitExceeded { at, what: "packet payload bytes", asked, allowed });
-        }
+        fields.u32()?;
         Ok(Self { kind, since_keyframe, payload_bytes, timestamp_ns: fields.u64()?, checksum: fields.u32()? })
     }
 }
@@ -137,6 +150,13 @@ impl Packet {
     pub fn is_entry(&self, profile: &Profile) -> bool {
         let PacketKind::Frame { keyframe, .. } = self.header.kind else { return false };
         keyframe || self.payload.first().is_some_and(|code| MainFrameHeader::is_resilient(*code, profile))
+    }
+
+    /// Whether so many damaged bytes before this packet may have held its keyframe and all frames since: then the count in its header
+    /// says nothing about the frame before the damage, which it may fit by chance.
+    #[must_use]
+    pub fn may_lack_keyframe(&self, damaged: u64) -> bool {
+        damaged >= u64::from(self.header.since_keyframe) * PacketHeader::BYTES as u64
     }
 
     /// Where the payload begins in the stream.

@@ -20,19 +20,11 @@ impl<R: Read> PacketReader<R> {
     /// # Errors
     /// Bytes that are not a stream header of this version.
     pub fn new(mut source: R) -> Result<Self, FormatError> {
-        let mut bytes = [0; StreamHeader::BYTES];
-        let length = read_up_to(&mut source, &mut bytes)?;
-        if length < bytes.len() {
-            // A file too short for a header is more likely something else than a cut stream.
-            let is_prefix = length > 0 && bytes[..length.min(8)] == crate::header::MAGIC[..length.min(8)];
-            let cut = FormatError::Truncated { at: length as u64, inside: "the stream header" };
-            return Err(if is_prefix { cut } else { FormatError::NotIsv });
-        }
-        let header = StreamHeader::parse(&bytes)?;
+        let header = StreamHeader::read(&mut source)?;
         Ok(Self {
             source,
             header: Some(header),
-            at: bytes.len() as u64,
+            at: StreamHeader::BYTES as u64,
             largest_payload: MAX_PAYLOAD,
             saw_index: false,
         })
@@ -59,6 +51,11 @@ impl<R: Read> PacketReader<R> {
         self.saw_index
     }
 
+    /// Where the next packet begins.
+    pub(crate) fn at(&self) -> u64 {
+        self.at
+    }
+
     /// The next packet, its checksum verified; `None` at the end of the bytes or after the index.
     ///
     /// # Errors
@@ -75,16 +72,18 @@ impl<R: Read> PacketReader<R> {
         if length < bytes.len() {
             return Err(FormatError::Truncated { at: self.at + length as u64, inside: "a packet header" });
         }
-        let header = PacketHeader::parse(&bytes, self.at)?;
-        if header.payload_bytes > self.largest_payload {
-            let (asked, allowed) = (u64::from(header.payload_bytes), u64::from(self.largest_payload));
+        let payload_bytes = PacketHeader::length(&bytes, self.at)?;
+        if payload_bytes > self.largest_payload {
+            let (asked, allowed) = (u64::from(payload_bytes), u64::from(self.largest_payload));
             let what = "packet payload bytes";
             return Err(FormatError::LimitExceeded { at: self.at, what, asked, allowed });
         }
-        let payload = self.read_payload(header.payload_bytes)?;
-        if checksum(&bytes[..PacketHeader::BYTES - 4], &payload) != header.checksum {
+        let payload = self.read_payload(payload_bytes)?;
+        let (fields, stated) = bytes.split_at(PacketHeader::BYTES - 4);
+        if checksum(fields, &payload).to_le_bytes() != stated {
             return Err(FormatError::Checksum { at: self.at, what: "the packet" });
         }
+        let header = PacketHeader::parse(&bytes, self.at)?;
         let packet = Packet { header, at: self.at, payload };
         self.at += packet.total_bytes() as u64;
         self.saw_index = header.kind == PacketKind::Index;
@@ -123,12 +122,13 @@ impl<R: Read> PacketReader<R> {
         if length < bytes.len() {
             return Err(FormatError::Truncated { at: self.at + length as u64, inside: "the trailer" });
         }
+        if !StreamIndex::is_trailer(&bytes) {
+            return Err(FormatError::malformed(self.at, "no trailer follows the index"));
+        }
         match StreamIndex::parse_trailer(&bytes) {
             Some(at) if at == index_at => Ok(()),
-            None if !StreamIndex::trailer_checksum_matches(&bytes) => {
-                Err(FormatError::Checksum { at: self.at, what: "the trailer" })
-            }
-            _ => Err(FormatError::malformed(self.at, "the trailer does not match the index")),
+            Some(_) => Err(FormatError::malformed(self.at, "the trailer does not match the index")),
+            None => Err(FormatError::Checksum { at: self.at, what: "the trailer" }),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Packets of a damaged stream: what is sound, and where something is missing.
 
 use crate::packet::checksum;
-use crate::reader::read_up_to;
 use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::Read;
 
@@ -58,12 +57,7 @@ impl<R: Read> SalvageReader<R> {
     /// # Errors
     /// Bytes that are not a stream header of this version, or a damaged one.
     pub fn new(mut source: R) -> Result<Self, FormatError> {
-        let mut bytes = [0; StreamHeader::BYTES];
-        let length = read_up_to(&mut source, &mut bytes)?;
-        if length < bytes.len() {
-            return Err(FormatError::Truncated { at: length as u64, inside: "the stream header" });
-        }
-        let header = StreamHeader::parse(&bytes)?;
+        let header = StreamHeader::read(&mut source)?;
         Ok(Self {
             source,
             header,

@@ -196,7 +196,31 @@ mod tests {
         for bit in 0..bytes.len() * 8 {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            assert!(frames(&damaged).1.is_err(), "bit {bit}");
+            let error = frames(&damaged).1.unwrap_err();
+            // Of a packet header only magic and length are relied on before the checksum.
+            let of_first_packet = (bit / 8).checked_sub(StreamHeader::BYTES);
+            if matches!(of_first_packet, Some(4..8 | 12..PacketHeader::BYTES)) {
+                assert!(matches!(error, FormatError::Checksum { .. }), "bit {bit}: {error}");
+            }
         }
+    }
+
+    #[test]
+    fn a_damaged_index_is_made_anew() {
+        let bytes = stream();
+        let index = StreamIndex::load(&mut Cursor::new(&bytes)).unwrap();
+        let end = bytes.len() - StreamIndex::TRAILER_BYTES;
+        let begin = end - PacketHeader::BYTES - 8 * index.frames.len();
+        for at in begin..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x20;
+            let made = StreamIndex::load(&mut Cursor::new(&damaged)).unwrap();
+            assert_eq!(made, index, "byte {at}");
+        }
+        // One whose checksum is right, but that points beyond itself.
+        let payload: Vec<u8> = index.to_payload().iter().map(|byte| byte | 0x80).collect();
+        let header = PacketHeader::seal(PacketKind::Index, 0, 0, &payload);
+        let wrong = [&bytes[..begin], &header, &payload, &StreamIndex::trailer(begin as u64)].concat();
+        assert_eq!(StreamIndex::load(&mut Cursor::new(&wrong)).unwrap(), index);
     }
 }

@@ -110,6 +110,17 @@ impl AnyDecoder {
         }
     }
 
+    /// As [`Decoder::lose_packet`].
+    pub fn lose_packet(&mut self) {
+        match &mut self.decoder {
+            Inner::Cpu(decoder) => decoder.lose_packet(),
+            Inner::Gpu { decoder, kept, .. } => {
+                decoder.lose_packet();
+                *kept = None;
+            }
+        }
+    }
+
     /// Decodes a frame packet.
     ///
     /// # Errors

@@ -192,18 +192,15 @@ def block_limit(header):
 
 
 def parse_frame(header, packet):
-    """6.4 and the limits of section 8."""
+    """6.4, and what 7.1 looks at after it."""
     payload = Payload(packet.payload)
     frame = Frame(prediction=payload.u8())
     known = (0, 1, 2, 3) if header.profile == PAPER else (0, 2, 6, 10)
     malformed_if(frame.prediction not in known, f"prediction {frame.prediction}")
-    malformed_if(packet.keyframe and frame.prediction != 0, "prediction of a keyframe")
     frame.blocks = payload.varint()
-    if frame.blocks > block_limit(header):
-        raise Refused("limit", f"{frame.blocks} blocks")
     frame.slices = payload.varint()
     malformed_if(frame.slices == 0, "no slices")
-    if frame.slices > (clamp(65536 // header.coefficients, 1, 256) if header.profile == PAPER else 256):
+    if frame.slices > 256:
         raise Refused("limit", f"{frame.slices} slices")
     if header.profile == MAIN:
         frame.step = payload.varint()
@@ -225,4 +222,14 @@ def parse_frame(header, packet):
         frame.motion.append(payload.take(motion_bytes))
         frame.coefficients.append(payload.take(coefficient_bytes))
     malformed_if(payload.at != len(payload.data), "the segments do not fill the payload")
+    malformed_if(packet.keyframe and frame.prediction != 0, "prediction of a keyframe")
+    check_limits(header, frame)
     return frame
+
+
+def check_limits(header, frame):
+    """Section 8, as far as it goes by the frame header."""
+    if frame.blocks > block_limit(header):
+        raise Refused("limit", f"{frame.blocks} blocks")
+    if header.profile == PAPER and frame.slices > clamp(65536 // header.coefficients, 1, 256):
+        raise Refused("limit", f"{frame.slices} slices of {header.coefficients} coefficients")

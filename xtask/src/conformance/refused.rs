@@ -74,6 +74,7 @@ pub(super) fn optional_streams() -> Result<Vec<Refused>> {
         case("index_beyond_itself", index(&entry(1 << 40))?, 1, Malformed, "index"),
         case("index_of_7_bytes", index(&[0; 7])?, 1, Malformed, "index"),
         case("trailer_checksum", changed(1, 0x40), 1, Damaged, "trailer"),
+        case("trailer_magic_bit", changed(6, 0x40), 1, Malformed, "trailer"),
         case("trailer_cut", whole[..whole.len() - 5].to_vec(), 1, Cut, "trailer"),
         case("index_cut", whole[..whole.len() - 20].to_vec(), 1, Cut, "packet"),
         case("index_checksum", changed(17, 1), 1, Damaged, "packet"),
@@ -157,6 +158,9 @@ fn header_cases() -> Result<Vec<Refused>> {
         wrong("main_ac_step", &main, 43, &[1], Malformed),
         case("header_checksum", damaged, 0, Damaged, "stream header"),
         case("header_cut", paper.to_bytes()[..20].to_vec(), 0, Cut, "stream header"),
+        // Another version may have another length.
+        case("version_2_short", with_header(&paper, 8, &[2, 0])[..10].to_vec(), 0, Unsupported, "version 2"),
+        case("empty", Vec::new(), 0, Cut, "stream header"),
     ])
 }
 
@@ -214,6 +218,12 @@ fn packet_cases() -> Result<Vec<Refused>> {
         case("no_keyframe", first_is_none.bytes, 0, Missing, "keyframe"),
         case("packet_left_out", since(false, 2), 1, Missing, "missing"),
         case("packet_twice", since(false, 0), 1, Missing, "missing"),
+        // Until the checksum has been compared, magic and length are all that is looked at.
+        case("type_bit", flipped(&whole, first + 4), 1, Damaged, "packet"),
+        case("flag_bit", flipped(&whole, first + 5), 1, Damaged, "packet"),
+        case("since_keyframe_bit", flipped(&since(true, 0), first + 6), 1, Damaged, "packet"),
+        case("packet_type_3_cut", changed(4, &[3])[..whole.len() - 1].to_vec(), 1, Cut, "packet"),
+        case("packet_type_3_of_4_gib", changed(4, &[3]).splice_at(first + 8, &[255; 4]), 1, Limit, "payload"),
     ])
 }
 
@@ -301,7 +311,42 @@ fn payload_cases() -> Result<Vec<Refused>> {
             "too early",
         ),
         case("hash_cut", hashed.bytes, 1, Malformed, "too early"),
+        // Several faults in one: which one comes first (7.1, 7.11).
+        case(
+            "keyframe_predicts_in_257_slices",
+            key(&main, &prediction(&sliced(&main, 257), 2))?,
+            1,
+            Limit,
+            "slices",
+        ),
+        case(
+            "keyframe_predicts_many_blocks",
+            key(&main, &with_blocks(&main_key, 2))?,
+            1,
+            Malformed,
+            "predicts",
+        ),
+        case("many_blocks_cut", key(&paper, &with_blocks(&paper_key, 0)[..6])?, 1, Malformed, "too early"),
+        case(
+            "many_blocks_step_0",
+            key(&main, &with_blocks(&coded(|main| main.step = 0), 0))?,
+            1,
+            Malformed,
+            "step 0",
+        ),
+        case(
+            "slices_for_300_coefficients_left_over",
+            key(&many, &[sliced(&many, 219), vec![0]].concat())?,
+            1,
+            Malformed,
+            "left over",
+        ),
     ])
+}
+
+/// The payload of one block, in one slice, that claims 2^32 - 1 blocks and a prediction.
+fn with_blocks(payload: &[u8], prediction: u8) -> Vec<u8> {
+    [&[prediction, 255, 255, 255, 255, 15], &payload[2..]].concat()
 }
 
 /// A stream whose segment, of random bytes, makes our decoder say this; the shortest are tried first.
@@ -462,6 +507,24 @@ fn symbol_cases() -> Result<Vec<Refused>> {
         case(
             "main_vector_minus_130",
             inter_with(&main, Prediction::ThreeDof, &|f| f.slices[0][0] = main_vector(-65))?,
+            1,
+            Malformed,
+            "vector",
+        ),
+        // The lowest number of 16 bits, whose absolute value is none.
+        case(
+            "main_vector_minus_32768",
+            inter_with(&main, Prediction::ThreeDof, &|f| {
+                quarters(f);
+                f.slices[0][0] = main_vector(-32768);
+            })?,
+            1,
+            Malformed,
+            "vector",
+        ),
+        case(
+            "main_vector_minus_16384_halves",
+            inter_with(&main, Prediction::ThreeDof, &|f| f.slices[0][0] = main_vector(-16384))?,
             1,
             Malformed,
             "vector",

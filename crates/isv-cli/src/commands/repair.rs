@@ -1,9 +1,10 @@
 //! `isv repair`: what is sound of a damaged stream, as a stream.
 
 use crate::output::{Output, frames_in_words, is_pipe, print};
-use crate::stream;
+use crate::{memory, stream};
 use anyhow::{Context, Result, bail};
-use isv::format::{Packet, PacketWriter, Profile, SalvageReader, Salvaged};
+use isv::decode::Decoder;
+use isv::format::{Packet, PacketWriter, SalvageReader, Salvaged, StreamHeader};
 use std::path::PathBuf;
 
 /// Make a stream of what is sound in a damaged, cut or unfinished one. Packets are kept byte for byte; frames that need a lost
@@ -24,8 +25,8 @@ struct Report {
     kept: usize,
     /// Sound frames that cannot be decoded without a lost one.
     orphaned: usize,
-    /// Kept frames that are decoded from a volume that is not exact.
-    inexact: usize,
+    /// Kept frames between a loss and the next keyframe.
+    behind_loss: usize,
     /// Where damage begins, and how many bytes it has.
     damage: Vec<(u64, u64)>,
 }
@@ -34,19 +35,20 @@ struct Report {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
     let mut packets = SalvageReader::new(stream::source(&args.input)?).with_context(|| name.clone())?;
-    let profile = packets.header().profile;
     // Nothing is written before there is something to write.
     let mut writer = None;
-    let (mut chain, mut report) = (Chain::default(), Report::default());
+    let (mut chain, mut report) = (Chain::new(*packets.header()), Report::default());
+    let mut damaged = 0;
     while let Some(found) = packets.next_frame().with_context(|| name.clone())? {
         let packet = match found {
             Salvaged::Damage { at, bytes } => {
                 report.damage.push((at, bytes));
+                damaged += bytes;
                 continue;
             }
             Salvaged::Frame(packet) => packet,
         };
-        match chain.next(&packet, &profile) {
+        match chain.next(&packet, std::mem::take(&mut damaged)) {
             Use::Orphaned => report.orphaned += 1,
             usage => {
                 let writer = match &mut writer {
@@ -55,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 };
                 writer.copy_frame(&packet, packet.header.timestamp_ns)?;
                 report.kept += 1;
-                report.inexact += usize::from(usage == Use::Inexact);
+                report.behind_loss += usize::from(usage == Use::BehindLoss);
             }
         }
     }
@@ -74,32 +76,71 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 /// What a decoder can make of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
-    /// A frame like the encoder's.
-    Exact,
-    /// One that is like it in parts: a resilient frame after a loss.
-    Inexact,
+    /// A frame.
+    Whole,
+    /// A frame, if it goes on at resilient frames: this is one behind a loss, or it needs one.
+    BehindLoss,
     /// Nothing.
     Orphaned,
 }
 
-/// Which frame can come next.
-#[derive(Debug, Default)]
+/// What can be made of one packet after the other.
+#[derive(Debug)]
 struct Chain {
-    /// Frames since the keyframe of the last frame that was kept, and whether it is exact.
-    last: Option<(u16, bool)>,
+    header: StreamHeader,
+    state: ChainState,
+}
+
+#[derive(Debug)]
+enum ChainState {
+    /// All is exact.
+    Whole {
+        /// Frames between the last keyframe and the last frame.
+        since_keyframe: u16,
+        /// What the next frame is.
+        usage: Use,
+    },
+    /// Something is missing. Resilient frames are decoded, as that alone tells when all is exact again.
+    Lost(Box<Decoder>),
 }
 
 impl Chain {
-    fn next(&mut self, packet: &Packet, profile: &Profile) -> Use {
-        let since = packet.header.since_keyframe;
-        let follows = self.last.is_some_and(|(last, _)| last.wrapping_add(1) == since);
-        let exact = packet.is_keyframe() || (follows && self.last.is_some_and(|(_, exact)| exact));
-        let can_use = exact || (self.last.is_some() && packet.is_entry(profile));
-        if !can_use {
-            return Use::Orphaned;
+    fn new(header: StreamHeader) -> Self {
+        Self { header, state: ChainState::lost(&header) }
+    }
+
+    /// What the next packet is, before which so many bytes are damaged.
+    fn next(&mut self, packet: &Packet, damaged: u64) -> Use {
+        let found = packet.header.since_keyframe;
+        let lost = damaged > 0 && packet.may_lack_keyframe(damaged);
+        match &mut self.state {
+            _ if packet.is_keyframe() => {
+                self.state = ChainState::Whole { since_keyframe: 0, usage: Use::Whole }
+            }
+            ChainState::Whole { since_keyframe, .. } if !lost && since_keyframe.wrapping_add(1) == found => {
+                *since_keyframe = found;
+            }
+            ChainState::Whole { .. } => self.state = ChainState::lost(&self.header),
+            ChainState::Lost(decoder) if lost => decoder.lose_packet(),
+            ChainState::Lost(_) => {}
         }
-        self.last = Some((since, exact));
-        if exact { Use::Exact } else { Use::Inexact }
+        let decoder = match &mut self.state {
+            ChainState::Whole { usage, .. } => return *usage,
+            ChainState::Lost(decoder) => decoder,
+        };
+        let Ok(frame) = decoder.decode(packet) else { return Use::Orphaned };
+        if frame.inexact_blocks == 0 {
+            self.state = ChainState::Whole { since_keyframe: found, usage: Use::BehindLoss };
+        }
+        Use::BehindLoss
+    }
+}
+
+impl ChainState {
+    fn lost(header: &StreamHeader) -> Self {
+        let mut decoder = Decoder::new(header, memory::limits());
+        decoder.recover(true);
+        Self::Lost(Box::new(decoder))
     }
 }
 
@@ -122,10 +163,10 @@ impl Report {
             let need = if self.orphaned == 1 { "needs" } else { "need" };
             words += &format!(", {} left out that {need} a lost one", frames_in_words(self.orphaned));
         }
-        if self.inexact > 0 {
+        if self.behind_loss > 0 {
             words += &format!(
-                ", {} behind a loss that decode nearly until all is refreshed: decode with --after-loss hold",
-                frames_in_words(self.inexact)
+                ", {} of them behind a loss without a keyframe: decode with --after-loss hold",
+                frames_in_words(self.behind_loss)
             );
         }
         if !complete {
@@ -140,7 +181,7 @@ mod tests {
     use super::*;
 
     fn report(damage: Vec<(u64, u64)>) -> Report {
-        Report { kept: 7, orphaned: 0, inexact: 0, damage }
+        Report { kept: 7, orphaned: 0, behind_loss: 0, damage }
     }
 
     #[test]

@@ -94,10 +94,17 @@ impl<B: Backend> MainDecoder<B> {
                 Ok(facts)
             }
             Err(error) => {
-                self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
+                self.reference = last;
+                self.lose();
                 Err(error)
             }
         }
+    }
+
+    /// As [`super::Decoder::lose_packet`].
+    pub(super) fn lose(&mut self) {
+        let last = self.reference.take();
+        self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
     }
 
     /// Decodes a frame packet with the frame before it at hand, which may be another than the encoder's after a loss.
@@ -121,10 +128,10 @@ impl<B: Backend> MainDecoder<B> {
             return Err(lost);
         }
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
-        self.check_limit(packet, payload.header.blocks as usize)?;
         if keyframe && payload.header.prediction != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
+        self.check_limit(packet, payload.header.blocks as usize)?;
         let FrameCoding::Main(main) = payload.header.coding else {
             unreachable!("the payload was parsed as one of profile main")
         };

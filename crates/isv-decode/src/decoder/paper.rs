@@ -65,10 +65,10 @@ impl<B: Backend> PaperDecoder<B> {
         }
         let reference = reference.filter(|_| !keyframe);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &self.profile)?;
-        self.check_limits(packet, &payload.header)?;
         if keyframe && payload.header.prediction != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
+        self.check_limits(packet, &payload.header)?;
         let symbols = self
             .read_symbols(&payload, reference.as_ref().map(B::paper_blocks), details)
             .map_err(|SyntaxError(what)| self.sequence.malformed(packet, what))?;
@@ -80,6 +80,11 @@ impl<B: Backend> PaperDecoder<B> {
             stated_hash: payload.header.volume_hash.filter(|_| backend.is_exact()),
             inexact_blocks: 0,
         })
+    }
+
+    /// As [`super::Decoder::lose_packet`].
+    pub(super) fn lose(&mut self) {
+        self.reference = None;
     }
 
     /// Frames decoded so far.

@@ -16,7 +16,7 @@ impl Vector {
     /// Whether every component is within [`Self::LIMIT`].
     #[must_use]
     pub fn in_range(self) -> bool {
-        self.0.iter().all(|component| component.abs() <= Self::LIMIT)
+        self.0.iter().all(|component| component.unsigned_abs() <= Self::LIMIT.unsigned_abs())
     }
 }
 
@@ -71,4 +71,24 @@ pub struct FrameSymbols {
     pub modes: Vec<BlockMode>,
     /// Their levels.
     pub levels: BlockLevels,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vectors_are_in_range_up_to_their_limit() {
+        for (component, expected) in [
+            (0, true),
+            (128, true),
+            (-128, true),
+            (129, false),
+            (-129, false),
+            (i16::MAX, false),
+            (i16::MIN, false),
+        ] {
+            assert_eq!(Vector([0, component, 0]).in_range(), expected, "{component}");
+        }
+    }
 }

@@ -150,7 +150,7 @@ class Streams(unittest.TestCase):
             ("malformed", good + packet(first[:24], 8, 0, 0, 0, 0)),
             ("limit", good + packet(first, 8, 1, 0, 0, 64)),
             ("cut", good + packet(first, 8, 0, 0, 0, 64)),
-            ("limit", good + packet(first[:24] + b"\0\xff\xff\xff\x7f", 8, 5, 0, 0, 0)),
+            ("malformed", good + packet(first[:24] + b"\0\xff\xff\xff\x7f", 8, 5, 0, 0, 0)),
             ("limit", good + packet(first[:24] + b"\0\0\x81\2\0\0\0", 8, 7, 0, 0, 0)),
             ("malformed", good + packet(first[:24] + b"\0\0\0", 8, 3, 0, 0, 0)),
             ("missing", good + second),
