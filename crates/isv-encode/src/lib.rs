@@ -33,7 +33,7 @@ pub use frame_writer::{FrameWriter, UnwrittenFrame};
 #[doc(hidden)]
 pub use main_profile::probe;
 pub use main_profile::{
-    Band, Bitrate, BlockShifts, FrameQuality, MainEncoder, MainSettings, Preset, RateTarget, Refresh,
-    SearchEffort, SoughtFrame, Tools, UnknownTool,
+    Band, Bitrate, BlockShifts, COARSEST_STEP, FINEST_STEP, FrameQuality, MainEncoder, MainSettings, Preset,
+    RateTarget, Refresh, SearchEffort, SoughtFrame, Tools, UnknownTool,
 };
 pub use paper_coder::PaperCoder;

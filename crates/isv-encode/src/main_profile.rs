@@ -32,7 +32,7 @@ mod weight_spectrum;
 pub use encoder::{Band, FrameQuality, MainEncoder, MainSettings};
 pub use motion_search::SearchEffort;
 pub use preset::Preset;
-pub use rate_control::{Bitrate, RateTarget};
+pub use rate_control::{Bitrate, COARSEST_STEP, FINEST_STEP, RateTarget};
 pub use refresh::Refresh;
 pub use sought_frame::{BlockShifts, SoughtFrame};
 pub use tools::{Tools, UnknownTool};

@@ -5,8 +5,10 @@ mod support;
 use isv_decode::volume_hash;
 use isv_encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
 use isv_format::Prediction;
-use isv_testkit::still_and_moving_ball;
+use isv_surface::{SurfaceOptions, extract_surface};
+use isv_testkit::{still_and_moving_ball, volume_of};
 use isv_volume::{SparseVolume, VoxelMask};
+use std::collections::BTreeMap;
 use support::{ball, decode, encode, main_header};
 
 fn settings(main: MainSettings, slices: u16) -> EncoderSettings {
@@ -111,6 +113,36 @@ fn masks_reach_the_decoder_and_cover_only_what_was_unobserved() {
             let Some(mask) = decoded.unobserved(found as usize) else { continue };
             let wanted = source.unobserved(block).expect("nothing else is masked");
             assert!((0..512).all(|voxel| !mask.contains(voxel) || wanted.contains(voxel)));
+        }
+    }
+}
+
+/// Faces on voxel centres, at the first and at the last plane of blocks: what lies beyond is not crossed, and its side must not be
+/// left to the rounding of samples that are 0.
+#[test]
+fn flat_faces_on_voxel_centres_have_no_holes() {
+    let header = main_header(8);
+    for (low, high) in [(-15.5, 15.5), (-16.5, 16.5), (-15.45, 15.55), (-16.0, 16.0)] {
+        let centre = 0.5 * (low + high);
+        let half = 0.5 * (high - low);
+        // The distance to the surface of a cube is that to its nearest face, inside and near the faces.
+        let distance =
+            |p: [f64; 3]| p.map(|c| (c - centre).abs() - half).into_iter().fold(f64::MIN, f64::max);
+        let cube = volume_of(header.grid, 4, distance, |_| false);
+        for quality in [0.0, 50.0, 100.0] {
+            let quality = FrameQuality::of_quality(quality);
+            let mut encoder =
+                Encoder::new(&header, settings(MainSettings { quality, ..Default::default() }, 1));
+            encoder.encode(&cube);
+            let mesh = extract_surface(encoder.reconstruction().unwrap(), &SurfaceOptions { normals: false });
+            let mut edges = BTreeMap::new();
+            for [a, b, c] in &mesh.triangles {
+                for (from, to) in [(a, b), (b, c), (c, a)] {
+                    *edges.entry((from.min(to), from.max(to))).or_insert(0) += 1;
+                }
+            }
+            let open = edges.values().filter(|faces| **faces != 2).count();
+            assert!(!mesh.triangles.is_empty() && open == 0, "{low} to {high}: {open} open edges");
         }
     }
 }

@@ -21,13 +21,19 @@ pub fn lost_share(mesh: &TriangleMesh, volume: &SparseVolume) -> f64 {
     lost as f64 / SAMPLES as f64
 }
 
-/// Whether the eight voxels around a point are all observed and outside.
+/// A point this near to voxels of a plane, in voxels, lies in it: then those on both sides are around it.
+const IN_PLANE: f64 = 0.05;
+
+/// Whether the voxels around a point are all observed and outside.
 fn is_outside_all_around(volume: &SparseVolume, index: &BlockIndex, point: DVec3) -> bool {
     let edge = volume.grid().edge;
     let n = edge.voxels() as i32;
-    let base = (point / volume.grid().voxel_size.metres() - 0.5).floor().as_ivec3();
-    (0..8).all(|corner| {
-        let voxel = (base + glam::IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2)).to_array();
+    let point = point / volume.grid().voxel_size.metres() - 0.5;
+    let low = (point - IN_PLANE).floor().as_ivec3();
+    let high = (point + IN_PLANE).floor().as_ivec3() + 1;
+    let around = (low.z..=high.z)
+        .flat_map(|z| (low.y..=high.y).flat_map(move |y| (low.x..=high.x).map(move |x| [x, y, z])));
+    around.into_iter().all(|voxel| {
         let Some(block) = index.get(BlockCoord::from(voxel.map(|c| c.div_euclid(n)))) else { return false };
         let [x, y, z] = voxel.map(|c| c.rem_euclid(n) as usize);
         let voxel = edge.voxel_index(x, y, z);
@@ -40,8 +46,23 @@ fn is_outside_all_around(volume: &SparseVolume, index: &BlockIndex, point: DVec3
 mod tests {
     use super::*;
     use crate::{MeshIngest, SignDecision, ingest_mesh};
-    use isv_testkit::{sheet, sphere};
+    use isv_testkit::{cube, sheet, sphere};
     use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
+
+    /// Samples on its faces are 0, which counts as outside.
+    #[test]
+    fn nothing_is_lost_of_a_cube_whose_faces_are_on_voxel_centres() {
+        for half in [0.21, 0.2, 0.205] {
+            let settings = MeshIngest::new(Grid {
+                voxel_size: VoxelSize::from_metres(0.02).unwrap(),
+                edge: BlockEdge::E8,
+                truncation: Truncation::from_voxels(4).unwrap(),
+            });
+            let volume =
+                ingest_mesh(&cube(half), &settings, SignDecision::Closed { flipped: false }).unwrap();
+            assert_eq!(lost_share(&cube(half), &volume), 0.0, "{half} m");
+        }
+    }
 
     #[test]
     fn a_sheet_beside_a_body_is_lost_and_a_body_is_not() {

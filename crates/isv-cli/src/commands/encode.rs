@@ -279,6 +279,15 @@ impl Job {
         let mbps = megabits_per_second(bytes, self.frames, self.header.frame_rate.per_second());
         let ms = self.stats.wall_ms() / self.frames as f64;
         eprintln!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame");
+        let seconds = self.frames as f64 / self.header.frame_rate.per_second();
+        if let Some((rate, most_bits)) = args.header.target().most_bits(seconds)
+            && bytes as f64 * 8.0 > most_bits
+        {
+            let voxel = Length::from_metres(self.header.grid.voxel_size.metres());
+            eprintln!(
+                "{input}: {rate} is less than a surface takes in voxels of {voxel}: larger voxels take less"
+            );
+        }
         if self.skipped > 0 {
             eprintln!("{input}: {skipped} skipped");
         }

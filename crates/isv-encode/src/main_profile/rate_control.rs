@@ -14,9 +14,11 @@ pub use bitrate::Bitrate;
 use bitrate::BitrateControl;
 use error_bound::ErrorControl;
 
-/// The finest and the coarsest step that rate control takes, in voxels.
-const FINEST_STEP: f64 = 0.1;
-const COARSEST_STEP: f64 = 64.0;
+/// The finest step that rate control takes, in voxels.
+pub const FINEST_STEP: f64 = 0.1;
+/// The coarsest step that rate control takes, in voxels: beyond it surfaces come apart and go missing, and bits hardly fall
+/// (`docs/design/019-rate-control.md`).
+pub const COARSEST_STEP: f64 = 12.0;
 
 /// What the steps of a stream's frames are chosen for.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -28,6 +28,10 @@ const WHOLE_BAND: f32 = 0.25;
 const NEAR: f32 = 1.5;
 const NEAR_WEIGHT: f32 = 0.3;
 
+/// The samples that a block turns to a neighbour lie on the surface if they are nearer to it than this on average, in codes. Where that
+/// neighbour is not coded its side is what they vote for (`docs/spec/format.md`, 7.10.8), which must not be left to rounding.
+const FACE_ON_SURFACE: i32 = CODES_PER_VOXEL / 2;
+
 /// [`SIGN_MARGIN`] in codes.
 const SIGN_MARGIN_CODES: f32 = SIGN_MARGIN * CODES_PER_VOXEL as f32;
 /// Voxels in a code.
@@ -122,8 +126,9 @@ impl<'a> Targets<'a> {
             if !open {
                 return None;
             }
-            let crossed = crossed_voxels(volume.coords()[*block as usize], own, &signs, &index);
-            let wanted = crossed != [0; 8] || band == Band::Full;
+            let coord = volume.coords()[*block as usize];
+            let crossed = crossed_voxels(coord, own, &signs, &index);
+            let wanted = crossed != [0; 8] || band == Band::Full || is_beside_surface(coord, &signs, &index);
             let unobserved = own.observed.map(|word| !word);
             wanted.then_some(Marks { block: *block, crossed, unobserved })
         };
@@ -293,20 +298,47 @@ fn row_bits(bits: &Bits, row: usize) -> u32 {
 struct Signs {
     inside: Bits,
     observed: Bits,
+    /// Which of its faces lie on the surface ([`FACE_ON_SURFACE`]): along each axis a bit for the lower and one for the upper.
+    faces_on_surface: u8,
 }
 
 impl Signs {
     /// Of a block that is not there: nothing was observed.
-    const NONE: Self = Self { inside: [0; 8], observed: [0; 8] };
+    const NONE: Self = Self { inside: [0; 8], observed: [0; 8], faces_on_surface: 0 };
 
     fn of_block(volume: &SparseVolume, block: usize) -> Self {
-        let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
+        let samples = volume.block(block).try_into().expect("blocks of an edge of 8");
+        let inside = inside(samples);
         let mut observed = [!0; 8];
         if let Some(mask) = volume.unobserved(block) {
             observed.iter_mut().zip(mask.words()).for_each(|(observed, unobserved)| *observed = !unobserved);
         }
-        Self { inside, observed }
+        Self { inside, observed, faces_on_surface: faces_on_surface(samples) }
     }
+}
+
+/// As [`Signs::faces_on_surface`].
+fn faces_on_surface(samples: &[i16; 512]) -> u8 {
+    let mut faces = 0;
+    for (axis, stride) in [1, 8, 64].into_iter().enumerate() {
+        let [row, plane] = [[8, 64], [1, 64], [1, 8]][axis];
+        for (upper, start) in [0, 7 * stride].into_iter().enumerate() {
+            let distance = |i: usize| i32::from(samples[start + i % 8 * row + i / 8 * plane]).abs();
+            let near = (0..64).map(distance).sum::<i32>() < 64 * FACE_ON_SURFACE;
+            faces |= u8::from(near) << (2 * axis + upper);
+        }
+    }
+    faces
+}
+
+/// Whether a neighbour turns a face to the block at a coordinate that lies on the surface.
+fn is_beside_surface(coord: BlockCoord, signs: &[Signs], index: &BlockIndex) -> bool {
+    (0..6).any(|side| {
+        let step = if side % 2 == 0 { -1 } else { 1 };
+        let beside = coord.offset(std::array::from_fn(|axis| if axis == side / 2 { step } else { 0 }));
+        // The lower neighbour turns its upper face here.
+        index.get(beside).is_some_and(|block| signs[block as usize].faces_on_surface >> (side ^ 1) & 1 == 1)
+    })
 }
 
 /// The observed voxels of a block with an observed face neighbour of the other sign.

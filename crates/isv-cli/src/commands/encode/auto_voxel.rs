@@ -4,7 +4,7 @@ use super::Args;
 use crate::capture::{Capture, CapturedFrame, Content};
 use crate::length::Length;
 use anyhow::{Result, bail};
-use isv::encode::{Encoder, EncoderSettings, FrameQuality, Preset, RateTarget};
+use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
 use isv::format::{PacketHeader, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::Geometry;
@@ -17,6 +17,8 @@ const CANDIDATES_M: [f64; 4] = [0.005, 0.0065, 0.008, 0.01];
 const PERSON_M: f64 = 1.8;
 /// Steps that each is tried with, over the smallest candidate.
 const STEPS: [f64; 2] = [1.2, 3.6];
+/// What is no farther than this above the wanted rate or error meets it.
+const MET: f64 = 1.01;
 /// Frames of a sample: a keyframe and what follows it.
 const SAMPLE_FRAMES: usize = 3;
 
@@ -62,8 +64,10 @@ impl Curve {
         (line.0 + line.1 * step.ln()).exp()
     }
 
-    fn step_at(line: (f64, f64), value: f64) -> f64 {
-        ((value.ln() - line.0) / line.1).exp()
+    /// The step at which a value is reached, or the next one of those that rate control takes.
+    fn step_at(&self, line: (f64, f64), value: f64) -> f64 {
+        let voxels = ((value.ln() - line.0) / line.1).exp() / self.voxel.metres();
+        voxels.clamp(FINEST_STEP, COARSEST_STEP) * self.voxel.metres()
     }
 }
 
@@ -90,34 +94,57 @@ pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSetti
             None => Wanted::ErrorOfStep(f64::from(settings.main.quality.step) * curves[0].voxel.metres()),
         },
     };
-    let (choice, sentence) = best(&curves, wanted);
-    let step = Curve::step_at(choice.error, sentence.1);
+    let (choice, point) = best(&curves, wanted);
     eprintln!(
         "voxels of {}: about {:.2} mm at {:.2} Mbps by {} sample frames, the best of {} to {}",
         Length::from_metres(choice.voxel.metres()),
-        1e3 * sentence.1,
-        sentence.0 / 1e6,
+        1e3 * point.error,
+        point.rate / 1e6,
         samples.iter().map(Vec::len).sum::<usize>(),
         Length::from_metres(curves[0].voxel.metres()),
         Length::from_metres(curves[curves.len() - 1].voxel.metres()),
     );
     let quality = matches!(wanted, Wanted::ErrorOfStep(_))
-        .then(|| FrameQuality::of_step((step / choice.voxel.metres()) as f32));
+        .then(|| FrameQuality::of_step((point.step / choice.voxel.metres()) as f32));
     Ok(Choice { voxel: choice.voxel, quality })
 }
 
-/// The best curve for what is wanted, with its rate and error there.
-fn best(curves: &[Curve], wanted: Wanted) -> (Curve, (f64, f64)) {
-    let at_error =
-        |curve: &Curve, error: f64| (Curve::at(curve.rate, Curve::step_at(curve.error, error)), error);
-    let points = curves.iter().map(|curve| match wanted {
-        Wanted::Rate(rate) => (rate, Curve::at(curve.error, Curve::step_at(curve.rate, rate))),
-        Wanted::Error(error) => at_error(curve, error),
-        Wanted::ErrorOfStep(step) => at_error(curve, Curve::at(curves[0].error, step)),
-    });
-    let cost = |point: &(f64, f64)| if matches!(wanted, Wanted::Rate(_)) { point.1 } else { point.0 };
-    let pairs = curves.iter().copied().zip(points);
-    pairs.min_by(|a, b| cost(&a.1).total_cmp(&cost(&b.1))).expect("there are candidates")
+/// What a candidate comes to.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    /// In metres.
+    step: f64,
+    /// In bits a second.
+    rate: f64,
+    /// In metres.
+    error: f64,
+}
+
+/// The best curve for what is wanted, and where on it.
+fn best(curves: &[Curve], wanted: Wanted) -> (Curve, Point) {
+    let at = |curve: &Curve| {
+        let step = match wanted {
+            Wanted::Rate(rate) => curve.step_at(curve.rate, rate),
+            Wanted::Error(error) => curve.step_at(curve.error, error),
+            Wanted::ErrorOfStep(step) => curve.step_at(curve.error, Curve::at(curves[0].error, step)),
+        };
+        Point { step, rate: Curve::at(curve.rate, step), error: Curve::at(curve.error, step) }
+    };
+    // No step may meet what is wanted: then the nearest to it is best.
+    let cost = |point: &Point| {
+        let (missed_by, cost) = match wanted {
+            Wanted::Rate(rate) => (point.rate / rate, point.error),
+            Wanted::Error(error) => (point.error / error, point.rate),
+            Wanted::ErrorOfStep(step) => (point.error / Curve::at(curves[0].error, step), point.rate),
+        };
+        (missed_by.max(MET), cost)
+    };
+    let cheaper = |a: &Point, b: &Point| {
+        let ((a_missed, a), (b_missed, b)) = (cost(a), cost(b));
+        a_missed.total_cmp(&b_missed).then(a.total_cmp(&b))
+    };
+    let points = curves.iter().map(|curve| (*curve, at(curve)));
+    points.min_by(|a, b| cheaper(&a.1, &b.1)).expect("there are candidates")
 }
 
 /// The first frames, and as many from the middle on.
@@ -171,7 +198,8 @@ fn measure(
         let surface = extract_surface(decoded, &SurfaceOptions { normals: false });
         let options = CompareOptions { spacing_m: voxel.metres(), seed: 0 };
         let last = meshes.last().expect("a sample has frames");
-        errors.push(compare(last, &surface, &options)?.p2s_rms_mm.unwrap_or(f64::NAN) / 1e3);
+        // The mean, as a root mean square is ruled by what no voxel size reaches: surfaces inside others, rims of sheets.
+        errors.push(compare(last, &surface, &options)?.p2s_mean_mm.unwrap_or(f64::NAN) / 1e3);
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (keyframe, gop) = (mean(&bits[0]), f64::from(settings.gop));

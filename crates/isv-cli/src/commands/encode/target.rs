@@ -68,6 +68,13 @@ impl TargetArgs {
         self.bitrate.filter(|_| self.passes == Some(2)).map(BitRate::bits_per_second)
     }
 
+    /// The rate that was asked for, and the most bits that a stream of so many seconds may have to meet it.
+    pub(super) fn most_bits(&self, seconds: f64) -> Option<(BitRate, f64)> {
+        // What comes in one pass may fill the buffer of a second. The one step of all is found to a percent.
+        let allowed = if self.passes == Some(2) { 1.02 * seconds } else { 1.01 * (seconds + 1.0) };
+        self.bitrate.map(|rate| (rate, rate.bits_per_second() * allowed))
+    }
+
     /// What the encoder is told.
     pub(super) fn settings(&self, header: &StreamHeader, band: Option<BandName>) -> MainSettings {
         let preset = self.preset.map_or(Preset::Balanced, Preset::from);

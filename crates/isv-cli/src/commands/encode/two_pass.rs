@@ -7,7 +7,7 @@ use crate::capture::Capture;
 use crate::interrupt;
 use crate::progress::Progress;
 use anyhow::{Result, bail};
-use isv::encode::{Encoder, EncoderSettings, FrameQuality};
+use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
 use isv::format::{PacketWriter, StreamHeader};
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -20,8 +20,6 @@ const TOLERANCE: f64 = 0.01;
 const EXPONENT: f64 = 0.9;
 /// What two passes may say it is.
 const EXPONENTS: std::ops::RangeInclusive<f64> = 0.3..=1.5;
-/// Steps in voxels that are tried.
-const STEPS: std::ops::RangeInclusive<f64> = 0.1..=64.0;
 
 /// The settings with the step at which the stream has about `rate` bits a second.
 pub(super) fn settings_for_rate(
@@ -53,7 +51,7 @@ pub(super) fn settings_for_rate(
             exponent = slope.clamp(*EXPONENTS.start(), *EXPONENTS.end());
         }
         last = Some((step, excess));
-        let next = (step * (excess / exponent).exp()).clamp(*STEPS.start(), *STEPS.end());
+        let next = (step * (excess / exponent).exp()).clamp(FINEST_STEP, COARSEST_STEP);
         if next == step {
             break;
         }
