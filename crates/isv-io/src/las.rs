@@ -5,6 +5,7 @@
 //! crate `laz`. The header is read here: what is needed of it are twelve numbers, and every count among them is held
 //! against the length of the file before it is believed.
 
+mod gps_times;
 mod header;
 mod laszip;
 

@@ -49,10 +49,10 @@ fn the_oldest_layout_without_chunks_is_read() {
 fn every_version_of_the_compression_gives_what_was_compressed() {
     for format in 0..=10 {
         for extra_bytes in [0, 3] {
-            let plain = file(format, false, extra_bytes, 100);
+            let plain = file(format, false, extra_bytes, 1000);
             let expected = parse(&plain).unwrap();
             for (version, items) in item_versions(format, extra_bytes).into_iter().enumerate() {
-                for chunk_points in [7, 1000] {
+                for chunk_points in [7, 5000] {
                     let packed = compressed(&plain, items.clone(), chunk_points);
                     let found = parse(&packed).unwrap_or_else(|error| panic!("{format}, {version}: {error}"));
                     assert_eq!(
@@ -78,6 +78,16 @@ fn every_truncation_fails_or_gives_all_points() {
             }
         }
     }
+}
+
+#[test]
+fn times_that_switch_without_end_are_damage() {
+    let file = include_bytes!("../../../fuzz/regressions/laz/times_that_switch_sequences_without_end");
+    let message = parse(file).unwrap_err().to_string();
+    assert!(
+        message.ends_with("its times switch from sequence to sequence without end (byte 347)"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn file(format: u8, compressed: bool, extra_bytes: u16, count: usize) -> Vec
             z,
             intensity: (i * 77) as u16,
             is_withheld: i % 10 == 9,
-            gps_time: has.has_gps_time.then_some(i as f64 * 1e-5),
+            gps_time: has.has_gps_time.then(|| time(i)),
             color: has.has_color.then(|| las::Color::new(i as u16, 2, 3)),
             nir: has.has_nir.then_some(i as u16),
             waveform: has.has_waveform.then(Default::default),
@@ -53,6 +53,17 @@ pub fn file(format: u8, compressed: bool, extra_bytes: u16, count: usize) -> Vec
         writer.write_point(point).unwrap();
     }
     writer.into_inner().unwrap().into_inner()
+}
+
+/// The time of a point: in runs of several points, of interleaved sequences, some of which end and others begin; they go on evenly,
+/// stand still, and jump by all multiples of what was before.
+fn time(point: usize) -> f64 {
+    let sequence = point / 7 % 3 + point / 210 % 4;
+    let step = point as i64 - i64::from(point % 11 == 10);
+    let jump = if point % 5 == 4 { step.pow(3) % 200_000 - 50_000 } else { 0 };
+    let ticks = if (point / 42).is_multiple_of(3) { 0 } else { 100 * step + jump };
+    let start = (1000.0 * (1 + sequence) as f64).to_bits();
+    f64::from_bits(start.wrapping_add_signed(ticks))
 }
 
 /// All kinds of files, by what they are: with and without compression, in one code a chunk and in layers.

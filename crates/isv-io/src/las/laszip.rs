@@ -1,18 +1,17 @@
 //! LASzip, Martin Isenburg's compression of LAS records, by the crate `laz`.
 //!
 //! `laz` trusts what it reads: it reserves the chunk table by its count, which may say 64 GiB, fills layers by their
-//! length, up to 4 GiB each, and indexes tables by what the record says. So the record, that count and the layers are
-//! checked here first, and what is left to go wrong inside, an index past a table that the arithmetic decoder leads
+//! length, up to 4 GiB each, indexes tables by what the record says, and fills the stack if times say so. So the record, that count
+//! and the layers are checked here first, times are read here, and what is left to go wrong inside, an index past a table that the arithmetic decoder leads
 //! to, is caught.
 
+use super::gps_times::GpsTimes;
 use super::header::{Header, RECORD_BYTES, take, u16_at};
 use crate::error::{Flaw, Malformation};
 use crate::foreign::catch_panic;
-use laz::laszip::ChunkTable;
-use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor};
-use laz::{
-    DecompressionSelection, LasZipDecompressor, LasZipError, LazItemRecordBuilder, LazItemType, LazVlr,
-};
+use laz::laszip::{ChunkTable, ChunkTableEntry};
+use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+use laz::{DecompressionSelection, LasZipError, LazItemRecordBuilder, LazItemType, LazVlr};
 use std::io::Cursor;
 
 /// Most points that a byte of a file may stand for. Without a limit, models that have learnt that nothing changes would
@@ -99,18 +98,80 @@ fn pointwise(
     record: &Record,
     mut sink: impl FnMut(&[u8]),
 ) -> Result<(), LasZipError> {
-    if record.layout == POINTWISE_CHUNKED {
-        check_chunk_count(bytes, header).ok_or(LasZipError::MissingChunkTable)?;
-    }
     let mut source = Cursor::new(bytes);
     source.set_position(header.points_offset as u64);
-    let mut decompressor = LasZipDecompressor::new(source, record.vlr.clone())?;
+    let mut chunks = ChunkSizes::read(bytes, header, record, &mut source)?;
     let mut point = vec![0; header.record_bytes];
-    for _ in 0..header.points {
-        decompressor.decompress_one(&mut point)?;
-        sink(&point);
+    let mut left = header.points;
+    while left > 0 {
+        let points = chunks.next().ok_or_else(ends_early)?.min(left);
+        if points == 0 {
+            continue;
+        }
+        let mut decompressor = pointwise_decompressor(source, record)?;
+        for _ in 0..points {
+            decompressor.decompress_next(&mut point)?;
+            sink(&point);
+        }
+        left -= points;
+        // The next chunk comes right after.
+        source = decompressor.into_inner();
     }
     Ok(())
+}
+
+/// The decompressor of a chunk's points: that of `laz`, but for times.
+fn pointwise_decompressor<'a>(
+    source: Cursor<&'a [u8]>,
+    record: &Record,
+) -> Result<SequentialPointRecordDecompressor<'a, Cursor<&'a [u8]>>, LasZipError> {
+    let mut decompressor = SequentialPointRecordDecompressor::new(source);
+    for item in record.vlr.items() {
+        match (item.item_type(), item.version()) {
+            (LazItemType::GpsTime, 2) => decompressor.add_field_decompressor(GpsTimes::default()),
+            // It adds to what is there.
+            _ => decompressor.set_fields_from(&vec![*item])?,
+        }
+    }
+    Ok(decompressor)
+}
+
+/// The points of each chunk.
+enum ChunkSizes {
+    Equal(u64),
+    Listed(std::vec::IntoIter<ChunkTableEntry>),
+}
+
+impl ChunkSizes {
+    /// Leaves `source` where the first chunk starts.
+    fn read(
+        bytes: &[u8],
+        header: &Header,
+        record: &Record,
+        source: &mut Cursor<&[u8]>,
+    ) -> Result<Self, LasZipError> {
+        if record.layout == POINTWISE {
+            return Ok(Self::Equal(u64::MAX));
+        }
+        check_chunk_count(bytes, header).ok_or(LasZipError::MissingChunkTable)?;
+        if record.vlr.uses_variable_size_chunks() {
+            let table = ChunkTable::read_from(source, &record.vlr)?;
+            return Ok(Self::Listed(table.as_ref().to_vec().into_iter()));
+        }
+        source.set_position((header.points_offset + ChunkTable::OFFSET_SIZE) as u64);
+        Ok(Self::Equal(record.vlr.chunk_size().into()))
+    }
+}
+
+impl Iterator for ChunkSizes {
+    type Item = u64;
+
+    fn next(&mut self) -> Option<u64> {
+        match self {
+            Self::Equal(points) => Some(*points),
+            Self::Listed(chunks) => chunks.next().map(|chunk| chunk.point_count),
+        }
+    }
 }
 
 /// Makes sure that the chunk table, where there is one, has no more chunks than the file has room for: every chunk
