@@ -172,6 +172,22 @@ fn every_compression_gives_the_same_depths() {
 }
 
 #[test]
+fn damaged_pixels_of_any_compression_never_panic() {
+    let image = include_bytes!("../../../fuzz/regressions/depth_exr/b44_differences_below_nothing");
+    let _ = open(&one_image("0.exr", image)).unwrap().read(0);
+    for (_, image) in exr::all_kinds([8, 6]) {
+        let folder = one_image("0.exr", &image);
+        let sequence = open(&folder).unwrap();
+        for at in (0..image.len()).step_by(5) {
+            let mut bytes = image.clone();
+            bytes[at] ^= 0xff;
+            write(folder.path(), "depth/0.exr", &bytes);
+            let _ = sequence.read(0);
+        }
+    }
+}
+
+#[test]
 fn memory_is_not_taken_for_tiles_that_the_image_cannot_fill() {
     let room = room(1);
     fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();

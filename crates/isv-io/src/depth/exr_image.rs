@@ -2,6 +2,7 @@
 
 use super::error::DepthFileError;
 use super::image::ImageFile;
+use crate::foreign::catch_panic;
 use exr::block::chunk::TileCoordinates;
 use exr::block::reader::ChunksReader;
 use exr::block::{BlockIndex, UncompressedBlock};
@@ -21,6 +22,16 @@ const MOST_TILE_PIXELS: usize = 1 << 20;
 
 /// The depth channel, in metres.
 pub(crate) fn read(
+    bytes: impl Read + Seek,
+    length: u64,
+    file: &ImageFile,
+) -> Result<Vec<f32>, DepthFileError> {
+    // Compressed pixels lead to numbers that `exr` does not check.
+    let read = catch_panic(|| read_unguarded(bytes, length, file));
+    read.unwrap_or_else(|| Err(file.flaw("not a readable EXR image: its pixels are damaged")))
+}
+
+fn read_unguarded(
     bytes: impl Read + Seek,
     length: u64,
     file: &ImageFile,
