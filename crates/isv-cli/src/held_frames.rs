@@ -135,11 +135,17 @@ impl HeldFrames {
 
     /// Decodes a packet, if that can be done.
     fn take(&mut self, packet: &Packet) -> Result<()> {
-        let number = match self.last_ns {
-            Some(last_ns) => self.next + self.frames_missing(last_ns, packet.header.timestamp_ns),
-            None => self.next,
+        let now_ns = packet.header.timestamp_ns;
+        let missing = match self.last_ns {
+            Some(last_ns) => self.frames_between(last_ns, now_ns).saturating_sub(1),
+            // Streams begin at time 0.
+            None => self.frames_between(0, now_ns),
         };
-        self.last_ns = Some(packet.header.timestamp_ns);
+        if missing > 0 {
+            self.is_now(Health::Held, self.next, "packets are missing");
+        }
+        let number = self.next + missing;
+        self.last_ns = Some(now_ns);
         let (decoded, decode_ms) = timed(|| self.decoder.decode(packet));
         if let Some(why) = self.decoder.take_notice() {
             backend::notify(&why);
@@ -163,12 +169,14 @@ impl HeldFrames {
         Ok(())
     }
 
-    /// How many frames lie between two packets by their times.
-    fn frames_missing(&self, last_ns: u64, now_ns: u64) -> usize {
-        let rate = self.header.frame_rate.per_second();
+    /// How many frames long the time between two packets is; 0 if that is no time to hold a frame for.
+    fn frames_between(&self, last_ns: u64, now_ns: u64) -> usize {
         let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
-        let frames = (seconds * rate).round();
-        if seconds > LONGEST_HOLD_S { 0 } else { (frames as usize).saturating_sub(1) }
+        if seconds > LONGEST_HOLD_S {
+            0
+        } else {
+            (seconds * self.header.frame_rate.per_second()).round() as usize
+        }
     }
 
     /// Says so where it changes.

@@ -1,7 +1,9 @@
 //! What `--stats` writes. The names of the fields are the keys of the JSON file.
 
+use crate::failure::usage;
+use crate::output::is_pipe;
 use anyhow::Result;
-use isv::io::{AtomicFile, WriteError};
+use isv::io::AtomicFile;
 use isv::kernels::simd;
 use isv_stages::Stages;
 use serde::Serialize;
@@ -67,8 +69,20 @@ pub(crate) struct StatsFile<F> {
 }
 
 impl<F: Serialize> StatsFile<F> {
-    /// Opens the file now, so that a path that cannot be written is refused before the work is done.
-    pub(crate) fn create(path: Option<&Path>) -> Result<Self, WriteError> {
+    /// Opens the file now, so that a path that cannot be written is refused before the work is done. `used`: what the command reads
+    /// and writes otherwise.
+    pub(crate) fn create(path: Option<&Path>, used: [&Path; 2]) -> Result<Self> {
+        if let Some(path) = path {
+            if is_pipe(path) {
+                return Err(usage("--stats: a file, as standard output is for results"));
+            }
+            if used.iter().any(|used| is_same_file(path, used)) {
+                return Err(usage(format!(
+                    "--stats: {} is what the command reads or writes",
+                    path.display()
+                )));
+            }
+        }
         let file = path.map(AtomicFile::create).transpose()?.map(|file| (file, Stages::listen()));
         Ok(Self { file, frames: Vec::new(), started: Instant::now() })
     }
@@ -102,6 +116,15 @@ impl<F: Serialize> StatsFile<F> {
         file.write_all((serde_json::to_string_pretty(&run)? + "\n").as_bytes())?;
         Ok(file.commit()?)
     }
+}
+
+/// Whether two paths lead to the same file, which need not be there yet.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
+    };
+    a == b || place(a).is_some_and(|a| place(b) == Some(a))
 }
 
 /// A duration in milliseconds.

@@ -221,6 +221,17 @@ fn outputs_that_cannot_be_written() {
 }
 
 #[test]
+fn statistics_do_not_replace_what_a_command_reads_or_writes() {
+    let (work, bytes) = Workspace::with_stream(2);
+    let words = "is what the command reads or writes";
+    work.isv(&["decode", "take.isv", "-o", "out", "--stats", "./take.isv"]).fails(2, &[words]);
+    let encode = ["encode", "frames", "-o", "new.isv", "--voxel=20mm", "--stats"];
+    work.isv(&[&encode[..], &["new.isv"]].concat()).fails(2, &[words]);
+    work.isv(&[&encode[..], &["-"]].concat()).fails(2, &["--stats", "a file"]);
+    assert!(work.read("take.isv") == bytes && !work.path("new.isv").exists() && !work.path("out").exists());
+}
+
+#[test]
 fn something_else_than_a_stream() {
     let (work, bytes) = Workspace::with_stream(1);
     work.write("not.isv", ply(&VERTICES, &FACES));

@@ -83,8 +83,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let density = product::density(args.points, args.spacing, args.voxel_m(&header));
     let recipe = Recipe { form, normals: args.normals, density };
     let frames = source.frames(recipe.surface())?;
+    let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
     let mut sink = Sink::new(&args.output, format, header.frame_rate.per_second())?;
-    let mut stats = StatsFile::create(args.stats.as_deref())?;
     let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
         let DecodedFrame { number, product, decode_ms, surface_ms } = frame?;

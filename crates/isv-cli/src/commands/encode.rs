@@ -29,7 +29,7 @@ use isv::encode::{EncoderSettings, FrameWriter, RateTarget};
 use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 use timestamps::Timestamps;
@@ -144,7 +144,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         header,
         frame_writer: FrameWriter::default(),
         packet_writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
-        stats: StatsFile::create(args.stats.as_deref())?,
+        stats: StatsFile::create(args.stats.as_deref(), [Path::new(&args.input), &args.output])?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
