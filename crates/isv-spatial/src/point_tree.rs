@@ -1,5 +1,6 @@
 //! Nearest neighbours in a fixed set of points.
 
+use crate::nearest::MAX_TIES;
 use glam::DVec3;
 
 /// Ranges of at most this many points are searched one by one.
@@ -71,19 +72,17 @@ impl PointTree {
 
     /// The `k` points nearest to `p` (all points if there are fewer), nearest first; among equals the one that came first
     /// in the list that the tree was made from. `found` is cleared and filled.
+    ///
+    /// Where more than [`MAX_TIES`] points that are exactly as far as the last one are left over, only so many are compared:
+    /// the last ones may then not be the first in the list, but always are the same ones.
     pub fn k_nearest(&self, p: DVec3, k: usize, found: &mut Vec<Neighbour>) {
         found.clear();
         if k == 0 {
             return;
         }
+        let mut search = Search { k, found, left_over: 0 };
         self.visit(p, f64::INFINITY, &mut |point, at| {
-            let new = Neighbour { distance_sq: point.distance_squared(p), index: self.origins[at] };
-            let is_before = |n: &Neighbour| (n.distance_sq, n.index) < (new.distance_sq, new.index);
-            if found.len() < k || !found.last().is_some_and(is_before) {
-                found.truncate(k - 1);
-                found.insert(found.partition_point(is_before), new);
-            }
-            if found.len() < k { f64::INFINITY } else { found[k - 1].distance_sq }
+            search.add(Neighbour { distance_sq: point.distance_squared(p), index: self.origins[at] })
         });
     }
 
@@ -126,6 +125,36 @@ impl PointTree {
             within_sq = self.visit_range(far.0, far.1, p, within_sq, beyond_sq, look);
         }
         within_sq
+    }
+}
+
+/// A search for the nearest points.
+struct Search<'a> {
+    /// How many are looked for.
+    k: usize,
+    /// Those found, nearest first.
+    found: &'a mut Vec<Neighbour>,
+    /// How many points were met that are as far as the last of those found, but too many.
+    left_over: usize,
+}
+
+impl Search<'_> {
+    /// Takes note of a point; returns the square of the distance up to which others are to be shown.
+    fn add(&mut self, new: Neighbour) -> f64 {
+        let is_before = |n: &Neighbour| (n.distance_sq, n.index) < (new.distance_sq, new.index);
+        let last_before = self.found.get(self.k - 1).copied();
+        if last_before.as_ref().is_none_or(|last| !is_before(last)) {
+            self.found.truncate(self.k - 1);
+            self.found.insert(self.found.partition_point(is_before), new);
+        }
+        let Some(last) = self.found.get(self.k - 1) else { return f64::INFINITY };
+        match last_before {
+            Some(before) if before.distance_sq > last.distance_sq => self.left_over = 0,
+            Some(_) if new.distance_sq <= last.distance_sq => self.left_over += 1,
+            _ => {}
+        }
+        // Without an end, a search among equal points would meet all of them, and one from each would take the square of their number.
+        if self.left_over <= MAX_TIES { last.distance_sq } else { last.distance_sq.next_down() }
     }
 }
 
@@ -186,13 +215,28 @@ mod tests {
     }
 
     #[test]
-    fn equal_points_make_no_deep_tree_and_come_in_order() {
-        let tree = PointTree::new(vec![DVec3::ONE; 100_000]);
-        assert_eq!(tree.nearest_sq(DVec3::ZERO), 3.0);
-        assert_eq!(tree.points().len(), 100_000);
+    fn few_equal_points_come_in_order() {
+        let tree = PointTree::new(vec![DVec3::ONE; MAX_TIES + 3]);
         let mut found = Vec::new();
         tree.k_nearest(DVec3::ZERO, 3, &mut found);
         assert_eq!(found, [0, 1, 2].map(|index| Neighbour { distance_sq: 3.0, index }));
+    }
+
+    #[test]
+    fn equal_points_make_no_deep_tree_and_are_not_all_met() {
+        let tree = PointTree::new(vec![DVec3::ONE; 100_000]);
+        assert_eq!(tree.nearest_sq(DVec3::ZERO), 3.0);
+        assert_eq!(tree.points().len(), 100_000);
+        for p in [DVec3::ZERO, DVec3::ONE] {
+            let (mut found, mut met) = (Vec::new(), 0);
+            let mut search = Search { k: 7, found: &mut found, left_over: 0 };
+            tree.visit(p, f64::INFINITY, &mut |point, at| {
+                met += 1;
+                search.add(Neighbour { distance_sq: point.distance_squared(p), index: at as u32 })
+            });
+            assert_eq!(found.len(), 7);
+            assert!(met < 100, "{met} points");
+        }
     }
 
     #[test]
