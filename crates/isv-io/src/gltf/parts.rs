@@ -115,8 +115,10 @@ impl Shape {
 
     /// Weights of the morph targets at rest: the node's own, else the mesh's, else zero.
     pub(super) fn weights_at_rest(&self, mesh: &schema::Mesh, node: &schema::Node) -> Vec<f64> {
-        let weights = if node.weights.is_empty() { &mesh.weights } else { &node.weights };
-        let mut weights = weights.clone();
+        let listed = if node.weights.is_empty() { &mesh.weights } else { &node.weights };
+        // A file may list more weights than there are targets; a copy of those would stay with every instance of the mesh.
+        let mut weights = Vec::with_capacity(self.targets);
+        weights.extend(listed.iter().take(self.targets));
         weights.resize(self.targets, 0.0);
         weights
     }
@@ -165,4 +167,24 @@ fn append_triangles(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_without_a_target_take_no_memory() {
+        let shape = Shape { parts: Vec::new(), targets: 3 };
+        let many: Vec<f64> = (0..50_000).map(f64::from).collect();
+        let mesh = |weights: &[f64]| schema::Mesh { primitives: Vec::new(), weights: weights.to_vec() };
+        let node = |weights: &[f64]| schema::Node { weights: weights.to_vec(), ..schema::Node::default() };
+        for weights in
+            [shape.weights_at_rest(&mesh(&many), &node(&[])), shape.weights_at_rest(&mesh(&[]), &node(&many))]
+        {
+            assert_eq!(weights, [0.0, 1.0, 2.0]);
+            assert!(weights.capacity() < 100, "room for {} weights", weights.capacity());
+        }
+        assert_eq!(shape.weights_at_rest(&mesh(&[5.0]), &node(&[])), [5.0, 0.0, 0.0]);
+    }
 }

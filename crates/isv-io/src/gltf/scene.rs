@@ -89,28 +89,34 @@ impl Scene {
             if self.shapes[shape].parts.is_empty() {
                 continue;
             }
-            let weights = self.shapes[shape].weights_at_rest(&document.meshes[mesh], node);
-            let instance = Instance { node: index, shape, skin: node.skin, weights };
-            self.check_instance(&instance, accessors)?;
+            self.check_instance(index, shape, node.skin, accessors)?;
             self.matters[index] = true;
-            if let Some(skin) = instance.skin {
+            if let Some(skin) = node.skin {
                 self.skins[skin].joints.iter().for_each(|joint| self.matters[*joint] = true);
             }
-            self.instances.push(instance);
+            let weights = self.shapes[shape].weights_at_rest(&document.meshes[mesh], node);
+            self.instances.push(Instance { node: index, shape, skin: node.skin, weights });
         }
         self.hierarchy.mark_ancestors(&mut self.matters);
         Ok(())
     }
 
-    /// Checks that the memory and the work which the pose of an instance takes are within the limit, and that it has all
-    /// its joints.
-    fn check_instance(&self, instance: &Instance, accessors: &Accessors) -> Result<(), Flaw> {
-        let flaw = |fault: GltfFault| Flaw::in_object("node", instance.node, fault);
-        let skin = instance.skin.map(|skin| object(&self.skins, "skin", skin, ("node", instance.node)));
+    /// Checks, before any memory is taken for it, that the memory and the work which an instance and its pose take are within
+    /// the limit, and that it has all its joints.
+    fn check_instance(
+        &self,
+        node: usize,
+        shape: usize,
+        skin: Option<usize>,
+        accessors: &Accessors,
+    ) -> Result<(), Flaw> {
+        let flaw = |fault: GltfFault| Flaw::in_object("node", node, fault);
+        let skin = skin.map(|skin| object(&self.skins, "skin", skin, ("node", node)));
         let skin = skin.transpose()?;
         let joints = skin.map_or(0, |skin| skin.joints.len());
-        accessors.limit.take(instance.weights.len() + joints, 1).map_err(flaw)?;
-        for part in &self.shapes[instance.shape].parts {
+        let shape = &self.shapes[shape];
+        accessors.limit.take(shape.targets + joints, 1).map_err(flaw)?;
+        for part in &shape.parts {
             let per_vertex = 1 + part.influences.len() + part.targets.len();
             accessors.limit.take(part.positions.len(), 3 * per_vertex).map_err(flaw)?;
             accessors.limit.take(part.triangles.len(), 3).map_err(flaw)?;
