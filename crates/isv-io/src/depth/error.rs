@@ -116,6 +116,18 @@ pub enum DepthFileError {
         /// What tells so.
         expected_what: String,
     },
+    /// More cameras, or larger ones, than a frame may have: the images of all cameras of a frame are in memory together.
+    #[error("{}: {found} {what}; at most {limit} are read", path.display())]
+    TooLarge {
+        /// The file that describes the cameras.
+        path: PathBuf,
+        /// How many it has; of pixels, as many as were counted before the limit was passed.
+        found: u64,
+        /// What these are.
+        what: &'static str,
+        /// The most that are read.
+        limit: u64,
+    },
     /// No depth image has a pose near it in time.
     #[error(
         "{}: none of {images} depth images has a pose within {limit_s} s of its time stamp", path.display()

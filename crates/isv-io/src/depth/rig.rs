@@ -5,8 +5,12 @@ use super::error::DepthFileError;
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
 use crate::inside::inside;
+use isv_volume::MAX_PIXELS;
 use serde::Deserialize;
 use std::path::Path;
+
+/// Most cameras of a rig. The largest capture stages have about a hundred.
+const MAX_CAMERAS: usize = 256;
 
 /// `rig.json`.
 #[derive(Debug, Deserialize)]
@@ -31,8 +35,20 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     let fps = check_fps(fps, file)?;
     let mut opened: Vec<Camera> = Vec::new();
     let mut first: Option<String> = None;
+    let too_large =
+        |found, what, limit| DepthFileError::TooLarge { path: file.to_owned(), found, what, limit };
+    if cameras.len() > MAX_CAMERAS {
+        return Err(too_large(cameras.len() as u64, "cameras", MAX_CAMERAS as u64));
+    }
+    // One small file may serve all cameras, and all images of a frame are held at once: together they get no more room
+    // than one image may have.
+    let mut pixels = 0u64;
     for RigCamera { name, lens, camera_to_world, images } in cameras {
         let (intrinsics, units) = lens.check(file, Some(&name))?;
+        pixels += u64::from(intrinsics.width) * u64::from(intrinsics.height);
+        if pixels > MAX_PIXELS {
+            return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
+        }
         let pose = pose(&camera_to_world).map_err(|cause| DepthFileError::Camera {
             path: file.to_owned(),
             camera: Some(name.clone()),
@@ -64,4 +80,45 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
         });
     }
     Ok(DepthSequence::new(folder, opened, fps))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    /// A rig of `cameras` cameras of a size, all of which see the same file. It is no image, so that only who reads it
+    /// notices.
+    fn rig(cameras: usize, [width, height]: [u32; 2]) -> (tempfile::TempDir, Result<DepthSequence, String>) {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("all")).unwrap();
+        std::fs::write(folder.path().join("all/0.png"), "no image").unwrap();
+        let camera = json!({
+            "name": "a", "width": width, "height": height, "fx": 1, "fy": 1, "cx": 0, "cy": 0,
+            "camera_to_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "images": "all",
+        });
+        let file = folder.path().join("rig.json");
+        let rig = json!({ "cameras": Value::Array(vec![camera; cameras]) });
+        std::fs::write(&file, rig.to_string()).unwrap();
+        let opened = open(folder.path(), &file);
+        let opened = opened.map_err(|error| error.to_string().replace(file.to_str().unwrap(), "rig.json"));
+        (folder, opened)
+    }
+
+    #[test]
+    fn cameras_that_are_too_many_are_refused_before_an_image_is_read() {
+        assert_eq!(rig(MAX_CAMERAS, [8, 8]).1.unwrap().cameras(), 256);
+        assert_eq!(
+            rig(MAX_CAMERAS + 1, [8, 8]).1.unwrap_err(),
+            "rig.json: 257 cameras; at most 256 are read"
+        );
+    }
+
+    #[test]
+    fn the_images_of_a_frame_are_together_no_larger_than_one_may_be() {
+        assert_eq!(rig(1, [1 << 14, 1 << 14]).1.unwrap().cameras(), 1);
+        assert_eq!(rig(4, [1 << 13, 1 << 13]).1.unwrap().cameras(), 4);
+        let expected = "rig.json: 335544320 pixels in the images of a frame; at most 268435456 are read";
+        assert_eq!(rig(5, [1 << 13, 1 << 13]).1.unwrap_err(), expected);
+    }
 }
