@@ -113,6 +113,26 @@ impl Lens {
         };
         intrinsics.validate().map_err(named)?;
         let depth_scale_m = positive("depth_scale_m", self.depth_scale_m, file)?;
-        Ok((intrinsics, Units { depth_scale_m, invalid: self.invalid_values }))
+        let mut invalid = self.invalid_values;
+        invalid.sort_unstable();
+        invalid.dedup();
+        Ok((intrinsics, Units { depth_scale_m, invalid }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn invalid_values_are_kept_once_and_in_order() {
+        let values: Vec<u16> = (0..100_000u32).map(|i| [900, 65_535, 0, 7][i as usize % 4]).collect();
+        let lens = json!({
+            "width": 4, "height": 3, "fx": 1, "fy": 1, "cx": 0, "cy": 0, "invalid_values": values,
+        });
+        let lens: Lens = serde_json::from_value(lens).unwrap();
+        let (_, units) = lens.check(Path::new("camera.json"), None).unwrap();
+        assert_eq!(units.invalid, [0, 7, 900, 65_535]);
     }
 }

@@ -15,7 +15,7 @@ const MOST_PACKED: u64 = 1032;
 pub(crate) struct Units {
     /// Metres to one unit.
     pub(crate) depth_scale_m: f64,
-    /// Values that are no reading.
+    /// Values that are no reading, each once and in rising order, as every pixel is looked for among them.
     pub(crate) invalid: Vec<u16>,
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn read(
     let depth = |sample: &[u8]| {
         let value = u16::from_be_bytes([sample[0], sample[1]]);
         let metres = (f64::from(value) * units.depth_scale_m) as f32;
-        if units.invalid.contains(&value) { 0.0 } else { metres }
+        if units.invalid.binary_search(&value).is_ok() { 0.0 } else { metres }
     };
     Ok(samples.chunks_exact(2).map(depth).collect())
 }
@@ -38,5 +38,32 @@ fn in_words(error: &png::DecodingError) -> &'static str {
         }
         png::DecodingError::IoError(_) => "the PNG image cannot be read",
         _ => "not a PNG image, or a damaged one",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+    use std::path::Path;
+
+    #[test]
+    fn only_invalid_values_are_no_reading() {
+        let samples: Vec<u16> = (0..=u16::MAX).collect();
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 256, 256);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Sixteen);
+        let data: Vec<u8> = samples.iter().flat_map(|sample| sample.to_be_bytes()).collect();
+        encoder.write_header().unwrap().write_image_data(&data).unwrap();
+        let file = ImageFile { path: Path::new("0.png"), frame: 0, size: [256, 256] };
+        for invalid in [vec![], vec![0], (0..=u16::MAX).step_by(3).collect()] {
+            let units = Units { depth_scale_m: 0.5, invalid };
+            let depths = read(Cursor::new(&bytes), bytes.len() as u64, &file, &units).unwrap();
+            for (sample, depth) in samples.iter().zip(depths) {
+                let expected = if units.invalid.contains(sample) { 0.0 } else { f32::from(*sample) / 2.0 };
+                assert_eq!(depth, expected, "sample {sample}");
+            }
+        }
     }
 }
