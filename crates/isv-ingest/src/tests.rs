@@ -354,6 +354,26 @@ fn too_many_blocks_are_refused_with_a_voxel_that_fits() {
 }
 
 #[test]
+fn huge_triangles_over_one_another_are_refused_with_a_voxel_that_fits() {
+    // Few blocks, each with all of the triangles: the work is that of hundreds of surfaces.
+    let mesh = TriangleMesh {
+        vertices: vec![DVec3::ZERO, DVec3::X * 5.0, DVec3::Y * 5.0],
+        normals: Vec::new(),
+        triangles: vec![[0, 1, 2]; 2_000],
+    };
+    let settings = MeshIngest { max_blocks: 50_000, ..settings(0.005, BlockEdge::E8) };
+    let one = TriangleMesh { triangles: mesh.triangles[..1].to_vec(), ..mesh.clone() };
+    assert!(ingest_mesh(&one, &settings, SignDecision::Offset).is_ok());
+    for reach in [Reach::Band, Reach::Surface] {
+        let error = ingest_mesh(&mesh, &MeshIngest { reach, ..settings }, SignDecision::Offset).unwrap_err();
+        let IngestError::Fit(FitError::TooManyBlocks { limit: 50_000, voxel_that_fits_m, .. }) = error else {
+            panic!("{error}")
+        };
+        assert!((0.005..0.2).contains(&voxel_that_fits_m), "{voxel_that_fits_m}");
+    }
+}
+
+#[test]
 fn a_hoop_too_wide_to_close_is_refused_with_a_voxel_that_fits() {
     // A band 10 cm high around a circle of 300 m.
     let corner = |i: u32, z: f64| {

@@ -17,9 +17,18 @@ pub(crate) const TILE_BLOCKS: i32 = 4;
 /// Blocks in a tile.
 const TILE_VOLUME: usize = (TILE_BLOCKS * TILE_BLOCKS * TILE_BLOCKS) as usize;
 
-/// Triangles are taken in batches expected to make at most this many list entries (64 MB of them), between which the
-/// number of tiles is checked against the limit.
+/// Triangles are taken in batches expected to make at most this many list entries, between which the numbers of tiles and of
+/// entries are checked against their limits. Until its batch is done, an entry takes up to a hundred bytes, where no tile has
+/// another one; from then on, up to twenty.
 const BATCH_ENTRIES: f64 = 4_194_304.0;
+
+/// List entries of large triangles for each block that is allowed. Triangles that lie over one another share their blocks, and
+/// without this limit could be as many as a file has room for, each in all tiles. The blocks of a tile that a surface passes through
+/// are sixteen or more, so this lets 64 triangles into every tile of the largest volume.
+const ENTRIES_PER_BLOCK: usize = 4;
+
+/// No fewer blocks than these count: few blocks are no reason to refuse a fan of slivers.
+const LEAST_BLOCKS: usize = 1 << 18;
 
 /// Triangles that are listed together.
 const TOGETHER: usize = 4096;
@@ -143,25 +152,26 @@ impl Tile<'_> {
     }
 }
 
-/// All tiles, with their triangles.
+/// Tiles with their triangles.
 pub(crate) struct TileList {
-    /// The tiles in Morton order, each with the end of its triangles.
+    /// The tiles, each once and in Morton order if these are all, each with the end of its triangles.
     tiles: Vec<(MortonCode, usize)>,
     /// Triangles, tile after tile.
     faces: Vec<u32>,
 }
 
-/// More blocks than allowed.
+/// More blocks than allowed, or so many triangles over one another that they would cost as much.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OverLimit;
 
 impl TileList {
-    /// Lists the triangles of all tiles, unless that shows more than `limit` blocks to be needed.
+    /// Lists the triangles of all tiles, unless that shows more than `limit` blocks to be needed or to be worked for.
     ///
     /// Every coordinate must be in the range of block coordinates.
     pub(crate) fn build(mesh: &VoxelMesh, band: &Band, limit: usize) -> Result<Self, OverLimit> {
-        let mut listings: Vec<Listing> = Vec::new();
+        let mut lists: Vec<TileList> = Vec::new();
         let mut certain: FxHashSet<MortonCode> = FxHashSet::default();
+        let (mut entries, most_entries) = (0, most_entries(mesh, band, limit));
         let mut start = 0;
         while start < mesh.triangles.len() {
             let end = batch_end(mesh, band, start, limit)?;
@@ -174,21 +184,26 @@ impl TileList {
             };
             let parts: Vec<Listing> = (start..end).into_par_iter().step_by(TOGETHER).map(list).collect();
             certain.extend(parts.iter().flat_map(|part| &part.certain));
-            listings.extend(parts);
-            if certain.len() > limit {
+            let first_new = lists.len();
+            lists.par_extend(parts.into_par_iter().map(Listing::close));
+            entries += lists[first_new..].iter().map(|list| list.faces.len()).sum::<usize>();
+            if certain.len() > limit || entries > most_entries {
                 return Err(OverLimit);
             }
             start = end;
         }
-        Ok(Self::gather(&listings))
+        Ok(Self::gather(&lists))
     }
 
     /// Puts the triangles of each tile behind one another, given those of some triangles after those of others.
-    fn gather(listings: &[Listing]) -> Self {
-        let parts = listings.iter().zip(0..).flat_map(|(listing, number)| {
-            listing.tiles.iter().map(move |(tile, faces)| (code(*tile), number, faces))
+    fn gather(lists: &[Self]) -> Self {
+        let parts = lists.iter().zip(0u32..).flat_map(|(list, number)| {
+            let mut start = 0;
+            list.tiles
+                .iter()
+                .map(move |&(tile, end)| (tile, number, &list.faces[std::mem::replace(&mut start, end)..end]))
         });
-        let mut parts: Vec<(MortonCode, usize, &Vec<u32>)> = parts.collect();
+        let mut parts: Vec<(MortonCode, u32, &[u32])> = parts.collect();
         parts.sort_unstable_by_key(|(tile, number, _)| (*tile, *number));
         let mut list = Self {
             tiles: Vec::new(),
@@ -210,6 +225,12 @@ impl TileList {
         };
         self.tiles.iter().map(tile).collect()
     }
+}
+
+/// How many entries the lists of a mesh may have: as many as small triangles can ask for, and those of [`ENTRIES_PER_BLOCK`].
+fn most_entries(mesh: &VoxelMesh, band: &Band, limit: usize) -> usize {
+    let of_small = mesh.triangles.len().saturating_mul(band.most_tiles_of_small() as usize);
+    limit.max(LEAST_BLOCKS).saturating_mul(ENTRIES_PER_BLOCK).saturating_add(of_small)
 }
 
 /// The end of the batch of triangles that begins at `start`.
@@ -277,6 +298,18 @@ impl Listing {
             self.last = Some(home);
             self.certain.insert(code(home));
         }
+    }
+
+    /// What is listed, as a list of tiles in the order in which they were found.
+    fn close(self) -> TileList {
+        let entries = self.tiles.iter().map(|(_, faces)| faces.len()).sum();
+        let mut list =
+            TileList { tiles: Vec::with_capacity(self.tiles.len()), faces: Vec::with_capacity(entries) };
+        for (tile, faces) in self.tiles {
+            list.faces.extend(faces);
+            list.tiles.push((code(tile), list.faces.len()));
+        }
+        list
     }
 
     /// Lists a triangle in a tile.
@@ -405,6 +438,27 @@ mod tests {
             (tile * edge + IVec3::new(x, y, z)).as_dvec3() + 0.5
         };
         (0..edge.pow(3)).map(|voxel| distance(centre(voxel), corners)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Some equal right triangles, whose legs are that many voxels long.
+    fn pile(count: usize, leg: f64) -> VoxelMesh<'static> {
+        let vertices = vec![DVec3::ZERO, DVec3::X * leg, DVec3::Y * leg];
+        VoxelMesh { vertices, triangles: vec![[0, 1, 2]; count].into() }
+    }
+
+    #[test]
+    fn large_triangles_over_one_another_are_refused_and_small_ones_are_not() {
+        let band = Band { width: 8.0, listed: 8.0 + CUBE_DIAGONAL, edge: 8 };
+        let listed = |mesh| TileList::build(&mesh, &band, LEAST_BLOCKS).map(|list| list.faces.len());
+        let each = listed(pile(1, 640.0)).unwrap();
+        assert!(each > 400, "{each} tiles");
+        let enough = LEAST_BLOCKS * ENTRIES_PER_BLOCK / each;
+        assert_eq!(listed(pile(enough, 640.0)).unwrap(), enough * each);
+        assert!(listed(pile(2 * enough, 640.0)).is_err());
+        // All of whose tiles are counted by the number of triangles.
+        let (many, each) = (300_000, listed(pile(1, 4.0)).unwrap());
+        assert!(many * each > LEAST_BLOCKS * ENTRIES_PER_BLOCK);
+        assert_eq!(listed(pile(many, 4.0)).unwrap(), many * each);
     }
 
     #[test]
