@@ -2,7 +2,7 @@
 
 use crate::block_set::CELL_LOG2;
 use crate::{BlockCoord, BlockSet};
-use rustc_hash::FxHashMap;
+use foldhash::HashMap;
 use std::hash::{Hash, Hasher};
 
 /// Block indices of a block's 3x3x3 neighbourhood; `None` where there is no block. Entry `(dz + 1) * 9 + (dy + 1) * 3 +
@@ -18,7 +18,8 @@ const SPREAD: [u32; 4] = [0, 1, 8, 9];
 /// and a block's index is that of the cell's first and the number of bits below its own.
 #[derive(Clone, Debug, Default)]
 pub struct BlockIndex {
-    cells: FxHashMap<CellPlace, Cell>,
+    /// Hashed with a random key, as streams choose the blocks: with a known hash all of them could be made to collide.
+    cells: HashMap<CellPlace, Cell>,
 }
 
 /// Where a cell is, in cells.

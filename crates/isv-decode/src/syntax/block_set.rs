@@ -5,8 +5,6 @@ use super::{SyntaxError, check_overrun};
 use crate::ReferenceBlocks;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCoord, MortonCode};
-use std::collections::HashSet;
-use std::hash::BuildHasherDefault;
 
 /// Levels above single blocks that the whole coordinate range needs.
 pub const MAX_DEPTH: u32 = 21;
@@ -88,7 +86,8 @@ impl BlockSetModels {
     }
 }
 
-type CellSet = HashSet<u64, BuildHasherDefault<MortonHasher>>;
+/// Hashed with a random key, as streams choose the cells: with a known hash all of them could be made to collide.
+type CellSet = foldhash::HashSet<u64>;
 
 /// What is known around a cell of one level of the octree. Cells are Morton codes without their lowest `3 * level` bits.
 #[derive(Debug)]
@@ -149,24 +148,6 @@ fn step_down(cell: u64, axis: u32) -> Option<u64> {
 fn step_up(cell: u64, axis: u32) -> Option<u64> {
     let mask = axis_mask(axis);
     (cell & mask != mask).then(|| (cell | !mask).wrapping_add(1) & mask | cell & !mask)
-}
-
-/// Morton codes are dense in their low bits: one multiplication spreads them well enough.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MortonHasher(u64);
-
-impl std::hash::Hasher for MortonHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-
-    fn write(&mut self, _: &[u8]) {
-        unreachable!("cells hash as u64")
-    }
-
-    fn write_u64(&mut self, value: u64) {
-        self.0 = value.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(26);
-    }
 }
 
 #[cfg(test)]

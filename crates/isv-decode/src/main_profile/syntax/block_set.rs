@@ -8,9 +8,9 @@ use crate::main_profile::MainBlocks;
 use crate::main_profile::activity::Activity;
 use crate::syntax::SyntaxError;
 use crate::syntax::block_set::BlockSetModels as OctreeModels;
+use foldhash::HashMap;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCell, BlockCoord, BlockSet};
-use rustc_hash::FxHashMap;
 use std::iter::Peekable;
 use std::slice::Iter;
 use std::sync::LazyLock;
@@ -118,7 +118,7 @@ pub struct FlagContext {
 pub struct ExpectedBlocks {
     cells: Vec<ExpectedCell>,
     /// Which of the cells has a code.
-    numbers: FxHashMap<u64, u32>,
+    numbers: HashMap<u64, u32>,
     activity: Vec<Activity>,
     /// The cell of the last context asked for, and the 3x3x3 cells around it, where they are.
     around: (u32, [Option<u32>; 27]),

@@ -2,9 +2,9 @@
 //! be found of them changes. A flag for each cell that the frame before has blocks in.
 
 use crate::main_profile::MainBlocks;
+use foldhash::HashSet;
 use isv_entropy::{BitModel, RangeDecoder};
 use isv_volume::{BlockCell, BlockSet};
-use rustc_hash::FxHashSet;
 
 /// Models of the flags of cells.
 #[derive(Clone, Debug, Default)]
@@ -31,9 +31,9 @@ impl StillCellModels {
 #[derive(Debug)]
 pub struct StillCellContext {
     /// Cells that are known to stay as they are.
-    now: FxHashSet<u64>,
+    now: HashSet<u64>,
     /// Those that did in the frame before.
-    before: FxHashSet<u64>,
+    before: HashSet<u64>,
 }
 
 impl StillCellContext {
@@ -41,7 +41,7 @@ impl StillCellContext {
     #[must_use]
     pub fn new(reference: MainBlocks) -> Self {
         let before = reference.still.cells().iter().map(|cell| cell.code).collect();
-        Self { now: FxHashSet::default(), before }
+        Self { now: HashSet::default(), before }
     }
 
     /// Notes whether a cell stays as it is.
@@ -55,7 +55,7 @@ impl StillCellContext {
     /// the three ahead of it were.
     #[must_use]
     pub fn model(&self, cell: BlockCell) -> usize {
-        let along = |set: &FxHashSet<u64>, ahead: bool| {
+        let along = |set: &HashSet<u64>, ahead: bool| {
             let beside = (0..3).filter_map(|axis| cell.beside(axis, ahead));
             beside.filter(|code| set.contains(code)).count()
         };
