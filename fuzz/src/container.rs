@@ -1,8 +1,10 @@
-//! The container alone: stream header, packets, frame payloads, index and trailer, as bytes from a pipe and as a file.
+//! The container alone: stream header, packets, frame payloads, index and trailer, as bytes from a pipe, as a file, and as what is
+//! left of a damaged one.
 
 use crate::sealing::with_checksums;
 use isv::format::{
-    FormatError, FramePayload, Packet, PacketHeader, PacketKind, PacketReader, StreamHeader, StreamIndex,
+    FormatError, FramePayload, Packet, PacketHeader, PacketKind, PacketReader, SalvageReader, Salvaged,
+    StreamHeader, StreamIndex,
 };
 use std::io::Cursor;
 
@@ -38,6 +40,7 @@ fn read_as_it_is(bytes: &[u8]) {
         read_packet(packet, &header, bytes);
     }
     assert!(at <= bytes.len() as u64);
+    salvage(bytes, &packets);
     load_index(bytes, &packets, end);
 }
 
@@ -66,6 +69,39 @@ fn read_packet(packet: &Packet, header: &StreamHeader, bytes: &[u8]) {
             }
         }
     }
+}
+
+/// Looks for packets past damage. `packets`: those before it, which are found all the same.
+fn salvage(bytes: &[u8], packets: &[Packet]) {
+    let mut reader = SalvageReader::new(bytes).expect("the header was read");
+    let (mut found, mut at) = (Vec::new(), StreamHeader::BYTES as u64);
+    let passed_over = |from: u64, to: u64| {
+        assert!(from <= to, "what is found is in order");
+        let rest = &bytes[from as usize..to as usize];
+        // An index, and the trailer behind it.
+        assert!(
+            rest.is_empty() || rest.starts_with(&PacketHeader::MAGIC),
+            "bytes {from} to {to} are neither"
+        );
+    };
+    while let Some(salvaged) = reader.next_frame().expect("memory can be read") {
+        let (begin, length) = match &salvaged {
+            Salvaged::Frame(packet) => (packet.at, packet.total_bytes() as u64),
+            Salvaged::Damage { at, bytes } => (*at, *bytes),
+        };
+        passed_over(at, begin);
+        at = begin + length;
+        if let Salvaged::Frame(packet) = salvaged {
+            let again = PacketReader::at_packet(&bytes[begin as usize..], begin).next_packet();
+            assert_eq!(again.ok().flatten().as_ref(), Some(&packet), "a packet is whole in itself");
+            found.push(packet);
+        } else {
+            assert!(length > 0, "damage has bytes");
+        }
+    }
+    passed_over(at, bytes.len() as u64);
+    let frames: Vec<_> = packets.iter().filter(|packet| packet.header.kind != PacketKind::Index).collect();
+    assert!(found.len() >= frames.len() && frames.iter().zip(&found).all(|(a, b)| *a == b));
 }
 
 /// Loads the index as from a file, and goes to each of its frames. `end`: of `packets`, which were read one after the other.

@@ -7,6 +7,7 @@ pub mod container;
 pub mod differential;
 pub mod encoder;
 pub mod live;
+pub mod loss;
 pub mod mutators;
 pub mod range_decoder;
 pub mod stream;
