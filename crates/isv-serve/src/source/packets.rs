@@ -4,6 +4,15 @@ use super::replay::Replay;
 use isv_format::{FormatError, MAGIC, PacketHeader, PacketReader, Profile, StreamHeader};
 use std::io::{self, Read};
 
+/// Bytes that may be read in vain, as packets that turn out to be none: so many at first and never more at once, and so many
+/// regained for each byte passed. Packets beyond what is left are damage unless they are short. Otherwise each false header
+/// of 24 bytes would cost as much as the largest packet. Salvaging a file follows the same rule but for the upper limit,
+/// without which a stream of hours would have saved up for hours.
+const PATIENCE_BYTES: usize = 1 << 26;
+const PATIENCE_REGAINED: usize = 16;
+/// What counts as short then, header and payload.
+const SHORT_BYTES: usize = 1 << 12;
+
 /// What comes next.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Piece<'a> {
@@ -36,6 +45,8 @@ pub(super) struct Packets<R> {
     profile: Option<Profile>,
     /// Whether the damage was told that the next bytes are in.
     told: bool,
+    /// Bytes that may still be read in vain.
+    patience: usize,
 }
 
 /// What one attempt to read gave.
@@ -48,7 +59,16 @@ enum Found {
 impl<R: Read> Packets<R> {
     /// `skipped` bytes were left out of `source` behind its stream header. Larger packets are damage.
     pub(super) fn new(source: R, skipped: u64, largest_packet: usize) -> Self {
-        Self { bytes: Replay::new(source), largest_packet, at: 0, skipped, profile: None, told: false }
+        let patience = PATIENCE_BYTES.max(largest_packet);
+        Self {
+            bytes: Replay::new(source),
+            largest_packet,
+            at: 0,
+            skipped,
+            profile: None,
+            told: false,
+            patience,
+        }
     }
 
     /// The next piece, for which it waits; `None` at the end of the bytes.
@@ -65,6 +85,7 @@ impl<R: Read> Packets<R> {
                 }
                 Err(FormatError::Io(error)) => return Err(error),
                 Err(error) => {
+                    self.patience = self.patience.saturating_sub(self.bytes.read_so_far().len());
                     self.bytes.rewind();
                     self.pass_over()?;
                     if !std::mem::replace(&mut self.told, true) {
@@ -98,7 +119,8 @@ impl<R: Read> Packets<R> {
     }
 
     fn read_packet(&mut self) -> Result<Found, FormatError> {
-        let largest = self.largest_packet.saturating_sub(PacketHeader::BYTES);
+        let believed = self.largest_packet.min(self.patience.max(SHORT_BYTES));
+        let largest = believed.saturating_sub(PacketHeader::BYTES);
         let largest = u32::try_from(largest).unwrap_or(u32::MAX);
         let frame =
             PacketReader::at_packet(&mut self.bytes, self.at).with_largest_payload(largest).next_frame()?;
@@ -143,7 +165,10 @@ impl<R: Read> Packets<R> {
     }
 
     fn forget(&mut self) {
-        self.at += self.bytes.forget() as u64;
+        let passed = self.bytes.forget();
+        self.at += passed as u64;
+        let regained = self.patience.saturating_add(passed.saturating_mul(PATIENCE_REGAINED));
+        self.patience = regained.min(PATIENCE_BYTES.max(self.largest_packet));
     }
 }
 
@@ -169,6 +194,7 @@ impl Begins {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isv_format::PacketKind;
     use std::fs;
     use std::path::Path;
 
@@ -293,6 +319,40 @@ mod tests {
             frames < places.len() - 1 && words.iter().any(|words| words.contains("above the limit")),
             "{words:?}"
         );
+    }
+
+    /// A packet with its number as timestamp.
+    fn packet(number: u64, payload_bytes: usize) -> Vec<u8> {
+        let payload = vec![0; payload_bytes];
+        let kind = PacketKind::Frame { keyframe: true, hashed: false };
+        [&PacketHeader::seal(kind, 0, number, &payload)[..], &payload].concat()
+    }
+
+    /// Each false header says that half a megabyte follows, and so much does.
+    #[test]
+    fn false_packets_use_up_what_may_be_read_in_vain_and_bytes_passed_regain_it() {
+        let false_bytes = 500_000;
+        let false_header = {
+            let mut fields = packet(9, 0);
+            fields[8..12].copy_from_slice(&(false_bytes as u32).to_le_bytes());
+            fields
+        };
+        let count = 2 * PATIENCE_BYTES / false_bytes;
+        let header = stream().0[..StreamHeader::BYTES].to_vec();
+        let after = [packet(0, 100), packet(1, 600_000), packet(2, 100), packet(3, 600_000)].concat();
+        let bytes = [header, false_header.repeat(count), after].concat();
+        let mut packets = Packets::new(&bytes[..], 0, LARGEST);
+        let mut found = Vec::new();
+        while let Some(piece) = packets.next().unwrap() {
+            found.push(match piece {
+                Piece::Header(_) => "header".to_owned(),
+                Piece::Frame { packet, .. } => format!("frame {}", packet[12]),
+                Piece::End => "end".to_owned(),
+                Piece::Damage(_) => "damage".to_owned(),
+            });
+        }
+        // The first large packet is one too many; behind it there is patience again.
+        assert_eq!(found, ["header", "damage", "frame 0", "damage", "frame 2", "frame 3"]);
     }
 
     #[test]
