@@ -1,10 +1,12 @@
 //! Stanford PLY 1.0, after Greg Turk's description of the format (1994): a text header that declares elements and
 //! their properties, then the rows of each element in the header's order, as text or binary in either byte order.
 
+mod arriving;
 mod header;
 mod read;
 mod values;
 mod write;
 
-pub(crate) use read::{parse, parse_next};
+pub(crate) use arriving::Arriving;
+pub(crate) use read::parse;
 pub(crate) use write::{write, write_points};

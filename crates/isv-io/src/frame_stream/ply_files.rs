@@ -13,6 +13,8 @@ pub(super) struct PlyFiles<R> {
     /// What was read; the next file starts at `start`.
     buffer: Vec<u8>,
     start: usize,
+    /// What is known of that file.
+    arriving: ply::Arriving,
     /// Whether the reader has no more.
     ended: bool,
     frames: usize,
@@ -20,7 +22,14 @@ pub(super) struct PlyFiles<R> {
 
 impl<R: Read> PlyFiles<R> {
     pub(super) fn new(reader: R) -> Self {
-        Self { reader, buffer: Vec::new(), start: 0, ended: false, frames: 0 }
+        Self {
+            reader,
+            buffer: Vec::new(),
+            start: 0,
+            arriving: ply::Arriving::default(),
+            ended: false,
+            frames: 0,
+        }
     }
 
     /// The next frame as it is in its file, as soon as its last byte is there; none at the end.
@@ -33,8 +42,9 @@ impl<R: Read> PlyFiles<R> {
                 return Ok(None);
             }
             if let Some((geometry, length)) =
-                ply::parse_next(file, self.ended).map_err(|flaw| flaw.in_file(&path))?
+                self.arriving.parse(file, self.ended).map_err(|flaw| flaw.in_file(&path))?
             {
+                self.arriving = ply::Arriving::default();
                 self.start += length;
                 self.frames += 1;
                 return Ok(Some((path, geometry)));

@@ -129,30 +129,14 @@ pub(super) struct Header {
 impl Header {
     /// Parses the header at the start of a file. Its lines end in LF or CR LF.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Flaw> {
-        let mut parser = Parser { encoding: None, elements: Vec::new() };
-        let mut offset = 0;
-        for (index, raw) in bytes.split_inclusive(|b| *b == b'\n').enumerate() {
-            let line = index + 1;
-            offset += raw.len();
-            let words: Vec<&[u8]> = raw
-                .split(u8::is_ascii_whitespace)
-                .filter(|word| !word.is_empty())
-                .take(MOST_WORDS + 1)
-                .collect();
-            if index == 0 {
-                if words != [b"ply"] {
-                    return Err(Flaw::at_line(line, Malformation::NotPly));
-                }
-            } else if !raw.ends_with(b"\n") {
-                break;
-            } else if words == [b"end_header"] {
-                let encoding = parser.encoding.ok_or(Flaw::at_line(line, Malformation::NoFormat))?;
-                return Ok(Self { encoding, elements: parser.elements, body_offset: offset, lines: line });
-            } else {
-                parser.line(raw, &words).map_err(|why| Flaw::at_line(line, why))?;
-            }
+        let mut reader = HeaderReader::default();
+        if let Some(header) = reader.read(bytes)? {
+            return Ok(header);
         }
-        Err(Flaw::at_byte(offset, Malformation::HeaderEnd))
+        if reader.lines == 0 && !bytes.is_empty() && words(bytes) != [b"ply"] {
+            return Err(Flaw::at_line(1, Malformation::NotPly));
+        }
+        Err(Flaw::at_byte(bytes.len(), Malformation::HeaderEnd))
     }
 
     /// The element of a name.
@@ -161,6 +145,51 @@ impl Header {
     }
 }
 
+/// Reads a header whose bytes may still arrive, and each of its lines once.
+#[derive(Default)]
+pub(super) struct HeaderReader {
+    parser: Parser,
+    lines: usize,
+    /// Where the next line starts.
+    offset: usize,
+    /// Where to look for its end.
+    searched: usize,
+}
+
+impl HeaderReader {
+    /// The header, once all of it is there. `bytes` must be those of the calls before, with more behind them.
+    pub(super) fn read(&mut self, bytes: &[u8]) -> Result<Option<Header>, Flaw> {
+        while let Some(length) = bytes[self.searched..].iter().position(|b| *b == b'\n') {
+            let end = self.searched + length + 1;
+            let raw = &bytes[self.offset..end];
+            (self.offset, self.searched) = (end, end);
+            self.lines += 1;
+            let lines = self.lines;
+            let flaw = |why| Flaw::at_line(lines, why);
+            let words = words(raw);
+            if lines == 1 {
+                if words != [b"ply"] {
+                    return Err(flaw(Malformation::NotPly));
+                }
+            } else if words == [b"end_header"] {
+                let Parser { encoding, elements } = std::mem::take(&mut self.parser);
+                let encoding = encoding.ok_or(flaw(Malformation::NoFormat))?;
+                return Ok(Some(Header { encoding, elements, body_offset: end, lines }));
+            } else {
+                self.parser.line(raw, &words).map_err(flaw)?;
+            }
+        }
+        self.searched = bytes.len();
+        Ok(None)
+    }
+}
+
+/// The words of a line, no more of them than tell what it declares.
+fn words(line: &[u8]) -> Vec<&[u8]> {
+    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(MOST_WORDS + 1).collect()
+}
+
+#[derive(Default)]
 struct Parser {
     encoding: Option<Encoding>,
     elements: Vec<Element>,

@@ -14,45 +14,12 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
     parse_body(bytes, &Header::parse(bytes)?, true).map(|(geometry, _)| geometry)
 }
 
-/// Parses the PLY file that `bytes` start with, and says how many bytes it takes. `None` if it ends later than `bytes`
-/// do and more bytes will come: if not `ended`. An ASCII file ends with the line of its last row. To be asked too early
-/// costs next to nothing.
-pub(crate) fn parse_next(bytes: &[u8], ended: bool) -> Result<Option<(Geometry, usize)>, Flaw> {
-    if ended {
-        return parse_body(bytes, &Header::parse(bytes)?, true).map(Some);
-    }
-    if !bytes.contains(&b'\n') {
-        return Ok(None);
-    }
-    let header = match Header::parse(bytes) {
-        Err(Flaw { why: Malformation::HeaderEnd, .. }) => return Ok(None),
-        header => header?,
-    };
-    if !may_be_whole(bytes, &header) {
-        return Ok(None);
-    }
-    match parse_body(bytes, &header, false) {
-        Err(Flaw { why: Malformation::Truncated { .. }, .. }) => Ok(None),
-        body => body.map(Some),
-    }
-}
-
-/// Whether all that the header promises can be there.
-fn may_be_whole(bytes: &[u8], header: &Header) -> bool {
-    match header.encoding {
-        Encoding::Ascii => Ascii::new(bytes, header, false).may_be_whole(&header.elements),
-        Encoding::BinaryLittleEndian | Encoding::BinaryBigEndian => {
-            Binary::new(bytes, header, false).may_be_whole(&header.elements)
-        }
-    }
-}
-
 /// The geometry, and how many bytes it takes with its header.
-fn parse_body(bytes: &[u8], header: &Header, ended: bool) -> Result<(Geometry, usize), Flaw> {
+pub(super) fn parse_body(bytes: &[u8], header: &Header, ended: bool) -> Result<(Geometry, usize), Flaw> {
     match header.encoding {
         Encoding::Ascii => read_body(header, Ascii::new(bytes, header, ended)),
-        Encoding::BinaryLittleEndian => read_body(header, Binary::new(bytes, header, false)),
-        Encoding::BinaryBigEndian => read_body(header, Binary::new(bytes, header, true)),
+        Encoding::BinaryLittleEndian => read_body(header, Binary::new(bytes, header.body_offset, false)),
+        Encoding::BinaryBigEndian => read_body(header, Binary::new(bytes, header.body_offset, true)),
     }
     .map(|(geometry, remaining)| (geometry, bytes.len() - remaining))
 }
@@ -122,11 +89,7 @@ fn read_row(values: &mut impl Values, element: &Element, sink: &mut impl Sink) -
         match property.kind {
             Kind::Scalar(scalar) => sink.value(index, values.value(scalar)?)?,
             Kind::List { length, item } => {
-                let length = values.value(length)? as i64;
-                if length < 0 {
-                    return Err(Malformation::ListLength { length }.into());
-                }
-                for _ in 0..length {
+                for _ in 0..values.list_length(length)? {
                     sink.value(index, values.value(item)?)?;
                 }
             }

@@ -29,8 +29,11 @@ pub(super) trait Values {
     /// Fewest bytes that a value takes.
     fn least_bytes(scalar: Scalar) -> usize;
 
-    /// Whether all rows of these elements can be there, lists taken as triangles.
-    fn may_be_whole(&self, elements: &[Element]) -> bool;
+    /// How many items a list has.
+    fn list_length(&mut self, scalar: Scalar) -> Result<u64, Fault> {
+        let length = self.value(scalar)? as i64;
+        u64::try_from(length).map_err(|_| Malformation::ListLength { length }.into())
+    }
 
     /// How many rows of an element to reserve memory for: what the header claims, but never more than the rest of
     /// the file could hold, lists taken as triangles.
@@ -57,8 +60,24 @@ pub(super) struct Binary<'a> {
 }
 
 impl<'a> Binary<'a> {
-    pub(super) fn new(bytes: &'a [u8], header: &Header, big_endian: bool) -> Self {
-        Self { bytes, at: header.body_offset, big_endian }
+    /// Values from byte `at` of a file on.
+    pub(super) fn new(bytes: &'a [u8], at: usize, big_endian: bool) -> Self {
+        Self { bytes, at, big_endian }
+    }
+
+    /// Passes over a row, of which only the lengths of lists are looked at, and says where it ends.
+    pub(super) fn skip_row(&mut self, element: &Element) -> Result<usize, Fault> {
+        for property in &element.properties {
+            let bytes = match property.kind {
+                Kind::Scalar(scalar) => scalar.bytes() as u64,
+                Kind::List { length, item } => self.list_length(length)? * item.bytes() as u64,
+            };
+            if bytes > self.remaining() as u64 {
+                return Err(Fault::End);
+            }
+            self.at += bytes as usize;
+        }
+        Ok(self.at)
     }
 
     /// The next `N` bytes, lowest first.
@@ -107,12 +126,6 @@ impl Values for Binary<'_> {
 
     fn least_bytes(scalar: Scalar) -> usize {
         scalar.bytes()
-    }
-
-    fn may_be_whole(&self, elements: &[Element]) -> bool {
-        let bytes =
-            elements.iter().map(|element| u128::from(element.count) * Self::row_bytes(element) as u128);
-        bytes.sum::<u128>() <= self.remaining() as u128
     }
 }
 
@@ -185,10 +198,5 @@ impl Values for Ascii<'_> {
 
     fn least_bytes(_: Scalar) -> usize {
         "0 ".len()
-    }
-
-    fn may_be_whole(&self, elements: &[Element]) -> bool {
-        let rows: u128 = elements.iter().map(|element| u128::from(element.count)).sum();
-        rows <= self.rest.iter().filter(|byte| **byte == b'\n').count() as u128
     }
 }
