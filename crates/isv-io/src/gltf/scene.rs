@@ -208,30 +208,50 @@ impl Scene {
 
     /// Appends an instance, given the transforms of all nodes to the scene.
     fn append(&self, instance: &Instance, transforms: &[DAffine3], weights: &[f64], mesh: &mut TriangleMesh) {
-        let own = [transforms[instance.node]];
-        let joints: Option<Vec<_>> = instance.skin.map(|skin| self.skins[skin].transforms(transforms));
+        let own = Placing::by(vec![transforms[instance.node]]);
+        let joints = instance.skin.map(|skin| Placing::by(self.skins[skin].transforms(transforms)));
         for part in &self.shapes[instance.shape].parts {
             // Joints place a skinned shape in the scene by themselves: its node's own transform has no part in it.
-            let joints = joints.as_deref().filter(|_| !part.influences.is_empty());
+            let joints = joints.as_ref().filter(|_| !part.influences.is_empty());
             let placing = joints.unwrap_or(&own);
-            if placing.iter().all(|transform| transform.matrix3 == DMat3::ZERO) {
+            if placing.hidden {
                 continue;
             }
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend((0..part.positions.len()).map(|vertex| {
                 let position = part.morphed(vertex, weights);
                 match joints {
-                    Some(joints) => part.skinned(vertex, position, joints),
-                    None => own[0].transform_point3(position),
+                    Some(joints) => part.skinned(vertex, position, &joints.transforms),
+                    None => own.transforms[0].transform_point3(position),
                 }
             }));
-            let mirrors = placing.iter().filter(|transform| transform.matrix3.determinant() < 0.0).count();
-            let mirrored = 2 * mirrors > placing.len();
             mesh.triangles.extend(part.triangles.iter().map(|triangle| {
                 let [a, b, c] = triangle.map(|vertex| first + vertex);
-                if mirrored { [a, c, b] } else { [a, b, c] }
+                if placing.mirrored { [a, c, b] } else { [a, b, c] }
             }));
         }
+    }
+}
+
+/// What places an instance in the scene: the transform of its node, or those of its joints.
+struct Placing {
+    transforms: Vec<DAffine3>,
+    /// Whether all of them scale to nothing.
+    hidden: bool,
+    /// Whether most of them turn triangles over.
+    mirrored: bool,
+}
+
+impl Placing {
+    /// Looks at each transform, which an instance does once: a mesh may have many parts and a skin many joints, and the
+    /// limit counts their sum, not their product.
+    fn by(transforms: Vec<DAffine3>) -> Self {
+        #[cfg(test)]
+        tests::LOOKED_AT.with(|looked_at| looked_at.set(looked_at.get() + transforms.len()));
+        let hidden = transforms.iter().all(|transform| transform.matrix3 == DMat3::ZERO);
+        let mirrors = transforms.iter().filter(|transform| transform.matrix3.determinant() < 0.0).count();
+        let mirrored = 2 * mirrors > transforms.len();
+        Self { transforms, hidden, mirrored }
     }
 }
 
@@ -247,4 +267,43 @@ fn shown_nodes(document: &Document, hierarchy: &Hierarchy, scene: usize) -> Resu
     }
     hierarchy.mark_descendants(&mut shown);
     Ok(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gltf::buffers::Buffers;
+    use crate::gltf::limit::Limit;
+    use serde_json::json;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Transforms that [`Placing::by`] looked at.
+        pub(super) static LOOKED_AT: Cell<usize> = const { Cell::new(0) };
+    }
+
+    #[test]
+    fn joints_are_looked_at_once_however_many_parts_hang_on_them() {
+        let (parts, joints) = (40, 30);
+        let mut accessors = vec![
+            json!({ "componentType": 5121, "count": 3, "type": "VEC4" }),
+            json!({ "componentType": 5126, "count": 3, "type": "VEC4" }),
+        ];
+        accessors.resize(2 + parts, json!({ "componentType": 5126, "count": 3, "type": "VEC3" }));
+        let primitive =
+            |part| json!({ "attributes": { "POSITION": 2 + part, "JOINTS_0": 0, "WEIGHTS_0": 1 } });
+        let json = json!({
+            "accessors": accessors,
+            "meshes": [{ "primitives": (0..parts).map(primitive).collect::<Vec<_>>() }],
+            "skins": [{ "joints": vec![0; joints] }],
+            "nodes": [{ "mesh": 0, "skin": 0 }],
+        });
+        let json = json.to_string().into_bytes();
+        let document = Document::parse(&json, 0).unwrap();
+        let buffers = Buffers::load(&document.buffers, None, None).unwrap();
+        let accessors = Accessors::new(&document, buffers, Limit::for_bytes(json.len()));
+        let scene = Scene::load(&document, &accessors).unwrap();
+        assert_eq!(scene.pose(&[], 0.0).triangles.len(), parts);
+        assert_eq!(LOOKED_AT.get(), joints + 1, "the joints, and the node itself");
+    }
 }
