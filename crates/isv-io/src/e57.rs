@@ -23,6 +23,10 @@ const MAX_ATTRIBUTES: usize = 64;
 /// Most namespaces that the XML declares. Every element in their reach costs the XML parser memory for each.
 const MAX_NAMESPACES: usize = 64;
 
+/// Most attributes of an element of the XML, its namespaces among them: the standard has five at most beside those. The
+/// XML parser compares each with all others of its element.
+const MAX_XML_ATTRIBUTES: usize = 128;
+
 /// How far the length of a pose's quaternion may be from 1.
 const LENGTH_TOLERANCE: f64 = 1e-3;
 
@@ -60,7 +64,7 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(cloud.finish(viewpoint.filter(|place| place.is_finite())))
 }
 
-/// Makes sure that the XML is no longer than the file and declares few namespaces.
+/// Makes sure that the XML is no longer than the file, declares few namespaces and has elements of few attributes.
 fn check_xml(bytes: &[u8]) -> Result<(), Flaw> {
     let header = bytes.first_chunk::<HEADER_BYTES>();
     let header =
@@ -75,7 +79,31 @@ fn check_xml(bytes: &[u8]) -> Result<(), Flaw> {
     if namespaces > MAX_NAMESPACES {
         return Err(Flaw::unreadable("E57", 24, &format!("its XML declares {namespaces} namespaces")));
     }
+    // No tag has a `<` in it but at its start.
+    let attributes = xml.split(|b| *b == b'<').map(count_attributes).max().unwrap_or_default();
+    if attributes > MAX_XML_ATTRIBUTES {
+        let why = format!("an element of its XML has {attributes} attributes");
+        return Err(Flaw::unreadable("E57", 24, &why));
+    }
     Ok(())
+}
+
+/// How many attributes a tag has, given what follows its `<`; none for a comment or an instruction.
+fn count_attributes(tag: &[u8]) -> usize {
+    if let [b'!' | b'?', ..] = tag {
+        return 0;
+    }
+    let (mut attributes, mut quote) = (0, None);
+    for &byte in tag {
+        match (quote, byte) {
+            (None, b'>') => break,
+            (None, b'=') => attributes += 1,
+            (None, b'"' | b'\'') => quote = Some(byte),
+            (Some(open), _) if open == byte => quote = None,
+            _ => {}
+        }
+    }
+    attributes
 }
 
 /// Makes sure that the points of all scans together have room in the file, by the bits that a point takes in each, and

@@ -116,6 +116,8 @@ fn what_the_xml_claims_is_held_against_the_file() {
     );
     let namespaces: String = (0..99).map(|i| format!(" xmlns:a{i}=\"b{i}\"")).collect();
     refused("<e57Root", &format!("<e57Root{namespaces}"), "its XML declares 101 namespaces");
+    let attributes: String = (0..200).map(|i| format!(" a{i} = '>'")).collect();
+    refused("<e57Root", &format!("<e57Root{attributes}"), "an element of its XML has 20");
     let deep = "<a>".repeat(200_000);
     refused("<e57Root", &format!("{deep}<e57Root"), "not a readable E57 file");
     let mut length = whole.clone();
@@ -146,4 +148,14 @@ proptest! {
         }
         let _ = parse(&file);
     }
+}
+
+#[test]
+fn only_attributes_count_as_attributes() {
+    let whole = large();
+    let signs = "=".repeat(500);
+    let passed_over =
+        format!("<!-- {signs} --><text type=\"String\" note='{signs}'>{signs}</text><?note {signs}?>");
+    let with_signs = with_xml(&whole, "<data3D", &format!("{passed_over}<data3D"));
+    assert_eq!(parse(&with_signs).unwrap(), parse(&whole).unwrap());
 }
