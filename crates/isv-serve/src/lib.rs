@@ -29,6 +29,7 @@ mod policy;
 mod range;
 mod server;
 mod source;
+mod stall;
 mod url;
 
 pub use error::ServeError;

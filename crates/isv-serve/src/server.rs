@@ -120,7 +120,7 @@ impl Server {
     /// Serves until it is dropped.
     pub async fn run(self) {
         let on_loopback = !self.is_open();
-        accept::serve(self.listener, router(self.settings, on_loopback), CONNECTIONS).await;
+        accept::serve(self.listener, router(self.settings, on_loopback), CONNECTIONS, accept::STALL).await;
     }
 }
 
