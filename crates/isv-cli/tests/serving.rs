@@ -114,7 +114,8 @@ fn serve_says_what_it_serves_and_who_can_watch() {
     assert_eq!(serve.url().1, "/?live=/live");
     assert_eq!(get(address, "/files/1/take.isv", "").1, bytes);
     let stderr = serve.interrupt();
-    assert_eq!(stderr, format!("anybody who reaches 0.0.0.0:{} can watch\n", address.port()));
+    let open = format!("anybody who reaches 0.0.0.0:{} can watch\n", address.port());
+    assert_eq!(stderr, open + "growing.isv: not there yet: waiting for it\n");
 }
 
 #[test]

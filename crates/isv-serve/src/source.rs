@@ -72,10 +72,15 @@ impl Source {
     }
 
     /// Feeds a hub from a thread of its own, until the source has ended for good or the feed is dropped. What goes wrong is
-    /// told in one sentence each.
+    /// told in one sentence each, and so is that a file is not there yet.
     pub fn feed(self, hub: Arc<Hub>, notice: impl FnMut(&str) + Send + 'static) -> Feed {
         let stop = Arc::new(AtomicBool::new(false));
-        let feeder = Feeder { hub, name: self.name, notice, stop: Arc::clone(&stop) };
+        let mut feeder = Feeder { hub, name: self.name, notice, stop: Arc::clone(&stop) };
+        if let Kind::Followed(followed) = &self.kind
+            && let Some(what) = followed.lacks()
+        {
+            feeder.tell(&what);
+        }
         thread::spawn(move || feeder.run(self.kind));
         Feed { stop }
     }

@@ -193,6 +193,7 @@ async fn a_file_grows_in_pieces_smaller_than_a_header() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("take.isv");
     let mut fed = Fed::new(Source::open(&path).unwrap());
+    fed.notice(&["take.isv: not there yet"]);
     for piece in stream(0..2).chunks(13) {
         append(&path, piece);
     }
@@ -271,6 +272,7 @@ async fn the_newest_file_of_a_folder_is_live() {
         File::options().append(true).open(path).unwrap().set_modified(time).unwrap();
     };
     let mut fed = Fed::new(Source::open(folder.path()).unwrap());
+    fed.notice(&["no .isv file is in it yet"]);
     write("b.isv", &stream(0..5), 100);
     fed.header().await;
     fed.packets(0..5).await;
@@ -282,6 +284,7 @@ async fn the_newest_file_of_a_folder_is_live() {
     fed.packets(10..12).await;
     write("a.isv", &packet(12, 50), 50);
     fed.packets([12]).await;
+    assert!(fed.notices.try_recv().is_err());
 }
 
 #[test]

@@ -50,6 +50,18 @@ impl Followed {
         Self { place: Place::Folder(path.to_owned()), reading: PathBuf::new(), done: None }
     }
 
+    /// What is waited for, if nothing is there to read yet.
+    pub(super) fn lacks(&self) -> Option<&'static str> {
+        // What cannot be looked at is told when it is opened.
+        if !matches!(self.place.newest(), Ok(None)) {
+            return None;
+        }
+        Some(match self.place {
+            Place::File(_) => "not there yet: waiting for it",
+            Place::Folder(_) => "no .isv file is in it yet: waiting for one",
+        })
+    }
+
     /// Waits for a file other than the one whose end was read, and begins at its last entry; `None` when told to stop.
     pub(super) fn open(&mut self, stop: &Arc<AtomicBool>) -> io::Result<Option<Opened>> {
         while !stop.load(Ordering::Relaxed) {
