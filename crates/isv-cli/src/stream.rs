@@ -1,6 +1,7 @@
 //! `.isv` streams from files and pipes, decoded frame by frame.
 
 use crate::backend::{self, BackendArgs};
+use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::memory;
 use crate::output::is_pipe;
@@ -26,6 +27,9 @@ pub(crate) fn name(path: &Path) -> String {
 
 /// Opens a file.
 pub(crate) fn open_file(path: &Path) -> Result<BufReader<File>> {
+    if is_pipe(path) {
+        return Err(usage("standard input: this command needs a file, which it can seek in"));
+    }
     let file = File::open(path).with_context(|| name(path))?;
     if file.metadata().is_ok_and(|m| m.is_dir()) {
         bail!("{}: a folder, where an .isv file should be", name(path));
@@ -187,6 +191,11 @@ pub(crate) fn is_loss(error: &anyhow::Error) -> bool {
         }
         _ => false,
     })
+}
+
+/// Whether an error is one of bytes that end too early: nothing comes behind it.
+pub(crate) fn is_cut(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| matches!(cause.downcast_ref(), Some(FormatError::Truncated { .. })))
 }
 
 /// A decoder's error with the name of the stream, and its frame counted from the stream's start. `first` is the number

@@ -96,7 +96,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     });
     drop(progress);
     done.map_err(|error| {
-        let is_loss = stream::is_loss(&error);
+        let is_loss = stream::is_loss(&error) && !stream::is_cut(&error);
         let error = sink.account_for(error);
         if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
     })?;
