@@ -1,8 +1,8 @@
 //! Which blocks the band around the seen surface reaches.
 
-use crate::view::{Surfel, View};
+use crate::view::{LEAST_COSINE, Surfel, View};
 use glam::{DMat3, DVec3};
-use isv_volume::{BlockCoord, Grid};
+use isv_volume::{BlockCoord, COORD_LIMIT, Grid};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,7 +13,13 @@ const ROWS: usize = 16;
 /// Blocks that a strip finds before it tells the other strips.
 const REPORT: usize = 1024;
 
-/// More blocks than allowed.
+/// Rays of an image for each of its pixels and for each block that is allowed. Where a pixel is more than half a block wide, it is
+/// cut into at most nine times the square of what it covers in halves of blocks, so this is enough for a surface that fills all blocks
+/// and is seen at 6 degrees. More there are only of pixels that are far wider than high, or the other way round.
+const RAYS_PER_PIXEL: u64 = 16;
+const RAYS_PER_BLOCK: u64 = 64;
+
+/// More blocks than allowed, or so many rays that they would cost as much.
 pub(crate) struct OverLimit;
 
 /// The blocks that rays pass through within the band, in Morton order. The grid's voxels are `scale` times as large as
@@ -29,7 +35,7 @@ pub(crate) fn touched_blocks(
     let mut blocks = FxHashSet::default();
     for view in views {
         let rays = Rays::new(view, grid, scale, limit);
-        if rays.least_blocks() > limit as f64 {
+        if rays.least_blocks() > limit as f64 || rays.count() > rays.most() {
             return Err(OverLimit);
         }
         let width = view.intrinsics.width as usize;
@@ -93,6 +99,22 @@ impl<'a> Rays<'a> {
         seen.map(area).sum::<f64>() / 2.0
     }
 
+    /// How many rays there are.
+    fn count(&self) -> u64 {
+        let width = self.view.intrinsics.width as usize;
+        let of_pixel = |(pixel, surfel): (usize, &Surfel)| {
+            let (column, row) = ((pixel % width) as f32, (pixel / width) as f32);
+            if surfel.weight > 0.0 { u64::from(self.parts(surfel, column, row)).pow(2) } else { 0 }
+        };
+        self.view.surfels.par_iter().enumerate().map(of_pixel).sum()
+    }
+
+    /// How many rays there may be.
+    fn most(&self) -> u64 {
+        let of_pixels = self.view.intrinsics.pixels() as u64 * RAYS_PER_PIXEL;
+        (self.limit as u64).saturating_mul(RAYS_PER_BLOCK).saturating_add(of_pixels)
+    }
+
     /// What the strips may find together. A block that lies in many strips is a large one, of which there are few.
     fn most_found(&self) -> usize {
         self.limit.saturating_mul(4).saturating_add(100_000)
@@ -117,7 +139,9 @@ impl<'a> Rays<'a> {
                     let before = &mut before[step % 8];
                     if block != *before {
                         *before = block;
-                        blocks.insert(block);
+                        if is_addressed(block) {
+                            blocks.insert(block);
+                        }
                     }
                 });
                 if blocks.len() >= reported + REPORT {
@@ -141,9 +165,15 @@ impl<'a> Rays<'a> {
 
     /// Visits the blocks on a ray, from the band's front to its back in steps of half a block.
     fn walk(&self, surfel: &Surfel, column: f32, row: f32, mut visit: impl FnMut(usize, BlockCoord)) {
-        let point = self.rotation * self.view.point(surfel, column, row).as_dvec3() / self.block_edge;
+        let seen = self.view.point(surfel, column, row);
+        let cosine = surfel.cosine(seen);
+        // Towards the edge of a pixel of some ten degrees, a slanted plane and its band go on without end.
+        if cosine.is_nan() || cosine < 0.5 * LEAST_COSINE {
+            return;
+        }
+        let point = self.rotation * seen.as_dvec3() / self.block_edge;
         let depth = point.length();
-        let band = f64::from(surfel.band / surfel.cosine(self.view.point(surfel, column, row))) / self.edge;
+        let band = f64::from(surfel.band / cosine) / self.edge;
         let at = |depth_along: f64| self.centre + point * (depth_along / depth);
         let (start, end) = (at((depth - band).max(0.0)), at(depth + band));
         let steps = (2.0 * (end - start).length()).ceil().max(1.0);
@@ -152,4 +182,10 @@ impl<'a> Rays<'a> {
             visit(step, BlockCoord::from(block.to_array().map(|c| c as i32)));
         }
     }
+}
+
+/// Whether a block and its neighbours have coordinates. All that pixels show at their middles does; at the edge of a wide one, its plane may
+/// be farther away.
+fn is_addressed(block: BlockCoord) -> bool {
+    block.to_array().iter().all(|c| (1 - COORD_LIMIT..COORD_LIMIT - 1).contains(c))
 }

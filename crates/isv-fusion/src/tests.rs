@@ -253,6 +253,41 @@ fn what_cannot_be_done_is_refused_with_what_can() {
 }
 
 #[test]
+fn pixels_far_wider_than_high_are_refused_with_a_voxel_that_fits() {
+    // A pixel covers 100 m by 0.1 mm: few blocks, but many rays.
+    let seen = |focal| {
+        let lens = Intrinsics { width: 3, height: 3, focal, principal: DVec2::ONE };
+        let pose = CameraPose::from_matrix(DMat4::IDENTITY).unwrap();
+        DepthImage::new(lens, pose, vec![1.0; 9]).unwrap()
+    };
+    let wide = seen(DVec2::new(0.01, 10_000.0));
+    let settings = FusionSettings { max_blocks: 20_000, ..settings(0.005, BlockEdge::E8) };
+    let Err(FusionError::Fit(FitError::TooManyBlocks { voxel_that_fits_m, .. })) =
+        fuse(std::slice::from_ref(&wide), &settings)
+    else {
+        panic!("accepted")
+    };
+    assert!((0.005..0.1).contains(&voxel_that_fits_m), "{voxel_that_fits_m}");
+    assert!(fuse(&[seen(DVec2::splat(10_000.0))], &settings).is_ok());
+}
+
+#[test]
+fn any_lens_gives_a_volume_or_an_error() {
+    let mut random = Random::new(6);
+    for _ in 0..300 {
+        let focal = DVec2::new(random.signed() * 20.0, random.signed() * 20.0).exp2();
+        let lens = Intrinsics { width: 4, height: 3, focal, principal: DVec2::new(1.5, 1.0) };
+        let depths: Vec<f32> = (0..12).map(|_| (1.0 + 0.1 * random.signed() / focal.x) as f32).collect();
+        let image = DepthImage::new(lens, look_at(random.point() * 3.0, random.point()), depths).unwrap();
+        let settings = FusionSettings { max_blocks: 2_000, noise: 1.0, ..settings(0.02, BlockEdge::E8) };
+        match fuse(&[image], &settings) {
+            Ok(volume) => assert!(volume.block_count() <= 2_000),
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+}
+
+#[test]
 fn any_depths_give_a_volume_or_an_error() {
     let mut random = Random::new(5);
     for round in 0..20 {

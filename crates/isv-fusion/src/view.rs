@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Least cosine of the angle between a ray and the normal of the surface it meets: surfaces seen at less than 6 degrees
 /// are left out.
-const LEAST_COSINE: f32 = 0.1;
+pub(crate) const LEAST_COSINE: f32 = 0.1;
 
 /// Voxels from a surface, within which lie all corners of the cells that it passes through: the diagonal of a cell, rounded
 /// up.
