@@ -4,10 +4,10 @@
 //! one way as the other by the vertices that triangles name, so positions are compared only around those that are not.
 
 use crate::tiles::VoxelMesh;
-use crate::topology::{NONE, Side, position_key};
+use crate::topology::{NONE, Side};
 use glam::DVec3;
+use isv_spatial::{PositionMap, position_key};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
 /// The boundary of a mesh.
 pub(crate) struct Boundary {
@@ -107,14 +107,14 @@ fn scramble(vertex: u32) -> u64 {
 /// For each vertex at the position of a suspect the first one there, and [`NONE`] for all others.
 fn weld(vertices: &[DVec3], suspects: &[bool]) -> Vec<u32> {
     let places = vertices.iter().zip(suspects).filter(|(_, suspect)| **suspect);
-    let mut first: FxHashMap<[u64; 3], u32> = places.map(|(v, _)| (position_key(v), NONE)).collect();
+    let mut first: PositionMap<u32> = places.map(|(v, _)| (position_key(*v), NONE)).collect();
     let at_suspects: Vec<u32> = (0..vertices.len() as u32)
         .into_par_iter()
-        .filter(|vertex| first.contains_key(&position_key(&vertices[*vertex as usize])))
+        .filter(|vertex| first.contains_key(&position_key(vertices[*vertex as usize])))
         .collect();
     let mut welded = vec![NONE; vertices.len()];
     for vertex in at_suspects {
-        let first = first.entry(position_key(&vertices[vertex as usize])).or_insert(NONE);
+        let first = first.entry(position_key(vertices[vertex as usize])).or_insert(NONE);
         *first = (*first).min(vertex);
         welded[vertex as usize] = *first;
     }

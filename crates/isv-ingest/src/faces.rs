@@ -1,8 +1,8 @@
 //! Faces that say nothing of a surface: those without area, and those that are there already.
 
+use isv_spatial::{PositionKey, PositionSet, position_key};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
-use rustc_hash::FxHashSet;
 use std::borrow::Cow;
 
 /// The mesh without faces that have no area at all: an edge or a point, which in an offset shell would become a spike or a
@@ -17,9 +17,9 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
 
 /// The mesh without faces that have the corners of an earlier one, in the same order. One that faces the other way stays.
 pub(crate) fn distinct(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
-    let mut seen = FxHashSet::default();
+    let mut seen: PositionSet<[PositionKey; 3]> = PositionSet::default();
     let is_new = |face: usize| {
-        let mut corners = mesh.corners(face).map(|p| (p + 0.0).to_array().map(f64::to_bits));
+        let mut corners = mesh.corners(face).map(position_key);
         let first = (0..3).min_by_key(|corner| corners[*corner]).unwrap_or(0);
         corners.rotate_left(first);
         seen.insert(corners)

@@ -5,7 +5,7 @@
 
 use crate::tiles::VoxelMesh;
 use glam::DVec3;
-use rustc_hash::FxHashMap;
+use isv_spatial::{PositionMap, position_key};
 
 /// No vertex, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -91,14 +91,8 @@ impl Topology {
 
 /// For each vertex the first one at exactly the same position.
 fn weld(vertices: &[DVec3]) -> Vec<u32> {
-    let mut first = FxHashMap::with_capacity_and_hasher(vertices.len(), Default::default());
-    vertices.iter().enumerate().map(|(i, v)| *first.entry(position_key(v)).or_insert(i as u32)).collect()
-}
-
-/// What equal positions have in common, and no others.
-pub(crate) fn position_key(position: &DVec3) -> [u64; 3] {
-    // Adding zero turns -0 into 0.
-    (*position + 0.0).to_array().map(f64::to_bits)
+    let mut first = PositionMap::with_capacity_and_hasher(vertices.len(), Default::default());
+    vertices.iter().enumerate().map(|(i, v)| *first.entry(position_key(*v)).or_insert(i as u32)).collect()
 }
 
 /// The sides of all triangles that are not points, sorted, by way of one bucket for each lower end.

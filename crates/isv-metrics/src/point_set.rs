@@ -2,12 +2,10 @@
 
 use crate::normals::SmoothNormals;
 use crate::sampling::{Drawn, draw_in_order};
-use crate::weld::key;
 use glam::DVec3;
-use isv_spatial::PointTree;
+use isv_spatial::{PointTree, PositionSet, position_key};
 use isv_volume::{PointCloud, TriangleMesh};
 use rayon::prelude::*;
-use rustc_hash::FxHashSet;
 
 /// Samples that are worth a thread's while.
 const MIN_SAMPLES: usize = 1024;
@@ -31,8 +29,8 @@ impl PointSet {
 
     /// The points of a cloud; of those at exactly the same position the first.
     pub(crate) fn of_cloud(cloud: &PointCloud) -> Self {
-        let mut seen = FxHashSet::default();
-        let first: Vec<bool> = cloud.positions.iter().map(|p| seen.insert(key(*p))).collect();
+        let mut seen = PositionSet::default();
+        let first: Vec<bool> = cloud.positions.iter().map(|p| seen.insert(position_key(*p))).collect();
         let only_first = |vectors: &[DVec3]| -> Vec<DVec3> {
             vectors.iter().zip(&first).filter_map(|(v, first)| first.then_some(*v)).collect()
         };

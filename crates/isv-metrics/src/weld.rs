@@ -1,7 +1,7 @@
 //! Vertices at one place taken as one.
 
 use glam::DVec3;
-use rustc_hash::FxHashMap;
+use isv_spatial::{PositionMap, position_key};
 
 /// Numbers of the positions of a mesh's vertices: captures cut a surface along the seams of its texture, where vertices
 /// are there twice.
@@ -15,18 +15,12 @@ pub(crate) struct Weld {
 impl Weld {
     /// Finds vertices at exactly the same position.
     pub(crate) fn new(vertices: &[DVec3]) -> Self {
-        let mut numbers = FxHashMap::default();
+        let mut numbers = PositionMap::default();
         numbers.reserve(vertices.len());
         let positions = vertices.iter().map(|v| {
             let next = numbers.len() as u32;
-            *numbers.entry(key(*v)).or_insert(next)
+            *numbers.entry(position_key(*v)).or_insert(next)
         });
         Self { positions: positions.collect(), count: numbers.len() }
     }
-}
-
-/// What positions that are the same share.
-pub(crate) fn key(position: DVec3) -> [u64; 3] {
-    // Adding zero turns -0 into +0, which is the same place.
-    position.to_array().map(|x| (x + 0.0).to_bits())
 }

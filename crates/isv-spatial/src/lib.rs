@@ -25,6 +25,7 @@ mod closest;
 mod expansion;
 mod nearest;
 mod point_tree;
+mod position;
 mod tree;
 mod winding;
 
@@ -32,4 +33,5 @@ pub use bvh::{Bvh, Closest};
 pub use closest::{Feature, closest_on_triangle};
 pub use nearest::{MAX_TIES, NearestPoints};
 pub use point_tree::{Neighbour, PointTree};
+pub use position::{PositionKey, PositionMap, PositionSet, position_key};
 pub use winding::{WindingNumber, exact_winding_number};
