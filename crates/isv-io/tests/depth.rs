@@ -188,6 +188,13 @@ fn damaged_pixels_of_any_compression_never_panic() {
 }
 
 #[test]
+fn memory_is_not_taken_for_what_a_block_claims() {
+    let image = include_bytes!("../../../fuzz/regressions/depth_exr/dwa_count_of_33_petabytes");
+    let refusal = open(&one_image("0.exr", image)).unwrap().read(0).unwrap_err().to_string();
+    assert!(refusal.ends_with("a block claims more than its pixels"), "{refusal}");
+}
+
+#[test]
 fn memory_is_not_taken_for_tiles_that_the_image_cannot_fill() {
     let room = room(1);
     fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();

@@ -3,9 +3,12 @@
 use super::error::DepthFileError;
 use super::image::ImageFile;
 use crate::foreign::catch_panic;
-use exr::block::chunk::TileCoordinates;
+use exr::block::chunk::{
+    Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
+};
 use exr::block::reader::ChunksReader;
 use exr::block::{BlockIndex, UncompressedBlock};
+use exr::compression::Compression;
 use exr::meta::attribute::{ChannelList, SampleType};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
@@ -55,13 +58,48 @@ fn read_unguarded(
     let of_layer = |_: &MetaData, _: TileCoordinates, block: BlockIndex| {
         block.layer == layer && block.level == exr::math::Vec2(0, 0)
     };
-    let blocks = reader.filter_chunks(false, of_layer).map_err(|why| file.flaw(why))?;
+    let chunks = reader.filter_chunks(false, of_layer).map_err(|why| file.flaw(why))?;
+    let meta = chunks.meta_data().clone();
     let mut depths = vec![0.0; file.size[0] as usize * file.size[1] as usize];
-    for block in blocks.sequential_decompressor(false) {
+    for chunk in chunks {
+        let chunk = chunk.map_err(|why| file.flaw(why))?;
+        if !claims_what_it_holds(&chunk, &meta.headers[layer]) {
+            return Err(file.flaw("a block claims more than its pixels"));
+        }
+        let block = UncompressedBlock::decompress_chunk(chunk, &meta, false);
         let block = block.map_err(|why| file.flaw(why))?;
         copy_block(&block, &channels, channel, file, &mut depths)?;
     }
     Ok(depths)
+}
+
+/// Whether what the counters of a chunk of DWAA or DWAB claim can be of its pixels; `exr` takes memory for it, whatever it is. Chunks
+/// of other compressions claim nothing.
+fn claims_what_it_holds(chunk: &Chunk, header: &Header) -> bool {
+    let (Compression::DWAA(_) | Compression::DWAB(_)) = header.compression else { return true };
+    let (CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le: bytes, .. })
+    | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: bytes, .. })) =
+        &chunk.compressed_block
+    else {
+        return true;
+    };
+    // What would not become smaller is there as it is.
+    let place = header
+        .get_block_data_indices(&chunk.compressed_block)
+        .and_then(|indices| header.get_absolute_block_pixel_coordinates(indices));
+    if place.is_ok_and(|place| bytes.len() == place.size.area() * header.channels.bytes_per_pixel) {
+        return true;
+    }
+    // Samples in blocks of 8 x 8, of 4 bytes; run lengths may double them.
+    let exr::math::Vec2(columns, rows) = header.max_block_pixel_size();
+    let samples = columns.next_multiple_of(8).saturating_mul(rows.next_multiple_of(8));
+    let most = samples.saturating_mul(8 * header.channels.list.len()) as u64;
+    // Eleven counters: sizes and counts of what is unpacked are these.
+    let counters = bytes.as_chunks::<8>().0;
+    [1, 6, 7, 8, 9]
+        .iter()
+        .filter_map(|at| counters.get(*at))
+        .all(|counter| u64::from_le_bytes(*counter) <= most)
 }
 
 /// Layer and channel of the depths. An image with one channel needs no name for it.
