@@ -101,7 +101,7 @@ pub fn item_versions(format: u8, extra_bytes: u16) -> [Vec<LazItem>; 2] {
     }
 }
 
-/// A file of [`file`] without compression as LASzip makes it of that, with these codes and so many points a chunk: what the crate
+/// A file of [`file()`] without compression as LASzip makes it of that, with these codes and so many points a chunk: what the crate
 /// `las` does not write.
 #[must_use]
 pub fn compressed(file: &[u8], items: Vec<LazItem>, chunk_points: u32) -> Vec<u8> {
