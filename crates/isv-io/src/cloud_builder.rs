@@ -1,7 +1,19 @@
 //! A point cloud that grows point by point.
 
+use crate::error::Malformation;
 use glam::DVec3;
 use isv_volume::PointCloud;
+
+/// Most points that a byte of a compressed file may stand for. Without a limit, models that have learnt that nothing
+/// changes would give millions of points for a byte; scans take several bytes a point.
+const MOST_POINTS_A_BYTE: u64 = 16;
+
+/// Refuses more points than a compressed file of so many bytes may hold.
+pub(crate) fn check_compressed(points: u64, bytes: usize) -> Result<(), Malformation> {
+    let bytes = bytes as u64;
+    let limit = bytes.saturating_mul(MOST_POINTS_A_BYTE);
+    if points > limit { Err(Malformation::TooManyPoints { points, bytes, limit }) } else { Ok(()) }
+}
 
 /// Collects points and brings their normals to length 1; a normal without a direction becomes zero, "not known".
 pub(crate) struct CloudBuilder {

@@ -155,6 +155,16 @@ pub enum Malformation {
         /// The number declared later, or found.
         found: u64,
     },
+    /// More points than a compressed file of this size may hold.
+    #[error("{points} points are compressed to {bytes} bytes, which may hold {limit}")]
+    TooManyPoints {
+        /// The number declared.
+        points: u64,
+        /// Bytes of the file.
+        bytes: u64,
+        /// The most that so many bytes may hold.
+        limit: u64,
+    },
     /// The file does not start with `OFF`.
     #[error("not an OFF file: it does not start with `OFF`")]
     NotOff,

@@ -9,7 +9,7 @@ mod gps_times;
 mod header;
 mod laszip;
 
-use crate::cloud_builder::CloudBuilder;
+use crate::cloud_builder::{CloudBuilder, check_compressed};
 use crate::error::{Flaw, Malformation};
 use glam::DVec3;
 use header::Header;
@@ -21,6 +21,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     let header = Header::parse(bytes)?;
     let mut points = Points { cloud: CloudBuilder::new(false, 0), header: &header };
     if header.compressed {
+        check_compressed(header.points, bytes.len()).map_err(|why| Flaw::at_byte(bytes.len(), why))?;
         laszip::decompress(bytes, &header, |record| points.push(record))?;
     } else {
         let records = &bytes[header.points_offset..];

@@ -109,6 +109,18 @@ fn long_repeats_are_unpacked() {
 }
 
 #[test]
+fn more_points_than_scans_have_for_their_bytes_are_refused() {
+    let file = |points: usize| {
+        let head = format!("FIELDS x y z\nSIZE 1 1 1\nTYPE U U U\nPOINTS {points}\nDATA binary_compressed\n");
+        [head.as_bytes(), &compressed(&vec![7; 3 * points])].concat()
+    };
+    assert_eq!(parse("flat.pcd", &file(2000)).unwrap().positions.len(), 2000);
+    let (_, why) = why("flat.pcd", &file(10_000));
+    let sentence = why.to_string();
+    assert!(sentence.starts_with("10000 points are compressed to "), "{sentence}");
+}
+
+#[test]
 fn every_truncated_pcd_fails_and_says_where() {
     for file in baroque_files() {
         // The last number of the text needs its first digit only.

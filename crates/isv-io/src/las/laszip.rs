@@ -7,16 +7,12 @@
 
 use super::gps_times::GpsTimes;
 use super::header::{Header, RECORD_BYTES, take, u16_at};
-use crate::error::{Flaw, Malformation};
+use crate::error::Flaw;
 use crate::foreign::catch_panic;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LasZipError, LazItemRecordBuilder, LazItemType, LazVlr};
 use std::io::Cursor;
-
-/// Most points that a byte of a file may stand for. Without a limit, models that have learnt that nothing changes would
-/// give millions of points for a byte.
-const MOST_POINTS_A_BYTE: u64 = 32;
 
 /// Bytes of the record before its items.
 const RECORD_HEAD_BYTES: usize = 34;
@@ -37,12 +33,6 @@ pub(super) fn decompress(bytes: &[u8], header: &Header, sink: impl FnMut(&[u8]))
     })?;
     let record = Record::parse(&bytes[data.clone()], header)
         .map_err(|why| Flaw::unreadable("LAZ", data.start, &why))?;
-    let room = (bytes.len() as u64).saturating_mul(MOST_POINTS_A_BYTE);
-    if header.points > room {
-        let (rows, promised) = ("points".to_owned(), header.points);
-        let why = Malformation::Truncated { rows, promised, found: room };
-        return Err(Flaw::at_byte(bytes.len(), why));
-    }
     let points_flaw = |why: &dyn std::fmt::Display| Flaw::unreadable("LAZ", header.points_offset, why);
     let decompressed = catch_panic(|| match record.layout {
         LAYERED_CHUNKED => layered(bytes, header, &record, sink),

@@ -2,7 +2,7 @@
 
 use super::header::{Encoding, Field, Header, Kind, parse as parse_word};
 use super::lzf;
-use crate::cloud_builder::CloudBuilder;
+use crate::cloud_builder::{CloudBuilder, check_compressed};
 use crate::error::{Flaw, Malformation, quote};
 use glam::DVec3;
 use isv_volume::PointCloud;
@@ -109,6 +109,7 @@ impl<'a> Points<'a> {
             let why = Malformation::PointCount { said: self.header.points, found: fit };
             return Err(Flaw::at_byte(at, why));
         }
+        check_compressed(self.header.points, at + body.len()).map_err(|why| Flaw::at_byte(at, why))?;
         let unreadable = || Flaw::unreadable("PCD", at + 8, &"its LZF data is damaged");
         let columns = lzf::decompress(compressed, length(4)).ok_or_else(unreadable)?;
         if self.header.points == 0 {
