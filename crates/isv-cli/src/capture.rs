@@ -30,6 +30,28 @@ pub(crate) enum Content {
     Volume(SparseVolume),
 }
 
+/// What all frames of a capture are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ContentKind {
+    /// [`Content::Geometry`]
+    Geometry,
+    /// [`Content::Depth`]
+    Depth,
+    /// [`Content::Volume`]
+    Volume,
+}
+
+impl ContentKind {
+    /// The frames in a sentence.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Geometry => "meshes and points",
+            Self::Depth => "depth images",
+            Self::Volume => "volumes",
+        }
+    }
+}
+
 /// A frame of a capture.
 #[derive(Debug)]
 pub(crate) struct CapturedFrame {
@@ -116,6 +138,11 @@ impl Capture {
     /// The grid that the frames are on already, if they are volumes.
     pub(crate) fn grid(&self) -> Option<Grid> {
         self.kind.grid()
+    }
+
+    /// What its frames are.
+    pub(crate) fn content(&self) -> ContentKind {
+        self.kind.content()
     }
 
     /// What a user should know before the first frame.

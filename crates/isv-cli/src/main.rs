@@ -8,6 +8,7 @@ mod backend;
 mod bit_rate;
 mod capture;
 mod commands;
+mod count;
 mod failure;
 mod frame_range;
 mod frame_rate;

@@ -193,6 +193,14 @@ pub(crate) fn is_loss(error: &anyhow::Error) -> bool {
     })
 }
 
+/// An error, with what helps against it where bytes were damaged or lost.
+pub(crate) fn advise_repair(error: anyhow::Error) -> anyhow::Error {
+    match is_loss(&error) {
+        true => anyhow!("{error:#}: isv repair keeps what is sound"),
+        false => error,
+    }
+}
+
 /// Whether an error is one of bytes that end too early: nothing comes behind it.
 pub(crate) fn is_cut(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| matches!(cause.downcast_ref(), Some(FormatError::Truncated { .. })))

@@ -134,7 +134,7 @@ pub(crate) enum FusionName {
 }
 
 /// `--sign`
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SignName {
     /// Look at the first frame and choose
     Auto,

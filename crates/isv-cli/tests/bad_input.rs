@@ -141,6 +141,24 @@ fn no_frame_vanishes_from_a_take() {
 }
 
 #[test]
+fn flags_without_effect_are_named() {
+    let (work, _) = Workspace::with_stream(1);
+    let noted = |input: &str, flags: &[&str]| {
+        let run = work.isv(&[&["encode", input, "-o", "new.isv", "--voxel=20mm"], flags].concat()).done();
+        let note =
+            run.stderr().lines().find_map(|line| Some(line.split_once("without effect on ")?.1.to_owned()));
+        note.unwrap_or_default()
+    };
+    assert_eq!(
+        noted("frames", &["--fusion=accumulate", "--max-depth=3m"]),
+        "meshes and points: --fusion, --max-depth"
+    );
+    assert_eq!(noted("take.isv", &["--units=cm", "--normals=estimate"]), "volumes: --units, --normals");
+    assert_eq!(noted("frames", &["--origin=0,0,0", "--sign=closed", "--offset=1"]), "");
+    assert_eq!(noted("take.isv", &["--fusion=per-frame", "--sign=closed"]), "");
+}
+
+#[test]
 fn depth_cameras_that_cannot_be() {
     let work = Workspace::new();
     fs::create_dir_all(work.path("room/depth")).unwrap();
@@ -300,7 +318,7 @@ fn a_flipped_bit() {
     work.write("bad.isv", &bytes);
     let place = format!("bad.isv: damaged: checksum of the packet at byte {at} does not match");
     work.isv(&["verify", "bad.isv"]).fails(1, &[&place]);
-    work.isv(&["info", "bad.isv"]).fails(1, &[&place]);
+    work.isv(&["info", "bad.isv"]).fails(1, &[&place, "isv repair keeps what is sound"]);
     work.isv(&["decode", "bad.isv", "-o", "out"]).fails(1, &[&place, "1 frame before this went to out"]);
     work.isv(&["decode", "bad.isv", "-o", "one.ply", "--frames", "1..2"]).fails(1, &[&place]);
     let one = ["decode", "-", "-o", "-", "--format", "obj"];
@@ -392,7 +410,7 @@ fn wrong_command_lines() {
     encode(&["--truncation", "99"]).fails(2, &["--truncation: truncation of 99"]);
     paper(&["--coefficients", "513"]).fails(2, &["--coefficients 513: a block of 8^3 voxels has 1 to 512"]);
     encode(&["--offset", "9"]).fails(2, &["--offset 9: "]);
-    encode(&["--gop", "0"]).fails(2, &["--gop"]);
+    encode(&["--gop", "0"]).fails(2, &["--gop", "a whole number above 0"]);
     encode(&["--fps", "0"]).fails(2, &["--fps", "30000/1001"]);
     let main = |more: &[&str]| encode(&[&["--profile", "main"], more].concat());
     for knob in [["--motion", "3dof"], ["--coefficients", "64"], ["--dc-step", "1mm"], ["--ac-step", "9mm"]] {

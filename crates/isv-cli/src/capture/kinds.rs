@@ -2,7 +2,7 @@
 
 use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
-use super::{CapturedFrame, Content, Frames, Hints, default_voxel_size, is_standard_input};
+use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size, is_standard_input};
 use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
@@ -114,6 +114,15 @@ impl Kind {
             Self::Volumes { grid, .. } => Some(*grid),
             Self::Stream(header) => Some(header.grid),
             Self::PipedStream(frames) => Some(frames.header().grid),
+        }
+    }
+
+    /// What its frames are.
+    pub(super) fn content(&self) -> ContentKind {
+        match self {
+            Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => ContentKind::Geometry,
+            Self::Depth(_) => ContentKind::Depth,
+            Self::Volumes { .. } | Self::Stream(_) | Self::PipedStream(_) => ContentKind::Volume,
         }
     }
 

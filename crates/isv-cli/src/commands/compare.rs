@@ -8,6 +8,7 @@ mod take;
 mod worker;
 
 use crate::capture::Hints;
+use crate::count;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
@@ -85,7 +86,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
     fps: FrameRate,
     /// Threads that each codec may use; all cores without it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     /// Measure this point of this codec in this process, and say each step on standard output
     #[arg(long, value_name = "CODEC:POINT", hide = true, value_parser = worker_parser)]

@@ -5,6 +5,7 @@ mod sink;
 
 use crate::ahead::Ahead;
 use crate::backend::BackendArgs;
+use crate::count;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::held_frames::HeldFrames;
@@ -46,7 +47,7 @@ pub(crate) struct Args {
     #[arg(long)]
     normals: bool,
     /// Points a frame
-    #[arg(long, value_name = "N", conflicts_with = "spacing")]
+    #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
     points: Option<NonZero<usize>>,
     /// Edge of the square of surface that each point stands for, with a unit; without it, a voxel
     #[arg(long, value_name = "LENGTH")]
@@ -61,7 +62,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value = "stop")]
     after_loss: AfterLossName,
     /// Threads to work with; without it, one a core
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
     backend: BackendArgs,

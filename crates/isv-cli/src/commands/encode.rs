@@ -12,7 +12,8 @@ mod volumes;
 
 use crate::ahead::Ahead;
 use crate::backend::{self, BackendArgs};
-use crate::capture::{Capture, CapturedFrame, Frames, Hints};
+use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Hints};
+use crate::count;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
@@ -55,7 +56,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
     /// A keyframe at least every this many frames; with --refresh gradual, all is refreshed in so many
-    #[arg(long, value_name = "FRAMES", default_value = "30")]
+    #[arg(long, value_name = "FRAMES", default_value = "30", value_parser = count::parse::<NonZero<u32>>)]
     gop: NonZero<u32>,
     #[command(flatten)]
     header: HeaderArgs,
@@ -72,7 +73,7 @@ pub(crate) struct Args {
     #[arg(long)]
     checksums: bool,
     /// Threads to work with; without it, one a core
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
     backend: BackendArgs,
@@ -89,6 +90,18 @@ impl Args {
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
         let origin_m = self.origin.unwrap_or_default().map(|x| x * self.units.metres());
         Ok(Hints { voxel_size, truncation, frame_rate, origin_m, ..usual })
+    }
+
+    /// A sentence on what was asked for and has no effect on such a capture.
+    fn without_effect(&self, capture: &Capture) -> Option<String> {
+        let content = capture.content();
+        let geometry = [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some())];
+        let of_geometry = geometry.iter().filter(|(_, given)| *given && content != ContentKind::Geometry);
+        let flags: Vec<_> =
+            of_geometry.map(|(flag, _)| *flag).chain(self.ingest.without_effect(content)).collect();
+        let list = flags.join(", ");
+        (!flags.is_empty())
+            .then(|| format!("{}: without effect on {}: {list}", capture.name(), content.name()))
     }
 
     fn encoder_settings(&self, header: &StreamHeader) -> EncoderSettings {
@@ -152,7 +165,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         frames: 0,
         skipped: 0,
     };
-    if let Some(remark) = capture.remark() {
+    for remark in [capture.remark(), args.without_effect(&capture)].into_iter().flatten() {
         progress.note(&remark);
     }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);

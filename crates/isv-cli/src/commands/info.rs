@@ -71,7 +71,7 @@ struct PacketInfo {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let info = StreamInfo::read(&args.input)?;
+    let info = StreamInfo::read(&args.input).map_err(stream::advise_repair)?;
     print(&if args.json { serde_json::to_string_pretty(&info)? } else { info.table() })
 }
 

@@ -6,6 +6,7 @@ mod sink;
 mod studio;
 
 use crate::capture::{Capture, Hints};
+use crate::count;
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
@@ -62,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_TURN))]
     turntable: Option<u64>,
     /// Columns of a contact sheet; without it, about as many as rows
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     columns: Option<NonZero<usize>>,
     /// Edge of each drawing in pixels; without it, 1024, or 512 in an animation, or 384 in a contact sheet
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]

@@ -1,5 +1,6 @@
 //! `isv serve`: files and live streams for browsers elsewhere.
 
+use crate::count;
 use crate::output::{is_pipe, print};
 use crate::serving::{check_streams, serve};
 use crate::stream;
@@ -29,7 +30,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ORIGIN")]
     allow_origin: Vec<Origin>,
     /// Viewers of the live stream at a time; without it, 100
-    #[arg(long, value_name = "N", requires = "live")]
+    #[arg(long, value_name = "N", requires = "live", value_parser = count::parse::<NonZero<usize>>)]
     viewers: Option<NonZero<usize>>,
 }
 

@@ -29,10 +29,7 @@ struct Verified {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let mut verified = Verified::default();
-    let checked = verify(args, &mut verified).map_err(|error| match stream::is_loss(&error) {
-        true => anyhow!("{error:#}: isv repair keeps what is sound"),
-        false => error,
-    });
+    let checked = verify(args, &mut verified).map_err(stream::advise_repair);
     checked.map_err(|error| match verified.frames {
         0 => error,
         1 => anyhow!("{error:#}: the frame before is sound, and --frames 0..1 decodes it"),

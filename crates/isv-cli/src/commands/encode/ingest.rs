@@ -2,6 +2,7 @@
 
 use super::volumes::{DepthFusion, VolumeMaker};
 use crate::backend::Backend;
+use crate::capture::ContentKind;
 use crate::failure::usage;
 use crate::length::Length;
 use crate::progress::Progress;
@@ -15,13 +16,16 @@ use std::sync::Arc;
 /// Share of a frame's surface that may be lost without a word.
 const WORTH_A_WARNING: f64 = 0.005;
 
+/// Half the thickness of a shell, unless told.
+const OFFSET_VOXELS: f64 = 1.5;
+
 #[derive(Debug, clap::Args)]
 pub(super) struct IngestArgs {
     /// How to tell inside from outside of meshes and points
     #[arg(long, value_enum, default_value = "auto")]
     sign: SignName,
     /// Half the thickness of the shell around a surface without inside, in voxels
-    #[arg(long, value_name = "VOXELS", default_value = "1.5")]
+    #[arg(long, value_name = "VOXELS", default_value_t = OFFSET_VOXELS)]
     offset: f64,
     /// Normals of points
     #[arg(long, value_enum, default_value = "given")]
@@ -44,6 +48,20 @@ impl IngestArgs {
     /// How much of the volume to code, if that was asked for.
     pub(super) fn band(&self) -> Option<BandName> {
         self.band
+    }
+
+    /// What was asked for and has no effect on frames of a kind.
+    pub(super) fn without_effect(&self, content: ContentKind) -> impl Iterator<Item = &'static str> {
+        let (points, depth) = (content == ContentKind::Geometry, content == ContentKind::Depth);
+        let flags = [
+            // A volume on another grid becomes a mesh in between.
+            ("--sign", !depth, self.sign != SignName::Auto),
+            ("--offset", !depth, self.offset != OFFSET_VOXELS),
+            ("--normals", points, self.normals != NormalsName::Given),
+            ("--fusion", depth, self.fusion != FusionName::PerFrame),
+            ("--max-depth", depth, self.max_depth.is_some()),
+        ];
+        flags.into_iter().filter(|(_, has_effect, given)| *given && !has_effect).map(|(flag, ..)| flag)
     }
 
     /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who does it, as far as it can.
