@@ -1,6 +1,7 @@
 //! `--backend`: who does the arithmetic on samples.
 
 use crate::memory;
+use crate::output::say;
 use anyhow::Result;
 use isv::decode::{BackendError, Decoder, Lod};
 use isv::encode::EncoderSettings;
@@ -35,7 +36,7 @@ impl BackendArgs {
         let on_cpu =
             || anyhow::Ok(AnyDecoder::on_cpu(header, limits, Decoder::with_lod(header, limits, lod)?));
         if lod != Lod::Full && self.backend != BackendChoice::Cpu {
-            eprintln!("reduced resolution is decoded on the CPU");
+            say("reduced resolution is decoded on the CPU");
             return on_cpu();
         }
         match self
@@ -99,7 +100,7 @@ impl Backend {
         match &self.store {
             Some(store) if !self.falls_back => Ok(AnyAccumulator::on_gpu(store.gpu(), settings)?),
             Some(_) => {
-                eprintln!("depth images are accumulated on the CPU");
+                say("depth images are accumulated on the CPU");
                 Ok(AnyAccumulator::on_cpu(settings))
             }
             None => Ok(AnyAccumulator::on_cpu(settings)),
@@ -131,7 +132,7 @@ pub(crate) fn has_failed(error: &anyhow::Error) -> bool {
 
 /// Says why the CPU does what a GPU was to do.
 pub(crate) fn notify(why: &dyn std::error::Error) {
-    eprintln!("{why}: working on the CPU");
+    say(format_args!("{why}: working on the CPU"));
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! How failures leave the program: one sentence on stderr and an exit status.
 
+use crate::output::say;
 use isv::format::FormatError;
 use isv::io::WriteError;
 use std::fmt;
@@ -31,7 +32,7 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::from(JOB_FAILED);
     }
-    eprintln!("isv: {}", one_line(&format!("{error:#}")));
+    say(format_args!("isv: {}", one_line(&format!("{error:#}"))));
     ExitCode::from(if error.is::<UsageError>() { COMMAND_LINE_WRONG } else { JOB_FAILED })
 }
 
@@ -49,7 +50,7 @@ pub(crate) fn report_command_line(error: &clap::Error) -> ExitCode {
             let text = error.render().to_string();
             let paragraph = text.split("\n\n").next().unwrap_or_default();
             let sentence = paragraph.strip_prefix("error: ").unwrap_or(paragraph);
-            eprintln!("isv: {}; --help lists what is understood", one_line(sentence));
+            say(format_args!("isv: {}; --help lists what is understood", one_line(sentence)));
         }
     }
     u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from)

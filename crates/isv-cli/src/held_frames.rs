@@ -3,6 +3,7 @@
 use crate::backend::{self, BackendArgs};
 use crate::frame_range::FrameRange;
 use crate::memory;
+use crate::output::say;
 use crate::stats::timed;
 use crate::stream::{self, ByteSource, StreamFrame};
 use anyhow::{Context, Result};
@@ -14,6 +15,9 @@ use std::path::Path;
 
 /// A frame is held for so many seconds at most: timestamps that jump further are those of another clock.
 const LONGEST_HOLD_S: f64 = 10.0;
+
+/// And in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
+const MOST_HELD: usize = 10_000;
 
 /// How what is shown relates to what was encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,7 +123,7 @@ impl HeldFrames {
         loop {
             match self.packets.next_frame().with_context(|| self.name.clone())? {
                 Some(Salvaged::Damage { at, bytes }) => {
-                    eprintln!("{}: {bytes} bytes are damaged from byte {at} on", self.name);
+                    say(format_args!("{}: {bytes} bytes are damaged from byte {at} on", self.name));
                     damaged += bytes;
                 }
                 Some(Salvaged::Frame(packet)) => {
@@ -172,11 +176,8 @@ impl HeldFrames {
     /// How many frames long the time between two packets is; 0 if that is no time to hold a frame for.
     fn frames_between(&self, last_ns: u64, now_ns: u64) -> usize {
         let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
-        if seconds > LONGEST_HOLD_S {
-            0
-        } else {
-            (seconds * self.header.frame_rate.per_second()).round() as usize
-        }
+        let frames = (seconds * self.header.frame_rate.per_second()).round() as usize;
+        if seconds > LONGEST_HOLD_S || frames > MOST_HELD { 0 } else { frames }
     }
 
     /// Says so where it changes.
@@ -184,9 +185,11 @@ impl HeldFrames {
         if std::mem::replace(&mut self.health, health) != health {
             let name = &self.name;
             match health {
-                Health::Exact => eprintln!("{name}: exact again from frame {frame} on"),
-                Health::Held => eprintln!("{name}: frame {frame} is lost, the last one is held: {why}"),
-                Health::Inexact => eprintln!("{name}: near what was encoded from frame {frame} on"),
+                Health::Exact => say(format_args!("{name}: exact again from frame {frame} on")),
+                Health::Held => {
+                    say(format_args!("{name}: frame {frame} is lost, the last one is held: {why}"))
+                }
+                Health::Inexact => say(format_args!("{name}: near what was encoded from frame {frame} on")),
             }
         }
     }

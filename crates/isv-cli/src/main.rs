@@ -3,6 +3,9 @@
 //! One module a command in `commands`; what they share is beside this file. Exit status: 0 done, 1 the job failed, 2
 //! the command line was wrong; each failure is one sentence on stderr.
 
+// `output::say` and `output::print` do it where nobody may hear it.
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod ahead;
 mod backend;
 mod bit_rate;

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use isv::io::{AtomicFile, WriteError};
+use std::fmt::Display;
 use std::io::{self, BufWriter, Stdout, Write};
 use std::path::Path;
 
@@ -71,6 +72,11 @@ fn named<T>(result: io::Result<T>) -> io::Result<T> {
 /// Prints text for people or scripts on standard output.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     writeln!(io::stdout(), "{text}").context("standard output: cannot write")
+}
+
+/// Says something to people, on standard error. No work is given up because nobody can hear it.
+pub(crate) fn say(sentence: impl Display) {
+    let _ = writeln!(io::stderr(), "{sentence}");
 }
 
 /// A number of frames in words.

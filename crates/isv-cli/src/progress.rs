@@ -1,5 +1,6 @@
 //! The progress bar: on a terminal's stderr, nowhere else.
 
+use crate::output::say;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 
@@ -41,7 +42,7 @@ impl Progress {
         if self.silent {
             return;
         }
-        self.bar.suspend(|| eprintln!("{sentence}"));
+        self.bar.suspend(|| say(sentence));
     }
 }
 

@@ -4,7 +4,7 @@ use crate::backend::{self, BackendArgs};
 use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::memory;
-use crate::output::is_pipe;
+use crate::output::{is_pipe, say};
 use crate::stats::timed;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{DecodeError, Lod};
@@ -128,9 +128,9 @@ impl StreamFrames {
                 self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name))?;
                 if !self.packets.complete() {
                     let name = &self.name;
-                    eprintln!(
+                    say(format_args!(
                         "{name}: ends without an index: it may have been cut after its last whole frame"
-                    );
+                    ));
                 }
                 return Ok(None);
             };

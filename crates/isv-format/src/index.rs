@@ -28,6 +28,9 @@ impl StreamIndex {
     /// 12 bytes before it (4).
     pub const TRAILER_BYTES: usize = 16;
 
+    /// Bytes of a frame in the payload.
+    pub(crate) const ENTRY_BYTES: usize = 8;
+
     /// Payload of the index packet: 8 bytes a frame, twice the offset plus the keyframe flag.
     #[must_use]
     pub fn to_payload(&self) -> Vec<u8> {
@@ -40,7 +43,7 @@ impl StreamIndex {
     /// Offsets that do not ascend, or point past the index.
     pub fn parse(payload: &[u8], at: u64) -> Result<Self, FormatError> {
         let mut fields = ByteReader::new(payload, at, "the index");
-        let mut frames = Vec::with_capacity(payload.len() / 8);
+        let mut frames = Vec::with_capacity(payload.len() / Self::ENTRY_BYTES);
         let mut least = StreamHeader::BYTES as u64;
         while !fields.is_empty() {
             let entry_at = fields.at();

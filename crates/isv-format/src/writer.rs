@@ -1,6 +1,6 @@
 //! Packets into a byte sink, one after the other.
 
-use crate::packet::{PacketHeader, PacketKind};
+use crate::packet::{MAX_PAYLOAD, PacketHeader, PacketKind};
 use crate::{FormatError, FramePayload, IndexEntry, Packet, StreamHeader, StreamIndex};
 use std::io::Write;
 
@@ -10,7 +10,9 @@ pub struct PacketWriter<W> {
     sink: W,
     at: u64,
     since_keyframe: u16,
+    /// Where frames are, up to one more than an index can hold.
     index: StreamIndex,
+    most_indexed: usize,
 }
 
 impl<W: Write> PacketWriter<W> {
@@ -21,14 +23,20 @@ impl<W: Write> PacketWriter<W> {
     pub fn new(mut sink: W, header: &StreamHeader) -> Result<Self, FormatError> {
         sink.write_all(&header.to_bytes())?;
         sink.flush()?;
-        Ok(Self { sink, at: StreamHeader::BYTES as u64, since_keyframe: 0, index: StreamIndex::default() })
+        Ok(Self {
+            sink,
+            at: StreamHeader::BYTES as u64,
+            since_keyframe: 0,
+            index: StreamIndex::default(),
+            most_indexed: MAX_PAYLOAD as usize / StreamIndex::ENTRY_BYTES,
+        })
     }
 
     /// Writes a frame packet and returns its size in bytes. The sink is flushed: whoever is at the other end of a pipe has the
     /// frame at once.
     ///
     /// # Errors
-    /// I/O errors of the sink.
+    /// I/O errors of the sink, and a payload above [`MAX_PAYLOAD`].
     pub fn write_frame(
         &mut self,
         keyframe: bool,
@@ -41,7 +49,7 @@ impl<W: Write> PacketWriter<W> {
         let bytes =
             self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
         self.sink.flush()?;
-        self.index.frames.push(IndexEntry { at, keyframe });
+        self.note(IndexEntry { at, keyframe });
         Ok(bytes)
     }
 
@@ -60,15 +68,19 @@ impl<W: Write> PacketWriter<W> {
         self.since_keyframe = packet.header.since_keyframe;
         let bytes = self.write_packet(packet.header.kind, timestamp_ns, &packet.payload)?;
         self.sink.flush()?;
-        self.index.frames.push(IndexEntry { at, keyframe });
+        self.note(IndexEntry { at, keyframe });
         Ok(bytes)
     }
 
-    /// Writes the index and the trailer, and gives the sink back.
+    /// Writes the index and the trailer, and gives the sink back. A stream of more frames than an index can hold, 2^27, ends
+    /// without.
     ///
     /// # Errors
     /// I/O errors of the sink.
     pub fn finish(mut self) -> Result<W, FormatError> {
+        if self.index.frames.len() > self.most_indexed {
+            return Ok(self.sink);
+        }
         let at = self.at;
         self.since_keyframe = 0;
         self.write_packet(PacketKind::Index, 0, &self.index.to_payload())?;
@@ -77,12 +89,27 @@ impl<W: Write> PacketWriter<W> {
         Ok(self.sink)
     }
 
+    fn note(&mut self, entry: IndexEntry) {
+        if self.index.frames.len() <= self.most_indexed {
+            self.index.frames.push(entry);
+        }
+    }
+
     fn write_packet(
         &mut self,
         kind: PacketKind,
         timestamp_ns: u64,
         payload: &[u8],
     ) -> Result<usize, FormatError> {
+        if payload.len() > MAX_PAYLOAD as usize {
+            let (asked, allowed) = (payload.len() as u64, u64::from(MAX_PAYLOAD));
+            return Err(FormatError::LimitExceeded {
+                at: self.at,
+                what: "packet payload bytes",
+                asked,
+                allowed,
+            });
+        }
         self.sink.write_all(&PacketHeader::seal(kind, self.since_keyframe, timestamp_ns, payload))?;
         self.sink.write_all(payload)?;
         let bytes = PacketHeader::BYTES + payload.len();
@@ -155,6 +182,29 @@ mod tests {
                 .unwrap()
                 .unwrap();
             assert_eq!((packet.at, packet.is_keyframe()), (entry.at, entry.keyframe));
+        }
+    }
+
+    #[test]
+    fn what_an_index_cannot_hold_ends_without_one() {
+        let whole = stream();
+        let (mut reader, mut packets) = (PacketReader::new(&whole[..]).unwrap(), Vec::new());
+        while let Some(packet) = reader.next_frame().unwrap() {
+            packets.push(packet);
+        }
+        for most_indexed in [3, 2, 1] {
+            let mut writer = PacketWriter::new(Vec::new(), &header()).unwrap();
+            writer.most_indexed = most_indexed;
+            for packet in &packets {
+                writer.copy_frame(packet, packet.header.timestamp_ns).unwrap();
+            }
+            assert!(writer.index.frames.len() <= most_indexed + 1);
+            let bytes = writer.finish().unwrap();
+            assert_eq!(bytes == whole, most_indexed == 3);
+            let (count, end) = frames(&bytes);
+            assert_eq!(count, 3);
+            end.unwrap();
+            assert_eq!(StreamIndex::load(&mut Cursor::new(&bytes)).unwrap().frames.len(), 3);
         }
     }
 

@@ -33,7 +33,7 @@ impl AtomicFile {
     /// Opens a file to be known as `path`, whose folder must exist.
     ///
     /// # Errors
-    /// [`WriteError`] if the folder is missing or not writable, or `path` is a folder.
+    /// [`WriteError`] if the folder is missing or not writable, or `path` is a folder or ends like one.
     pub fn create(path: &Path) -> Result<Self, WriteError> {
         let (file, pending) = open(path).map_err(|cause| WriteError::new(path, cause))?;
         Ok(Self { path: path.to_owned(), writer: BufWriter::new(file), pending })
@@ -94,6 +94,10 @@ fn open(path: &Path) -> io::Result<(File, Option<Rename>)> {
         Err(_) => path.to_owned(),
     };
     let name = to.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    // `out/` would be found to be no name of a file when the file is to get it.
+    if !to.as_os_str().as_encoded_bytes().ends_with(name.as_encoded_bytes()) {
+        return Err(io::ErrorKind::NotADirectory.into());
+    }
     // Another process, or a job that was killed, may hold the first name tried: nothing of theirs is overwritten.
     for attempt in 1..=1000 {
         let mut part = name.to_owned();
@@ -154,7 +158,11 @@ mod tests {
         let path = folder.path().join("missing").join("out.isv");
         let message = AtomicFile::create(&path).unwrap_err().to_string();
         assert!(message.starts_with(&format!("{}: cannot write: ", path.display())), "{message}");
-        assert!(AtomicFile::create(folder.path()).unwrap_err().to_string().contains("directory"));
+        for folder in [folder.path().to_owned(), folder.path().join("none/"), folder.path().join("none/.")] {
+            let message = AtomicFile::create(&folder).unwrap_err().to_string();
+            assert!(message.contains("directory"), "{message}");
+        }
+        assert!(names(folder.path()).is_empty());
     }
 
     #[cfg(unix)]

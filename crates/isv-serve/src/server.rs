@@ -21,8 +21,9 @@ use tower_http::cors::CorsLayer;
 /// Bytes that the system may hold for a viewer that does not read: about a second of a stream. What is beyond that is late
 /// anyway, and is dropped at a keyframe.
 const SEND_BUFFER_BYTES: u32 = 256 << 10;
-/// Connections beside those of live viewers; a browser opens up to six. Further ones wait.
-const CONNECTIONS: usize = 512;
+/// Connections beside those of live viewers; a browser opens up to six. Further ones wait. Each may have a file open beside its
+/// socket, and a process may often have 1024 of both.
+const CONNECTIONS: usize = 400;
 /// Connections that may wait to be accepted.
 const BACKLOG: u32 = 256;
 

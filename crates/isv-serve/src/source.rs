@@ -142,9 +142,12 @@ struct Feeder<N> {
 
 impl<N: FnMut(&str)> Feeder<N> {
     fn run(mut self, mut kind: Kind) {
+        // What was last in the way, which may be for a moment or for hours, and is told once.
+        let mut obstacle = None;
         while !self.stop.load(Ordering::Relaxed) {
             match kind.open(&self.stop) {
                 Ok(Some(opened)) => {
+                    obstacle = None;
                     if let Err(error) = self.read(opened, &mut kind) {
                         self.tell(&error);
                         // It may fail again at once, and for ever.
@@ -155,7 +158,14 @@ impl<N: FnMut(&str)> Feeder<N> {
                     thread::sleep(POLL);
                 }
                 Ok(None) => return,
-                Err(error) => return self.tell(&format!("{error}: no longer read")),
+                Err(error) => {
+                    let what = error.to_string();
+                    if obstacle.as_ref() != Some(&what) {
+                        self.tell(&format!("{what}: tried again until it can be read"));
+                    }
+                    obstacle = Some(what);
+                    thread::sleep(RECOVERY);
+                }
             }
         }
     }

@@ -287,6 +287,23 @@ async fn the_newest_file_of_a_folder_is_live() {
     assert!(fed.notices.try_recv().is_err());
 }
 
+#[tokio::test]
+async fn a_folder_that_is_gone_for_a_while_is_read_again() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("takes");
+    std::fs::create_dir(&folder).unwrap();
+    let mut fed = Fed::new(Source::open(&folder).unwrap());
+    fed.notice(&["no .isv file is in it yet"]);
+    std::fs::remove_dir(&folder).unwrap();
+    let notice = fed.notices.recv_timeout(Duration::from_secs(60)).unwrap();
+    assert!(notice.contains("takes: ") && notice.ends_with("tried again until it can be read"), "{notice}");
+    std::fs::create_dir(&folder).unwrap();
+    append(&folder.join("a.isv"), &stream(0..3));
+    fed.header().await;
+    fed.packets(0..3).await;
+    assert!(fed.notices.try_recv().is_err());
+}
+
 #[test]
 fn what_cannot_come_is_refused() {
     assert!(Source::open(Path::new("no/such/folder/take.isv")).is_err());

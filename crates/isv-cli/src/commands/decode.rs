@@ -11,7 +11,7 @@ use crate::frame_range::FrameRange;
 use crate::held_frames::HeldFrames;
 use crate::interrupt;
 use crate::length::Length;
-use crate::output::frames_in_words;
+use crate::output::{frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrame, StreamFrames};
@@ -78,8 +78,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         return Err(usage("--points and --spacing need --as points"));
     }
     use_threads(args.threads)?;
-    interrupt::listen()?;
     let source = Source::open(args)?;
+    // From here on somebody looks whether Ctrl-C came.
+    interrupt::listen()?;
     let header = *source.header();
     let density = product::density(args.points, args.spacing, args.voxel_m(&header));
     let recipe = Recipe { form, normals: args.normals, density };
@@ -102,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
     })?;
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
-    eprintln!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64);
+    say(format_args!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64));
     stats.commit()?;
     if interrupt::requested() {
         bail!("interrupted: {} holds the first {}", args.output.display(), frames_in_words(count));

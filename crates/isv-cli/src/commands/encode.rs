@@ -17,7 +17,7 @@ use crate::count;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
-use crate::output::{Output, frames_in_words};
+use crate::output::{Output, frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::terms::TimestampsName;
@@ -291,18 +291,18 @@ impl Job {
         let bytes = self.packet_writer.finish()?.commit()?;
         let mbps = megabits_per_second(bytes, self.frames, self.header.frame_rate.per_second());
         let ms = self.stats.wall_ms() / self.frames as f64;
-        eprintln!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame");
+        say(format_args!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame"));
         let seconds = self.frames as f64 / self.header.frame_rate.per_second();
         if let Some((rate, most_bits)) = args.header.target().most_bits(seconds)
             && bytes as f64 * 8.0 > most_bits
         {
             let voxel = Length::from_metres(self.header.grid.voxel_size.metres());
-            eprintln!(
+            say(format_args!(
                 "{input}: {rate} is less than a surface takes in voxels of {voxel}: larger voxels take less"
-            );
+            ));
         }
         if self.skipped > 0 {
-            eprintln!("{input}: {skipped} skipped");
+            say(format_args!("{input}: {skipped} skipped"));
         }
         self.stats.commit()?;
         if interrupt::requested() {

@@ -3,6 +3,7 @@
 mod folder;
 
 use crate::interrupt;
+use crate::output::say;
 use crate::serving::check_streams;
 use anyhow::{Result, bail};
 use folder::ExportFolder;
@@ -39,6 +40,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     }
     let files = folder.commit()?;
-    eprintln!("{}: {files} files", args.folder.display());
+    say(format_args!("{}: {files} files", args.folder.display()));
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::interrupt;
 use crate::length::Length;
-use crate::output::Output;
+use crate::output::{Output, say};
 use crate::progress::Progress;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
@@ -140,8 +140,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
     }
     let size = args.picture_size(format)?;
-    interrupt::listen()?;
     let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
+    // From here on somebody looks whether Ctrl-C came.
+    interrupt::listen()?;
     let shots = args.shots(footage.len());
     let rate = args.picture_rate(format, footage.frame_rate())?;
     let first = footage.first();
@@ -254,7 +255,7 @@ impl Args {
 fn report_errors(seen: &[SeenErrors]) {
     let Some(max_m) = seen.iter().map(|errors| errors.max_m).reduce(f64::max) else { return };
     let mean_m = seen.iter().map(|errors| errors.mean_m).sum::<f64>() / seen.len() as f64;
-    eprintln!("errors of the surface that is seen: {}", in_words(SeenErrors { mean_m, max_m }));
+    say(format_args!("errors of the surface that is seen: {}", in_words(SeenErrors { mean_m, max_m })));
 }
 
 impl From<ShadeName> for Shading {

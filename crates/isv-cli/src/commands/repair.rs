@@ -1,6 +1,6 @@
 //! `isv repair`: what is sound of a damaged stream, as a stream.
 
-use crate::output::{Output, frames_in_words, is_pipe, print};
+use crate::output::{Output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::{Context, Result, bail};
 use isv::decode::Decoder;
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     writer.finish()?.commit()?;
     let sentence = format!("{name}: {}", report.in_words(packets.complete()));
     if is_pipe(&args.output) {
-        eprintln!("{sentence}");
+        say(sentence);
         return Ok(());
     }
     print(&sentence)

@@ -1,7 +1,7 @@
 //! `isv serve`: files and live streams for browsers elsewhere.
 
 use crate::count;
-use crate::output::{is_pipe, print};
+use crate::output::{is_pipe, print, say};
 use crate::serving::{check_streams, serve};
 use crate::stream;
 use anyhow::Result;
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut feed = None;
     serve(settings, |server| {
         introduce(server)?;
-        feed = source.zip(hub).map(|(source, hub)| source.feed(hub, |notice| eprintln!("{notice}")));
+        feed = source.zip(hub).map(|(source, hub)| source.feed(hub, |notice| say(notice)));
         Ok(())
     })
 }
@@ -76,7 +76,7 @@ fn introduce(server: &Server) -> Result<()> {
         print(&url)?;
     }
     if server.is_open() {
-        eprintln!("anybody who reaches {} can watch", server.address());
+        say(format_args!("anybody who reaches {} can watch", server.address()));
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `isv view`: streams in a browser.
 
-use crate::output::print;
+use crate::output::{print, say};
 use crate::serving::{check_streams, serve};
 use anyhow::Result;
 use isv_serve::{Settings, StreamFiles};
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if !args.no_open
             && let Err(error) = open::that_detached(&url)
         {
-            eprintln!("no browser could be opened: {error}: open the address in one");
+            say(format_args!("no browser could be opened: {error}: open the address in one"));
         }
         Ok(())
     })

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// How long a file must have been still before a newer one in its folder takes its place.
 const STILLNESS: Duration = Duration::from_secs(1);
+/// How long a file that is there may be unreadable before that is told.
+const PATIENCE: Duration = Duration::from_secs(1);
 /// How often a folder is read.
 const FOLDER_POLL: Duration = Duration::from_millis(200);
 
@@ -63,14 +65,29 @@ impl Followed {
     }
 
     /// Waits for a file other than the one whose end was read, and begins at its last entry; `None` when told to stop.
+    ///
+    /// # Errors
+    /// A folder that cannot be read, and a file that cannot for some time.
     pub(super) fn open(&mut self, stop: &Arc<AtomicBool>) -> io::Result<Option<Opened>> {
+        let mut refused_since = None;
         while !stop.load(Ordering::Relaxed) {
             let found = self.place.newest()?.filter(|found| self.done.as_ref() != Some(found));
-            // What cannot be opened may have gone in this very moment, or may not be readable yet.
-            let opened = found.and_then(|found| Some((found.path.clone(), self.begin(found, stop).ok()?)));
-            if let Some((path, opened)) = opened {
-                self.reading = path;
-                return Ok(Some(opened));
+            if let Some(found) = found {
+                let path = found.path.clone();
+                match self.begin(found, stop) {
+                    Ok(opened) => {
+                        self.reading = path;
+                        return Ok(Some(opened));
+                    }
+                    // It has gone in this very moment.
+                    Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                    // It may not be readable yet.
+                    Err(error) if refused_since.get_or_insert_with(Instant::now).elapsed() > PATIENCE => {
+                        let name = path.file_name().unwrap_or_default().display();
+                        return Err(io::Error::new(error.kind(), format!("{name}: {error}")));
+                    }
+                    Err(_) => {}
+                }
             }
             sleep(self.place.poll());
         }

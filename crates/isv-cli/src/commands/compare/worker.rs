@@ -125,11 +125,14 @@ pub(super) fn spawn(
 struct Worker(Child);
 
 impl Worker {
-    /// With the arguments of this program, and the word that makes it a worker before any that might end options.
+    /// With the arguments of this program, and the word that makes it a worker behind the command's name, before any that might
+    /// end options.
     fn start(codec: Codec, point: usize) -> Result<Self> {
         let program = std::env::current_exe().context("cannot find this program")?;
         let mut arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
-        arguments.insert(1.min(arguments.len()), format!("--worker={codec}:{point}").into());
+        let name =
+            arguments.iter().position(|argument| argument == "compare").context("no command's name")?;
+        arguments.insert(name + 1, format!("--worker={codec}:{point}").into());
         let child = Command::new(program)
             .args(arguments)
             .stdin(Stdio::null())

@@ -1,6 +1,7 @@
 //! Where decoded frames go.
 
 use super::product::{OutputFormat, Product};
+use crate::interrupt;
 use crate::output::{Output, frames_in_words, is_pipe};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_vdb_to, write_volume};
@@ -95,7 +96,10 @@ impl Sink {
     /// Completes the output; returns how many frames were written in all.
     pub(super) fn finish(self) -> Result<usize> {
         if self.taken == 0 {
-            bail!("no frames in this stream");
+            match interrupt::requested() {
+                true => bail!("interrupted before the first frame"),
+                false => bail!("no frames in this stream"),
+            }
         }
         match self.place {
             Place::Folder | Place::File(None) => {}

@@ -3,6 +3,7 @@
 use super::Args;
 use crate::capture::{Capture, CapturedFrame, Content};
 use crate::length::Length;
+use crate::output::say;
 use anyhow::{Result, bail};
 use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
 use isv::format::{PacketHeader, StreamHeader};
@@ -95,7 +96,7 @@ pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSetti
         },
     };
     let (choice, point) = best(&curves, wanted);
-    eprintln!(
+    say(format_args!(
         "voxels of {}: about {:.2} mm at {:.2} Mbps by {} sample frames, the best of {} to {}",
         Length::from_metres(choice.voxel.metres()),
         1e3 * point.error,
@@ -103,7 +104,7 @@ pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSetti
         samples.iter().map(Vec::len).sum::<usize>(),
         Length::from_metres(curves[0].voxel.metres()),
         Length::from_metres(curves[curves.len() - 1].voxel.metres()),
-    );
+    ));
     let quality = matches!(wanted, Wanted::ErrorOfStep(_))
         .then(|| FrameQuality::of_step((point.step / choice.voxel.metres()) as f32));
     Ok(Choice { voxel: choice.voxel, quality })
@@ -153,6 +154,9 @@ fn samples(args: &Args) -> Result<Vec<Vec<TriangleMesh>>> {
     let capture = open()?;
     capture.counted()?;
     let range = capture.range(args.frames)?;
+    if range.is_empty() {
+        bail!("{}: no frames to choose a voxel size by: give a length, as in --voxel 5mm", args.input);
+    }
     let mut starts = vec![range.start];
     if range.len() >= 4 * SAMPLE_FRAMES {
         starts.push(range.start + range.len() / 2);

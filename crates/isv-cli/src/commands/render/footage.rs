@@ -80,7 +80,10 @@ impl Footage {
             meshes = args.capture()?.meshes(self.range)?;
             bounds
         } else {
-            let held = meshes.collect::<Result<Vec<_>>>()?;
+            let held = Ahead::new(meshes).collect::<Result<Vec<_>>>()?;
+            if interrupt::requested() {
+                bail!("interrupted");
+            }
             let bounds = union(held.iter());
             meshes = Box::new(held.into_iter().map(Ok));
             bounds
