@@ -3,6 +3,12 @@
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from 'three';
 
 export class EdgeGeometry extends BufferGeometry {
+  /** Frees the lines. The vertices are the surface's, whose buffers stay. */
+  dispose() {
+    this.deleteAttribute('position');
+    super.dispose();
+  }
+
   /** @param {BufferGeometry} surface whose vertices are used @param {Uint32Array} indices three vertices a triangle */
   show(surface, indices) {
     const lines = 2 * indices.length;

@@ -42,8 +42,8 @@ export class Lane {
   #port;
   /** Packets not answered yet. */
   #waiting = 0;
-  /** @type {(() => void) | null} */
-  #wake = null;
+  /** Who waits for room. @type {(() => void)[]} */
+  #wakes = [];
   #generation = 0;
 
   /**
@@ -62,7 +62,7 @@ export class Lane {
   /** Waits until the worker can take another packet. @returns {Promise<void> | undefined} nothing to wait for if it can now */
   room() {
     if (this.coming.size < SURFACES && this.#waiting < PACKETS) return undefined;
-    return new Promise((wake) => (this.#wake = wake));
+    return new Promise((wake) => this.#wakes.push(wake));
   }
 
   /** @param {{ frame: number, packet: Uint8Array, at: number, surface: boolean, details: boolean }} work */
@@ -94,8 +94,7 @@ export class Lane {
   }
 
   #rouse() {
-    this.#wake?.();
-    this.#wake = null;
+    for (const wake of this.#wakes.splice(0)) wake();
   }
 
   /** @param {import('./worker.js').Answer} answer @param {ConstructorParameters<typeof Lane>[2]} on */

@@ -11,6 +11,8 @@ const CLOCK = 3;
 const BACKOFF = [250, 500, 1000, 2000, 4000];
 /** How often the server's clock is asked for, in ms. */
 const CLOCK_PERIOD = 3000;
+/** How long a server may be silent after a question, in ms: a network that is gone does not always say so. */
+const SILENCE = 10_000;
 /** Answers about the clock that the best is taken of. */
 const CLOCK_ANSWERS = 8;
 
@@ -47,6 +49,8 @@ export class LiveConnection {
   #retry;
   /** @type {ReturnType<typeof setInterval> | undefined} */
   #asking;
+  /** When the first question was asked that nothing was heard after. @type {number | null} */
+  #unanswered = null;
   /** The last answers about the server's clock, of this connection. @type {ClockAnswer[]} */
   #answers = [];
   #closed = false;
@@ -80,13 +84,28 @@ export class LiveConnection {
     socket.onopen = () => {
       this.#become('waiting');
       this.#askClock();
-      this.#asking = setInterval(() => this.#askClock(), CLOCK_PERIOD);
+      this.#asking = setInterval(() => this.#attend(), CLOCK_PERIOD);
     };
-    socket.onmessage = (/** @type {MessageEvent} */ { data }) => this.#take(data);
+    socket.onmessage = (/** @type {MessageEvent} */ { data }) => {
+      this.#unanswered = null;
+      this.#take(data);
+    };
     socket.onclose = () => this.#lost();
   }
 
+  /** Asks for the clock again, if the server is still there. */
+  #attend() {
+    if (this.#unanswered === null || unixNow() - this.#unanswered < SILENCE) return this.#askClock();
+    const socket = /** @type {Socket} */ (this.#socket);
+    // It may take minutes to close, and is none of ours any more.
+    socket.onmessage = null;
+    socket.onclose = null;
+    socket.close();
+    this.#lost();
+  }
+
   #lost() {
+    this.#unanswered = null;
     clearInterval(this.#asking);
     if (this.#closed) return;
     this.#become('lost');
@@ -121,6 +140,7 @@ export class LiveConnection {
     const question = new DataView(new ArrayBuffer(8));
     question.setFloat64(0, unixNow(), true);
     this.#socket.send(question.buffer);
+    this.#unanswered ??= unixNow();
   }
 
   /** @param {number} serverMs @param {number} askedMs */

@@ -1,6 +1,7 @@
 // A live stream: its packets decoded in one worker as they come, shown after a jitter buffer of a few frames. What cannot be
 // kept up with is dropped, up to the newest entry: a keyframe, or a resilient frame.
 
+import { IsvFailure, words } from './failure.js';
 import { JitterBuffer } from './jitter-buffer.js';
 import { Lane } from './lane.js';
 import { LiveConnection } from './live-connection.js';
@@ -29,7 +30,7 @@ export class LiveSource {
   latencyMs = null;
   /** Packets that were dropped to keep up. */
   dropped = 0;
-  /** Is told of `state`, `open`, `lost` and `error`. @type {(type: string, detail?: unknown) => void} */
+  /** Is told of `state`, `open`, `lost` and, with an `error`, `error`. @type {(type: string, detail?: unknown) => void} */
   onevent = () => {};
   #module;
   #spawn;
@@ -75,7 +76,7 @@ export class LiveSource {
         packet: (packet, serverMs) => this.#take(packet, serverMs),
       },
     });
-    module.catch((error) => this.onevent('error', { error, message: error.message }));
+    module.catch((error) => this.onevent('error', { error }));
   }
 
   get state() {
@@ -129,13 +130,14 @@ export class LiveSource {
         {
           done: ({ frame, mesh }) => this.#done(frame, mesh),
           lost: (_, { message }) => this.#lost(message),
-          broken: (error) => this.onevent('error', { error, message: error.message }),
+          broken: (error) => this.onevent('error', { error }),
         },
       );
       this.onevent('open');
       this.#feed();
     } catch (error) {
-      this.onevent('error', { error, message: `the live stream cannot be played: ${/** @type {Error} */ (error).message}` });
+      const message = `the live stream cannot be played: ${words(error)}`;
+      this.onevent('error', { error: new IsvFailure('unsupported', message, { cause: error }) });
     }
   }
 

@@ -37,8 +37,9 @@ export class MovingGeometry extends BufferGeometry {
     const held = this.getAttribute('position')?.count ?? 0;
     const heldIndices = this.index?.count ?? 0;
     if (vertices <= held && indices <= heldIndices) return;
-    // Frees the old buffers on the GPU, which belong to the attributes that are about to go.
+    // Frees the old buffers on the GPU, which belong to the attributes that are about to go; others' are too small now.
     this.dispose();
+    for (const name of Object.keys(this.attributes)) this.deleteAttribute(name);
     this.reallocations++;
     const room = vertices <= held ? held : Math.ceil(vertices * SPARE);
     const roomForIndices = indices <= heldIndices ? heldIndices : Math.ceil((indices * SPARE) / 3) * 3;

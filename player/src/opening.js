@@ -43,6 +43,8 @@ const anticipated = new Map();
  * @returns {Promise<void>} settles when that is being done, or cannot be
  */
 export function anticipate(options) {
+  // The same file beside itself: the second player opens it.
+  if (anticipated.has(options.url)) return Promise.resolve();
   const opening = open(options).then((ahead) => {
     ahead.hurry();
     ahead.start();

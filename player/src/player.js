@@ -219,7 +219,11 @@ export class IsvPlayer extends EventTarget {
     if (options.live !== undefined) {
       const module = compileDecoder(options.wasm);
       this.live = new LiveSource({ url: options.live, module, spawn: spawnWorker, voxels: options.voxels });
-      this.live.onevent = (type, detail) => this.#tell(type, detail);
+      this.live.onevent = (type, detail) => {
+        if (type === 'error') return this.#fail(/** @type {{ error: Error }} */ (detail).error);
+        if (type === 'open') this.error = null; // Another stream than the one that could not be played.
+        this.#tell(type, detail);
+      };
       this.live.details = this.#details;
       return;
     }

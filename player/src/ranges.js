@@ -69,7 +69,7 @@ export class HttpBytes {
   /** @param {string} url @param {{ limit?: number, fetch?: typeof fetch }} [options] most bytes of a file read whole */
   constructor(url, { limit = 1 << 29, fetch: get = (input, init) => fetch(input, init) } = {}) {
     this.url = url;
-    this.name = decodeURIComponent(url.split(/[?#]/)[0].split('/').pop() || url);
+    this.name = nameOf(url);
     this.limit = limit;
     this.fetch = get;
   }
@@ -100,11 +100,12 @@ export class HttpBytes {
     const first = Math.floor(from / CHUNK);
     const last = Math.floor((to - 1) / CHUNK);
     for (let chunk = first; chunk <= last; chunk++) if (!this.#chunks.has(chunk)) this.#load(chunk, last);
+    // A read may be larger than what is kept.
+    const loading = Array.from({ length: last + 1 - first }, (_, at) => this.#chunks.get(first + at));
+    this.#trim();
     const bytes = new Uint8Array(to - from);
     for (let chunk = first; chunk <= last; chunk++) {
-      const loading = this.#chunks.get(chunk);
-      if (!loading) return this.read(from, to, signal); // Freed meanwhile, as in a very large read.
-      const held = await loading;
+      const held = /** @type {Uint8Array} */ (await loading[chunk - first]);
       signal?.throwIfAborted();
       const start = Math.max(from, chunk * CHUNK);
       const end = Math.min(to, (chunk + 1) * CHUNK);
@@ -136,14 +137,16 @@ export class HttpBytes {
       held.catch(() => this.#chunks.delete(chunk));
       this.#chunks.set(chunk, held);
     }
-    this.#trim();
   }
 
   /** Half of what is read ahead is asked for before the other half is used up. @param {number} chunk */
   #readAhead(chunk) {
     for (let ahead = chunk; ahead < chunk + AHEAD / CHUNK / 2; ahead++) {
       if (ahead * CHUNK >= this.#length) return;
-      if (!this.#chunks.has(ahead)) return this.#load(ahead, ahead);
+      if (!this.#chunks.has(ahead)) {
+        this.#load(ahead, ahead);
+        return this.#trim();
+      }
     }
   }
 
@@ -233,6 +236,16 @@ export class HttpBytes {
       if (isAbort(cause) || cause instanceof IsvFailure) throw cause;
       throw new IsvFailure('missing', `${this.name}: the connection broke off`, { cause });
     }
+  }
+}
+
+/** The last part of an address, for people. @param {string} url */
+export function nameOf(url) {
+  const name = url.split(/[?#]/)[0].split('/').pop() || url;
+  try {
+    return decodeURIComponent(name);
+  } catch {
+    return name; // A percent sign that stands for itself.
   }
 }
 

@@ -8,8 +8,10 @@ const PACKET_HEADER_BYTES = 24;
 const TRAILER_BYTES = 16;
 /** Largest packet read into memory. */
 const PACKET_LIMIT = 1 << 28;
-/** Most frames that are looked for in a file without an index: three days at 60 a second. */
+/** Most frames of a file: three days at 60 a second. */
 const FRAME_LIMIT = 1 << 24;
+/** Largest index read into memory: 8 bytes a frame. */
+const INDEX_LIMIT = PACKET_HEADER_BYTES + 8 * FRAME_LIMIT;
 
 /**
  * @typedef {import('./wasm.js').StreamFacts} StreamFacts
@@ -104,6 +106,7 @@ async function readIndex(bytes, length, parse) {
   if (length < STREAM_HEADER_BYTES + PACKET_HEADER_BYTES + TRAILER_BYTES) return null;
   const at = parse.parseTrailer(await bytes.read(length - TRAILER_BYTES, length));
   if (at === undefined || at < STREAM_HEADER_BYTES || at > length - TRAILER_BYTES - PACKET_HEADER_BYTES) return null;
+  if (length - TRAILER_BYTES - at > INDEX_LIMIT) return null;
   try {
     const { offsets, keyframes } = parse.parseIndex(await bytes.read(at, length - TRAILER_BYTES), at);
     const ends = new Float64Array(offsets.length + 1);

@@ -284,7 +284,7 @@ export class Decoder {
   #give(bytes) {
     const address = this.#exports.isv_input(bytes.length);
     this.#check(address === 0 ? 2 : 0);
-    new Uint8Array(this.#exports.memory.buffer).set(bytes, address);
+    new Uint8Array(this.#exports.memory.buffer).set(bytes, address >>> 0);
   }
 
   /**

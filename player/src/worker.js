@@ -68,7 +68,7 @@ turns.port1.onmessage = next;
 scope.onmessage = (/** @type {MessageEvent<Order>} */ { data }) => {
   if (data.do === 'start') start(data);
   else if (data.do === 'cancel') waiting = [];
-  else if (waiting.push(data) === 1) turns.port2.postMessage(null);
+  else if (waiting.push(data) === 1 && facts) turns.port2.postMessage(null);
 };
 
 /** @param {Start} order */
@@ -78,6 +78,8 @@ async function start({ module, header, voxels }) {
     if (voxels) decoder.limit(voxels);
     facts = decoder.open(header);
     scope.postMessage({ is: 'ready' });
+    // What came meanwhile.
+    if (waiting.length) turns.port2.postMessage(null);
   } catch (error) {
     scope.postMessage({ is: 'broken', message: words(error) });
   }

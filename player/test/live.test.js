@@ -142,6 +142,49 @@ test('a server that goes away is called again, less and less often', (context) =
   assert.equal(sockets.length, before + 1, 'soon again, as it had been there');
 });
 
+test('a network that is gone without a word is noticed', (context) => {
+  const { connection, sockets, timers } = connected(context);
+  let now = 1000;
+  context.mock.method(performance, 'now', () => now);
+  const pass = (/** @type {number} */ ms) => {
+    for (let passed = 0; passed < ms; passed += 1000) {
+      now += 1000;
+      timers.tick(1000);
+    }
+  };
+  sockets[0].onopen();
+  sockets[0].say(0, new Uint8Array(48));
+  for (let minute = 0; minute < 3; minute++) {
+    // Whatever is heard will do.
+    pass(9_000);
+    sockets[0].say(2);
+  }
+  assert.equal(sockets.length, 1);
+  sockets[0].close = () => {}; // It waits for the other side.
+  pass(16_000);
+  assert.equal(sockets.length, 2);
+  assert.equal(sockets[0].onmessage, null);
+  sockets[1].onopen();
+  sockets[1].say(0, new Uint8Array(48));
+  assert.equal(connection.state, 'live');
+  connection.close();
+});
+
+test('a page that slept is not taken for a server that did', (context) => {
+  const { connection, sockets, timers } = connected(context);
+  let now = 1000;
+  context.mock.method(performance, 'now', () => now);
+  sockets[0].onopen();
+  for (let minute = 0; minute < 5; minute++) {
+    sockets[0].say(3, now, now);
+    // Timers of a page that is not seen run once a minute.
+    now += 60_000;
+    timers.tick(3000);
+  }
+  assert.equal(sockets.length, 1);
+  connection.close();
+});
+
 test("the server's clock is learned", (context) => {
   const { connection, sockets } = connected(context);
   sockets[0].onopen();

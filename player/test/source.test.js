@@ -1,11 +1,11 @@
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { after, before, test } from 'node:test';
-import { BlobBytes, HttpBytes } from '../src/ranges.js';
+import { BlobBytes, HttpBytes, nameOf } from '../src/ranges.js';
 import { FileSource } from '../src/source.js';
 import { Decoder } from '../src/wasm.js';
 import { serve } from './support/server.js';
-import { packetsOf, repeated } from './support/stream.js';
+import { ending, packetsOf, repeated } from './support/stream.js';
 
 const short = await readFile(new URL('../../conformance/3dof_fine_steps.isv', import.meta.url));
 const long = repeated(short, 12_000);
@@ -64,6 +64,41 @@ test('reads at the same time share their requests', async () => {
   const before = bytes.requests;
   await Promise.all(Array.from({ length: 50 }, (_, frame) => source.packet(6_000 + frame)));
   assert.ok(bytes.requests - before <= 2, `${bytes.requests - before}`);
+});
+
+test('a read may be larger than what is kept', async () => {
+  const large = new Uint8Array(40 << 20);
+  for (let at = 0; at < large.length; at += 4093) large[at] = at % 251;
+  server.files.set('large.isv', large);
+  const bytes = at('large.isv');
+  const length = await bytes.open();
+  for (const [from, to] of [[5, length], [1 << 20, 3 << 20], [5, length]])
+    assert.equal(Buffer.compare(await bytes.read(from, to), large.subarray(from, to)), 0);
+  assert.ok(bytes.requests < 20, `${bytes.requests}`);
+  bytes.close();
+  server.files.delete('large.isv');
+});
+
+test('an index of more bytes than one has is not read', async () => {
+  const frames = repeated(short, 30, { indexed: false });
+  const end = Buffer.concat(ending(Buffer.alloc(0), 48)).subarray(-16);
+  const blob = new Blob([new Uint8Array(frames), new Uint8Array(150 << 20), new Uint8Array(end)]);
+  const bytes = new BlobBytes(blob);
+  const largest = { read: 0 };
+  const read = bytes.read.bind(bytes);
+  bytes.read = (from, to) => {
+    largest.read = Math.max(largest.read, to - from);
+    return read(from, to);
+  };
+  const source = await FileSource.open(bytes, parser);
+  assert.equal(source.frames, 30);
+  assert.equal(source.indexed, false);
+  assert.ok(largest.read < 1000, `${largest.read}`);
+});
+
+test('a percent sign in an address may stand for itself', () => {
+  assert.equal(nameOf('takes/100%.isv?x'), '100%.isv');
+  assert.equal(nameOf('takes/a%20b.isv'), 'a b.isv');
 });
 
 test('a server without ranges is read once', async () => {

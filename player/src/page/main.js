@@ -7,6 +7,7 @@ import { Box3 } from 'three';
 import { Clock } from '../clock.js';
 import { words } from '../failure.js';
 import { IsvPlayer } from '../player.js';
+import { nameOf } from '../ranges.js';
 import { IsvViews, VIEWS } from '../views.js';
 import { Cards } from './cards.js';
 import { decoding } from './early.js';
@@ -215,7 +216,7 @@ function toggleHelp() {
 function takesOf(query) {
   const live = query.get('live');
   if (live !== null) return [{ name: 'Live', options: { live } }];
-  return filesOf(query).map((url) => ({ name: decodeURIComponent(url.split(/[?#]/)[0].split('/').pop() || url), options: { url } }));
+  return filesOf(query).map((url) => ({ name: nameOf(url), options: { url } }));
 }
 
 const messages = new Messages();

@@ -44,7 +44,7 @@ export function repeated(stream, frames, { indexed = true, gop } = {}) {
 }
 
 /** Index packet and trailer. @param {Buffer} index its payload @param {number} at where it begins */
-function ending(index, at) {
+export function ending(index, at) {
   const packet = Buffer.concat([Buffer.alloc(PACKET_HEADER), index]);
   packet.write('ISVP', 0, 'latin1');
   packet[4] = 2;
