@@ -159,6 +159,47 @@ fn flags_without_effect_are_named() {
 }
 
 #[test]
+fn an_output_that_ends_like_a_folder_is_refused_first() {
+    let (work, _) = Workspace::with_stream(1);
+    for args in [&["encode", "gone"][..], &["join", "take.isv", "take.isv"], &["repair", "take.isv"]] {
+        let at_once = if args[0] == "encode" { "gone: " } else { "new.isv/: cannot write: " };
+        work.isv(&[args, &["-o", "new.isv/"]].concat()).fails(1, &[at_once]);
+    }
+    work.isv(&["encode", "frames", "-o", "new.isv/", "--voxel=20mm"]).fails(1, &["new.isv/: cannot write: "]);
+    work.isv(&["decode", "take.isv", "-o", "new.ply/"]).fails(1, &["new.ply/: cannot write: "]);
+    assert_eq!(work.names(""), ["frames", "take.isv"]);
+}
+
+#[test]
+fn a_voxel_size_cannot_be_chosen_by_no_frames() {
+    let (work, bytes) = Workspace::with_stream(1);
+    work.write("empty.isv", &bytes[..48]);
+    let auto = ["encode", "empty.isv", "-o", "new.isv", "--voxel", "auto"];
+    work.isv(&auto).fails(1, &["empty.isv: no frames to choose a voxel size by"]);
+}
+
+/// A log on a full disk, or a pipe that nobody reads any more.
+#[cfg(target_os = "linux")]
+#[test]
+fn work_goes_on_where_nobody_hears_of_it() {
+    let (work, mut bytes) = Workspace::with_stream(6);
+    let at = bytes.len() / 2;
+    bytes[at] ^= 1;
+    work.write("damaged.isv", &bytes);
+    let unheard = |args: &[&str]| {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        assert_eq!(work.command(args).stderr(full).status().unwrap().code(), Some(0), "{args:?}");
+    };
+    unheard(&["decode", "damaged.isv", "-o", "meshes", "--after-loss=hold", "--stats=stats.json"]);
+    assert_eq!(work.names("meshes").len(), 6);
+    assert!(work.path("stats.json").is_file());
+    unheard(&[&ENCODE[..3], &["new.isv", "--voxel=20mm", "--max-depth=3m"]].concat());
+    work.isv(&["verify", "new.isv"]).done();
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    assert_eq!(work.command(&["verify", "damaged.isv"]).stderr(full).status().unwrap().code(), Some(1));
+}
+
+#[test]
 fn depth_cameras_that_cannot_be() {
     let work = Workspace::new();
     fs::create_dir_all(work.path("room/depth")).unwrap();

@@ -254,6 +254,48 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
     work.isv(&["verify", "live.isv"]).done();
 }
 
+/// Waits until a program listens for Ctrl-C.
+#[cfg(target_os = "linux")]
+fn wait_until_listening(child: &std::process::Child) {
+    let caught = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap().trim().to_owned();
+        u64::from_str_radix(&mask, 16).unwrap()
+    };
+    while caught() & 0b10 == 0 {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// While it waits for a pipe, Ctrl-C ends a command the first time.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_interrupt_is_heard_by_who_waits() {
+    let (work, bytes) = Workspace::with_stream(1);
+    let interrupt = |args: &[&str], input: &[u8]| {
+        let mut child = work.command(args).spawn().unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        stdin.write_all(input).unwrap();
+        stdin.flush().unwrap();
+        if !input.is_empty() {
+            wait_until_listening(&child);
+        }
+        let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(kill.unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        drop(stdin);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    for args in [&["decode", "-", "-o", "meshes"][..], &["render", "-", "-o", "picture.png"]] {
+        // Before the header there is nothing to bring to an end.
+        assert_eq!(interrupt(args, &[]), (None, String::new()), "{args:?}");
+        let (status, said) = interrupt(args, &bytes[..48]);
+        assert_eq!(status, Some(1), "{said}");
+        assert!(said.starts_with("isv: ") && said.contains("interrupted") && said.lines().count() == 1, "{said}");
+    }
+    assert_eq!(work.names(""), ["frames", "take.isv"]);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_does_not_grow_with_the_number_of_frames() {

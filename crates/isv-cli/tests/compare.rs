@@ -51,7 +51,8 @@ fn a_study_leaves_a_page_tables_and_streams() {
 #[test]
 fn a_study_goes_on_where_it_stopped() {
     let workspace = Workspace::with_figure(2);
-    workspace.isv(&compare("paper-zero", &[])).done();
+    // What is of all commands may come before the command's name.
+    workspace.isv(&[&["--simd=auto", "--max-memory=1GiB"], &compare("paper-zero", &[])[..]].concat()).done();
     let [kept, gone] =
         ["k64-ac10mm", "k64-ac160mm"].map(|p| workspace.path(&format!("study/points/paper-zero/{p}.json")));
     let time = |path| fs::metadata(path).unwrap().modified().unwrap();

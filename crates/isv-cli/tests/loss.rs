@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv::format::{FrameRate, PacketReader, PacketWriter, StreamHeader};
 use support::Workspace;
 
 const FRAMES: usize = 9;
@@ -51,6 +52,23 @@ fn a_damaged_packet_costs_what_needs_it() {
         new["packets"].as_array().unwrap().iter().map(|p| p["timestamp_ns"].clone()).collect();
     let kept = [0, 1, 2, 3, 6, 7, 8];
     assert_eq!(times, kept.map(|frame| old["packets"][frame]["timestamp_ns"].clone()));
+}
+
+/// Timestamps ten seconds apart are no reason for thousands of millions of frames.
+#[test]
+fn frames_that_no_camera_makes_are_not_held() {
+    let (work, bytes) = Workspace::with_stream(3);
+    let mut packets = PacketReader::new(&bytes[..]).unwrap();
+    let frame_rate = FrameRate { numerator: u32::MAX, denominator: 1 };
+    let header = StreamHeader { frame_rate, ..*packets.header().unwrap() };
+    let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+    for timestamp_ns in [9_900_000_000, 19_800_000_000, 19_800_000_001] {
+        writer.copy_frame(&packets.next_frame().unwrap().unwrap(), timestamp_ns).unwrap();
+    }
+    work.write("fast.isv", writer.finish().unwrap());
+    work.isv(&["decode", "fast.isv", "-o", "meshes", "--after-loss", "hold"]).done();
+    // A nanosecond is four frames at that rate.
+    assert_eq!(work.names("meshes").len(), 6);
 }
 
 #[test]
