@@ -6,6 +6,7 @@ use crate::output::is_pipe;
 use crate::stream;
 use anyhow::{Context, Result};
 use isv_serve::{Server, Settings};
+use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::runtime;
@@ -17,8 +18,11 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// Refuses what is no stream, before anybody tries to watch it.
 pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
     for path in paths {
-        if is_pipe(path) {
-            return Err(usage("-: files are wanted here: isv serve --live - takes a stream from a pipe"));
+        if is_pipe(path) || fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+            let name = path.display();
+            return Err(usage(format!(
+                "{name}: files are wanted here: isv serve --live {name} takes a stream from a pipe"
+            )));
         }
         stream::open(path)?;
     }

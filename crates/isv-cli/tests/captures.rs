@@ -291,7 +291,10 @@ fn an_interrupt_is_heard_by_who_waits() {
         assert_eq!(interrupt(args, &[]), (None, String::new()), "{args:?}");
         let (status, said) = interrupt(args, &bytes[..48]);
         assert_eq!(status, Some(1), "{said}");
-        assert!(said.starts_with("isv: ") && said.contains("interrupted") && said.lines().count() == 1, "{said}");
+        assert!(
+            said.starts_with("isv: ") && said.contains("interrupted") && said.lines().count() == 1,
+            "{said}"
+        );
     }
     assert_eq!(work.names(""), ["frames", "take.isv"]);
 }

@@ -220,5 +220,7 @@ fn streams_are_cut_at_keyframes_and_joined() {
     work.isv(&["encode", "frames", "-o", "other.isv", "--voxel=25mm"]).done();
     work.isv(&["join", "a.isv", "other.isv", "-o", "c.isv"]).fails(1, &["other.isv", "voxel size"]);
     work.isv(&["join", "-", "-o", "c.isv"]).fails(2, &["from files"]);
+    #[cfg(unix)]
+    work.isv(&["join", "a.isv", "/dev/null", "-o", "c.isv"]).fails(2, &["/dev/null: ", "from files"]);
     assert!(!work.path("c.isv").exists());
 }

@@ -90,6 +90,8 @@ fn what_cannot_be_served_is_refused() {
     work.isv(&["view", "text.isv", "--no-open"]).fails(1, &["text.isv: ", "magic"]);
     work.isv(&["view", "take.isv", "missing.isv", "--no-open"]).fails(1, &["missing.isv: "]);
     work.isv(&["view", "-", "--no-open"]).fails(2, &["isv serve --live -"]);
+    #[cfg(unix)]
+    work.isv(&["serve", "/dev/null"]).fails(2, &["isv serve --live /dev/null"]);
     work.isv(&["view"]).fails(2, &["FILE.isv"]);
     work.isv(&["view", "take.isv", "take.isv", "take.isv"]).fails(2, &[]);
     work.isv(&["serve"]).fails(2, &[]);
@@ -212,6 +214,12 @@ fn the_player_is_exported_with_streams_to_open() {
     assert!(start.contains("\"?src=files/0/take.isv&compare=files/1/b%2520c.isv\""), "{start}");
     let index = String::from_utf8(work.read("site/index.html")).unwrap();
     assert_eq!(index.matches("<script src=\"start.js\"></script>").count(), 1);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("site", work.path("link")).unwrap();
+        work.isv(&["export-player", "link"]).done();
+        assert!(work.path("link").is_symlink() && !work.path("site/start.js").exists());
+    }
     work.isv(&["export-player", "frames"]).fails(1, &["frames: not empty, and no earlier export"]);
     work.isv(&["export-player", "other", "frames/frame_0.ply"]).fails(1, &["frame_0.ply: "]);
     assert!(!work.path("other").exists());

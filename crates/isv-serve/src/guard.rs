@@ -30,11 +30,20 @@ impl FromStr for Origin {
     fn from_str(text: &str) -> Result<Self, ParseOriginError> {
         let text = text.to_ascii_lowercase();
         let (scheme, host) = text.split_once("://").ok_or(ParseOriginError)?;
-        if !matches!(scheme, "http" | "https") || host.contains('@') {
+        let usual_port = match scheme {
+            "http" => 80,
+            "https" => 443,
+            _ => return Err(ParseOriginError),
+        };
+        if host.contains(['@', '*']) {
             return Err(ParseOriginError);
         }
-        let authority = host.parse::<Authority>().map_err(|_| ParseOriginError)?;
-        Ok(Self { authority, text })
+        let mut authority = host.parse::<Authority>().map_err(|_| ParseOriginError)?;
+        // Browsers leave it out.
+        if authority.port_u16() == Some(usual_port) {
+            authority = authority.host().parse().map_err(|_| ParseOriginError)?;
+        }
+        Ok(Self { text: format!("{scheme}://{authority}"), authority })
     }
 }
 
@@ -156,10 +165,24 @@ mod tests {
 
     #[test]
     fn origins_have_no_path() {
-        for text in
-            ["https://show.example/", "show.example", "ftp://show.example", "https://", "*", "https://a b"]
-        {
+        for text in [
+            "https://show.example/",
+            "show.example",
+            "ftp://show.example",
+            "https://",
+            "*",
+            "https://*",
+            "https://a b",
+        ] {
             assert!(text.parse::<Origin>().is_err(), "{text}");
+        }
+        for (text, sent) in [
+            ("https://show.example:443", "https://show.example"),
+            ("http://[::1]:80", "http://[::1]"),
+            ("http://show.example:443", "http://show.example:443"),
+        ] {
+            assert_eq!(text.parse::<Origin>().unwrap(), sent.parse().unwrap());
+            assert_eq!(text.parse::<Origin>().unwrap().to_string(), sent);
         }
         assert_eq!(
             "https://Show.example:8443".parse::<Origin>().unwrap().to_string(),

@@ -271,7 +271,7 @@ impl Viewer {
             self.lose_until(ring.first);
         }
         let is_late = ring.get(self.next).is_some_and(|slot| now.duration_since(slot.arrived) > lag);
-        if let Some(entry) = ring.newest_entry().filter(|entry| is_late && *entry > self.next) {
+        if is_late && let Some(entry) = ring.newest_entry().filter(|entry| *entry > self.next) {
             self.lose_until(entry);
         }
     }

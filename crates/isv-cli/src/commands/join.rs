@@ -5,6 +5,7 @@ use crate::output::{Output, frames_in_words, is_pipe, print};
 use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::format::{PacketWriter, StreamHeader};
+use std::fs;
 use std::path::PathBuf;
 
 /// Put streams one after the other, without coding anything anew. They have the same profile, grid and frame rate
@@ -20,8 +21,10 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    if args.inputs.iter().any(|input| is_pipe(input)) {
-        return Err(usage("-: streams are joined from files"));
+    // Each is opened twice, so that nothing is written if two do not go together.
+    let is_file = |input: &PathBuf| fs::metadata(input).map_or(!is_pipe(input), |found| found.is_file());
+    if let Some(pipe) = args.inputs.iter().find(|input| !is_file(input)) {
+        return Err(usage(format!("{}: streams are joined from files", pipe.display())));
     }
     let headers = args.inputs.iter().map(|input| Ok(stream::open(input)?.1)).collect::<Result<Vec<_>>>()?;
     let header = headers[0];
@@ -35,7 +38,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let (mut frames, mut next_ns) = (0, 0);
     for input in &args.inputs {
         let name = stream::name(input);
-        let (mut packets, _) = stream::open(input)?;
+        let (mut packets, now) = stream::open(input)?;
+        if difference(&header, &now).is_some() {
+            bail!("{name}: has changed while streams were joined");
+        }
         let (mut first_ns, begin_ns) = (None, next_ns);
         while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
             if first_ns.is_none() && !packet.is_keyframe() {

@@ -24,6 +24,8 @@ impl ExportFolder {
     /// Begins an export to `path`.
     pub(super) fn create(path: &Path) -> Result<Self> {
         check(path)?;
+        // A link stays a link.
+        let path = &if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
         let partial = beside(path, "partial")?;
         fs::create_dir(&partial).with_context(|| path.display().to_string())?;
         Ok(Self { path: path.to_owned(), partial, files: BTreeSet::new() })
