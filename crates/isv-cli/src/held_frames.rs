@@ -187,7 +187,7 @@ impl HeldFrames {
             match health {
                 Health::Exact => say(format_args!("{name}: exact again from frame {frame} on")),
                 Health::Held => {
-                    say(format_args!("{name}: frame {frame} is lost, the last one is held: {why}"))
+                    say(format_args!("{name}: frame {frame} is lost, the last one is held: {why}"));
                 }
                 Health::Inexact => say(format_args!("{name}: near what was encoded from frame {frame} on")),
             }
