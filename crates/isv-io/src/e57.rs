@@ -55,13 +55,20 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
         read_scan(&mut reader, scan, &mut cloud)?;
     }
     let viewpoint = match &scans[..] {
-        [scan] => scan.transform.as_ref().map(|pose| {
+        [scan] => scan.transform.as_ref().filter(|pose| !is_identity(pose)).map(|pose| {
             let e57::Translation { x, y, z } = pose.translation;
             DVec3::new(x, y, z)
         }),
         _ => None,
     };
     Ok(cloud.finish(viewpoint.filter(|place| place.is_finite())))
+}
+
+/// Whether a pose changes nothing: programs write it that do not know one, as for points of several scans in one.
+fn is_identity(pose: &e57::Transform) -> bool {
+    let e57::Translation { x, y, z } = pose.translation;
+    let turned = &pose.rotation;
+    [x, y, z, turned.x, turned.y, turned.z] == [0.0; 6]
 }
 
 /// Makes sure that the XML is no longer than the file, declares few namespaces and has elements of few attributes.

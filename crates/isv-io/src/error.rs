@@ -165,6 +165,14 @@ pub enum Malformation {
         /// The most that so many bytes may hold.
         limit: u64,
     },
+    /// A polygon that is too large to be split into triangles, unless it is convex.
+    #[error("a polygon of {corners} corners that is not convex; up to {limit} are split into triangles")]
+    LargePolygon {
+        /// Its corners.
+        corners: usize,
+        /// Most that a polygon may have that is not convex.
+        limit: usize,
+    },
     /// The file does not start with `OFF`.
     #[error("not an OFF file: it does not start with `OFF`")]
     NotOff,

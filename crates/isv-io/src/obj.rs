@@ -28,7 +28,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
         parse_record(&joined, &mut mesh.vertices, &mut polygons, &mut polygon)
             .map_err(|why| Flaw::at_line(index + 1, why))?;
     }
-    mesh.triangles = polygons.into_triangles(&mesh.vertices);
+    mesh.triangles = polygons.into_triangles(&mesh.vertices)?;
     Ok(mesh)
 }
 

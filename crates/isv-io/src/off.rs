@@ -28,7 +28,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
         parse_face(line, &mut polygon).map_err(|why| Flaw::at_line(lines.number, why))?;
         polygons.push(&polygon);
     }
-    mesh.triangles = polygons.into_triangles(&mesh.vertices);
+    mesh.triangles = polygons.into_triangles(&mesh.vertices)?;
     Ok(mesh)
 }
 

@@ -3,12 +3,16 @@
 //! After Meisters, "Polygons have ears" (1975): every simple polygon has a corner whose triangle holds no other corner, and
 //! what is left without it is simple again.
 
+use crate::{Malformation, error::Flaw};
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
-/// Most corners of a polygon that is clipped; larger ones become fans, which are right for convex polygons. Clipping
+/// Most corners of a polygon that is clipped; larger ones must be such that a fan covers them, as convex ones are. Clipping
 /// takes time quadratic in the corners, so this bounds the time that each byte of a file can ask for.
 const MOST_CORNERS: usize = 1000;
+
+/// Share of its area by which a fan may leave a polygon: what rounding does to straight rims.
+const OUTSIDE: f64 = 1e-3;
 
 /// The faces of a file as they come, possibly before the vertices that they name.
 #[derive(Debug, Default)]
@@ -36,11 +40,16 @@ impl Polygons {
 
     /// The triangles, in the order of the polygons; one of `n` corners gives `n - 2`. A polygon that is not planar is
     /// looked at along its mean normal; one that cuts itself gives some triangles between its corners.
-    pub(crate) fn into_triangles(mut self, vertices: &[DVec3]) -> Vec<[u32; 3]> {
+    ///
+    /// # Errors
+    /// [`Malformation::LargePolygon`].
+    pub(crate) fn into_triangles(mut self, vertices: &[DVec3]) -> Result<Vec<[u32; 3]>, Flaw> {
         for fan in self.fans {
-            clip_fan(&mut self.triangles[fan], vertices);
+            let first = fan.start;
+            clip_fan(&mut self.triangles[fan], vertices)
+                .map_err(|why| Flaw::in_object("face", first, why))?;
         }
-        self.triangles
+        Ok(self.triangles)
     }
 }
 
@@ -55,22 +64,36 @@ pub(crate) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
 }
 
 /// Replaces the triangles of a fan by others of the same polygon where the fan would leave it.
-fn clip_fan(fan: &mut [[u32; 3]], vertices: &[DVec3]) {
-    if fan.len() + 2 > MOST_CORNERS {
-        return;
-    }
+fn clip_fan(fan: &mut [[u32; 3]], vertices: &[DVec3]) -> Result<(), Malformation> {
     let [apex, first, _] = fan[0];
     let corners: Vec<u32> = [apex, first].into_iter().chain(fan.iter().map(|t| t[2])).collect();
     // Corners that name no vertex are reported later, where all triangles are checked.
     let positions = corners.iter().map(|c| vertices.get(*c as usize).copied()).collect::<Option<Vec<_>>>();
-    let Some(points) = positions.and_then(|positions| flatten(&positions)) else { return };
+    let Some(points) = positions.and_then(|positions| flatten(&positions)) else { return Ok(()) };
+    if corners.len() > MOST_CORNERS {
+        let fits = fan_covers(&points);
+        return fits
+            .then_some(())
+            .ok_or(Malformation::LargePolygon { corners: corners.len(), limit: MOST_CORNERS });
+    }
     let mut ring = Ring::new(points);
     if ring.turns.iter().all(|turn| *turn >= 0.0) {
-        return;
+        return Ok(());
     }
     for (index, triangle) in fan.iter_mut().enumerate() {
         *triangle = ring.clip(corners.len() - index).map(|i| corners[i]);
     }
+    Ok(())
+}
+
+/// Whether a fan around the first corner stays within a polygon: none of its triangles is turned over.
+fn fan_covers(points: &[DVec2]) -> bool {
+    let area = |rim: &[DVec2]| (rim[0] - points[0]).perp_dot(rim[1] - points[0]);
+    let (mut inside, mut outside) = (0.0, 0.0);
+    for area in points[1..].windows(2).map(area) {
+        *(if area < 0.0 { &mut outside } else { &mut inside }) += area.abs();
+    }
+    outside <= OUTSIDE * inside
 }
 
 /// The corners in a plane, counter-clockwise as a whole; `None` for a polygon without area or with corners at infinity.
@@ -172,7 +195,7 @@ mod tests {
     fn triangulate(corners: &[u32], vertices: &[DVec3]) -> Vec<[u32; 3]> {
         let mut polygons = Polygons::default();
         polygons.push(corners);
-        polygons.into_triangles(vertices)
+        polygons.into_triangles(vertices).unwrap()
     }
 
     /// Signed areas in the plane z = 0.
@@ -244,7 +267,18 @@ mod tests {
         let n = MOST_CORNERS as u32 + 1;
         let zigzag: Vec<_> = (0..n).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
         let corners: Vec<u32> = (0..n).collect();
-        assert_eq!(triangulate(&corners, &zigzag)[1], [0, 2, 3], "a fan");
+        let mut polygons = Polygons::default();
+        polygons.push(&[0, 1, 2]);
+        polygons.push(&corners);
+        let refused = polygons.into_triangles(&zigzag).unwrap_err();
+        let why = Malformation::LargePolygon { corners: corners.len(), limit: MOST_CORNERS };
+        assert_eq!(refused, Flaw::in_object("face", 1, why));
+        let around = |i: u32| {
+            DVec3::from((DVec2::from_angle(f64::from(i) / f64::from(n) * std::f64::consts::TAU), 0.0))
+                .as_vec3()
+        };
+        let circle: Vec<_> = (0..n).map(|i| around(i).as_dvec3()).collect();
+        assert_eq!(triangulate(&corners, &circle)[1], [0, 2, 3], "a fan");
         assert_eq!(triangulate(&corners[1..], &zigzag).len(), MOST_CORNERS - 2);
         let bow =
             [DVec3::ZERO, DVec3::new(2.0, 2.0, 0.0), DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 3.0, 0.0)];

@@ -7,28 +7,28 @@ use thiserror::Error;
 /// decimetres, the smallest step between two common units. Moving figures stay far below it.
 pub const SCALE_JUMP: f64 = 9.5;
 
-/// A frame so much larger or smaller than the first that it must be in another unit.
+/// A frame so much larger or smaller than the one before that it must be in another unit.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error(
-    "{}: this frame is {diagonal_m:.4} m across but the first one, {}, is {first_diagonal_m:.4} m: all frames need \
+    "{}: this frame is {diagonal_m:.4} m across but the one before, {}, is {before_diagonal_m:.4} m: all frames need \
      one common unit; convert them to one and name it with --units",
-    path.display(), first_path.display()
+    path.display(), before_path.display()
 )]
 pub struct ScaleError {
     /// The frame.
     pub path: PathBuf,
     /// Diagonal of its bounding box, in metres.
     pub diagonal_m: f64,
-    /// The first frame.
-    pub first_path: PathBuf,
+    /// The frame before it.
+    pub before_path: PathBuf,
     /// Diagonal of its bounding box, in metres.
-    pub first_diagonal_m: f64,
+    pub before_diagonal_m: f64,
 }
 
-/// Compares the size of each frame with that of the first.
+/// Compares the size of each frame with that of the one before: over a take, what spreads or collapses may become any size.
 #[derive(Clone, Debug, Default)]
 pub struct ScaleCheck {
-    first: Option<(PathBuf, f64)>,
+    before: Option<(PathBuf, f64)>,
 }
 
 impl ScaleCheck {
@@ -42,22 +42,24 @@ impl ScaleCheck {
     /// extent say nothing about units and pass.
     ///
     /// # Errors
-    /// [`ScaleError`] if the frame is [`SCALE_JUMP`] times larger or smaller than the first.
+    /// [`ScaleError`] if the frame is [`SCALE_JUMP`] times larger or smaller than the last one that passed.
     pub fn check(&mut self, path: &Path, diagonal_m: f64) -> Result<(), ScaleError> {
         if diagonal_m <= 0.0 {
             return Ok(());
         }
-        let (first_path, first_diagonal_m) = self.first.get_or_insert_with(|| (path.to_owned(), diagonal_m));
-        let ratio = diagonal_m / *first_diagonal_m;
-        if ratio.max(1.0 / ratio) < SCALE_JUMP {
-            return Ok(());
+        if let Some((before_path, before_diagonal_m)) = &self.before {
+            let ratio = diagonal_m / before_diagonal_m;
+            if ratio.max(1.0 / ratio) >= SCALE_JUMP {
+                return Err(ScaleError {
+                    path: path.to_owned(),
+                    diagonal_m,
+                    before_path: before_path.clone(),
+                    before_diagonal_m: *before_diagonal_m,
+                });
+            }
         }
-        Err(ScaleError {
-            path: path.to_owned(),
-            diagonal_m,
-            first_path: first_path.clone(),
-            first_diagonal_m: *first_diagonal_m,
-        })
+        self.before = Some((path.to_owned(), diagonal_m));
+        Ok(())
     }
 }
 
@@ -72,14 +74,16 @@ mod tests {
         feed("empty.ply", 0.0).unwrap();
         feed("a.ply", 1.8).unwrap();
         feed("b.ply", 1.8 * 9.0).unwrap();
+        feed("c.ply", 1.8).unwrap();
         feed("c.ply", 1.8 / 9.0).unwrap();
+        feed("a.ply", 1.8).unwrap();
         for factor in [10.0, 25.4, 100.0, 1000.0] {
             assert!(feed("d.ply", 1.8 * factor).is_err());
             assert!(feed("d.ply", 1.8 / factor).is_err());
         }
         assert_eq!(
             feed("e.ply", 180.0).unwrap_err().to_string(),
-            "e.ply: this frame is 180.0000 m across but the first one, a.ply, is 1.8000 m: all frames need one \
+            "e.ply: this frame is 180.0000 m across but the one before, a.ply, is 1.8000 m: all frames need one \
              common unit; convert them to one and name it with --units"
         );
     }

@@ -18,11 +18,15 @@ pub enum Unit {
     Millimetre,
     /// `in`
     Inch,
+    /// `ft`, the international foot
+    Foot,
+    /// `us-ft`, the survey foot of 1200 / 3937 m
+    SurveyFoot,
 }
 
 /// A unit name that is none of those in [`Unit`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unit `{}` is not one of m, dm, cm, mm, in", name.escape_debug())]
+#[error("unit `{}` is not one of m, dm, cm, mm, in, ft, us-ft", name.escape_debug())]
 pub struct ParseUnitError {
     /// The name given.
     pub name: String,
@@ -30,7 +34,15 @@ pub struct ParseUnitError {
 
 impl Unit {
     /// All units, largest metric one first.
-    pub const ALL: [Self; 5] = [Self::Metre, Self::Decimetre, Self::Centimetre, Self::Millimetre, Self::Inch];
+    pub const ALL: [Self; 7] = [
+        Self::Metre,
+        Self::Decimetre,
+        Self::Centimetre,
+        Self::Millimetre,
+        Self::Inch,
+        Self::Foot,
+        Self::SurveyFoot,
+    ];
 
     /// Metres in one of this unit.
     #[must_use]
@@ -41,10 +53,12 @@ impl Unit {
             Self::Centimetre => 0.01,
             Self::Millimetre => 0.001,
             Self::Inch => 0.0254,
+            Self::Foot => 0.3048,
+            Self::SurveyFoot => 1200.0 / 3937.0,
         }
     }
 
-    /// The name users write: `m`, `dm`, `cm`, `mm` or `in`.
+    /// The name users write: `m`, `dm`, `cm`, `mm`, `in`, `ft` or `us-ft`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -53,6 +67,8 @@ impl Unit {
             Self::Centimetre => "cm",
             Self::Millimetre => "mm",
             Self::Inch => "in",
+            Self::Foot => "ft",
+            Self::SurveyFoot => "us-ft",
         }
     }
 }
@@ -85,13 +101,14 @@ mod tests {
         }
         assert_eq!(
             "yd".parse::<Unit>().unwrap_err().to_string(),
-            "unit `yd` is not one of m, dm, cm, mm, in"
+            "unit `yd` is not one of m, dm, cm, mm, in, ft, us-ft"
         );
     }
 
     #[test]
     fn a_metre_is_made_of_whole_units() {
-        let in_a_metre = [1.0, 10.0, 100.0, 1000.0, 39.370_078_740_157_48];
+        let in_a_metre =
+            [1.0, 10.0, 100.0, 1000.0, 39.370_078_740_157_48, 3.280_839_895_013_123, 3937.0 / 1200.0];
         for (unit, count) in Unit::ALL.into_iter().zip(in_a_metre) {
             assert!((unit.metres() * count - 1.0).abs() < 1e-12, "{unit}");
         }

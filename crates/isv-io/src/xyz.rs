@@ -137,9 +137,10 @@ fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|b| b.is_ascii_whitespace() || matches!(b, b',' | b';')).filter(|word| !word.is_empty())
 }
 
-/// A word with a comma inside, in a line in which blanks separate words too: most likely a number as some countries write it.
+/// A word with a comma inside, in a line in which blanks or semicolons separate words too: most likely a number as some countries write it.
 fn decimal_comma(line: &[u8]) -> Option<&[u8]> {
-    let mut by_blanks = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let separates = |b: &u8| b.is_ascii_whitespace() || *b == b';';
+    let mut by_blanks = line.split(separates).filter(|word| !word.is_empty());
     let has_comma =
         |word: &&[u8]| word.windows(3).any(|around| around[1] == b',' && around[2].is_ascii_digit());
     if by_blanks.clone().count() > 1 { by_blanks.find(has_comma) } else { None }

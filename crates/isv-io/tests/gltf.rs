@@ -50,6 +50,13 @@ fn transforms_of_all_ancestors_apply_and_mirrors_turn_triangles_over() {
 }
 
 #[test]
+fn what_is_not_visible_is_not_there() {
+    let node = |visible: bool, children: &[usize]| json!({ "mesh": 0, "children": children, "extensions": { "KHR_node_visibility": { "visible": visible } } });
+    let glb = triangle_shown_by(json!([node(true, &[1]), node(false, &[2]), { "mesh": 0 }, { "mesh": 0 }]));
+    assert_eq!(mesh(&glb).unwrap().triangles.len(), 2);
+}
+
+#[test]
 fn strips_fans_and_lists_become_triangles_and_lines_are_left_out() {
     let mesh = mesh(&of_all_primitives()).unwrap();
     assert_eq!(mesh.vertices.len(), 4, "primitives that share their vertices share them here");
@@ -222,6 +229,11 @@ fn faults_say_what_is_wrong() {
     assert_eq!(
         fault(|f| f["meshes"][0]["primitives"][0]["extensions"][draco] = json!({ "bufferView": 9 })),
         extension(draco)
+    );
+    let instancing = "EXT_mesh_gpu_instancing";
+    assert_eq!(
+        fault(|f| f["nodes"][0]["extensions"][instancing] = json!({ "attributes": {} })),
+        extension(instancing)
     );
     let meshopt = "EXT_meshopt_compression";
     assert_eq!(fault(|f| f["bufferViews"][0]["extensions"][meshopt] = json!({})), extension(meshopt));

@@ -98,6 +98,26 @@ fn every_pcd_encoding_reads_the_same_points_past_what_is_not_needed() {
     }
 }
 
+/// Most programs write the viewpoint that changes nothing, whatever they know.
+#[test]
+fn a_viewpoint_that_changes_nothing_is_none() {
+    let of = |viewpoint: &str| {
+        let file = format!("FIELDS x y z\nVIEWPOINT {viewpoint}\nPOINTS 1\nDATA ascii\n1 2 3\n");
+        parse("a.pcd", file.as_bytes()).unwrap().viewpoint
+    };
+    assert_eq!(of("0 0 0 1 0 0 0"), None);
+    assert_eq!(of("0 0 0 0.6 0.8 0 0"), Some(DVec3::ZERO));
+    assert_eq!(of("0 2 0 1 0 0 0"), Some(2.0 * DVec3::Y));
+}
+
+#[test]
+fn decimal_commas_between_semicolons_are_told() {
+    let fails = |file: &str| parse("a.xyz", file.as_bytes()).unwrap_err().to_string();
+    assert!(fails("7,005;6,987;10,000\n").contains("7,005"));
+    assert_eq!(parse("a.xyz", b"7.005;6.987;10\n").unwrap().positions, [DVec3::new(7.005, 6.987, 10.0)]);
+    assert_eq!(parse("a.xyz", b"7,6,10;\n").unwrap().positions, [DVec3::new(7.0, 6.0, 10.0)]);
+}
+
 #[test]
 fn long_repeats_are_unpacked() {
     let columns = [[1f32; 1000], [2.5; 1000], [-3.0; 1000]].concat();

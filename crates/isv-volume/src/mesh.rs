@@ -77,10 +77,13 @@ impl TriangleMesh {
         Ok(())
     }
 
-    /// Smallest and largest corner of the bounding box of all vertices; `None` without vertices.
+    /// Smallest and largest corner of the bounding box of all triangles, so not of vertices that none of them has; `None` without
+    /// triangles.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let first = *self.vertices.first()?;
-        Some(self.vertices.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+        let mut corners =
+            self.triangles.as_flattened().iter().filter_map(|vertex| self.vertices.get(*vertex as usize));
+        let first = *corners.next()?;
+        Some(corners.fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
     }
 }

@@ -77,7 +77,15 @@ impl Kind {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
-            let animation = Animation::open(path, hints.unit)?;
+            let mut animation = Animation::open(path, hints.unit)?;
+            let count = animation.names().len();
+            // The first one that moves anything.
+            for index in 0..count {
+                animation.select(index)?;
+                if animation.is_animated() {
+                    break;
+                }
+            }
             if animation.is_animated() {
                 let frames = animation.frame_count(hints.frame_rate.per_second()) as usize;
                 return Ok((Some(frames), Self::Animation(Box::new(animation), hints.frame_rate)));
@@ -136,6 +144,10 @@ impl Kind {
                 let voxel = Length::from_metres(grid.voxel_size.metres());
                 Some(format!("does not say how large a voxel is: taken as {voxel}; --voxel is another"))
             }
+            Self::Animation(animation, _) if animation.names().len() > 1 => Some(format!(
+                "has {} animations, of which the first that moves anything is taken",
+                animation.names().len()
+            )),
             _ => None,
         }
     }

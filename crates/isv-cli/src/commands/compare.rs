@@ -79,7 +79,7 @@ pub(crate) struct Args {
     /// Surfaces are sampled once a square of this edge where errors are measured
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     spacing: Length,
-    /// Unit of coordinates: m, dm, cm, mm or in; .isv files know theirs
+    /// Unit of coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
     /// Frames a second

@@ -46,7 +46,7 @@ pub(crate) struct Args {
     /// frame
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
-    /// Unit of the input's coordinates: m, dm, cm, mm or in
+    /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
     /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey

@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// Surfaces are sampled once a square of this edge
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     spacing: Length,
-    /// Unit of the reference's coordinates: m, dm, cm, mm or in; .isv files know theirs
+    /// Unit of the reference's coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
     /// Unit of the measured coordinates

@@ -99,7 +99,7 @@ pub(crate) struct Args {
     /// the input, or 30
     #[arg(long, value_parser = frame_rate::parse)]
     fps: Option<FrameRate>,
-    /// Unit of the input's coordinates: m, dm, cm, mm or in; .isv files know theirs
+    /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
     /// Unit of the coordinates of --against

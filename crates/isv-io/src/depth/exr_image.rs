@@ -14,9 +14,6 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
 use std::io::{Read, Seek};
 
-/// Names of channels that hold depth, the likeliest first; what stands before a dot is the layer.
-const CHANNELS: [&str; 6] = ["Z", "R", "Y", "depth", "Depth", "D"];
-
 /// Most channels that an image may have: a block of it holds a few hundred rows of each.
 const MOST_CHANNELS: usize = 64;
 
@@ -104,15 +101,35 @@ fn claims_what_it_holds(chunk: &Chunk, header: &Header) -> bool {
 
 /// Layer and channel of the depths. An image with one channel needs no name for it.
 fn depth_channel(headers: &[Header]) -> Option<(usize, usize)> {
-    let flat = || headers.iter().enumerate().filter(|(_, header)| !header.deep);
-    let named = |name: &str| {
-        flat().find_map(|(layer, header)| {
-            let last = |text: String| text.rsplit('.').next() == Some(name);
-            Some((layer, header.channels.list.iter().position(|c| last(c.name.to_string()))?))
-        })
-    };
-    let single = || flat().find(|(_, header)| header.channels.list.len() == 1).map(|(layer, _)| (layer, 0));
-    CHANNELS.iter().find_map(|name| named(name)).or_else(single)
+    let flat = headers.iter().enumerate().filter(|(_, header)| !header.deep);
+    let ranked = flat.flat_map(|(layer, header)| {
+        let names: Vec<String> =
+            header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
+        let ranks: Vec<_> =
+            (0..names.len()).filter_map(|at| Some((rank(&names, at)?, (layer, at)))).collect();
+        ranks
+    });
+    ranked.min().map(|(_, place)| place)
+}
+
+/// How likely a channel of a layer holds depths, 0 the likeliest, by its name and those beside it; `None` if it holds none. What
+/// stands before the last dot of a name is a group.
+fn rank(names: &[String], at: usize) -> Option<u32> {
+    let name = &names[at];
+    let (group, last) = name.rsplit_once('.').unwrap_or(("", name));
+    // X, Y and Z of a group are a vector, such as a normal.
+    let is_of_vector = || names.iter().any(|other| *other == format!("{group}.X"));
+    let is_depth_group = || group.rsplit('.').next().is_some_and(|word| word.eq_ignore_ascii_case("depth"));
+    match last {
+        "Z" if group.is_empty() => Some(0),
+        "Z" if !is_of_vector() => Some(1),
+        "depth" | "Depth" | "D" => Some(2),
+        "V" if is_depth_group() => Some(3),
+        "R" => Some(4),
+        "Y" if !is_of_vector() => Some(5),
+        _ if names.len() == 1 => Some(6),
+        _ => None,
+    }
 }
 
 /// Copies the rows of one channel out of a block.
@@ -143,4 +160,35 @@ fn copy_block(
         read.map_err(|why| file.flaw(why))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_told_from_normals_and_colours() {
+        let chosen = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            (0..names.len())
+                .filter_map(|at| Some((rank(&names, at)?, names[at].clone())))
+                .min()
+                .map(|(_, name)| name)
+        };
+        for (names, depth) in [
+            (&["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z"][..], "Z"),
+            (&["Depth.V", "Image.A", "Image.B", "Image.G", "Image.R"], "Depth.V"),
+            (&["B", "G", "R", "depth"], "depth"),
+            (
+                &["ViewLayer.Combined.R", "ViewLayer.Depth.Z", "ViewLayer.Normal.X", "ViewLayer.Normal.Z"],
+                "ViewLayer.Depth.Z",
+            ),
+            (&["A", "B", "G", "R"], "R"),
+            (&["Y"], "Y"),
+            (&["distance"], "distance"),
+        ] {
+            assert_eq!(chosen(names).as_deref(), Some(depth), "{names:?}");
+        }
+        assert_eq!(chosen(&["N.X", "N.Y", "N.Z"]), None);
+    }
 }

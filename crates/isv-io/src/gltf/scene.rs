@@ -6,7 +6,7 @@ use super::fault::GltfFault;
 use super::hierarchy::{Hierarchy, Transform, rest_transform};
 use super::keyframes::{Curve, Moved};
 use super::parts::Shape;
-use super::schema::{self, Document, object};
+use super::schema::{self, Document, Node, object};
 use crate::error::Flaw;
 use glam::{DAffine3, DMat3};
 use isv_volume::TriangleMesh;
@@ -77,6 +77,10 @@ impl Scene {
         let mut places = vec![None; document.meshes.len()];
         for (index, node) in document.nodes.iter().enumerate() {
             let Some(mesh) = node.mesh.filter(|_| shown[index]) else { continue };
+            if node.extensions.instancing.is_some() {
+                let extension = "EXT_mesh_gpu_instancing".to_owned();
+                return Err(Flaw::in_object("node", index, GltfFault::Extension { extension }));
+            }
             let loaded = places.get(mesh).copied().flatten();
             let shape = match loaded {
                 Some(shape) => shape,
@@ -255,8 +259,16 @@ impl Placing {
     }
 }
 
-/// Marks the nodes of a scene; all of them in a file without scenes.
+/// Marks the nodes of a scene that are to be seen; of all nodes in a file without scenes.
 fn shown_nodes(document: &Document, hierarchy: &Hierarchy, scene: usize) -> Result<Vec<bool>, Flaw> {
+    let mut shown = nodes_of_scene(document, hierarchy, scene)?;
+    let mut hidden: Vec<_> = document.nodes.iter().map(Node::is_hidden).collect();
+    hierarchy.mark_descendants(&mut hidden);
+    shown.iter_mut().zip(hidden).for_each(|(shown, hidden)| *shown &= !hidden);
+    Ok(shown)
+}
+
+fn nodes_of_scene(document: &Document, hierarchy: &Hierarchy, scene: usize) -> Result<Vec<bool>, Flaw> {
     if document.scene.is_none() && document.scenes.is_empty() {
         return Ok(vec![true; document.nodes.len()]);
     }

@@ -22,6 +22,7 @@ const HARMLESS: &[&str] = &[
     "KHR_lights_",
     "EXT_lights_",
     "KHR_xmp",
+    "KHR_node_visibility",
 ];
 
 #[derive(Debug, Default, Deserialize)]
@@ -58,6 +59,29 @@ pub(super) struct Node {
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
     pub(super) weights: Vec<f64>,
+    pub(super) extensions: NodeExtensions,
+}
+
+/// Extensions that change which meshes there are.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub(super) instancing: Option<IgnoredAny>,
+    #[serde(rename = "KHR_node_visibility")]
+    visibility: Option<Visibility>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Visibility {
+    visible: Option<bool>,
+}
+
+impl Node {
+    /// Whether it and what is below it is not to be seen.
+    pub(super) fn is_hidden(&self) -> bool {
+        self.extensions.visibility.as_ref().is_some_and(|visibility| visibility.visible == Some(false))
+    }
 }
 
 #[derive(Debug, Deserialize)]

@@ -123,7 +123,7 @@ impl Entries {
             b"WIDTH" => self.width = Some(first.next().and_then(parse).ok_or_else(not_understood)?),
             b"HEIGHT" => self.height = Some(first.next().and_then(parse).ok_or_else(not_understood)?),
             b"POINTS" => self.points = Some(first.next().and_then(parse).ok_or_else(not_understood)?),
-            b"VIEWPOINT" => self.viewpoint = Some(translation(words).ok_or_else(not_understood)?),
+            b"VIEWPOINT" => self.viewpoint = viewpoint(words).ok_or_else(not_understood)?,
             b"DATA" => {
                 return match first.next() {
                     Some(b"ascii") => Ok(Some(Encoding::Ascii)),
@@ -181,14 +181,16 @@ impl Entries {
     }
 }
 
-/// The first three of the seven numbers of a viewpoint: where the sensor stood. How it was turned is not needed.
-fn translation<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
+/// Where the points were seen from, by a translation and a quaternion. The ones that change nothing are what programs write that do
+/// not know.
+fn viewpoint<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Option<Option<DVec3>> {
     let mut number = || words.next().and_then(parse).filter(|number: &f64| number.is_finite());
-    let numbers = [number()?, number()?, number()?];
-    for _ in 0..4 {
-        number()?;
+    let mut numbers = [0.0; 7];
+    for slot in &mut numbers {
+        *slot = number()?;
     }
-    Some(numbers.into())
+    let [x, y, z, ..] = numbers;
+    Some((numbers != [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).then_some(DVec3::new(x, y, z)))
 }
 
 pub(super) fn parse<T: FromStr>(word: &[u8]) -> Option<T> {

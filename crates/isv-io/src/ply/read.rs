@@ -51,8 +51,8 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
         return Ok((Geometry::Points(points), values.remaining()));
     }
     let normals = vertices.unit_normals();
-    let mut triangles = faces.polygons.into_triangles(&vertices.positions);
-    triangles.append(&mut strips.polygons.into_triangles(&vertices.positions));
+    let mut triangles = faces.polygons.into_triangles(&vertices.positions)?;
+    triangles.append(&mut strips.polygons.into_triangles(&vertices.positions)?);
     let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles };
     Ok((Geometry::Mesh(mesh), values.remaining()))
 }
