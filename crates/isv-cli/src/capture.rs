@@ -5,12 +5,13 @@ mod kinds;
 mod pipe;
 
 use crate::frame_range::FrameRange;
+use crate::memory;
 use crate::output::is_pipe;
 use crate::stream;
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
-use isv::surface::{SurfaceOptions, extract_surface};
+use isv::surface::SurfaceOptions;
 use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
 use std::ops::Range;
@@ -194,7 +195,9 @@ fn is_standard_input(input: &str) -> bool {
 fn surface_of(frame: CapturedFrame) -> Result<TriangleMesh> {
     match frame.content {
         Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
-        Content::Volume(volume) => Ok(extract_surface(&volume, &SurfaceOptions { normals: true })),
+        Content::Volume(volume) => {
+            memory::surface(&volume, SurfaceOptions { normals: true }).context(frame.name)
+        }
         Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => {
             bail!("{}: no surface yet: isv encode makes one of points and depth images", frame.name)
         }

@@ -1,6 +1,9 @@
 //! `--max-memory`: how much a frame of a stream may ask for.
 
+use anyhow::{Result, anyhow};
 use isv::decode::Limits;
+use isv::surface::{SurfaceExtractor, SurfaceOptions};
+use isv::volume::{SparseVolume, TriangleMesh};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
@@ -28,6 +31,20 @@ pub(crate) fn limits() -> Limits {
         frame_voxels: usize::try_from(bytes / BYTES_PER_VOXEL).unwrap_or(usize::MAX),
         voxels_per_byte: usize::MAX,
     })
+}
+
+/// The surface of a volume of a stream, of as many vertices as there is memory for: each takes, with its normal and its triangles, what
+/// eight voxels do.
+pub(crate) fn surface(volume: &SparseVolume, options: SurfaceOptions) -> Result<TriangleMesh> {
+    let limit = (limits().frame_voxels / 8).min(u32::MAX as usize);
+    let mut extractor = SurfaceExtractor::new(options);
+    match extractor.extract_within(volume, limit) {
+        Ok(_) => Ok(extractor.into_mesh()),
+        Err(error) => Err(match chosen() {
+            Some(size) => anyhow!("{error}: that is what --max-memory {size} has room for"),
+            None => anyhow!("{error}: --max-memory with a larger amount allows it"),
+        }),
+    }
 }
 
 /// Largest payload of a packet worth reading: a frame that is larger than its samples was not compressed.
@@ -64,7 +81,7 @@ impl fmt::Display for MemorySize {
 impl FromStr for MemorySize {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let found = UNITS.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?, *unit)));
         let bytes = found.and_then(|(number, unit)| {
             let number: f64 = number.trim_end().parse().ok()?;

@@ -178,6 +178,22 @@ fn a_voxel_size_cannot_be_chosen_by_no_frames() {
     work.isv(&auto).fails(1, &["empty.isv: no frames to choose a voxel size by"]);
 }
 
+/// Noise has many times the surface of what is captured.
+#[test]
+fn a_surface_of_more_than_there_is_memory_for_is_refused() {
+    let (work, _) = Workspace::with_stream(1);
+    let frame = |memory: &str| work.isv(&["decode", "take.isv", "-o", "mesh.ply", "--max-memory", memory]);
+    let room = (1..).map(|megabytes| format!("{megabytes}MB"));
+    let fits = |memory: &String| {
+        work.isv(&["decode", "take.isv", "-o", "arrays", "--as=volume", "--max-memory", memory]).status()
+            == Some(0)
+    };
+    let least = room.take(64).find(fits).unwrap();
+    // What has room for the volume has room for the surface of a body.
+    frame(&least).done();
+    frame("1GiB").done();
+}
+
 /// A log on a full disk, or a pipe that nobody reads any more.
 #[cfg(target_os = "linux")]
 #[test]

@@ -8,10 +8,10 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum IngestError {
     /// The mesh itself is broken.
-    #[error("invalid mesh: {0}")]
+    #[error(transparent)]
     Mesh(#[from] MeshError),
     /// The point cloud itself is broken.
-    #[error("invalid points: {0}")]
+    #[error(transparent)]
     Points(#[from] PointsError),
     /// Oriented points none of which has a normal.
     #[error("no point has a normal: have them estimated, or take the offset shell, which needs none")]

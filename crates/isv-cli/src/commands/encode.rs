@@ -298,7 +298,7 @@ impl Job {
         {
             let voxel = Length::from_metres(self.header.grid.voxel_size.metres());
             say(format_args!(
-                "{input}: {rate} is less than a surface takes in voxels of {voxel}: larger voxels take less"
+                "{input}: more than the {rate} that were asked for: voxels larger than {voxel} take less"
             ));
         }
         if self.skipped > 0 {

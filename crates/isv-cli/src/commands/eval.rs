@@ -6,6 +6,7 @@ use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
 use crate::matching::matching_ranges;
+use crate::memory;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
@@ -14,7 +15,7 @@ use comfy_table::Table;
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
 use isv::metrics::{CompareOptions, GeometryError, Shape, compare, summary};
-use isv::surface::{SurfaceOptions, extract_surface};
+use isv::surface::SurfaceOptions;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -76,7 +77,8 @@ fn geometries(capture: Capture, range: Range<usize>) -> Result<Ahead<Result<Geom
     let geometry = |frame: CapturedFrame| match frame.content {
         Content::Geometry(geometry) => Ok(geometry),
         Content::Volume(volume) => {
-            Ok(Geometry::Mesh(extract_surface(&volume, &SurfaceOptions { normals: false })))
+            let surface = memory::surface(&volume, SurfaceOptions { normals: false });
+            Ok(Geometry::Mesh(surface.context(frame.name)?))
         }
         Content::Depth(_) => {
             bail!("{}: depth images have no surface to measure: isv encode makes one of them", frame.name)

@@ -2,11 +2,12 @@
 
 use crate::failure::usage;
 use crate::length::Length;
+use crate::memory;
 use crate::terms::FormName;
 use anyhow::Result;
 use isv::gpu::AnyVolume;
 use isv::io::Format;
-use isv::surface::{PointDensity, SurfaceOptions, extract_surface, sample_evenly};
+use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
 use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
@@ -151,7 +152,7 @@ impl Recipe {
         };
         let mesh = match surface {
             Some(mesh) => mesh,
-            None => extract_surface(&volume.into_sparse()?, &options),
+            None => memory::surface(&volume.into_sparse()?, options)?,
         };
         Ok(match self.form {
             FormName::Points => Product::Points(sample_evenly(&mesh, self.density)?),

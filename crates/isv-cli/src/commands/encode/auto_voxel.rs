@@ -11,7 +11,7 @@ use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::Geometry;
 use isv::metrics::{CompareOptions, compare};
 use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{TriangleMesh, VoxelSize};
+use isv::volume::{Grid, TriangleMesh, VoxelSize};
 
 /// Voxels that are tried on something of a person's size, in metres, and that size.
 const CANDIDATES_M: [f64; 4] = [0.005, 0.0065, 0.008, 0.01];
@@ -84,7 +84,8 @@ pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSetti
     let mut curves = Vec::new();
     for candidate_m in CANDIDATES_M {
         let voxel = VoxelSize::from_metres(scale * candidate_m)?;
-        let point = |over: f64| measure(&samples, header, settings, voxel, over * scale * CANDIDATES_M[0]);
+        let ingest = args.ingest.of_meshes(Grid { voxel_size: voxel, ..header.grid });
+        let point = |over: f64| measure(&samples, ingest, header, settings, over * scale * CANDIDATES_M[0]);
         curves.push(Curve::through(voxel, [point(STEPS[0])?, point(STEPS[1])?]));
     }
     let wanted = match settings.main.target {
@@ -175,14 +176,12 @@ fn samples(args: &Args) -> Result<Vec<Vec<TriangleMesh>>> {
 /// Step in metres, bits a second of a whole GOP and mean error in metres of the samples.
 fn measure(
     samples: &[Vec<TriangleMesh>],
+    ingest: MeshIngest,
     header: &StreamHeader,
     settings: &EncoderSettings,
-    voxel: VoxelSize,
     step_m: f64,
 ) -> Result<(f64, f64, f64)> {
-    let mut header = *header;
-    header.grid.voxel_size = voxel;
-    let ingest = MeshIngest::new(header.grid);
+    let (header, voxel) = (StreamHeader { grid: ingest.grid, ..*header }, ingest.grid.voxel_size);
     let sign = decide_sign(&samples[0][0], ingest.sign).0;
     let mut settings = *settings;
     settings.main = isv::encode::MainSettings {

@@ -64,6 +64,12 @@ impl IngestArgs {
         flags.into_iter().filter(|(_, has_effect, given)| *given && !has_effect).map(|(flag, ..)| flag)
     }
 
+    /// How meshes become volumes on a grid, of the whole band.
+    pub(super) fn of_meshes(&self, grid: Grid) -> MeshIngest {
+        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
+        MeshIngest { sign, offset_voxels, max_blocks, ..MeshIngest::new(grid) }
+    }
+
     /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who does it, as far as it can.
     pub(super) fn volume_maker(
         &self,
@@ -87,7 +93,7 @@ impl IngestArgs {
         let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
             backend,
-            mesh: MeshIngest { grid, sign, offset_voxels, max_blocks, reach },
+            mesh: MeshIngest { reach, ..self.of_meshes(grid) },
             mesh_ingester: None,
             mesh_sign: None,
             loss_said: WORTH_A_WARNING / 2.0,

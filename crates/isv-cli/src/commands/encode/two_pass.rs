@@ -16,6 +16,8 @@ use std::sync::Arc;
 const PASSES: usize = 4;
 /// Close enough to the rate, as a share of it.
 const TOLERANCE: f64 = 0.01;
+/// More above the rate than this is too large.
+const MOST_EXCESS: f64 = 0.02;
 /// Bytes fall with about this power of the step, until two passes say better.
 const EXPONENT: f64 = 0.9;
 /// What two passes may say it is.
@@ -40,8 +42,10 @@ pub(super) fn settings_for_rate(
     let mut last: Option<(f64, f64)> = None;
     for _ in 0..PASSES {
         let excess = (measure_rate(args, header, with_step(step))? / rate).ln();
-        if excess.abs() < best.0 {
-            best = (excess.abs(), step);
+        // What is too large is taken if nothing else is there.
+        let badness = if excess > MOST_EXCESS { 1.0 / TOLERANCE + excess } else { excess.abs() };
+        if badness < best.0 {
+            best = (badness, step);
         }
         if excess.abs() < TOLERANCE {
             break;

@@ -3,6 +3,7 @@
 use crate::backend::{self, Backend};
 use crate::capture::{CapturedFrame, Content};
 use crate::length::Length;
+use crate::memory;
 use crate::progress::Progress;
 use crate::stats::timed;
 use crate::terms::{BandName, FusionName, NormalsName};
@@ -14,7 +15,7 @@ use isv::ingest::{
     decide_point_sign, decide_sign, estimate_normals, ingest_points, lost_share,
 };
 use isv::io::Geometry;
-use isv::surface::{SurfaceOptions, extract_surface, surface_band};
+use isv::surface::{SurfaceOptions, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -157,7 +158,8 @@ impl VolumeMaker {
         if *volume.grid() == self.mesh.grid {
             return Ok(volume);
         }
-        self.mesh_to_volume(name, &extract_surface(&volume, &SurfaceOptions::default()))
+        let surface = memory::surface(&volume, SurfaceOptions::default());
+        self.mesh_to_volume(name, &surface.with_context(|| name.to_owned())?)
     }
 
     /// A wrong unit that makes the surface small is no error, but leaves little of it.
