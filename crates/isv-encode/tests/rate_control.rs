@@ -121,6 +121,25 @@ fn no_frame_exceeds_the_error_asked_for() {
 }
 
 #[test]
+fn the_error_asked_for_is_kept_where_what_stands_still_is_what_is_left() {
+    let rough = |x: f64, y: f64, z: f64| {
+        let q =
+            [(x - 36.0).abs() - 14.0, y.abs() - 15.0, z.abs() - 13.0].map(|d| d + (0.9 * (x + y + z)).sin());
+        q[0].max(q[1]).max(q[2])
+    };
+    let smooth = |x: f64, y: f64, z: f64| ((x + 34.0).powi(2) + y * y + z * z).sqrt() - 22.0;
+    let both = volume_of(main_header().grid, 9, |[x, y, z]| rough(x, y, z).min(smooth(x, y, z)), |_| false);
+    let alone = volume_of(main_header().grid, 9, |[x, y, z]| rough(x, y, z), |_| false);
+    let bound = 0.2;
+    let main = MainSettings { target: RateTarget::MaxError(bound), ..MainSettings::default() };
+    let frames = encode(settings(main), [&both, &alone, &alone]);
+    println!("{frames:.3?}");
+    assert!(frames.iter().all(|(_, error, _)| *error <= bound), "{frames:?}");
+    // Not by the finest step there is.
+    assert!(frames[1].1 > 0.5 * bound, "{frames:?}");
+}
+
+#[test]
 fn quality_is_monotone_in_bytes_and_error() {
     let volumes = rolling(6);
     let mut before: Option<(usize, f64)> = None;

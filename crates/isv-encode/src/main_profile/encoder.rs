@@ -285,29 +285,31 @@ impl<B: SearchBackend> MainEncoder<B> {
         let mut targets = debug_span!("targets").in_scope(|| Targets::new(volume, band, tools, &still));
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let mut step = self.rate.first_step(facts, f64::from(constant.step));
-        if !still.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
-            // What stands still is worth coding better now.
-            still = BlockSet::default();
-            targets = Targets::new(volume, band, tools, &still);
-            facts.blocks = targets.len();
-        }
-        let shifts = match &self.state.reference {
-            Some(before) if !keyframe && tools.motion => {
-                let sought = SoughtFrame::new(before, &targets);
-                debug_span!("motion").in_scope(|| self.backend.find_shifts(&sought))?
-            }
-            _ => None,
-        };
-        let source = Source { volume, targets: &targets, still: &still, shifts: shifts.as_deref() };
+        let mut shifts = None;
         let mut spare = take(&mut self.spare);
-        for before in 0.. {
+        let mut attempts = Vec::new();
+        loop {
+            if !still.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
+                // What stands still is worth coding better now.
+                still = BlockSet::default();
+                targets = Targets::new(volume, band, tools, &still);
+                facts.blocks = targets.len();
+                shifts = None;
+            }
+            let found = match shifts.take() {
+                Some(found) => found,
+                None => self.find_shifts(&targets, keyframe)?,
+            };
+            let source = Source { volume, targets: &targets, still: &still, shifts: found.as_deref() };
             let quality = FrameQuality { step: step as f32, ..constant };
             let coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
             facts.keyframe = coded.frame.keyframe;
-            let attempt = self.attempt(&source, &coded, facts, step, before);
-            match self.rate.retry(&attempt) {
+            let attempt = self.attempt(&source, &coded, facts, step);
+            attempts.push(attempt);
+            match self.rate.retry(&attempts) {
                 Some(other) => {
                     step = other;
+                    shifts = Some(found);
                     spare = coded.state.into_samples();
                 }
                 None => {
@@ -329,7 +331,21 @@ impl<B: SearchBackend> MainEncoder<B> {
                 }
             }
         }
-        unreachable!("rate control ends")
+    }
+
+    /// The shifts of all blocks, if the backend searches for them at once and the frame has use for them.
+    fn find_shifts(
+        &mut self,
+        targets: &Targets,
+        keyframe: bool,
+    ) -> Result<Option<Vec<BlockShifts>>, BackendError> {
+        match &self.state.reference {
+            Some(before) if !keyframe && self.settings.tools.motion => {
+                let sought = SoughtFrame::new(before, targets);
+                debug_span!("motion").in_scope(|| self.backend.find_shifts(&sought))
+            }
+            _ => Ok(None),
+        }
     }
 
     /// Whether a keyframe comes after so many frames since the last one and with it.
@@ -349,17 +365,10 @@ impl<B: SearchBackend> MainEncoder<B> {
     }
 
     /// What rate control is told of a coded frame.
-    fn attempt(
-        &self,
-        source: &Source,
-        coded: &CodedFrame,
-        frame: FrameFacts,
-        step: f64,
-        before: usize,
-    ) -> Attempt {
+    fn attempt(&self, source: &Source, coded: &CodedFrame, frame: FrameFacts, step: f64) -> Attempt {
         let decoded = coded.state.reference.as_ref().filter(|_| self.rate.needs_error());
         let surface_rms = decoded.map_or(0.0, |decoded| surface_rms_voxels(source.volume, decoded.volume()));
-        Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms, before }
+        Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms }
     }
 
     /// Codes a frame, and where it hardly resembles the frame before, as a keyframe too: whichever costs less.

@@ -49,8 +49,6 @@ pub(crate) struct Attempt {
     pub bits: f64,
     /// In voxels; 0 where no target asks for it.
     pub surface_rms: f64,
-    /// How many attempts were made before this one.
-    pub before: usize,
 }
 
 /// Chooses steps.
@@ -79,12 +77,13 @@ impl RateControl {
         }
     }
 
-    /// The step to code the frame with anew, unless the attempt is good enough or as good as can be.
-    pub(crate) fn retry(&self, attempt: &Attempt) -> Option<f64> {
+    /// The step to code the frame with anew, unless the last of its attempts, of which there is one at least, is good enough or
+    /// as good as can be.
+    pub(crate) fn retry(&self, attempts: &[Attempt]) -> Option<f64> {
         match self {
             Self::Constant => None,
-            Self::Bitrate(control) => control.retry(attempt),
-            Self::MaxError(control) => control.retry(attempt),
+            Self::Bitrate(control) => control.retry(attempts),
+            Self::MaxError(control) => control.retry(attempts),
         }
     }
 

@@ -100,8 +100,9 @@ impl BitrateControl {
         step.max(fits).clamp(FINEST_STEP, COARSEST_STEP)
     }
 
-    pub(super) fn retry(&self, attempt: &Attempt) -> Option<f64> {
-        let Attempt { frame, step, bits, before, .. } = *attempt;
+    pub(super) fn retry(&self, attempts: &[Attempt]) -> Option<f64> {
+        let (attempt, before) = attempts.split_last()?;
+        let Attempt { frame, step, bits, .. } = *attempt;
         let kind = usize::from(!frame.keyframe);
         let room = self.target.capacity() - self.level;
         let finer_by =
@@ -110,7 +111,7 @@ impl BitrateControl {
             let coarser = finer_by(bits / (AIM * room).max(1.0)).max(1.1 * step);
             return Some(coarser.min(COARSEST_STEP));
         }
-        if self.known[kind] || before >= SURPRISES {
+        if self.known[kind] || before.len() >= SURPRISES {
             return None;
         }
         // Now that a frame of the kind is known, the model has another step for it.
