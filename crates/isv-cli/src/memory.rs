@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use isv::decode::Limits;
 use isv::surface::{SurfaceExtractor, SurfaceOptions};
-use isv::volume::{SparseVolume, TriangleMesh};
+use isv::volume::{BlockSet, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
@@ -45,6 +45,30 @@ pub(crate) fn surface(volume: &SparseVolume, options: SurfaceOptions) -> Result<
             None => anyhow!("{error}: --max-memory with a larger amount allows it"),
         }),
     }
+}
+
+/// Refuses a volume whose decoded frame would be refused. `extended`: whether decoders make up the blocks around it, as they do in
+/// profile `main`.
+pub(crate) fn check_frame(volume: &SparseVolume, extended: bool) -> Result<()> {
+    let limit = limits().frame_voxels / volume.grid().edge.block_voxels();
+    let with_neighbours = || BlockSet::of(volume.coords()).dilated().count();
+    let blocks = match extended {
+        // Mostly there is room for all neighbours that so many blocks can have.
+        true if volume.block_count() > limit / 27 => with_neighbours(),
+        _ => volume.block_count(),
+    };
+    if blocks <= limit {
+        return Ok(());
+    }
+    let why = format!("the decoded frame would have {blocks} blocks, above the limit of {limit}");
+    Err(match chosen() {
+        Some(size) => {
+            anyhow!("{why}: that is what --max-memory {size} has room for; larger voxels need less")
+        }
+        None => anyhow!(
+            "{why} that decoders have: try larger voxels, or --max-memory with a larger amount, which then decoders need too"
+        ),
+    })
 }
 
 /// Largest payload of a packet worth reading: a frame that is larger than its samples was not compressed.

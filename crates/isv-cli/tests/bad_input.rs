@@ -2,7 +2,10 @@
 
 mod support;
 
-use isv::format::{FramePayload, PacketReader, PacketWriter};
+use isv::encode::{Encoder, EncoderSettings, FrameQuality, Preset};
+use isv::format::{FramePayload, FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv_testkit::volume_of;
 use std::fs;
 use support::{ENCODE, Run, Workspace};
 
@@ -178,20 +181,51 @@ fn a_voxel_size_cannot_be_chosen_by_no_frames() {
     work.isv(&auto).fails(1, &["empty.isv: no frames to choose a voxel size by"]);
 }
 
-/// Noise has many times the surface of what is captured.
+/// Foam has many times the surface of what is captured.
 #[test]
 fn a_surface_of_more_than_there_is_memory_for_is_refused() {
-    let (work, _) = Workspace::with_stream(1);
-    let frame = |memory: &str| work.isv(&["decode", "take.isv", "-o", "mesh.ply", "--max-memory", memory]);
-    let room = (1..).map(|megabytes| format!("{megabytes}MB"));
-    let fits = |memory: &String| {
-        work.isv(&["decode", "take.isv", "-o", "arrays", "--as=volume", "--max-memory", memory]).status()
-            == Some(0)
+    let work = Workspace::new();
+    let header = StreamHeader {
+        profile: Profile::Main,
+        grid: Grid {
+            voxel_size: VoxelSize::from_metres(0.01).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(8).unwrap(),
+        },
+        frame_rate: FrameRate { numerator: 30, denominator: 1 },
     };
-    let least = room.take(64).find(fits).unwrap();
-    // What has room for the volume has room for the surface of a body.
-    frame(&least).done();
-    frame("1GiB").done();
+    let foam = |position: [f64; 3]| 2.0 * position.map(|x| (2.0 * x).sin()).iter().sum::<f64>();
+    let mut main = Preset::Realtime.settings();
+    main.quality = FrameQuality::of_quality(100.0);
+    let mut encoder = Encoder::new(&header, EncoderSettings { main, ..EncoderSettings::default() });
+    let frame = encoder.encode(&volume_of(header.grid, 4, foam, |_| false));
+    let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+    writer.write_frame(true, 0, &frame.payload()).unwrap();
+    work.write("foam.isv", writer.finish().unwrap());
+    let decode = |content: &str, memory: &str| {
+        work.isv(&["decode", "foam.isv", "-o", content, "--as", content, "--max-memory", memory])
+    };
+    // 1000 blocks, of which 512 were coded, and a vertex or more in each voxel of those.
+    decode("volume", "5MB").done();
+    decode("mesh", "5MB").fails(1, &["frame 0: ", "vertices", "--max-memory 5MB has room for"]);
+    decode("mesh", "50MB").done();
+}
+
+#[test]
+fn a_frame_that_no_decoder_would_take_is_not_encoded() {
+    let work = Workspace::new();
+    work.write("frame.ply", ply(&VERTICES, &FACES));
+    let encode = |memory: &str| {
+        work.isv(&["encode", "frame.ply", "-o", "out.isv", "--voxel=5mm", "--max-memory", memory])
+    };
+    encode("100kB")
+        .fails(1, &["frame.ply", "blocks, above the limit of 24", "--max-memory 100kB has room for"]);
+    assert_eq!(work.names(""), ["frame.ply"]);
+    let fits = |memory: &String| encode(memory).status() == Some(0);
+    let least = (1..40).map(|tenths| format!("{}kB", 100 * tenths)).find(fits).unwrap();
+    println!("a tetrahedron takes {least}");
+    assert_ne!(least, "100kB");
+    work.isv(&["verify", "out.isv", "--max-memory", &least]).done();
 }
 
 /// A log on a full disk, or a pipe that nobody reads any more.

@@ -142,6 +142,13 @@ fn bad_frames_can_be_skipped() {
     let stderr = run.stderr();
     // The first frame was good, and its sign had been announced.
     assert!(stderr.lines().last().unwrap().starts_with("isv: frames/frame_1.ply: truncated"), "{stderr}");
+    // Nor does a voxel size that is chosen by samples depend on them.
+    let mut auto = ENCODE;
+    auto[3..6].copy_from_slice(&["auto.isv", "--voxel", "auto"]);
+    assert!(work.isv(&auto).stderr().starts_with("isv: frames/frame_1.ply: truncated"));
+    let run = work.isv(&[&auto[..], &["--skip-bad-frames"]].concat()).done();
+    assert!(run.stderr().contains("by 2 sample frames"), "{}", run.stderr());
+    fs::remove_file(work.path("auto.isv")).unwrap();
     let run = work.isv(&[&ENCODE[..], &["--skip-bad-frames"]].concat()).done();
     assert!(run.stderr().contains("skipped: frames/frame_1.ply: truncated"), "{}", run.stderr());
     assert!(run.stderr().contains("frames: 1 frame skipped"), "{}", run.stderr());

@@ -179,7 +179,12 @@ fn products(
     let make = move |frame: Result<StreamFrame>| {
         let StreamFrame { number, volume, surface, decode_ms } = frame?;
         let (product, surface_ms) = timed(|| recipe.make(volume, surface));
-        Ok(DecodedFrame { number, product: product?, decode_ms, surface_ms })
+        Ok(DecodedFrame {
+            number,
+            product: product.with_context(|| format!("frame {number}"))?,
+            decode_ms,
+            surface_ms,
+        })
     };
     if taking_turns {
         Box::new(frames.take_while(|_| !interrupt::requested()).map(make))

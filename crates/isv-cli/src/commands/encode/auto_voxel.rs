@@ -4,7 +4,7 @@ use super::Args;
 use crate::capture::{Capture, CapturedFrame, Content};
 use crate::length::Length;
 use crate::output::say;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
 use isv::format::{PacketHeader, StreamHeader};
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
@@ -75,9 +75,10 @@ impl Curve {
 /// Chooses a voxel size; says which and why on stderr.
 pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSettings) -> Result<Choice> {
     let samples = samples(args)?;
-    let extent_m = samples[0][0].bounds().map_or(0.0, |(low, high)| (high - low).max_element());
+    let first = samples.first().and_then(|sample| sample.first()).map(|frame| &frame.mesh);
+    let extent_m = first.and_then(TriangleMesh::bounds).map_or(0.0, |(low, high)| (high - low).max_element());
     if extent_m == 0.0 {
-        bail!("{}: --voxel auto needs a first frame with a surface: give a length", args.input);
+        bail!("{}: --voxel auto needs frames with a surface to choose by: give a length", args.input);
     }
     // By powers of two, so that a person is one whether she stoops or reaches up.
     let scale = (extent_m / PERSON_M).log2().round().exp2();
@@ -149,8 +150,17 @@ fn best(curves: &[Curve], wanted: Wanted) -> (Curve, Point) {
     points.min_by(|a, b| cheaper(&a.1, &b.1)).expect("there are candidates")
 }
 
-/// The first frames, and as many from the middle on.
-fn samples(args: &Args) -> Result<Vec<Vec<TriangleMesh>>> {
+/// A frame that voxel sizes are tried on.
+struct SampleFrame {
+    name: String,
+    mesh: TriangleMesh,
+}
+
+/// Frames that follow each other.
+type Sample = Vec<SampleFrame>;
+
+/// The first frames, and as many from the middle on, without those that have no triangle.
+fn samples(args: &Args) -> Result<Vec<Sample>> {
     let open = || Capture::open(&args.input, &args.hints()?);
     let capture = open()?;
     capture.counted()?;
@@ -162,27 +172,33 @@ fn samples(args: &Args) -> Result<Vec<Vec<TriangleMesh>>> {
     if range.len() >= 4 * SAMPLE_FRAMES {
         starts.push(range.start + range.len() / 2);
     }
-    let mesh = |frame: CapturedFrame| match frame.content {
-        Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
+    let frame = |frame: CapturedFrame| match frame.content {
+        Content::Geometry(Geometry::Mesh(mesh)) => Ok(SampleFrame { name: frame.name, mesh }),
         _ => bail!("{}: --voxel auto needs meshes: give a length, as in --voxel 5mm", frame.name),
     };
-    let sample = |start: usize| -> Result<Vec<TriangleMesh>> {
+    let skips = args.skip_bad_frames && capture.frames_stand_alone();
+    let sample = |start: usize| -> Result<Sample> {
         let end = range.end.min(start + SAMPLE_FRAMES);
-        open()?.read(start..end)?.map(|frame| mesh(frame?)).collect()
+        let frames = open()?.read(start..end)?;
+        // What is skipped then is no reason to stop now.
+        let frames = frames.filter(|frame| !skips || frame.is_ok());
+        let frames = frames.map(|read| frame(read?)).collect::<Result<Vec<_>>>()?;
+        Ok(frames.into_iter().filter(|frame| !frame.mesh.triangles.is_empty()).collect())
     };
-    starts.into_iter().map(sample).collect()
+    let samples = starts.into_iter().map(sample).collect::<Result<Vec<_>>>()?;
+    Ok(samples.into_iter().filter(|sample| !sample.is_empty()).collect())
 }
 
 /// Step in metres, bits a second of a whole GOP and mean error in metres of the samples.
 fn measure(
-    samples: &[Vec<TriangleMesh>],
+    samples: &[Sample],
     ingest: MeshIngest,
     header: &StreamHeader,
     settings: &EncoderSettings,
     step_m: f64,
 ) -> Result<(f64, f64, f64)> {
     let (header, voxel) = (StreamHeader { grid: ingest.grid, ..*header }, ingest.grid.voxel_size);
-    let sign = decide_sign(&samples[0][0], ingest.sign).0;
+    let sign = decide_sign(&samples[0][0].mesh, ingest.sign).0;
     let mut settings = *settings;
     settings.main = isv::encode::MainSettings {
         quality: FrameQuality::of_step((step_m / voxel.metres()) as f32),
@@ -190,19 +206,21 @@ fn measure(
         ..Preset::Realtime.settings()
     };
     let (mut bits, mut errors) = ([Vec::new(), Vec::new()], Vec::new());
-    for meshes in samples {
+    for sample in samples {
         let mut encoder = Encoder::new(&header, settings);
-        for mesh in meshes {
-            let frame = encoder.encode(&ingest_mesh(mesh, &ingest, sign)?);
+        for SampleFrame { name, mesh } in sample {
+            let volume = ingest_mesh(mesh, &ingest, sign).with_context(|| name.clone())?;
+            let frame = encoder.encode(&volume);
             let bytes = PacketHeader::BYTES + frame.payload().to_bytes().len();
             bits[usize::from(!frame.keyframe)].push(8.0 * bytes as f64);
         }
         let decoded = encoder.reconstruction().expect("a sample has frames");
         let surface = extract_surface(decoded, &SurfaceOptions { normals: false });
         let options = CompareOptions { spacing_m: voxel.metres(), seed: 0 };
-        let last = meshes.last().expect("a sample has frames");
+        let last = sample.last().expect("a sample has frames");
         // The mean, as a root mean square is ruled by what no voxel size reaches: surfaces inside others, rims of sheets.
-        errors.push(compare(last, &surface, &options)?.p2s_mean_mm.unwrap_or(f64::NAN) / 1e3);
+        let distances = compare(&last.mesh, &surface, &options).with_context(|| last.name.clone())?;
+        errors.push(distances.p2s_mean_mm.unwrap_or(f64::NAN) / 1e3);
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (keyframe, gop) = (mean(&bits[0]), f64::from(settings.gop));

@@ -105,6 +105,7 @@ impl IngestArgs {
                 ProfileName::Main => BandName::Full,
                 ProfileName::Paper => self.band.unwrap_or(BandName::Full),
             },
+            extended: profile == ProfileName::Main,
             progress,
         })
     }

@@ -46,6 +46,8 @@ pub(super) struct VolumeMaker {
     pub(super) normals: NormalsName,
     pub(super) depth: DepthFusion,
     pub(super) band: BandName,
+    /// Whether decoders extend the frames: profile `main`.
+    pub(super) extended: bool,
     pub(super) progress: Arc<Progress>,
 }
 
@@ -84,6 +86,7 @@ impl VolumeMaker {
             BandName::Full => volume,
             BandName::Surface => surface_band(&volume),
         };
+        memory::check_frame(&volume, self.extended).with_context(|| name)?;
         Ok(IngestedFrame { number, read, volume, blocks_band, ingest_ms })
     }
 
