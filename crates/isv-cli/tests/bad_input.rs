@@ -216,7 +216,16 @@ fn a_frame_that_no_decoder_would_take_is_not_encoded() {
     let work = Workspace::new();
     work.write("frame.ply", ply(&VERTICES, &FACES));
     let encode = |memory: &str| {
-        work.isv(&["encode", "frame.ply", "-o", "out.isv", "--voxel=5mm", "--max-memory", memory])
+        work.isv(&[
+            "encode",
+            "frame.ply",
+            "-o",
+            "out.isv",
+            "--voxel=5mm",
+            "--sign=closed",
+            "--max-memory",
+            memory,
+        ])
     };
     encode("100kB")
         .fails(1, &["frame.ply", "blocks, above the limit of 24", "--max-memory 100kB has room for"]);

@@ -250,8 +250,7 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
     stdin.flush().unwrap();
     // The pipe stays open, as that of a live capture does; give the two frames the time to be read.
     std::thread::sleep(Duration::from_secs(3));
-    let status = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(status.success());
+    interrupt(&child);
     let output = child.wait_with_output().unwrap();
     drop(stdin);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -261,7 +260,14 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
     work.isv(&["verify", "live.isv"]).done();
 }
 
-/// Waits until a program listens for Ctrl-C.
+/// Asks a program to end: as Ctrl-C does, but by a signal that shells do not have their background commands ignore.
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
+    let kill = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+    assert!(kill.unwrap().success());
+}
+
+/// Waits until a program listens for that signal.
 #[cfg(target_os = "linux")]
 fn wait_until_listening(child: &std::process::Child) {
     let caught = || {
@@ -269,17 +275,17 @@ fn wait_until_listening(child: &std::process::Child) {
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap().trim().to_owned();
         u64::from_str_radix(&mask, 16).unwrap()
     };
-    while caught() & 0b10 == 0 {
+    while caught() & 1 << 14 == 0 {
         std::thread::sleep(Duration::from_millis(10));
     }
 }
 
-/// While it waits for a pipe, Ctrl-C ends a command the first time.
+/// While it waits for a pipe, Ctrl-C and its like end a command the first time.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_is_heard_by_who_waits() {
     let (work, bytes) = Workspace::with_stream(1);
-    let interrupt = |args: &[&str], input: &[u8]| {
+    let interrupted = |args: &[&str], input: &[u8]| {
         let mut child = work.command(args).spawn().unwrap();
         let mut stdin = child.stdin.take().unwrap();
         stdin.write_all(input).unwrap();
@@ -287,16 +293,15 @@ fn an_interrupt_is_heard_by_who_waits() {
         if !input.is_empty() {
             wait_until_listening(&child);
         }
-        let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-        assert!(kill.unwrap().success());
+        interrupt(&child);
         let output = child.wait_with_output().unwrap();
         drop(stdin);
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     for args in [&["decode", "-", "-o", "meshes"][..], &["render", "-", "-o", "picture.png"]] {
         // Before the header there is nothing to bring to an end.
-        assert_eq!(interrupt(args, &[]), (None, String::new()), "{args:?}");
-        let (status, said) = interrupt(args, &bytes[..48]);
+        assert_eq!(interrupted(args, &[]), (None, String::new()), "{args:?}");
+        let (status, said) = interrupted(args, &bytes[..48]);
         assert_eq!(status, Some(1), "{said}");
         assert!(
             said.starts_with("isv: ") && said.contains("interrupted") && said.lines().count() == 1,

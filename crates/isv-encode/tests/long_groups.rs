@@ -43,27 +43,33 @@ fn header(profile: Profile) -> StreamHeader {
     StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
 }
 
-#[test]
-fn a_group_may_be_longer_than_its_packets_count() {
-    let paper = Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 });
-    for profile in [Profile::Main, paper] {
-        let header = header(profile);
-        let packets = group(&header);
-        let counts = packets.iter().map(|packet| u64::from(packet.header.since_keyframe));
-        assert!(counts.eq((0..FRAMES).map(|frame| frame % (1 << 16))));
+fn check(profile: Profile) {
+    let header = header(profile);
+    let packets = group(&header);
+    let counts = packets.iter().map(|packet| u64::from(packet.header.since_keyframe));
+    assert!(counts.eq((0..FRAMES).map(|frame| frame % (1 << 16))));
 
-        let mut decoder = Decoder::new(&header, Limits::default());
-        let mut hashes = Vec::new();
-        for packet in &packets {
-            hashes.push(volume_hash(decoder.decode_and_verify(packet).unwrap().volume));
-        }
-        assert_eq!(hashes.len() as u64, FRAMES);
-        assert_ne!(hashes[(1 << 16) - 1], hashes[1 << 16]);
-
-        // Frame 2^16 again, which has the count 0, where the frame with the count 4 should be.
-        match decoder.decode(&packets[1 << 16]) {
-            Err(DecodeError::MissingFrame { expected: 4, found: 0, .. }) => {}
-            other => panic!("{other:?}"),
-        }
+    let mut decoder = Decoder::new(&header, Limits::default());
+    let (before, from_there_on) = packets.split_at(1 << 16);
+    let mut hash = |packet| volume_hash(decoder.decode_and_verify(packet).unwrap().volume);
+    let last_before = before.iter().map(&mut hash).last().unwrap();
+    for packet in from_there_on {
+        assert_ne!(hash(packet), last_before);
     }
+
+    // Frame 2^16 again, which has the count 0, where the frame with the count 4 should be.
+    match decoder.decode(&packets[1 << 16]) {
+        Err(DecodeError::MissingFrame { expected: 4, found: 0, .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_group_may_be_longer_than_its_packets_count_in_profile_main() {
+    check(Profile::Main);
+}
+
+#[test]
+fn a_group_may_be_longer_than_its_packets_count_in_profile_paper() {
+    check(Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }));
 }
