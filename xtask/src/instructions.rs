@@ -17,7 +17,7 @@ const TOLERANCE_OF_OTHER_COMPILERS: f64 = 0.3;
 /// What is counted, in the order of the columns.
 const COLUMNS: [Instructions; 2] = [Instructions::Scalar, Instructions::Avx2];
 /// What renews the table.
-const UPDATE: &str = "cargo run --release -p xtask -- instructions --update";
+const UPDATE: &str = "cargo xtask instructions --update";
 const COMPILER: &str = "Compiler: ";
 
 /// One line of the table.

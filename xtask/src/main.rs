@@ -1,4 +1,4 @@
-//! Development commands: `cargo run --release -p xtask -- COMMAND`.
+//! Development commands: `cargo xtask COMMAND`.
 
 mod conformance;
 mod fuzz_seeds;

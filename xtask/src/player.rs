@@ -56,7 +56,7 @@ fn test(fresh: &Path) -> Result<()> {
     let status = Command::new("node").args(["--test", TEST]).env(FRESH, fresh).status();
     let status = status.context("cannot run node, which the check needs")?;
     if !status.success() {
-        bail!("{COMMITTED} was not built from this source: run `cargo run -p xtask -- player` and commit it");
+        bail!("{COMMITTED} was not built from this source: run `cargo xtask player` and commit it");
     }
     Ok(())
 }

@@ -7,7 +7,7 @@
 //! One instance is one decoder. `session` is all of it, in safe Rust and tested on any machine; `exports` gives its calls plain
 //! numbers and addresses. WebAssembly has no threads here: the loops that are parallel elsewhere run one after the other.
 //!
-//! `cargo run -p xtask -- player` builds it into `player/src/isv.wasm`.
+//! `cargo xtask player` builds it into `player/src/isv.wasm`.
 
 mod error;
 mod exports;

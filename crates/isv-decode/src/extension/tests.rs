@@ -183,12 +183,14 @@ fn check(coded: &SparseVolume) -> usize {
 
 #[test]
 fn random_blocks_are_extended_as_the_plain_reference_does() {
+    // A machine that is emulated takes fifteen times longer.
+    let volumes = if cfg!(any(target_arch = "x86_64", target_arch = "x86")) { 24 } else { 6 };
     let mut conflicts = 0;
-    for seed in 0..24 {
+    for seed in 0..volumes {
         let coded = random_volume(seed, [2, 8, 16][seed as usize % 3]);
         conflicts += check(&coded) - coded.block_count();
     }
-    assert!(conflicts > 100, "{conflicts} extrapolated blocks with masks");
+    assert!(conflicts > 4 * volumes as usize, "{conflicts} extrapolated blocks with masks");
 }
 
 #[test]

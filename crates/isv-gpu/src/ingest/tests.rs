@@ -140,10 +140,10 @@ fn what_cannot_be_done_is_said() {
     let error = GpuMeshIngester::new(&store, few).unwrap().ingest(&mesh, CLOSED).unwrap_err();
     assert_eq!(error, GpuIngestError::Ingest(ingest_mesh(&mesh, &few, CLOSED).unwrap_err()));
     // A wrong unit, and a hole as well: what the CPU says of it, before anything is made of so many triangles.
-    let mut huge = sphere(60.0, 20);
+    let mut huge = sphere(6.0, 20);
     huge.triangles.truncate(700);
     for reach in [Reach::Surface, Reach::Band] {
-        let settings = settings(0.005, reach);
+        let settings = MeshIngest { max_blocks: 10_000, ..settings(0.005, reach) };
         let error = GpuMeshIngester::new(&store, settings).unwrap().ingest(&huge, CLOSED).unwrap_err();
         assert_eq!(error, GpuIngestError::Ingest(ingest_mesh(&huge, &settings, CLOSED).unwrap_err()));
     }
