@@ -15,6 +15,8 @@ use isv::volume::{
     BlockCoord, BlockEdge, COORD_LIMIT, Grid, SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
 use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::LazyLock;
 
 /// Frames of a stream.
 const FRAMES: usize = 3;
@@ -30,6 +32,8 @@ pub fn round_trip(bytes: &[u8]) {
     let one = EncoderSettings { slices: Some(1), ..settings };
     let several = EncoderSettings { slices: Some(2 + u16::from(fields.below(4))), ..settings };
     let (whole, sliced) = (encode(&header, one, &volumes), encode(&header, several, &volumes));
+    keep(&whole);
+    keep(&sliced);
     let (of_whole, of_sliced) = (decode(&whole), decode(&sliced));
     // In profile `main` slices bound what a block may be predicted from. In `paper` they are a matter of syntax alone, unless
     // the shorter of several ways is taken.
@@ -53,6 +57,16 @@ pub fn round_trip(bytes: &[u8]) {
     }
 }
 
+/// Writes a stream to the folder that `FUZZ_STREAMS` names, if it does: what is encoded on purpose is a seed for what decodes.
+fn keep(stream: &[u8]) {
+    static FOLDER: LazyLock<Option<PathBuf>> =
+        LazyLock::new(|| std::env::var_os("FUZZ_STREAMS").map(Into::into));
+    if let Some(folder) = &*FOLDER {
+        let path = folder.join(format!("{:08x}", crc32fast::hash(stream)));
+        std::fs::write(path, stream).expect("a folder that can be written to");
+    }
+}
+
 /// The stream, each frame with the hash of what the encoder reconstructed.
 fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVolume]) -> Vec<u8> {
     let mut encoder = Encoder::new(header, settings);
@@ -65,7 +79,6 @@ fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVol
     writer.finish().expect("memory takes bytes")
 }
 
-/// Hashes of the frames, each of which is the one that its packet states.
 /// The frames, each of the hash that its packet states.
 fn decode(bytes: &[u8]) -> Vec<SparseVolume> {
     let mut reader = PacketReader::new(bytes).expect("a whole stream");
