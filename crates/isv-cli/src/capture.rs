@@ -29,6 +29,8 @@ pub(crate) enum Content {
     Depth(Vec<DepthImage>),
     /// A volume already.
     Volume(SparseVolume),
+    /// A volume that was decoded in profile `main`, which is one at its surface alone.
+    Decoded(SparseVolume),
 }
 
 /// What all frames of a capture are.
@@ -195,7 +197,7 @@ fn is_standard_input(input: &str) -> bool {
 fn surface_of(frame: CapturedFrame) -> Result<TriangleMesh> {
     match frame.content {
         Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
-        Content::Volume(volume) => {
+        Content::Volume(volume) | Content::Decoded(volume) => {
             memory::surface(&volume, SurfaceOptions { normals: true }).context(frame.name)
         }
         Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => {

@@ -10,8 +10,9 @@ use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{DecodeError, Lod};
 use isv::format::{FormatError, PacketReader, StreamHeader, StreamIndex};
 use isv::gpu::{AnyDecoder, AnyVolume};
+use isv::ingest::redistance;
 use isv::surface::SurfaceOptions;
-use isv::volume::TriangleMesh;
+use isv::volume::{SparseVolume, TriangleMesh};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -66,6 +67,13 @@ pub(crate) struct StreamFrame {
     pub(crate) surface: Option<TriangleMesh>,
     /// How long that took.
     pub(crate) decode_ms: f64,
+}
+
+/// A frame that was decoded in profile `main` with distances wherever it has samples, and not at the surface alone.
+pub(crate) fn with_distances(volume: &SparseVolume) -> Result<SparseVolume> {
+    let surface = memory::surface(volume, SurfaceOptions::default())?;
+    let max_blocks = memory::limits().frame_voxels / volume.grid().edge.block_voxels();
+    Ok(redistance(volume, &surface, max_blocks)?)
 }
 
 /// Decodes the frames of a stream in order, all of them or a range.
@@ -186,19 +194,24 @@ pub(crate) fn is_loss(error: &anyhow::Error) -> bool {
         (Some(FormatError::Checksum { at, .. }), _) => *at > 0,
         (Some(FormatError::Truncated { at, .. }), _) => *at > StreamHeader::BYTES as u64,
         (Some(FormatError::Malformed { at, .. }), _) => *at >= StreamHeader::BYTES as u64,
-        (_, Some(error)) => {
-            matches!(error, DecodeError::NoReference { .. } | DecodeError::MissingFrame { .. })
-        }
+        (_, Some(error)) => is_missing(error),
         _ => false,
     })
 }
 
-/// An error, with what helps against it where bytes were damaged or lost.
+/// An error, with what helps against it where bytes were damaged or lost. A repaired stream can still miss frames, where others make whole again
+/// what followed them.
 pub(crate) fn advise_repair(error: anyhow::Error) -> anyhow::Error {
-    match is_loss(&error) {
-        true => anyhow!("{error:#}: isv repair keeps what is sound"),
+    match error.chain().any(|cause| cause.downcast_ref().is_some_and(is_missing)) {
+        true => anyhow!("{error:#}: isv decode --after-loss hold goes on behind it"),
+        false if is_loss(&error) => anyhow!("{error:#}: isv repair keeps what is sound"),
         false => error,
     }
+}
+
+/// Whether an error is one of a frame that is not there.
+fn is_missing(error: &DecodeError) -> bool {
+    matches!(error, DecodeError::NoReference { .. } | DecodeError::MissingFrame { .. })
 }
 
 /// Whether an error is one of bytes that end too early: nothing comes behind it.

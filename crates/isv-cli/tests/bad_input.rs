@@ -205,10 +205,11 @@ fn a_surface_of_more_than_there_is_memory_for_is_refused() {
     let decode = |content: &str, memory: &str| {
         work.isv(&["decode", "foam.isv", "-o", content, "--as", content, "--max-memory", memory])
     };
-    // 1000 blocks, of which 512 were coded, and a vertex or more in each voxel of those.
-    decode("volume", "5MB").done();
-    decode("mesh", "5MB").fails(1, &["frame 0: ", "vertices", "--max-memory 5MB has room for"]);
-    decode("mesh", "50MB").done();
+    // A vertex or more in each voxel of 512 blocks. A volume's distances are those of its surface.
+    for content in ["mesh", "volume"] {
+        decode(content, "5MB").fails(1, &["frame 0: ", "vertices", "--max-memory 5MB has room for"]);
+        decode(content, "50MB").done();
+    }
 }
 
 #[test]
@@ -343,6 +344,16 @@ fn statistics_do_not_replace_what_a_command_reads_or_writes() {
     work.isv(&[&encode[..], &["new.isv"]].concat()).fails(2, &[words]);
     work.isv(&[&encode[..], &["-"]].concat()).fails(2, &["--stats", "a file"]);
     assert!(work.read("take.isv") == bytes && !work.path("new.isv").exists() && !work.path("out").exists());
+}
+
+#[test]
+fn pictures_do_not_replace_what_they_are_of() {
+    let (work, bytes) = Workspace::with_stream(1);
+    let words = "the pictures would replace what they are of";
+    work.isv(&["render", "take.isv", "-o", "./take.isv", "--format", "png"]).fails(2, &[words]);
+    let against = ["--against", "take.isv", "--format", "png"];
+    work.isv(&[&["render", "frames", "-o", "take.isv"][..], &against].concat()).fails(2, &[words]);
+    assert!(work.read("take.isv") == bytes);
 }
 
 #[test]

@@ -57,6 +57,24 @@ fn a_sequence_comes_back_through_every_command() {
     assert_eq!(String::from_utf8_lossy(table.stdout()).lines().count(), 2 + 4 + 1);
 }
 
+/// Decoders of profile `main` make up blocks around the coded ones; encoded again, these are no surface.
+#[test]
+fn a_stream_encoded_again_has_the_same_parts() {
+    let (work, _) = Workspace::with_stream(3);
+    work.isv(&["decode", "take.isv", "-o", "volumes", "--as", "volume"]).done();
+    work.isv(&["decode", "take.isv", "-o", "half", "--as", "volume", "--lod", "2"]).done();
+    for (input, more) in [("take.isv", &[][..]), ("take.isv", &["--profile=paper"]), ("volumes", &[])] {
+        work.isv(&[&["encode", input, "-o", "again.isv"], more].concat()).done();
+        let evaluation = work.isv(&["eval", "take.isv", "again.isv", "--json"]).json();
+        let case = format!("{input} {more:?}: {evaluation}");
+        let more_parts = number(&evaluation["components_test"]) - number(&evaluation["components_ref"]);
+        assert!(more_parts < 1.0, "{case}");
+        assert!(number(&evaluation["p2s_mean_mm"]) < 3.0, "{case}");
+        assert!(number(&evaluation["test_to_ref_max_mm"]) < 100.0, "{case}");
+    }
+    work.isv(&["encode", "half", "-o", "half.isv"]).done();
+}
+
 #[test]
 fn the_option_goes_before_the_environment_and_both_are_obeyed() {
     let (work, bytes) = Workspace::with_stream(2);

@@ -113,6 +113,7 @@ fn lost_frames_are_held() {
     work.write("lossy.isv", [&bytes[..at], &bytes[at + size..]].concat());
     work.isv(&["decode", "lossy.isv", "-o", "stopped"])
         .fails(1, &["a packet is missing", "--after-loss hold"]);
+    work.isv(&["verify", "lossy.isv"]).fails(1, &["a packet is missing", "--after-loss hold"]);
     let run = work.isv(&["decode", "lossy.isv", "-o", "held", "--after-loss", "hold"]).done();
     let said = run.stderr();
     assert!(said.contains("frame 4 is lost") && said.contains("exact again from frame 6 on"), "{said}");

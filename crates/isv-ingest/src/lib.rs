@@ -54,6 +54,7 @@ mod lattice;
 mod limits;
 mod lost;
 mod points;
+mod redistance;
 mod rims;
 mod sampler;
 mod scatter;
@@ -74,6 +75,7 @@ pub use job::MeshJob;
 pub use lattice::{LONGEST_EDGE, LatticeMesh};
 pub use lost::lost_share;
 pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
+pub use redistance::redistance;
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 
 use isv_volume::{Grid, SparseVolume, TriangleMesh};

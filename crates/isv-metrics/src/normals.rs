@@ -62,7 +62,8 @@ fn corner_angles([a, b, c]: [DVec3; 3]) -> [f64; 3] {
 
 /// The angle between two vectors, in radians; 0 if one of them is zero. Exact for small angles, as an arc cosine is not.
 pub(crate) fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    a.cross(b).length().atan2(a.dot(b))
+    // For an arc tangent, a dot product of -0.0 is half a turn.
+    a.cross(b).length().atan2(a.dot(b) + 0.0)
 }
 
 fn unit_or_zero(v: DVec3) -> DVec3 {
@@ -119,6 +120,13 @@ mod tests {
                 let outward = (mesh.vertices[triangle[0] as usize] - DVec3::splat(0.5)).normalize();
                 assert!(normals.at(face, [1.0, 0.0, 0.0]).distance(outward) < 1e-14);
             }
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_angle_to_anything() {
+        for x in [-1.0, 1.0] {
+            assert_eq!(angle_between(DVec3::ZERO, DVec3::splat(x)), 0.0);
         }
     }
 

@@ -10,7 +10,7 @@ use crate::length::Length;
 use crate::stream::{self, StreamFrames, load_index};
 use anyhow::{Result, bail};
 use isv::decode::Lod;
-use isv::format::{FrameRate, StreamHeader};
+use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
     Animation, DepthSequence, FrameSequence, Geometry, SequenceError, Unit, VolumeError, VolumeSequence,
     is_depth_folder,
@@ -198,9 +198,10 @@ impl Kind {
 }
 
 fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
+    let content = if frames.header().profile == Profile::Main { Content::Decoded } else { Content::Volume };
     frames.map(move |frame| {
         let frame = frame?;
-        let (number, content) = (frame.number, Content::Volume(frame.volume.into_sparse()?));
+        let (number, content) = (frame.number, content(frame.volume.into_sparse()?));
         Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
     })
 }

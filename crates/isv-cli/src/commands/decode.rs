@@ -83,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     interrupt::listen()?;
     let header = *source.header();
     let density = product::density(args.points, args.spacing, args.voxel_m(&header));
-    let recipe = Recipe { form, normals: args.normals, density };
+    let recipe = Recipe { form, normals: args.normals, density, profile: header.profile };
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
     let mut sink = Sink::new(&args.output, format, header.frame_rate.per_second())?;

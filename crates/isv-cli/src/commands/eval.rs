@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 fn geometries(capture: Capture, range: Range<usize>) -> Result<Ahead<Result<Geometry>>> {
     let geometry = |frame: CapturedFrame| match frame.content {
         Content::Geometry(geometry) => Ok(geometry),
-        Content::Volume(volume) => {
+        Content::Volume(volume) | Content::Decoded(volume) => {
             let surface = memory::surface(&volume, SurfaceOptions { normals: false });
             Ok(Geometry::Mesh(surface.context(frame.name)?))
         }

@@ -12,8 +12,9 @@ use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::interrupt;
 use crate::length::Length;
-use crate::output::{Output, say};
+use crate::output::{Output, is_pipe, say};
 use crate::progress::Progress;
+use crate::stats::is_same_file;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use footage::Footage;
@@ -24,7 +25,7 @@ use isv_render::{Background, Camera, ErrorScale, PictureRate, SeenErrors, Shadin
 use sink::PictureSink;
 use std::num::NonZero;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use studio::{Studio, in_words};
 
 /// Edge in pixels of a picture that stands alone, of one in an animation, and of one in a contact sheet.
@@ -138,6 +139,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let format = PictureFormat::settle(args.format, &args.output)?;
     if args.columns.is_some() && format.is_moving() {
         return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
+    }
+    let inputs = [Some(&args.input), args.against.as_ref()];
+    let is_output = |input: &String| !is_pipe(&args.output) && is_same_file(Path::new(input), &args.output);
+    if inputs.into_iter().flatten().any(is_output) {
+        return Err(usage(format!("{}: the pictures would replace what they are of", args.output.display())));
     }
     let size = args.picture_size(format)?;
     let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;

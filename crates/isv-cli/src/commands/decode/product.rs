@@ -3,8 +3,10 @@
 use crate::failure::usage;
 use crate::length::Length;
 use crate::memory;
+use crate::stream;
 use crate::terms::FormName;
 use anyhow::Result;
+use isv::format::Profile;
 use isv::gpu::AnyVolume;
 use isv::io::Format;
 use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
@@ -133,6 +135,8 @@ pub(super) struct Recipe {
     /// Whether meshes get normals; points always do.
     pub(super) normals: bool,
     pub(super) density: PointDensity,
+    /// Of the stream.
+    pub(super) profile: Profile,
 }
 
 impl Recipe {
@@ -148,7 +152,11 @@ impl Recipe {
     /// Makes the product of a volume, and its surface if that was extracted already.
     pub(super) fn make(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
         let Some(options) = self.surface() else {
-            return Ok(Product::Volume(volume.into_sparse()?));
+            let volume = volume.into_sparse()?;
+            return Ok(Product::Volume(match self.profile {
+                Profile::Main => stream::with_distances(&volume)?,
+                Profile::Paper(_) => volume,
+            }));
         };
         let mesh = match surface {
             Some(mesh) => mesh,

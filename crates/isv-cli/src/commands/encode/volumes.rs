@@ -6,6 +6,7 @@ use crate::length::Length;
 use crate::memory;
 use crate::progress::Progress;
 use crate::stats::timed;
+use crate::stream;
 use crate::terms::{BandName, FusionName, NormalsName};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::fusion::{FusionError, FusionSettings};
@@ -76,6 +77,8 @@ impl VolumeMaker {
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
             Content::Depth(images) => self.depth.volume(&images, &self.backend),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
+            Content::Decoded(volume) if *volume.grid() == self.mesh.grid => stream::with_distances(&volume),
+            Content::Decoded(volume) => self.volume_to_volume(&name, volume),
         });
         let volume = volume.with_context(|| name.clone())?;
         if !volume.samples().any(|sample| sample < 0) {
