@@ -7,7 +7,7 @@ use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{EncoderSettings, MainSettings, Refresh};
 use isv_format::{FrameCoding, FramePayload, Packet, Profile, StreamHeader};
 use isv_testkit::{Random, still_and_moving_ball};
-use isv_volume::SparseVolume;
+use isv_volume::{SparseVolume, VolumeBuilder};
 use std::sync::OnceLock;
 use support::{ball, decode, encode, forged, main_header, packets};
 
@@ -88,6 +88,27 @@ fn only_the_first_frame_is_a_keyframe_and_slices_do_not_matter() {
         let keyframes = packets(&bytes).iter().filter(|packet| packet.is_keyframe()).count();
         assert_eq!(keyframes, 1, "{slices} slices");
     }
+}
+
+/// A decoder that begins between keyframes does not have the bytes of those: what it refuses for that counts for the next frame.
+#[test]
+fn bytes_of_refused_frames_count() {
+    // A floor, of more blocks with those around it than a stream may have without bytes for them.
+    let mut floor = VolumeBuilder::new(header().grid);
+    for place in 0..64 * 64 {
+        let samples = (0..512).map(|voxel| 256 * (voxel / 64) - 1000).collect();
+        floor.push([place % 64, place / 64, 0].into(), samples, None);
+    }
+    let (bytes, _) = encode(&header(), settings(1), &vec![floor.finish(); 3]);
+    let packets = packets(&bytes);
+    let size = |frame: usize| packets[frame].total_bytes();
+    let needed = 66 * 66 * 3 * 512 - Limits::FREE_VOXELS;
+    let voxels_per_byte = needed.div_ceil(size(1) + size(2));
+    let mut decoder = Decoder::new(&header(), Limits { voxels_per_byte, ..LIMITS });
+    decoder.recover(true);
+    let refused = decoder.decode(&packets[1]).unwrap_err();
+    assert!(matches!(refused, DecodeError::TooFewBytes { .. }), "{refused}");
+    assert_eq!(decoder.decode(&packets[2]).unwrap().volume.block_count(), 66 * 66 * 3);
 }
 
 /// After any single loss all is exact again when the next cycle ends, and the part of it that is not falls meanwhile.

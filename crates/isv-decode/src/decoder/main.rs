@@ -94,6 +94,7 @@ impl<B: Backend> MainDecoder<B> {
                 Ok(facts)
             }
             Err(error) => {
+                self.sequence.refuse(packet);
                 self.reference = last;
                 self.lose();
                 Err(error)

@@ -9,7 +9,7 @@ pub(super) struct Sequence {
     /// Frames between the last keyframe and the reference, modulo `2^16`.
     since_keyframe: u16,
     frames: u64,
-    /// Bytes of the packets from the last keyframe up to the reference.
+    /// Bytes of the packets from the last keyframe on, refused ones too.
     bytes: u64,
 }
 
@@ -26,7 +26,12 @@ impl Sequence {
         self.since_keyframe = packet.header.since_keyframe;
     }
 
-    /// Bytes of the packets from the last keyframe up to one that follows the reference.
+    /// Counts a frame that was refused, whose bytes are there all the same: who begins between keyframes may have too few for the first frame.
+    pub(super) fn refuse(&mut self, packet: &Packet) {
+        self.bytes = self.gop_bytes(packet);
+    }
+
+    /// Bytes of the packets from the last keyframe up to this one.
     pub(super) fn gop_bytes(self, packet: &Packet) -> u64 {
         let before = if packet.is_keyframe() { 0 } else { self.bytes };
         before + packet.total_bytes() as u64
