@@ -3,8 +3,8 @@
 
 use crate::sealing::with_checksums;
 use isv::format::{
-    FormatError, FramePayload, Packet, PacketHeader, PacketKind, PacketReader, SalvageReader, Salvaged,
-    StreamHeader, StreamIndex,
+    FormatError, FramePayload, MAGIC, Packet, PacketHeader, PacketKind, PacketReader, SalvageReader,
+    Salvaged, StreamHeader, StreamIndex,
 };
 use std::io::Cursor;
 
@@ -78,9 +78,9 @@ fn salvage(bytes: &[u8], packets: &[Packet]) {
     let passed_over = |from: u64, to: u64| {
         assert!(from <= to, "what is found is in order");
         let rest = &bytes[from as usize..to as usize];
-        // An index, and the trailer behind it.
+        // An index, and the trailer behind it; the stream's header again.
         assert!(
-            rest.is_empty() || rest.starts_with(&PacketHeader::MAGIC),
+            rest.is_empty() || rest.starts_with(&PacketHeader::MAGIC) || rest.starts_with(&MAGIC),
             "bytes {from} to {to} are neither"
         );
     };
@@ -88,6 +88,7 @@ fn salvage(bytes: &[u8], packets: &[Packet]) {
         let (begin, length) = match &salvaged {
             Salvaged::Frame(packet) => (packet.at, packet.total_bytes() as u64),
             Salvaged::Damage { at, bytes } => (*at, *bytes),
+            Salvaged::OtherStream { at } => (*at, bytes.len() as u64 - at),
         };
         passed_over(at, begin);
         at = begin + length;

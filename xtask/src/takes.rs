@@ -22,10 +22,9 @@ pub(crate) struct Sequence {
 impl Sequence {
     /// The first `frames` frames, or all if there are fewer.
     pub(crate) fn open(folder: &Path, frames: usize) -> Result<Self> {
-        let path = folder.to_str().with_context(|| format!("{}: not a name", folder.display()))?;
-        let files = FrameSequence::open(path)?;
+        let files = FrameSequence::open(folder)?;
         let count = files.paths().len().min(frames);
-        let name = folder.file_name().and_then(|name| name.to_str()).unwrap_or(path).to_owned();
+        let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
         Ok(Self { name, files: files.select(0..count)? })
     }
 }

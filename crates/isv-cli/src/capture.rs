@@ -6,7 +6,6 @@ mod pipe;
 
 use crate::frame_range::FrameRange;
 use crate::memory;
-use crate::output::is_pipe;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
@@ -95,6 +94,11 @@ impl Hints {
         let frame_rate = FrameRate { numerator: 30, denominator: 1 };
         Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3] }
     }
+
+    /// With a place in the capture's unit as the origin.
+    pub(crate) fn with_origin(self, origin: Option<[f64; 3]>) -> Self {
+        Self { origin_m: origin.unwrap_or_default().map(|x| x * self.unit.metres()), ..self }
+    }
 }
 
 /// Edge of a voxel where neither the user nor the capture says.
@@ -113,9 +117,9 @@ pub(crate) struct Capture {
 
 impl Capture {
     /// Finds the frames of a folder, a pattern, a file or (`-`) standard input.
-    pub(crate) fn open(input: &str, hints: &Hints) -> Result<Self> {
+    pub(crate) fn open(input: &Path, hints: &Hints) -> Result<Self> {
         let (frames, kind) = Kind::open(input, hints)?;
-        Ok(Self { name: stream::name(Path::new(input)), frames, kind, origin_m: hints.origin_m })
+        Ok(Self { name: stream::name(input), frames, kind, origin_m: hints.origin_m })
     }
 
     /// How many frames there are, unless they come from a pipe.
@@ -187,11 +191,6 @@ impl std::fmt::Debug for Capture {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Capture").field("name", &self.name).finish_non_exhaustive()
     }
-}
-
-/// Whether an input is `-`.
-fn is_standard_input(input: &str) -> bool {
-    is_pipe(Path::new(input))
 }
 
 fn surface_of(frame: CapturedFrame) -> Result<TriangleMesh> {

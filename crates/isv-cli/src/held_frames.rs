@@ -8,15 +8,17 @@ use crate::stats::timed;
 use crate::stream::{self, ByteSource, StreamFrame};
 use anyhow::{Context, Result};
 use isv::decode::{DecodeError, Lod};
-use isv::format::{Packet, SalvageReader, Salvaged, StreamHeader};
+use isv::format::{Packet, RefusalClass, SalvageReader, Salvaged, StreamHeader};
 use isv::gpu::{AnyDecoder, AnyFrame};
 use isv::surface::SurfaceOptions;
 use std::path::Path;
 
-/// A frame is held for so many seconds at most: timestamps that jump further are those of another clock.
+/// A frame is held for so many seconds at most, or in place of so many frames where that is longer: timestamps that jump further are
+/// those of another clock.
 const LONGEST_HOLD_S: f64 = 10.0;
+const LONGEST_HOLD_FRAMES: usize = 10;
 
-/// And in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
+/// And never in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
 const MOST_HELD: usize = 10_000;
 
 /// How what is shown relates to what was encoded.
@@ -24,8 +26,10 @@ const MOST_HELD: usize = 10_000;
 enum Health {
     /// It is the same.
     Exact,
-    /// Nothing was decoded: the last frame is held.
+    /// Nothing was decoded, as packets are missing or what they hold is wrong: the last frame is held.
     Held,
+    /// The same, as more is asked of this decoder than is allowed.
+    BeyondLimit,
     /// It is near.
     Inexact,
 }
@@ -126,6 +130,9 @@ impl HeldFrames {
                     say(format_args!("{}: {bytes} bytes are damaged from byte {at} on", self.name));
                     damaged += bytes;
                 }
+                Some(Salvaged::OtherStream { at }) => {
+                    say(format_args!("{}: another stream begins at byte {at} and is left out", self.name));
+                }
                 Some(Salvaged::Frame(packet)) => {
                     if damaged > 0 && packet.may_lack_keyframe(damaged) {
                         self.decoder.lose_packet();
@@ -165,7 +172,11 @@ impl HeldFrames {
                 return Err(stream::fault(&self.name, 0, error.into()));
             }
             Err(error) => {
-                self.is_now(Health::Held, number, &error.to_string());
+                let health = match error.class() {
+                    Some(RefusalClass::Limit) => Health::BeyondLimit,
+                    _ => Health::Held,
+                };
+                self.is_now(health, number, &error.to_string());
                 None
             }
         };
@@ -177,7 +188,8 @@ impl HeldFrames {
     fn frames_between(&self, last_ns: u64, now_ns: u64) -> usize {
         let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
         let frames = (seconds * self.header.frame_rate.per_second()).round() as usize;
-        if seconds > LONGEST_HOLD_S || frames > MOST_HELD { 0 } else { frames }
+        let too_long = seconds > LONGEST_HOLD_S && frames > LONGEST_HOLD_FRAMES;
+        if too_long || frames > MOST_HELD { 0 } else { frames }
     }
 
     /// Says so where it changes.
@@ -186,7 +198,7 @@ impl HeldFrames {
             let name = &self.name;
             match health {
                 Health::Exact => say(format_args!("{name}: exact again from frame {frame} on")),
-                Health::Held => {
+                Health::Held | Health::BeyondLimit => {
                     say(format_args!("{name}: frame {frame} is lost, the last one is held: {why}"));
                 }
                 Health::Inexact => say(format_args!("{name}: near what was encoded from frame {frame} on")),

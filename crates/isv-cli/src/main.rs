@@ -20,6 +20,7 @@ mod interrupt;
 mod length;
 mod matching;
 mod memory;
+mod origin;
 mod output;
 mod progress;
 mod serving;

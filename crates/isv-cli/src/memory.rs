@@ -82,12 +82,13 @@ pub(crate) fn largest_payload() -> u32 {
 pub(crate) struct MemorySize(u64);
 
 /// Names of units and their bytes; longer names come before those that they end with.
-const UNITS: [(&str, u64); 6] = [
+const UNITS: [(&str, u64); 7] = [
     ("GiB", 1 << 30),
     ("MiB", 1 << 20),
     ("KiB", 1 << 10),
     ("GB", 1_000_000_000),
     ("MB", 1_000_000),
+    ("KB", 1000),
     ("kB", 1000),
 ];
 
@@ -124,9 +125,13 @@ mod tests {
 
     #[test]
     fn amounts_need_a_unit() {
-        for (text, bytes) in
-            [("500MB", 500_000_000), ("2GiB", 2 << 30), ("0.5 GB", 500_000_000), ("64 KiB", 1 << 16)]
-        {
+        for (text, bytes) in [
+            ("500MB", 500_000_000),
+            ("2GiB", 2 << 30),
+            ("0.5 GB", 500_000_000),
+            ("64 KiB", 1 << 16),
+            ("1KB", 1000),
+        ] {
             assert_eq!(text.parse::<MemorySize>().unwrap(), MemorySize(bytes), "{text}");
         }
         for wrong in ["2", "GB", "-2GB", "0MB", "2gb", "", "infGB", "1e10GiB", "nanMB", "0.0001kB"] {

@@ -236,6 +236,32 @@ fn what_is_open_beside_a_body_is_lost_but_not_without_a_word() {
         run.stderr()
     );
     assert!(distance_mm(&work, "frames", "far.isv") < 4.0);
+    // What is measured against the capture as it came is told the same origin.
+    let near = work.isv(&["eval", "far.obj", "far.isv", "--origin", "500000,0,0", "--json"]).json();
+    assert!(near["test_to_ref_mean_mm"].as_f64().unwrap() < 4.0, "{near}");
+    let picture = ["render", "far.isv", "-o", "error.png", "--size", "64", "--against", "far.obj"];
+    let run = work.isv(&[&picture[..], &["--against-origin", "500000,0,0"]].concat()).done();
+    assert!(!run.stderr().contains("00000"), "{}", run.stderr());
+    work.isv(&["render", "far.isv", "-o", "e.png", "--against-origin", "1,2,3"]).fails(2, &["--against"]);
+}
+
+/// A name need not be text.
+#[cfg(target_os = "linux")]
+#[test]
+fn inputs_have_any_name() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let work = Workspace::with_figure(1);
+    let name = OsStr::from_bytes(b"take \xff");
+    std::fs::rename(work.path("frames"), work.path("").join(name)).unwrap();
+    let run = |args: [&OsStr; 4]| {
+        let output = work.command(&[]).args(args).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let stream = OsStr::from_bytes(b"\xfe.isv");
+    run(["encode".as_ref(), name, "-o".as_ref(), stream]);
+    run(["eval".as_ref(), name, stream, "--json".as_ref()]);
+    run(["render".as_ref(), name, "-o".as_ref(), "out.png".as_ref()]);
 }
 
 #[cfg(unix)]

@@ -54,6 +54,58 @@ fn a_damaged_packet_costs_what_needs_it() {
     assert_eq!(times, kept.map(|frame| old["packets"][frame]["timestamp_ns"].clone()));
 }
 
+/// Two files that were joined byte for byte: the second has a header of its own, and is no part of the first.
+#[test]
+fn another_stream_behind_the_first_is_left_out() {
+    let (work, first) = Workspace::with_stream(3);
+    work.isv(&["encode", "frames", "-o", "other.isv", "--voxel", "30mm"]).done();
+    let cut = packets(&work, "take.isv")[1].0 + 5;
+    for (joined, kept) in [(&first[..], 3), (&first[..cut], 1)] {
+        let at = joined.len();
+        work.write("joined.isv", [joined, &work.read("other.isv")].concat());
+        let run = work.isv(&["repair", "joined.isv", "-o", "mended.isv"]).done();
+        let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+        assert!(said.contains(&format!("another stream begins at byte {at} and is left out")), "{said}");
+        assert_eq!(info(&work, "mended.isv")["frames"], kept, "{said}");
+        work.isv(&["verify", "mended.isv"]).done();
+        let run = work.isv(&["decode", "joined.isv", "-o", "held", "--after-loss", "hold"]).done();
+        assert!(run.stderr().contains(&format!("another stream begins at byte {at}")), "{}", run.stderr());
+        assert_eq!(work.names("held").len(), kept);
+        std::fs::remove_dir_all(work.path("held")).unwrap();
+    }
+    // The same header again goes on.
+    work.write("joined.isv", [&first[..], &first].concat());
+    work.isv(&["repair", "joined.isv", "-o", "mended.isv"]).done();
+    assert_eq!(info(&work, "mended.isv")["frames"], 6);
+}
+
+/// A cut in the trailer is a cut: nobody can tell whether all was written.
+#[test]
+fn an_index_without_its_trailer_is_no_end() {
+    let (work, bytes) = Workspace::with_stream(3);
+    work.write("cut.isv", &bytes[..bytes.len() - 3]);
+    assert_eq!(info(&work, "cut.isv")["complete"], false);
+    let run = work.isv(&["repair", "cut.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+    assert!(said.contains("3 frames kept") && said.contains("the end was missing and is new"), "{said}");
+    assert_eq!(work.read("mended.isv"), bytes);
+}
+
+/// A frame every twenty seconds, as of a building site: one that is lost is held as anywhere.
+#[test]
+fn frames_of_slow_captures_are_held_too() {
+    let work = Workspace::with_figure(4);
+    work.isv(&["encode", "frames", "-o", "take.isv", "--voxel=20mm", "--gop=1", "--fps=0.05"]).done();
+    let (bytes, (at, size)) = (work.read("take.isv"), packets(&work, "take.isv")[1]);
+    work.write("lossy.isv", [&bytes[..at], &bytes[at + size..]].concat());
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    work.isv(&["decode", "lossy.isv", "-o", "held", "--after-loss", "hold"]).done();
+    for (frame, shown) in [0, 0, 2, 3].into_iter().enumerate() {
+        let (held, whole) = (format!("held/frame_{frame:04}.ply"), format!("whole/frame_{shown:04}.ply"));
+        assert!(work.read(&held) == work.read(&whole), "frame {frame}");
+    }
+}
+
 /// Timestamps ten seconds apart are no reason for thousands of millions of frames.
 #[test]
 fn frames_that_no_camera_makes_are_not_held() {

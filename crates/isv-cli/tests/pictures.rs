@@ -138,6 +138,18 @@ fn captions_and_backgrounds() {
         (vec![250, 250, 248], vec![22, 23, 27], 0)
     );
     assert_ne!(still(&["--shade", "flat"]).1, light);
+    // Errors have lines of their own where one is not wide enough, in all pictures of an animation.
+    let lines = |size: &str| {
+        let picture = ["render", "frames", "-o", "out.png", "--size", size, "--against", "frames"];
+        work.isv(&picture).done();
+        let ([_, plain], _) = png(&work.read("out.png"));
+        work.isv(&[&picture[..], &["--captions"]].concat()).done();
+        let ([_, captioned], _) = png(&work.read("out.png"));
+        (captioned - plain) / 24
+    };
+    assert_eq!((lines("128"), lines("400")), (3, 1));
+    let moving = ["render", "frames", "-o", "out.gif", "--size", "128", "--against", "frames", "--captions"];
+    work.isv(&moving).done();
 }
 
 #[test]

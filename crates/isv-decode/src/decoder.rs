@@ -110,6 +110,12 @@ impl<B: Backend> Decoder<B> {
         self.profile.lose();
     }
 
+    /// Says that a packet is there that is not to be decoded: as [`Self::lose_packet`], but its bytes count towards the blocks that
+    /// [`Limits`] allow to the frames behind it.
+    pub fn pass_over(&mut self, packet: &Packet) {
+        self.profile.pass_over(packet);
+    }
+
     /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.
     pub fn keep_details(&mut self, wanted: bool) {
         self.details.keep(wanted);
@@ -204,6 +210,15 @@ impl<B: Backend> ProfileDecoder<B> {
         match self {
             Self::Paper(decoder) => decoder.lose(),
             Self::Main(decoder) => decoder.lose(),
+        }
+    }
+
+    /// As [`Decoder::pass_over`].
+    fn pass_over(&mut self, packet: &Packet) {
+        match self {
+            // A keyframe is next, whose bytes are all that counts.
+            Self::Paper(decoder) => decoder.lose(),
+            Self::Main(decoder) => decoder.pass_over(packet),
         }
     }
 

@@ -12,6 +12,7 @@ pub struct PacketReader<R> {
     at: u64,
     largest_payload: u32,
     saw_index: bool,
+    saw_trailer: bool,
 }
 
 impl<R: Read> PacketReader<R> {
@@ -27,12 +28,14 @@ impl<R: Read> PacketReader<R> {
             at: StreamHeader::BYTES as u64,
             largest_payload: MAX_PAYLOAD,
             saw_index: false,
+            saw_trailer: false,
         })
     }
 
     /// Continues at a packet that begins at byte `at`, to which `source` has been brought.
     pub fn at_packet(source: R, at: u64) -> Self {
-        Self { source, header: None, at, largest_payload: MAX_PAYLOAD, saw_index: false }
+        let largest_payload = MAX_PAYLOAD;
+        Self { source, header: None, at, largest_payload, saw_index: false, saw_trailer: false }
     }
 
     /// Refuses packets whose payload is larger than this, before a byte of it is read.
@@ -46,9 +49,9 @@ impl<R: Read> PacketReader<R> {
         self.header.as_ref()
     }
 
-    /// Whether the index has been read: the stream ended as its writer meant it to.
+    /// Whether index and trailer have been read: the stream ended as its writer meant it to.
     pub fn complete(&self) -> bool {
-        self.saw_index
+        self.saw_trailer
     }
 
     /// Where the next packet begins.
@@ -56,7 +59,7 @@ impl<R: Read> PacketReader<R> {
         self.at
     }
 
-    /// The next packet, its checksum verified; `None` at the end of the bytes or after the index.
+    /// The next packet, its checksum verified; `None` at the end of the bytes or after the index. The trailer is not looked at.
     ///
     /// # Errors
     /// Bytes that end inside a packet, or are none.
@@ -90,10 +93,10 @@ impl<R: Read> PacketReader<R> {
         Ok(Some(packet))
     }
 
-    /// The next frame packet; `None` at the end of the stream. The index, when it comes, is checked and passed over.
+    /// The next frame packet; `None` at the end of the stream. Index and trailer, when they come, are checked and passed over.
     ///
     /// # Errors
-    /// As [`Self::next_packet`]; and an index that is wrong.
+    /// As [`Self::next_packet`]; and an index or a trailer that is wrong.
     pub fn next_frame(&mut self) -> Result<Option<Packet>, FormatError> {
         match self.next_packet()? {
             Some(packet) if packet.header.kind == PacketKind::Index => {
@@ -126,7 +129,10 @@ impl<R: Read> PacketReader<R> {
             return Err(FormatError::malformed(self.at, "no trailer follows the index"));
         }
         match StreamIndex::parse_trailer(&bytes) {
-            Some(at) if at == index_at => Ok(()),
+            Some(at) if at == index_at => {
+                self.saw_trailer = true;
+                Ok(())
+            }
             Some(_) => Err(FormatError::malformed(self.at, "the trailer does not match the index")),
             None => Err(FormatError::Checksum { at: self.at, what: "the trailer" }),
         }

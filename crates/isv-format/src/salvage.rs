@@ -1,7 +1,7 @@
 //! Packets of a damaged stream: what is sound, and where something is missing.
 
 use crate::packet::checksum;
-use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::{FormatError, MAGIC, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::Read;
 
 /// Bytes asked of the source at a time.
@@ -13,6 +13,8 @@ const PATIENCE: u64 = 16;
 const PATIENCE_AT_FIRST: u64 = 1 << 26;
 /// What counts as short then.
 const SHORT: usize = 1 << 12;
+/// Bytes of the longer of the two magics, of packets and of streams.
+const LONGEST_MAGIC: usize = MAGIC.len();
 
 /// What is found in a damaged stream, in order.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,6 +27,11 @@ pub enum Salvaged {
         at: u64,
         /// How many they are.
         bytes: u64,
+    },
+    /// The header of another stream, as where two files were joined byte for byte: nothing behind it belongs to this one. The end.
+    OtherStream {
+        /// Where it begins.
+        at: u64,
     },
 }
 
@@ -43,12 +50,14 @@ pub struct SalvageReader<R> {
     source_ended: bool,
     /// Where the damage that is being passed over began.
     damaged_since: Option<u64>,
-    /// A packet that was found behind damage, which is told first.
-    found: Option<Packet>,
+    /// What was found behind damage, which is told first.
+    found: Option<Salvaged>,
+    /// Whether another stream begins here.
+    other_stream: bool,
     largest_payload: u32,
     /// Bytes whose checksums were taken in vain.
     wasted: u64,
-    saw_index: bool,
+    saw_trailer: bool,
 }
 
 impl<R: Read> SalvageReader<R> {
@@ -67,9 +76,10 @@ impl<R: Read> SalvageReader<R> {
             source_ended: false,
             damaged_since: None,
             found: None,
+            other_stream: false,
             largest_payload: MAX_PAYLOAD,
             wasted: 0,
-            saw_index: false,
+            saw_trailer: false,
         })
     }
 
@@ -84,46 +94,58 @@ impl<R: Read> SalvageReader<R> {
         &self.header
     }
 
-    /// Whether a sound index was met: what comes after it was not lost with the end.
+    /// Whether a sound index was met with a sound trailer behind it, and no frame since: the end is there.
     pub fn complete(&self) -> bool {
-        self.saw_index
+        self.saw_trailer
     }
 
-    /// The next frame, or what lies before it; `None` at the end of the bytes. Index and trailer are passed over where they are
-    /// sound.
+    /// The next frame, or what lies before it; `None` at the end of the bytes and where another stream begins. Index and trailer are
+    /// passed over where they are sound; so is a header that is this stream's again.
     ///
     /// # Errors
     /// Those of the source.
     pub fn next_frame(&mut self) -> Result<Option<Salvaged>, FormatError> {
-        if let Some(packet) = self.found.take() {
-            return Ok(Some(Salvaged::Frame(packet)));
+        if let Some(found) = self.found.take() {
+            return Ok(Some(found));
         }
-        loop {
-            if let Some(packet) = self.packet_here()? {
-                let damage = self.damage_until(packet.at);
-                self.pass(packet.total_bytes());
-                if packet.header.kind == PacketKind::Index {
-                    self.saw_index = true;
-                    self.pass_trailer(packet.at)?;
-                    match damage {
-                        Some(damage) => return Ok(Some(damage)),
-                        None => continue,
-                    }
-                }
-                return Ok(Some(match damage {
-                    Some(damage) => {
-                        self.found = Some(packet);
-                        damage
-                    }
-                    None => Salvaged::Frame(packet),
-                }));
-            }
-            if self.window().is_empty() {
+        while !self.other_stream {
+            if self.window().is_empty() && !self.fill(1)? {
                 return Ok(self.damage_until(self.at));
             }
-            self.damaged_since.get_or_insert(self.at);
-            self.pass_to_magic()?;
+            let at = self.at;
+            let found = if let Some(packet) = self.packet_here()? {
+                self.pass(packet.total_bytes());
+                match packet.header.kind {
+                    PacketKind::Frame { .. } => {
+                        self.saw_trailer = false;
+                        Some(Salvaged::Frame(packet))
+                    }
+                    PacketKind::Index => {
+                        self.pass_trailer()?;
+                        None
+                    }
+                }
+            } else if let Some(header) = self.stream_header_here()? {
+                self.other_stream = header != self.header;
+                if !self.other_stream {
+                    self.pass(StreamHeader::BYTES);
+                }
+                self.other_stream.then_some(Salvaged::OtherStream { at })
+            } else {
+                self.damaged_since.get_or_insert(at);
+                self.pass_to_magic()?;
+                continue;
+            };
+            match self.damage_until(at) {
+                Some(damage) => {
+                    self.found = found;
+                    return Ok(Some(damage));
+                }
+                None if found.is_some() => return Ok(found),
+                None => {}
+            }
         }
+        Ok(None)
     }
 
     /// The packet that begins where the window does, if one does.
@@ -153,30 +175,42 @@ impl<R: Read> SalvageReader<R> {
         Ok(Some(Packet { header, at: self.at, payload: payload.to_vec() }))
     }
 
-    /// Passes over at least a byte, up to what looks like the begin of a packet.
+    /// The stream header that begins where the window does, if one does.
+    fn stream_header_here(&mut self) -> Result<Option<StreamHeader>, FormatError> {
+        if !self.window().starts_with(&MAGIC[..1]) || !self.fill(StreamHeader::BYTES)? {
+            return Ok(None);
+        }
+        let bytes = self.window().first_chunk().expect("as many as were asked for");
+        Ok(StreamHeader::parse(bytes).ok())
+    }
+
+    /// Passes over at least a byte, up to what looks like the begin of a packet or of a stream.
     fn pass_to_magic(&mut self) -> Result<(), FormatError> {
         self.pass(1);
         loop {
-            let is_whole = self.fill(PacketHeader::MAGIC.len())?;
-            let mut places = self.window().windows(PacketHeader::MAGIC.len());
-            if let Some(skipped) = places.position(|bytes| bytes == PacketHeader::MAGIC) {
-                self.pass(skipped);
-                return Ok(());
-            }
-            if !is_whole {
-                self.pass(self.window().len());
-                return Ok(());
-            }
+            let is_whole = self.fill(LONGEST_MAGIC)?;
+            let magic_at = |at: &usize| {
+                let rest = &self.window()[*at..];
+                rest.starts_with(&PacketHeader::MAGIC) || rest.starts_with(&MAGIC)
+            };
             // What may be the begin of a magic stays.
-            self.pass(self.window().len() + 1 - PacketHeader::MAGIC.len());
+            let looked_at =
+                (self.window().len() + 1).saturating_sub(if is_whole { LONGEST_MAGIC } else { 1 });
+            let found = (0..looked_at).find(magic_at);
+            self.pass(found.unwrap_or(looked_at));
+            if found.is_some() || !is_whole {
+                return Ok(());
+            }
         }
     }
 
-    fn pass_trailer(&mut self, index_at: u64) -> Result<(), FormatError> {
+    fn pass_trailer(&mut self) -> Result<(), FormatError> {
+        // Where bytes are lost before it, it says where the index was.
         if self.fill(StreamIndex::TRAILER_BYTES)?
             && let Some(bytes) = self.window().first_chunk()
-            && StreamIndex::parse_trailer(bytes) == Some(index_at)
+            && StreamIndex::parse_trailer(bytes).is_some()
         {
+            self.saw_trailer = true;
             self.pass(StreamIndex::TRAILER_BYTES);
         }
         Ok(())
@@ -230,7 +264,8 @@ mod tests {
     use super::*;
     use crate::header::tests::header;
     use crate::{
-        FrameCoding, FrameHeader, FramePayload, PacketReader, PacketWriter, Prediction, SlicePayload,
+        FrameCoding, FrameHeader, FramePayload, FrameRate, PacketReader, PacketWriter, Prediction,
+        SlicePayload,
     };
     use std::time::Instant;
 
@@ -262,7 +297,7 @@ mod tests {
         std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
     }
 
-    /// What there is, read a few bytes at a time, and whether the index was there.
+    /// What there is, read a few bytes at a time, and whether the end was there.
     fn salvage(bytes: &[u8]) -> (Vec<Packet>, Vec<(u64, u64)>, bool) {
         struct Drops<'a>(&'a [u8]);
         impl Read for Drops<'_> {
@@ -277,6 +312,10 @@ mod tests {
             match found {
                 Salvaged::Frame(packet) => frames.push(packet),
                 Salvaged::Damage { at, bytes } => damage.push((at, bytes)),
+                Salvaged::OtherStream { at } => {
+                    assert!(bytes[at as usize..].starts_with(&MAGIC));
+                    assert_eq!(reader.next_frame().unwrap(), None);
+                }
             }
         }
         (frames, damage, reader.complete())
@@ -302,7 +341,7 @@ mod tests {
             let others: Vec<_> =
                 (0..FRAMES).filter(|frame| Some(*frame) != hit).map(|frame| whole[frame].clone()).collect();
             assert_eq!(found, others, "byte {at}");
-            assert_eq!(complete, at < end || at >= bytes.len() - StreamIndex::TRAILER_BYTES, "byte {at}");
+            assert_eq!(complete, at < end, "byte {at}");
             if let Some(hit) = hit {
                 assert_eq!(damage, [(whole[hit].at, whole[hit].total_bytes() as u64)]);
             } else {
@@ -322,8 +361,7 @@ mod tests {
             };
             let untouched = whole.iter().filter(|packet| !touched(packet)).count();
             assert!(found.len() == untouched && complete, "{from}..{to}");
-            // The trailer points to where the index was.
-            assert!(damage.len() <= 2);
+            assert_eq!(damage.len(), 1);
         }
     }
 
@@ -331,10 +369,31 @@ mod tests {
     fn every_prefix_gives_its_whole_frames() {
         let (bytes, whole) = (stream(), packets(&stream()));
         for length in StreamHeader::BYTES..bytes.len() {
-            let (found, damage, _) = salvage(&bytes[..length]);
+            let (found, damage, complete) = salvage(&bytes[..length]);
+            assert!(!complete, "{length} bytes");
             let ends = |packet: &&Packet| packet.at as usize + packet.total_bytes() <= length;
             assert_eq!(found.len(), whole.iter().filter(ends).count(), "{length} bytes");
             assert!(damage.len() <= 1);
+        }
+    }
+
+    /// Two files that were joined byte for byte, the first of them whole or cut.
+    #[test]
+    fn another_stream_is_the_end_and_the_same_goes_on() {
+        let (bytes, whole) = (stream(), packets(&stream()));
+        let mut other = stream();
+        let header = StreamHeader { frame_rate: FrameRate { numerator: 1, denominator: 7 }, ..header() };
+        other[..StreamHeader::BYTES].copy_from_slice(&header.to_bytes());
+        let cut = whole[2].at as usize + 30;
+        for (first, frames, damaged) in [(&bytes[..], 4, 0), (&bytes[..cut], 2, 30)] {
+            let (found, damage, complete) = salvage(&[first, &other].concat());
+            assert_eq!((found, complete), (whole[..frames].to_vec(), first == bytes));
+            assert_eq!(damage.iter().map(|(_, bytes)| bytes).sum::<u64>(), damaged);
+            let (found, damage, complete) = salvage(&[first, &bytes].concat());
+            assert!(found.len() == frames + FRAMES && complete);
+            assert_eq!(damage.iter().map(|(_, bytes)| bytes).sum::<u64>(), damaged);
+            let (found, _, complete) = salvage(&[first, &bytes[..cut]].concat());
+            assert!(found.len() == frames + 2 && !complete);
         }
     }
 

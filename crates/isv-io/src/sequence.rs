@@ -90,18 +90,19 @@ impl FrameSequence {
     ///
     /// # Errors
     /// See [`SequenceError`]. Files are listed, not opened.
-    pub fn open(input: &str) -> Result<Self, SequenceError> {
-        let path = Path::new(input);
+    pub fn open(input: impl AsRef<Path>) -> Result<Self, SequenceError> {
+        let path = input.as_ref();
+        let input = path.display().to_string();
         let paths = if path.is_dir() {
             frame_files(path, |_| true)?
         } else if path.exists() {
             Format::of_path(path).map(|_| path.to_owned()).into_iter().collect()
-        } else if has_wildcard(input.as_bytes()) {
-            matching_files(input)?
+        } else if has_wildcard(path.as_os_str().as_encoded_bytes()) {
+            matching_files(path)?
         } else {
-            return Err(SequenceError::NotFound { input: input.to_owned() });
+            return Err(SequenceError::NotFound { input });
         };
-        Self::of_one_format(input.to_owned(), paths)
+        Self::of_one_format(input, paths)
     }
 
     /// Refuses lists that are empty or mixed.
@@ -140,11 +141,10 @@ impl FrameSequence {
     }
 }
 
-fn matching_files(input: &str) -> Result<Vec<PathBuf>, SequenceError> {
-    let path = Path::new(input);
+fn matching_files(path: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| has_wildcard(folder.as_os_str().as_encoded_bytes())) {
-        return Err(SequenceError::WildcardInFolder { input: input.to_owned() });
+        return Err(SequenceError::WildcardInFolder { input: path.display().to_string() });
     }
     let pattern = path.file_name().unwrap_or_default().as_encoded_bytes();
     let mut files =

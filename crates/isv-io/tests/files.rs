@@ -136,7 +136,7 @@ fn names(sequence: &FrameSequence) -> Vec<&str> {
 }
 
 fn open(folder: &tempfile::TempDir, name: &str) -> Result<FrameSequence, SequenceError> {
-    FrameSequence::open(folder.path().join(name).to_str().unwrap())
+    FrameSequence::open(folder.path().join(name))
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn data(sequence: &str) -> Option<PathBuf> {
 fn captured_frames_read_whole() {
     for (sequence, frames, vertices, faces) in [("dancer", 16, 19_724, 39_372), ("flag", 30, 6_945, 13_678)] {
         let Some(folder) = data(sequence) else { continue };
-        let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+        let paths = FrameSequence::open(&folder).unwrap();
         assert_eq!(paths.paths().len(), frames);
         let mesh = read_mesh(&paths.paths()[0], Unit::Metre).unwrap();
         assert_eq!((mesh.vertices.len(), mesh.triangles.len()), (vertices, faces));

@@ -177,7 +177,7 @@ fn captured_frames_survive_a_sequence() {
         println!("skipped: no data at {}", folder.display());
         return;
     }
-    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let paths = FrameSequence::open(&folder).unwrap();
     let frames: Vec<_> = paths.paths().iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     let (_, film) = sequence(&frames, 30.0);
     assert_eq!(film.frame_count(30.0), frames.len() as u64);

@@ -253,7 +253,7 @@ fn captured_frames_are_measured() {
         println!("skipped: no data at {}", folder.display());
         return;
     }
-    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let paths = FrameSequence::open(&folder).unwrap();
     let frames: Vec<_> =
         paths.paths()[..2].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     let start = Instant::now();

@@ -53,4 +53,4 @@ pub use draw::{ErrorPicture, SeenErrors, render, render_errors};
 pub use error_scale::{BEYOND_RANGE, ErrorScale};
 pub use picture::{Picture, contact_sheet};
 pub use style::{BACK_FACE, Background, Shading, Style};
-pub use text::text_line;
+pub use text::{text_fits, text_line};

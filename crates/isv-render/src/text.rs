@@ -29,7 +29,12 @@ impl Font {
 
     /// Width of a text in pixels.
     pub(crate) fn width(self, text: &str) -> usize {
-        text.chars().count() * get_raster_width(FontWeight::Regular, self.height)
+        self.width_of(text.chars().count())
+    }
+
+    /// Width of so many letters in pixels.
+    fn width_of(self, letters: usize) -> usize {
+        letters * get_raster_width(FontWeight::Regular, self.height)
     }
 
     /// Writes a text, its top left corner at `(x, y)`; what lies outside the picture is left out.
@@ -61,6 +66,12 @@ pub fn text_line(text: &str, width: usize, background: Background) -> Picture {
     let left = width.saturating_sub(font.width(text)) / 2;
     font.write(&mut strip, text, [left, padding], background.ink());
     strip
+}
+
+/// Whether a [`text_line`] of this width holds a text of so many letters.
+#[must_use]
+pub fn text_fits(letters: usize, width: usize) -> bool {
+    Font::for_width(width).width_of(letters) <= width
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ fn main() -> Result<()> {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let (dancer, room) = (data.join("dancer"), data.join("room_rgbd"));
     if dancer.is_dir() {
-        let paths = FrameSequence::open(dancer.to_str().context("a folder whose name is text")?)?;
+        let paths = FrameSequence::open(&dancer)?;
         let frames = paths.paths().iter().take(FRAMES).map(|path| eight_cameras(path));
         measure("dancer, 8 cameras", 0.005, &frames.collect::<Result<Vec<_>>>()?, &gpu)?;
     }

@@ -79,7 +79,7 @@ fn scene(name: &str) -> Result<Option<Scene>> {
         println!("skipped: no {}", folder.display());
         return Ok(None);
     }
-    let paths = FrameSequence::open(folder.to_str().context("a folder whose name is text")?)?;
+    let paths = FrameSequence::open(&folder)?;
     let mesh = move |n: usize| Ok(read_mesh(&paths.paths()[n], Unit::Metre)?);
     Ok(Some(Scene { voxel_m: 0.005, frames: SCENE_FRAMES, mesh: Box::new(mesh) }))
 }

@@ -47,7 +47,7 @@ fn main() -> Result<()> {
             println!("\nskipped: no {}", folder.display());
             continue;
         }
-        let paths = FrameSequence::open(folder.to_str().context("a folder whose name is text")?)?;
+        let paths = FrameSequence::open(&folder)?;
         let meshes = paths.paths().iter().take(frames).map(|path| read_mesh(path, Unit::Metre));
         let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
         measure(name, voxel_m, &meshes, &stages)?;

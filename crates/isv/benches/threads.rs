@@ -64,7 +64,7 @@ fn take() -> Result<(&'static str, f64, Vec<TriangleMesh>)> {
         let meshes = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxel));
         return Ok(("figure", 0.006, meshes.collect()));
     }
-    let paths = FrameSequence::open(folder.to_str().context("a folder whose name is text")?)?;
+    let paths = FrameSequence::open(&folder)?;
     let meshes = paths.paths().iter().take(FRAMES).map(|path| read_mesh(path, Unit::Metre));
     Ok(("dancer", 0.005, meshes.collect::<Result<_, _>>()?))
 }

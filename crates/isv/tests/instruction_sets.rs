@@ -124,7 +124,7 @@ fn a_capture() {
     if !folder.is_dir() {
         return println!("skipped: no data at {}", folder.display());
     }
-    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let paths = FrameSequence::open(&folder).unwrap();
     let meshes: Vec<_> =
         paths.paths()[..2].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     assert_same(|| results(&meshes, 0.006, &codings()[..1]));

@@ -59,7 +59,7 @@ fn dancer() -> Option<Vec<SparseVolume>> {
         println!("skipped: no data at {}", folder.display());
         return None;
     }
-    let paths = FrameSequence::open(folder.to_str().unwrap()).unwrap();
+    let paths = FrameSequence::open(&folder).unwrap();
     let meshes: Vec<_> =
         paths.paths()[..TAKE].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     Some(ingest(&meshes, 0.01))

@@ -39,6 +39,8 @@ def decode_stream(file, after_loss=False):
         if packet.keyframe or frame.prediction == RESILIENT:
             models = Models()
         elif not loss.is_exact(reference):
+            # Refused, and so lost too.
+            reference = loss.keep_over_loss(reference)
             yield None, None
             continue
         reference = decode(header, frame, models, reference)

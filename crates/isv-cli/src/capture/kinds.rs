@@ -2,11 +2,12 @@
 
 use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
-use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size, is_standard_input};
+use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size};
 use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
+use crate::output::is_pipe;
 use crate::stream::{self, StreamFrames, load_index};
 use anyhow::{Result, bail};
 use isv::decode::Lod;
@@ -17,7 +18,7 @@ use isv::io::{
 };
 use isv::volume::Grid;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What frames come from.
 pub(super) enum Kind {
@@ -35,7 +36,7 @@ pub(super) enum Kind {
         size_is_known: bool,
     },
     /// An `.isv` file.
-    Stream(StreamHeader),
+    Stream(PathBuf, StreamHeader),
     /// An `.isv` stream on standard input.
     PipedStream(Box<StreamFrames>),
     /// Meshes or points on standard input.
@@ -44,20 +45,19 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
-    pub(super) fn open(input: &str, hints: &Hints) -> Result<(Option<usize>, Self)> {
-        let path = Path::new(input);
-        if is_standard_input(input) {
+    pub(super) fn open(path: &Path, hints: &Hints) -> Result<(Option<usize>, Self)> {
+        if is_pipe(path) {
             return Ok((None, pipe::open(hints.unit)?));
         }
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
             let (_, header) = stream::open(path)?;
-            return Ok((Some(load_index(path)?.frames.len()), Self::Stream(header)));
+            return Ok((Some(load_index(path)?.frames.len()), Self::Stream(path.to_owned(), header)));
         }
         if is_depth_folder(path) {
             let depth = DepthSequence::open(path)?;
             return Ok((Some(depth.frames()), Self::Depth(depth)));
         }
-        match FrameSequence::open(input) {
+        match FrameSequence::open(path) {
             Ok(sequence) => Self::files(sequence, hints),
             Err(error) => match VolumeSequence::open(path) {
                 Ok(volumes) => Self::volumes(volumes, hints),
@@ -111,7 +111,7 @@ impl Kind {
             Self::Files(..) | Self::Volumes { .. } | Self::PipedGeometry(_) => None,
             Self::Animation(_, rate) => Some(*rate),
             Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
-            Self::Stream(header) => Some(header.frame_rate),
+            Self::Stream(_, header) => Some(header.frame_rate),
             Self::PipedStream(frames) => Some(frames.header().frame_rate),
         }
     }
@@ -120,7 +120,7 @@ impl Kind {
         match self {
             Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
             Self::Volumes { grid, .. } => Some(*grid),
-            Self::Stream(header) => Some(header.grid),
+            Self::Stream(_, header) => Some(header.grid),
             Self::PipedStream(frames) => Some(frames.header().grid),
         }
     }
@@ -130,7 +130,7 @@ impl Kind {
         match self {
             Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => ContentKind::Geometry,
             Self::Depth(_) => ContentKind::Depth,
-            Self::Volumes { .. } | Self::Stream(_) | Self::PipedStream(_) => ContentKind::Volume,
+            Self::Volumes { .. } | Self::Stream(..) | Self::PipedStream(_) => ContentKind::Volume,
         }
     }
 
@@ -159,7 +159,7 @@ impl Kind {
             | Self::Depth(_)
             | Self::Volumes { .. }
             | Self::PipedGeometry(_) => true,
-            Self::Stream(_) | Self::PipedStream(_) => false,
+            Self::Stream(..) | Self::PipedStream(_) => false,
         }
     }
 
@@ -182,13 +182,12 @@ impl Kind {
                 let content = Content::Volume(volumes.read(number, &grid)?);
                 Ok(CapturedFrame { number, name: volumes.folders()[number].display().to_string(), content })
             })),
-            Self::Stream(_) => {
-                let path = Path::new(&name);
+            Self::Stream(path, _) => {
                 // All of a stream is read to its very end, where it may turn out to be cut off.
-                let is_all = range == (0..load_index(path)?.frames.len());
+                let is_all = range == (0..load_index(&path)?.frames.len());
                 let range = FrameRange { start: range.start, end: range.end };
                 let frames =
-                    StreamFrames::open(path, (!is_all).then_some(range), Lod::Full, BackendArgs::CPU)?;
+                    StreamFrames::open(&path, (!is_all).then_some(range), Lod::Full, BackendArgs::CPU)?;
                 Box::new(volumes_of(frames, name))
             }
             Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),

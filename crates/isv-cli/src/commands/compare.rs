@@ -13,6 +13,7 @@ use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
+use crate::origin;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
@@ -46,7 +47,7 @@ const ERROR_RANGE_VOXELS: f64 = 0.4;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Meshes: a folder of frames, a pattern, a file or an .isv
-    input: String,
+    input: PathBuf,
     /// Folder for the results; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -60,7 +61,7 @@ pub(crate) struct Args {
     points: u8,
     /// Another take for tang-cross to be trained on; may be given several times
     #[arg(long, value_name = "INPUT")]
-    train: Vec<String>,
+    train: Vec<PathBuf>,
     /// Only these frames, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
@@ -82,6 +83,9 @@ pub(crate) struct Args {
     /// Unit of coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
+    /// The place of the meshes, in their unit, that becomes the origin, as of isv encode; of those of --train too
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    origin: Option<[f64; 3]>,
     /// Frames a second
     #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
     fps: FrameRate,
@@ -133,7 +137,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     if records.is_empty() {
         drop(progress);
-        bail!("{}: no codec could be measured", args.input);
+        bail!("{}: no codec could be measured", args.input.display());
     }
     let mut report = Report { take: study.title(), setting: study.setting(), records, notes };
     let exhibition = study.exhibition(&report).unwrap_or_else(|error| {
@@ -181,12 +185,12 @@ impl Study {
     fn new(args: &Args) -> Result<Self> {
         let voxel_size = VoxelSize::from_metres(args.voxel.metres())
             .map_err(|error| usage(format!("--voxel {}: {error}", args.voxel)))?;
-        let hints = Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) };
+        let hints = Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) }.with_origin(args.origin);
         let take = CapturedTake::open(&args.input, hints, args.frames)?;
         if args.train.contains(&args.input) {
             return Err(usage(format!(
                 "--train {}: a transform trained on the take itself is tang-scene",
-                args.input
+                args.input.display()
             )));
         }
         let training = args.train.iter().map(|input| CapturedTake::open(input, hints, None));

@@ -17,9 +17,11 @@ use crate::count;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
+use crate::origin;
 use crate::output::{Output, frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
+use crate::stream;
 use crate::terms::TimestampsName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
@@ -30,7 +32,7 @@ use isv::encode::{EncoderSettings, FrameWriter, RateTarget};
 use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::SystemTime;
 use timestamps::Timestamps;
@@ -41,7 +43,7 @@ use volumes::{IngestedFrame, VolumeMaker};
 pub(crate) struct Args {
     /// A folder of frames, a pattern such as 'take/*.obj' or one file, in natural order of their names; a folder of depth
     /// images and calibration; an .isv file; - for frames on a pipe
-    input: String,
+    input: PathBuf,
     /// The stream to write; - for standard output. Until it is whole its name is OUT.isv.part, which opens up to its last whole
     /// frame
     #[arg(short, long, value_name = "OUT.isv")]
@@ -50,7 +52,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
     /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
     /// Only these frames, counted from 0, without frame B
     #[arg(long, value_name = "A..B")]
@@ -85,11 +87,10 @@ pub(crate) struct Args {
 
 impl Args {
     fn hints(&self) -> Result<Hints> {
-        let usual = Hints::in_unit(self.units);
+        let usual = Hints::in_unit(self.units).with_origin(self.origin);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
-        let origin_m = self.origin.unwrap_or_default().map(|x| x * self.units.metres());
-        Ok(Hints { voxel_size, truncation, frame_rate, origin_m, ..usual })
+        Ok(Hints { voxel_size, truncation, frame_rate, ..usual })
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
@@ -130,15 +131,6 @@ impl Args {
     }
 }
 
-/// Three numbers with commas between them.
-fn origin(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-    numbers
-        .and_then(|numbers| numbers.try_into().ok())
-        .ok_or_else(|| "an origin is three numbers, as in 512000,5403000,0".to_owned())
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let capture = Capture::open(&args.input, &args.hints()?)?;
@@ -157,7 +149,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         header,
         frame_writer: FrameWriter::default(),
         packet_writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
-        stats: StatsFile::create(args.stats.as_deref(), [Path::new(&args.input), &args.output])?,
+        stats: StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?,
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
@@ -279,7 +271,7 @@ impl Job {
 
     /// Completes the stream, which is a shorter one after Ctrl-C.
     fn finish(self, args: &Args) -> Result<()> {
-        let (input, output) = (&args.input, args.output.display());
+        let (input, output) = (stream::name(&args.input), args.output.display());
         let frames = frames_in_words(self.frames);
         let skipped = frames_in_words(self.skipped);
         if self.frames == 0 {

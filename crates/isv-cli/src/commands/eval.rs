@@ -7,6 +7,7 @@ use crate::frame_rate;
 use crate::length::Length;
 use crate::matching::matching_ranges;
 use crate::memory;
+use crate::origin;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
@@ -18,14 +19,15 @@ use isv::metrics::{CompareOptions, GeometryError, Shape, compare, summary};
 use isv::surface::SurfaceOptions;
 use serde::Serialize;
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// Measure the geometric error of frames against a reference
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// What is right: a folder or a pattern of meshes or points, one such file, or an .isv file
-    reference: String,
+    reference: PathBuf,
     /// What is measured, of the same kinds
-    test: String,
+    test: PathBuf,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -38,6 +40,10 @@ pub(crate) struct Args {
     /// Unit of the measured coordinates
     #[arg(long, default_value_t = Unit::Metre)]
     test_units: Unit,
+    /// The place of the reference's meshes and points, in their unit, that is the origin of what is measured: what isv encode was
+    /// told
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    origin: Option<[f64; 3]>,
     /// Frames a second at which animated files are sampled
     #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
     fps: FrameRate,
@@ -56,14 +62,14 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let reference =
-        Capture::open(&args.reference, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) })?;
-    let test = Capture::open(&args.test, &Hints { frame_rate: args.fps, ..Hints::in_unit(args.test_units) })?;
+    let hints = |unit| Hints { frame_rate: args.fps, ..Hints::in_unit(unit) };
+    let reference = Capture::open(&args.reference, &hints(args.units).with_origin(args.origin))?;
+    let test = Capture::open(&args.test, &hints(args.test_units))?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);
     let frames = measure(args, pairs, first)?;
-    let Some(mean) = summary(&frames) else { bail!("{}: no frames to measure", args.reference) };
+    let Some(mean) = summary(&frames) else { bail!("{}: no frames to measure", args.reference.display()) };
     print(&if args.json {
         serde_json::to_string_pretty(&Evaluation { mean, frames: &frames })?
     } else {
@@ -99,8 +105,9 @@ fn measure(
     for (reference, test) in pairs {
         let (reference, test) = (reference?, test?);
         let number = first + frames.len();
-        let error = compare(shape(&reference), shape(&test), &options)
-            .with_context(|| format!("frame {number} of {} against {}", args.test, args.reference))?;
+        let error = compare(shape(&reference), shape(&test), &options).with_context(|| {
+            format!("frame {number} of {} against {}", args.test.display(), args.reference.display())
+        })?;
         frames.push(error);
         progress.step();
     }

@@ -42,7 +42,7 @@ struct StreamInfo {
     /// The whole file.
     bytes: u64,
     bitrate_mbps: f64,
-    /// Whether the index is there, with which a writer ends.
+    /// Whether index and trailer are there, with which a writer ends.
     complete: bool,
     /// Frame numbers.
     keyframes: Vec<usize>,
@@ -135,7 +135,10 @@ impl StreamInfo {
             );
         }
         if !self.complete {
-            row("end", "missing: the file has no index, so frames may be missing too".to_owned());
+            row(
+                "end",
+                "missing: the file has no index or no trailer, so frames may be missing too".to_owned(),
+            );
         }
         table.trim_fmt()
     }

@@ -12,6 +12,7 @@ use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::interrupt;
 use crate::length::Length;
+use crate::origin;
 use crate::output::{Output, is_pipe, say};
 use crate::progress::Progress;
 use crate::stats::is_same_file;
@@ -25,7 +26,7 @@ use isv_render::{Background, Camera, ErrorScale, PictureRate, SeenErrors, Shadin
 use sink::PictureSink;
 use std::num::NonZero;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use studio::{Studio, in_words};
 
 /// Edge in pixels of a picture that stands alone, of one in an animation, and of one in a contact sheet.
@@ -47,7 +48,7 @@ const DEFAULT_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// A folder, a pattern, a mesh file or an .isv file
-    input: String,
+    input: PathBuf,
     /// The picture to write: .png for a still, .gif or .apng for an animation; - for standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -83,7 +84,7 @@ pub(crate) struct Args {
     background: BackgroundName,
     /// Colour by distance to the surface of this input, which has matching frames
     #[arg(long, value_name = "REFERENCE")]
-    against: Option<String>,
+    against: Option<PathBuf>,
     /// Distance at which the colours of --against end, with a unit; what is farther is blue
     #[arg(
         long,
@@ -106,6 +107,15 @@ pub(crate) struct Args {
     /// Unit of the coordinates of --against
     #[arg(long, default_value_t = Unit::Metre, requires = "against")]
     against_units: Unit,
+    /// The place of the meshes of --against, in their unit, that is the input's origin: what isv encode was told
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_parser = origin::parse,
+        requires = "against",
+        allow_hyphen_values = true
+    )]
+    against_origin: Option<[f64; 3]>,
 }
 
 /// `--shade`
@@ -141,7 +151,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
     }
     let inputs = [Some(&args.input), args.against.as_ref()];
-    let is_output = |input: &String| !is_pipe(&args.output) && is_same_file(Path::new(input), &args.output);
+    let is_output = |input: &PathBuf| !is_pipe(&args.output) && is_same_file(input, &args.output);
     if inputs.into_iter().flatten().any(is_output) {
         return Err(usage(format!("{}: the pictures would replace what they are of", args.output.display())));
     }

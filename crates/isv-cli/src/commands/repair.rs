@@ -3,8 +3,8 @@
 use crate::output::{Output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::{Context, Result, bail};
-use isv::decode::Decoder;
-use isv::format::{Packet, PacketWriter, SalvageReader, Salvaged, StreamHeader};
+use isv::decode::{Decoder, Limits};
+use isv::format::{Packet, PacketWriter, RefusalClass, SalvageReader, Salvaged, StreamHeader};
 use std::path::PathBuf;
 
 /// Make a stream of what is sound in a damaged, cut or unfinished one. Packets are kept byte for byte; frames that need a lost
@@ -29,6 +29,8 @@ struct Report {
     behind_loss: usize,
     /// Where damage begins, and how many bytes it has.
     damage: Vec<(u64, u64)>,
+    /// Where the header of another stream is, at which this one ends.
+    other_stream_at: Option<u64>,
 }
 
 /// Runs the command.
@@ -37,13 +39,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut packets = SalvageReader::new(stream::source(&args.input)?).with_context(|| name.clone())?;
     // Nothing is written before there is something to write.
     let mut writer = None;
-    let (mut chain, mut report) = (Chain::new(*packets.header()), Report::default());
+    let (mut chain, mut report) = (Chain::new(packets.header(), memory::limits()), Report::default());
     let mut damaged = 0;
     while let Some(found) = packets.next_frame().with_context(|| name.clone())? {
         let packet = match found {
             Salvaged::Damage { at, bytes } => {
                 report.damage.push((at, bytes));
                 damaged += bytes;
+                continue;
+            }
+            Salvaged::OtherStream { at } => {
+                report.other_stream_at = Some(at);
                 continue;
             }
             Salvaged::Frame(packet) => packet,
@@ -85,13 +91,13 @@ enum Use {
 }
 
 /// What can be made of one packet after the other.
-#[derive(Debug)]
 struct Chain {
-    header: StreamHeader,
     state: ChainState,
+    /// Decodes resilient frames behind a loss, as that alone tells when all is exact again. Elsewhere packets are passed over.
+    decoder: Decoder,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 enum ChainState {
     /// All is exact.
     Whole {
@@ -100,47 +106,48 @@ enum ChainState {
         /// What the next frame is.
         usage: Use,
     },
-    /// Something is missing. Resilient frames are decoded, as that alone tells when all is exact again.
-    Lost(Box<Decoder>),
+    /// Something is missing.
+    Lost,
 }
 
 impl Chain {
-    fn new(header: StreamHeader) -> Self {
-        Self { header, state: ChainState::lost(&header) }
+    fn new(header: &StreamHeader, limits: Limits) -> Self {
+        let mut decoder = Decoder::new(header, limits);
+        decoder.recover(true);
+        Self { state: ChainState::Lost, decoder }
     }
 
     /// What the next packet is, before which so many bytes are damaged.
     fn next(&mut self, packet: &Packet, damaged: u64) -> Use {
         let found = packet.header.since_keyframe;
         let lost = damaged > 0 && packet.may_lack_keyframe(damaged);
-        match &mut self.state {
-            _ if packet.is_keyframe() => {
-                self.state = ChainState::Whole { since_keyframe: 0, usage: Use::Whole }
+        self.state = match self.state {
+            _ if packet.is_keyframe() => ChainState::Whole { since_keyframe: 0, usage: Use::Whole },
+            ChainState::Whole { since_keyframe, usage }
+                if !lost && since_keyframe.wrapping_add(1) == found =>
+            {
+                ChainState::Whole { since_keyframe: found, usage }
             }
-            ChainState::Whole { since_keyframe, .. } if !lost && since_keyframe.wrapping_add(1) == found => {
-                *since_keyframe = found;
-            }
-            ChainState::Whole { .. } => self.state = ChainState::lost(&self.header),
-            ChainState::Lost(decoder) if lost => decoder.lose_packet(),
-            ChainState::Lost(_) => {}
-        }
-        let decoder = match &mut self.state {
-            ChainState::Whole { usage, .. } => return *usage,
-            ChainState::Lost(decoder) => decoder,
+            _ => ChainState::Lost,
         };
-        let Ok(frame) = decoder.decode(packet) else { return Use::Orphaned };
-        if frame.inexact_blocks == 0 {
-            self.state = ChainState::Whole { since_keyframe: found, usage: Use::BehindLoss };
+        if let ChainState::Whole { usage, .. } = self.state {
+            self.decoder.pass_over(packet);
+            return usage;
         }
-        Use::BehindLoss
-    }
-}
-
-impl ChainState {
-    fn lost(header: &StreamHeader) -> Self {
-        let mut decoder = Decoder::new(header, memory::limits());
-        decoder.recover(true);
-        Self::Lost(Box::new(decoder))
+        if lost {
+            self.decoder.lose_packet();
+        }
+        match self.decoder.decode(packet) {
+            Ok(frame) => {
+                if frame.inexact_blocks == 0 {
+                    self.state = ChainState::Whole { since_keyframe: found, usage: Use::BehindLoss };
+                }
+                Use::BehindLoss
+            }
+            // It needs no lost one, and its bytes count towards what is allowed to those behind it.
+            Err(error) if error.class() == Some(RefusalClass::Limit) => Use::BehindLoss,
+            Err(_) => Use::Orphaned,
+        }
     }
 }
 
@@ -172,6 +179,9 @@ impl Report {
         if !complete {
             words += ", the end was missing and is new";
         }
+        if let Some(at) = self.other_stream_at {
+            words += &format!(", another stream begins at byte {at} and is left out");
+        }
         words
     }
 }
@@ -179,9 +189,63 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isv::encode::{Encoder, EncoderSettings, MainSettings, Refresh};
+    use isv::format::{FrameRate, PacketReader, Profile};
+    use isv::volume::{BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
+
+    /// A floor, whose keyframe has most of the bytes; what decoders allow a frame depends on those.
+    #[test]
+    fn bytes_before_a_loss_count_and_what_has_too_few_is_kept() {
+        let grid = Grid {
+            voxel_size: VoxelSize::from_metres(0.01).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(8).unwrap(),
+        };
+        let header = StreamHeader {
+            profile: Profile::Main,
+            grid,
+            frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        };
+        let mut floor = VolumeBuilder::new(grid);
+        for place in 0..64 * 64 {
+            let samples = (0..512).map(|voxel| 256 * (voxel / 64) - 1000).collect();
+            floor.push([place % 64, place / 64, 0].into(), samples, None);
+        }
+        let floor = floor.finish();
+        let main = MainSettings { refresh: Refresh::Gradual, ..Default::default() };
+        let mut encoder = Encoder::new(&header, EncoderSettings { gop: 5, main, ..Default::default() });
+        let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+        for frame in 0..8 {
+            let coded = encoder.encode(&floor);
+            writer.write_frame(coded.keyframe, frame, &coded.payload()).unwrap();
+        }
+        let bytes = writer.finish().unwrap();
+        let mut reader = PacketReader::new(&bytes[..]).unwrap();
+        let packets: Vec<Packet> = std::iter::from_fn(|| reader.next_frame().unwrap()).collect();
+        let size = |frame: usize| packets[frame].total_bytes();
+        // With the blocks around the floor: as many as the bytes of two frames allow, and those of frame 3 alone do not.
+        let needed = 66 * 66 * 3 * 512 - Limits::FREE_VOXELS;
+        assert!(size(3) < size(1) + size(2) && size(1) + size(2) < size(0) + size(1) + size(3));
+        let voxels_per_byte = needed.div_ceil(size(1) + size(2));
+        let limits = Limits { voxels_per_byte, ..Limits::default() };
+        let usages = |lost: usize| {
+            let mut chain = Chain::new(&header, limits);
+            let left = packets.iter().enumerate().filter(|(frame, _)| *frame != lost);
+            left.map(|(_, packet)| chain.next(packet, 0)).collect::<Vec<_>>()
+        };
+        let behind_loss = [Use::BehindLoss; 7];
+        assert_eq!(usages(0), behind_loss);
+        assert_eq!(usages(2), [&[Use::Whole; 2], &behind_loss[..5]].concat());
+        // The decoder of frame 3 has the bytes of all before it.
+        let mut chain = Chain::new(&header, limits);
+        for packet in &packets[..2] {
+            chain.next(packet, 0);
+        }
+        assert!(chain.decoder.decode(&packets[3]).is_ok());
+    }
 
     fn report(damage: Vec<(u64, u64)>) -> Report {
-        Report { kept: 7, orphaned: 0, behind_loss: 0, damage }
+        Report { kept: 7, damage, ..Report::default() }
     }
 
     #[test]

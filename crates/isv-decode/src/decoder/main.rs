@@ -94,9 +94,8 @@ impl<B: Backend> MainDecoder<B> {
                 Ok(facts)
             }
             Err(error) => {
-                self.sequence.refuse(packet);
                 self.reference = last;
-                self.lose();
+                self.pass_over(packet);
                 Err(error)
             }
         }
@@ -106,6 +105,12 @@ impl<B: Backend> MainDecoder<B> {
     pub(super) fn lose(&mut self) {
         let last = self.reference.take();
         self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
+    }
+
+    /// As [`super::Decoder::pass_over`].
+    pub(super) fn pass_over(&mut self, packet: &Packet) {
+        self.sequence.pass_over(packet);
+        self.lose();
     }
 
     /// Decodes a frame packet with the frame before it at hand, which may be another than the encoder's after a loss.
@@ -132,7 +137,6 @@ impl<B: Backend> MainDecoder<B> {
         if keyframe && payload.header.prediction != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
-        self.check_limit(packet, payload.header.blocks as usize)?;
         let FrameCoding::Main(main) = payload.header.coding else {
             unreachable!("the payload was parsed as one of profile main")
         };
@@ -157,6 +161,7 @@ impl<B: Backend> MainDecoder<B> {
         }
         let before = reference.map(B::main_blocks).filter(|_| !main.resilient);
         let count = payload.header.blocks as usize;
+        self.check_limit(packet, count)?;
         let activity = |still: &BlockSet| match reference {
             Some(reference) => backend.expected_activity(reference, still).map_err(Failure::from),
             None => Ok(Vec::new()),

@@ -26,8 +26,9 @@ impl Sequence {
         self.since_keyframe = packet.header.since_keyframe;
     }
 
-    /// Counts a frame that was refused, whose bytes are there all the same: who begins between keyframes may have too few for the first frame.
-    pub(super) fn refuse(&mut self, packet: &Packet) {
+    /// Counts a frame that was refused or is not wanted, whose bytes are there all the same: who begins between keyframes may have too
+    /// few for the first frame.
+    pub(super) fn pass_over(&mut self, packet: &Packet) {
         self.bytes = self.gop_bytes(packet);
     }
 
@@ -42,14 +43,11 @@ impl Sequence {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
     }
 
-    /// How many frames are missing between the last one decoded and a packet of its GOP; 0 where that cannot be.
+    /// How many frames are missing between the last one decoded and a packet of its GOP; 0 where the packet's count is before that
+    /// one's: another GOP's, as counts wrap around.
     pub(super) fn missing_before(self, packet: &Packet) -> u16 {
-        packet
-            .header
-            .since_keyframe
-            .checked_sub(self.since_keyframe)
-            .and_then(|n| n.checked_sub(1))
-            .unwrap_or(0)
+        let missing = packet.header.since_keyframe.wrapping_sub(self.since_keyframe).wrapping_sub(1);
+        if missing < 1 << 15 { missing } else { 0 }
     }
 
     /// Whether a frame that predicts follows the frame that it predicts from.

@@ -95,6 +95,17 @@ class Loss(unittest.TestCase):
         self.assertEqual(decoded(self.header, [inter], True), [None])
         self.assertTrue(command.loss.is_exact(decoded(self.header, [self.keyframe, spatial], True)[1]))
 
+    def test_a_refused_frame_is_lost_like_one_that_did_not_come(self):
+        inter = with_checksum_of_packet(self.inter[:6] + b"\4\0" + self.inter[8:])
+        partly, after = self.resilient(3, spatial=2), self.resilient(4, spatial=0)
+        later = with_checksum_of_packet(after[:6] + b"\5\0" + after[8:])
+        exact = []
+        for packets in [after], [later], [inter, after]:
+            *_, last = decoded(self.header, [self.keyframe, partly, *packets], True)
+            exact.append({b for b in last.samples if command.loss.is_exact_at(last, b)})
+        self.assertGreater(exact[0], exact[1])
+        self.assertEqual(exact[1], exact[2])
+
     def test_without_the_option_a_missing_packet_is_the_end(self):
         with self.assertRaisesRegex(Refused, "missing"):
             decoded(self.header, [self.keyframe, self.resilient(2, spatial=4)], False)

@@ -15,7 +15,8 @@ use std::time::UNIX_EPOCH;
 
 /// Meshes that are there to be read.
 pub(super) struct CapturedTake {
-    input: String,
+    input: PathBuf,
+    name: String,
     hints: Hints,
     range: Range<usize>,
     frame_rate: FrameRate,
@@ -23,12 +24,12 @@ pub(super) struct CapturedTake {
 
 impl CapturedTake {
     /// Counts the frames.
-    pub(super) fn open(input: &str, hints: Hints, frames: Option<FrameRange>) -> Result<Self> {
+    pub(super) fn open(input: &Path, hints: Hints, frames: Option<FrameRange>) -> Result<Self> {
         let capture = Capture::open(input, &hints)?;
         capture.counted()?;
         let range = capture.range(frames)?;
         let frame_rate = capture.frame_rate().unwrap_or(hints.frame_rate);
-        Ok(Self { input: input.to_owned(), hints, range, frame_rate })
+        Ok(Self { input: input.to_owned(), name: capture.name().to_owned(), hints, range, frame_rate })
     }
 
     /// Numbers in the capture of the frames.
@@ -40,16 +41,17 @@ impl CapturedTake {
     pub(super) fn mesh(&self, frame: usize) -> Result<TriangleMesh> {
         let at = self.range.start + frame;
         let mut frames = Capture::open(&self.input, &self.hints)?.meshes(at..at + 1)?;
-        frames.next().with_context(|| format!("{}: frame {at} is gone", self.input))?
+        frames.next().with_context(|| format!("{}: frame {at} is gone", self.name))?
     }
 
     /// What changes when the files do: their names, sizes and times.
     pub(super) fn fingerprint(&self) -> String {
         let paths = match FrameSequence::open(&self.input) {
             Ok(sequence) => sequence.paths().to_vec(),
-            Err(_) => vec![PathBuf::from(&self.input)],
+            Err(_) => vec![self.input.clone()],
         };
-        let mut text = format!("{:?} {:?} {:?}", self.range, self.hints.unit, self.frame_rate);
+        let mut text =
+            format!("{:?} {:?} {:?} {:?}", self.range, self.hints.unit, self.hints.origin_m, self.frame_rate);
         for path in paths {
             // Writing to a string does not fail.
             let _ = write!(text, "; {} {}", path.display(), file_state(&path));
@@ -70,7 +72,7 @@ pub(super) fn file_state(path: &Path) -> String {
 
 impl Take for CapturedTake {
     fn name(&self) -> &str {
-        &self.input
+        &self.name
     }
 
     fn frames(&self) -> usize {

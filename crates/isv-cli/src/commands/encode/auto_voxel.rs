@@ -4,6 +4,7 @@ use super::Args;
 use crate::capture::{Capture, CapturedFrame, Content};
 use crate::length::Length;
 use crate::output::say;
+use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
 use isv::format::{PacketHeader, StreamHeader};
@@ -78,7 +79,10 @@ pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSetti
     let first = samples.first().and_then(|sample| sample.first()).map(|frame| &frame.mesh);
     let extent_m = first.and_then(TriangleMesh::bounds).map_or(0.0, |(low, high)| (high - low).max_element());
     if extent_m == 0.0 {
-        bail!("{}: --voxel auto needs frames with a surface to choose by: give a length", args.input);
+        bail!(
+            "{}: --voxel auto needs frames with a surface to choose by: give a length",
+            stream::name(&args.input)
+        );
     }
     // By powers of two, so that a person is one whether she stoops or reaches up.
     let scale = (extent_m / PERSON_M).log2().round().exp2();
@@ -166,7 +170,10 @@ fn samples(args: &Args) -> Result<Vec<Sample>> {
     capture.counted()?;
     let range = capture.range(args.frames)?;
     if range.is_empty() {
-        bail!("{}: no frames to choose a voxel size by: give a length, as in --voxel 5mm", args.input);
+        bail!(
+            "{}: no frames to choose a voxel size by: give a length, as in --voxel 5mm",
+            stream::name(&args.input)
+        );
     }
     let mut starts = vec![range.start];
     if range.len() >= 4 * SAMPLE_FRAMES {

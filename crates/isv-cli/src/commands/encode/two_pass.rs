@@ -6,6 +6,7 @@ use crate::backend::Backend;
 use crate::capture::Capture;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::stream;
 use anyhow::{Result, bail};
 use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
 use isv::format::{PacketWriter, StreamHeader};
@@ -91,7 +92,7 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
         bail!("interrupted before the last pass");
     }
     if frames == 0 {
-        bail!("{}: no frame could be used", args.input);
+        bail!("{}: no frame could be used", stream::name(&args.input));
     }
     let seconds = f64::from(frames) / header.frame_rate.per_second();
     Ok(writer.finish()?.0 as f64 * 8.0 / seconds)

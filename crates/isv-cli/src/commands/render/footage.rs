@@ -46,7 +46,7 @@ impl Footage {
             return Ok(Self { input, range, reference: None });
         };
         let hints = Hints { frame_rate: args.sampling_rate(), ..Hints::in_unit(args.against_units) };
-        let reference = Capture::open(against, &hints)?;
+        let reference = Capture::open(against, &hints.with_origin(args.against_origin))?;
         // The same length is asked for even if only the first frames are drawn: they may not belong together otherwise.
         let ranges = matching_ranges(&reference, &input, asked)?;
         let [in_reference, range] =

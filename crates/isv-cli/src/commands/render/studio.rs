@@ -4,9 +4,12 @@ use super::footage::Scene;
 use isv::volume::TriangleMesh;
 use isv_render::{
     Background, Camera, ErrorPicture, ErrorScale, Picture, SeenErrors, Style, colour_bar, contact_sheet,
-    render, render_errors, text_line,
+    render, render_errors, text_fits, text_line,
 };
 use isv_spatial::Bvh;
+
+/// Letters of a caption with errors, as far as such things go. Where pictures are too narrow for it, it has a line for each error.
+const LONGEST_CAPTION: usize = "frame 99999: mean 999.999 mm, largest 999.999 mm".len();
 
 /// What all pictures have in common.
 pub(super) struct Studio {
@@ -38,13 +41,27 @@ impl Studio {
         render_errors(mesh, camera, &self.style, scale, |point| reference.distance(point))
     }
 
+    /// The picture with its caption, which has as many lines in all pictures of a size.
     fn captioned(&self, picture: Picture, number: usize, seen: Option<SeenErrors>) -> Picture {
         if !self.captions {
             return picture;
         }
-        let errors = seen.map_or(String::new(), |seen| format!(": {}", in_words(seen)));
-        let caption = text_line(&format!("frame {number}{errors}"), picture.size()[0], self.background());
-        picture.above(&caption)
+        let frame = format!("frame {number}");
+        let width = picture.size()[0];
+        let lines = match (&self.scale, seen) {
+            (None, _) => vec![frame],
+            (Some(_), Some(seen)) if text_fits(LONGEST_CAPTION, width) => {
+                vec![format!("{frame}: {}", in_words(seen))]
+            }
+            (Some(_), None) if text_fits(LONGEST_CAPTION, width) => vec![frame],
+            (Some(_), seen) => {
+                let [mean, largest] = seen.map(errors).unwrap_or_default();
+                vec![frame, mean, largest]
+            }
+        };
+        let line =
+            |picture: Picture, text: &String| picture.above(&text_line(text, width, self.background()));
+        lines.iter().fold(picture, line)
     }
 
     /// The picture with a legend under it, if its colours need one.
@@ -76,5 +93,9 @@ impl Studio {
 
 /// Errors of a picture, for people.
 pub(super) fn in_words(seen: SeenErrors) -> String {
-    format!("mean {:.3} mm, largest {:.3} mm", seen.mean_m * 1e3, seen.max_m * 1e3)
+    errors(seen).join(", ")
+}
+
+fn errors(seen: SeenErrors) -> [String; 2] {
+    [format!("mean {:.3} mm", seen.mean_m * 1e3), format!("largest {:.3} mm", seen.max_m * 1e3)]
 }
