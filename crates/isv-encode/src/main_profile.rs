@@ -9,6 +9,7 @@
 //! ```
 
 mod change;
+mod debris;
 mod encoder;
 mod field_dct;
 mod lanes;

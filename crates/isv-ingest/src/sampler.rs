@@ -148,7 +148,10 @@ fn write_samples(
     if let Some(column) = column {
         for (row, samples) in samples.chunks_exact_mut(n).enumerate() {
             let crossings = column.row([y + (row % n) as i32, z + (row / n) as i32]);
-            for_each_inside(crossings, x, n, |inside| samples[inside].iter_mut().for_each(|s| *s = -*s));
+            for_each_inside(crossings, x, n, |inside| {
+                // Code 0 is outside: on a surface that has no outside, such a voxel would be a speck of it.
+                samples[inside].iter_mut().for_each(|s| *s = (-*s).min(-1));
+            });
         }
     }
     if let (Some(sides), Some(mask)) = (source.blending(), &block.unobserved) {

@@ -164,6 +164,26 @@ fn overlapping_parts_are_one_inside() {
 }
 
 #[test]
+fn a_surface_inside_another_leaves_no_speck_where_it_passes_through_voxels() {
+    let (mut mesh, within) = (cube(0.1), cube(0.045));
+    let shift = mesh.vertices.len() as u32;
+    mesh.vertices.extend(&within.vertices);
+    mesh.triangles.extend(within.triangles.iter().map(|t| t.map(|v| v + shift)));
+    for reach in [Reach::Band, Reach::Surface] {
+        let settings = MeshIngest { reach, ..settings(0.01, BlockEdge::E8) };
+        let volume = ingest_mesh(&mesh, &settings, CLOSED).unwrap();
+        let mut on_it = 0;
+        for_each_voxel(&volume, |p, s, _| {
+            if cube_distance(p, 10.0) < -0.01 {
+                on_it += u32::from(s > -0.01);
+                assert!(s < 0.0, "{p}: {s}");
+            }
+        });
+        assert!(on_it > 100, "{on_it}");
+    }
+}
+
+#[test]
 fn a_wide_hole_stays_open_and_a_narrow_one_is_closed() {
     let volume = ingest_mesh(&open_box(0.2), &settings(0.01, BlockEdge::E8), CLOSED).unwrap();
     let mut unobserved = 0;

@@ -9,6 +9,7 @@ use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
 use isv_volume::{BlockIndex, NeighbourFinder, Neighbourhood, SparseVolume, VoxelMask};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Voxels of a block and one layer around it, along an axis.
 const SIDE: usize = 10;
@@ -23,6 +24,22 @@ type Rows = [u8; 64];
 /// corners differ in sign and are all there and observed.
 #[must_use]
 pub fn crossed_corners(extended: &Extended) -> Vec<(u32, VoxelMask)> {
+    in_unsettled_blocks(extended, &BTreeMap::new(), corner_words)
+}
+
+/// The unsettled blocks of an extended volume, in order, where crossed cells begin, with the voxels that are the lowest corners of
+/// these. `unobserved`: by index of its blocks, more voxels that were not observed.
+#[must_use]
+pub fn crossed_cells(extended: &Extended, unobserved: &BTreeMap<u32, VoxelMask>) -> Vec<(u32, VoxelMask)> {
+    in_unsettled_blocks(extended, unobserved, cell_words)
+}
+
+/// The unsettled blocks, in order, that have some of the wanted voxels, with these. `wanted`: those of a block by the crossed cells around it.
+fn in_unsettled_blocks(
+    extended: &Extended,
+    unobserved: &BTreeMap<u32, VoxelMask>,
+    wanted: impl Fn(&CrossedCells) -> [u64; 8] + Copy + Send + Sync,
+) -> Vec<(u32, VoxelMask)> {
     let FrameBlocks { all, coded, unsettled, .. } = &extended.blocks;
     // All that cells of these blocks reach into.
     let some = (unsettled != all).then(|| unsettled.dilated().intersection(all));
@@ -33,23 +50,26 @@ pub fn crossed_corners(extended: &Extended) -> Vec<(u32, VoxelMask)> {
         (0..).zip(near.marks_in(all)).filter_map(|(block, near)| near.then_some(block)).collect();
     let volume = extended.volume();
     let blocks = numbers.par_iter().zip(coded.marks_in(near));
-    let signs_of = |(block, coded): (&u32, bool)| match coded {
-        true => Signs::of_coded(volume, *block as usize),
-        false => Signs::of_made_up(volume, *block as usize),
+    let signs_of = |(block, coded): (&u32, bool)| {
+        let masks = [volume.unobserved(*block as usize), unobserved.get(block)];
+        match coded {
+            true => Signs::of_coded(volume, *block as usize, masks),
+            false => Signs::of_made_up(volume, *block as usize, masks),
+        }
     };
     let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(signs_of).unzip();
-    let corners = |finder: &mut NeighbourFinder, (block, unsettled): (&u32, bool)| {
+    let voxels = |finder: &mut NeighbourFinder, (block, unsettled): (&u32, bool)| {
         if !unsettled {
             return None;
         }
         finder.turn_to(volume.coords()[*block as usize]);
         let around = finder.neighbourhood();
-        let corners = if is_mixed(&around, &parts) { corners_in(&around, &signs) } else { None };
-        corners.map(|corners| (*block, corners))
+        let voxels = if is_mixed(&around, &parts) { wanted_in(&around, &signs, wanted) } else { None };
+        voxels.map(|voxels| (*block, voxels))
     };
     let blocks = numbers.par_iter().zip(unsettled.marks_in(near));
-    let corners = blocks.map_init(|| NeighbourFinder::new(index), corners);
-    corners.flatten_iter().collect()
+    let voxels = blocks.map_init(|| NeighbourFinder::new(index), voxels);
+    voxels.flatten_iter().collect()
 }
 
 /// Which observed voxels of a block lie inside and outside the surface.
@@ -61,26 +81,26 @@ struct Signs {
 
 impl Signs {
     /// Those of a block that was coded, and where they lie.
-    fn of_coded(volume: &SparseVolume, block: usize) -> (Self, Parts) {
+    fn of_coded(volume: &SparseVolume, block: usize, unobserved: [Option<&VoxelMask>; 2]) -> (Self, Parts) {
         let inside = inside(volume.block(block).try_into().expect("blocks of an edge of 8"));
-        Self::of_observed(inside, volume.unobserved(block))
+        Self::of_observed(inside, unobserved)
     }
 
     /// The same of a block that was extrapolated: all of it has one sign.
-    fn of_made_up(volume: &SparseVolume, block: usize) -> (Self, Parts) {
+    fn of_made_up(volume: &SparseVolume, block: usize, unobserved: [Option<&VoxelMask>; 2]) -> (Self, Parts) {
         let is_inside = volume.block(block)[0] < 0;
-        match volume.unobserved(block) {
-            None if is_inside => {
+        match unobserved {
+            [None, None] if is_inside => {
                 (Self { inside: [!0; 64], outside: [0; 64] }, Parts { inside: !0, outside: 0 })
             }
-            None => (Self { inside: [0; 64], outside: [!0; 64] }, Parts { inside: 0, outside: !0 }),
-            mask => Self::of_observed([if is_inside { !0 } else { 0 }; 8], mask),
+            [None, None] => (Self { inside: [0; 64], outside: [!0; 64] }, Parts { inside: 0, outside: !0 }),
+            masks => Self::of_observed([if is_inside { !0 } else { 0 }; 8], masks),
         }
     }
 
-    fn of_observed(mut inside: [u64; 8], unobserved: Option<&VoxelMask>) -> (Self, Parts) {
+    fn of_observed(mut inside: [u64; 8], unobserved: [Option<&VoxelMask>; 2]) -> (Self, Parts) {
         let mut outside = inside.map(|word| !word);
-        if let Some(mask) = unobserved {
+        for mask in unobserved.into_iter().flatten() {
             for (z, unobserved) in mask.words().iter().enumerate() {
                 inside[z] &= !unobserved;
                 outside[z] &= !unobserved;
@@ -135,7 +155,11 @@ fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
     inside & outside != 0
 }
 
-fn corners_in(around: &Neighbourhood, signs: &[Signs]) -> Option<VoxelMask> {
+fn wanted_in(
+    around: &Neighbourhood,
+    signs: &[Signs],
+    wanted: impl Fn(&CrossedCells) -> [u64; 8],
+) -> Option<VoxelMask> {
     let words = vectorized(
         #[inline(always)]
         || {
@@ -146,17 +170,18 @@ fn corners_in(around: &Neighbourhood, signs: &[Signs]) -> Option<VoxelMask> {
                     (inside[slot], outside[slot]) = (&signs.inside, &signs.outside);
                 }
             }
-            corner_words(&layers(&inside), &layers(&outside))
+            wanted(&crossed(&layers(&inside), &layers(&outside)))
         },
     );
     (words != [0; 8]).then(|| VoxelMask::from_words(&words))
 }
 
-/// The corners of crossed cells among the voxels of the block in the middle: a word a z.
+/// The crossed cells of a block and one layer before it, by their lowest corner.
+type CrossedCells = [Layer; SIDE - 1];
+
 #[inline(always)]
-fn corner_words(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> [u64; 8] {
-    // Crossed cells by their lowest corner, which can be in the layer before the block.
-    let mut crossed: [Layer; SIDE - 1] = [[0; 24]; SIDE - 1];
+fn crossed(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> CrossedCells {
+    let mut crossed: CrossedCells = [[0; 24]; SIDE - 1];
     for z in 0..SIDE - 1 {
         let ([in0, in1], [out0, out1]) = ([&inside[z], &inside[z + 1]], [&outside[z], &outside[z + 1]]);
         for y in 0..LANES {
@@ -168,16 +193,25 @@ fn corner_words(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> [u64; 8] {
             crossed[z][y] = (there & there >> 1) & !(all_in & all_in >> 1) & !(all_out & all_out >> 1);
         }
     }
-    let mut words = [0; 8];
-    for (z, word) in words.iter_mut().enumerate() {
-        let mut rows = [0; 8];
-        for y in 0..8 {
+    crossed
+}
+
+/// The corners of crossed cells among the voxels of the block in the middle: a word a z.
+#[inline(always)]
+fn corner_words(crossed: &CrossedCells) -> [u64; 8] {
+    std::array::from_fn(|z| {
+        let row = |y: usize| {
             let cells = crossed[z][y] | crossed[z + 1][y] | crossed[z][y + 1] | crossed[z + 1][y + 1];
-            rows[y] = ((cells | cells << 1) >> 1) as u8;
-        }
-        *word = u64::from_le_bytes(rows);
-    }
-    words
+            ((cells | cells << 1) >> 1) as u8
+        };
+        u64::from_le_bytes(std::array::from_fn(row))
+    })
+}
+
+/// The lowest corners of crossed cells among them.
+#[inline(always)]
+fn cell_words(crossed: &CrossedCells) -> [u64; 8] {
+    std::array::from_fn(|z| u64::from_le_bytes(std::array::from_fn(|y| (crossed[z + 1][y + 1] >> 1) as u8)))
 }
 
 /// The layers of a block and its surroundings from the rows of the blocks around it, those of one sign.
@@ -212,11 +246,10 @@ fn join_rows(before: u8, level: u8, after: u8) -> u16 {
 mod tests {
     use super::*;
     use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VoxelSize};
-    use std::collections::BTreeMap;
 
     /// Around a block in the middle of others of noise, one of them with a mask: against a search of all cells.
     #[test]
-    fn corners_are_those_of_all_crossed_cells() {
+    fn corners_and_cells_are_those_of_a_search_of_all() {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
@@ -245,6 +278,7 @@ mod tests {
             sides.is_some_and(|sides| sides.contains(&true) && sides.contains(&false))
         };
         let found: BTreeMap<_, _> = crossed_corners(&extended).into_iter().collect();
+        let cells: BTreeMap<_, _> = crossed_cells(&extended, &BTreeMap::new()).into_iter().collect();
         for (block, coord) in volume.coords().iter().enumerate() {
             for voxel in 0..512 {
                 let at = [voxel % 8, voxel / 8 % 8, voxel / 64];
@@ -253,8 +287,32 @@ mod tests {
                 let expected = corners(lowest).any(is_crossed);
                 let mask = found.get(&(block as u32));
                 assert_eq!(mask.is_some_and(|mask| mask.contains(voxel)), expected, "{coord:?} {at:?}");
+                let is_lowest = cells.get(&(block as u32)).is_some_and(|cells| cells.contains(voxel));
+                assert_eq!(is_lowest, is_crossed(lowest.map(|c| c + 1)), "{coord:?} {at:?}");
             }
         }
         assert!(!found.is_empty() && found.len() < volume.block_count());
+        assert!(!cells.is_empty() && cells.len() < found.len());
+        // All of a block masked: no cell of it is left, nor one that reaches into it.
+        let middle =
+            volume.coords().iter().position(|coord| *coord == BlockCoord::from([1, 1, 1])).unwrap() as u32;
+        let masked = crossed_cells(&extended, &BTreeMap::from([(middle, VoxelMask::full(BlockEdge::E8))]));
+        let reaches = |coord: BlockCoord, voxel: usize| {
+            let at = [voxel % 8, voxel / 8 % 8, voxel / 64];
+            coord.to_array().iter().zip(at).all(|(block, c)| *block == 1 || *block == 0 && c == 7)
+        };
+        for (block, coord) in volume.coords().iter().enumerate() {
+            let of = |cells: &BTreeMap<u32, VoxelMask>, voxel| {
+                cells.get(&(block as u32)).is_some_and(|c| c.contains(voxel))
+            };
+            let masked: BTreeMap<_, _> = masked.iter().cloned().collect();
+            for voxel in 0..512 {
+                assert_eq!(
+                    of(&masked, voxel),
+                    of(&cells, voxel) && !reaches(*coord, voxel),
+                    "{coord:?} {voxel}"
+                );
+            }
+        }
     }
 }

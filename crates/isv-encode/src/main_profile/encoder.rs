@@ -407,7 +407,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         quality: FrameQuality,
         spare: &mut Vec<i16>,
     ) -> CodedFrame {
-        let Source { volume, targets, still, shifts } = *source;
+        let Source { targets, still, shifts, .. } = *source;
         let slices = self.slices;
         let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
@@ -459,7 +459,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                 });
                 let (main, extended) = self.filter(targets, main, &symbols, samples, plan, reference);
                 let masks = debug_span!("masks")
-                    .in_scope(|| self.write_masks(&mut mask_models, volume, &extended, known));
+                    .in_scope(|| self.write_masks(&mut mask_models, targets, &extended, known));
                 (symbols, segments, (costs, exact), (main, extended), masks)
             });
         entropy.masks = mask_models;
@@ -483,11 +483,11 @@ impl<B: SearchBackend> MainEncoder<B> {
     fn write_masks(
         &self,
         models: &mut MaskModels,
-        volume: &SparseVolume,
+        targets: &Targets,
         extended: &Extended,
         reference: Option<&MainReference>,
     ) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
-        let index = volume.index();
+        let (volume, index) = (targets.source(), targets.source().index());
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(self.parameters.grid.edge);
         let unobserved = |block: u32| match index.get(extended.volume().coords()[block as usize]) {
@@ -495,7 +495,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             None => Some(&nothing),
         };
         let blocks_before = reference.map(|reference| reference.reference().blocks());
-        syntax::masks::write(models, volume, extended, unobserved, blocks_before)
+        syntax::masks::write(models, targets, extended, unobserved, blocks_before)
     }
 
     /// Whether the in-loop filter is used. It would carry what is not exact over the faces of blocks that were refreshed.

@@ -150,6 +150,16 @@ impl<'a> Targets<'a> {
         &self.coords
     }
 
+    /// The number of the one at a coordinate.
+    pub(crate) fn find(&self, coord: BlockCoord) -> Option<usize> {
+        self.coords.binary_search_by_key(&coord.morton(), |coord| coord.morton()).ok()
+    }
+
+    /// The volume that they are of.
+    pub(crate) fn source(&self) -> &SparseVolume {
+        self.volume
+    }
+
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
         self.coords.len()

@@ -74,7 +74,8 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
     var samples = vec2<i32>(round(clamp((distances - parameters.offset) * CODES, vec2<f32>(-32768.0), vec2<f32>(32767.0))));
     samples = clamp(samples, vec2<i32>(-parameters.truncation), vec2<i32>(parameters.truncation));
     if parameters.is_signed != 0u {
-        samples = select(samples, -samples, winding != vec2<i32>(0));
+        // Code 0 is outside.
+        samples = select(samples, min(-samples, vec2<i32>(-1)), winding != vec2<i32>(0));
     }
     store_pair(slot, thread, pack(samples));
 
