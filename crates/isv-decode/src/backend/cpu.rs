@@ -169,7 +169,7 @@ impl Backend for Cpu {
     ) -> Result<(), BackendError> {
         frame.reference.add_unobserved(masks);
         if let Some(Reduction::Main(grid)) = &self.reduction {
-            frame.reduced = Some(downsample(frame.reference.volume(), grid));
+            frame.reduced = Some(downsample(frame.reference.extended(), grid));
         }
         Ok(())
     }

@@ -2,14 +2,16 @@
 
 use super::ReducedGrid;
 use super::regroup::regroup;
+use crate::extension::Extended;
 use isv_volume::SparseVolume;
 use rayon::prelude::*;
 
-/// The volume in larger voxels: each is the mean of the voxels in it, in codes of the larger voxel, rounded half up.
+/// A frame's volume in larger voxels: each is the mean of the voxels in it, in codes of the larger voxel, rounded half up.
 ///
 /// Profile `main` is reduced so, after a full decode: its levels are chosen for the surface alone, and the lowest of them do not
 /// make a coarse field.
-pub(crate) fn downsample(volume: &SparseVolume, reduced: &ReducedGrid) -> SparseVolume {
+pub(crate) fn downsample(extended: &Extended, reduced: &ReducedGrid) -> SparseVolume {
+    let volume = extended.volume();
     let edge = volume.grid().edge;
     let (side, size) = (reduced.side(), reduced.lod.voxels() as usize);
     let mut samples = vec![0; volume.block_count() * side.pow(3)];
@@ -30,5 +32,6 @@ pub(crate) fn downsample(volume: &SparseVolume, reduced: &ReducedGrid) -> Sparse
             *out = mean.clamp(-i32::from(reduced.limit), i32::from(reduced.limit)) as i16;
         }
     });
-    regroup(reduced, volume.coords(), &samples, volume.unobserved_masks())
+    let coded = extended.blocks.coded.marks_in(&extended.blocks.all);
+    regroup(reduced, volume.coords(), &samples, volume.unobserved_masks(), |block| !coded[block])
 }

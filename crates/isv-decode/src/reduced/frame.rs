@@ -87,7 +87,7 @@ impl ReducedParameters {
                     }
                 },
             );
-        let volume = regroup(&self.grid, &symbols.coords, &samples, &symbols.unobserved);
+        let volume = regroup(&self.grid, &symbols.coords, &samples, &symbols.unobserved, |_| false);
         let index = BlockIndex::new(&symbols.coords);
         ReducedFrame { coords: symbols.coords, index, unobserved: symbols.unobserved, samples, volume }
     }

@@ -6,13 +6,17 @@ use std::collections::BTreeMap;
 
 /// Puts the `2^3` (`4^3`) blocks of the stream that a block of larger voxels covers together.
 ///
-/// A larger voxel is unobserved if half of its voxels or more are, and where no block of the stream is; samples are the
-/// truncation distance there.
+/// A larger voxel is unobserved if half of its voxels or more are, in a block that was extrapolated if any is, and where no block of the
+/// stream is; samples are the truncation distance there.
+///
+/// `is_made_up`: whether a block was extrapolated. Its sign is a guess where it meets unobserved voxels, which are then one layer that
+/// tells that there is no surface between it and another guess; in larger voxels half of them would not be left.
 pub(super) fn regroup(
     parameters: &ReducedGrid,
     coords: &[BlockCoord],
     samples: &[i16],
     unobserved: &BTreeMap<u32, VoxelMask>,
+    is_made_up: impl Fn(usize) -> bool,
 ) -> SparseVolume {
     let edge = parameters.grid.edge;
     let voxels = parameters.side().pow(3);
@@ -28,7 +32,8 @@ pub(super) fn regroup(
         for coord in members {
             let place = Place::new(parameters, coord);
             place.copy_samples(&samples[block * voxels..][..voxels], &mut grouped[start..]);
-            place.mark_observed(unobserved.get(&(block as u32)), &mut hidden);
+            let enough = if is_made_up(block) { 1 } else { parameters.lod.voxels().pow(3).div_ceil(2) };
+            place.mark_observed(unobserved.get(&(block as u32)), enough as usize, &mut hidden);
             block += 1;
         }
         if !hidden.is_empty() {
@@ -66,27 +71,26 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// Takes the voxels that were observed out of the group's mask; `unobserved` is the block's mask in the stream.
-    fn mark_observed(&self, unobserved: Option<&VoxelMask>, hidden: &mut VoxelMask) {
+    /// Takes the voxels that were observed out of the group's mask. `unobserved`: the block's mask in the stream; `enough`: so many of
+    /// its voxels in a larger one hide that.
+    fn mark_observed(&self, unobserved: Option<&VoxelMask>, enough: usize, hidden: &mut VoxelMask) {
         let side = self.parameters.side();
         for voxel in 0..side.pow(3) {
             let at = [voxel % side, voxel / side % side, voxel / side / side];
-            if unobserved.is_none_or(|mask| self.mostly_observed(mask, at)) {
+            if unobserved.is_none_or(|mask| self.unobserved_within(mask, at) < enough) {
                 hidden.remove(self.voxel(at));
             }
         }
     }
 
-    /// Whether more than half of the stream's voxels in a larger one are observed.
-    fn mostly_observed(&self, unobserved: &VoxelMask, at: [usize; 3]) -> bool {
+    /// How many of the stream's voxels in a larger one are unobserved.
+    fn unobserved_within(&self, unobserved: &VoxelMask, at: [usize; 3]) -> usize {
         let (edge, size) = (self.parameters.grid.edge, self.parameters.lod.voxels() as usize);
-        let count = (0..size.pow(3))
-            .filter(|i| {
-                let by = [i % size, i / size % size, i / size / size];
-                let [x, y, z] = [0, 1, 2].map(|axis| size * at[axis] + by[axis]);
-                unobserved.contains(edge.voxel_index(x, y, z))
-            })
-            .count();
-        2 * count < size.pow(3)
+        let is_unobserved = |i: &usize| {
+            let by = [i % size, i / size % size, i / size / size];
+            let [x, y, z] = [0, 1, 2].map(|axis| size * at[axis] + by[axis]);
+            unobserved.contains(edge.voxel_index(x, y, z))
+        };
+        (0..size.pow(3)).filter(is_unobserved).count()
     }
 }
