@@ -4,12 +4,13 @@ use super::extremes::{MAIN, frame_of_ones, keyframe, small_main, small_paper};
 use super::raw::{RawFrame, RawStream, judge, octree, segment};
 use anyhow::{Context, Result, bail, ensure};
 use isv::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
+use isv::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::format::{
-    FrameCoding, MainFrameHeader, PacketKind, PaperParameters, Prediction, Profile, StreamHeader,
+    FrameCoding, MainFrameHeader, PacketKind, PaperParameters, Prediction, Profile, StreamHeader, StreamIndex,
 };
 use isv::volume::{BlockEdge, Grid};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
-use isv_testkit::Random;
+use isv_testkit::{Random, ball};
 
 /// A stream that is refused after some frames, and what our decoder has to say of it.
 pub(super) struct Refused {
@@ -63,6 +64,19 @@ pub(super) fn optional_streams() -> Result<Vec<Refused>> {
         bytes[place] ^= value;
         bytes
     };
+    let trailer_of = |at: u64| -> Result<Vec<u8>> {
+        let mut bytes = whole[..whole.len() - 16].to_vec();
+        bytes.extend(StreamIndex::trailer(at));
+        Ok(bytes)
+    };
+    // A byte of the index packet's header, its checksum right.
+    let index_packet = |at: usize, value: u8| -> Result<Vec<u8>> {
+        let first = good()?.bytes.len();
+        let bytes = whole.clone().splice_at(first + at, &[value]);
+        let packet = &bytes[first..bytes.len() - 16];
+        let checksum = crc32(&[&packet[..20], &packet[24..]].concat());
+        Ok(bytes.splice_at(first + 20, &checksum.to_le_bytes()))
+    };
     let mut hash = RawStream::new(&header);
     let mut frame = keyframe(&header, &[[0; 3]], 0);
     frame.header.volume_hash = Some(0x0123_4567_89ab_cdef);
@@ -79,6 +93,15 @@ pub(super) fn optional_streams() -> Result<Vec<Refused>> {
         case("index_cut", whole[..whole.len() - 20].to_vec(), 1, Cut, "packet"),
         case("index_checksum", changed(17, 1), 1, Damaged, "packet"),
         case("after_the_trailer", [&whole[..], &[0; 9]].concat(), 1, Malformed, ""),
+        case("index_entries_23_apart", index(&[entry(48), entry(71)].concat())?, 1, Malformed, "index"),
+        case("index_at_itself", index(&entry(good()?.bytes.len() as u64))?, 1, Malformed, "index"),
+        case("index_at_elsewhere", trailer_of(good()?.bytes.len() as u64 + 1)?, 1, Malformed, "trailer"),
+        case("index_at_48", trailer_of(48)?, 1, Malformed, "trailer"),
+        case("index_flag", index_packet(5, 1)?, 1, Malformed, "flags"),
+        case("index_flag_7", index_packet(5, 0x80)?, 1, Malformed, "flags"),
+        case("index_byte_6", index_packet(6, 1)?, 1, Malformed, ""),
+        case("index_byte_7", index_packet(7, 1)?, 1, Malformed, ""),
+        case("index_without_trailer", whole[..whole.len() - 16].to_vec(), 1, Cut, "trailer"),
     ])
 }
 
@@ -112,6 +135,8 @@ fn header_cases() -> Result<Vec<Refused>> {
     };
     let mut damaged = one_frame(&paper)?.bytes;
     damaged[20] ^= 4;
+    let magic = paper.to_bytes()[..8].to_vec();
+    let unsealed = |at: usize, bytes: &[u8]| paper.to_bytes().to_vec().splice_at(at, bytes);
     Ok(vec![
         wrong("magic", &paper, 0, b"\x88ISV", Foreign),
         case(
@@ -161,6 +186,18 @@ fn header_cases() -> Result<Vec<Refused>> {
         // Another version may have another length.
         case("version_2_short", with_header(&paper, 8, &[2, 0])[..10].to_vec(), 0, Unsupported, "version 2"),
         case("empty", Vec::new(), 0, Cut, "stream header"),
+        case("bytes_1", magic[..1].to_vec(), 0, Cut, "stream header"),
+        case("bytes_1_foreign", b"I".to_vec(), 0, Foreign, ""),
+        case("bytes_7", magic[..7].to_vec(), 0, Cut, "stream header"),
+        case("bytes_7_foreign", magic[..7].to_vec().splice_at(6, b"x"), 0, Foreign, ""),
+        case("bytes_8", magic.clone(), 0, Cut, "stream header"),
+        case("bytes_9", [&magic[..], &[2]].concat(), 0, Cut, "stream header"),
+        // Of what is wrong the checksum comes first, but for magic and version.
+        case("length_47_other_checksum", unsealed(10, &[47, 0]), 0, Damaged, "stream header"),
+        case("profile_2_other_checksum", unsealed(12, &[2]), 0, Damaged, "stream header"),
+        // Then the fields in their order.
+        wrong("length_47_and_profile_2", &paper, 10, &[47, 0, 2], Malformed),
+        wrong("profile_2_and_edge_32", &paper, 12, &[2, 5], Unsupported),
     ])
 }
 
@@ -197,6 +234,14 @@ fn packet_cases() -> Result<Vec<Refused>> {
         stream.bytes
     };
     let whole = changed(0, b"I");
+    // A first packet that is no keyframe, with these flags.
+    let without_keyframe = |flags: u8, payload: &[u8]| {
+        let mut stream = RawStream::new(&header);
+        stream.packet(PacketKind::Frame { keyframe: false, hashed: false }, 1, 0, payload);
+        let bytes = stream.bytes.splice_at(48 + 5, &[flags]);
+        let checksum = crc32(&[&bytes[48..68], &bytes[72..]].concat());
+        bytes.splice_at(68, &checksum.to_le_bytes())
+    };
     let mut first_is_none = RawStream::new(&header);
     first_is_none.frame(false, 0, false, &payload);
     Ok(vec![
@@ -223,6 +268,11 @@ fn packet_cases() -> Result<Vec<Refused>> {
         case("flag_bit", flipped(&whole, first + 5), 1, Damaged, "packet"),
         case("since_keyframe_bit", flipped(&since(true, 0), first + 6), 1, Damaged, "packet"),
         case("packet_type_3_cut", changed(4, &[3])[..whole.len() - 1].to_vec(), 1, Cut, "packet"),
+        case("packet_magic_cut", [&good.bytes[..], b"ISQ"].concat(), 1, Cut, "packet header"),
+        case("packet_magic_in_23_bytes", changed(0, b"ISVQ")[..first + 23].to_vec(), 1, Cut, "packet header"),
+        // What is wrong with a header comes before what is missing, and that before what is wrong with a payload.
+        case("flag_2_without_keyframe", without_keyframe(4, &payload), 0, Malformed, "flags"),
+        case("payload_empty_without_keyframe", without_keyframe(0, &[]), 0, Missing, "keyframe"),
         case("packet_type_3_of_4_gib", changed(4, &[3]).splice_at(first + 8, &[255; 4]), 1, Limit, "payload"),
     ])
 }
@@ -293,6 +343,15 @@ fn payload_cases() -> Result<Vec<Refused>> {
             Malformed,
             "32 bits",
         ),
+        case(
+            "varint_of_35_bits",
+            key(&paper, &[0, 0x81, 0x80, 0x80, 0x80, 0x40, 1, 0, 0, 0, 0])?,
+            1,
+            Malformed,
+            "32 bits",
+        ),
+        // Lengths that add up to 2^32 more than there is.
+        case("segments_wrap", key(&paper, &wrapping(&paper_key))?, 1, Malformed, "too early"),
         case("slices_0", key(&paper, &[0, 1, 0, 0, 0])?, 1, Malformed, "no slices"),
         case("slices_257", key(&main, &sliced(&main, 257))?, 1, Limit, "slices"),
         case("slices_for_300_coefficients", key(&many, &sliced(&many, 219))?, 1, Limit, "slices"),
@@ -342,6 +401,12 @@ fn payload_cases() -> Result<Vec<Refused>> {
             "left over",
         ),
     ])
+}
+
+/// The payload of one block, in one slice of profile `paper`, whose block set and masks claim 2^32 bytes more than they have.
+fn wrapping(payload: &[u8]) -> Vec<u8> {
+    let [block_set, masks] = [payload[3], payload[4]];
+    [&payload[..3], &[255, 255, 255, 255, 15], &[block_set + masks + 1], &payload[5..]].concat()
 }
 
 /// The payload of one block, in one slice, that claims 2^32 - 1 blocks and a prediction.
@@ -545,6 +610,14 @@ fn symbol_cases() -> Result<Vec<Refused>> {
             Malformed,
             early,
         ),
+        case("motion_ends", motion_cut()?, 1, Malformed, early),
+        case(
+            "main_flags_end",
+            inter_with(&main, Prediction::ThreeDof, &|f| f.block_set.clear())?,
+            1,
+            Malformed,
+            early,
+        ),
         case(
             "coefficients_end",
             ending("coefficients end", |bytes| key_with(&paper, &|f| f.slices[0][1] = bytes.to_vec()))?,
@@ -560,6 +633,28 @@ fn symbol_cases() -> Result<Vec<Refused>> {
             early,
         ),
     ])
+}
+
+/// Two frames of a moving ball of profile `paper`, of whose vectors so much was left off that they are overrun.
+fn motion_cut() -> Result<Vec<u8>> {
+    let paper = PaperParameters { coefficients: 4, dc_step: 4000, ac_step: 60_000 };
+    let small = small_paper()?;
+    let header = StreamHeader { profile: Profile::Paper(paper), ..small };
+    let motion = MotionMode::Fixed(Prediction::ThreeDof);
+    let mut encoder = Encoder::new(&header, EncoderSettings { motion, ..Default::default() });
+    let [first, second] = [0.0, 1.0].map(|t| encoder.encode(&ball(header.grid, t)));
+    let whole = second.payload();
+    for length in 0..whole.slices[0].motion.len() {
+        let mut cut = whole.clone();
+        cut.slices[0].motion = &whole.slices[0].motion[..length];
+        let mut stream = RawStream::new(&header);
+        stream.frame(true, 0, false, &first.payload().to_bytes());
+        stream.frame(false, 0, false, &cut.to_bytes());
+        if judge(&stream.bytes).1.is_some_and(|error| error.to_string().contains("motion vectors end")) {
+            return Ok(stream.bytes);
+        }
+    }
+    bail!("no part of the vectors is overrun")
 }
 
 /// Has a frame's vectors count quarters.

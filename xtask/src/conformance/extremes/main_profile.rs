@@ -21,6 +21,8 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_ends_wide", random(16, 12, &ENDS)?),
         ("main_random_gop", random(8, 13, &LONG)?),
         ("main_random_still_cells", random(5, 14, &STILL)?),
+        ("main_masks_without_prediction", random(4, 15, &MASKED)?),
+        ("main_filter_across_slices", random(8, 16, &FILTERED)?),
     ])
 }
 
@@ -196,10 +198,12 @@ struct Draw {
     prediction: Prediction,
     slices: u16,
     main: MainFrameHeader,
+    /// Whether it has masks for sure.
+    masks: bool,
 }
 
 const fn draw(prediction: Prediction, slices: u16, main: MainFrameHeader) -> Draw {
-    Draw { keyframe: false, prediction, slices, main }
+    Draw { keyframe: false, prediction, slices, main, masks: false }
 }
 
 /// Every field of the frame header at its ends; slices that come and go within a GOP, and a frame without prediction.
@@ -227,6 +231,22 @@ const STILL: [Draw; 3] = [
     Draw { keyframe: true, ..draw(Prediction::None, 1, MAIN) },
     draw(Prediction::ThreeDof, 1, STILL_CELLS),
     draw(Prediction::ThreeDof, 2, STILL_CELLS),
+];
+
+/// Masks of frames without prediction, whose contexts are those of the frame before all the same.
+const MASKED: [Draw; 3] = [
+    Draw { keyframe: true, masks: true, ..draw(Prediction::None, 1, MAIN) },
+    Draw { masks: true, ..draw(Prediction::None, 1, MAIN) },
+    Draw { masks: true, ..draw(Prediction::None, 2, MAIN) },
+];
+
+/// Slices that the filter reaches across: every face of a keyframe is one that it smooths.
+const FILTERED: [Draw; 2] = [
+    Draw {
+        keyframe: true,
+        ..draw(Prediction::None, 4, MainFrameHeader { filter: 25, filter_limit: 255, ..MAIN })
+    },
+    draw(Prediction::None, 5, MainFrameHeader { filter: 19, filter_limit: 60, ..MAIN }),
 ];
 
 const QUARTERS: MainFrameHeader =
@@ -309,7 +329,7 @@ impl Draws {
         frame.header.coding = FrameCoding::Main(draw.main);
         frame.header.slices = draw.slices;
         // Random masks are often empty, which is malformed: then there are none.
-        if self.0.signed() < -0.6 {
+        if self.0.signed() < -0.6 || draw.masks {
             frame.masks = [self.bytes(700), vec![0; 200]].concat();
             frame.masks[0] &= 0x7f;
         }

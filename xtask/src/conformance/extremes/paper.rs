@@ -1,16 +1,18 @@
 //! Profile `paper`: every symbol at its ends.
 
-use super::super::Stream;
-use super::super::raw::{RawFrame, sorted, stream_of};
-use super::{FIRST, LAST, frame_of_ones, header};
+use super::super::raw::{RawFrame, segment, sorted, stream_of};
+use super::super::{Stream, encode};
+use super::{FIRST, LAST, frame_of_ones, header, keyframe};
 use anyhow::Result;
 use isv::decode::syntax::EntropyState;
 use isv::decode::{FrameSymbols, ReferenceBlocks};
 use isv::encode::syntax::write_symbols;
+use isv::encode::{EncoderSettings, MotionMode};
 use isv::format::{FrameCoding, FrameHeader, PaperParameters, Prediction, Profile, StreamHeader};
 use isv::kernels::warp::{MotionVector, ROTATION_LIMIT};
-use isv::volume::{BlockCoord, BlockEdge, BlockIndex, VoxelMask};
-use isv_testkit::Random;
+use isv::volume::{BlockCoord, BlockEdge, BlockIndex, SparseVolume, VoxelMask};
+use isv_entropy::BitModel;
+use isv_testkit::{Random, ball};
 use std::collections::BTreeMap;
 
 /// Parameters of a stream, and the slices of its frames.
@@ -95,6 +97,8 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         streams.push((case.name, stream_of(&header, &frames(case, &header, seed))?));
     }
     streams.push(("paper_no_blocks", no_blocks()?));
+    streams.push(("paper_empty_between", empty_between()?));
+    streams.push(("paper_level_beyond", level_beyond()?));
     Ok(streams)
 }
 
@@ -234,4 +238,40 @@ fn no_blocks() -> Result<Stream> {
             (frame % 4 == 0, empty)
         });
     stream_of(&header, &frames.collect::<Vec<_>>())
+}
+
+/// A GOP of a ball in which a frame without a block lies between others: what follows it has a reference, and an empty one.
+fn empty_between() -> Result<Stream> {
+    let parameters = PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 };
+    let header = header(Profile::Paper(parameters), BlockEdge::E8, 8, false)?;
+    let nothing = SparseVolume::empty(header.grid);
+    let volumes = [ball(header.grid, 0.0), nothing, ball(header.grid, 1.0), ball(header.grid, 2.0)];
+    let motion = MotionMode::Fixed(Prediction::SixDof);
+    encode(&header, EncoderSettings { motion, slices: Some(2), ..Default::default() }, &volumes)
+}
+
+/// Levels whose bits say more than 2^20, either way, where the step is so fine that the limit can be told from what they say.
+fn level_beyond() -> Result<Stream> {
+    let parameters = PaperParameters { coefficients: 8, dc_step: 1, ac_step: 1 };
+    let header = header(Profile::Paper(parameters), BlockEdge::E16, 16, false)?;
+    let frame = |negative: bool, bits: u32| {
+        let mut frame = keyframe(&header, &[[0; 3]], 0);
+        frame.slices[0][1] = segment(|encoder| {
+            let mut decide = |bit| encoder.encode(&mut BitModel::default(), bit);
+            // Not zero, the sign, an exponent of 20, two bits of the mantissa: each the first that its model sees.
+            [false, negative]
+                .into_iter()
+                .chain([true; 20])
+                .chain([bits >> 19 & 1 != 0, bits >> 18 & 1 != 0])
+                .for_each(&mut decide);
+            encoder.encode_raw(bits & ((1 << 18) - 1), 18);
+        });
+        // Zeros, which are ones: the other levels are 0.
+        frame.slices[0][1].extend([0; 8]);
+        (true, frame)
+    };
+    stream_of(
+        &header,
+        &[frame(false, (1 << 20) - 1), frame(true, (1 << 20) - 1), frame(true, 0), frame(false, 1)],
+    )
 }
