@@ -177,7 +177,7 @@ impl Iterator for StreamFrames {
 /// A reader at the last keyframe before a range, and the number of that frame.
 fn seek(path: &Path, range: FrameRange) -> Result<(PacketReader<ByteSource>, usize)> {
     let index = load_index(path)?;
-    range.within(index.frames.len(), &name(path))?;
+    let range = range.within(index.frames.len(), &name(path))?;
     let keyframe = index
         .keyframe_before(range.start)
         .ok_or_else(|| anyhow!("{}: no keyframe at or before frame {}", name(path), range.start))?;

@@ -259,8 +259,22 @@ fn streams_are_cut_at_keyframes_and_joined() {
         assert!(hashes(&work, part).contains(&format!("{frames} frames verified, {frames} of them by hash")));
         assert_eq!(info(&work, part)["packets"][0]["timestamp_ns"], 0);
     }
+    // The same by open ranges.
+    work.isv(&["cut", "take.isv", "..3", "-o", "a_open.isv"]).done();
+    work.isv(&["cut", "take.isv", "3..", "-o", "b_open.isv"]).done();
+    assert!(work.read("a.isv") == work.read("a_open.isv") && work.read("b.isv") == work.read("b_open.isv"));
+    work.isv(&["cut", "take.isv", "9..", "-o", "c.isv"]).fails(1, &["frames 9.. asked for", "there are 9"]);
     work.isv(&["join", "a.isv", "b.isv", "-o", "joined.isv"]).done();
     assert_eq!(info(&work, "joined.isv")["frames"], 9);
+    // Times are those of one take, to the nanosecond, however many pieces it is joined of.
+    let times = |stream: &str| -> Vec<u64> {
+        let info = info(&work, stream);
+        info["packets"].as_array().unwrap().iter().map(|p| p["timestamp_ns"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(times("joined.isv"), times("take.isv"));
+    work.isv(&["join", "b.isv", "a.isv", "joined.isv", "-o", "longer.isv"]).done();
+    let expected = (0..18).map(|frame| frame * 1_000_000_000 / 30);
+    assert!(times("longer.isv").into_iter().eq(expected), "{:?}", times("longer.isv"));
     assert_eq!(work.read("joined.isv").len(), bytes.len());
     work.isv(&["verify", "joined.isv"]).done();
     work.isv(&["decode", "take.isv", "-o", "whole"]).done();
@@ -268,6 +282,10 @@ fn streams_are_cut_at_keyframes_and_joined() {
     for name in work.names("whole") {
         assert!(work.read(&format!("whole/{name}")) == work.read(&format!("again/{name}")), "{name}");
     }
+    // Into the same folder once more: of what is left from before is told, where a part was decoded.
+    let run = work.isv(&["decode", "a.isv", "-o", "again"]).done();
+    assert!(run.stderr().contains("again: 6 frames from before are left in it, from frame_0003.ply on"));
+    assert!(!work.isv(&["decode", "take.isv", "-o", "again"]).done().stderr().contains("before"));
     work.isv(&["cut", "take.isv", "4..9", "-o", "c.isv"]).fails(1, &["frame 4 is no keyframe", "3 or 6"]);
     work.isv(&["cut", "take.isv", "3..10", "-o", "c.isv"]).fails(1, &["there are 9"]);
     work.isv(&["encode", "frames", "-o", "other.isv", "--voxel=25mm"]).done();

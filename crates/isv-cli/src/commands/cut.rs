@@ -14,7 +14,7 @@ pub(crate) struct Args {
     /// The stream: a file
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
-    /// The frames, counted from 0, without frame B; frame A is a keyframe
+    /// The frames, counted from 0, without frame B; frame A is a keyframe. Without A from the first, without B to the last
     #[arg(value_name = "A..B")]
     frames: FrameRange,
     /// The stream to write; - for standard output

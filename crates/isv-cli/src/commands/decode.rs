@@ -55,7 +55,7 @@ pub(crate) struct Args {
     /// Level of detail: 2 or 4 decode at half or a quarter of the resolution, faster and smaller
     #[arg(long, value_enum, default_value = "1")]
     lod: LodName,
-    /// Only these frames, counted from 0, without frame B
+    /// Only these frames, counted from 0, without frame B; A.. and ..B are to the last and from the first
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
     /// What to do where packets are damaged or missing
@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
     let mut sink = Sink::new(&args.output, format, header.frame_rate.per_second())?;
-    let progress = Progress::new(args.frames.map(FrameRange::count), "decoding");
+    let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
         let DecodedFrame { number, product, decode_ms, surface_ms } = frame?;
         let (written, write_ms) = timed(|| sink.take(number, product));

@@ -54,7 +54,7 @@ pub(crate) struct Args {
     /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
-    /// Only these frames, counted from 0, without frame B
+    /// Only these frames, counted from 0, without frame B; A.. and ..B are to the last and from the first
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
     /// A keyframe at least every this many frames; with --refresh gradual, all is refreshed in so many

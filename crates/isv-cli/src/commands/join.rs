@@ -4,7 +4,7 @@ use crate::failure::usage;
 use crate::output::{Output, frames_in_words, is_pipe, print};
 use crate::stream;
 use anyhow::{Context, Result, bail};
-use isv::format::{PacketWriter, StreamHeader};
+use isv::format::{FrameRate, PacketWriter, StreamHeader};
 use std::fs;
 use std::path::PathBuf;
 
@@ -49,8 +49,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             }
             let first_ns = *first_ns.get_or_insert(packet.header.timestamp_ns);
             let time_ns = packet.header.timestamp_ns.saturating_sub(first_ns).saturating_add(begin_ns);
-            writer.copy_frame(&packet, time_ns)?;
-            next_ns = time_ns.saturating_add(header.frame_rate.timestamp_ns(1));
+            let frame = frame_at(header.frame_rate, time_ns);
+            writer
+                .copy_frame(&packet, frame.map_or(time_ns, |frame| header.frame_rate.timestamp_ns(frame)))?;
+            next_ns = match frame {
+                Some(frame) => header.frame_rate.timestamp_ns(frame + 1),
+                None => time_ns.saturating_add(header.frame_rate.timestamp_ns(1)),
+            };
             frames += 1;
         }
     }
@@ -59,6 +64,16 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         print(&format!("{}: {}, {bytes} bytes", args.output.display(), frames_in_words(frames)))?;
     }
     Ok(())
+}
+
+/// The number of the frame that is shown at a time, if frames come at the rate. Times are rounded to nanoseconds, and what is rounded twice
+/// may be one away: a nanosecond a piece is enough to be another time.
+fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
+    let [numerator, denominator] = [rate.numerator, rate.denominator].map(u128::from);
+    let nearest =
+        (u128::from(time_ns) * numerator + denominator * 500_000_000) / (denominator * 1_000_000_000);
+    let frame = u64::try_from(nearest).ok().filter(|frame| *frame < u64::from(u32::MAX))?;
+    (rate.timestamp_ns(frame).abs_diff(time_ns) <= 1).then_some(frame)
 }
 
 /// What keeps packets of two streams from being in one.

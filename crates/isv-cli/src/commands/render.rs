@@ -155,11 +155,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if inputs.into_iter().flatten().any(is_output) {
         return Err(usage(format!("{}: the pictures would replace what they are of", args.output.display())));
     }
-    let size = args.picture_size(format)?;
     let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
     let shots = args.shots(footage.len());
+    let size = args.picture_size(format, &shots)?;
     let rate = args.picture_rate(format, footage.frame_rate())?;
     let first = footage.first();
     let mut output = Output::create(&args.output)?;
@@ -227,12 +227,11 @@ impl Args {
     }
 
     /// Edge of each drawing, once it is sure that those held at the same time fit into memory.
-    fn picture_size(&self, format: PictureFormat) -> Result<usize> {
-        let asked = self.turntable.map(|n| n as usize).or(self.frames.map(FrameRange::count));
-        let (held, kind) = match asked {
+    fn picture_size(&self, format: PictureFormat, shots: &Shots) -> Result<usize> {
+        let (held, kind) = match self.turntable.is_some() || self.frames.is_some() {
             _ if format.is_moving() => (1, 1),
-            None => (1, 0),
-            Some(held) => (held, 2),
+            false => (1, 0),
+            true => (shots.pictures, 2),
         };
         let size = self.size.map_or(DEFAULT_SIZES[kind], |size| size as usize);
         match held.checked_mul(size * size) {

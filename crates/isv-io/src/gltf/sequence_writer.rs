@@ -178,6 +178,44 @@ mod tests {
         assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 1);
     }
 
+    /// All that an index of the JSON leads to is there, in an animation of frames of which none has a surface, some have and all have.
+    #[test]
+    fn what_is_named_is_there_whatever_frames_are_empty() {
+        let folder = tempfile::tempdir().unwrap();
+        let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let triangle = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
+        let nothing = TriangleMesh::default();
+        for (name, frames) in [
+            ("none", [&nothing, &nothing, &nothing]),
+            ("some", [&nothing, &triangle, &nothing]),
+            ("all", [&triangle, &triangle, &triangle]),
+        ] {
+            let path = folder.path().join(format!("{name}.glb"));
+            let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
+            frames.iter().for_each(|mesh| writer.push(mesh).unwrap());
+            writer.finish().unwrap();
+            let bytes = fs::read(&path).unwrap();
+            let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+            let count = |list: &str| json[list].as_array().map_or(0, Vec::len) as u64;
+            let is_there = |list: &str, index: &serde_json::Value| index.as_u64().unwrap() < count(list);
+            for sampler in json["animations"][0]["samplers"].as_array().unwrap() {
+                assert!(
+                    is_there("accessors", &sampler["input"]) && is_there("accessors", &sampler["output"]),
+                    "{name}"
+                );
+            }
+            for accessor in json["accessors"].as_array().unwrap() {
+                assert!(is_there("bufferViews", &accessor["bufferView"]), "{name}");
+            }
+            for view in json["bufferViews"].as_array().unwrap() {
+                let end = view["byteOffset"].as_u64().unwrap_or(0) + view["byteLength"].as_u64().unwrap();
+                assert!(end <= json["buffers"][0]["byteLength"].as_u64().unwrap(), "{name}");
+            }
+            assert_eq!(json.get("meshes").is_some(), name != "none");
+        }
+    }
+
     #[test]
     fn the_reserve_for_a_frame_holds_what_it_takes() {
         let folder = tempfile::tempdir().unwrap();

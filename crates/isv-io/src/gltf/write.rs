@@ -151,8 +151,10 @@ impl<W: Write> Document<W> {
         let scene: Vec<_> = (0..self.nodes.len).map(|node| node.to_string()).collect();
         json += &format!(r#","scenes":[{{"nodes":[{}]}}],"nodes":[{}]"#, scene.join(","), self.nodes.text);
         if self.meshes.len > 0 {
-            let (meshes, accessors, views) = (&self.meshes.text, &self.accessors.text, &self.views.text);
-            json += &format!(r#","meshes":[{meshes}],"materials":[{}]"#, material());
+            json += &format!(r#","meshes":[{}],"materials":[{}]"#, self.meshes.text, material());
+        }
+        if self.accessors.len > 0 {
+            let (accessors, views) = (&self.accessors.text, &self.views.text);
             json += &format!(r#","accessors":[{accessors}],"bufferViews":[{views}]"#);
             json += &format!(r#","buffers":[{{"byteLength":{}}}]"#, self.binary_bytes);
         }

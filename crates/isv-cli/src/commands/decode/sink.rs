@@ -2,9 +2,11 @@
 
 use super::product::{OutputFormat, Product};
 use crate::interrupt;
-use crate::output::{Output, frames_in_words, is_pipe};
+use crate::output::{Output, frames_in_words, is_pipe, say};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_vdb_to, write_volume};
+use std::collections::BTreeSet;
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -18,8 +20,8 @@ pub(super) struct Sink {
 }
 
 enum Place {
-    /// A folder of one file (or, for arrays, one folder) a frame.
-    Folder,
+    /// A folder of one file (or, for arrays, one folder) a frame, with those that it had before and that none of these replaced.
+    Folder { left: BTreeSet<String> },
     /// Standard output, for frames of a format that can follow each other.
     Pipe(Output),
     /// A file. Its frame is kept until it is sure that there is no other.
@@ -38,15 +40,22 @@ impl Sink {
         let place = match format {
             OutputFormat::Geometry(Format::Ply) if is_pipe(path) => Place::Pipe(Output::create(path)?),
             _ if is_file => Place::File(None),
-            _ => Place::Folder,
+            _ => Place::Folder { left: frames_in(path, format) },
         };
         Ok(Self { path: path.to_owned(), format, frames_a_second, place, taken: 0 })
     }
 
     /// Takes the next frame. A folder is made for the first one, so that a stream that cannot be decoded leaves none.
     pub(super) fn take(&mut self, number: usize, product: Product) -> Result<()> {
+        let name = match self.format {
+            OutputFormat::Npy => format!("frame_{number:04}"),
+            format => format!("frame_{number:04}.{format}"),
+        };
         match &mut self.place {
-            Place::Folder => self.take_into_folder(number, &product)?,
+            Place::Folder { left } => {
+                left.remove(&name);
+                self.write_into_folder(&name, &product)?;
+            }
             Place::Pipe(output) => {
                 write_product(output, &product, self.format)?;
                 output.flush()?;
@@ -61,18 +70,21 @@ impl Sink {
         Ok(())
     }
 
-    fn take_into_folder(&self, number: usize, product: &Product) -> Result<()> {
+    fn write_into_folder(&self, name: &str, product: &Product) -> Result<()> {
         if self.taken == 0 && !self.path.is_dir() {
-            std::fs::create_dir(&self.path)
-                .with_context(|| format!("{}: cannot make this folder", self.path.display()))?;
+            let path = self.path.display();
+            let parent = self.path.parent().filter(|parent| !parent.as_os_str().is_empty());
+            if let Some(parent) = parent.filter(|parent| !parent.exists()) {
+                bail!("{path}: cannot make this folder: there is no {}", parent.display());
+            }
+            fs::create_dir(&self.path).with_context(|| format!("{path}: cannot make this folder"))?;
         }
-        let name = format!("frame_{number:04}");
         if let Product::Volume(volume) = product
             && self.format == OutputFormat::Npy
         {
             return Ok(write_volume(&self.path.join(name), volume)?);
         }
-        let mut file = Output::create(&self.path.join(format!("{name}.{}", self.format)))?;
+        let mut file = Output::create(&self.path.join(name))?;
         write_product(&mut file, product, self.format)?;
         file.commit()?;
         Ok(())
@@ -93,7 +105,8 @@ impl Sink {
         Ok(())
     }
 
-    /// Completes the output; returns how many frames were written in all.
+    /// Completes the output; returns how many frames were written in all. Says what the folder still has of frames from before: who
+    /// reads it as a take reads them too.
     pub(super) fn finish(self) -> Result<usize> {
         if self.taken == 0 {
             match interrupt::requested() {
@@ -102,7 +115,13 @@ impl Sink {
             }
         }
         match self.place {
-            Place::Folder | Place::File(None) => {}
+            Place::File(None) => {}
+            Place::Folder { left } => {
+                if let Some(first) = left.first() {
+                    let (path, count) = (self.path.display(), frames_in_words(left.len()));
+                    say(format_args!("{path}: {count} from before are left in it, from {first} on"));
+                }
+            }
             Place::Pipe(output) => _ = output.commit()?,
             Place::Animation(animation) => animation.finish()?,
             Place::File(Some(product)) => {
@@ -116,12 +135,28 @@ impl Sink {
 
     /// Adds to an error what has been written in spite of it.
     pub(super) fn account_for(&self, error: anyhow::Error) -> anyhow::Error {
-        if !matches!(self.place, Place::Folder) || self.taken == 0 {
+        if !matches!(self.place, Place::Folder { .. }) || self.taken == 0 {
             return error;
         }
         let before = frames_in_words(self.taken);
         anyhow!("{error:#}: {before} before this went to {}", self.path.display())
     }
+}
+
+/// The names of what looks like a frame of a format in a folder, if there is one.
+fn frames_in(folder: &Path, format: OutputFormat) -> BTreeSet<String> {
+    let is_frame = |name: &str| {
+        let Some(number) = name.strip_prefix("frame_") else { return false };
+        let number = if format == OutputFormat::Npy {
+            Some(number)
+        } else {
+            number.strip_suffix(&format!(".{format}"))
+        };
+        number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    names.filter(|name| is_frame(name)).collect()
 }
 
 fn push(animation: &mut GlbAnimationWriter, product: &Product) -> Result<()> {
