@@ -329,7 +329,8 @@ fn outputs_that_cannot_be_written() {
     encode("frames").fails(1, &["frames: cannot write: "]);
     work.isv(&[&ENCODE[..], &["--stats", "gone/stats.json"]].concat())
         .fails(1, &["gone/stats.json: cannot write"]);
-    work.isv(&["decode", "take.isv", "-o", "gone/out"]).fails(1, &["gone/out: cannot make this folder: there is no gone"]);
+    work.isv(&["decode", "take.isv", "-o", "gone/out"])
+        .fails(1, &["gone/out: cannot make this folder: there is no gone"]);
     work.isv(&["decode", "take.isv", "-o", "gone/out.ply"]).fails(1, &["gone/out.ply: cannot write"]);
     work.isv(&["render", "take.isv", "-o", "gone/out.png"]).fails(1, &["gone/out.png: cannot write"]);
     assert_eq!(work.names(""), before);

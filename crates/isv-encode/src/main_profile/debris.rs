@@ -139,8 +139,17 @@ impl Crossed<'_> {
     }
 
     fn all_stranded(&self) -> Vec<(usize, usize)> {
-        let every = (0..self.stranded.len()).flat_map(|place| (0..512).map(move |voxel| (place, voxel)));
-        every.filter(|(place, voxel)| self.is_stranded(*place, *voxel)).collect()
+        let mut all = Vec::new();
+        for (place, words) in self.stranded.iter().enumerate() {
+            for (z, word) in words.iter().enumerate() {
+                let mut rest = *word;
+                while rest != 0 {
+                    all.push((place, 64 * z + rest.trailing_zeros() as usize));
+                    rest &= rest - 1;
+                }
+            }
+        }
+        all
     }
 
     /// What is at the faces of a cell.
