@@ -549,7 +549,7 @@ fn wrong_command_lines() {
         .fails(2, &["stl files are not written of points: use one of ply"]);
     decode(&["--as", "mesh", "--points", "9"]).fails(2, &["--points and --spacing need --as points"]);
     decode(&["--lod", "3"]).fails(2, &["--lod", "1, 2, 4"]);
-    let many = ["render", "frames", "-o", "out.png", "--frames", "0..9", "--size", "8000"];
+    let many = ["render", "frames", "-o", "out.png", "--turntable", "9", "--size", "8000"];
     work.isv(&many).fails(2, &["9 pictures of 8000 x 8000 pixels are too many"]);
     assert_eq!(work.isv(&[]).status(), Some(2));
     assert_eq!(work.names(""), ["frames"]);

@@ -456,3 +456,37 @@ fn a_real_take_opens() {
     assert_eq!(image.readings(), 273_943);
     assert!(image.depths_m().iter().all(|d| *d == 0.0 || (0.8..3.5).contains(d)));
 }
+
+/// Of a rig whose cameras have dropped an image each, but not the same one, and of rigs whose numbers are in order or say nothing.
+#[test]
+fn images_that_were_not_taken_together_are_no_frame() {
+    let camera = |name: &str| {
+        format!(
+            r#"{{"name": "{name}", "width": 2, "height": 2, "fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5,
+            "camera_to_world": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "images": "{name}"}}"#
+        )
+    };
+    let json = format!(r#"{{"cameras": [{}, {}]}}"#, camera("left"), camera("right"));
+    let rig = |left: &[&str], right: &[&str]| {
+        let folder = folder(&[("rig.json", &json)]);
+        for (camera, numbers) in [("left", left), ("right", right)] {
+            for number in numbers {
+                write(folder.path(), &format!("{camera}/cam_{number}.png"), b"");
+            }
+        }
+        folder
+    };
+    let refused_pair = refused(&rig(&["0000", "0001", "0003", "0004"], &["0000", "0001", "0002", "0004"]));
+    assert!(refused_pair.contains("frame 2: cam_0003.png and cam_0002.png are no pair"), "{refused_pair}");
+    for (left, right) in [
+        (["0000", "0001", "0003"], ["0000", "0001", "0003"]),
+        // Each counts from a number of its own.
+        (["7", "8", "10"], ["1001", "1002", "1004"]),
+        // Times.
+        (["1000", "1033", "1067"], ["1001", "1035", "1066"]),
+        // No numbers.
+        (["a", "b", "c"], ["a", "b", "d"]),
+    ] {
+        assert_eq!(DepthSequence::open(rig(&left, &right).path()).unwrap().frames(), 3, "{left:?} {right:?}");
+    }
+}

@@ -116,6 +116,19 @@ pub enum DepthFileError {
         /// What tells so.
         expected_what: String,
     },
+    /// Images of a frame whose numbers tell that they were not taken together.
+    #[error(
+        "{}: frame {frame}: {} and {} are no pair by their numbers: a camera has dropped an image. Move away those whose partners are missing",
+        path.display(), names[0], names[1]
+    )]
+    Unpaired {
+        /// The file that describes the cameras.
+        path: PathBuf,
+        /// The first such frame, counted from 0.
+        frame: usize,
+        /// An image of the first camera, and one of another.
+        names: [String; 2],
+    },
     /// More cameras, or larger ones, than a frame may have: the images of all cameras of a frame are in memory together.
     #[error("{}: {found} {what}; at most {limit} are read", path.display())]
     TooLarge {

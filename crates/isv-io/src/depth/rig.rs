@@ -79,7 +79,43 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
             expected_what: "at least is needed".to_owned(),
         });
     }
+    check_pairs(file, &opened)?;
     Ok(DepthSequence::new(folder, opened, fps))
+}
+
+/// Looks whether images of a frame were taken together, where their names say so: where numbers at the ends of names count images, each
+/// camera's from a number of its own. Numbers of which none is one more than the last, such as times, say nothing.
+fn check_pairs(file: &Path, cameras: &[Camera]) -> Result<(), DepthFileError> {
+    let numbers =
+        |camera: &Camera| camera.paths.iter().map(|path| number_of(path)).collect::<Option<Vec<_>>>();
+    let Some(numbers) = cameras.iter().map(numbers).collect::<Option<Vec<Vec<u64>>>>() else { return Ok(()) };
+    let counts = |numbers: &Vec<u64>| numbers.windows(2).any(|pair| pair[0].checked_add(1) == Some(pair[1]));
+    if !numbers.iter().all(counts) {
+        return Ok(());
+    }
+    let since_first = |camera: usize, frame: usize| numbers[camera][frame].wrapping_sub(numbers[camera][0]);
+    for frame in 0..numbers[0].len() {
+        if let Some(other) =
+            (1..cameras.len()).find(|other| since_first(*other, frame) != since_first(0, frame))
+        {
+            let name = |camera: usize| {
+                cameras[camera].paths[frame].file_name().unwrap_or_default().display().to_string()
+            };
+            return Err(DepthFileError::Unpaired {
+                path: file.to_owned(),
+                frame,
+                names: [name(0), name(other)],
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The number that the name of a file ends with, before its extension.
+fn number_of(path: &Path) -> Option<u64> {
+    let stem = path.file_stem()?.to_str()?;
+    let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    stem[stem.len() - digits..].parse().ok()
 }
 
 #[cfg(test)]
