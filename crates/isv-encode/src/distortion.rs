@@ -1,213 +1,27 @@
-//! How far a decoded volume's surface is from the source's, both ways: what moved, what was lost, and what is there that never was.
+//! How far a decoded volume's surface is from the source's, without extracting either.
 
-use foldhash::HashSet;
-use glam::DVec3;
-use isv_spatial::PointTree;
-use isv_surface::{SurfaceOptions, extract_surface};
-use isv_volume::{BlockIndex, CODES_PER_VOXEL, SparseVolume, TriangleMesh};
-use std::iter::Sum;
-use std::sync::OnceLock;
+use isv_volume::{CODES_PER_VOXEL, SparseVolume};
 
-/// Root mean square, in voxels, of the distance between the surfaces of two volumes, at their vertices: the square root of the mean of the
-/// mean squares of both directions.
-///
-/// - A vertex of the decoded surface that has one of the source's within about a voxel is as far from it as the source's field says
-///   there; the source's surface is as far from the decoded one, in the mean, where it has one of its vertices as near.
-/// - Any other vertex, of what was lost or never was there, adds the distance to the nearest of the other surface.
-/// - Where one of the two has no surface at all, that is the diagonal of the other's bounding box.
-///
-/// 0 if neither has a surface.
-///
-/// # Panics
-/// If the two are on different grids.
+/// Voxels nearer to the surface than this, in voxels, count.
+const NEAR_SURFACE: f64 = 0.9;
+
+/// Root mean square, in voxels, of the change in signed distance at the observed voxels within 0.9 voxel of the source's
+/// surface; 0 if there are none. Blocks that the decoded volume does not have are left out: what was lost is not told, nor what was
+/// never there, as [`surface_distance_voxels`](crate::surface_distance_voxels) does.
 #[must_use]
 pub fn surface_rms_voxels(source: &SparseVolume, decoded: &SparseVolume) -> f64 {
-    assert_eq!(source.grid(), decoded.grid(), "volumes are compared on one grid");
-    let (before, after) = rayon::join(|| Surface::of(source), || Surface::of(decoded));
-    let (kept, made_up) = seen_from_decoded(source, &before, &after);
-    let (lost, still_there) = before.vertices.iter().partition::<Vec<DVec3>, _>(|v| !after.is_near(**v));
-    let lost: MeanSquare = lost.into_iter().map(|vertex| after.distance(vertex, &before)).sum();
-    let still_there =
-        MeanSquare { squares: kept.mean() * still_there.len() as f64, count: still_there.len() as u64 };
-    (0.5 * (still_there.and(lost).mean() + kept.and(made_up).mean())).sqrt()
-}
-
-/// The distances of the decoded surface's vertices: of those that have some of the source's near, and of the others.
-fn seen_from_decoded(source: &SparseVolume, before: &Surface, after: &Surface) -> (MeanSquare, MeanSquare) {
-    let index = source.index();
-    let (mut kept, mut made_up) = (MeanSquare::default(), MeanSquare::default());
-    for vertex in &after.vertices {
-        match field_at(source, &index, *vertex).filter(|_| before.is_near(*vertex)) {
-            Some(distance) => kept.add(distance),
-            None => made_up.add(before.distance(*vertex, after)),
-        }
-    }
-    (kept, made_up)
-}
-
-/// The field of a volume, in voxels, at a place between two voxels that are neighbours along an axis; `None` if one was not observed.
-fn field_at(volume: &SparseVolume, index: &BlockIndex, place: DVec3) -> Option<f64> {
-    let lower = place.floor();
-    let fraction = (place - lower).max_element();
-    let ahead = (place - lower).ceil();
-    let [lower, upper] =
-        [lower, lower + ahead].map(|voxel| sample(volume, index, voxel.as_ivec3().to_array()));
-    Some(lower? * (1.0 - fraction) + upper? * fraction)
-}
-
-/// An observed sample, in voxels.
-fn sample(volume: &SparseVolume, index: &BlockIndex, voxel: [i32; 3]) -> Option<f64> {
-    let edge = volume.grid().edge;
-    let block = index.get(voxel.map(|c| c >> edge.log2()).into())? as usize;
-    let [x, y, z] = voxel.map(|c| c as usize % edge.voxels());
-    let voxel = edge.voxel_index(x, y, z);
-    let observed = volume.unobserved(block).is_none_or(|mask| !mask.contains(voxel));
-    observed.then(|| f64::from(volume.block(block)[voxel]) / f64::from(CODES_PER_VOXEL))
-}
-
-/// The vertices of a surface, in voxels from the centre of the grid's first one.
-struct Surface {
-    vertices: Vec<DVec3>,
-    /// The unit cells that have vertices.
-    cells: HashSet<[i32; 3]>,
-    /// Made when it is first needed: hardly any frame that is good enough has need of it.
-    tree: OnceLock<PointTree>,
-}
-
-impl Surface {
-    fn of(volume: &SparseVolume) -> Self {
-        let TriangleMesh { vertices, .. } = extract_surface(volume, &SurfaceOptions::default());
-        let voxel_m = volume.grid().voxel_size.metres();
-        let vertices: Vec<DVec3> =
-            vertices.into_iter().map(|vertex| on_grid(vertex / voxel_m - 0.5)).collect();
-        let cells = vertices.iter().map(|vertex| cell_of(*vertex)).collect();
-        Self { vertices, cells, tree: OnceLock::new() }
-    }
-
-    /// Whether the cell of a position or one around it has a vertex.
-    fn is_near(&self, position: DVec3) -> bool {
-        let [x, y, z] = cell_of(position);
-        let around = |at: usize| [0, -1, 1][at];
-        (0..27).any(|at| {
-            let offset = [around(at % 3), around(at / 3 % 3), around(at / 9)];
-            self.cells.contains(&[x + offset[0], y + offset[1], z + offset[2]])
-        })
-    }
-
-    /// How far the nearest vertex is from a position on the other surface.
-    fn distance(&self, position: DVec3, other: &Self) -> f64 {
-        match self.vertices.is_empty() {
-            true => other.diagonal(),
-            false => {
-                self.tree.get_or_init(|| PointTree::new(self.vertices.clone())).nearest_sq(position).sqrt()
+    let index = decoded.index();
+    let near = (NEAR_SURFACE * f64::from(CODES_PER_VOXEL)) as i16;
+    let (mut squares, mut count) = (0.0, 0u64);
+    for block in 0..source.block_count() {
+        let Some(there) = index.get(source.coords()[block]) else { continue };
+        let mask = source.unobserved(block);
+        for (voxel, (a, b)) in source.block(block).iter().zip(decoded.block(there as usize)).enumerate() {
+            if a.abs() <= near && !mask.is_some_and(|m| m.contains(voxel)) {
+                squares += f64::from(i32::from(*a) - i32::from(*b)).powi(2);
+                count += 1;
             }
         }
     }
-
-    fn diagonal(&self) -> f64 {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = self.vertices.iter().fold(empty, |(low, high), v| (low.min(*v), high.max(*v)));
-        if self.vertices.is_empty() { 0.0 } else { low.distance(high) }
-    }
-}
-
-/// A vertex without what rounding has added across its edge.
-fn on_grid(vertex: DVec3) -> DVec3 {
-    let whole = vertex.round();
-    DVec3::select((vertex - whole).abs().cmplt(DVec3::splat(1e-6)), whole, vertex)
-}
-
-fn cell_of(position: DVec3) -> [i32; 3] {
-    position.floor().as_ivec3().to_array()
-}
-
-/// Of distances the mean square; 0 of none.
-#[derive(Clone, Copy, Debug, Default)]
-struct MeanSquare {
-    squares: f64,
-    count: u64,
-}
-
-impl MeanSquare {
-    fn add(&mut self, distance: f64) {
-        self.squares += distance * distance;
-        self.count += 1;
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self { squares: self.squares + other.squares, count: self.count + other.count }
-    }
-
-    fn mean(self) -> f64 {
-        self.squares / self.count.max(1) as f64
-    }
-}
-
-impl Sum<f64> for MeanSquare {
-    fn sum<I: Iterator<Item = f64>>(distances: I) -> Self {
-        let mut sum = Self::default();
-        distances.for_each(|distance| sum.add(distance));
-        sum
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use isv_testkit::volume_of;
-    use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
-
-    fn balls(edge: BlockEdge, balls: &[([f64; 3], f64)]) -> SparseVolume {
-        let grid = Grid {
-            voxel_size: VoxelSize::from_metres(0.005).unwrap(),
-            edge,
-            truncation: Truncation::from_voxels(8).unwrap(),
-        };
-        let distance = |p: [f64; 3]| {
-            let from =
-                |(centre, radius): &([f64; 3], f64)| DVec3::from(p).distance(DVec3::from(*centre)) - radius;
-            balls.iter().map(from).fold(f64::INFINITY, f64::min)
-        };
-        volume_of(grid, 48 / edge.voxels() as i32, distance, |_| false)
-    }
-
-    const LARGE: ([f64; 3], f64) = ([-16.2, 0.3, 0.4], 20.0);
-    const SMALL: ([f64; 3], f64) = ([30.1, 0.2, -0.3], 3.0);
-
-    #[test]
-    fn of_a_moved_ball_it_is_what_the_ball_has_moved_along_its_normals() {
-        for (edge, shift) in [(BlockEdge::E8, 0.3), (BlockEdge::E4, 0.7), (BlockEdge::E16, 1.2)] {
-            let ([x, y, z], radius) = LARGE;
-            let moved = balls(edge, &[([x, y + shift, z], radius)]);
-            let rms = surface_rms_voxels(&balls(edge, &[LARGE]), &moved);
-            // Of the component along the normal, over a sphere, the mean square is a third.
-            let expected = shift / 3f64.sqrt();
-            assert!((rms - expected).abs() < 0.03 * expected, "{rms} {expected}");
-        }
-    }
-
-    #[test]
-    fn what_is_lost_and_what_never_was_count_with_their_distance() {
-        let both = balls(BlockEdge::E8, &[LARGE, SMALL]);
-        let large = balls(BlockEdge::E8, &[LARGE]);
-        assert!(surface_rms_voxels(&both, &both) < 1e-3);
-        // Vertices are spread about evenly over the surfaces, and the small one is about 26 voxels from the nearest of the large.
-        let share = SMALL.1.powi(2) / (SMALL.1.powi(2) + LARGE.1.powi(2));
-        let expected = (0.5 * share * (26.3f64.powi(2) + 2.0)).sqrt();
-        for rms in [surface_rms_voxels(&both, &large), surface_rms_voxels(&large, &both)] {
-            assert!((rms - expected).abs() < 0.1 * expected, "{rms} {expected}");
-        }
-    }
-
-    #[test]
-    fn without_a_surface_it_is_the_size_of_the_other() {
-        let nothing = SparseVolume::empty(*balls(BlockEdge::E8, &[SMALL]).grid());
-        let small = balls(BlockEdge::E8, &[SMALL]);
-        assert_eq!(surface_rms_voxels(&nothing, &nothing), 0.0);
-        for rms in [surface_rms_voxels(&small, &nothing), surface_rms_voxels(&nothing, &small)] {
-            // One direction has no vertices and says nothing.
-            let diagonal = 2.0 * SMALL.1 * 3f64.sqrt();
-            assert!((rms - diagonal * 0.5f64.sqrt()).abs() < 0.1 * diagonal, "{rms}");
-        }
-    }
+    if count == 0 { 0.0 } else { (squares / count as f64).sqrt() / f64::from(CODES_PER_VOXEL) }
 }

@@ -23,6 +23,7 @@ mod motion_search;
 mod normal_equations;
 mod paper_coder;
 mod residual;
+mod surface_distance;
 pub mod syntax;
 
 pub use backend::{EncodeBackend, SearchBackend};
@@ -37,3 +38,4 @@ pub use main_profile::{
     RateTarget, Refresh, SearchEffort, SoughtFrame, Tools, UnknownTool,
 };
 pub use paper_coder::PaperCoder;
+pub use surface_distance::surface_distance_voxels;

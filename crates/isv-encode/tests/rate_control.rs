@@ -5,7 +5,7 @@ mod support;
 use glam::DVec3;
 use isv_encode::{
     Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
-    surface_rms_voxels,
+    surface_distance_voxels,
 };
 use isv_format::{PacketHeader, Profile, StreamHeader};
 use isv_surface::{SurfaceOptions, extract_surface};
@@ -31,7 +31,7 @@ fn encode<'a>(
     let mut encoder = Encoder::new(&main_header(), settings);
     let mut one = |volume: &SparseVolume| {
         let frame = encoder.encode(volume);
-        let error = surface_rms_voxels(volume, encoder.reconstruction().unwrap());
+        let error = surface_distance_voxels(volume, encoder.reconstruction().unwrap());
         (stream_bytes(&frame), error, frame.keyframe)
     };
     volumes.into_iter().map(&mut one).collect()
@@ -167,7 +167,7 @@ fn the_error_asked_for_is_kept_by_keeping_small_bodies() {
         for volume in &volumes {
             encoder.encode(volume);
             let decoded = encoder.reconstruction().unwrap();
-            assert!(surface_rms_voxels(volume, decoded) <= bound);
+            assert!(surface_distance_voxels(volume, decoded) <= bound);
             let surface = extract_surface(decoded, &SurfaceOptions::default());
             let voxel_m = volume.grid().voxel_size.metres();
             for n in 0..8 {

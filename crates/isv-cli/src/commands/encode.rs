@@ -143,8 +143,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
-    let compares = args.stats.is_some() || matches!(settings.main.target, RateTarget::MaxError(_));
-    let coding = Coding { coder: backend.coder(&header, settings)?, compares };
+    let coding = Coding {
+        measures_change: args.stats.is_some(),
+        measures_distance: matches!(settings.main.target, RateTarget::MaxError(_)),
+        coder: backend.coder(&header, settings)?,
+    };
     let mut job = Job {
         header,
         frame_writer: FrameWriter::default(),
@@ -229,7 +232,7 @@ impl Job {
     fn note_missed_error(&mut self, frame: &CodedFrame, progress: &Progress) {
         let Some(RateTarget::MaxError(bound)) = self.target else { return };
         let error =
-            frame.surface_rms_voxels.expect("decoded frames are compared where their error is aimed at");
+            frame.surface_distance_voxels.expect("decoded frames are compared where their error is aimed at");
         if error > bound {
             self.target = None;
             let voxel_m = self.header.grid.voxel_size.metres();
@@ -243,7 +246,8 @@ impl Job {
 
     /// A frame keeps its time if frames before it were skipped.
     fn write(&mut self, frame: CodedFrame) -> Result<()> {
-        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
+        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels, .. } =
+            frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;

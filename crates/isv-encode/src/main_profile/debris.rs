@@ -8,9 +8,10 @@ use super::target::{Bits, Targets};
 use isv_decode::extension::{Extended, FrameBlocks};
 use isv_decode::main_profile::crossed_cells::crossed_cells;
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, VoxelMask};
+use isv_volume::{BlockCoord, BlockEdge, BlockIndex, CODES_PER_VOXEL, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// Voxels that a decoded surface may be beside what it is to be without being taken for debris, and in a block that is kept of the frame
 /// before, how near the source's surface vouches for it, in codes. What a coarse step moved further still hangs together with cells
@@ -30,9 +31,10 @@ pub(crate) fn debris(
     let cells = crossed_cells(extended, unobserved);
     let FrameBlocks { all, coded, unsettled, .. } = &extended.blocks;
     let (coords, coded) = (extended.volume().coords(), coded.marks_in(all));
+    let index = OnceLock::new();
     let stranded = cells.par_iter().map(|(block, cells)| {
         let block = *block as usize;
-        let vouched = if coded[block] { vouched(targets, coords[block]) } else { [0; 8] };
+        let vouched = if coded[block] { vouched(targets, coords[block], &index) } else { [0; 8] };
         stranded_within(bits(cells), &vouched)
     });
     let stranded: Vec<Bits> = stranded.collect();
@@ -45,16 +47,14 @@ pub(crate) fn debris(
     crossed.corners()
 }
 
-/// The voxels of a block that was coded where crossed cells may begin.
-fn vouched(targets: &Targets, coord: BlockCoord) -> Bits {
-    match targets.find(coord) {
-        Some(block) => (0..BESIDE).fold(*targets.crossed(block), |voxels, _| dilated(&voxels)),
-        None => targets
-            .source()
-            .index()
-            .get(coord)
-            .map_or([0; 8], |block| near(targets.source().block(block as usize))),
+/// The voxels of a block that was coded where crossed cells may begin. `index`: of the source's blocks, once it is needed.
+fn vouched(targets: &Targets, coord: BlockCoord, index: &OnceLock<BlockIndex>) -> Bits {
+    if let Some(block) = targets.find(coord) {
+        return (0..BESIDE).fold(*targets.crossed(block), |voxels, _| dilated(&voxels));
     }
+    let source = targets.source();
+    let block = index.get_or_init(|| source.index()).get(coord);
+    block.map_or([0; 8], |block| near(source.block(block as usize)))
 }
 
 fn bits(mask: &VoxelMask) -> &Bits {

@@ -13,8 +13,8 @@ use super::syntax;
 use super::target::Targets;
 use super::tools::Tools;
 use crate::backend::SearchBackend;
-use crate::distortion::surface_rms_voxels;
 use crate::encoder::{EncodedFrame, EncoderSettings};
+use crate::surface_distance::surface_distance_voxels;
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
@@ -367,7 +367,8 @@ impl<B: SearchBackend> MainEncoder<B> {
     /// What rate control is told of a coded frame.
     fn attempt(&self, source: &Source, coded: &CodedFrame, frame: FrameFacts, step: f64) -> Attempt {
         let decoded = coded.state.reference.as_ref().filter(|_| self.rate.needs_error());
-        let surface_rms = decoded.map_or(0.0, |decoded| surface_rms_voxels(source.volume, decoded.volume()));
+        let surface_rms =
+            decoded.map_or(0.0, |decoded| surface_distance_voxels(source.volume, decoded.volume()));
         Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms }
     }
 

@@ -27,7 +27,7 @@ pub enum RateTarget {
     Constant,
     /// A rate.
     Bitrate(Bitrate),
-    /// Each frame's [`surface_rms_voxels`](crate::surface_rms_voxels) is at most this, or what the finest step gives.
+    /// Each frame's [`surface_distance_voxels`](crate::surface_distance_voxels) is at most this, or what the finest step gives.
     MaxError(f64),
 }
 
