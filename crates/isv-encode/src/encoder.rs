@@ -57,13 +57,16 @@ impl Default for EncoderSettings {
 pub struct EncodedFrame {
     /// Whether decoding can begin here.
     pub keyframe: bool,
+    /// How far the decoded surface is from the source's ([`surface_distance_voxels`](crate::surface_distance_voxels)), where an error is
+    /// aimed at.
+    pub surface_distance_voxels: Option<f64>,
     header: FrameHeader,
     segments: SymbolSegments,
 }
 
 impl EncodedFrame {
     pub(crate) fn new(keyframe: bool, header: FrameHeader, segments: SymbolSegments) -> Self {
-        Self { keyframe, header, segments }
+        Self { keyframe, surface_distance_voxels: None, header, segments }
     }
 
     /// The payload for a [`isv_format::PacketWriter`].

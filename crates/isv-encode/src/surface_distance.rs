@@ -1,12 +1,15 @@
 //! How far a decoded volume's surface is from the source's, both ways: what moved, what was lost, and what is there that never was.
 
-use foldhash::HashSet;
+use foldhash::HashMap;
 use glam::DVec3;
 use isv_spatial::PointTree;
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{BlockIndex, CODES_PER_VOXEL, SparseVolume, TriangleMesh};
-use std::iter::Sum;
+use rayon::prelude::*;
 use std::sync::OnceLock;
+
+/// Vertices that one thread looks at; fixed, so that sums round the same on any number of threads.
+const CHUNK: usize = 4096;
 
 /// Root mean square, in voxels, of the distance between the surfaces of two volumes, at their vertices: the square root of the mean of the
 /// mean squares of both directions.
@@ -23,27 +26,38 @@ use std::sync::OnceLock;
 /// If the two are on different grids.
 #[must_use]
 pub fn surface_distance_voxels(source: &SparseVolume, decoded: &SparseVolume) -> f64 {
-    assert_eq!(source.grid(), decoded.grid(), "volumes are compared on one grid");
-    let (before, after) = rayon::join(|| Surface::of(source), || Surface::of(decoded));
-    let (kept, made_up) = seen_from_decoded(source, &before, &after);
-    let (lost, still_there) = before.vertices.iter().partition::<Vec<DVec3>, _>(|v| !after.is_near(**v));
-    let lost: MeanSquare = lost.into_iter().map(|vertex| after.distance(vertex, &before)).sum();
-    let still_there =
-        MeanSquare { squares: kept.mean() * still_there.len() as f64, count: still_there.len() as u64 };
-    (0.5 * (still_there.and(lost).mean() + kept.and(made_up).mean())).sqrt()
+    SourceSurface::of(source).distance_voxels(decoded)
 }
 
-/// The distances of the decoded surface's vertices: of those that have some of the source's near, and of the others.
-fn seen_from_decoded(source: &SparseVolume, before: &Surface, after: &Surface) -> (MeanSquare, MeanSquare) {
-    let index = source.index();
-    let (mut kept, mut made_up) = (MeanSquare::default(), MeanSquare::default());
-    for vertex in &after.vertices {
-        match field_at(source, &index, *vertex).filter(|_| before.is_near(*vertex)) {
-            Some(distance) => kept.add(distance),
-            None => made_up.add(before.distance(*vertex, after)),
-        }
+/// A volume with its surface, for any number of decoded ones to be compared with.
+#[derive(Debug)]
+pub(crate) struct SourceSurface<'a> {
+    volume: &'a SparseVolume,
+    index: BlockIndex,
+    surface: Surface,
+}
+
+impl<'a> SourceSurface<'a> {
+    pub(crate) fn of(volume: &'a SparseVolume) -> Self {
+        Self { volume, index: volume.index(), surface: Surface::of(volume) }
     }
-    (kept, made_up)
+
+    /// As [`surface_distance_voxels`].
+    pub(crate) fn distance_voxels(&self, decoded: &SparseVolume) -> f64 {
+        assert_eq!(self.volume.grid(), decoded.grid(), "volumes are compared on one grid");
+        let decoded = Surface::of(decoded);
+        let Seen { near, far } = decoded.seen(|vertex| self.distance_near(vertex), &self.surface);
+        // Of the source's vertices that have some near, the mean distance is that of these.
+        let back = self.surface.seen(|vertex| decoded.is_near(vertex).then_some(0.0), &decoded);
+        let still_there =
+            MeanSquare { squares: near.mean() * back.near.count as f64, count: back.near.count };
+        (0.5 * (still_there.and(back.far).mean() + near.and(far).mean())).sqrt()
+    }
+
+    /// How far a place is from the surface, as the field says, where some of its vertices are near.
+    fn distance_near(&self, place: DVec3) -> Option<f64> {
+        self.surface.is_near(place).then(|| field_at(self.volume, &self.index, place))?
+    }
 }
 
 /// The field of a volume, in voxels, at a place between two voxels that are neighbours along an axis; `None` if one was not observed.
@@ -67,12 +81,22 @@ fn sample(volume: &SparseVolume, index: &BlockIndex, voxel: [i32; 3]) -> Option<
 }
 
 /// The vertices of a surface, in voxels from the centre of the grid's first one.
+#[derive(Debug)]
 struct Surface {
     vertices: Vec<DVec3>,
     /// The unit cells that have vertices.
-    cells: HashSet<[i32; 3]>,
+    cells: CellSet,
     /// Made when it is first needed: hardly any frame that is good enough has need of it.
     tree: OnceLock<PointTree>,
+}
+
+/// What is seen of a surface from another.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    /// Distances of the vertices that are near to it.
+    near: MeanSquare,
+    /// Of all others.
+    far: MeanSquare,
 }
 
 impl Surface {
@@ -80,19 +104,35 @@ impl Surface {
         let TriangleMesh { vertices, .. } = extract_surface(volume, &SurfaceOptions::default());
         let voxel_m = volume.grid().voxel_size.metres();
         let vertices: Vec<DVec3> =
-            vertices.into_iter().map(|vertex| on_grid(vertex / voxel_m - 0.5)).collect();
-        let cells = vertices.iter().map(|vertex| cell_of(*vertex)).collect();
+            vertices.into_par_iter().map(|vertex| on_grid(vertex / voxel_m - 0.5)).collect();
+        let mut cells = CellSet::default();
+        vertices.iter().for_each(|vertex| cells.insert(cell_of(*vertex)));
         Self { vertices, cells, tree: OnceLock::new() }
+    }
+
+    /// The distances of its vertices from another surface: what `near` says, or else to the nearest vertex.
+    fn seen(&self, near: impl Fn(DVec3) -> Option<f64> + Sync, from: &Self) -> Seen {
+        let of_chunk = |vertices: &[DVec3]| {
+            let mut seen = Seen::default();
+            for vertex in vertices {
+                match near(*vertex) {
+                    Some(distance) => seen.near.add(distance),
+                    None => seen.far.add(from.distance(*vertex, self)),
+                }
+            }
+            seen
+        };
+        let chunks: Vec<Seen> = self.vertices.par_chunks(CHUNK).map(of_chunk).collect();
+        let both = |a: Seen, b: &Seen| Seen { near: a.near.and(b.near), far: a.far.and(b.far) };
+        chunks.iter().fold(Seen::default(), both)
     }
 
     /// Whether the cell of a position or one around it has a vertex.
     fn is_near(&self, position: DVec3) -> bool {
         let [x, y, z] = cell_of(position);
         let around = |at: usize| [0, -1, 1][at];
-        (0..27).any(|at| {
-            let offset = [around(at % 3), around(at / 3 % 3), around(at / 9)];
-            self.cells.contains(&[x + offset[0], y + offset[1], z + offset[2]])
-        })
+        (0..27)
+            .any(|at| self.cells.contains([x + around(at % 3), y + around(at / 3 % 3), z + around(at / 9)]))
     }
 
     /// How far the nearest vertex is from a position on the other surface.
@@ -109,6 +149,30 @@ impl Surface {
         let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = self.vertices.iter().fold(empty, |(low, high), v| (low.min(*v), high.max(*v)));
         if self.vertices.is_empty() { 0.0 } else { low.distance(high) }
+    }
+}
+
+/// Unit cells, as bits of cubes of 8x8x8.
+#[derive(Debug, Default)]
+struct CellSet {
+    cubes: HashMap<[i32; 3], [u64; 8]>,
+}
+
+impl CellSet {
+    fn insert(&mut self, cell: [i32; 3]) {
+        let (cube, layer, bit) = Self::place_of(cell);
+        self.cubes.entry(cube).or_default()[layer] |= 1 << bit;
+    }
+
+    fn contains(&self, cell: [i32; 3]) -> bool {
+        let (cube, layer, bit) = Self::place_of(cell);
+        self.cubes.get(&cube).is_some_and(|layers| layers[layer] >> bit & 1 != 0)
+    }
+
+    /// The cube of a cell, and in it the layer along z and the bit in this.
+    fn place_of(cell: [i32; 3]) -> ([i32; 3], usize, usize) {
+        let [x, y, z] = cell.map(|c| c as usize & 7);
+        (cell.map(|c| c >> 3), z, 8 * y + x)
     }
 }
 
@@ -141,14 +205,6 @@ impl MeanSquare {
 
     fn mean(self) -> f64 {
         self.squares / self.count.max(1) as f64
-    }
-}
-
-impl Sum<f64> for MeanSquare {
-    fn sum<I: Iterator<Item = f64>>(distances: I) -> Self {
-        let mut sum = Self::default();
-        distances.for_each(|distance| sum.add(distance));
-        sum
     }
 }
 

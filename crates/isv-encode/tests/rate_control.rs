@@ -165,9 +165,11 @@ fn the_error_asked_for_is_kept_by_keeping_small_bodies() {
         let main = MainSettings { target: RateTarget::MaxError(bound), ..MainSettings::default() };
         let mut encoder = Encoder::new(&main_header(), settings(main));
         for volume in &volumes {
-            encoder.encode(volume);
+            let frame = encoder.encode(volume);
             let decoded = encoder.reconstruction().unwrap();
-            assert!(surface_distance_voxels(volume, decoded) <= bound);
+            let distance = surface_distance_voxels(volume, decoded);
+            assert!(distance <= bound);
+            assert_eq!(frame.surface_distance_voxels, Some(distance));
             let surface = extract_surface(decoded, &SurfaceOptions::default());
             let voxel_m = volume.grid().voxel_size.metres();
             for n in 0..8 {

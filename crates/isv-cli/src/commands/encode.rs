@@ -28,7 +28,7 @@ use anyhow::{Result, bail};
 use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
 use ingest::IngestArgs;
-use isv::encode::{EncoderSettings, FrameWriter, RateTarget};
+use isv::encode::{EncodedFrame, EncoderSettings, FrameWriter, RateTarget};
 use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
 use std::num::NonZero;
@@ -143,11 +143,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
-    let coding = Coding {
-        measures_change: args.stats.is_some(),
-        measures_distance: matches!(settings.main.target, RateTarget::MaxError(_)),
-        coder: backend.coder(&header, settings)?,
-    };
+    let coding = Coding { measures_change: args.stats.is_some(), coder: backend.coder(&header, settings)? };
     let mut job = Job {
         header,
         frame_writer: FrameWriter::default(),
@@ -215,10 +211,7 @@ impl Job {
     /// Writes a frame, or deals with what is wrong with it.
     fn take(&mut self, frame: Result<CodedFrame>, progress: &Progress) -> Result<()> {
         match frame {
-            Ok(frame) => {
-                self.note_missed_error(&frame, progress);
-                self.write(frame)
-            }
+            Ok(frame) => self.write(frame, progress),
             Err(error) if self.skip_bad_frames && !backend::has_failed(&error) => {
                 self.skipped += 1;
                 progress.note(&format!("skipped: {error:#}"));
@@ -229,26 +222,26 @@ impl Job {
     }
 
     /// Says once that a frame could not be brought within the error asked for.
-    fn note_missed_error(&mut self, frame: &CodedFrame, progress: &Progress) {
-        let Some(RateTarget::MaxError(bound)) = self.target else { return };
-        let error =
-            frame.surface_distance_voxels.expect("decoded frames are compared where their error is aimed at");
+    fn note_missed_error(&mut self, number: usize, frame: &EncodedFrame, progress: &Progress) {
+        let (Some(RateTarget::MaxError(bound)), Some(error)) = (self.target, frame.surface_distance_voxels)
+        else {
+            return;
+        };
         if error > bound {
             self.target = None;
             let voxel_m = self.header.grid.voxel_size.metres();
             let [error, bound] = [error, bound].map(|voxels| Length::from_metres(voxels * voxel_m));
             progress.note(&format!(
-                "frame {}: {error} from what was captured even with the finest step, not {bound}: smaller voxels reach it",
-                frame.number
+                "frame {number}: {error} from what was captured even with the finest step, not {bound}: smaller voxels reach it"
             ));
         }
     }
 
     /// A frame keeps its time if frames before it were skipped.
-    fn write(&mut self, frame: CodedFrame) -> Result<()> {
-        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels, .. } =
-            frame;
+    fn write(&mut self, frame: CodedFrame, progress: &Progress) -> Result<()> {
+        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
+        self.note_missed_error(number, &coded, progress);
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;

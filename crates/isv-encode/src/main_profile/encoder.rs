@@ -14,7 +14,7 @@ use super::target::Targets;
 use super::tools::Tools;
 use crate::backend::SearchBackend;
 use crate::encoder::{EncodedFrame, EncoderSettings};
-use crate::surface_distance::surface_distance_voxels;
+use crate::surface_distance::SourceSurface;
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
@@ -29,6 +29,7 @@ use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::{BlockCoord, BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::Scope;
 use rayon::prelude::*;
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::mem::{replace, take};
 use std::ops::Range;
@@ -172,7 +173,6 @@ pub struct MainEncoder<B> {
 /// A frame to be coded, however often.
 #[derive(Clone, Copy, Debug)]
 struct Source<'a> {
-    volume: &'a SparseVolume,
     targets: &'a Targets<'a>,
     /// Blocks of the reference in cells that stay as they are.
     still: &'a BlockSet,
@@ -288,6 +288,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         let mut shifts = None;
         let mut spare = take(&mut self.spare);
         let mut attempts = Vec::new();
+        let surface = OnceCell::new();
         loop {
             if !still.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
                 // What stands still is worth coding better now.
@@ -300,11 +301,20 @@ impl<B: SearchBackend> MainEncoder<B> {
                 Some(found) => found,
                 None => self.find_shifts(&targets, keyframe)?,
             };
-            let source = Source { volume, targets: &targets, still: &still, shifts: found.as_deref() };
+            let source = Source { targets: &targets, still: &still, shifts: found.as_deref() };
             let quality = FrameQuality { step: step as f32, ..constant };
-            let coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
+            let mut coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
             facts.keyframe = coded.frame.keyframe;
-            let attempt = self.attempt(&source, &coded, facts, step);
+            if let Some(decoded) = coded.state.reference.as_ref().filter(|_| self.rate.needs_error()) {
+                let surface = surface.get_or_init(|| SourceSurface::of(volume));
+                coded.frame.surface_distance_voxels = Some(surface.distance_voxels(decoded.volume()));
+            }
+            let attempt = Attempt {
+                frame: facts,
+                step,
+                bits: 8.0 * coded.frame.stream_bytes() as f64,
+                surface_rms: coded.frame.surface_distance_voxels.unwrap_or(0.0),
+            };
             attempts.push(attempt);
             match self.rate.retry(&attempts) {
                 Some(other) => {
@@ -362,14 +372,6 @@ impl<B: SearchBackend> MainEncoder<B> {
             (Some(before), Some(reference)) => still_blocks(before, volume, reference),
             _ => BlockSet::default(),
         }
-    }
-
-    /// What rate control is told of a coded frame.
-    fn attempt(&self, source: &Source, coded: &CodedFrame, frame: FrameFacts, step: f64) -> Attempt {
-        let decoded = coded.state.reference.as_ref().filter(|_| self.rate.needs_error());
-        let surface_rms =
-            decoded.map_or(0.0, |decoded| surface_distance_voxels(source.volume, decoded.volume()));
-        Attempt { frame, step, bits: 8.0 * coded.frame.stream_bytes() as f64, surface_rms }
     }
 
     /// Codes a frame, and where it hardly resembles the frame before, as a keyframe too: whichever costs less.

@@ -4,7 +4,7 @@ use super::volumes::IngestedFrame;
 use crate::backend;
 use crate::stats::timed;
 use anyhow::Result;
-use isv::encode::{UnwrittenFrame, surface_distance_voxels as distance, surface_rms_voxels as change};
+use isv::encode::{UnwrittenFrame, surface_rms_voxels};
 use isv::gpu::AnyCoder;
 use std::time::SystemTime;
 
@@ -21,8 +21,6 @@ pub(super) struct CodedFrame {
     pub(super) coding_ms: f64,
     /// How much the field near the surface has changed, if statistics are wanted.
     pub(super) surface_rms_voxels: Option<f64>,
-    /// How far the decoded surface is from the ingested one, if an error is aimed at.
-    pub(super) surface_distance_voxels: Option<f64>,
 }
 
 /// Codes volumes.
@@ -30,8 +28,6 @@ pub(super) struct Coding {
     pub(super) coder: AnyCoder,
     /// Whether statistics are wanted of what coding has done to the surface.
     pub(super) measures_change: bool,
-    /// Whether an error is aimed at.
-    pub(super) measures_distance: bool,
 }
 
 impl Coding {
@@ -50,21 +46,13 @@ impl Coding {
         if let Some(why) = self.coder.take_notice() {
             backend::notify(&why);
         }
-        let [mut surface_rms_voxels, mut surface_distance_voxels] = [None; 2];
-        if self.measures_change || self.measures_distance {
-            let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
-            surface_rms_voxels = self.measures_change.then(|| change(&volume, &decoded));
-            surface_distance_voxels = self.measures_distance.then(|| distance(&volume, &decoded));
-        }
-        Ok(CodedFrame {
-            number,
-            read,
-            frame,
-            blocks_band,
-            ingest_ms,
-            coding_ms,
-            surface_rms_voxels,
-            surface_distance_voxels,
-        })
+        let surface_rms_voxels = match self.measures_change {
+            true => {
+                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
+                Some(surface_rms_voxels(&volume, &decoded))
+            }
+            false => None,
+        };
+        Ok(CodedFrame { number, read, frame, blocks_band, ingest_ms, coding_ms, surface_rms_voxels })
     }
 }
