@@ -3,7 +3,6 @@
 mod conformance;
 mod fuzz_seeds;
 mod ingest_table;
-mod instructions;
 mod lod_table;
 mod loss;
 mod main_table;
@@ -73,18 +72,6 @@ enum Command {
         #[arg(long)]
         update: bool,
     },
-    /// Count the instructions of the kernels and fail where there are more than in the table
-    Instructions {
-        /// The table
-        #[arg(long, default_value = "docs/results/instructions.md")]
-        table: PathBuf,
-        /// Write the counts into the table
-        #[arg(long)]
-        update: bool,
-    },
-    /// What `instructions` counts
-    #[command(name = instructions::COUNTED_COMMAND, hide = true)]
-    CountedKernels,
     /// Write the conformance streams that a folder does not have yet, and add them to its tables
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
@@ -114,8 +101,6 @@ fn main() -> Result<()> {
         Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
-        Command::Instructions { table, update } => instructions::run(&table, update),
-        Command::CountedKernels => instructions::run_kernels(),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
         Command::Player { check, from_source } => player::run(check, from_source),

@@ -2,15 +2,15 @@
 //!
 //! Counting is on inside [`counted_work`] only, and what it counted is written out whenever that returns: one file a kernel.
 
-use super::kernels::{Inputs, KERNELS};
+use crate::kernels::{Inputs, KERNELS};
 use anyhow::{Context, Result, bail};
-use isv::kernels::simd::{self, Instructions};
+use isv_kernels::simd::{self, Instructions};
 use std::hint::black_box;
 use std::path::Path;
 use std::process::Command;
 
-/// What the program is called with to be counted.
-pub(crate) const COUNTED_COMMAND: &str = "counted-kernels";
+/// The flag that the program is called with to be counted.
+pub(super) const COUNTED_FLAG: &str = "counted";
 /// The function that is counted, whatever the compiler makes of its name. Of two options with one pattern valgrind 3.19 follows
 /// only the first, so there are two.
 const COUNTED_FUNCTION: [&str; 2] = ["*counted_work*", "*::counted_work*"];
@@ -38,7 +38,7 @@ pub(super) fn count(instructions: Instructions) -> Result<Vec<Count>> {
         .arg(format!("--dump-after={}", COUNTED_FUNCTION[1]))
         .arg(format!("--callgrind-out-file={}", folder.path().join("counts").display()))
         .arg(program)
-        .arg(COUNTED_COMMAND)
+        .arg(format!("--{COUNTED_FLAG}"))
         .env(simd::VARIABLE, instructions.to_string())
         .output()
         .context("cannot run valgrind")?;
@@ -68,7 +68,7 @@ fn read_total(path: &Path) -> Result<f64> {
 }
 
 /// Runs all kernels, in the order of the table, and prints how many units each did: what is counted.
-pub(crate) fn run_kernels() -> Result<()> {
+pub(super) fn run_kernels() -> Result<()> {
     // Other threads are not counted.
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global()?;
     let inputs = Inputs::new()?;

@@ -1,27 +1,27 @@
 //! The kernels that are counted, each on input that is the same everywhere: balls, a sphere of triangles, seeded noise.
 
 use anyhow::{Context, Error, Result};
-use isv::decode::extension::Extended;
-use isv::decode::main_profile::activity::{Activity, expected_activity};
-use isv::decode::main_profile::reconstruct::add_residual;
-use isv::decode::main_profile::syntax::block_set::BlockSetModels;
-use isv::decode::main_profile::{
+use isv_decode::extension::Extended;
+use isv_decode::main_profile::activity::{Activity, expected_activity};
+use isv_decode::main_profile::reconstruct::add_residual;
+use isv_decode::main_profile::syntax::block_set::BlockSetModels;
+use isv_decode::main_profile::{
     BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference,
 };
-use isv::decode::syntax::SyntaxError;
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, Preset, probe};
-use isv::format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::kernels::deblock::{FaceFilter, smooth_face};
-use isv::kernels::quant::{Quantizer, StepSize};
-use isv::kernels::surface_fit::SurfaceFit;
-use isv::kernels::warp::{MotionVector, StitchedReference};
-use isv::kernels::window::{ROW, ROWS, WindowRows};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockCoord, BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};
+use isv_decode::syntax::SyntaxError;
+use isv_decode::{Decoder, Limits};
+use isv_encode::{Encoder, EncoderSettings, Preset, probe};
 use isv_entropy::{BitModel, RangeDecoder, RangeEncoder};
+use isv_format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv_ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv_kernels::deblock::{FaceFilter, smooth_face};
+use isv_kernels::quant::{Quantizer, StepSize};
+use isv_kernels::surface_fit::SurfaceFit;
+use isv_kernels::warp::{MotionVector, StitchedReference};
+use isv_kernels::window::{ROW, ROWS, WindowRows};
+use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::{Random, ball, sphere};
+use isv_volume::{BlockCoord, BlockEdge, BlockSet, Grid, SparseVolume, Truncation, VoxelSize};
 use std::collections::BTreeMap;
 use std::hint::black_box;
 

@@ -1,13 +1,8 @@
-//! The table of how many instructions each kernel takes: unlike times, the same on any machine.
+//! The table, and what has changed since it was written.
 
-mod callgrind;
-mod kernels;
-
-pub(crate) use callgrind::{COUNTED_COMMAND, run_kernels};
-
+use crate::callgrind::{self, Count};
 use anyhow::{Context, Result, bail};
-use callgrind::Count;
-use isv::kernels::simd::Instructions;
+use isv_kernels::simd::Instructions;
 use std::path::Path;
 use std::process::Command;
 
@@ -17,7 +12,7 @@ const TOLERANCE_OF_OTHER_COMPILERS: f64 = 0.3;
 /// What is counted, in the order of the columns.
 const COLUMNS: [Instructions; 2] = [Instructions::Scalar, Instructions::Avx2];
 /// What renews the table.
-const UPDATE: &str = "cargo xtask instructions --update";
+const UPDATE: &str = "cargo instructions --update";
 const COMPILER: &str = "Compiler: ";
 
 /// One line of the table.
@@ -115,7 +110,7 @@ fn compiler() -> Result<String> {
 }
 
 /// Counts all kernels and compares them with the table, or writes them into it.
-pub(crate) fn run(path: &Path, update: bool) -> Result<()> {
+pub(super) fn run(path: &Path, update: bool) -> Result<()> {
     let missing = if !callgrind::is_installed() {
         Some("valgrind is not installed".to_owned())
     } else {
