@@ -51,6 +51,20 @@ fn an_empty_folder_and_a_missing_one() {
 }
 
 #[test]
+fn a_slip_does_not_cost_a_capture() {
+    let (work, _) = Workspace::with_stream(1);
+    let frame = fs::read(work.path("frames/frame_0.ply")).unwrap();
+    let stream = fs::read(work.path("take.isv")).unwrap();
+    work.isv(&["encode", "frames", "-o", "frames/frame_0.ply"])
+        .fails(2, &["frames/frame_0.ply: is there and is no .isv stream, so it is not overwritten"]);
+    work.isv(&["encode", "take.isv", "-o", "./take.isv"]).fails(2, &["./take.isv: is what is read"]);
+    assert_eq!(fs::read(work.path("frames/frame_0.ply")).unwrap(), frame);
+    assert_eq!(fs::read(work.path("take.isv")).unwrap(), stream);
+    // What an earlier run has left is not in the way.
+    work.isv(&["encode", "frames", "-o", "take.isv"]).done();
+}
+
+#[test]
 fn a_truncated_frame() {
     let whole = ply(&VERTICES, &FACES);
     encode_with(&whole[..whole.len() - 9]).fails(1, &["frame.ply: truncated: header promises 4 faces"]);

@@ -5,6 +5,7 @@ mod support;
 use isv::encode::{Encoder, EncoderSettings};
 use isv::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+use isv_testkit::ball;
 use serde_json::Value;
 use std::fs;
 use support::Workspace;
@@ -14,26 +15,32 @@ fn square(z: f64) -> String {
     format!("v 0 0 {z}\nv 1 0 {z}\nv 1 1 {z}\nv 0 1 {z}\nf 1 2 3\nf 1 3 4\n")
 }
 
-/// A stream of frames in which nothing is.
-fn empty_stream(frames: usize) -> Vec<u8> {
-    let grid = Grid {
+fn grid() -> Grid {
+    Grid {
         voxel_size: VoxelSize::from_metres(0.02).unwrap(),
         edge: BlockEdge::E8,
         truncation: Truncation::from_voxels(8).unwrap(),
-    };
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    }
+}
+
+fn stream_of(volumes: &[SparseVolume]) -> Vec<u8> {
     let header = StreamHeader {
         profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
-        grid,
-        frame_rate,
+        grid: grid(),
+        frame_rate: FrameRate { numerator: 30, denominator: 1 },
     };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
-    for frame in 0..frames {
-        let encoded = encoder.encode(&SparseVolume::empty(grid));
-        writer.write_frame(encoded.keyframe, frame as u64, &encoded.payload()).unwrap();
+    for (frame, volume) in (0..).zip(volumes) {
+        let encoded = encoder.encode(volume);
+        writer.write_frame(encoded.keyframe, frame, &encoded.payload()).unwrap();
     }
     writer.finish().unwrap()
+}
+
+/// A stream of frames in which nothing is.
+fn empty_stream(frames: usize) -> Vec<u8> {
+    stream_of(&vec![SparseVolume::empty(grid()); frames])
 }
 
 #[track_caller]
@@ -143,8 +150,7 @@ fn empty_sides_are_named() {
         .fails(1, &["frame 0 of empty.isv against frames: the test mesh has no surface to measure"]);
     work.isv(&["eval", "empty.isv", "frames", "--frames", "1..2"])
         .fails(1, &["frame 1 of frames against empty.isv: the reference mesh has no surface to measure"]);
-    work.isv(&["eval", "empty.isv", "empty.isv"])
-        .fails(1, &["frame 0 of ", "neither the reference nor the test has anything to measure"]);
+    work.isv(&["eval", "empty.isv", "empty.isv"]).fails(1, &["empty.isv: no frame has anything to measure"]);
     work.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     work.write("good.obj", square(0.0));
     work.isv(&["eval", "good.obj", "flat.obj"])
@@ -153,6 +159,20 @@ fn empty_sides_are_named() {
     work.isv(&["eval", "good.obj", "no_faces.obj"]).fails(1, &["no_faces.obj: "]);
     work.write("nothing.xyz", "");
     work.isv(&["eval", "good.obj", "nothing.xyz"]).fails(1, &["nothing.xyz: "]);
+}
+
+#[test]
+fn frames_that_are_empty_on_both_sides_are_in_no_mean() {
+    let work = Workspace::new();
+    work.write("take.isv", stream_of(&[ball(grid(), 0.0), SparseVolume::empty(grid())]));
+    let error = work.isv(&["eval", "take.isv", "take.isv", "--json"]).json();
+    assert_eq!(error["frames"][1], Value::Null);
+    assert!(error["chamfer_mm"].is_f64());
+    assert_eq!(error["chamfer_mm"], error["frames"][0]["chamfer_mm"]);
+    let rows = table_of(&work, "take.isv", "take.isv");
+    let empty: Vec<&str> = rows[rows.len() - 2].split_whitespace().collect();
+    assert_eq!(empty[0], "1");
+    assert!(empty.len() > 10 && empty[1..].iter().all(|cell| *cell == "-"), "{empty:?}");
 }
 
 #[test]

@@ -126,7 +126,7 @@ pub fn compare<'a>(
         psnr_peak_m: peak_m,
         ..GeometryError::default()
     };
-    error.set_surface_errors(test.seen_from(&reference.set, &there), reference.seen_from(&test.set, &back));
+    error.set_surface_errors(test.seen_from(&reference, &there), reference.seen_from(&test, &back));
     error.set_limits_of_sampling(&reference, options);
     error.set_counts([&reference, &test].map(|side| side.surface.as_ref().map(|s| s.components)), areas);
     Ok(error)
@@ -141,34 +141,35 @@ impl GeometryError {
         if let (Some(there), Some(back)) = (there.normal_error, back.normal_error) {
             self.normal_error_deg = Some(((there + back) / 2.0).to_degrees());
         }
+        let [farthest_there, farthest_back] = [there.farthest_corner, back.farthest_corner];
         match (there.distances, back.distances) {
             (Some(there), Some(back)) => {
                 let both = SurfaceDistances::new(there, back);
                 self.p2s_mean_mm = Some(both.mean * MM);
                 self.p2s_rms_mm = Some(both.rms * MM);
                 self.p2s_p99_mm = Some(both.p99 * MM);
-                self.hausdorff_mm = Some(both.hausdorff * MM);
-                self.set_ref_to_test(&both.ref_to_test);
-                self.set_test_to_ref(&both.test_to_ref);
+                self.hausdorff_mm = Some(both.hausdorff.max(farthest_there).max(farthest_back) * MM);
+                self.set_ref_to_test(&both.ref_to_test, farthest_there);
+                self.set_test_to_ref(&both.test_to_ref, farthest_back);
             }
-            (Some(there), None) => self.set_ref_to_test(&DirectedDistances::new(there)),
-            (None, Some(back)) => self.set_test_to_ref(&DirectedDistances::new(back)),
+            (Some(there), None) => self.set_ref_to_test(&DirectedDistances::new(there), farthest_there),
+            (None, Some(back)) => self.set_test_to_ref(&DirectedDistances::new(back), farthest_back),
             (None, None) => {}
         }
     }
 
-    fn set_ref_to_test(&mut self, distances: &DirectedDistances) {
+    fn set_ref_to_test(&mut self, distances: &DirectedDistances, farthest: f64) {
         self.ref_to_test_mean_mm = Some(distances.mean * MM);
         self.ref_to_test_rms_mm = Some(distances.rms * MM);
         self.ref_to_test_p99_mm = Some(distances.p99 * MM);
-        self.ref_to_test_max_mm = Some(distances.max * MM);
+        self.ref_to_test_max_mm = Some(distances.max.max(farthest) * MM);
     }
 
-    fn set_test_to_ref(&mut self, distances: &DirectedDistances) {
+    fn set_test_to_ref(&mut self, distances: &DirectedDistances, farthest: f64) {
         self.test_to_ref_mean_mm = Some(distances.mean * MM);
         self.test_to_ref_rms_mm = Some(distances.rms * MM);
         self.test_to_ref_p99_mm = Some(distances.p99 * MM);
-        self.test_to_ref_max_mm = Some(distances.max * MM);
+        self.test_to_ref_max_mm = Some(distances.max.max(farthest) * MM);
     }
 
     /// What the measures on samples say of a second sampling of a reference that is a mesh.

@@ -18,7 +18,7 @@ pub struct GeometryError {
     pub p2s_rms_mm: Option<f64>,
     /// [`SurfaceDistances::p99`](crate::SurfaceDistances::p99).
     pub p2s_p99_mm: Option<f64>,
-    /// [`SurfaceDistances::hausdorff`](crate::SurfaceDistances::hausdorff).
+    /// The larger of the largest distances of both directions.
     pub hausdorff_mm: Option<f64>,
     /// Mean distance of the reference's points to the test surface.
     pub ref_to_test_mean_mm: Option<f64>,
@@ -26,7 +26,7 @@ pub struct GeometryError {
     pub ref_to_test_rms_mm: Option<f64>,
     /// The smallest of the same that 99 % do not exceed.
     pub ref_to_test_p99_mm: Option<f64>,
-    /// The largest of the same.
+    /// The largest of the same, and of the corners of the reference's triangles.
     pub ref_to_test_max_mm: Option<f64>,
     /// Mean distance of the test side's points to the reference surface.
     pub test_to_ref_mean_mm: Option<f64>,
@@ -34,7 +34,7 @@ pub struct GeometryError {
     pub test_to_ref_rms_mm: Option<f64>,
     /// The smallest of the same that 99 % do not exceed.
     pub test_to_ref_p99_mm: Option<f64>,
-    /// The largest of the same.
+    /// The largest of the same, and of the corners of the test's triangles.
     pub test_to_ref_max_mm: Option<f64>,
     /// Mean angle, 0 to 180 degrees, between the normal at a point and the other side's normal where that is closest; mean of
     /// both directions. A mesh has the angle-weighted normals of its vertices, interpolated; a cloud has its own, or none.

@@ -31,6 +31,9 @@ pub(crate) struct Surface<'a> {
 pub(crate) struct Seen {
     /// Exact distance of each point to the surface, in metres, if there is one.
     pub(crate) distances: Option<Vec<f64>>,
+    /// Largest distance of a corner of the other side's triangles to the surface, in metres; 0 without. Specks are seen by it that are
+    /// too small to have a point on them.
+    pub(crate) farthest_corner: f64,
     /// Mean angle between the normals at the points and those where the side is closest, in radians, if both are known
     /// anywhere.
     pub(crate) normal_error: Option<f64>,
@@ -49,17 +52,24 @@ impl<'a> MeasuredSide<'a> {
         }
     }
 
-    /// Looks at this side from points, to each of which `nearest` is nearest in this side's set.
-    pub(crate) fn seen_from(&self, points: &PointSet, nearest: &NearestPoints) -> Seen {
-        if let Some(surface) = &self.surface {
-            let closest = surface.bvh.closest_to_each(points.points());
-            let normal_error = mean_angle(points.normals(), |i| surface.normals.at_closest(&closest[i]));
-            let distance = |closest: &Closest| closest.distance_sq.sqrt();
-            return Seen { distances: Some(closest.iter().map(distance).collect()), normal_error };
+    /// Looks at this side from the other, to each of whose points `nearest` is nearest in this side's set.
+    pub(crate) fn seen_from(&self, other: &MeasuredSide, nearest: &NearestPoints) -> Seen {
+        let points = &other.set;
+        let Some(surface) = &self.surface else {
+            let at_nearest =
+                |normals: &[DVec3]| mean_angle(points.normals(), |i| normals[nearest.of(i)[0] as usize]);
+            let normal_error = self.set.normals().and_then(at_nearest);
+            return Seen { distances: None, farthest_corner: 0.0, normal_error };
+        };
+        let distance = |closest: &Closest| closest.distance_sq.sqrt();
+        let closest = surface.bvh.closest_to_each(points.points());
+        let corners = other.surface.as_ref().map_or(Vec::new(), |other| corners(other.mesh));
+        let from_corners = surface.bvh.closest_to_each(&corners);
+        Seen {
+            distances: Some(closest.iter().map(distance).collect()),
+            farthest_corner: from_corners.iter().map(distance).fold(0.0, f64::max),
+            normal_error: mean_angle(points.normals(), |i| surface.normals.at_closest(&closest[i])),
         }
-        let at_nearest =
-            |normals: &[DVec3]| mean_angle(points.normals(), |i| normals[nearest.of(i)[0] as usize]);
-        Seen { distances: None, normal_error: self.set.normals().and_then(at_nearest) }
     }
 }
 
@@ -68,6 +78,17 @@ impl Surface<'_> {
     pub(crate) fn sampled(&self, spacing_m: f64, seed: u64) -> PointSet {
         PointSet::sampled(self.mesh, &self.normals, spacing_m, seed)
     }
+}
+
+/// The corners of a mesh's triangles, but for triangles without area.
+fn corners(mesh: &TriangleMesh) -> Vec<DVec3> {
+    let mut used = vec![false; mesh.vertices.len()];
+    for (face, triangle) in mesh.triangles.iter().enumerate() {
+        if mesh.area_vector(face) != DVec3::ZERO {
+            triangle.iter().for_each(|vertex| used[*vertex as usize] = true);
+        }
+    }
+    mesh.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex)).collect()
 }
 
 /// The normals of a mesh and the number of its components.

@@ -175,6 +175,21 @@ fn what_is_missing_and_what_is_stray_show_in_their_own_direction() {
 }
 
 #[test]
+fn a_speck_without_a_sample_on_it_shows_in_the_largest_distance() {
+    let mut stray = square(0.0);
+    let speck = square(0.1).vertices.iter().map(|v| DVec3::new(0.5e-3, 0.5e-3, 1.0) * *v).collect::<Vec<_>>();
+    stray.vertices.extend(speck);
+    // What no triangle with an area has is no part of the surface.
+    stray.vertices.push(DVec3::Z * 50.0);
+    stray.triangles.extend([[4, 5, 6], [4, 6, 7], [8, 8, 4]]);
+    let error = compare(&square(0.0), &stray, &options(0.1)).unwrap();
+    assert_eq!(error.p2s_p99_mm, Some(0.0));
+    assert_near(error.test_to_ref_max_mm.unwrap(), 100.0, 1e-9, "max back");
+    assert_near(error.hausdorff_mm.unwrap(), 100.0, 1e-9, "hausdorff");
+    assert_eq!(error.ref_to_test_max_mm, Some(0.0));
+}
+
+#[test]
 fn a_copy_has_no_distance_but_the_floor() {
     for mesh in [cube(DVec3::splat(7.0)), soup(3, 40)] {
         let error = compare(&mesh, &mesh, &options(0.02)).unwrap();

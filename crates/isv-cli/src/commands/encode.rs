@@ -14,25 +14,27 @@ use crate::ahead::Ahead;
 use crate::backend::{self, BackendArgs};
 use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Hints};
 use crate::count;
+use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
 use crate::origin;
-use crate::output::{Output, frames_in_words, say};
+use crate::output::{Output, frames_in_words, is_pipe, say};
 use crate::progress::Progress;
-use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
+use crate::stats::{EncodedFrameStats, StatsFile, is_same_file, megabits_per_second, timed};
 use crate::stream;
 use crate::terms::TimestampsName;
 use crate::threads::use_threads;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, EncoderSettings, FrameWriter, RateTarget};
-use isv::format::{PacketWriter, StreamHeader};
+use isv::format::{MAGIC, PacketWriter, StreamHeader};
 use isv::io::Unit;
+use std::io::Read;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 use timestamps::Timestamps;
@@ -131,8 +133,29 @@ impl Args {
     }
 }
 
+/// A slip must not cost a capture: what is overwritten is a stream, and not the one that is read.
+fn check_output(input: &Path, output: &Path) -> Result<()> {
+    if is_pipe(output) || !output.is_file() {
+        return Ok(());
+    }
+    let name = output.display();
+    if is_same_file(input, output) {
+        return Err(usage(format!("{name}: is what is read; name another file to write")));
+    }
+    let mut start = Vec::new();
+    stream::open_file(output)?
+        .take(MAGIC.len() as u64)
+        .read_to_end(&mut start)
+        .with_context(|| name.to_string())?;
+    match start.is_empty() || start == MAGIC {
+        true => Ok(()),
+        false => Err(usage(format!("{name}: is there and is no .isv stream, so it is not overwritten"))),
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    check_output(&args.input, &args.output)?;
     let capture = Capture::open(&args.input, &args.hints()?)?;
     let mut header = args.header.header(&capture)?;
     let range = capture.range(args.frames)?;

@@ -15,7 +15,7 @@ use anyhow::{Context, Result, bail};
 use comfy_table::Table;
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
-use isv::metrics::{CompareOptions, GeometryError, Shape, compare, summary};
+use isv::metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
 use isv::surface::SurfaceOptions;
 use serde::Serialize;
 use std::ops::Range;
@@ -52,12 +52,15 @@ pub(crate) struct Args {
     frames: Option<FrameRange>,
 }
 
+/// What was found of a frame; nothing where both sides are empty, which is neither right nor wrong by any distance.
+type Found = Option<GeometryError>;
+
 /// The fields of the mean and `frames` are the keys of `isv eval --json`.
 #[derive(Debug, Serialize)]
 struct Evaluation<'a> {
     #[serde(flatten)]
     mean: GeometryError,
-    frames: &'a [GeometryError],
+    frames: &'a [Found],
 }
 
 /// Runs the command.
@@ -69,7 +72,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let first = reference_range.start;
     let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);
     let frames = measure(args, pairs, first)?;
-    let Some(mean) = summary(&frames) else { bail!("{}: no frames to measure", args.reference.display()) };
+    let measured: Vec<GeometryError> = frames.iter().copied().flatten().collect();
+    let Some(mean) = summary(&measured) else {
+        bail!("{}: no frame has anything to measure", args.reference.display())
+    };
     print(&if args.json {
         serde_json::to_string_pretty(&Evaluation { mean, frames: &frames })?
     } else {
@@ -98,17 +104,19 @@ fn measure(
     args: &Args,
     pairs: impl Iterator<Item = (Result<Geometry>, Result<Geometry>)>,
     first: usize,
-) -> Result<Vec<GeometryError>> {
+) -> Result<Vec<Found>> {
     let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
     let progress = Progress::new(None, "measuring");
     let mut frames = Vec::new();
     for (reference, test) in pairs {
         let (reference, test) = (reference?, test?);
         let number = first + frames.len();
-        let error = compare(shape(&reference), shape(&test), &options).with_context(|| {
-            format!("frame {number} of {} against {}", args.test.display(), args.reference.display())
-        })?;
-        frames.push(error);
+        frames.push(match compare(shape(&reference), shape(&test), &options) {
+            Err(CompareError::BothEmpty) => None,
+            error => Some(error.with_context(|| {
+                format!("frame {number} of {} against {}", args.test.display(), args.reference.display())
+            })?),
+        });
         progress.step();
     }
     Ok(frames)
@@ -150,9 +158,9 @@ impl Distances {
 }
 
 /// One row a frame and one for the mean; lengths in millimetres.
-fn table(frames: &[GeometryError], mean: &GeometryError, first: usize) -> Table {
+fn table(frames: &[Found], mean: &GeometryError, first: usize) -> Table {
     let distances = Distances::found_in(mean);
-    let mut table = table_of([
+    let header = [
         "frame",
         distances.header,
         "rms",
@@ -166,9 +174,14 @@ fn table(frames: &[GeometryError], mean: &GeometryError, first: usize) -> Table 
         "D2 dB",
         "area %",
         "parts",
-    ]);
-    for (i, frame) in frames.iter().enumerate() {
-        table.add_row(row((first + i).to_string(), frame, distances));
+    ];
+    let mut table = table_of(header);
+    for (number, frame) in (first..).zip(frames) {
+        let row = frame.as_ref().map(|frame| row(number.to_string(), frame, distances));
+        table.add_row(row.unwrap_or_else(|| {
+            let dashes = header.iter().skip(1).map(|_| cell(None, 0));
+            [number.to_string()].into_iter().chain(dashes).collect()
+        }));
     }
     table.add_row(row("mean".to_owned(), mean, distances));
     table
