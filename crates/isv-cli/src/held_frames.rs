@@ -6,6 +6,7 @@ use crate::memory;
 use crate::output::say;
 use crate::stats::timed;
 use crate::stream::{self, ByteSource, StreamFrame};
+use crate::timeline::seconds_between;
 use anyhow::{Context, Result};
 use isv::decode::{DecodeError, Lod};
 use isv::format::{Packet, RefusalClass, SalvageReader, Salvaged, StreamHeader};
@@ -13,12 +14,7 @@ use isv::gpu::{AnyDecoder, AnyFrame};
 use isv::surface::SurfaceOptions;
 use std::path::Path;
 
-/// A frame is held for so many seconds at most, or in place of so many frames where that is longer: timestamps that jump further are
-/// those of another clock.
-const LONGEST_HOLD_S: f64 = 10.0;
-const LONGEST_HOLD_FRAMES: usize = 10;
-
-/// And never in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
+/// A frame is never held in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
 const MOST_HELD: usize = 10_000;
 
 /// How what is shown relates to what was encoded.
@@ -116,7 +112,8 @@ impl HeldFrames {
             if let Some((AnyFrame { volume, surface, .. }, decode_ms)) = frame
                 && self.range.is_none_or(|range| number >= range.start)
             {
-                return Ok(Some(StreamFrame { number, volume, surface, decode_ms }));
+                let timestamp_ns = self.header.frame_rate.timestamp_ns(number as u64);
+                return Ok(Some(StreamFrame { number, timestamp_ns, volume, surface, decode_ms }));
             }
         }
     }
@@ -186,10 +183,10 @@ impl HeldFrames {
 
     /// How many frames long the time between two packets is; 0 if that is no time to hold a frame for.
     fn frames_between(&self, last_ns: u64, now_ns: u64) -> usize {
-        let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
-        let frames = (seconds * self.header.frame_rate.per_second()).round() as usize;
-        let too_long = seconds > LONGEST_HOLD_S && frames > LONGEST_HOLD_FRAMES;
-        if too_long || frames > MOST_HELD { 0 } else { frames }
+        let rate = self.header.frame_rate;
+        let seconds = seconds_between(rate, last_ns, now_ns).unwrap_or(0.0);
+        let frames = (seconds * rate.per_second()).round() as usize;
+        if frames > MOST_HELD { 0 } else { frames }
     }
 
     /// Says so where it changes.

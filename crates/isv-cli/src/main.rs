@@ -29,6 +29,7 @@ mod stream;
 mod table;
 mod terms;
 mod threads;
+mod timeline;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};

@@ -146,7 +146,7 @@ fn peak_memory_bytes() -> Option<u64> {
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
-/// Megabits a second of `bytes` over `frames` at a rate; 0 without frames.
-pub(crate) fn megabits_per_second(bytes: u64, frames: usize, per_second: f64) -> f64 {
-    if frames == 0 { 0.0 } else { bytes as f64 * 8.0 * per_second / frames as f64 / 1e6 }
+/// Megabits a second of what is shown for so long; 0 if that is no time.
+pub(crate) fn megabits_per_second(bytes: u64, seconds: f64) -> f64 {
+    if seconds > 0.0 { bytes as f64 * 8.0 / seconds / 1e6 } else { 0.0 }
 }

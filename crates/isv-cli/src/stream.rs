@@ -61,6 +61,8 @@ pub(crate) fn load_index(path: &Path) -> Result<StreamIndex> {
 pub(crate) struct StreamFrame {
     /// Its number in the stream.
     pub(crate) number: usize,
+    /// When it is shown.
+    pub(crate) timestamp_ns: u64,
     /// What was decoded.
     pub(crate) volume: AnyVolume,
     /// Its surface, if that was extracted with it.
@@ -152,6 +154,7 @@ impl StreamFrames {
             if self.range.is_none_or(|range| number >= range.start) {
                 return Ok(Some(StreamFrame {
                     number,
+                    timestamp_ns: packet.header.timestamp_ns,
                     volume: decoded.volume,
                     surface: decoded.surface,
                     decode_ms,

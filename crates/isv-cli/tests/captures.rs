@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv::io::{Animation, Unit};
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
@@ -155,10 +156,20 @@ fn bad_frames_can_be_skipped() {
     let info = work.isv(&["info", "take.isv", "--json"]).json();
     assert_eq!(info["frames"], 3);
     assert_eq!(info["packets"][1]["timestamp_ns"], 66_666_666, "the frame keeps its time");
+    let duration_s = info["duration_s"].as_f64().unwrap();
+    assert!((duration_s - 4.0 / 30.0).abs() < 1e-6, "{duration_s}");
+    // In an animation, the frame before it is seen until then.
+    work.isv(&["decode", "take.isv", "-o", "take.glb"]).done();
+    let film = Animation::open(&work.path("take.glb"), Unit::Metre).unwrap();
+    let vertices = [0.0, 1.0, 2.0, 3.0].map(|frame| film.mesh_at((frame + 0.5) / 30.0).unwrap().vertices);
+    assert_eq!(film.frame_count(30.0), 4);
+    assert!(vertices[0] == vertices[1] && vertices[1] != vertices[2] && vertices[2] != vertices[3]);
     for frame in 0..4 {
         work.write(&format!("frames/frame_{frame}.ply"), "ply\n");
     }
-    fs::remove_file(work.path("take.isv")).unwrap();
+    for made in ["take.isv", "take.glb"] {
+        fs::remove_file(work.path(made)).unwrap();
+    }
     let run = work.isv(&[&ENCODE[..], &["--skip-bad-frames"]].concat());
     assert_eq!(run.status(), Some(1));
     assert!(

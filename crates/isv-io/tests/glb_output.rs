@@ -88,10 +88,11 @@ fn positions_beyond_single_precision_are_refused() {
 fn sequence(frames: &[TriangleMesh], fps: f64) -> (Vec<u8>, Animation) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.glb");
-    let mut writer = GlbAnimationWriter::create(&path, fps).unwrap();
-    frames.iter().for_each(|frame| writer.push(frame).unwrap());
+    let mut writer = GlbAnimationWriter::create(&path).unwrap();
+    let time = |frame: usize| frame as f64 / fps;
+    frames.iter().enumerate().for_each(|(i, frame)| writer.push(time(i), frame).unwrap());
     assert!(!path.exists());
-    writer.finish().unwrap();
+    writer.finish(time(frames.len())).unwrap();
     assert_eq!(folder.path().read_dir().unwrap().count(), 1, "no other file is left");
     (std::fs::read(&path).unwrap(), Animation::open(&path, Unit::Metre).unwrap())
 }
@@ -120,6 +121,23 @@ fn a_sequence_reads_back_frame_by_frame() {
 }
 
 #[test]
+fn a_frame_is_shown_until_the_next_one_is_and_no_two_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.glb");
+    let mut writer = GlbAnimationWriter::create(&path).unwrap();
+    // The third is nearer to the second than its time can tell.
+    for (frame, start) in [0.0, 0.3, 0.3 + 1e-12, 1.0].into_iter().enumerate() {
+        writer.push(start, &band(1 + frame as u32, frame as f64)).unwrap();
+    }
+    writer.finish(1.5).unwrap();
+    let film = Animation::open(&path, Unit::Metre).unwrap();
+    assert!((film.duration_s() - 1.5).abs() < 1e-6);
+    for (time, frame) in [(0.0, 0), (0.29, 0), (0.31, 2), (0.99, 2), (1.0, 3), (1.4, 3)] {
+        assert_eq!(film.mesh_at(time).unwrap().triangles.len(), frame + 1, "at {time} s");
+    }
+}
+
+#[test]
 fn frames_without_triangles_keep_their_place() {
     let frames = [band(1, 0.0), TriangleMesh::default(), band(2, 1.0)];
     let (_, film) = sequence(&frames, 10.0);
@@ -141,15 +159,16 @@ fn sequences_that_cannot_be_are_refused_and_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.glb");
     let text = |error: WriteError| error.to_string().replace(path.to_str().unwrap(), "film.glb");
-    let error = GlbAnimationWriter::create(&path, 0.0).err().unwrap();
-    assert_eq!(text(error), "film.glb: cannot write: 0 frames a second is not a positive number");
-    let empty = GlbAnimationWriter::create(&path, 30.0).unwrap();
+    let empty = GlbAnimationWriter::create(&path).unwrap();
     assert_eq!(
-        text(empty.finish().unwrap_err()),
+        text(empty.finish(0.0).unwrap_err()),
         "film.glb: cannot write: a sequence needs at least one frame"
     );
-    let mut broken = GlbAnimationWriter::create(&path, 30.0).unwrap();
-    assert!(broken.push(&band(1, f64::NAN)).is_err());
+    let mut broken = GlbAnimationWriter::create(&path).unwrap();
+    assert!(broken.push(0.0, &band(1, f64::NAN)).is_err());
+    let error = broken.push(-1.0, &band(1, 0.0)).unwrap_err();
+    assert_eq!(text(error), "film.glb: cannot write: -1 s is no time of a frame");
+    assert!(broken.push(f64::NAN, &band(1, 0.0)).is_err());
     drop(broken);
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
 }
@@ -158,12 +177,12 @@ fn sequences_that_cannot_be_are_refused_and_leave_nothing() {
 fn a_refused_frame_leaves_those_before_it_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.glb");
-    let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
-    writer.push(&band(1, 0.0)).unwrap();
-    assert!(writer.push(&band(1, f64::NAN)).is_err());
-    writer.push(&band(2, 1.0)).unwrap();
-    writer.finish().unwrap();
-    assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 2);
+    let mut writer = GlbAnimationWriter::create(&path).unwrap();
+    writer.push(0.0, &band(1, 0.0)).unwrap();
+    assert!(writer.push(0.1, &band(1, f64::NAN)).is_err());
+    writer.push(0.1, &band(2, 1.0)).unwrap();
+    writer.finish(0.2).unwrap();
+    assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(10.0), 2);
 }
 
 #[test]

@@ -37,11 +37,11 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
 fn frame_by_frame() -> Result<Vec<u8>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("frame.glb");
-    let mut writer = GlbAnimationWriter::create(&path, 30.0)?;
-    for _ in 0..2 {
-        writer.push(&tetrahedron())?;
+    let mut writer = GlbAnimationWriter::create(&path)?;
+    for frame in 0..2 {
+        writer.push(f64::from(frame) / 30.0, &tetrahedron())?;
     }
-    writer.finish()?;
+    writer.finish(2.0 / 30.0)?;
     Ok(fs::read(path)?)
 }
 

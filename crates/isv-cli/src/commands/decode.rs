@@ -86,11 +86,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let recipe = Recipe { form, normals: args.normals, density, profile: header.profile };
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
-    let mut sink = Sink::new(&args.output, format, header.frame_rate.per_second())?;
+    let mut sink = Sink::new(&args.output, format, header.frame_rate)?;
     let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
-        let DecodedFrame { number, product, decode_ms, surface_ms } = frame?;
-        let (written, write_ms) = timed(|| sink.take(number, product));
+        let DecodedFrame { number, timestamp_ns, product, decode_ms, surface_ms } = frame?;
+        let (written, write_ms) = timed(|| sink.take(number, timestamp_ns, product));
         written?;
         stats.push(DecodedFrameStats { decode_ms, surface_ms, write_ms });
         progress.step();
@@ -165,6 +165,7 @@ type StreamFrameIterator = Box<dyn Iterator<Item = Result<StreamFrame>> + Send>;
 /// A frame ready to be written.
 struct DecodedFrame {
     number: usize,
+    timestamp_ns: u64,
     product: Product,
     decode_ms: f64,
     surface_ms: f64,
@@ -177,10 +178,11 @@ fn products(
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
     let make = move |frame: Result<StreamFrame>| {
-        let StreamFrame { number, volume, surface, decode_ms } = frame?;
+        let StreamFrame { number, timestamp_ns, volume, surface, decode_ms } = frame?;
         let (product, surface_ms) = timed(|| recipe.make(volume, surface));
         Ok(DecodedFrame {
             number,
+            timestamp_ns,
             product: product.with_context(|| format!("frame {number}"))?,
             decode_ms,
             surface_ms,

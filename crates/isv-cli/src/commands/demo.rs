@@ -230,7 +230,7 @@ impl Take {
         }
         Ok(vec![
             codec.name(),
-            format!("{:.2}", megabits_per_second(bytes as u64, frames, FRAME_RATE.per_second())),
+            format!("{:.2}", megabits_per_second(bytes as u64, frames as f64 / FRAME_RATE.per_second())),
             (bytes / frames).to_string(),
             format!("{:.3}", coded.surface_rms_mm),
             format!("{:.3}", p2s_mean_mm / self.shown.len() as f64),

@@ -25,6 +25,7 @@ use crate::stats::{EncodedFrameStats, StatsFile, is_same_file, megabits_per_seco
 use crate::stream;
 use crate::terms::TimestampsName;
 use crate::threads::use_threads;
+use crate::timeline::Timeline;
 use anyhow::{Context, Result, bail};
 use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
@@ -175,6 +176,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
+        timeline: Timeline::new(header.frame_rate),
         first: range.start,
         frames: 0,
         skipped: 0,
@@ -224,6 +226,7 @@ struct Job {
     /// What the encoder aims at, until it was said that it is out of reach.
     target: Option<RateTarget>,
     timestamps: Timestamps,
+    timeline: Timeline,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
@@ -266,6 +269,7 @@ impl Job {
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
         self.note_missed_error(number, &coded, progress);
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read);
+        self.timeline.place(timestamp_ns);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
         if self.stats.is_wanted() {
@@ -301,10 +305,10 @@ impl Job {
             }
         }
         let bytes = self.packet_writer.finish()?.commit()?;
-        let mbps = megabits_per_second(bytes, self.frames, self.header.frame_rate.per_second());
+        let seconds = self.timeline.end_s();
+        let mbps = megabits_per_second(bytes, seconds);
         let ms = self.stats.wall_ms() / self.frames as f64;
         say(format_args!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame"));
-        let seconds = self.frames as f64 / self.header.frame_rate.per_second();
         if let Some((rate, most_bits)) = args.header.target().most_bits(seconds)
             && bytes as f64 * 8.0 > most_bits
         {

@@ -5,6 +5,7 @@ use crate::output::{frames_in_words, print};
 use crate::stats::megabits_per_second;
 use crate::stream;
 use crate::terms;
+use crate::timeline::Timeline;
 use anyhow::{Context, Result};
 use comfy_table::{Table, presets};
 use isv::format::{
@@ -39,6 +40,8 @@ struct StreamInfo {
     block_edge: usize,
     #[serde(flatten)]
     paper: Option<PaperInfo>,
+    /// From when the first frame is shown, by timestamps.
+    duration_s: f64,
     /// The whole file.
     bytes: u64,
     bitrate_mbps: f64,
@@ -84,6 +87,8 @@ impl StreamInfo {
         let header = *reader.header().expect("a reader that began at the header has it");
         let packets = read_packets(&mut reader, &header.profile).with_context(name)?;
         let fps = header.frame_rate.per_second();
+        let mut timeline = Timeline::new(header.frame_rate);
+        packets.iter().for_each(|packet| _ = timeline.place(packet.timestamp_ns));
         let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
         Ok(Self {
             format_version: FORMAT_VERSION,
@@ -95,7 +100,8 @@ impl StreamInfo {
             block_edge: header.grid.edge.voxels(),
             paper: PaperInfo::of(&header),
             bytes,
-            bitrate_mbps: megabits_per_second(bytes, packets.len(), fps),
+            duration_s: timeline.end_s(),
+            bitrate_mbps: megabits_per_second(bytes, timeline.end_s()),
             complete: reader.complete(),
             keyframes: keyframes.collect(),
             packets,
@@ -104,14 +110,13 @@ impl StreamInfo {
 
     fn table(&self) -> String {
         let length = |metres| Length::from_metres(metres).to_string();
-        let seconds = self.frames as f64 / self.fps;
         let mut table = Table::new();
         table.load_style(presets::NOTHING);
         let mut row = |name: &str, value: String| {
             table.add_row([name, &value]);
         };
         row("format", format!("version {}, profile {}", self.format_version, self.profile));
-        row("frames", format!("{} at {} a second, {seconds:.2} s", self.frames, self.fps));
+        row("frames", format!("{} at {} a second, {:.2} s", self.frames, self.fps, self.duration_s));
         row("bytes", format!("{}, {:.3} Mbps", self.bytes, self.bitrate_mbps));
         row(
             "grid",

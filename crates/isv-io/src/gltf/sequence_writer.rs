@@ -28,35 +28,39 @@ pub struct GlbAnimationWriter {
     path: PathBuf,
     output: AtomicFile,
     document: Document<BufWriter<File>>,
-    /// The mesh of each frame; none for a frame without triangles.
-    frames: Vec<Option<usize>>,
-    fps: f64,
+    frames: Vec<Frame>,
+}
+
+/// A frame that was written.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    /// When it is shown, in seconds.
+    start: f32,
+    /// Its mesh; none for a frame without triangles.
+    mesh: Option<usize>,
 }
 
 impl GlbAnimationWriter {
-    /// Starts a file to be known as `path`, of `fps` frames a second.
+    /// Starts a file to be known as `path`.
     ///
     /// # Errors
-    /// [`WriteError`] as [`AtomicFile::create`], or if `fps` is not a positive number.
-    pub fn create(path: &Path, fps: f64) -> Result<Self, WriteError> {
-        let named = |cause| WriteError::new(path, cause);
-        if !(fps.is_finite() && fps > 0.0) {
-            let message = format!("{fps} frames a second is not a positive number");
-            return Err(named(io::Error::new(io::ErrorKind::InvalidInput, message)));
-        }
+    /// [`WriteError`] as [`AtomicFile::create`].
+    pub fn create(path: &Path) -> Result<Self, WriteError> {
         let output = AtomicFile::create(path)?;
-        let spool = spool_for(path).map_err(named)?;
+        let spool = spool_for(path).map_err(|cause| WriteError::new(path, cause))?;
         let document = Document::new(BufWriter::new(spool));
-        Ok(Self { path: path.to_owned(), output, document, frames: Vec::new(), fps })
+        Ok(Self { path: path.to_owned(), output, document, frames: Vec::new() })
     }
 
-    /// Appends a frame. Coordinates are rounded to `f32`; normals are written when every vertex has a usable one. A mesh without
-    /// triangles is a frame in which nothing is seen.
+    /// Appends a frame that is shown from `start_s` on, in seconds, and until the next one is. Times and coordinates are rounded to
+    /// `f32`, times up where the frame would be shown no later than the last. Normals are written when every vertex has a usable one. A
+    /// mesh without triangles is a frame in which nothing is seen.
     ///
     /// # Errors
-    /// [`WriteError`] if the disk is full, a coordinate is not finite, or the file would pass the 4 GiB that GLB can hold. In the
-    /// last two cases the frames so far are whole and can be [finished](Self::finish).
-    pub fn push(&mut self, mesh: &TriangleMesh) -> Result<(), WriteError> {
+    /// [`WriteError`] if the disk is full, the time is negative or not finite, a coordinate is not finite, or the file would pass the
+    /// 4 GiB that GLB can hold. But for the first case the frames so far are whole and can be [finished](Self::finish).
+    pub fn push(&mut self, start_s: f64, mesh: &TriangleMesh) -> Result<(), WriteError> {
+        let start = self.time(start_s)?;
         let json = self.document.json_bytes() + JSON_BYTES_OF_FRAME * (self.frames.len() as u64 + 2);
         let binary = self.document.binary_bytes + Document::<File>::bytes_of_mesh(mesh);
         let pushed = if file_bytes(json, binary) > u32::MAX.into() {
@@ -65,22 +69,34 @@ impl GlbAnimationWriter {
             self.document.push_mesh(mesh)
         };
         let mesh = pushed.map_err(|cause| WriteError::new(&self.path, cause))?;
-        self.frames.push(mesh);
+        self.frames.push(Frame { start, mesh });
         Ok(())
     }
 
-    /// Writes the animation and gives the file its name.
+    /// A time after the last frame's start.
+    fn time(&self, seconds: f64) -> Result<f32, WriteError> {
+        let least = self.frames.last().map_or(0.0, |frame| frame.start.next_up());
+        let time = (seconds as f32).max(least);
+        if seconds >= 0.0 && time.is_finite() {
+            return Ok(time);
+        }
+        let message = format!("{seconds} s is no time of a frame");
+        Err(WriteError::new(&self.path, io::Error::new(io::ErrorKind::InvalidInput, message)))
+    }
+
+    /// Writes the animation, whose last frame is shown until `end_s`, in seconds, and gives the file its name.
     ///
     /// # Errors
-    /// [`WriteError`]; also if there are no frames.
-    pub fn finish(self) -> Result<(), WriteError> {
-        let Self { path, mut output, mut document, frames, fps } = self;
+    /// [`WriteError`]; also if there are no frames, or for a time that [`Self::push`] would not take.
+    pub fn finish(self, end_s: f64) -> Result<(), WriteError> {
+        let end = self.time(end_s)?;
+        let Self { path, mut output, mut document, frames } = self;
         if frames.is_empty() {
             let cause = io::Error::new(io::ErrorKind::InvalidInput, "a sequence needs at least one frame");
             return Err(WriteError::new(&path, cause));
         }
         let assembled =
-            push_animation(&mut document, &frames, fps).and_then(|()| assemble(document, &mut output));
+            push_animation(&mut document, &frames, end).and_then(|()| assemble(document, &mut output));
         assembled.map_err(|cause| WriteError::new(&path, cause))?;
         output.commit()
     }
@@ -98,17 +114,13 @@ fn spool_for(path: &Path) -> io::Result<File> {
 
 /// Adds a node, a channel and a sampler for each frame. The keys of a frame are its own time and those of its neighbours, so
 /// that all of them are runs of one list of times.
-fn push_animation(
-    document: &mut Document<BufWriter<File>>,
-    frames: &[Option<usize>],
-    fps: f64,
-) -> io::Result<()> {
-    let time = |frame: usize| (frame as f64 / fps) as f32;
+fn push_animation(document: &mut Document<BufWriter<File>>, frames: &[Frame], end: f32) -> io::Result<()> {
+    let time = |key: usize| frames.get(key).map_or(end, |frame| frame.start);
     let bytes_of = |values: f32| values.to_le_bytes();
     let times = document.push_view((0..=frames.len()).map(time).map(bytes_of), None)?;
     let scales = document.push_view(SCALES.iter().flat_map(|s| [*s; 3]).map(bytes_of), None)?;
     let mut scale_accessors = [None; SCALES.len()];
-    for (frame, mesh) in frames.iter().enumerate() {
+    for (frame, Frame { mesh, .. }) in frames.iter().enumerate() {
         let last = frame + 1 == frames.len();
         let first_key = frame.saturating_sub(1);
         let keys = frame + 2 - first_key;
@@ -166,16 +178,16 @@ mod tests {
         let path = folder.path().join("film.glb");
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
         let mesh = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
-        let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
-        writer.push(&mesh).unwrap();
+        let mut writer = GlbAnimationWriter::create(&path).unwrap();
+        writer.push(0.0, &mesh).unwrap();
         let written = writer.document.binary_bytes;
         writer.document.binary_bytes = u64::from(u32::MAX) - 1000;
-        let error = writer.push(&mesh).unwrap_err();
+        let error = writer.push(0.1, &mesh).unwrap_err();
         assert_eq!(error.cause.kind(), io::ErrorKind::FileTooLarge);
         assert!(error.to_string().contains("at most 4 GiB"), "{error}");
         writer.document.binary_bytes = written;
-        writer.finish().unwrap();
-        assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(30.0), 1);
+        writer.finish(0.1).unwrap();
+        assert_eq!(Animation::open(&path, Unit::Metre).unwrap().frame_count(10.0), 1);
     }
 
     /// All that an index of the JSON leads to is there, in an animation of frames of which none has a surface, some have and all have.
@@ -191,9 +203,9 @@ mod tests {
             ("all", [&triangle, &triangle, &triangle]),
         ] {
             let path = folder.path().join(format!("{name}.glb"));
-            let mut writer = GlbAnimationWriter::create(&path, 30.0).unwrap();
-            frames.iter().for_each(|mesh| writer.push(mesh).unwrap());
-            writer.finish().unwrap();
+            let mut writer = GlbAnimationWriter::create(&path).unwrap();
+            (0..).zip(frames).for_each(|(second, mesh)| writer.push(f64::from(second), mesh).unwrap());
+            writer.finish(3.0).unwrap();
             let bytes = fs::read(&path).unwrap();
             let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
             let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
@@ -219,11 +231,12 @@ mod tests {
     #[test]
     fn the_reserve_for_a_frame_holds_what_it_takes() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = GlbAnimationWriter::create(&folder.path().join("film.glb"), 1e-30).unwrap();
+        let mut writer = GlbAnimationWriter::create(&folder.path().join("film.glb")).unwrap();
         let vertices = vec![DVec3::splat(-1.234_567_8e-30); 3];
         let mesh = TriangleMesh { vertices, normals: vec![DVec3::X; 3], triangles: vec![[0, 1, 2]] };
-        (0..50).for_each(|_| writer.push(&mesh).unwrap());
-        push_animation(&mut writer.document, &writer.frames, writer.fps).unwrap();
+        let time = |frame: u8| 1.234_567_8e30 * f64::from(frame);
+        (0..50).for_each(|frame| writer.push(time(frame), &mesh).unwrap());
+        push_animation(&mut writer.document, &writer.frames, time(50) as f32).unwrap();
         assert!((writer.document.json().len() as u64) < 50 * JSON_BYTES_OF_FRAME);
     }
 }

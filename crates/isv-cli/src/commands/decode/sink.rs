@@ -3,7 +3,9 @@
 use super::product::{OutputFormat, Product};
 use crate::interrupt;
 use crate::output::{Output, frames_in_words, is_pipe, say};
+use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
+use isv::format::FrameRate;
 use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_vdb_to, write_volume};
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,7 +16,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Sink {
     path: PathBuf,
     format: OutputFormat,
-    frames_a_second: f64,
+    timeline: Timeline,
     place: Place,
     taken: usize,
 }
@@ -24,15 +26,15 @@ enum Place {
     Folder { left: BTreeSet<String> },
     /// Standard output, for frames of a format that can follow each other.
     Pipe(Output),
-    /// A file. Its frame is kept until it is sure that there is no other.
-    File(Option<Product>),
+    /// A file. Its frame, which is shown at some time in seconds, is kept until it is sure that there is no other.
+    File(Option<(f64, Product)>),
     /// One file of all frames.
     Animation(Box<GlbAnimationWriter>),
 }
 
 impl Sink {
     /// A path with the extension of a format stands for a file, any other for a folder.
-    pub(super) fn new(path: &Path, format: OutputFormat, frames_a_second: f64) -> Result<Self> {
+    pub(super) fn new(path: &Path, format: OutputFormat, rate: FrameRate) -> Result<Self> {
         let is_file = is_pipe(path) || (OutputFormat::of_path(path).is_some() && !path.is_dir());
         if is_file && format == OutputFormat::Npy {
             bail!("{}: a volume as NumPy arrays is several files: name a folder", path.display());
@@ -42,11 +44,12 @@ impl Sink {
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
-        Ok(Self { path: path.to_owned(), format, frames_a_second, place, taken: 0 })
+        Ok(Self { path: path.to_owned(), format, timeline: Timeline::new(rate), place, taken: 0 })
     }
 
     /// Takes the next frame. A folder is made for the first one, so that a stream that cannot be decoded leaves none.
-    pub(super) fn take(&mut self, number: usize, product: Product) -> Result<()> {
+    pub(super) fn take(&mut self, number: usize, timestamp_ns: u64, product: Product) -> Result<()> {
+        let start_s = self.timeline.place(timestamp_ns);
         let name = match self.format {
             OutputFormat::Npy => format!("frame_{number:04}"),
             format => format!("frame_{number:04}.{format}"),
@@ -60,10 +63,10 @@ impl Sink {
                 write_product(output, &product, self.format)?;
                 output.flush()?;
             }
-            Place::Animation(animation) => push(animation, &product)?,
+            Place::Animation(animation) => push(animation, start_s, &product)?,
             Place::File(held) => match held.take() {
-                None => *held = Some(product),
-                Some(first) => self.begin_animation([&first, &product])?,
+                None => *held = Some((start_s, product)),
+                Some(first) => self.begin_animation([first, (start_s, product)])?,
             },
         }
         self.taken += 1;
@@ -90,16 +93,16 @@ impl Sink {
         Ok(())
     }
 
-    fn begin_animation(&mut self, frames: [&Product; 2]) -> Result<()> {
+    fn begin_animation(&mut self, frames: [(f64, Product); 2]) -> Result<()> {
         let path = self.path.display();
         if self.format != OutputFormat::Geometry(Format::Glb) || is_pipe(&self.path) {
             bail!(
                 "{path}: takes one frame, but there are more: name a folder, or one frame as in --frames 0..1"
             );
         }
-        let mut animation = GlbAnimationWriter::create(&self.path, self.frames_a_second)?;
-        for frame in frames {
-            push(&mut animation, frame)?;
+        let mut animation = GlbAnimationWriter::create(&self.path)?;
+        for (start_s, frame) in frames {
+            push(&mut animation, start_s, &frame)?;
         }
         self.place = Place::Animation(Box::new(animation));
         Ok(())
@@ -123,8 +126,8 @@ impl Sink {
                 }
             }
             Place::Pipe(output) => _ = output.commit()?,
-            Place::Animation(animation) => animation.finish()?,
-            Place::File(Some(product)) => {
+            Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
+            Place::File(Some((_, product))) => {
                 let mut output = Output::create(&self.path)?;
                 write_product(&mut output, &product, self.format)?;
                 output.commit()?;
@@ -159,9 +162,9 @@ fn frames_in(folder: &Path, format: OutputFormat) -> BTreeSet<String> {
     names.filter(|name| is_frame(name)).collect()
 }
 
-fn push(animation: &mut GlbAnimationWriter, product: &Product) -> Result<()> {
+fn push(animation: &mut GlbAnimationWriter, start_s: f64, product: &Product) -> Result<()> {
     match product {
-        Product::Mesh(mesh) => Ok(animation.push(mesh)?),
+        Product::Mesh(mesh) => Ok(animation.push(start_s, mesh)?),
         Product::Points(_) | Product::Volume(_) => unreachable!("the recipe allows GLB for meshes alone"),
     }
 }
