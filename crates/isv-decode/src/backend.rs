@@ -127,6 +127,6 @@ pub struct MainFrame<'a> {
     pub causal: &'a CausalBlocks,
     /// Which blocks the frame has once it is extended, and where their samples come from.
     pub plan: ExtensionPlan,
-    /// Whether blocks are predicted from the frame before. If not, it can still be kept of.
+    /// Whether blocks are predicted from the frame before. If not, still cells may still be taken over from it.
     pub predicts: bool,
 }

@@ -21,7 +21,7 @@ use paper::PaperDecoder;
 /// A frame as decoded. `V`: [`Backend::Volume`].
 #[derive(Clone, Debug)]
 pub struct DecodedFrame<'a, V = SparseVolume> {
-    /// The volume; it is also the reference for the next frame.
+    /// The volume; at full resolution it is also the reference for the next frame.
     pub volume: &'a V,
     /// When it is shown, in nanoseconds.
     pub timestamp_ns: u64,

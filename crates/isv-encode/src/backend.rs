@@ -51,7 +51,7 @@ pub trait EncodeBackend: Backend {
         before: &Self::Paper,
     ) -> Result<Vec<MotionVector>, BackendError>;
 
-    /// Codes a source under the prediction and the motion of its symbols: fills in their levels (Eq. 3, 6, 7 and 10) and returns
+    /// Codes a source under the prediction and the motion of its symbols: fills in their levels (Sec. 3.3, Eq. 10) and returns
     /// the frame that they give (Eq. 11), as [`Backend::reconstruct_paper`] makes it of the same symbols.
     ///
     /// # Errors

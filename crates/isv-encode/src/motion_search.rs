@@ -19,7 +19,8 @@ const LEAST_IMPROVEMENT: f32 = 0.995;
 /// Largest translation in one step, in voxels, and largest rotation, in radians (5 degrees).
 const TRANSLATION_STEP: f32 = 1.0;
 const ROTATION_STEP: f32 = 5.0 * std::f32::consts::PI / 180.0;
-/// Fewest voxels of a block inside the truncation band that say anything about motion.
+/// Fewest voxels of a block inside the truncation band that say anything about motion, the "reliable samples" of Sec. 3.5. Unobserved
+/// ones count too: ingest continues the field through them, and they are coded.
 const FEWEST_RELIABLE: usize = 32;
 
 /// One vector a block; zero for blocks without a reference.

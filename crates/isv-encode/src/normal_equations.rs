@@ -1,4 +1,6 @@
 //! The linear system of a Gauss-Newton step: squared residuals of a moved block and their derivatives (Eq. 12 to 14).
+//!
+//! The Jacobian is that of the interpolation between samples, which costs less than the finite differences of the paper and has no step to choose.
 
 use isv_kernels::warp::StitchedReference;
 use isv_volume::{BlockEdge, CODES_PER_VOXEL};

@@ -18,7 +18,7 @@ pub enum FormatError {
         /// The version this build reads.
         supported: u16,
     },
-    /// A profile that this document has no tools for.
+    /// A profile that this build does not know.
     #[error("profile {found} is not known: use a newer isv")]
     Profile {
         /// The profile that the stream states.

@@ -49,7 +49,7 @@ impl PacketHeader {
     /// First bytes of every header: what to look for where the place of the next packet is not known.
     pub const MAGIC: [u8; 4] = MAGIC;
 
-    /// The packet's header and payload as bytes, with the checksum of both.
+    /// The [`Self::BYTES`] bytes of the header of a packet with this payload, with the checksum of both.
     ///
     /// # Panics
     /// If the payload is larger than [`MAX_PAYLOAD`].

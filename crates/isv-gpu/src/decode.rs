@@ -5,12 +5,12 @@
 //! | `paper_frame` | a frame of profile `paper`: rigid motion and residual |
 //! | `main_frame` | a frame of profile `main`, step by step |
 //! | `coded_blocks` | its coded blocks: prediction, residual, in-loop filter |
-//! | `made_up_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
+//! | `extrapolated_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
 //! | `questions` | what entropy decoding asks of samples: expected activity, corners of crossed cells |
 
 pub(crate) mod coded_blocks;
+mod extrapolated_blocks;
 mod kernels;
-mod made_up_blocks;
 mod main_frame;
 pub(crate) mod paper_frame;
 mod questions;

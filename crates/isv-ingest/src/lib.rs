@@ -1,8 +1,8 @@
 //! Meshes and point clouds to sparse TSDF volumes (paper Sec. 3.2, explicit surface conversion).
 //!
-//! Every voxel within the truncation band of a triangle gets the exact distance to the closest triangle (Eq. 7), signed
-//! by the generalized winding number where the surface is closed (Eq. 8) or lowered by a constant where it is not
-//! (Eq. 9). Work and memory grow with the area of the surface, never with the volume of its bounding box.
+//! Every voxel within the truncation band of a triangle gets the distance to the closest triangle (Eq. 7), which is exact in all of the
+//! band or, where only the surface is wanted, near it ([`Reach`]). It is signed by how often the surface winds around the voxel, counted
+//! along rows of voxels, where the surface is closed (Eq. 8), or lowered by a constant where it is not (Eq. 9). Work and memory grow with the area of the surface, never with the volume of its bounding box.
 //!
 //! ```
 //! use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};

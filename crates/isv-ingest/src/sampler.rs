@@ -17,9 +17,9 @@ use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
 /// Everything samples are made from.
 pub(crate) struct Source<'a> {
     pub(crate) grid: Grid,
-    /// Where distances are exact if they are measured in all of the band.
+    /// The band in which distances are exact where all of it is wanted.
     pub(crate) band: Band,
-    /// Where they are exact if not, and where blocks have to have a voxel.
+    /// The band in which they are exact where only the surface is wanted. Either way a block is kept if an observed voxel of it is in this.
     pub(crate) near: Band,
     pub(crate) scene: &'a Scene<'a>,
     pub(crate) sign: &'a Sign,

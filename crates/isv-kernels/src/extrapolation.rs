@@ -83,7 +83,7 @@ impl Approach {
     }
 }
 
-/// Fills a block from its coded neighbours: whether it lies inside.
+/// Fills a block from its coded neighbours; returns whether it lies inside.
 ///
 /// - `neighbours`: samples within the truncation; at least one is there.
 /// - `truncation`: magnitude of no sample exceeds it; 512 to 4096 codes.

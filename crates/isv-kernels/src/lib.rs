@@ -1,7 +1,8 @@
-//! The codec's arithmetic on one block: pure integer functions on arrays, no allocation, no I/O, no clock.
+//! The codec's arithmetic on one block: pure integer functions on arrays, no I/O, no clock. Tables and scratch are allocated when they
+//! are made, nothing in a kernel.
 //!
-//! Whatever the decoder repeats is here and is exact: every intermediate is bounded inside `i32` and rounding is stated,
-//! so any machine, instruction set or GPU gives the same bits (`docs/spec/format.md`, section 7).
+//! Whatever the decoder repeats is here and is exact: every intermediate is bounded inside `i32`, or `i64` in [`surface_fit`], and rounding is
+//! stated, so any machine, instruction set or GPU gives the same bits (`docs/spec/format.md`, section 7).
 //!
 //! | file | step of the paper |
 //! |---|---|
@@ -11,10 +12,11 @@
 //! | [`deblock`] | smoothing across faces of blocks (profile `main`) |
 //! | [`extrapolation`] | the field beside coded blocks (profile `main`) |
 //! | [`signs`] | which samples lie inside, as bits |
+//! | [`surface_fit`] | a block from the surface in those around it (profile `main`) |
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
 //! | [`window`] | the same by quarter voxels, without rotation (profile `main`) |
 //!
-//! Beyond the paper, [`surface_fit`] predicts a block from those around it.
+//! Loops are compiled for each instruction set in [`simd`].
 
 pub mod dct;
 pub mod deblock;

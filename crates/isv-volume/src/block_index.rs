@@ -161,7 +161,7 @@ const fn touching() -> [u64; 27] {
     touching
 }
 
-/// The place among the blocks of a cell and those around it that the first block of the cell before would have, below zero.
+/// How far before the first of them, among the blocks of a cell and those around it, the first block of the cell before would be.
 const FIRST_PLACE: usize = (CELL_EDGE - 1) * (1 + AROUND_EDGE + AROUND_EDGE * AROUND_EDGE);
 
 /// How far each block of a cell is from the cell's first among these, by its bit.

@@ -167,9 +167,9 @@ impl SparseVolume {
         self.block_count() * self.grid.edge.block_voxels()
     }
 
-    /// The memory of the largest chunk of samples that no other volume shares, for another one.
+    /// The largest buffer of samples that no other volume shares, for another volume to be built in; what is in it means nothing.
     #[must_use]
-    pub fn into_samples(self) -> Vec<i16> {
+    pub fn into_spare_buffer(self) -> Vec<i16> {
         let own = self.chunks.into_iter().filter_map(Arc::into_inner);
         own.max_by_key(Vec::capacity).unwrap_or_default()
     }
@@ -353,7 +353,7 @@ mod tests {
             after.succeed(row(&[3, 4]).coords.to_vec(), &[Kept(2), Kept(3)], Vec::new(), BTreeMap::new());
         assert!(last == row(&[3, 4]) && last.shares_block(0, &after, 2) && !last.shares_block(1, &after, 3));
         drop(after);
-        assert_eq!(before.clone().into_samples(), Vec::<i16>::new(), "shared with the copy's origin");
-        assert_eq!(before.into_samples().len(), 5 * 64);
+        assert_eq!(before.clone().into_spare_buffer(), Vec::<i16>::new(), "shared with the copy's origin");
+        assert_eq!(before.into_spare_buffer().len(), 5 * 64);
     }
 }

@@ -183,7 +183,7 @@ impl Backend for Cpu {
     }
 
     fn retire(&mut self, frame: CpuMainFrame) {
-        self.spare = frame.reference.into_samples();
+        self.spare = frame.reference.into_spare_buffer();
     }
 
     fn hash(&mut self, volume: &SparseVolume) -> Result<u64, BackendError> {

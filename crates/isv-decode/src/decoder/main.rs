@@ -81,7 +81,7 @@ impl<B: Backend> MainDecoder<B> {
         backend: &mut B,
         details: &mut Details,
     ) -> Result<FrameFacts, DecodeError> {
-        // Taken out, so that an error leaves no reference behind.
+        // Taken out while it is read from. After an error, `lose` decides what stays of it.
         let last = self.reference.take();
         match self.decode_after(last.as_ref(), packet, backend, details) {
             Ok((Decoded { frame, exact }, facts)) => {

@@ -54,7 +54,7 @@ fn in_unsettled_blocks(
         let masks = [volume.unobserved(*block as usize), unobserved.get(block)];
         match coded {
             true => Signs::of_coded(volume, *block as usize, masks),
-            false => Signs::of_made_up(volume, *block as usize, masks),
+            false => Signs::of_extrapolated(volume, *block as usize, masks),
         }
     };
     let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(signs_of).unzip();
@@ -87,7 +87,11 @@ impl Signs {
     }
 
     /// The same of a block that was extrapolated: all of it has one sign.
-    fn of_made_up(volume: &SparseVolume, block: usize, unobserved: [Option<&VoxelMask>; 2]) -> (Self, Parts) {
+    fn of_extrapolated(
+        volume: &SparseVolume,
+        block: usize,
+        unobserved: [Option<&VoxelMask>; 2],
+    ) -> (Self, Parts) {
         let is_inside = volume.block(block)[0] < 0;
         match unobserved {
             [None, None] if is_inside => {

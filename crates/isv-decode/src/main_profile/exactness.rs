@@ -17,7 +17,7 @@ const BLOCK_QUARTERS: i32 = 32;
 pub struct ExactBlocks {
     /// For each block of the volume.
     exact: Vec<bool>,
-    /// Whether there is no block where the volume has none.
+    /// Whether it is exact, too, that there is no block where the volume has none.
     beyond: bool,
 }
 

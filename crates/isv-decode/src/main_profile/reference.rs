@@ -62,8 +62,8 @@ impl MainReference {
 
     /// The samples of the volume, for their memory to serve another frame.
     #[must_use]
-    pub fn into_samples(self) -> Vec<i16> {
-        self.extended.reference.into_volume().into_samples()
+    pub fn into_spare_buffer(self) -> Vec<i16> {
+        self.extended.reference.into_volume().into_spare_buffer()
     }
 
     /// A finder of the blocks of the volume around others.

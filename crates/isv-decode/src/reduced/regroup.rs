@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 /// A larger voxel is unobserved if half of its voxels or more are, in a block that was extrapolated if any is, and where no block of the
 /// stream is; samples are the truncation distance there.
 ///
-/// `is_made_up`: whether a block was extrapolated. Its sign is a guess where it meets unobserved voxels, which are then one layer that
+/// `is_extrapolated`: whether a block was extrapolated. Its sign is a guess where it meets unobserved voxels, which are then one layer that
 /// tells that there is no surface between it and another guess; in larger voxels half of them would not be left.
 pub(super) fn regroup(
     parameters: &ReducedGrid,
     coords: &[BlockCoord],
     samples: &[i16],
     unobserved: &BTreeMap<u32, VoxelMask>,
-    is_made_up: impl Fn(usize) -> bool,
+    is_extrapolated: impl Fn(usize) -> bool,
 ) -> SparseVolume {
     let edge = parameters.grid.edge;
     let voxels = parameters.side().pow(3);
@@ -27,12 +27,11 @@ pub(super) fn regroup(
     for members in coords.chunk_by(|a, b| group_of(a) == group_of(b)) {
         let start = grouped.len();
         grouped.resize(start + edge.block_voxels(), parameters.limit);
-        let mut hidden = VoxelMask::empty(edge);
-        (0..edge.block_voxels()).for_each(|voxel| hidden.insert(voxel));
+        let mut hidden = VoxelMask::full(edge);
         for coord in members {
             let place = Place::new(parameters, coord);
             place.copy_samples(&samples[block * voxels..][..voxels], &mut grouped[start..]);
-            let enough = if is_made_up(block) { 1 } else { parameters.lod.voxels().pow(3).div_ceil(2) };
+            let enough = if is_extrapolated(block) { 1 } else { parameters.lod.voxels().pow(3).div_ceil(2) };
             place.mark_observed(unobserved.get(&(block as u32)), enough as usize, &mut hidden);
             block += 1;
         }

@@ -111,8 +111,7 @@ pub struct MainSettings {
     /// Whether levels are searched from several starts, under the models' own bits, and each is given up to see if the others
     /// do without it. Some ten times the work.
     pub refinement: bool,
-    /// Steps that frames have over those that they were to have; lambda stays. Where levels are refined, fewer and larger ones
-    /// do.
+    /// Factor on the step of every frame; lambda stays. Where levels are refined, fewer and larger ones do.
     pub step_share: f32,
     /// Lambda of keyframes, whose errors stay until the next one, over that of other frames.
     pub keyframe_lambda: f32,
@@ -216,8 +215,8 @@ struct State {
 
 impl State {
     /// The samples of the reference, for their memory to serve another frame.
-    fn into_samples(self) -> Vec<i16> {
-        self.reference.map_or_else(Vec::new, MainReference::into_samples)
+    fn into_spare_buffer(self) -> Vec<i16> {
+        self.reference.map_or_else(Vec::new, MainReference::into_spare_buffer)
     }
 }
 
@@ -313,14 +312,14 @@ impl<B: SearchBackend> MainEncoder<B> {
                 frame: facts,
                 step,
                 bits: 8.0 * coded.frame.stream_bytes() as f64,
-                surface_rms: coded.frame.surface_distance_voxels.unwrap_or(0.0),
+                surface_distance: coded.frame.surface_distance_voxels.unwrap_or(0.0),
             };
             attempts.push(attempt);
             match self.rate.retry(&attempts) {
                 Some(other) => {
                     step = other;
                     shifts = Some(found);
-                    spare = coded.state.into_samples();
+                    spare = coded.state.into_spare_buffer();
                 }
                 None => {
                     let since_keyframe = if facts.keyframe { 1 } else { self.since_keyframe % self.gop + 1 };
@@ -336,7 +335,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                     }
                     self.settled_step = if still.is_empty() { step } else { self.settled_step.max(step) };
                     self.source = Some(volume.clone());
-                    self.spare = replace(&mut self.state, coded.state).into_samples();
+                    self.spare = replace(&mut self.state, coded.state).into_spare_buffer();
                     return Ok(coded.frame);
                 }
             }

@@ -74,11 +74,11 @@ pub struct SearchEffort {
     pub rows: usize,
     /// A vector whose error is worth fewer bits than this is taken without looking further.
     pub good_enough: f32,
-    /// Spatial prediction is tried where the temporal one costs more bits than this.
+    /// Spatial prediction is tried where the temporal one costs more bits than this,
     pub spatial_from: f32,
-    /// And more than so many times what it takes to say that a block is predicted spatially: what is unlikely is seldom better.
+    /// more than so many times the bits that say that a block is predicted spatially (what is unlikely is seldom better),
     pub spatial_bits_share: f32,
-    /// And only if the error of the spatial prediction is at most so many times that of the temporal one.
+    /// and only if the error of the spatial prediction is at most so many times that of the temporal one.
     pub spatial_error_share: f32,
 }
 

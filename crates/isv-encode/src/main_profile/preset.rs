@@ -12,7 +12,7 @@ pub enum Preset {
     /// What serves most.
     Balanced,
     /// As small as it gets: levels are searched far and wide, and more vectors and filters are tried. Ten times the work of
-    /// [`Self::Balanced`] for about a tenth of its bits at the same error; at the same quality, the error is less.
+    /// [`Self::Balanced`] for about a tenth fewer bits at the same error; at the same quality, the error is less.
     Archive,
 }
 

@@ -17,12 +17,11 @@ use isv_decode::main_profile::COEFFICIENTS;
 use isv_kernels::quant::Quantizer;
 use isv_kernels::simd;
 
-/// Changes of levels at most, and levels at most.
+/// Changes of levels at most.
 const CHANGES: usize = 400;
-const LEVELS: usize = 162;
 /// Largest magnitude that is considered.
 const LARGEST: i32 = Quantizer::LARGEST_LEVEL;
-/// Levels that rounding would leave at zero by more than this are not considered.
+/// A level that is zero is left alone if its ideal value is below this.
 const LEAST: f32 = 0.35;
 /// A change has to pay this much.
 const LEAST_GAIN: f32 = 1e-6;
@@ -276,7 +275,7 @@ impl Pursuit<'_> {
             metric.spectrum.add_products(simd, position, -change, &mut slopes);
             self.dct.add(simd, position, -change, &mut state.error);
             state.set_level(k, level);
-            if state.count >= LEVELS {
+            if state.count >= COEFFICIENTS {
                 break;
             }
         }

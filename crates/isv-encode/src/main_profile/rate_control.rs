@@ -47,8 +47,8 @@ pub(crate) struct Attempt {
     pub step: f64,
     /// Bits in the stream, everything counted.
     pub bits: f64,
-    /// In voxels; 0 where no target asks for it.
-    pub surface_rms: f64,
+    /// As [`EncodedFrame::surface_distance_voxels`](crate::EncodedFrame); 0 where no target asks for it.
+    pub surface_distance: f64,
 }
 
 /// Chooses steps.

@@ -309,7 +309,7 @@ impl<'a> SliceEncoder<'a> {
         shifts
     }
 
-    /// How many times the error of the voxels looked at a block's is.
+    /// By what the error over the rows looked at is multiplied to be about that of the whole block.
     fn error_share(&self) -> f32 {
         self.frame.effort.rows as f32
     }
@@ -367,8 +367,8 @@ impl<'a> SliceEncoder<'a> {
         if spatial.cost < temporal.cost { spatial } else { temporal }
     }
 
-    /// Whether a temporal prediction is so cheap that the spatial one is not tried: no dearer than that is if nothing is left to
-    /// correct, or than is good enough.
+    /// Whether a temporal prediction costs so little that the spatial one is not tried: no more than the spatial one would with nothing
+    /// left to correct, or than [`SearchEffort`] calls good enough.
     fn is_spatial_hopeless(&mut self, temporal_cost: f32, context: Option<&ModeContext>) -> bool {
         let mode_bits = context.map_or(0.0, |context| self.mode_bits(BlockMode::Spatial, context));
         let SearchEffort { spatial_from, spatial_bits_share, .. } = self.frame.effort;
@@ -405,8 +405,8 @@ impl<'a> SliceEncoder<'a> {
         Trial { mode, prediction, pursued, cost }
     }
 
-    /// The end of a pursuit that is over before it begins, which is seen from the prediction's error alone. It is not looked
-    /// for where about so much `error` makes it unlikely: the pursuit comes to the same end.
+    /// What a pursuit comes to that is over before it begins, which is seen from the prediction's error alone. Nothing where it is not,
+    /// nor where `error`, which is about that, is so large that some level surely pays: the pursuit finds out by itself.
     fn no_levels(
         &self,
         block: usize,

@@ -17,10 +17,11 @@ pub(crate) type Bits = [u64; 8];
 
 /// Weight of voxels at the ends of edges that the surface crosses: marching cubes reads those and no others.
 const CROSSED: f32 = 1.0;
-/// Weight of all other observed voxels, and of unobserved ones.
+/// Weight of all other observed voxels.
 const FAR: f32 = 0.001;
-/// The former, where signs are not guarded.
+/// The same where signs are not guarded.
 const FAR_UNGUARDED: f32 = 0.01;
+/// Weight of unobserved voxels.
 const UNOBSERVED: f32 = 0.0005;
 /// Weight of every voxel when the whole band is wanted.
 const WHOLE_BAND: f32 = 0.25;

@@ -1,7 +1,7 @@
 //! A frame of profile `main`, from symbols to the answers that the next frame's syntax asks for.
 
 use super::coded_blocks::CodedBlocks;
-use super::made_up_blocks::{KeptFrame, MadeUpBlocks};
+use super::extrapolated_blocks::{ExtrapolatedBlocks, KeptFrame};
 use super::questions::{Answers, ask};
 use super::workshop::{FrameCommands, Workshop};
 use crate::blocks::BlockTable;
@@ -56,7 +56,7 @@ impl Workshop {
         frame: MainFrame,
         before: Option<&GpuMainFrame>,
     ) -> Result<GpuMainFrame, GpuError> {
-        let Self { store, kernels, coded_rooms, made_up_rooms, question_rooms, .. } = self;
+        let Self { store, kernels, coded_rooms, extrapolated_rooms, question_rooms, .. } = self;
         let MainFrame { parameters, header, symbols, causal, plan, predicts } = frame;
         let gpu = store.gpu();
         let (slots, coded_slots) = take_slots(store, &plan, before)?;
@@ -73,14 +73,14 @@ impl Workshop {
 
         let kept = before
             .map(|before| KeptFrame { blocks: before.blocks().blocks, insides: &before.answers.insides });
-        let made_up = MadeUpBlocks::upload(gpu, &plan, kept, &table, made_up_rooms)?;
-        made_up.extrapolate(&mut work, parameters.grid.truncation)?;
+        let extrapolated = ExtrapolatedBlocks::upload(gpu, &plan, kept, &table, extrapolated_rooms)?;
+        extrapolated.extrapolate(&mut work, parameters.grid.truncation)?;
 
         let how = CodedBlock::of_frame(plan.blocks(), &symbols);
         let marks = plan.blocks().unsettled.marks_in(&plan.blocks().all);
         let unsettled = (0..).zip(marks).filter_map(|(block, marked)| marked.then_some(block));
         let unsettled: Vec<u32> = unsettled.collect();
-        let answers = ask(work, &table, &made_up, &how, &unsettled, question_rooms)?;
+        let answers = ask(work, &table, &extrapolated, &how, &unsettled, question_rooms)?;
 
         let side = |block: u32| match (plan.coded()[block as usize], answers.insides[block as usize]) {
             (true, _) => Side::Coded,

@@ -1,7 +1,7 @@
 //! What entropy decoding asks of a frame's samples: one answer for all, read at once.
 
 use super::coded_blocks::pack_vector;
-use super::made_up_blocks::MadeUpBlocks;
+use super::extrapolated_blocks::ExtrapolatedBlocks;
 use super::workshop::FrameCommands;
 use crate::GpuError;
 use crate::blocks::BlockTable;
@@ -41,7 +41,7 @@ const MASK_BYTES: u64 = 64;
 /// The answers.
 #[derive(Debug)]
 pub(super) struct Answers {
-    /// Of each block, 1 if it was made up and lies inside.
+    /// Of each block, 1 if it was extrapolated and lies inside.
     pub(super) insides: Vec<u32>,
     /// Of each block, edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
     pub(super) activity: Vec<u32>,
@@ -60,7 +60,7 @@ pub(super) struct Answers {
 pub(super) fn ask(
     mut frame: FrameCommands,
     table: &BlockTable,
-    made_up: &MadeUpBlocks,
+    extrapolated: &ExtrapolatedBlocks,
     coded: &[Option<CodedBlock>],
     unsettled: &[u32],
     rooms: &mut QuestionRooms,
@@ -84,7 +84,7 @@ pub(super) fn ask(
     let mut readings = Vec::new();
     for ((part, room), number) in parts.iter().zip(&mut rooms.corners_read).zip(0u32..) {
         let (first, blocks) = (number * at_once as u32, part.len() as u32);
-        let MadeUpBlocks { kinds, opposed, masks, .. } = *made_up;
+        let ExtrapolatedBlocks { kinds, opposed, masks, .. } = *extrapolated;
         let buffers = [&table.blocks, &table.table, kinds, opposed, masks, list, corners];
         frame.run(&frame.kernels.corners, &[first, blocks, 0, 0], &buffers, blocks)?;
         let bytes = MASK_BYTES * u64::from(blocks);
@@ -94,7 +94,7 @@ pub(super) fn ask(
     }
     let insides_read = rooms.insides_read.of(gpu, word_bytes)?;
     let activity_read = rooms.activity_read.of(gpu, word_bytes)?;
-    frame.commands.copy(made_up.insides, insides_read, word_bytes);
+    frame.commands.copy(extrapolated.insides, insides_read, word_bytes);
     frame.commands.copy(activity, activity_read, word_bytes);
     readings.extend([(insides_read, word_bytes), (activity_read, word_bytes)]);
     let FrameCommands { gpu, pool, commands, .. } = frame;

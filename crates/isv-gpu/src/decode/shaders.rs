@@ -60,7 +60,7 @@ pub(crate) const EXTRAPOLATE: Shader = Shader {
     name: "extrapolate",
     parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/extrapolate.wgsl"), FIND],
 };
-/// Faces between made-up blocks of different signs.
+/// Faces between extrapolated blocks of different signs.
 pub(crate) const CONFLICTS: Shader =
     Shader { name: "conflicts", parts: &[TABLE, FRAME, include_str!("../shaders/conflicts.wgsl"), FIND] };
 /// Corners of crossed cells.

@@ -1,8 +1,8 @@
 //! What frames are made with.
 
 use super::coded_blocks::CodedRooms;
+use super::extrapolated_blocks::ExtrapolatedRooms;
 use super::kernels::Kernels;
-use super::made_up_blocks::MadeUpRooms;
 use super::questions::QuestionRooms;
 use crate::commands::Commands;
 use crate::encode::EncodeTools;
@@ -17,7 +17,7 @@ pub(crate) struct Workshop {
     pub(crate) store: VolumeStore,
     pub(super) kernels: Kernels,
     pub(super) coded_rooms: CodedRooms,
-    pub(super) made_up_rooms: MadeUpRooms,
+    pub(super) extrapolated_rooms: ExtrapolatedRooms,
     pub(super) question_rooms: QuestionRooms,
     /// What only an encoder needs, once it was needed.
     pub(crate) encoding: Option<EncodeTools>,
@@ -33,7 +33,7 @@ impl Workshop {
             store: store.clone(),
             kernels: Kernels::new(store.gpu())?,
             coded_rooms: CodedRooms::default(),
-            made_up_rooms: MadeUpRooms::default(),
+            extrapolated_rooms: ExtrapolatedRooms::default(),
             question_rooms: QuestionRooms::default(),
             encoding: None,
         })

@@ -1,4 +1,4 @@
-// The faces on which made-up blocks of different signs meet: neither side of such a face is observed (isv-decode: extension).
+// The faces on which extrapolated blocks of different signs meet: neither side of such a face is observed (isv-decode: extension).
 
 struct ConflictParameters { blocks: u32 }
 

@@ -11,9 +11,9 @@ struct ExtrapolationParameters {
 @group(1) @binding(1) var<storage, read> blocks: array<vec4<i32>>;
 @group(1) @binding(2) var<storage, read> table: array<u32>;
 @group(1) @binding(3) var<storage, read> kinds: array<u32>;
-/// Blocks to be made up.
+/// Blocks to be extrapolated.
 @group(1) @binding(4) var<storage, read> list: array<u32>;
-/// Of each made-up block, 1 if it lies inside.
+/// Of each extrapolated block, 1 if it lies inside.
 @group(1) @binding(5) var<storage, read_write> insides: array<u32>;
 
 /// A distance field grows by one voxel a voxel at most.

@@ -1,4 +1,4 @@
-// All blocks of an extended frame, coded and made up (profile `main`).
+// All blocks of an extended frame, coded and extrapolated (profile `main`).
 
 /// What a block is, as bits.
 const CODED = 1u;

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 pub struct MaskModels(pub VoxelModels);
 
 impl MaskModels {
-    /// Reads the masks of a frame's unsettled blocks, coded or made up, by their index in its extended volume. `corners`: those
+    /// Reads the masks of a frame's unsettled blocks, coded or extrapolated, by their index in its extended volume. `corners`: those
     /// of its blocks that have corners of crossed cells, in order, with these voxels; asked for only if there are masks.
     /// `reference`: the frame before.
     ///

@@ -40,7 +40,7 @@ impl ErrorControl {
 
     pub(super) fn retry(&self, attempts: &[Attempt]) -> Option<f64> {
         let (attempt, before) = attempts.split_last()?;
-        if attempt.surface_rms <= self.bound || attempt.step <= FINEST_STEP {
+        if attempt.surface_distance <= self.bound || attempt.step <= FINEST_STEP {
             return None;
         }
         if attempts.len() >= TRIES {
@@ -59,7 +59,7 @@ impl ErrorControl {
 
     /// What the step is to be multiplied by, if the error grows with this power of it.
     fn correction(&self, attempt: &Attempt, exponent: f64) -> f64 {
-        let error = attempt.surface_rms.max(1e-6);
+        let error = attempt.surface_distance.max(1e-6);
         (AIM * self.bound / error).powf(1.0 / exponent)
     }
 }
@@ -67,6 +67,6 @@ impl ErrorControl {
 /// The power of the step that the errors of two attempts at a frame grow with. Where little is left that a finer step mends it is
 /// near 0, and the model's is far too large.
 fn exponent_between(one: &Attempt, other: &Attempt) -> f64 {
-    let [error, step] = [one.surface_rms / other.surface_rms.max(1e-6), one.step / other.step];
+    let [error, step] = [one.surface_distance / other.surface_distance.max(1e-6), one.step / other.step];
     (error.ln() / step.ln()).clamp(EXPONENTS[0], EXPONENTS[1])
 }

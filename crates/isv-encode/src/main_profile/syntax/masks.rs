@@ -11,7 +11,7 @@ use isv_volume::{BlockEdge, VoxelMask};
 use std::cell::LazyCell;
 use std::collections::BTreeMap;
 
-/// Writes what can be written of the masks of a frame's unsettled blocks, coded or made up: their voxels in cells that the decoded surface
+/// Writes what can be written of the masks of a frame's unsettled blocks, coded or extrapolated: their voxels in cells that the decoded surface
 /// crosses, where these were not observed or are debris. Returns it too, by index in the extended volume.
 ///
 /// `unobserved`: the source's mask of a block of the extended volume; asked for only if the source is not wholly observed.

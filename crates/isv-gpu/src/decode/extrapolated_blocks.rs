@@ -16,7 +16,7 @@ const MASK_BITS: u32 = 8;
 
 /// Memory for what is known of all blocks of a frame.
 #[derive(Debug)]
-pub(super) struct MadeUpRooms {
+pub(super) struct ExtrapolatedRooms {
     kinds: Room,
     insides: Room,
     opposed: Room,
@@ -24,30 +24,30 @@ pub(super) struct MadeUpRooms {
     list: Room,
 }
 
-impl Default for MadeUpRooms {
+impl Default for ExtrapolatedRooms {
     fn default() -> Self {
         Self {
             kinds: Room::new("kinds of blocks"),
             insides: Room::new("sides of blocks"),
             opposed: Room::new("opposed faces"),
             masks: Room::new("masks of settled blocks"),
-            list: Room::new("list of made-up blocks"),
+            list: Room::new("list of extrapolated blocks"),
         }
     }
 }
 
 /// What all blocks of a frame are, uploaded.
-pub(super) struct MadeUpBlocks<'a> {
+pub(super) struct ExtrapolatedBlocks<'a> {
     table: &'a BlockTable,
     /// Of all blocks.
     pub(super) kinds: &'a Storage,
-    /// Of all blocks, 1 for those that were made up and lie inside.
+    /// Of all blocks, 1 for those that were extrapolated and lie inside.
     pub(super) insides: &'a Storage,
     pub(super) opposed: &'a Storage,
     /// Of settled blocks.
     pub(super) masks: &'a Storage,
     list: &'a Storage,
-    /// Blocks to be made up.
+    /// Blocks to be extrapolated.
     count: u32,
     blocks: u32,
 }
@@ -56,11 +56,11 @@ pub(super) struct MadeUpBlocks<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct KeptFrame<'a> {
     pub(super) blocks: ReferenceBlocks<'a>,
-    /// Of each block, 1 if it was made up and lies inside.
+    /// Of each block, 1 if it was extrapolated and lies inside.
     pub(super) insides: &'a [u32],
 }
 
-impl<'a> MadeUpBlocks<'a> {
+impl<'a> ExtrapolatedBlocks<'a> {
     /// Uploads what is known of all blocks of a frame, which are in `table`.
     ///
     /// # Errors
@@ -70,7 +70,7 @@ impl<'a> MadeUpBlocks<'a> {
         plan: &ExtensionPlan,
         before: Option<KeptFrame>,
         table: &'a BlockTable,
-        rooms: &'a mut MadeUpRooms,
+        rooms: &'a mut ExtrapolatedRooms,
     ) -> Result<Self, GpuError> {
         let unsettled = plan.blocks().unsettled.marks_in(&plan.blocks().all);
         let marks = plan.coded().iter().zip(unsettled);
@@ -90,9 +90,10 @@ impl<'a> MadeUpBlocks<'a> {
         };
         let insides: Vec<u32> = plan.origins().iter().map(inside).collect();
         let blocks = (0..).zip(plan.origins()).zip(plan.coded());
-        let is_made_up =
+        let is_extrapolated =
             |origin: &BlockOrigin, coded: bool| matches!(origin, BlockOrigin::Fresh(_)) && !coded;
-        let list = blocks.filter_map(|((block, origin), coded)| is_made_up(origin, *coded).then_some(block));
+        let list =
+            blocks.filter_map(|((block, origin), coded)| is_extrapolated(origin, *coded).then_some(block));
         let list: Vec<u32> = list.collect();
         Ok(Self {
             table,
