@@ -7,7 +7,8 @@
 mod frame_blocks;
 
 use crate::{Reference, ReferenceBlocks};
-use isv_kernels::extrapolation::{Block, CodedNeighbours, extrapolate};
+use isv_kernels::block8::{Block, SAMPLES};
+use isv_kernels::extrapolation::{CodedNeighbours, extrapolate};
 use isv_volume::{
     BlockCoord, BlockEdge, BlockIndex, BlockOrigin, Grid, NeighbourFinder, SparseVolume, VoxelMask,
 };
@@ -15,9 +16,6 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 pub use frame_blocks::{FrameBlocks, Kept};
-
-/// Samples of a block: the extension is defined for an edge of 8.
-const BLOCK_VOXELS: usize = 512;
 
 /// A decoded frame with the blocks around its coded ones.
 #[derive(Clone, Debug)]
@@ -39,7 +37,7 @@ impl Extended {
         // What is in the room before is overwritten.
         let mut samples = plan.room(Vec::new());
         for (block, place) in plan.places().iter().enumerate() {
-            samples[*place as usize * BLOCK_VOXELS..][..BLOCK_VOXELS].copy_from_slice(coded.block(block));
+            samples[*place as usize * SAMPLES..][..SAMPLES].copy_from_slice(coded.block(block));
         }
         let masks = coded.unobserved_masks().iter();
         let masks = masks.map(|(block, mask)| (plan.places()[*block as usize], mask.clone())).collect();
@@ -146,7 +144,7 @@ impl ExtensionPlan {
     /// use and can be again.
     #[must_use]
     pub fn room(&self, mut spare: Vec<i16>) -> Vec<i16> {
-        let wanted = self.blocks.fresh.count() * BLOCK_VOXELS;
+        let wanted = self.blocks.fresh.count() * SAMPLES;
         if spare.capacity() < wanted || spare.capacity() / 2 > wanted {
             drop(spare);
             // A little more, so that it serves the next frames too; the system gives no memory before it is written to.
@@ -182,13 +180,13 @@ impl ExtensionPlan {
 
     /// Extrapolates the fresh blocks that were not coded. On which side each fresh block lies. `kept`: what the other blocks are of.
     fn fill(&self, limit: i16, samples: &mut [i16], kept: &SparseVolume) -> Vec<Side> {
-        let fresh = samples.len() / BLOCK_VOXELS;
+        let fresh = samples.len() / SAMPLES;
         let mut sides = vec![Side::Coded; fresh];
         let mut coded: Vec<Option<&Block>> = vec![None; fresh];
         let mut others = Vec::with_capacity(fresh - self.places.len());
         let mut places = self.places.iter().map(|place| *place as usize).peekable();
         let coords = self.blocks.fresh.cells().iter().flat_map(|cell| cell.coords());
-        let blocks = samples.as_chunks_mut::<BLOCK_VOXELS>().0.iter_mut().zip(&mut sides).zip(coords);
+        let blocks = samples.as_chunks_mut::<SAMPLES>().0.iter_mut().zip(&mut sides).zip(coords);
         for (block, ((samples, side), coord)) in blocks.enumerate() {
             match places.next_if_eq(&block) {
                 Some(_) => coded[block] = Some(samples),
@@ -317,7 +315,7 @@ fn conflicts(opposed: [bool; 6]) -> Option<VoxelMask> {
     let mut mask = VoxelMask::empty(BlockEdge::E8);
     for (_, (_, (axis, layer))) in opposed.iter().zip(FACES).filter(|(opposed, _)| **opposed) {
         let touching = |voxel: &usize| voxel >> (3 * axis) & 7 == layer;
-        (0..BLOCK_VOXELS).filter(touching).for_each(|voxel| mask.insert(voxel));
+        (0..SAMPLES).filter(touching).for_each(|voxel| mask.insert(voxel));
     }
     Some(mask)
 }

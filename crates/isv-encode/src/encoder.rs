@@ -5,15 +5,14 @@ use crate::frame_writer::FrameWriter;
 use crate::main_profile::MainSettings;
 use crate::syntax::SymbolSegments;
 use isv_decode::backend::Cpu;
-use isv_format::{FrameHeader, FramePayload, PacketHeader, Prediction, SlicePayload, StreamHeader};
+use isv_format::{
+    FrameHeader, FramePayload, PacketHeader, Prediction, SlicePayload, StreamHeader, StreamIndex,
+};
 use isv_volume::SparseVolume;
 
 /// Blocks a slice holds at most, unless the number of slices is given or has reached its limit. A person at 5 mm is one
 /// slice; the models of more would have to learn everything again.
 pub const BLOCKS_PER_SLICE: usize = 1 << 14;
-
-/// Bytes of a frame in a stream's index.
-const INDEX_ENTRY_BYTES: usize = 8;
 
 /// How frames that are not keyframes are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,7 +120,7 @@ impl EncodedFrame {
 
     /// Bytes that the frame adds to a stream: packet and entry in the index.
     pub(crate) fn stream_bytes(&self) -> usize {
-        PacketHeader::BYTES + self.payload().to_bytes().len() + INDEX_ENTRY_BYTES
+        PacketHeader::BYTES + self.payload().to_bytes().len() + StreamIndex::ENTRY_BYTES
     }
 
     pub(crate) fn segment_bytes(&self) -> usize {

@@ -14,6 +14,7 @@ mod encoder;
 mod field_dct;
 mod lanes;
 mod level_costs;
+mod masks;
 mod model_bits;
 mod motion_search;
 mod preset;

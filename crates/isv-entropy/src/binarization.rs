@@ -1,6 +1,6 @@
 //! Integers as sequences of binary decisions.
 
-use crate::{BitModel, RangeDecoder, RangeEncoder};
+use crate::{BitModel, DecisionSink, RangeDecoder};
 
 /// Largest magnitude that an [`IntegerModel`] codes: `2^20`.
 pub const MAGNITUDE_LIMIT: u32 = 1 << 20;
@@ -26,32 +26,12 @@ pub struct IntegerModel {
 
 impl IntegerModel {
     /// Codes a value of magnitude up to [`MAGNITUDE_LIMIT`].
-    pub fn encode(&mut self, encoder: &mut RangeEncoder, value: i32) {
-        encoder.encode(&mut self.zero, value == 0);
+    pub fn encode(&mut self, sink: &mut impl DecisionSink, value: i32) {
+        sink.put(&mut self.zero, value == 0);
         if value != 0 {
-            encoder.encode(&mut self.negative, value < 0);
-            self.encode_magnitude(encoder, value.unsigned_abs());
+            sink.put(&mut self.negative, value < 0);
+            self.encode_magnitude(sink, value.unsigned_abs());
         }
-    }
-
-    /// Bits that coding a value would take now.
-    #[must_use]
-    pub fn cost(&self, value: i32) -> f32 {
-        if value == 0 {
-            return self.zero.cost(true);
-        }
-        let magnitude = value.unsigned_abs();
-        let exponent = magnitude.ilog2() as usize;
-        let unary = (0..EXPONENTS - 1).take(exponent + 1).map(|e| self.exponent[e].cost(exponent > e));
-        let modelled = (exponent as u32).min(MODELLED_MANTISSA_BITS);
-        let mut bits = self.zero.cost(false) + self.negative.cost(value < 0) + unary.sum::<f32>();
-        let mut node = 1;
-        for position in (exponent as u32 - modelled..exponent as u32).rev() {
-            let bit = magnitude >> position & 1;
-            bits += self.mantissa[exponent][node].cost(bit != 0);
-            node = node << 1 | bit as usize;
-        }
-        bits + (exponent as u32 - modelled) as f32
     }
 
     /// Decodes a value of magnitude up to [`MAGNITUDE_LIMIT`], whatever the bytes.
@@ -64,11 +44,11 @@ impl IntegerModel {
         if negative { -magnitude } else { magnitude }
     }
 
-    fn encode_magnitude(&mut self, encoder: &mut RangeEncoder, magnitude: u32) {
+    fn encode_magnitude(&mut self, sink: &mut impl DecisionSink, magnitude: u32) {
         debug_assert!((1..=MAGNITUDE_LIMIT).contains(&magnitude));
         let exponent = magnitude.ilog2();
         for e in 0..EXPONENTS - 1 {
-            encoder.encode(&mut self.exponent[e], exponent > e as u32);
+            sink.put(&mut self.exponent[e], exponent > e as u32);
             if exponent == e as u32 {
                 break;
             }
@@ -77,10 +57,10 @@ impl IntegerModel {
         let mut node = 1;
         for position in (exponent - modelled..exponent).rev() {
             let bit = magnitude >> position & 1;
-            encoder.encode(&mut self.mantissa[exponent as usize][node], bit != 0);
+            sink.put(&mut self.mantissa[exponent as usize][node], bit != 0);
             node = node << 1 | bit as usize;
         }
-        encoder.encode_raw(magnitude, exponent - modelled);
+        sink.put_raw(magnitude, exponent - modelled);
     }
 
     fn decode_magnitude(&mut self, decoder: &mut RangeDecoder) -> u32 {

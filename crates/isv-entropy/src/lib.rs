@@ -20,9 +20,11 @@
 //! ```
 
 mod binarization;
+mod decision_sink;
 mod model;
 mod range_coder;
 
 pub use binarization::{IntegerModel, MAGNITUDE_LIMIT};
+pub use decision_sink::{BitCount, DecisionSink};
 pub use model::BitModel;
-pub use range_coder::{RangeDecoder, RangeEncoder, mixed_cost};
+pub use range_coder::{RangeDecoder, RangeEncoder};

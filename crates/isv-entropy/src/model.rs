@@ -3,7 +3,7 @@
 /// Fractional bits of an estimate, enough for the slow average to get within `2^-15` of certainty.
 const ESTIMATE_BITS: u32 = 26;
 /// Fractional bits of the probability that the range coder uses.
-const PROBABILITY_BITS: u32 = 16;
+pub(crate) const PROBABILITY_BITS: u32 = 16;
 /// Adaptation shifts of the two averages once warmed up: one follows changes, one is precise.
 const FAST_SHIFT: u32 = 6;
 const SLOW_SHIFT: u32 = 9;
@@ -30,12 +30,6 @@ impl BitModel {
     pub(crate) fn probability_of_one(&self) -> u32 {
         let mean = (self.fast + self.slow) >> (ESTIMATE_BITS - PROBABILITY_BITS + 1);
         mean.clamp(4, (1 << PROBABILITY_BITS) - 4)
-    }
-
-    /// Bits that coding a decision would take now.
-    pub(crate) fn cost(&self, bit: bool) -> f32 {
-        let one = self.probability_of_one();
-        PROBABILITY_BITS as f32 - ((if bit { one } else { (1 << PROBABILITY_BITS) - one }) as f32).log2()
     }
 
     /// Learns from one coded bit.

@@ -1,6 +1,7 @@
 //! Binary range coder, encoder and decoder side by side.
 
 use crate::BitModel;
+use crate::model::PROBABILITY_BITS;
 
 /// Below this the range is scaled up by a byte.
 const RENORMALIZE_BELOW: u32 = 1 << 24;
@@ -38,7 +39,7 @@ impl RangeEncoder {
     /// Codes a bit under the mean of several models' estimates, all of which learn from it: each model sees the decision in
     /// another context, and their mean is better than any of them.
     pub fn encode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N], bit: bool) {
-        let bound = (self.range >> 16) * mean_probability(&models);
+        let bound = (self.range >> PROBABILITY_BITS) * mean_probability(&models);
         if bit {
             self.range = bound;
         } else {
@@ -110,15 +111,8 @@ impl RangeEncoder {
     }
 }
 
-/// Bits that [`RangeEncoder::encode_mixed`] would take now.
-#[must_use]
-pub fn mixed_cost<const N: usize>(models: [&mut BitModel; N], bit: bool) -> f32 {
-    let one = mean_probability(&models);
-    16.0 - ((if bit { one } else { (1 << 16) - one }) as f32).log2()
-}
-
 /// Mean of the models' probabilities of a 1, rounded down.
-fn mean_probability<const N: usize>(models: &[&mut BitModel; N]) -> u32 {
+pub(crate) fn mean_probability<const N: usize>(models: &[&mut BitModel; N]) -> u32 {
     models.iter().map(|model| model.probability_of_one()).sum::<u32>() / N as u32
 }
 
@@ -153,7 +147,7 @@ impl<'a> RangeDecoder<'a> {
     /// Decodes a bit under the mean of several models' estimates, all of which learn from it.
     #[inline]
     pub fn decode_mixed<const N: usize>(&mut self, models: [&mut BitModel; N]) -> bool {
-        let bound = (self.range >> 16) * mean_probability(&models);
+        let bound = (self.range >> PROBABILITY_BITS) * mean_probability(&models);
         let bit = self.code < bound;
         if bit {
             self.range = bound;

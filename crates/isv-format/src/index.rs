@@ -29,7 +29,7 @@ impl StreamIndex {
     pub const TRAILER_BYTES: usize = 16;
 
     /// Bytes of a frame in the payload.
-    pub(crate) const ENTRY_BYTES: usize = 8;
+    pub const ENTRY_BYTES: usize = 8;
 
     /// Payload of the index packet: 8 bytes a frame, twice the offset plus the keyframe flag.
     #[must_use]

@@ -168,7 +168,7 @@ fn write_samples(
 const ROUNDER: f32 = 12_582_912.0;
 
 /// A distance in voxels as a sample (Eq. 1): clamped and rounded.
-fn code(grid: &Grid, distance: f32) -> i16 {
+pub(crate) fn code(grid: &Grid, distance: f32) -> i16 {
     let limit = f32::from(grid.truncation.codes());
     ((distance * CODES_PER_VOXEL as f32).clamp(-limit, limit) + ROUNDER).to_bits() as i16
 }

@@ -14,6 +14,7 @@ use isv_encode::{Encoder, EncoderSettings, Preset, probe};
 use isv_entropy::{BitModel, RangeDecoder, RangeEncoder};
 use isv_format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv_ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv_kernels::block8::Block;
 use isv_kernels::deblock::{FaceFilter, smooth_face};
 use isv_kernels::quant::{Quantizer, StepSize};
 use isv_kernels::surface_fit::SurfaceFit;
@@ -25,8 +26,6 @@ use isv_volume::{BlockCoord, BlockEdge, BlockSet, Grid, SparseVolume, Truncation
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
-/// Samples of a block.
-type Block = [i16; 512];
 /// What is given the work to count; it may run it more than once.
 pub(super) type Counter<'a> = &'a mut dyn FnMut(&mut dyn FnMut());
 

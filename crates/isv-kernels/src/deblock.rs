@@ -3,15 +3,12 @@
 //! Each of the 64 lines of samples across the face, `p2 p1 p0 | q0 q1 q2`, is filtered by itself. The step is measured
 //! against the slopes on both sides, so a linear field stays as it is. Blocks of 8 voxels a side only.
 
+use crate::block8::{Block, EDGE};
 use crate::simd::vectorized;
 use isv_volume::Truncation;
 
-/// Voxels along the edge of a block.
-const EDGE: usize = 8;
 /// Lines across a face.
 const LINES: usize = EDGE * EDGE;
-/// Samples of a block, x fastest.
-pub type Block = [i16; EDGE * EDGE * EDGE];
 
 /// Lines whose samples at the face both lie farther from the surface than this many codes are left alone: 2.5 voxels.
 const REACH: i32 = 640;

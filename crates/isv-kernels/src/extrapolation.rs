@@ -3,14 +3,11 @@
 //! A block that was not coded holds no surface, so all of it lies on one side. Its samples continue those of the nearest
 //! block along that block's slope. Blocks of 8 voxels a side only.
 
+use crate::block8::{Block, EDGE};
 use crate::simd::vectorized;
 use isv_volume::CODES_PER_VOXEL;
 
-/// Voxels along the edge of a block.
-const EDGE: usize = 8;
-/// Samples of a block, x fastest.
-pub type Block = [i16; EDGE * EDGE * EDGE];
-/// Those of one z.
+/// Samples of a block of one z.
 type Plane = [i16; EDGE * EDGE];
 /// The coded blocks around a block: entry `(dz + 1) * 9 + (dy + 1) * 3 + (dx + 1)` is the one at offset `(dx, dy, dz)`. The
 /// entry of the block itself is not looked at.

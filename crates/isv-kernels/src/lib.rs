@@ -16,8 +16,9 @@
 //! | [`warp`] | motion-compensated block warping (Sec. 3.5) |
 //! | [`window`] | the same by quarter voxels, without rotation (profile `main`) |
 //!
-//! Loops are compiled for each instruction set in [`simd`].
+//! [`block8`] is the size of a block of profile `main`. Loops are compiled for each instruction set in [`simd`].
 
+pub mod block8;
 pub mod dct;
 pub mod deblock;
 pub mod extrapolation;

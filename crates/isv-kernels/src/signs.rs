@@ -1,9 +1,7 @@
 //! The signs of a block's samples as bits.
 
+use crate::block8::Block;
 use crate::simd::vectorized;
-
-/// Samples of a block of 8 voxels a side, x fastest.
-pub type Block = [i16; 512];
 
 /// Which samples of a block lie inside the surface, that is, are negative: a word a z, a bit a voxel, x fastest.
 #[must_use]

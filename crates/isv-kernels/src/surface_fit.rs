@@ -9,13 +9,10 @@
 //! count block edges, so that no monomial exceeds 1 and the matrix is well conditioned.
 //! Edge 8 only (`docs/spec/format.md`, spatial prediction).
 
+use crate::block8::{Block, EDGE};
 use crate::simd::vectorized;
 use std::ops::Range;
 
-/// Voxels along an edge of the blocks that this is made for.
-const EDGE: usize = 8;
-/// Voxels of a block.
-const VOXELS: usize = EDGE * EDGE * EDGE;
 /// Positions along an axis: the block's eight and four on either side.
 const POSITIONS: usize = 16;
 /// Coefficients of a quadric in space.
@@ -90,7 +87,7 @@ impl SurfaceFit {
         let bit = 1 << ((offset[2] + 1) * 9 + (offset[1] + 1) * 3 + offset[0] + 1);
         assert!(self.added & bit == 0, "{offset:?} was added before");
         self.added |= bit;
-        let samples: &[i16; VOXELS] = samples.try_into().expect("a block of 8^3 samples");
+        let samples: &Block = samples.try_into().expect("a block of 8^3 samples");
         vectorized(
             #[inline(always)]
             || match (offset[0], offset[1]) {
@@ -109,7 +106,7 @@ impl SurfaceFit {
     /// If `limit` is negative or `out` is not a block.
     pub fn predict(&self, limit: i16, out: &mut [i16]) -> bool {
         assert!(limit >= 0, "limit {limit} is negative");
-        let out: &mut [i16; VOXELS] = out.try_into().expect("a block of 8^3 samples");
+        let out: &mut Block = out.try_into().expect("a block of 8^3 samples");
         if self.count < FEWEST_VOXELS {
             return false;
         }
@@ -125,7 +122,7 @@ impl SurfaceFit {
     fn add_pillars<const X: usize, const Y: usize, const N: usize>(
         &mut self,
         offset: [i32; 3],
-        samples: &[i16; VOXELS],
+        samples: &Block,
     ) {
         let pillars = Pillars::<N>::new::<X>(offset, samples);
         let column = (position(near(offset[0]).start, offset[0]) + 15) as usize / 2;
@@ -215,7 +212,7 @@ struct Pillars<const N: usize> {
 impl<const N: usize> Pillars<N> {
     /// Of a neighbour with `X` pillars a row.
     #[inline(always)]
-    fn new<const X: usize>(offset: [i32; 3], samples: &[i16; VOXELS]) -> Self {
+    fn new<const X: usize>(offset: [i32; 3], samples: &Block) -> Self {
         let [x0, y0] = [near(offset[0]).start, near(offset[1]).start];
         // The larger of |x| and |y|.
         let mut reach = [0; N];
@@ -381,7 +378,7 @@ fn reciprocal(pivot: i32) -> (i64, u32) {
 
 /// Writes the quadric's values at the voxels of the block.
 #[inline(always)]
-fn evaluate(quadric: &[i32; TERMS], limit: i32, out: &mut [i16; VOXELS]) {
+fn evaluate(quadric: &[i32; TERMS], limit: i32, out: &mut Block) {
     let [one, x1, y1, z1, xx, yy, zz, xy, xz, yz] = *quadric;
     let shift = COEFFICIENT_BITS + 8;
     for (row, values) in out.as_chunks_mut::<EDGE>().0.iter_mut().enumerate() {
@@ -411,6 +408,7 @@ fn saturate(value: i64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block8::SAMPLES;
 
     const MU: i16 = 2048;
 
@@ -421,7 +419,7 @@ mod tests {
 
     /// A block of a field of positions in voxels from the predicted block's centre, in codes, clamped.
     fn block(field: &dyn Fn([f64; 3]) -> f64, offset: [i32; 3]) -> Vec<i16> {
-        (0..VOXELS)
+        (0..SAMPLES)
             .map(|i| {
                 let voxel = [i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE];
                 let at = [0, 1, 2].map(|axis| f64::from(position(voxel[axis], offset[axis])) / 2.0);
@@ -487,13 +485,13 @@ mod tests {
             let at = [i % EDGE, i / EDGE % EDGE, i / EDGE / EDGE].map(|v| f64::from(position(v, 0)) / 2.0);
             (0..TERMS).map(|k| rows[k][TERMS] / rows[k][k] * basis(at)[k]).sum::<f64>() * 256.0
         };
-        (count >= 8).then(|| (0..VOXELS).map(value).collect())
+        (count >= 8).then(|| (0..SAMPLES).map(value).collect())
     }
 
     /// Sum and largest of the differences from real numbers where those are within 1024 codes, and how many these are.
     fn difference(blocks: &[([i32; 3], Vec<i16>)]) -> (f64, f64, usize) {
         let Some(real) = real_prediction(blocks) else { return (0.0, 0.0, 0) };
-        let mut out = [0; VOXELS];
+        let mut out = [0; SAMPLES];
         assert!(fit(blocks).predict(MU, &mut out));
         let pairs = real.iter().zip(out).filter(|(real, _)| real.abs() < 1024.0);
         let differences: Vec<f64> = pairs.map(|(real, sample)| (f64::from(sample) - real).abs()).collect();
@@ -551,7 +549,7 @@ mod tests {
     /// But for what the ridge pulls, 1/16 voxel at most.
     #[test]
     fn planes_are_continued() {
-        let mut out = [0; VOXELS];
+        let mut out = [0; SAMPLES];
         for (normal, distance) in [([0.0, 0.0, 1.0], 0.0), ([0.6, 0.0, 0.8], 1.5), ([-0.48, 0.6, 0.64], -2.0)]
         {
             let plane = |p: [f64; 3]| 256.0 * ((0..3).map(|i| p[i] * normal[i]).sum::<f64>() - distance);
@@ -571,7 +569,7 @@ mod tests {
         let field = shape(1, &mut random);
         let mut blocks = some_neighbours(&field, 50.0, &mut random);
         assert!(blocks.len() > 2);
-        let mut outs = [[0; VOXELS]; 2];
+        let mut outs = [[0; SAMPLES]; 2];
         assert!(fit(&blocks).predict(MU, &mut outs[0]));
         blocks.reverse();
         blocks.rotate_left(1);
@@ -599,10 +597,10 @@ mod tests {
                 .into_iter()
                 .skip(case % every)
                 .step_by(every)
-                .map(|d| (d, (0..VOXELS).map(|_| sample()).collect()))
+                .map(|d| (d, (0..SAMPLES).map(|_| sample()).collect()))
                 .collect();
             for limit in [0, 512, i16::MAX] {
-                let mut out = [0; VOXELS];
+                let mut out = [0; SAMPLES];
                 fit(&blocks).predict(limit, &mut out);
                 assert!(out.iter().all(|s| s.unsigned_abs() <= limit.unsigned_abs()));
             }
@@ -626,20 +624,20 @@ mod tests {
             assert!(quadric.iter().all(|k| i64::from(k.abs()) <= COEFFICIENT_LIMIT));
         }
         for sign in [-1, 1] {
-            let mut out = [0; VOXELS];
+            let mut out = [0; SAMPLES];
             evaluate(&[sign * COEFFICIENT_LIMIT as i32; TERMS], i32::from(i16::MAX), &mut out);
-            assert_eq!(out[VOXELS - 1], sign as i16 * i16::MAX);
+            assert_eq!(out[SAMPLES - 1], sign as i16 * i16::MAX);
         }
     }
 
     #[test]
     fn too_few_voxels_are_no_prediction() {
-        let mut samples = vec![2000; VOXELS];
+        let mut samples = vec![2000; SAMPLES];
         samples[..7].fill(0);
-        let mut out = [77; VOXELS];
+        let mut out = [77; SAMPLES];
         assert!(!SurfaceFit::new().predict(MU, &mut out));
         assert!(!fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
-        assert_eq!(out, [77; VOXELS]);
+        assert_eq!(out, [77; SAMPLES]);
         samples[7] = -873;
         assert!(fit(&[([0, 1, 0], samples.clone())]).predict(MU, &mut out));
         samples[7] = -874;
@@ -685,7 +683,7 @@ mod tests {
     fn predictions_are_those_of_the_format_document() {
         let left = (0..512).map(|i| 90 * (i % 8) + 30 * (i / 8 % 8) - 60 * (i / 64) - 400).collect();
         let below = (0..512).map(|i| (i % 8 - 3) * (i / 8 % 8 - 4) * 9 + 200 * (i / 64) - 1100).collect();
-        let mut out = [0; VOXELS];
+        let mut out = [0; SAMPLES];
         assert!(fit(&[([-1, 0, 0], left), ([0, 1, -1], below)]).predict(1024, &mut out));
         assert_eq!(out[..8], [171, 198, 219, 234, 245, 250, 250, 244]);
         assert_eq!(out[504..], [170, 290, 405, 515, 620, 719, 813, 902]);

@@ -3,6 +3,7 @@
 //! All voxels of a block have the same fractions, so interpolation goes along x, then y, then z, in quarters: exact up to the
 //! one rounding at the end. Blocks of 8 voxels a side only.
 
+use crate::block8::Block;
 use crate::simd;
 use fearless_simd::{Simd, dispatch, i16x8, i32x8, prelude::*};
 
@@ -12,8 +13,6 @@ pub const SIDE: usize = 9;
 pub const ROWS: usize = SIDE * SIDE;
 /// Samples of a row: two blocks'.
 pub const ROW: usize = 16;
-/// Samples of a block, x fastest.
-pub type Block = [i16; 512];
 
 /// The samples of a window, each row with those of both blocks that it touches.
 #[derive(Clone, Debug)]

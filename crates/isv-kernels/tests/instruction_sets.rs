@@ -1,8 +1,9 @@
 //! Every kernel gives the same bits with every instruction set that the machine has.
 
+use isv_kernels::block8::Block;
 use isv_kernels::dct::{BlockTransform, ReducedTransform};
 use isv_kernels::deblock::{FaceFilter, smooth_face};
-use isv_kernels::extrapolation::{Block, CodedNeighbours, extrapolate};
+use isv_kernels::extrapolation::{CodedNeighbours, extrapolate};
 use isv_kernels::quant::{Quantizer, StepSize};
 use isv_kernels::signs::inside;
 use isv_kernels::simd::{self, vectorized};

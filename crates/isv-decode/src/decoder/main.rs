@@ -7,7 +7,6 @@ use super::{FrameFacts, Limits};
 use crate::backend::{Backend, MainFrame};
 use crate::details::{BlockCoding, Details};
 use crate::extension::{ExtensionPlan, FrameBlocks, Kept};
-use crate::main_profile::reconstruct::BLOCK_SAMPLES;
 use crate::main_profile::syntax::EntropyState;
 use crate::main_profile::{
     BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainBlocks, MainParameters, SliceBlocks,
@@ -19,6 +18,7 @@ use isv_format::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
     SliceLayout,
 };
+use isv_kernels::block8::SAMPLES;
 use isv_volume::{BlockSet, Grid, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -202,7 +202,7 @@ impl<B: Backend> MainDecoder<B> {
     }
 
     fn check_limit(&self, packet: &Packet, blocks: usize) -> Result<(), DecodeError> {
-        self.limits.check(packet, self.sequence, BLOCK_SAMPLES, blocks)
+        self.limits.check(packet, self.sequence, SAMPLES, blocks)
     }
 
     /// The frame, from its block set on. `symbols`: that, and nothing else yet. `plan`: of its extension. `reference`: the frame

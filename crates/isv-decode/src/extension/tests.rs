@@ -21,7 +21,7 @@ fn position(voxel: usize) -> [i32; 3] {
 fn volume(coords: &[[i32; 3]], sample: impl Fn([i32; 3]) -> i32) -> SparseVolume {
     let mut builder = VolumeBuilder::new(grid(16));
     for coord in coords {
-        let samples = (0..BLOCK_VOXELS).map(|voxel| {
+        let samples = (0..SAMPLES).map(|voxel| {
             let local = position(voxel);
             sample([0, 1, 2].map(|a| coord[a] * EDGE + local[a])).clamp(-4096, 4096) as i16
         });
@@ -42,7 +42,7 @@ fn random_volume(seed: u64, truncation: u32) -> SparseVolume {
         }
         let (slope, base, noise) = (random.point() * 300.0, random.signed() * 500.0, random.signed());
         let noise = noise.powi(3).abs() * 2.0 * limit;
-        let samples = (0..BLOCK_VOXELS).map(|voxel| {
+        let samples = (0..SAMPLES).map(|voxel| {
             let [x, y, z] = position(voxel).map(f64::from);
             let value = base + slope.x * x + slope.y * y + slope.z * z + noise * random.signed();
             value.clamp(-limit, limit).round() as i16
@@ -83,7 +83,7 @@ mod plain {
         let has_faces = around.iter().any(|(d, _)| l1(*d, [0; 3]) == 1);
         let mut sum = 0;
         for (d, block) in around {
-            for x in (0..BLOCK_VOXELS).map(position) {
+            for x in (0..SAMPLES).map(position) {
                 let y = nearest(x, *d);
                 if !has_faces || l1(x, y) == 1 {
                     sum += sample(block, y).clamp(-256, 256);
@@ -113,7 +113,7 @@ mod plain {
         let index = coded.index();
         let mut field = Field::new();
         for (block, coord) in coded.coords().iter().enumerate() {
-            let mask = (0..BLOCK_VOXELS).filter(|v| coded.unobserved(block).is_some_and(|m| m.contains(*v)));
+            let mask = (0..SAMPLES).filter(|v| coded.unobserved(block).is_some_and(|m| m.contains(*v)));
             let samples = coded.block(block).iter().map(|s| i32::from(*s)).collect();
             field.insert(coord.to_array(), (samples, true, mask.collect()));
             for beside in offsets().map(|d| coord.offset(d)).filter(|c| c.in_range()) {
@@ -122,7 +122,7 @@ mod plain {
                     let around: Vec<_> = around.map(|(d, b)| (d, coded.block(b as usize))).collect();
                     let inside = is_inside(&around);
                     let sign = if inside { -1 } else { 1 };
-                    let samples = (0..BLOCK_VOXELS)
+                    let samples = (0..SAMPLES)
                         .map(|voxel| sign * magnitude(position(voxel), &around, inside, limit))
                         .collect();
                     field.insert(beside.to_array(), (samples, false, Vec::new()));
@@ -149,7 +149,7 @@ mod plain {
                         && (field[&block].0[(k * 8 + j) * 8 + i] < 0) != (field[&coord].0[*voxel] < 0)
                 })
             };
-            let mask = (0..BLOCK_VOXELS).filter(conflicting).collect();
+            let mask = (0..SAMPLES).filter(conflicting).collect();
             field.get_mut(&coord).unwrap().2 = mask;
         }
     }
@@ -174,8 +174,7 @@ fn check(coded: &SparseVolume) -> usize {
         assert_eq!(&got, samples, "{coord:?}");
         assert_eq!(flags[block], *was_coded, "{coord:?}");
         let unobserved = volume.unobserved(block);
-        let got: Vec<usize> =
-            (0..BLOCK_VOXELS).filter(|v| unobserved.is_some_and(|m| m.contains(*v))).collect();
+        let got: Vec<usize> = (0..SAMPLES).filter(|v| unobserved.is_some_and(|m| m.contains(*v))).collect();
         assert_eq!(&got, mask, "{coord:?}");
     }
     volume.unobserved_masks().len()
@@ -241,8 +240,8 @@ fn both_sides_of_a_face_between_signs_are_unobserved() {
         };
         let got = volume
             .unobserved(block)
-            .map(|mask| (0..BLOCK_VOXELS).filter(|voxel| mask.contains(*voxel)).collect::<Vec<_>>());
-        let expected = layer.map(|layer| (0..BLOCK_VOXELS).filter(|voxel| voxel % 8 == layer).collect());
+            .map(|mask| (0..SAMPLES).filter(|voxel| mask.contains(*voxel)).collect::<Vec<_>>());
+        let expected = layer.map(|layer| (0..SAMPLES).filter(|voxel| voxel % 8 == layer).collect());
         assert_eq!(got, expected, "{coord:?}");
     }
 }
@@ -313,7 +312,7 @@ fn what_is_kept_is_what_it_would_become() {
         let mut samples = plan.room(Vec::new());
         for (coord, place) in now.iter().zip(plan.places()) {
             let block = other.index().get(*coord).unwrap() as usize;
-            samples[*place as usize * BLOCK_VOXELS..][..BLOCK_VOXELS].copy_from_slice(other.block(block));
+            samples[*place as usize * SAMPLES..][..SAMPLES].copy_from_slice(other.block(block));
         }
         let found = plan.extend(*other.grid(), samples, Some(&before.reference));
         let expected = Extended::of(&builder.finish());

@@ -1,16 +1,15 @@
 //! Where the surface is expected to be: the frame before, moved on as it was moving.
 
 use super::displaced_block::{BlockSigns, DisplacedBlock};
+use super::symbols::QUARTERS;
 use super::{MainBlocks, MainReference, Vector};
-use isv_kernels::signs::Block;
+use isv_kernels::block8::{self, Block};
 use isv_volume::{BlockSet, NeighbourFinder, SparseVolume};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Quarter voxels to a voxel.
-const QUARTERS: i32 = 4;
 /// Voxels along the edge of a block.
-const EDGE: i32 = 8;
+const EDGE: i32 = block8::EDGE as i32;
 
 /// How much surface is expected in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -2,12 +2,10 @@
 //!
 //! Signs are bits, a word of 64 a layer, so that the displaced block's layers are put together by shifts.
 
-use isv_kernels::signs::{Block, inside};
+use isv_kernels::block8::{Block, EDGE};
+use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
 use std::borrow::Cow;
-
-/// Voxels along the edge of a block.
-const EDGE: usize = 8;
 
 /// What is kept of a block's samples.
 #[derive(Clone, Debug)]

@@ -3,14 +3,12 @@
 //! The symbols of a resilient frame are right whatever was lost. So its blocks are right too where what they are predicted from
 //! is, and an encoder that knows this can make a volume whole again without a keyframe.
 
+use super::symbols::BLOCK_QUARTERS;
 use super::{CausalBlocks, FrameSymbols, MainBlocks, Vector};
 use crate::extension::ExtensionPlan;
 use crate::main_profile::loop_filter::filtered_faces;
 use isv_format::MainFrameHeader;
 use isv_volume::BlockCoord;
-
-/// Quarter voxels along a block's edge.
-const BLOCK_QUARTERS: i32 = 32;
 
 /// Which blocks of a volume of profile `main` are exact: as a decoder without loss has them.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The in-loop filter of a frame: which faces between blocks are smoothed.
 
-use super::reconstruct::BLOCK_SAMPLES;
 use super::{BlockMode, FrameSymbols};
+use isv_kernels::block8::Block;
 use isv_kernels::deblock::{FaceFilter, smooth_face};
 use isv_volume::{BlockIndex, NeighbourFinder};
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ const FACES_AT_ONCE: usize = 256;
 
 /// The two blocks of a face, the lower one first.
 type Face = [usize; 2];
-type Block = [i16; BLOCK_SAMPLES];
 
 /// Smooths the faces between blocks coded in the frame, along x, then y, then z.
 ///

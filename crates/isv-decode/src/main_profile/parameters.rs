@@ -1,9 +1,17 @@
 //! What holds for every frame of a stream in profile `main`.
 
+use isv_entropy::MAGNITUDE_LIMIT;
+use isv_format::MainFrameHeader;
 use isv_kernels::dct::BlockTransform;
+use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::{Quantizer, StepSize};
 use isv_kernels::scan::scan_order;
 use isv_volume::{BlockEdge, Grid};
+
+// What the container lets through is what kernels and models can do.
+const _: () = assert!(MainFrameHeader::MAX_FILTER == FaceFilter::MAX_STRENGTH);
+const _: () = assert!(MainFrameHeader::MAX_STEP == *StepSize::RANGE.end());
+const _: () = assert!(MAGNITUDE_LIMIT == Quantizer::LARGEST_LEVEL as u32);
 
 /// Coefficients of a block that can be coded: those of index sum 8 or less.
 pub const COEFFICIENTS: usize = 162;

@@ -1,10 +1,12 @@
 //! From symbols to samples. The encoder's closed loop is this code.
 
 use super::loop_filter::smooth_faces;
+use super::symbols::{BLOCK_QUARTERS, QUARTERS};
 use super::{BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Vector, Window};
 use crate::Reference;
 use crate::extension::{Extended, ExtensionPlan};
 use isv_format::MainFrameHeader;
+use isv_kernels::block8::{Block, SAMPLES};
 use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::Quantizer;
 use isv_kernels::surface_fit::SurfaceFit;
@@ -13,15 +15,8 @@ use isv_volume::{BlockCoord, Neighbourhood};
 use rayon::prelude::*;
 use tracing::debug_span;
 
-/// Samples of a block.
-pub const BLOCK_SAMPLES: usize = 512;
-
 /// Blocks of a wave from which on threads share them.
 const WIDE_WAVE: usize = 32;
-
-/// Quarter voxels in a voxel, and along a block's edge.
-const QUARTERS: i32 = 4;
-const BLOCK_QUARTERS: i16 = 32;
 
 /// The reference around the place that a vector points to, kept while vectors point to the same voxels.
 #[derive(Debug)]
@@ -42,7 +37,7 @@ impl<'a> TemporalPredictor<'a> {
     /// # Panics
     /// If `out` is not a block.
     pub fn predict(&mut self, coord: BlockCoord, vector: Vector, out: &mut [i16]) {
-        let out: &mut [i16; BLOCK_SAMPLES] = out.try_into().expect("a block of 8^3 samples");
+        let out: &mut Block = out.try_into().expect("a block of 8^3 samples");
         if let Some(block) = self.whole_block(coord, vector) {
             out.copy_from_slice(block);
             return;
@@ -54,11 +49,12 @@ impl<'a> TemporalPredictor<'a> {
 
     /// The block of the reference that a vector of whole blocks leads to, if there is one: its samples are the prediction.
     #[must_use]
-    pub fn whole_block(&self, coord: BlockCoord, Vector(vector): Vector) -> Option<&'a [i16; BLOCK_SAMPLES]> {
+    pub fn whole_block(&self, coord: BlockCoord, Vector(vector): Vector) -> Option<&'a Block> {
+        let vector = vector.map(i32::from);
         if vector.iter().any(|v| v % BLOCK_QUARTERS != 0) {
             return None;
         }
-        let place = coord.offset(vector.map(|v| i32::from(v / BLOCK_QUARTERS)));
+        let place = coord.offset(vector.map(|v| v / BLOCK_QUARTERS));
         let block = self.reference.reference().index().get(place)?;
         Some(self.reference.volume().block(block as usize).try_into().expect("blocks of an edge of 8"))
     }
@@ -66,7 +62,7 @@ impl<'a> TemporalPredictor<'a> {
     /// The reference's samples at a block displaced by whole voxels. Blocks that are not there take their sign from the one
     /// that the vector leads to, at most four voxels from there.
     pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector, voxels: [i32; 3]) -> &WindowRows {
-        let blocks = vector.map(|v| i32::from((v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS)));
+        let blocks = vector.map(|v| (i32::from(v) + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS));
         self.window.look_at(coord, voxels, coord.offset(blocks));
         self.window.rows()
     }
@@ -80,7 +76,7 @@ pub fn predict_spatially(around: &Neighbourhood, samples: &[i16], limit: i16, ou
     for (slot, block) in around.iter().enumerate() {
         if let Some(block) = block.filter(|_| slot != 13) {
             let offset = [slot % 3, slot / 3 % 3, slot / 9].map(|s| s as i32 - 1);
-            fit.add_neighbour(offset, &samples[block as usize * BLOCK_SAMPLES..][..BLOCK_SAMPLES]);
+            fit.add_neighbour(offset, &samples[block as usize * SAMPLES..][..SAMPLES]);
         }
     }
     if !fit.predict(limit, out) {
@@ -95,7 +91,7 @@ pub fn add_residual(
     levels: &[Level],
     samples: &mut [i16],
 ) {
-    let mut residual = [0; BLOCK_SAMPLES];
+    let mut residual = [0; SAMPLES];
     for level in levels {
         residual[usize::from(parameters.scan[usize::from(level.place)])] = quantizer.dequantize(level.value);
     }
@@ -132,7 +128,7 @@ pub fn reconstruct(
     let limit = parameters.grid.truncation.codes();
     for wave in spatial_waves(symbols, causal) {
         let spatial_block = |block: &u32| {
-            let mut out = [0; BLOCK_SAMPLES];
+            let mut out = [0; SAMPLES];
             if !header.no_spatial_prediction {
                 let around = causal.of(symbols.coords[*block as usize], *block as usize);
                 let around = around.map(|n| n.map(|n| places[n as usize]));
@@ -147,15 +143,15 @@ pub fn reconstruct(
         };
         for (block, out) in wave.iter().zip(done) {
             let place = places[*block as usize] as usize;
-            samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES].copy_from_slice(&out);
+            samples[place * SAMPLES..][..SAMPLES].copy_from_slice(&out);
         }
     }
 }
 
 /// The blocks at these places, which are in order.
-fn blocks_at<'a>(places: &[u32], samples: &'a mut [i16]) -> Vec<&'a mut [i16; BLOCK_SAMPLES]> {
+fn blocks_at<'a>(places: &[u32], samples: &'a mut [i16]) -> Vec<&'a mut Block> {
     let mut places = places.iter().map(|place| *place as usize).peekable();
-    let blocks = samples.as_chunks_mut::<BLOCK_SAMPLES>().0.iter_mut().enumerate();
+    let blocks = samples.as_chunks_mut::<SAMPLES>().0.iter_mut().enumerate();
     blocks.filter_map(|(place, block)| places.next_if_eq(&place).map(|_| block)).collect()
 }
 
@@ -229,7 +225,7 @@ mod tests {
         let all = (0..64).map(|i| BlockCoord::from([i % 4 - 2, i / 4 % 4 - 2, i / 16 - 2]));
         let mut coords: Vec<_> = all.filter(|c| (c.x * 5 + c.y * 3 + c.z) % 4 != 0).collect();
         coords.sort_unstable_by_key(|coord| coord.morton());
-        let samples = (0..coords.len() * BLOCK_SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
+        let samples = (0..coords.len() * SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
         let all = BlockSet::of(volume.coords());
         let blocks = FrameBlocks { all, ..FrameBlocks::default() };
@@ -250,7 +246,7 @@ mod tests {
             let blocks = vector.map(|v| (v + 16).div_euclid(32));
             let rest = std::array::from_fn(|axis| (vector[axis] - 32 * blocks[axis]) as i8);
             reference.reference().stitch_at(coord.offset(blocks.map(i32::from)), &mut stitched);
-            let (mut expected, mut found) = ([0; BLOCK_SAMPLES], [0; BLOCK_SAMPLES]);
+            let (mut expected, mut found) = ([0; SAMPLES], [0; SAMPLES]);
             stitched.warp(MotionVector { translation: rest, rotation: [0; 3] }, &mut expected);
             predictor.predict(coord, Vector(vector), &mut found);
             assert!(expected == found, "{coord:?} {vector:?}");

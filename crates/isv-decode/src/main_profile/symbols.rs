@@ -1,7 +1,12 @@
 //! What a frame's bytes say, before any arithmetic on samples.
 
 use super::BlockLevels;
+use isv_kernels::block8;
 use isv_volume::{BlockCoord, BlockSet};
+
+/// The unit of vectors: so many to a voxel, and to the edge of a block.
+pub(super) const QUARTERS: i32 = 4;
+pub(super) const BLOCK_QUARTERS: i32 = QUARTERS * block8::EDGE as i32;
 
 /// Where in the frame before a block's samples come from: a translation in quarter voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

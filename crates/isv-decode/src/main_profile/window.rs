@@ -1,11 +1,12 @@
 //! The samples of a frame around a block that is displaced by whole voxels: what predicting the block reads.
 
 use super::MainReference;
-use isv_kernels::window::{Block, WindowRows};
+use isv_kernels::block8::{self, Block};
+use isv_kernels::window::WindowRows;
 use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Voxels along a block's edge.
-const EDGE: i32 = 8;
+const EDGE: i32 = block8::EDGE as i32;
 
 /// A block's voxels and the layer after them along each axis.
 #[derive(Clone, Debug)]
@@ -22,7 +23,7 @@ impl<'a> Window<'a> {
     /// A window into a frame, which looks nowhere yet.
     #[must_use]
     pub fn new(reference: &'a MainReference) -> Self {
-        let (finder, fills) = (reference.finder(), Box::new([[0; 512]; 8]));
+        let (finder, fills) = (reference.finder(), Box::new([[0; block8::SAMPLES]; 8]));
         Self { reference, finder, rows: WindowRows::default(), place: None, fills }
     }
 
@@ -56,7 +57,7 @@ impl<'a> Window<'a> {
             let other = coord.offset(offset).offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
             let fill = if is_inside_towards(self.reference, centre, other) { -limit } else { limit };
             if self.fills[slot][0] != fill {
-                self.fills[slot] = [fill; 512];
+                self.fills[slot] = [fill; block8::SAMPLES];
             }
         }
         let blocks: [&Block; 8] = std::array::from_fn(|slot| match slots[slot] {

@@ -3,6 +3,7 @@
 use super::change::still_blocks;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
+use super::masks::wanted_masks;
 use super::motion_search::{CubeSearch, SearchEffort};
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
@@ -17,7 +18,8 @@ use crate::encoder::{EncodedFrame, EncoderSettings};
 use crate::surface_distance::SourceSurface;
 use crate::syntax::{SliceSegments, SymbolSegments};
 use isv_decode::extension::{Extended, ExtensionPlan, FrameBlocks, Kept};
-use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, filter_and_extend};
+use isv_decode::main_profile::crossed_cells::crossed_corners;
+use isv_decode::main_profile::reconstruct::filter_and_extend;
 use isv_decode::main_profile::syntax::masks::MaskModels;
 use isv_decode::main_profile::syntax::{EntropyState, SliceModels};
 use isv_decode::main_profile::{
@@ -25,11 +27,12 @@ use isv_decode::main_profile::{
 };
 use isv_decode::{BackendError, volume_hash};
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
+use isv_kernels::block8::SAMPLES;
 use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::{BlockCoord, BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
 use rayon::Scope;
 use rayon::prelude::*;
-use std::cell::OnceCell;
+use std::cell::{LazyCell, OnceCell};
 use std::collections::BTreeMap;
 use std::mem::{replace, take};
 use std::ops::Range;
@@ -481,7 +484,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         CodedFrame { frame: EncodedFrame::new(keyframe, header, segments), state, spatial_share }
     }
 
-    /// Writes the masks of a decoded frame, and what they are.
+    /// The masks of a decoded frame, and their bytes.
     fn write_masks(
         &self,
         models: &mut MaskModels,
@@ -489,15 +492,11 @@ impl<B: SearchBackend> MainEncoder<B> {
         extended: &Extended,
         reference: Option<&MainReference>,
     ) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
-        let (volume, index) = (targets.source(), targets.source().index());
-        // What the source does not have is beyond its band or was not observed at all.
-        let nothing = VoxelMask::full(self.parameters.grid.edge);
-        let unobserved = |block: u32| match index.get(extended.volume().coords()[block as usize]) {
-            Some(block) => volume.unobserved(block as usize),
-            None => Some(&nothing),
-        };
-        let blocks_before = reference.map(|reference| reference.reference().blocks());
-        syntax::masks::write(models, targets, extended, unobserved, blocks_before)
+        let crossed = LazyCell::new(|| crossed_corners(extended));
+        let masks = wanted_masks(targets, extended, || &crossed);
+        let (frame, before) = (extended.reference.blocks(), reference.map(|r| r.reference().blocks()));
+        let bytes = syntax::masks::write(models, frame, before, &masks, || &crossed);
+        (masks, bytes)
     }
 
     /// Whether the in-loop filter is used. It would carry what is not exact over the faces of blocks that were refreshed.
@@ -614,10 +613,8 @@ fn slice_samples<'a>(
 ) -> Vec<(Range<usize>, SliceSamples<'a>)> {
     let mut first = 0;
     let mut part = |range: Range<usize>| {
-        let end =
-            places.get(range.end).map_or(first as usize + samples.len() / BLOCK_SAMPLES, |p| *p as usize);
-        let part =
-            samples.split_off_mut(..(end - first as usize) * BLOCK_SAMPLES).expect("places are in order");
+        let end = places.get(range.end).map_or(first as usize + samples.len() / SAMPLES, |p| *p as usize);
+        let part = samples.split_off_mut(..(end - first as usize) * SAMPLES).expect("places are in order");
         let part = SliceSamples { samples: part, first, places };
         first = end as u32;
         (range, part)

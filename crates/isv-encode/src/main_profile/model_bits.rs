@@ -1,9 +1,10 @@
 //! What the levels of one block cost under the models as they are, contexts and all.
 
 use super::level_costs::{COUNTS, LevelCosts};
-use super::syntax::{BitCount, DecisionSink, coefficients};
+use super::syntax::coefficients;
 use isv_decode::main_profile::syntax::coefficients::{CoefficientModels, CountContext, nonzero_lower};
 use isv_decode::main_profile::{COEFFICIENTS, MainParameters};
+use isv_entropy::{BitCount, DecisionSink};
 
 /// The models of a slice as one block sees them.
 #[derive(Debug)]
@@ -39,8 +40,8 @@ impl ModelBits<'_> {
         let mut counts = [0.0; COUNTS];
         for (n, bits) in counts.iter_mut().enumerate() {
             let mut end = before;
-            end.mixed(self.models.count(n, &self.context), true);
-            before.mixed(self.models.count(n, &self.context), false);
+            end.put_mixed(self.models.count(n, &self.context), true);
+            before.put_mixed(self.models.count(n, &self.context), false);
             *bits = end.0;
         }
         counts
@@ -55,9 +56,9 @@ impl ModelBits<'_> {
             others -= usize::from(levels[k] != 0);
             let (sum, lower) = (self.parameters.index_sum(k), nonzero_lower(self.parameters, levels, k));
             let [mut some, mut none] = [BitCount::default(); 2];
-            some.mixed(self.models.place(spatial, k, sum, others + 1, lower), true);
+            some.put_mixed(self.models.place(spatial, k, sum, others + 1, lower), true);
             if others > 0 {
-                none.mixed(self.models.place(spatial, k, sum, others, lower), false);
+                none.put_mixed(self.models.place(spatial, k, sum, others, lower), false);
             }
             some.0 - none.0
         })

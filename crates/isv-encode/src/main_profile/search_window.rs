@@ -3,11 +3,12 @@
 //! together and are asked for by the dozen.
 
 use isv_decode::main_profile::MainReference;
-use isv_kernels::window::{Block, WindowRows};
+use isv_kernels::block8::{self, Block};
+use isv_kernels::window::WindowRows;
 use isv_volume::BlockCoord;
 
 /// Voxels along a block's edge.
-const EDGE: i32 = 8;
+const EDGE: i32 = block8::EDGE as i32;
 /// Places that a search goes back to: it compares some, and goes on from the best.
 const PLACES: usize = 4;
 

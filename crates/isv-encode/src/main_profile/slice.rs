@@ -8,17 +8,18 @@ use super::motion_search::{
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::refresh::Refreshed;
 use super::sought_frame::BlockShifts;
-use super::syntax::{self, BitCount};
+use super::syntax;
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
-use isv_decode::main_profile::reconstruct::{BLOCK_SAMPLES, add_residual, predict_spatially};
+use isv_decode::main_profile::reconstruct::{add_residual, predict_spatially};
 use isv_decode::main_profile::syntax::SliceModels;
 use isv_decode::main_profile::syntax::coefficients::CountContext;
 use isv_decode::main_profile::syntax::modes::ModeContext;
 use isv_decode::main_profile::{
     BlockLevels, BlockMode, CausalBlocks, MainBlocks, MainParameters, MainReference, Vector,
 };
-use isv_entropy::RangeEncoder;
+use isv_entropy::{BitCount, RangeEncoder};
+use isv_kernels::block8::{Block, SAMPLES};
 use isv_kernels::quant::Quantizer;
 use std::ops::Range;
 
@@ -142,7 +143,7 @@ impl BestModes {
 /// A way to code a block.
 struct Trial {
     mode: BlockMode,
-    prediction: [i16; BLOCK_SAMPLES],
+    prediction: Block,
     pursued: Pursued,
     cost: f32,
 }
@@ -204,7 +205,7 @@ impl<'a> SliceEncoder<'a> {
         sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
         let modes = self.temporal_modes(block.number, context, sought);
         let trials = modes.modes.into_iter().map(|(cost, mode)| {
-            let mut prediction = [0; BLOCK_SAMPLES];
+            let mut prediction = [0; SAMPLES];
             sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
             self.pursue(block, mode, prediction, cost)
         });
@@ -377,10 +378,10 @@ impl<'a> SliceEncoder<'a> {
         temporal_cost <= self.frame.pursuit.lambda * least_bits
     }
 
-    fn predict_spatially(&self, block: &BlockAtHand) -> [i16; BLOCK_SAMPLES] {
+    fn predict_spatially(&self, block: &BlockAtHand) -> Block {
         let around = self.frame.causal.of(self.frame.targets.coords()[block.number], block.number);
         let around = around.map(|n| n.map(|n| self.samples.place(n as usize)));
-        let mut prediction = [0; BLOCK_SAMPLES];
+        let mut prediction = [0; SAMPLES];
         let limit = self.frame.parameters.grid.truncation.codes();
         if self.frame.tools.spatial {
             predict_spatially(&around, self.samples.samples, limit, &mut prediction);
@@ -389,13 +390,7 @@ impl<'a> SliceEncoder<'a> {
     }
 
     /// Levels for a prediction. `error`: about that of the prediction, or less.
-    fn pursue(
-        &mut self,
-        block: &mut BlockAtHand,
-        mode: BlockMode,
-        prediction: [i16; BLOCK_SAMPLES],
-        error: f32,
-    ) -> Trial {
+    fn pursue(&mut self, block: &mut BlockAtHand, mode: BlockMode, prediction: Block, error: f32) -> Trial {
         let pursued = match self.no_levels(block.number, mode, &prediction, error) {
             Some(pursued) => pursued,
             None => self.search_levels(block, mode, &prediction),
@@ -407,13 +402,7 @@ impl<'a> SliceEncoder<'a> {
 
     /// What a pursuit comes to that is over before it begins, which is seen from the prediction's error alone. Nothing where it is not,
     /// nor where `error`, which is about that, is so large that some level surely pays: the pursuit finds out by itself.
-    fn no_levels(
-        &self,
-        block: usize,
-        mode: BlockMode,
-        prediction: &[i16; BLOCK_SAMPLES],
-        error: f32,
-    ) -> Option<Pursued> {
+    fn no_levels(&self, block: usize, mode: BlockMode, prediction: &Block, error: f32) -> Option<Pursued> {
         let costs = &self.costs[usize::from(mode == BlockMode::Spatial)];
         let unlikely = error > UNLIKELY * self.frame.pursuit.lambda * costs.least_first();
         if self.frame.refinement || self.frame.pursuit.rounding || unlikely {
@@ -423,12 +412,7 @@ impl<'a> SliceEncoder<'a> {
         if error.signs_hold { self.frame.pursuit.without_levels(error.weighted, costs) } else { None }
     }
 
-    fn search_levels(
-        &mut self,
-        block: &mut BlockAtHand,
-        mode: BlockMode,
-        prediction: &[i16; BLOCK_SAMPLES],
-    ) -> Pursued {
+    fn search_levels(&mut self, block: &mut BlockAtHand, mode: BlockMode, prediction: &Block) -> Pursued {
         if !block.has_target {
             self.frame.targets.spread(block.number, block.target);
             block.has_target = true;
@@ -478,7 +462,7 @@ impl<'a> SliceEncoder<'a> {
         let levels = self.coded.levels.of(block.number - self.range.start);
         self.costs[usize::from(trial.mode == BlockMode::Spatial)].learn(levels);
         let place = self.samples.place(block.number) as usize;
-        let samples = &mut self.samples.samples[place * BLOCK_SAMPLES..][..BLOCK_SAMPLES];
+        let samples = &mut self.samples.samples[place * SAMPLES..][..SAMPLES];
         samples.copy_from_slice(&trial.prediction);
         if !levels.is_empty() {
             add_residual(frame.parameters, &frame.quantizer, levels, samples);

@@ -5,13 +5,14 @@ use super::lanes::{codes, load, mask, sum};
 use super::pursuit::SIGN_MARGIN;
 use super::tools::Tools;
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
+use isv_kernels::block8::{Block, SAMPLES};
 use isv_kernels::signs::inside;
 use isv_kernels::simd;
 use isv_volume::{BlockCoord, BlockIndex, BlockSet, CODES_PER_VOXEL, SparseVolume};
 use rayon::prelude::*;
 
 /// Samples of a block in voxels.
-pub(crate) type Field = [f32; 512];
+pub(crate) type Field = [f32; SAMPLES];
 /// One bit for each voxel of a block, a word a z.
 pub(crate) type Bits = [u64; 8];
 
@@ -93,15 +94,16 @@ pub(crate) struct PredictionError {
 
 impl BlockTarget {
     /// That of no block.
-    pub(crate) const NONE: Self = Self { samples: [0.0; 512], weights: [0.0; 512], only_sign: [0; 8] };
+    pub(crate) const NONE: Self =
+        Self { samples: [0.0; SAMPLES], weights: [0.0; SAMPLES], only_sign: [0; 8] };
 
     /// Weighted squared error in voxels of samples in codes.
-    pub(crate) fn weighted_error(&self, samples: &[i16; 512]) -> f32 {
+    pub(crate) fn weighted_error(&self, samples: &Block) -> f32 {
         dispatch!(simd::level(), simd => self.weighted_error_vectorized(simd, samples))
     }
 
     #[inline(always)]
-    fn weighted_error_vectorized<S: Simd>(&self, simd: S, samples: &[i16; 512]) -> f32 {
+    fn weighted_error_vectorized<S: Simd>(&self, simd: S, samples: &Block) -> f32 {
         let mut sums = f32x8::splat(simd, 0.0);
         for row in 0..64 {
             let error = load(simd, &self.samples, row) - codes(simd, eight(samples, row)) * SCALE;
@@ -193,7 +195,7 @@ impl<'a> Targets<'a> {
     }
 
     /// How far samples in codes are from what a block is to become; the same as by way of [`Self::block`].
-    pub(crate) fn prediction_error(&self, block: usize, prediction: &[i16; 512]) -> PredictionError {
+    pub(crate) fn prediction_error(&self, block: usize, prediction: &Block) -> PredictionError {
         dispatch!(simd::level(), simd => self.prediction_error_vectorized(simd, block, prediction))
     }
 
@@ -202,7 +204,7 @@ impl<'a> Targets<'a> {
         &self,
         simd: S,
         block: usize,
-        prediction: &[i16; 512],
+        prediction: &Block,
     ) -> PredictionError {
         let (marks, samples) = (&self.marks[block], self.samples(block));
         let mut sums = f32x8::splat(simd, 0.0);
@@ -264,7 +266,7 @@ impl<'a> Targets<'a> {
     }
 
     /// The samples of a block, in codes.
-    pub(super) fn samples(&self, block: usize) -> &[i16; 512] {
+    pub(super) fn samples(&self, block: usize) -> &Block {
         let block = self.marks[block].block as usize;
         self.volume.block(block).try_into().expect("blocks of an edge of 8")
     }
@@ -294,7 +296,7 @@ impl Marks {
 
 /// The samples of row `8 z + y`.
 #[inline(always)]
-fn eight(samples: &[i16; 512], row: usize) -> &[i16; 8] {
+fn eight(samples: &Block, row: usize) -> &[i16; 8] {
     samples[8 * row..8 * row + 8].try_into().expect("eight samples")
 }
 
@@ -329,7 +331,7 @@ impl Signs {
 }
 
 /// As [`Signs::faces_on_surface`].
-fn faces_on_surface(samples: &[i16; 512]) -> u8 {
+fn faces_on_surface(samples: &Block) -> u8 {
     let mut faces = 0;
     for (axis, stride) in [1, 8, 64].into_iter().enumerate() {
         let [row, plane] = [[8, 64], [1, 64], [1, 8]][axis];

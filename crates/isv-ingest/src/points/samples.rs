@@ -5,7 +5,8 @@ use crate::points::bricks::{BRICK, BRICK_VOXELS, Bricks, FIRST};
 use crate::points::closest::ClosestSites;
 use crate::points::ends::NearField;
 use crate::points::sites::Site;
-use isv_volume::{BlockCoord, BlockEdge, CODES_PER_VOXEL, Grid, VoxelMask};
+use crate::sampler::code;
+use isv_volume::{BlockCoord, BlockEdge, Grid, VoxelMask};
 use rayon::prelude::*;
 
 /// Close to the surface the blended distance holds, beyond the distance to the closest site: between these, in voxels, they
@@ -150,12 +151,6 @@ fn side(field: &NearField, work: &ClosestSites, coord: BlockCoord, voxel: usize)
         .map(|b| (b as u32, BlockEdge::E8.voxel_index(local[0], local[1], local[2]) as u16));
     let near = at.map_or(f32::INFINITY, |at| field.distance(at));
     Side { height: if near.is_finite() { height.abs().copysign(near) } else { height }, is_beyond }
-}
-
-/// A distance in voxels as a sample (Eq. 1).
-fn code(grid: &Grid, distance: f32) -> i16 {
-    let limit = f32::from(grid.truncation.codes());
-    (distance * CODES_PER_VOXEL as f32).clamp(-limit, limit).round() as i16
 }
 
 /// A brick as a block.

@@ -1,11 +1,10 @@
 //! Quantized coefficients, block after block.
 
-use super::DecisionSink;
 use isv_decode::main_profile::syntax::coefficients::{
     CoefficientModels, CountContext, UNARY_MAGNITUDES, nonzero_lower,
 };
 use isv_decode::main_profile::{COEFFICIENTS, MainParameters};
-use isv_entropy::MAGNITUDE_LIMIT;
+use isv_entropy::{DecisionSink, MAGNITUDE_LIMIT};
 
 /// Writes the levels of a block.
 pub(crate) fn write(
@@ -17,7 +16,7 @@ pub(crate) fn write(
 ) {
     let count = levels.iter().filter(|level| **level != 0).count();
     for n in 0..COEFFICIENTS.min(count + 1) {
-        sink.mixed(models.count(n, context), n == count);
+        sink.put_mixed(models.count(n, context), n == count);
     }
     let mut remaining = count;
     for k in 0..COEFFICIENTS {
@@ -28,7 +27,7 @@ pub(crate) fn write(
         let sum = parameters.index_sum(k);
         if !certain {
             let lower = nonzero_lower(parameters, levels, k);
-            sink.mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
+            sink.put_mixed(models.place(context.spatial, k, sum, remaining, lower), levels[k] != 0);
         }
         if levels[k] != 0 {
             write_level(models, sink, context.spatial, k, count, sum, levels[k]);
@@ -48,22 +47,22 @@ fn write_level(
 ) {
     let magnitude = level.unsigned_abs();
     for m in 1..=magnitude.min(UNARY_MAGNITUDES) {
-        sink.mixed(models.magnitude(spatial, m, k, count, sum), m == magnitude);
+        sink.put_mixed(models.magnitude(spatial, m, k, count, sum), m == magnitude);
     }
     if magnitude > UNARY_MAGNITUDES {
         write_exp_golomb(sink, magnitude - UNARY_MAGNITUDES - 1);
     }
-    sink.raw(u32::from(level < 0), 1);
+    sink.put_raw(u32::from(level < 0), 1);
 }
 
 /// An Exp-Golomb code of order 0.
 fn write_exp_golomb(sink: &mut impl DecisionSink, value: u32) {
     let exponent = (value + 1).ilog2();
     for _ in 0..exponent {
-        sink.raw(1, 1);
+        sink.put_raw(1, 1);
     }
     if exponent < MAGNITUDE_LIMIT.ilog2() {
-        sink.raw(0, 1);
+        sink.put_raw(0, 1);
     }
-    sink.raw(value + 1 - (1 << exponent), exponent);
+    sink.put_raw(value + 1 - (1 << exponent), exponent);
 }

@@ -1,0 +1,38 @@
+//! Which voxels of a decoded frame are masked.
+
+use super::debris::debris;
+use super::target::Targets;
+use isv_decode::extension::Extended;
+use isv_volume::{BlockEdge, VoxelMask};
+use std::collections::BTreeMap;
+
+/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of debris: by
+/// index in the extended volume, for its unsettled blocks.
+///
+/// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
+pub(crate) fn wanted_masks<'a>(
+    targets: &Targets,
+    extended: &Extended,
+    crossed: impl FnOnce() -> &'a [(u32, VoxelMask)],
+) -> BTreeMap<u32, VoxelMask> {
+    let (source, coords) = (targets.source(), extended.volume().coords());
+    let mut wanted = BTreeMap::new();
+    // Masks that come only of debris are rare, and so are frames where the corners are needed but the source is wholly observed.
+    if !source.unobserved_masks().is_empty() {
+        let index = source.index();
+        // What the source does not have is beyond its band or was not observed at all.
+        let nothing = VoxelMask::full(BlockEdge::E8);
+        wanted.extend(crossed().iter().filter_map(|(block, corners)| {
+            let unobserved = match index.get(coords[*block as usize]) {
+                Some(block) => source.unobserved(block as usize)?,
+                None => &nothing,
+            };
+            let mask = unobserved.intersection(corners);
+            (!mask.is_empty()).then_some((*block, mask))
+        }));
+    }
+    for (block, debris) in debris(extended, &wanted, targets) {
+        wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&debris);
+    }
+    wanted
+}
