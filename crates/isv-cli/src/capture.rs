@@ -61,6 +61,8 @@ pub(crate) struct CapturedFrame {
     pub(crate) number: usize,
     /// The file it came from, or the capture and its number; for messages.
     pub(crate) name: String,
+    /// When it is shown, if the capture is a stream, which says so.
+    pub(crate) timestamp_ns: Option<u64>,
     pub(crate) content: Content,
 }
 

@@ -1,15 +1,16 @@
 //! What can be seen of a stream with losses: frames in time, and where one is lost, the last one.
 
 use crate::backend::{self, BackendArgs};
+use crate::continuity::is_doubled;
 use crate::frame_range::FrameRange;
 use crate::memory;
 use crate::output::say;
 use crate::stats::timed;
 use crate::stream::{self, ByteSource, StreamFrame};
-use crate::timeline::seconds_between;
+use crate::timeline::{is_on_time, seconds_between};
 use anyhow::{Context, Result};
 use isv::decode::{DecodeError, Lod};
-use isv::format::{Packet, RefusalClass, SalvageReader, Salvaged, StreamHeader};
+use isv::format::{Packet, PacketHeader, RefusalClass, SalvageReader, Salvaged, StreamHeader};
 use isv::gpu::{AnyDecoder, AnyFrame};
 use isv::surface::SurfaceOptions;
 use std::path::Path;
@@ -30,7 +31,7 @@ enum Health {
     Inexact,
 }
 
-/// Decodes what there is of a stream, in order. Each packet's time says which frame it is; frames that are not there or cannot be
+/// Decodes what there is of a stream, in order. Each packet's count and time say which frame it is; frames that are not there or cannot be
 /// decoded are the last one that could. Says on stderr where that begins and ends.
 pub(crate) struct HeldFrames {
     name: String,
@@ -39,14 +40,24 @@ pub(crate) struct HeldFrames {
     decoder: AnyDecoder,
     range: Option<FrameRange>,
     health: Health,
-    /// The last packet's time in nanoseconds.
-    last_ns: Option<u64>,
+    /// Of the last packet that was in its place.
+    last_header: Option<PacketHeader>,
     /// The last frame that could be decoded.
     last: Option<AnyFrame>,
+    /// When the last frame that was given is shown.
+    shown_ns: u64,
     /// Number of the next frame to give.
     next: usize,
-    /// Number of the frame that the packet at hand is, and what was decoded of it, if anything, in how many milliseconds.
-    at_hand: Option<(usize, Option<(AnyFrame, f64)>)>,
+    at_hand: Option<AtHand>,
+}
+
+/// The next frame of which there is a packet, or the last one that should be there.
+struct AtHand {
+    number: usize,
+    /// Of the packet, if there is one.
+    timestamp_ns: Option<u64>,
+    /// What was decoded of it, if anything, in how many milliseconds.
+    decoded: Option<(AnyFrame, f64)>,
 }
 
 impl HeldFrames {
@@ -70,8 +81,9 @@ impl HeldFrames {
             decoder,
             range,
             health: Health::Exact,
-            last_ns: None,
+            last_header: None,
             last: None,
+            shown_ns: 0,
             next: 0,
             at_hand: None,
         })
@@ -93,15 +105,25 @@ impl HeldFrames {
             if self.range.is_some_and(|range| self.next >= range.end) {
                 return Ok(None);
             }
-            let Some((number, _)) = self.at_hand else {
-                let Some(packet) = self.next_packet()? else { return Ok(None) };
-                self.take(&packet)?;
+            let Some(AtHand { number, .. }) = self.at_hand else {
+                match self.next_packet()? {
+                    Some((packet, follows)) => self.take(&packet, follows)?,
+                    None => {
+                        self.end()?;
+                        if self.at_hand.is_none() {
+                            return Ok(None);
+                        }
+                    }
+                }
                 continue;
             };
+            let a_frame_later = self.shown_ns.saturating_add(self.header.frame_rate.timestamp_ns(1));
             let frame = if self.next < number {
+                self.shown_ns = a_frame_later;
                 self.last.clone().map(|frame| (frame, 0.0))
             } else {
-                let (_, decoded) = self.at_hand.take().expect("it is at hand");
+                let AtHand { timestamp_ns, decoded, .. } = self.at_hand.take().expect("it is at hand");
+                self.shown_ns = timestamp_ns.unwrap_or(a_frame_later);
                 if let Some((frame, _)) = &decoded {
                     self.last = Some(frame.clone());
                 }
@@ -112,14 +134,14 @@ impl HeldFrames {
             if let Some((AnyFrame { volume, surface, .. }, decode_ms)) = frame
                 && self.range.is_none_or(|range| number >= range.start)
             {
-                let timestamp_ns = self.header.frame_rate.timestamp_ns(number as u64);
+                let timestamp_ns = self.shown_ns;
                 return Ok(Some(StreamFrame { number, timestamp_ns, volume, surface, decode_ms }));
             }
         }
     }
 
-    /// The next packet that is sound.
-    fn next_packet(&mut self) -> Result<Option<Packet>> {
+    /// The next packet that is sound, and whether no keyframe can be missing before it.
+    fn next_packet(&mut self) -> Result<Option<(Packet, bool)>> {
         let mut damaged = 0;
         loop {
             match self.packets.next_frame().with_context(|| self.name.clone())? {
@@ -131,29 +153,25 @@ impl HeldFrames {
                     say(format_args!("{}: another stream begins at byte {at} and is left out", self.name));
                 }
                 Some(Salvaged::Frame(packet)) => {
-                    if damaged > 0 && packet.may_lack_keyframe(damaged) {
+                    let follows = damaged == 0 || !packet.may_lack_keyframe(damaged);
+                    if !follows {
                         self.decoder.lose_packet();
                     }
-                    return Ok(Some(packet));
+                    return Ok(Some((packet, follows)));
                 }
                 None => return Ok(None),
             }
         }
     }
 
-    /// Decodes a packet, if that can be done.
-    fn take(&mut self, packet: &Packet) -> Result<()> {
-        let now_ns = packet.header.timestamp_ns;
-        let missing = match self.last_ns {
-            Some(last_ns) => self.frames_between(last_ns, now_ns).saturating_sub(1),
-            // Streams begin at time 0.
-            None => self.frames_between(0, now_ns),
-        };
+    /// Decodes a packet, if that can be done and it is not one of a frame that was given already.
+    fn take(&mut self, packet: &Packet, follows: bool) -> Result<()> {
+        let Some(missing) = self.missing_before(packet, follows) else { return Ok(()) };
         if missing > 0 {
             self.is_now(Health::Held, self.next, "packets are missing");
         }
         let number = self.next + missing;
-        self.last_ns = Some(now_ns);
+        self.last_header = Some(packet.header);
         let (decoded, decode_ms) = timed(|| self.decoder.decode(packet));
         if let Some(why) = self.decoder.take_notice() {
             backend::notify(&why);
@@ -177,8 +195,35 @@ impl HeldFrames {
                 None
             }
         };
-        self.at_hand = Some((number, decoded));
+        self.at_hand = Some(AtHand { number, timestamp_ns: Some(packet.header.timestamp_ns), decoded });
         Ok(())
+    }
+
+    /// How many frames are missing before a packet; nothing if it comes twice or too late. `follows`: no keyframe can be missing before it.
+    /// Packets count the frames of their GOP; where
+    /// these counts do not say it, times do if frames come at the stream's rate: those of a clock do not come so evenly.
+    fn missing_before(&self, packet: &Packet, follows: bool) -> Option<usize> {
+        let rate = self.header.frame_rate;
+        let now_ns = packet.header.timestamp_ns;
+        let Some(last) = self.last_header else {
+            // Streams begin at time 0.
+            return Some(if is_on_time(rate, now_ns) { self.frames_between(0, now_ns) } else { 0 });
+        };
+        if is_doubled(packet, &last) {
+            return None;
+        }
+        let ahead = packet.header.since_keyframe.wrapping_sub(last.since_keyframe);
+        let last_ns = last.timestamp_ns;
+        let on_time = is_on_time(rate, last_ns) && is_on_time(rate, now_ns);
+        if !packet.is_keyframe() && ahead > 0 && ahead < 1 << 15 && (follows || !on_time) {
+            return Some(usize::from(ahead) - 1);
+        }
+        // At time 0 another take begins.
+        let is_late = now_ns > 0 && seconds_between(rate, now_ns, last_ns).is_some_and(|late| late > 0.0);
+        if is_late && (on_time || !packet.is_keyframe()) {
+            return None;
+        }
+        Some(if on_time { self.frames_between(last_ns, now_ns).saturating_sub(1) } else { 0 })
     }
 
     /// How many frames long the time between two packets is; 0 if that is no time to hold a frame for.
@@ -187,6 +232,18 @@ impl HeldFrames {
         let seconds = seconds_between(rate, last_ns, now_ns).unwrap_or(0.0);
         let frames = (seconds * rate.per_second()).round() as usize;
         if frames > MOST_HELD { 0 } else { frames }
+    }
+
+    /// At the end of the packets: frames that the stream had by its index and that have not come are the last one, too. Then there may be
+    /// too few for the range.
+    fn end(&mut self) -> Result<()> {
+        let there = self.packets.indexed_frames().unwrap_or(0);
+        if self.next < there && there - self.next <= MOST_HELD && self.last.is_some() {
+            self.is_now(Health::Held, self.next, "packets are missing");
+            self.at_hand = Some(AtHand { number: there - 1, timestamp_ns: None, decoded: None });
+            return Ok(());
+        }
+        self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name)).map(drop)
     }
 
     /// Says so where it changes.

@@ -11,6 +11,7 @@ mod backend;
 mod bit_rate;
 mod capture;
 mod commands;
+mod continuity;
 mod count;
 mod failure;
 mod frame_range;

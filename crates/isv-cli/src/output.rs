@@ -1,14 +1,61 @@
 //! Where results go: a file that appears whole or not at all, or standard output.
 
+use crate::failure::usage;
 use anyhow::Context;
-use isv::io::{AtomicFile, WriteError};
+use isv::format::MAGIC;
+use isv::io::{AtomicFile, WriteError, was_made_by_isv};
 use std::fmt::Display;
-use std::io::{self, BufWriter, Stdout, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Stdout, Write};
 use std::path::Path;
+
+/// Bytes of a file that are looked at before it is overwritten.
+const CHECKED_BYTES: u64 = 256;
 
 /// Whether a path stands for standard input or output.
 pub(crate) fn is_pipe(path: &Path) -> bool {
     path == Path::new("-")
+}
+
+/// A slip must not cost a capture: a stream is written over a stream and nothing else, and not over one of those that are read.
+pub(crate) fn check_stream_output(inputs: &[&Path], output: &Path) -> anyhow::Result<()> {
+    if inputs.iter().any(|input| is_same_file(input, output)) && output.is_file() {
+        return Err(usage(format!("{}: is what is read; name another file to write", output.display())));
+    }
+    check_output(output, "is no .isv stream", |start| start.starts_with(&MAGIC))
+}
+
+/// What `decode` writes is written over what isv wrote, by the first bytes of files that can say so: a capture may have the same names.
+pub(crate) fn check_frame_output(output: &Path) -> anyhow::Result<()> {
+    check_output(output, "was not made by isv", was_made_by_isv)
+}
+
+/// Refuses to overwrite a file that has something in it, unless its first bytes are as they are to be.
+pub(crate) fn check_output(
+    output: &Path,
+    otherwise: &str,
+    may_go: impl Fn(&[u8]) -> bool,
+) -> anyhow::Result<()> {
+    if is_pipe(output) || !output.is_file() {
+        return Ok(());
+    }
+    let name = output.display();
+    let mut start = Vec::new();
+    let file = File::open(output).with_context(|| name.to_string())?;
+    file.take(CHECKED_BYTES).read_to_end(&mut start).with_context(|| name.to_string())?;
+    if start.is_empty() || may_go(&start) {
+        return Ok(());
+    }
+    Err(usage(format!("{name}: is there and {otherwise}, so it is not overwritten")))
+}
+
+/// Whether two paths lead to the same file, which need not be there yet.
+pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
+    };
+    a == b || place(a).is_some_and(|a| place(b) == Some(a))
 }
 
 /// A sink of bytes, to be [committed](Self::commit) once all are written. Its errors name it.

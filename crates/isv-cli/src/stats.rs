@@ -1,7 +1,7 @@
 //! What `--stats` writes. The names of the fields are the keys of the JSON file.
 
 use crate::failure::usage;
-use crate::output::is_pipe;
+use crate::output::{check_output, is_pipe, is_same_file};
 use anyhow::Result;
 use isv::io::AtomicFile;
 use isv::kernels::simd;
@@ -60,6 +60,9 @@ struct RunStats<'a, F> {
     wall_ms: f64,
 }
 
+/// How the file begins: what else is in the way is not overwritten.
+const STATS_START: &str = "{\n  \"frames\": [";
+
 /// Collects the statistics of a run, if they were asked for.
 #[derive(Debug)]
 pub(crate) struct StatsFile<F> {
@@ -82,6 +85,7 @@ impl<F: Serialize> StatsFile<F> {
                     path.display()
                 )));
             }
+            check_output(path, "holds no statistics", |start| start.starts_with(STATS_START.as_bytes()))?;
         }
         let file = path.map(AtomicFile::create).transpose()?.map(|file| (file, Stages::listen()));
         Ok(Self { file, frames: Vec::new(), started: Instant::now() })
@@ -116,15 +120,6 @@ impl<F: Serialize> StatsFile<F> {
         file.write_all((serde_json::to_string_pretty(&run)? + "\n").as_bytes())?;
         Ok(file.commit()?)
     }
-}
-
-/// Whether two paths lead to the same file, which need not be there yet.
-pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
-    let place = |path: &Path| {
-        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
-        path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
-    };
-    a == b || place(a).is_some_and(|a| place(b) == Some(a))
 }
 
 /// A duration in milliseconds.

@@ -21,6 +21,13 @@ use std::path::Path;
 /// Bytes from a file or a pipe.
 pub(crate) type ByteSource = Box<dyn Read + Send>;
 
+/// Says that a stream that was read to its end ends without one.
+pub(crate) fn say_if_cut(name: &str, packets: &PacketReader<impl Read>) {
+    if !packets.complete() {
+        say(format_args!("{name}: ends without an index: it may have been cut after its last whole frame"));
+    }
+}
+
 /// The name of an input in messages.
 pub(crate) fn name(path: &Path) -> String {
     if is_pipe(path) { "standard input".to_owned() } else { path.display().to_string() }
@@ -84,6 +91,8 @@ pub(crate) struct StreamFrames {
     header: StreamHeader,
     packets: PacketReader<ByteSource>,
     decoder: AnyDecoder,
+    /// Bytes of the file, if it is one.
+    length: Option<u64>,
     /// Number of the frame that the decoder began with.
     first: usize,
     /// Number of the next frame to decode.
@@ -108,7 +117,18 @@ impl StreamFrames {
             (packets, first) = seek(path, range)?;
         }
         let decoder = backend.decoder(&header, lod).with_context(|| name(path))?;
-        Ok(Self { name: name(path), header, packets, decoder, first, next: first, range, failed: false })
+        let length = path.metadata().ok().filter(std::fs::Metadata::is_file).map(|file| file.len());
+        Ok(Self {
+            name: name(path),
+            header,
+            packets,
+            decoder,
+            length,
+            first,
+            next: first,
+            range,
+            failed: false,
+        })
     }
 
     /// The header of the stream.
@@ -136,11 +156,13 @@ impl StreamFrames {
             }
             let Some(packet) = self.packets.next_frame().with_context(|| self.name.clone())? else {
                 self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name))?;
-                if !self.packets.complete() {
+                say_if_cut(&self.name, &self.packets);
+                if self.packets.complete()
+                    && let Some(behind) = self.length.map(|length| length.saturating_sub(self.packets.at()))
+                    && behind > 0
+                {
                     let name = &self.name;
-                    say(format_args!(
-                        "{name}: ends without an index: it may have been cut after its last whole frame"
-                    ));
+                    say(format_args!("{name}: {behind} bytes follow the end of the stream and are left out"));
                 }
                 return Ok(None);
             };

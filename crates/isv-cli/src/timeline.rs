@@ -14,34 +14,62 @@ pub(crate) fn seconds_between(rate: FrameRate, last_ns: u64, now_ns: u64) -> Opt
     (!jumps).then_some(seconds)
 }
 
+/// The number of the frame that is shown at a time, if frames come at the rate. Times are rounded to nanoseconds, and what is rounded twice
+/// may be one away: a nanosecond a piece is enough to be another time.
+pub(crate) fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
+    let [numerator, denominator] = [rate.numerator, rate.denominator].map(u128::from);
+    let nearest =
+        (u128::from(time_ns) * numerator + denominator * 500_000_000) / (denominator * 1_000_000_000);
+    let frame = u64::try_from(nearest).ok().filter(|frame| *frame < u64::from(u32::MAX))?;
+    (rate.timestamp_ns(frame).abs_diff(time_ns) <= 1).then_some(frame)
+}
+
+/// Whether a frame is shown at a time if frames come at the rate.
+pub(crate) fn is_on_time(rate: FrameRate, time_ns: u64) -> bool {
+    frame_at(rate, time_ns).is_some()
+}
+
 /// The times of frames in order, from 0 on. Each follows the last by what their timestamps are apart, or by one frame where that is no
 /// time to show a frame for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timeline {
     rate: FrameRate,
-    /// Timestamp of the last frame, and when it is shown, in seconds.
-    last: Option<(u64, f64)>,
+    /// The last frame.
+    last: Option<Place>,
+    /// The last one that did not follow by timestamps: sums over many frames would drift.
+    origin: Place,
+}
+
+/// A frame's timestamp, and when it is shown, in seconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    timestamp_ns: u64,
+    start_s: f64,
 }
 
 impl Timeline {
     /// Without a frame yet, of a stream with a nominal rate.
     pub(crate) fn new(rate: FrameRate) -> Self {
-        Self { rate, last: None }
+        Self { rate, last: None, origin: Place::default() }
     }
 
     /// When the next frame is shown, in seconds after the first.
     pub(crate) fn place(&mut self, timestamp_ns: u64) -> f64 {
-        let start = self.last.map_or(0.0, |(last_ns, start)| {
-            let seconds = seconds_between(self.rate, last_ns, timestamp_ns).filter(|seconds| *seconds > 0.0);
-            start + seconds.unwrap_or(self.frame_s())
-        });
-        self.last = Some((timestamp_ns, start));
-        start
+        let follows = |last: Place| {
+            seconds_between(self.rate, last.timestamp_ns, timestamp_ns).is_some_and(|seconds| seconds > 0.0)
+        };
+        if !self.last.is_some_and(follows) {
+            self.origin = Place { timestamp_ns, start_s: self.end_s() };
+        }
+        let Place { timestamp_ns: origin_ns, start_s: origin_s } = self.origin;
+        let start_s = origin_s + (timestamp_ns - origin_ns) as f64 / 1e9;
+        self.last = Some(Place { timestamp_ns, start_s });
+        start_s
     }
 
     /// When the last frame has been shown for as long as the rate says; 0 without a frame.
     pub(crate) fn end_s(&self) -> f64 {
-        self.last.map_or(0.0, |(_, start)| start + self.frame_s())
+        self.last.map_or(0.0, |last| last.start_s + self.frame_s())
     }
 
     fn frame_s(&self) -> f64 {

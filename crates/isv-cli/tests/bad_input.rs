@@ -60,8 +60,35 @@ fn a_slip_does_not_cost_a_capture() {
     work.isv(&["encode", "take.isv", "-o", "./take.isv"]).fails(2, &["./take.isv: is what is read"]);
     assert_eq!(fs::read(work.path("frames/frame_0.ply")).unwrap(), frame);
     assert_eq!(fs::read(work.path("take.isv")).unwrap(), stream);
+    for copying in [&["cut", "take.isv", "0.."][..], &["join", "take.isv"], &["repair", "take.isv"]] {
+        work.isv(&[copying, &["-o", "take.isv"]].concat()).fails(2, &["take.isv: is what is read"]);
+        work.isv(&[copying, &["-o", "frames/frame_0.ply"]].concat()).fails(2, &["is no .isv stream"]);
+    }
+    // What is decoded has the names that captures have.
+    fs::create_dir(work.path("capture")).unwrap();
+    for (format, bytes) in [("ply", ply(&VERTICES, &FACES)), ("obj", "v 0 0 0\n".to_owned())] {
+        let name = format!("capture/frame_0000.{format}");
+        work.write(&name, &bytes);
+        let decode = ["decode", "take.isv", "-o", "capture", "--format", format];
+        work.isv(&decode).fails(2, &[&name, "is there and was not made by isv, so it is not overwritten"]);
+        work.isv(&["decode", "take.isv", "-o", &name]).fails(2, &["was not made by isv"]);
+        assert_eq!(work.read(&name), bytes.as_bytes());
+    }
+    work.isv(&["encode", "capture/frame_0000.ply", "-o", "new.isv", "--stats", "capture/frame_0000.ply"])
+        .fails(2, &["capture/frame_0000.ply"]);
+    work.isv(&["encode", "frames", "-o", "new.isv", "--stats", "frames/frame_0.ply"])
+        .fails(2, &["frames/frame_0.ply: is there and holds no statistics"]);
+    assert_eq!(fs::read(work.path("frames/frame_0.ply")).unwrap(), frame);
     // What an earlier run has left is not in the way.
-    work.isv(&["encode", "frames", "-o", "take.isv"]).done();
+    for _ in 0..2 {
+        work.isv(&["encode", "frames", "-o", "take.isv", "--stats", "stats.json"]).done();
+        for format in ["ply", "obj", "stl", "glb"] {
+            work.isv(&["decode", "take.isv", "-o", "meshes", "--format", format]).done();
+        }
+        for format in ["ply", "pcd", "xyz"] {
+            work.isv(&["decode", "take.isv", "-o", "points", "--as", "points", "--format", format]).done();
+        }
+    }
 }
 
 #[test]

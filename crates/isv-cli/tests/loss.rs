@@ -2,8 +2,10 @@
 
 mod support;
 
-use isv::format::{FrameRate, PacketReader, PacketWriter, StreamHeader};
-use support::Workspace;
+use isv::format::{
+    FrameRate, PacketHeader, PacketKind, PacketReader, PacketWriter, StreamHeader, StreamIndex,
+};
+use support::{ENCODE, Workspace};
 
 const FRAMES: usize = 9;
 
@@ -106,15 +108,17 @@ fn frames_of_slow_captures_are_held_too() {
     }
 }
 
-/// Timestamps ten seconds apart are no reason for thousands of millions of frames.
+/// Timestamps almost a second apart are no reason for thousands of millions of frames.
 #[test]
 fn frames_that_no_camera_makes_are_not_held() {
-    let (work, bytes) = Workspace::with_stream(3);
+    let work = Workspace::with_figure(3);
+    work.isv(&["encode", "frames", "-o", "take.isv", "--voxel=20mm", "--gop=1"]).done();
+    let bytes = work.read("take.isv");
     let mut packets = PacketReader::new(&bytes[..]).unwrap();
     let frame_rate = FrameRate { numerator: u32::MAX, denominator: 1 };
     let header = StreamHeader { frame_rate, ..*packets.header().unwrap() };
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
-    for timestamp_ns in [9_900_000_000, 19_800_000_000, 19_800_000_001] {
+    for timestamp_ns in [0, 900_000_000, 900_000_001] {
         writer.copy_frame(&packets.next_frame().unwrap().unwrap(), timestamp_ns).unwrap();
     }
     work.write("fast.isv", writer.finish().unwrap());
@@ -294,4 +298,151 @@ fn streams_are_cut_at_keyframes_and_joined() {
     #[cfg(unix)]
     work.isv(&["join", "a.isv", "/dev/null", "-o", "c.isv"]).fails(2, &["/dev/null: ", "from files"]);
     assert!(!work.path("c.isv").exists());
+}
+
+/// A stream of some of the packets of another, in any order, with its index and trailer as they were.
+fn rearranged(work: &Workspace, bytes: &[u8], order: &[usize]) -> Vec<u8> {
+    let packets = packets(work, "take.isv");
+    let (last, size) = packets[packets.len() - 1];
+    let taken = order.iter().flat_map(|frame| &bytes[packets[*frame].0..][..packets[*frame].1]);
+    bytes[..48].iter().chain(taken).chain(&bytes[last + size..]).copied().collect()
+}
+
+/// Decodes a stream behind losses and compares every frame with one of `whole/`.
+fn check_held(work: &Workspace, stream: &str, shown: &[usize]) {
+    let run = work.isv(&["decode", stream, "-o", "held", "--after-loss", "hold"]).done();
+    assert_eq!(work.names("held").len(), shown.len(), "{}", run.stderr());
+    for (frame, shown) in shown.iter().enumerate() {
+        let (held, whole) = (format!("held/frame_{frame:04}.ply"), format!("whole/frame_{shown:04}.ply"));
+        assert!(work.read(&held) == work.read(&whole), "frame {frame}: {}", run.stderr());
+    }
+    std::fs::remove_dir_all(work.path("held")).unwrap();
+}
+
+/// Keyframes are frames 0, 3 and 6.
+#[test]
+fn frames_keep_their_numbers_whatever_packets_come_twice_too_late_or_not_at_all() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.isv(&["decode", "take.isv", "-o", "whole"]).done();
+    for (order, shown) in [
+        // Twice.
+        (&[0, 1, 1, 2, 3, 3, 4, 5, 6, 7, 8][..], [0, 1, 2, 3, 4, 5, 6, 7, 8]),
+        // Frame 2 before frame 1, and frame 4 before its keyframe.
+        (&[0, 2, 1, 3, 4, 5, 6, 7, 8], [0, 0, 0, 3, 4, 5, 6, 7, 8]),
+        (&[0, 1, 2, 4, 3, 5, 6, 7, 8], [0, 1, 2, 2, 2, 2, 6, 7, 8]),
+        // A keyframe with the frame before, and the last two.
+        (&[0, 1, 4, 5, 6], [0, 1, 1, 1, 1, 1, 6, 6, 6]),
+    ] {
+        work.write("rearranged.isv", rearranged(&work, &bytes, order));
+        check_held(&work, "rearranged.isv", &shown);
+    }
+    // Each take of two begins at time 0.
+    let twice = [&bytes[..], &bytes].concat();
+    work.write("twice.isv", twice);
+    check_held(&work, "twice.isv", &[0, 1, 2, 3, 4, 5, 6, 7, 8, 0, 1, 2, 3, 4, 5, 6, 7, 8]);
+}
+
+#[test]
+fn frames_that_are_not_there_cannot_be_asked_for_behind_a_loss_either() {
+    let (work, _) = Workspace::with_stream(3);
+    let run = work.isv(&["decode", "take.isv", "-o", "x.ply", "--after-loss=hold", "--frames=5..6"]);
+    run.fails(1, &["frames 5..6 asked for, but there are 3"]);
+    work.isv(&["decode", "take.isv", "-o", "x.ply", "--after-loss=hold", "--frames=2..3"]).done();
+}
+
+/// Frames that come when they come, and frames between which one was skipped, are all there.
+#[test]
+fn times_that_are_not_even_are_no_loss() {
+    let work = Workspace::with_figure(8);
+    let clock = [&ENCODE[..], &["--timestamps=clock", "--fps=1000"]].concat();
+    work.isv(&clock).done();
+    work.write("frames/frame_4.ply", "ply\n");
+    let skipped = [&["encode", "frames", "-o", "skipped.isv"], &ENCODE[4..], &["--skip-bad-frames"]].concat();
+    work.isv(&skipped).done();
+    for (stream, count) in [("take.isv", 8), ("skipped.isv", 7)] {
+        let run = work.isv(&["decode", stream, "-o", "held", "--after-loss=hold"]).done();
+        assert!(!run.stderr().contains("lost"), "{stream}: {}", run.stderr());
+        assert_eq!(work.names("held").len(), count);
+        std::fs::remove_dir_all(work.path("held")).unwrap();
+    }
+    // Coded again, frames are shown when they were.
+    work.isv(&["encode", "skipped.isv", "-o", "again.isv"]).done();
+    let times = |stream: &str| -> Vec<u64> {
+        let packets = info(&work, stream)["packets"].clone();
+        packets.as_array().unwrap().iter().map(|packet| packet["timestamp_ns"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(times("skipped.isv")[4], 166_666_666);
+    assert_eq!(times("again.isv"), times("skipped.isv"));
+}
+
+/// A stream is whole if its frames, its index and its end agree.
+#[test]
+fn what_does_not_fit_together_is_not_verified() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.write("twice.isv", [&bytes[..], &bytes].concat());
+    let at = format!("bytes follow the end of the stream, from byte {} on", bytes.len());
+    work.isv(&["verify", "twice.isv"]).fails(1, &[&at]);
+    let run = work.isv(&["decode", "twice.isv", "-o", "meshes"]).done();
+    assert!(run.stderr().contains("follow the end of the stream and are left out"), "{}", run.stderr());
+    let behind = info(&work, "twice.isv")["bytes_behind"].as_u64().unwrap();
+    assert_eq!(behind as usize, bytes.len());
+    // An index without frame 4, and one that calls frame 1 a keyframe.
+    let index_at = u64::from_le_bytes(*bytes[..bytes.len() - 8].last_chunk().unwrap()) as usize;
+    let frames = StreamIndex::load(&mut std::io::Cursor::new(&bytes)).unwrap().frames;
+    for change in [0, 1] {
+        let mut index = StreamIndex { frames: frames.clone() };
+        match change {
+            0 => drop(index.frames.remove(4)),
+            _ => index.frames[1].keyframe = true,
+        }
+        let payload = index.to_payload();
+        let header = PacketHeader::seal(PacketKind::Index, 0, 0, &payload);
+        let end = StreamIndex::trailer(index_at as u64);
+        work.write("false.isv", [&bytes[..index_at], &header, &payload, &end].concat());
+        work.isv(&["verify", "false.isv"]).fails(1, &["its index does not say where its frames are"]);
+    }
+    work.isv(&["cut", "false.isv", "1..3", "-o", "cut.isv"])
+        .fails(1, &["its index calls frame 1 a keyframe"]);
+    work.isv(&["repair", "false.isv", "-o", "mended.isv"]).done();
+    assert_eq!(work.read("mended.isv"), bytes);
+}
+
+/// Nothing is lost in silence: what is copied of a cut or lossy stream looks whole afterwards.
+#[test]
+fn copies_of_what_is_not_whole_say_so() {
+    let (work, bytes) = Workspace::with_stream(FRAMES);
+    work.write("cut.isv", &bytes[..packets(&work, "take.isv")[8].0 + 7]);
+    work.write("lossy.isv", rearranged(&work, &bytes, &[0, 1, 2, 3, 5, 6, 7, 8]));
+    let says = |args: &[&str], part: &str| {
+        let run = work.isv(args).done();
+        assert_eq!(run.stderr().contains(part), !part.is_empty(), "{args:?}: {}", run.stderr());
+    };
+    says(&["cut", "cut.isv", "3..", "-o", "a.isv"], "what is before that was copied");
+    says(
+        &["join", "take.isv", "lossy.isv", "-o", "b.isv"],
+        "lossy.isv: packets are missing or out of order at byte",
+    );
+    work.isv(&["join", "cut.isv", "take.isv", "-o", "c.isv"]).fails(1, &["cut.isv", "cut off"]);
+    let run = work.isv(&["cut", "take.isv", "3..", "-o", "d.isv"]).done();
+    assert_eq!(run.stderr(), "");
+    // A packet that is there twice costs nothing.
+    work.write("doubled.isv", rearranged(&work, &bytes, &[0, 1, 1, 2, 3, 4, 5, 6, 7, 8]));
+    let run = work.isv(&["repair", "doubled.isv", "-o", "mended.isv"]).done();
+    let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+    assert!(said.contains("9 frames kept, 1 frame left out that is there twice"), "{said}");
+    assert_eq!(work.read("mended.isv"), bytes);
+}
+
+/// Damage behind the frames that are asked for is not in their way.
+#[test]
+fn frames_before_damage_can_be_asked_for_without_an_index() {
+    let (work, mut bytes) = Workspace::with_stream(FRAMES);
+    bytes.truncate(packets(&work, "take.isv")[8].0);
+    bytes[packets(&work, "take.isv")[5].0 + 30] ^= 1;
+    work.write("damaged.isv", &bytes);
+    work.isv(&["verify", "damaged.isv"]).fails(1, &["--frames 0..5 decodes them"]);
+    work.isv(&["decode", "damaged.isv", "-o", "meshes", "--frames", "0..5"]).done();
+    assert_eq!(work.names("meshes").len(), 5);
+    work.isv(&["decode", "damaged.isv", "-o", "meshes", "--frames", "0..6"])
+        .fails(1, &["frames 0..6 asked for, but there are 5"]);
 }

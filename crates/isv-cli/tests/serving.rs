@@ -187,6 +187,9 @@ fn timestamps_by_the_clock_change_nothing_else() {
     let stamps = stamps(&mut clock);
     assert!(stamps[0] >= before && stamps[3] <= unix_ns(), "{before}: {stamps:?}");
     assert!(stamps.is_sorted_by(|a, b| a < b), "{stamps:?}");
+    for by_time in ["duration_s", "bitrate_mbps"] {
+        assert!(rate[by_time].take() != clock[by_time].take());
+    }
     assert_eq!(rate, clock, "frame rate, sizes and all");
     work.isv(&["verify", "clock.isv"]).done();
     for name in ["take", "clock"] {

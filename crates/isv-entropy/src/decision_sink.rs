@@ -76,6 +76,6 @@ mod tests {
             }
         }
         // The range is 32 bits, of which the coder loses a little; a count learns nothing.
-        assert!((counted / encoder.bits() - 1.0).abs() < 1e-4, "{counted} {}", encoder.bits());
+        assert!((counted / encoder.bits() - 1.0).abs() < 1e-3, "{counted} {}", encoder.bits());
     }
 }

@@ -84,10 +84,10 @@ impl StreamIndex {
     }
 
     /// Index of a stream that can seek: read from its end, or made by walking the packets where the end is missing, as
-    /// after a crash of the writer, or damaged. Whole frames before a cut are found; the cut itself is no error here.
+    /// after a crash of the writer, or damaged. Then frames before a cut or damage are found; neither is an error here.
     ///
     /// # Errors
-    /// I/O errors, and a stream that is damaged before its index.
+    /// Those of the source, and bytes that do not begin with a stream header of this version.
     pub fn load(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
         let Some(at) = Self::index_at(source)? else { return Self::walk(source, None) };
         match Self::load_at(source, at) {
@@ -128,8 +128,8 @@ impl StreamIndex {
                 Ok(Some(packet)) if packet.header.kind != PacketKind::Index => {
                     index.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
                 }
-                Ok(_) | Err(FormatError::Truncated { .. }) => break,
-                Err(error) => return Err(error),
+                Err(FormatError::Io(error)) => return Err(error.into()),
+                Ok(_) | Err(_) => break,
             }
         }
         Ok(index)

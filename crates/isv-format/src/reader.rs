@@ -12,7 +12,8 @@ pub struct PacketReader<R> {
     at: u64,
     largest_payload: u32,
     saw_index: bool,
-    saw_trailer: bool,
+    /// The index, once it and the trailer have been read.
+    index: Option<StreamIndex>,
 }
 
 impl<R: Read> PacketReader<R> {
@@ -28,14 +29,14 @@ impl<R: Read> PacketReader<R> {
             at: StreamHeader::BYTES as u64,
             largest_payload: MAX_PAYLOAD,
             saw_index: false,
-            saw_trailer: false,
+            index: None,
         })
     }
 
     /// Continues at a packet that begins at byte `at`, to which `source` has been brought.
     pub fn at_packet(source: R, at: u64) -> Self {
         let largest_payload = MAX_PAYLOAD;
-        Self { source, header: None, at, largest_payload, saw_index: false, saw_trailer: false }
+        Self { source, header: None, at, largest_payload, saw_index: false, index: None }
     }
 
     /// Refuses packets whose payload is larger than this, before a byte of it is read.
@@ -51,12 +52,26 @@ impl<R: Read> PacketReader<R> {
 
     /// Whether index and trailer have been read: the stream ended as its writer meant it to.
     pub fn complete(&self) -> bool {
-        self.saw_trailer
+        self.index.is_some()
     }
 
-    /// Where the next packet begins.
-    pub(crate) fn at(&self) -> u64 {
+    /// What the stream says where its frames are, once it is [complete](Self::complete). Nobody compared that with the frames.
+    pub fn index(&self) -> Option<&StreamIndex> {
+        self.index.as_ref()
+    }
+
+    /// Where the next packet begins, or the stream ends once it is [complete](Self::complete).
+    pub fn at(&self) -> u64 {
         self.at
+    }
+
+    /// Whether bytes follow what was read: behind the end of a stream there should be none. Waits for a byte of a source that has not
+    /// ended.
+    ///
+    /// # Errors
+    /// Those of the source.
+    pub fn has_more(&mut self) -> Result<bool, FormatError> {
+        Ok(read_up_to(&mut self.source, &mut [0])? > 0)
     }
 
     /// The next packet, its checksum verified; `None` at the end of the bytes or after the index. The trailer is not looked at.
@@ -100,8 +115,9 @@ impl<R: Read> PacketReader<R> {
     pub fn next_frame(&mut self) -> Result<Option<Packet>, FormatError> {
         match self.next_packet()? {
             Some(packet) if packet.header.kind == PacketKind::Index => {
-                StreamIndex::parse(&packet.payload, packet.at)?;
+                let index = StreamIndex::parse(&packet.payload, packet.at)?;
                 self.check_trailer(packet.at)?;
+                self.index = Some(index);
                 Ok(None)
             }
             other => Ok(other),
@@ -130,7 +146,7 @@ impl<R: Read> PacketReader<R> {
         }
         match StreamIndex::parse_trailer(&bytes) {
             Some(at) if at == index_at => {
-                self.saw_trailer = true;
+                self.at += bytes.len() as u64;
                 Ok(())
             }
             Some(_) => Err(FormatError::malformed(self.at, "the trailer does not match the index")),

@@ -58,6 +58,8 @@ pub struct SalvageReader<R> {
     /// Bytes whose checksums were taken in vain.
     wasted: u64,
     saw_trailer: bool,
+    /// How many frames the last sound index has.
+    indexed: Option<usize>,
 }
 
 impl<R: Read> SalvageReader<R> {
@@ -80,6 +82,7 @@ impl<R: Read> SalvageReader<R> {
             largest_payload: MAX_PAYLOAD,
             wasted: 0,
             saw_trailer: false,
+            indexed: None,
         })
     }
 
@@ -97,6 +100,11 @@ impl<R: Read> SalvageReader<R> {
     /// Whether a sound index was met with a sound trailer behind it, and no frame since: the end is there.
     pub fn complete(&self) -> bool {
         self.saw_trailer
+    }
+
+    /// How many frames the stream has by its last sound index, once that was met.
+    pub fn indexed_frames(&self) -> Option<usize> {
+        self.indexed
     }
 
     /// The next frame, or what lies before it; `None` at the end of the bytes and where another stream begins. Index and trailer are
@@ -121,6 +129,7 @@ impl<R: Read> SalvageReader<R> {
                         Some(Salvaged::Frame(packet))
                     }
                     PacketKind::Index => {
+                        self.indexed = Some(packet.payload.len() / StreamIndex::ENTRY_BYTES);
                         self.pass_trailer()?;
                         None
                     }

@@ -34,6 +34,7 @@ mod las;
 mod natural_order;
 mod obj;
 mod off;
+mod own;
 mod pcd;
 mod ply;
 mod polygon;
@@ -60,6 +61,7 @@ pub use geometry::{
 };
 pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
 pub use natural_order::natural_cmp;
+pub use own::was_made_by_isv;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};

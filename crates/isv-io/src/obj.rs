@@ -3,6 +3,7 @@
 //! `vn` records are ignored on reading too: OBJ gives normals to the corners of faces, a mesh here to its vertices.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::own::COMMENT;
 use crate::polygon::Polygons;
 use crate::words::{coordinates, parse_word, words};
 use glam::DVec3;
@@ -71,6 +72,7 @@ fn vertex_of_corner(corner: &[u8], vertices_so_far: usize) -> Result<u32, Malfor
 
 /// Writes a mesh. Coordinates are rounded to `f32` and written with as many digits as identify it.
 pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+    writeln!(out, "# {COMMENT}")?;
     for (record, vectors) in [("v", &mesh.vertices), ("vn", &mesh.normals)] {
         for vector in vectors {
             let [x, y, z] = vector.as_vec3().to_array();

@@ -4,6 +4,7 @@
 //! repeat what the corners say; facets without area are kept.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::own::COMMENT;
 use crate::words::{coordinates, words};
 use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
@@ -133,7 +134,8 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> 
         .map_err(|_| io::Error::new(io::ErrorKind::FileTooLarge, "STL counts at most 2^32 - 1 triangles"))?;
     let mut text = [b' '; TEXT_BYTES];
     // Never "solid", by which readers know text.
-    text[..10].copy_from_slice(b"binary STL");
+    let said = format!("binary STL, {COMMENT}");
+    text[..said.len()].copy_from_slice(said.as_bytes());
     out.write_all(&text)?;
     out.write_all(&count.to_le_bytes())?;
     for face in 0..mesh.triangles.len() {

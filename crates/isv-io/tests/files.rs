@@ -54,7 +54,8 @@ fn written_obj_is_text_that_never_changes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
     write_mesh(&path, &tetrahedron(), Format::Obj).unwrap();
-    let expected = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let expected =
+        "# made by isv\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
     assert_eq!(fs::read_to_string(&path).unwrap(), expected);
 }
 

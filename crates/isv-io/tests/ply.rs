@@ -51,8 +51,8 @@ fn written_bytes_never_change() {
         triangles: vec![[0, 1, 2]],
     };
     let mut expected =
-        b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
-        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        b"ply\nformat binary_little_endian 1.0\ncomment made by isv\nelement vertex 3\nproperty float x\n\
+        property float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
             .to_vec();
     for value in [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -2.0, 0.0] {
         expected.extend(value.to_le_bytes());

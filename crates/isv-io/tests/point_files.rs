@@ -76,8 +76,8 @@ fn written_pcd_never_changes() {
         viewpoint: Some(DVec3::Z),
     };
     let mut expected =
-        b"VERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\n\
-        COUNT 1 1 1 1 1 1\nWIDTH 1\nHEIGHT 1\nVIEWPOINT 0 0 1 1 0 0 0\nPOINTS 1\nDATA binary\n"
+        b"# made by isv\nVERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\n\
+        TYPE F F F F F F\nCOUNT 1 1 1 1 1 1\nWIDTH 1\nHEIGHT 1\nVIEWPOINT 0 0 1 1 0 0 0\nPOINTS 1\nDATA binary\n"
             .to_vec();
     for value in [1f32, -2.0, 0.5, 0.0, 1.0, 0.0] {
         expected.extend(value.to_le_bytes());

@@ -26,7 +26,12 @@ impl FileFrames {
         let geometry = read_geometry(path, self.unit)?;
         let diagonal_m = geometry.bounds().map_or(0.0, |(low, high)| low.distance(high));
         self.scale.check(path, diagonal_m)?;
-        Ok(CapturedFrame { number, name: path.display().to_string(), content: Content::Geometry(geometry) })
+        Ok(CapturedFrame {
+            number,
+            name: path.display().to_string(),
+            timestamp_ns: None,
+            content: Content::Geometry(geometry),
+        })
     }
 }
 

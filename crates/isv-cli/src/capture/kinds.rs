@@ -4,6 +4,7 @@ use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
 use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size};
 use crate::backend::BackendArgs;
+use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
@@ -50,6 +51,13 @@ impl Kind {
             return Ok((None, pipe::open(hints.unit)?));
         }
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
+            // It is opened more than once.
+            if path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+                return Err(usage(format!(
+                    "{}: no regular file: give - a stream from a pipe",
+                    path.display()
+                )));
+            }
             let (_, header) = stream::open(path)?;
             return Ok((Some(load_index(path)?.frames.len()), Self::Stream(path.to_owned(), header)));
         }
@@ -172,15 +180,22 @@ impl Kind {
             Self::Animation(animation, rate) => Box::new(range.map(move |number| {
                 let mesh = animation.mesh_at(number as f64 / rate.per_second())?;
                 let name = format!("{name}, frame {number}");
-                Ok(CapturedFrame { number, name, content: Content::Geometry(Geometry::Mesh(mesh)) })
+                let content = Content::Geometry(Geometry::Mesh(mesh));
+                Ok(CapturedFrame { number, name, timestamp_ns: None, content })
             })),
             Self::Depth(depth) => Box::new(range.map(move |number| {
                 let content = Content::Depth(depth.read(number)?);
-                Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
+                Ok(CapturedFrame {
+                    number,
+                    name: format!("{name}, frame {number}"),
+                    timestamp_ns: None,
+                    content,
+                })
             })),
             Self::Volumes { volumes, grid, .. } => Box::new(range.map(move |number| {
                 let content = Content::Volume(volumes.read(number, &grid)?);
-                Ok(CapturedFrame { number, name: volumes.folders()[number].display().to_string(), content })
+                let name = volumes.folders()[number].display().to_string();
+                Ok(CapturedFrame { number, name, timestamp_ns: None, content })
             })),
             Self::Stream(path, _) => {
                 // All of a stream is read to its very end, where it may turn out to be cut off.
@@ -200,7 +215,8 @@ fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result
     let content = if frames.header().profile == Profile::Main { Content::Decoded } else { Content::Volume };
     frames.map(move |frame| {
         let frame = frame?;
-        let (number, content) = (frame.number, content(frame.volume.into_sparse()?));
-        Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), content })
+        let (number, timestamp_ns) = (frame.number, Some(frame.timestamp_ns));
+        let content = content(frame.volume.into_sparse()?);
+        Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), timestamp_ns, content })
     })
 }

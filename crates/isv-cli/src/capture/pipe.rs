@@ -54,7 +54,12 @@ impl PipedGeometry {
             if number >= self.range.start {
                 let (path, geometry) = frame.context(NAME)?;
                 let name = format!("{NAME}: {}", path.display());
-                return Ok(Some(CapturedFrame { number, name, content: Content::Geometry(geometry) }));
+                return Ok(Some(CapturedFrame {
+                    number,
+                    name,
+                    timestamp_ns: None,
+                    content: Content::Geometry(geometry),
+                }));
             }
         }
         Ok(None)

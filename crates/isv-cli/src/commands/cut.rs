@@ -1,7 +1,8 @@
 //! `isv cut`: some frames of a stream, as they are.
 
+use crate::continuity::Continuity;
 use crate::frame_range::FrameRange;
-use crate::output::{Output, frames_in_words, is_pipe, print};
+use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::format::{PacketReader, PacketWriter, StreamIndex};
@@ -25,6 +26,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
+    check_stream_output(&[&args.input], &args.output)?;
     let index = stream::load_index(&args.input)?;
     let range = args.frames.within(index.frames.len(), &name)?;
     if !index.frames[range.start].keyframe {
@@ -36,11 +38,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     file.seek(SeekFrom::Start(at)).with_context(|| name.clone())?;
     let mut packets = PacketReader::at_packet(file, at);
     let mut writer = None;
-    let mut first_ns = 0;
+    let (mut first_ns, mut continuity) = (0, Continuity::default());
     for frame in range.clone() {
         let Some(packet) = packets.next_frame().with_context(|| name.clone())? else {
             bail!("{name}: ends before frame {frame}");
         };
+        if frame == range.start && !packet.is_keyframe() {
+            bail!(
+                "{name}: its index calls frame {frame} a keyframe, but it is none: isv repair makes an index that is right"
+            );
+        }
+        if let Some(why) = continuity.check(&packet) {
+            say(format_args!("{name}: {why} before frame {frame}"));
+        }
         let time_ns = packet.header.timestamp_ns;
         let writer = match &mut writer {
             Some(writer) => writer,
@@ -53,6 +63,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         writer.copy_frame(&packet, time_ns.saturating_sub(first_ns))?;
     }
     let writer = writer.expect("a range holds a frame");
+    // Behind the last frame that was found there may be more, of which nothing can be copied.
+    if range.end == index.frames.len() {
+        match packets.next_frame() {
+            Ok(_) => stream::say_if_cut(&name, &packets),
+            Err(error) => say(format_args!("{name}: {error}: what is before that was copied")),
+        }
+    }
     let bytes = writer.finish()?.commit()?;
     if !is_pipe(&args.output) {
         print(&format!("{}: {}, {bytes} bytes", args.output.display(), frames_in_words(range.len())))?;

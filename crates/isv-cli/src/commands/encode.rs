@@ -14,28 +14,26 @@ use crate::ahead::Ahead;
 use crate::backend::{self, BackendArgs};
 use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Hints};
 use crate::count;
-use crate::failure::usage;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
 use crate::origin;
-use crate::output::{Output, frames_in_words, is_pipe, say};
+use crate::output::{Output, check_stream_output, frames_in_words, say};
 use crate::progress::Progress;
-use crate::stats::{EncodedFrameStats, StatsFile, is_same_file, megabits_per_second, timed};
+use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::stream;
 use crate::terms::TimestampsName;
 use crate::threads::use_threads;
 use crate::timeline::Timeline;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, EncoderSettings, FrameWriter, RateTarget};
-use isv::format::{MAGIC, PacketWriter, StreamHeader};
+use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
-use std::io::Read;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::SystemTime;
 use timestamps::Timestamps;
@@ -134,29 +132,9 @@ impl Args {
     }
 }
 
-/// A slip must not cost a capture: what is overwritten is a stream, and not the one that is read.
-fn check_output(input: &Path, output: &Path) -> Result<()> {
-    if is_pipe(output) || !output.is_file() {
-        return Ok(());
-    }
-    let name = output.display();
-    if is_same_file(input, output) {
-        return Err(usage(format!("{name}: is what is read; name another file to write")));
-    }
-    let mut start = Vec::new();
-    stream::open_file(output)?
-        .take(MAGIC.len() as u64)
-        .read_to_end(&mut start)
-        .with_context(|| name.to_string())?;
-    match start.is_empty() || start == MAGIC {
-        true => Ok(()),
-        false => Err(usage(format!("{name}: is there and is no .isv stream, so it is not overwritten"))),
-    }
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    check_output(&args.input, &args.output)?;
+    check_stream_output(&[&args.input], &args.output)?;
     let capture = Capture::open(&args.input, &args.hints()?)?;
     let mut header = args.header.header(&capture)?;
     let range = capture.range(args.frames)?;
@@ -176,6 +154,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
         target: Some(settings.main.target),
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
+        keeps_times: capture.frame_rate() == Some(header.frame_rate),
         timeline: Timeline::new(header.frame_rate),
         first: range.start,
         frames: 0,
@@ -226,6 +205,8 @@ struct Job {
     /// What the encoder aims at, until it was said that it is out of reach.
     target: Option<RateTarget>,
     timestamps: Timestamps,
+    /// Whether frames are shown when they were in the capture, which is a stream of this rate.
+    keeps_times: bool,
     timeline: Timeline,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
@@ -265,10 +246,20 @@ impl Job {
 
     /// A frame keeps its time if frames before it were skipped.
     fn write(&mut self, frame: CodedFrame, progress: &Progress) -> Result<()> {
-        let CodedFrame { number, read, frame, ingest_ms, blocks_band, coding_ms, surface_rms_voxels } = frame;
+        let CodedFrame {
+            number,
+            read,
+            timestamp_ns,
+            frame,
+            ingest_ms,
+            blocks_band,
+            coding_ms,
+            surface_rms_voxels,
+        } = frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
         self.note_missed_error(number, &coded, progress);
-        let timestamp_ns = self.timestamps.of((number - self.first) as u64, read);
+        let stated = timestamp_ns.filter(|_| self.keeps_times);
+        let timestamp_ns = self.timestamps.of((number - self.first) as u64, read, stated);
         self.timeline.place(timestamp_ns);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;

@@ -47,6 +47,8 @@ struct StreamInfo {
     bitrate_mbps: f64,
     /// Whether index and trailer are there, with which a writer ends.
     complete: bool,
+    /// Bytes of the file behind its end, where there should be none.
+    bytes_behind: u64,
     /// Frame numbers.
     keyframes: Vec<usize>,
     packets: Vec<PacketInfo>,
@@ -81,11 +83,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 impl StreamInfo {
     fn read(path: &Path) -> Result<Self> {
         let source = stream::open_file(path)?;
-        let bytes = source.get_ref().metadata()?.len();
+        let file = source.get_ref().metadata()?;
         let name = || stream::name(path);
         let mut reader = PacketReader::new(source).with_context(name)?;
         let header = *reader.header().expect("a reader that began at the header has it");
         let packets = read_packets(&mut reader, &header.profile).with_context(name)?;
+        // A pipe has no length but what was read of it.
+        let bytes = if file.is_file() { file.len() } else { reader.at() };
+        let behind = if reader.complete() { bytes.saturating_sub(reader.at()) } else { 0 };
         let fps = header.frame_rate.per_second();
         let mut timeline = Timeline::new(header.frame_rate);
         packets.iter().for_each(|packet| _ = timeline.place(packet.timestamp_ns));
@@ -103,6 +108,7 @@ impl StreamInfo {
             duration_s: timeline.end_s(),
             bitrate_mbps: megabits_per_second(bytes, timeline.end_s()),
             complete: reader.complete(),
+            bytes_behind: behind,
             keyframes: keyframes.collect(),
             packets,
         })
@@ -144,6 +150,9 @@ impl StreamInfo {
                 "end",
                 "missing: the file has no index or no trailer, so frames may be missing too".to_owned(),
             );
+        }
+        if self.bytes_behind > 0 {
+            row("behind", format!("{} bytes that are no part of the stream", self.bytes_behind));
         }
         table.trim_fmt()
     }

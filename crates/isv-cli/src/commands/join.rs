@@ -1,10 +1,12 @@
 //! `isv join`: streams one after the other, as one.
 
+use crate::continuity::Continuity;
 use crate::failure::usage;
-use crate::output::{Output, frames_in_words, is_pipe, print};
+use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
+use crate::timeline::frame_at;
 use anyhow::{Context, Result, bail};
-use isv::format::{FrameRate, PacketWriter, StreamHeader};
+use isv::format::{PacketWriter, StreamHeader};
 use std::fs;
 use std::path::PathBuf;
 
@@ -21,6 +23,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    check_stream_output(&args.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &args.output)?;
     // Each is opened twice, so that nothing is written if two do not go together.
     let is_file = |input: &PathBuf| fs::metadata(input).map_or(!is_pipe(input), |found| found.is_file());
     if let Some(pipe) = args.inputs.iter().find(|input| !is_file(input)) {
@@ -42,10 +45,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if difference(&header, &now).is_some() {
             bail!("{name}: has changed while streams were joined");
         }
-        let (mut first_ns, begin_ns) = (None, next_ns);
+        let (mut first_ns, begin_ns, mut continuity) = (None, next_ns, Continuity::default());
         while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
             if first_ns.is_none() && !packet.is_keyframe() {
                 bail!("{name}: does not begin with a keyframe: isv repair makes a stream that does");
+            }
+            if let Some(why) = continuity.check(&packet) {
+                say(format_args!("{name}: {why} at byte {}", packet.at));
             }
             let first_ns = *first_ns.get_or_insert(packet.header.timestamp_ns);
             let time_ns = packet.header.timestamp_ns.saturating_sub(first_ns).saturating_add(begin_ns);
@@ -58,22 +64,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             };
             frames += 1;
         }
+        stream::say_if_cut(&name, &packets);
     }
     let bytes = writer.finish()?.commit()?;
     if !is_pipe(&args.output) {
         print(&format!("{}: {}, {bytes} bytes", args.output.display(), frames_in_words(frames)))?;
     }
     Ok(())
-}
-
-/// The number of the frame that is shown at a time, if frames come at the rate. Times are rounded to nanoseconds, and what is rounded twice
-/// may be one away: a nanosecond a piece is enough to be another time.
-fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
-    let [numerator, denominator] = [rate.numerator, rate.denominator].map(u128::from);
-    let nearest =
-        (u128::from(time_ns) * numerator + denominator * 500_000_000) / (denominator * 1_000_000_000);
-    let frame = u64::try_from(nearest).ok().filter(|frame| *frame < u64::from(u32::MAX))?;
-    (rate.timestamp_ns(frame).abs_diff(time_ns) <= 1).then_some(frame)
 }
 
 /// What keeps packets of two streams from being in one.

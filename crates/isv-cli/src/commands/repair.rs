@@ -1,6 +1,7 @@
 //! `isv repair`: what is sound of a damaged stream, as a stream.
 
-use crate::output::{Output, frames_in_words, is_pipe, print, say};
+use crate::continuity::is_doubled;
+use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::{Context, Result, bail};
 use isv::decode::{Decoder, Limits};
@@ -27,6 +28,8 @@ struct Report {
     orphaned: usize,
     /// Kept frames between a loss and the next keyframe.
     behind_loss: usize,
+    /// Packets that were there twice in a row.
+    doubled: usize,
     /// Where damage begins, and how many bytes it has.
     damage: Vec<(u64, u64)>,
     /// Where the header of another stream is, at which this one ends.
@@ -36,11 +39,12 @@ struct Report {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
+    check_stream_output(&[&args.input], &args.output)?;
     let mut packets = SalvageReader::new(stream::source(&args.input)?).with_context(|| name.clone())?;
     // Nothing is written before there is something to write.
     let mut writer = None;
     let (mut chain, mut report) = (Chain::new(packets.header(), memory::limits()), Report::default());
-    let mut damaged = 0;
+    let (mut damaged, mut last) = (0, None);
     while let Some(found) = packets.next_frame().with_context(|| name.clone())? {
         let packet = match found {
             Salvaged::Damage { at, bytes } => {
@@ -54,6 +58,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             }
             Salvaged::Frame(packet) => packet,
         };
+        if last.replace(packet.header).is_some_and(|last| is_doubled(&packet, &last)) {
+            report.doubled += 1;
+            continue;
+        }
         match chain.next(&packet, std::mem::take(&mut damaged)) {
             Use::Orphaned => report.orphaned += 1,
             usage => {
@@ -169,6 +177,10 @@ impl Report {
         if self.orphaned > 0 {
             let need = if self.orphaned == 1 { "needs" } else { "need" };
             words += &format!(", {} left out that {need} a lost one", frames_in_words(self.orphaned));
+        }
+        if self.doubled > 0 {
+            let are = if self.doubled == 1 { "is" } else { "are" };
+            words += &format!(", {} left out that {are} there twice", frames_in_words(self.doubled));
         }
         if self.behind_loss > 0 {
             words += &format!(

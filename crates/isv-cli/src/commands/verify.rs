@@ -6,9 +6,10 @@ use crate::progress::Progress;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::Lod;
+use isv::format::{IndexEntry, StreamIndex};
 use std::path::PathBuf;
 
-/// Decode a whole stream and check it: packet checksums, frame hashes where it has them, and that its end is there
+/// Decode a whole stream and check it: packet checksums, frame hashes where it has them, that its index is right, and that its end is there and nothing behind it
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The stream; - for standard input
@@ -47,18 +48,26 @@ fn verify(args: &Args, verified: &mut Verified) -> Result<()> {
     let (mut packets, header) = stream::open(&args.input)?;
     let decoder = args.backend.decoder(&header, Lod::Full);
     let mut decoder = decoder.with_context(|| name.clone())?;
-    let progress = Progress::new(None, "verifying");
+    let (progress, mut found) = (Progress::new(None, "verifying"), StreamIndex::default());
     while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
         let decoded = decoder.decode_and_verify(&packet).map_err(|error| stream::fault(&name, 0, error))?;
         if let Some(why) = decoder.take_notice() {
             backend::notify(&why);
         }
+        found.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
         verified.frames += 1;
         verified.hashed += usize::from(decoded.stated_hash.is_some());
         progress.step();
     }
-    if !packets.complete() {
-        bail!("{name}: ends without an index, so frames may be missing");
+    match packets.index() {
+        None => bail!("{name}: ends without an index, so frames may be missing"),
+        Some(index) if *index != found => {
+            bail!("{name}: its index does not say where its frames are: isv repair makes one that does")
+        }
+        Some(_) => {}
+    }
+    if packets.has_more().with_context(|| name.clone())? {
+        bail!("{name}: bytes follow the end of the stream, from byte {} on", packets.at());
     }
     Ok(())
 }

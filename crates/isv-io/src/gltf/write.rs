@@ -1,6 +1,7 @@
 //! Writing binary glTF: meshes as `f32` positions, normals where there are any, and the shortest indices that do.
 
 use super::container::{BIN_CHUNK, CHUNK_HEADER_BYTES, HEADER_BYTES, JSON_CHUNK, MAGIC, VERSION};
+use crate::own::GENERATOR;
 use glam::Vec3;
 use isv_volume::TriangleMesh;
 use serde_json::{Value, json};
@@ -147,7 +148,7 @@ impl<W: Write> Document<W> {
 
     /// The JSON, with all nodes in the scene. Lists without objects are left out, as glTF has it.
     pub(super) fn json(&self) -> String {
-        let mut json = String::from(r#"{"asset":{"version":"2.0","generator":"isv"},"scene":0"#);
+        let mut json = format!(r#"{{"asset":{{"version":"2.0",{GENERATOR}}},"scene":0"#);
         let scene: Vec<_> = (0..self.nodes.len).map(|node| node.to_string()).collect();
         json += &format!(r#","scenes":[{{"nodes":[{}]}}],"nodes":[{}]"#, scene.join(","), self.nodes.text);
         if self.meshes.len > 0 {

@@ -1,5 +1,6 @@
 //! Writing PLY: binary little-endian, `float` coordinates, `uchar int` face lists; what every reader takes.
 
+use crate::own::COMMENT;
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
@@ -26,7 +27,7 @@ pub(crate) fn write_points(mut out: impl Write, points: &PointCloud) -> io::Resu
 }
 
 fn write_vertex_header(out: &mut impl Write, vertices: usize, normals: bool) -> io::Result<()> {
-    writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}")?;
+    writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment {COMMENT}\nelement vertex {vertices}")?;
     let names: &[&str] = if normals { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
     for name in names {
         writeln!(out, "property float {name}")?;

@@ -2,7 +2,7 @@
 
 use super::product::{OutputFormat, Product};
 use crate::interrupt;
-use crate::output::{Output, frames_in_words, is_pipe, say};
+use crate::output::{Output, check_frame_output, frames_in_words, is_pipe, say};
 use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
@@ -87,10 +87,19 @@ impl Sink {
         {
             return Ok(write_volume(&self.path.join(name), volume)?);
         }
+        self.check_free(&self.path.join(name))?;
         let mut file = Output::create(&self.path.join(name))?;
         write_product(&mut file, product, self.format)?;
         file.commit()?;
         Ok(())
+    }
+
+    /// Refuses to overwrite what isv did not write, in formats that can tell.
+    fn check_free(&self, path: &Path) -> Result<()> {
+        match self.format {
+            OutputFormat::Npy | OutputFormat::Vdb | OutputFormat::Geometry(Format::Xyz) => Ok(()),
+            OutputFormat::Geometry(_) => check_frame_output(path),
+        }
     }
 
     fn begin_animation(&mut self, frames: [(f64, Product); 2]) -> Result<()> {
@@ -100,6 +109,7 @@ impl Sink {
                 "{path}: takes one frame, but there are more: name a folder, or one frame as in --frames 0..1"
             );
         }
+        self.check_free(&self.path)?;
         let mut animation = GlbAnimationWriter::create(&self.path)?;
         for (start_s, frame) in frames {
             push(&mut animation, start_s, &frame)?;
@@ -116,6 +126,9 @@ impl Sink {
                 true => bail!("interrupted before the first frame"),
                 false => bail!("no frames in this stream"),
             }
+        }
+        if let Place::File(Some(_)) = self.place {
+            self.check_free(&self.path)?;
         }
         match self.place {
             Place::File(None) => {}

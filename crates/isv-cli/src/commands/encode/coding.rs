@@ -14,6 +14,8 @@ pub(super) struct CodedFrame {
     pub(super) number: usize,
     /// When it had been read.
     pub(super) read: SystemTime,
+    /// As the capture says, if it does.
+    pub(super) timestamp_ns: Option<u64>,
     pub(super) frame: UnwrittenFrame,
     /// Of [`IngestedFrame`].
     pub(super) blocks_band: usize,
@@ -40,7 +42,7 @@ impl Coding {
     }
 
     fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame> {
-        let IngestedFrame { number, read, volume, blocks_band, ingest_ms } = frame;
+        let IngestedFrame { number, read, timestamp_ns, volume, blocks_band, ingest_ms } = frame;
         let (coded, coding_ms) = timed(|| self.coder.code(&volume));
         let frame = coded?;
         if let Some(why) = self.coder.take_notice() {
@@ -53,6 +55,15 @@ impl Coding {
             }
             false => None,
         };
-        Ok(CodedFrame { number, read, frame, blocks_band, ingest_ms, coding_ms, surface_rms_voxels })
+        Ok(CodedFrame {
+            number,
+            read,
+            timestamp_ns,
+            frame,
+            blocks_band,
+            ingest_ms,
+            coding_ms,
+            surface_rms_voxels,
+        })
     }
 }

@@ -1,6 +1,7 @@
 //! `--timestamps`: what packets are stamped with.
 
 use crate::terms::TimestampsName;
+use crate::timeline::Timeline;
 use isv::format::FrameRate;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -9,19 +10,25 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub(super) struct Timestamps {
     name: TimestampsName,
     rate: FrameRate,
+    /// Of frames that have a time already.
+    stated: Timeline,
     /// Least timestamp of the next frame, in nanoseconds: a clock may be set back, and timestamps ascend all the same.
     least: u64,
 }
 
 impl Timestamps {
     pub(super) fn new(name: TimestampsName, rate: FrameRate) -> Self {
-        Self { name, rate, least: 0 }
+        Self { name, rate, stated: Timeline::new(rate), least: 0 }
     }
 
-    /// In nanoseconds, of a frame counted from the stream's first that had been read at a time.
-    pub(super) fn of(&mut self, frame: u64, read: SystemTime) -> u64 {
+    /// In nanoseconds, of a frame counted from the stream's first that had been read at a time. `stated`: its time if it comes of a
+    /// stream of this rate, which it keeps, counted from the first.
+    pub(super) fn of(&mut self, frame: u64, read: SystemTime, stated: Option<u64>) -> u64 {
         match self.name {
-            TimestampsName::Rate => self.rate.timestamp_ns(frame),
+            TimestampsName::Rate => match stated {
+                Some(stated_ns) => (self.stated.place(stated_ns) * 1e9).round() as u64,
+                None => self.rate.timestamp_ns(frame),
+            },
             TimestampsName::Clock => {
                 let since_1970 = read.duration_since(UNIX_EPOCH).unwrap_or_default();
                 // Nanoseconds fit until the year 2554.
@@ -46,7 +53,7 @@ mod tests {
         let times = [at(1_800_000_000), at(1_800_000_001), at(1_700_000_000), at(1_800_000_002)];
         let stamps = |name| {
             let mut timestamps = Timestamps::new(name, RATE);
-            times.iter().zip(0..).map(|(read, frame)| timestamps.of(frame, *read)).collect::<Vec<_>>()
+            times.iter().zip(0..).map(|(read, frame)| timestamps.of(frame, *read, None)).collect::<Vec<_>>()
         };
         assert_eq!(stamps(TimestampsName::Rate), [0, 33_333_333, 66_666_666, 100_000_000]);
         let second = 1_000_000_000;
@@ -55,5 +62,15 @@ mod tests {
             stamps(TimestampsName::Clock),
             [first, first + second, first + second + 1, first + 2 * second]
         );
+    }
+
+    #[test]
+    fn a_stream_keeps_its_times_from_its_first_frame_on() {
+        let mut timestamps = Timestamps::new(TimestampsName::Rate, RATE);
+        let times: Vec<_> =
+            (3..200_000).filter(|frame| frame % 7 != 4).map(|f| RATE.timestamp_ns(f)).collect();
+        for (time, frame) in times.iter().zip(0..) {
+            assert_eq!(timestamps.of(frame, UNIX_EPOCH, Some(*time)), time - times[0]);
+        }
     }
 }

@@ -27,6 +27,8 @@ pub(super) struct IngestedFrame {
     pub(super) number: usize,
     /// When it had been read.
     pub(super) read: SystemTime,
+    /// Of [`CapturedFrame`].
+    pub(super) timestamp_ns: Option<u64>,
     pub(super) volume: SparseVolume,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
     pub(super) blocks_band: usize,
@@ -71,7 +73,7 @@ pub(super) enum Fuser {
 impl VolumeMaker {
     /// The volume of a frame that had been read at a time.
     pub(super) fn ingest(&mut self, frame: CapturedFrame, read: SystemTime) -> Result<IngestedFrame> {
-        let CapturedFrame { number, name, content } = frame;
+        let CapturedFrame { number, name, timestamp_ns, content } = frame;
         let (volume, ingest_ms) = timed(|| match content {
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
@@ -90,7 +92,7 @@ impl VolumeMaker {
             BandName::Surface => surface_band(&volume),
         };
         memory::check_frame(&volume, self.extended).with_context(|| name)?;
-        Ok(IngestedFrame { number, read, volume, blocks_band, ingest_ms })
+        Ok(IngestedFrame { number, read, timestamp_ns, volume, blocks_band, ingest_ms })
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {
