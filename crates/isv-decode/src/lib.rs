@@ -10,6 +10,9 @@
 //! writes it with the mirror image of [`syntax`], and calls the same [`reconstruct`] for its own reference, so the two cannot drift
 //! apart (Eq. 11).
 //!
+//! What lies beside this file is the paper's codec: profile `paper`, and what both profiles share. [`main_profile`] builds on it, with
+//! files of the same names for the same steps.
+//!
 //! This crate does not read files and does not extract surfaces.
 
 pub mod backend;

@@ -12,6 +12,9 @@
 //! next frame is coded. Prediction and reconstruction are `isv-decode`'s own (Eq. 11); what is here are the
 //! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
 //! bytes on any number of threads.
+//!
+//! What lies beside this file is the paper's codec, and what both profiles share; profile `main` is in `main_profile`, with files of the
+//! same names for the same steps.
 
 mod backend;
 mod distortion;
