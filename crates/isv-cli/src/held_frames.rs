@@ -107,7 +107,7 @@ impl HeldFrames {
             }
             let Some(AtHand { number, .. }) = self.at_hand else {
                 match self.next_packet()? {
-                    Some((packet, follows)) => self.take(&packet, follows)?,
+                    Some(packet) => self.take(&packet)?,
                     None => {
                         self.end()?;
                         if self.at_hand.is_none() {
@@ -140,8 +140,8 @@ impl HeldFrames {
         }
     }
 
-    /// The next packet that is sound, and whether no keyframe can be missing before it.
-    fn next_packet(&mut self) -> Result<Option<(Packet, bool)>> {
+    /// The next packet that is sound.
+    fn next_packet(&mut self) -> Result<Option<Packet>> {
         let mut damaged = 0;
         loop {
             match self.packets.next_frame().with_context(|| self.name.clone())? {
@@ -153,11 +153,10 @@ impl HeldFrames {
                     say(format_args!("{}: another stream begins at byte {at} and is left out", self.name));
                 }
                 Some(Salvaged::Frame(packet)) => {
-                    let follows = damaged == 0 || !packet.may_lack_keyframe(damaged);
-                    if !follows {
+                    if damaged > 0 && packet.may_lack_keyframe(damaged) {
                         self.decoder.lose_packet();
                     }
-                    return Ok(Some((packet, follows)));
+                    return Ok(Some(packet));
                 }
                 None => return Ok(None),
             }
@@ -165,10 +164,10 @@ impl HeldFrames {
     }
 
     /// Decodes a packet, if that can be done and it is not one of a frame that was given already.
-    fn take(&mut self, packet: &Packet, follows: bool) -> Result<()> {
-        let Some(missing) = self.missing_before(packet, follows) else { return Ok(()) };
+    fn take(&mut self, packet: &Packet) -> Result<()> {
+        let Some(missing) = self.missing_before(packet) else { return Ok(()) };
         if missing > 0 {
-            self.is_now(Health::Held, self.next, "packets are missing");
+            self.is_now(Health::Held, self.next, "no packet is there for it");
         }
         let number = self.next + missing;
         self.last_header = Some(packet.header);
@@ -199,31 +198,28 @@ impl HeldFrames {
         Ok(())
     }
 
-    /// How many frames are missing before a packet; nothing if it comes twice or too late. `follows`: no keyframe can be missing before it.
-    /// Packets count the frames of their GOP; where
-    /// these counts do not say it, times do if frames come at the stream's rate: those of a clock do not come so evenly.
-    fn missing_before(&self, packet: &Packet, follows: bool) -> Option<usize> {
-        let rate = self.header.frame_rate;
-        let now_ns = packet.header.timestamp_ns;
+    /// How many frames are missing before a packet; nothing if it comes twice or too late. Times say so if frames come at the stream's
+    /// rate. Those of a clock do not come so evenly: then it is the counts within a GOP, and what is missing before a keyframe is not known.
+    fn missing_before(&self, packet: &Packet) -> Option<usize> {
+        let (rate, now_ns) = (self.header.frame_rate, packet.header.timestamp_ns);
         let Some(last) = self.last_header else {
             // Streams begin at time 0.
             return Some(if is_on_time(rate, now_ns) { self.frames_between(0, now_ns) } else { 0 });
         };
-        if is_doubled(packet, &last) {
-            return None;
-        }
-        let ahead = packet.header.since_keyframe.wrapping_sub(last.since_keyframe);
         let last_ns = last.timestamp_ns;
         let on_time = is_on_time(rate, last_ns) && is_on_time(rate, now_ns);
-        if !packet.is_keyframe() && ahead > 0 && ahead < 1 << 15 && (follows || !on_time) {
-            return Some(usize::from(ahead) - 1);
-        }
+        let ahead = packet.header.since_keyframe.wrapping_sub(last.since_keyframe);
         // At time 0 another take begins.
         let is_late = now_ns > 0 && seconds_between(rate, now_ns, last_ns).is_some_and(|late| late > 0.0);
-        if is_late && (on_time || !packet.is_keyframe()) {
+        if is_doubled(packet, &last) || is_late && (on_time || !packet.is_keyframe() && ahead != 1) {
             return None;
         }
-        Some(if on_time { self.frames_between(last_ns, now_ns).saturating_sub(1) } else { 0 })
+        let missing = match usize::from(ahead) {
+            _ if on_time && now_ns > last_ns => self.frames_between(last_ns, now_ns).saturating_sub(1),
+            ahead @ 1..=MOST_HELD if !packet.is_keyframe() => ahead - 1,
+            _ => 0,
+        };
+        Some(missing)
     }
 
     /// How many frames long the time between two packets is; 0 if that is no time to hold a frame for.
@@ -239,7 +235,7 @@ impl HeldFrames {
     fn end(&mut self) -> Result<()> {
         let there = self.packets.indexed_frames().unwrap_or(0);
         if self.next < there && there - self.next <= MOST_HELD && self.last.is_some() {
-            self.is_now(Health::Held, self.next, "packets are missing");
+            self.is_now(Health::Held, self.next, "no packet is there for it");
             self.at_hand = Some(AtHand { number: there - 1, timestamp_ns: None, decoded: None });
             return Ok(());
         }
