@@ -106,7 +106,7 @@ impl StreamInfo {
             paper: PaperInfo::of(&header),
             bytes,
             duration_s: timeline.end_s(),
-            bitrate_mbps: megabits_per_second(bytes, timeline.end_s()),
+            bitrate_mbps: megabits_per_second(bytes - behind, timeline.end_s()),
             complete: reader.complete(),
             bytes_behind: behind,
             keyframes: keyframes.collect(),
