@@ -13,7 +13,12 @@ pub fn volume_hash(volume: &SparseVolume) -> u64 {
     for (index, coord) in volume.coords().iter().enumerate() {
         bytes.clear();
         coord.to_array().iter().for_each(|c| bytes.extend(c.to_le_bytes()));
-        volume.block(index).iter().for_each(|s| bytes.extend(s.to_le_bytes()));
+        let samples = volume.block(index);
+        let start = bytes.len();
+        bytes.resize(start + 2 * samples.len(), 0);
+        // Room first, so that this is a copy: to append two bytes at a time takes four times as long.
+        let room = bytes[start..].as_chunks_mut().0;
+        room.iter_mut().zip(samples).for_each(|(bytes, sample)| *bytes = sample.to_le_bytes());
         let mask = volume.unobserved(index);
         bytes.extend((mask.map_or(0, VoxelMask::count) as u32).to_le_bytes());
         mask.iter().flat_map(|m| m.words()).for_each(|w| bytes.extend(w.to_le_bytes()));

@@ -486,11 +486,10 @@ mod tests {
                 let scale = if k == 0 { 1.0 / n as f64 } else { 2.0 / n as f64 }.sqrt();
                 scale * ((2.0 * centre + 1.0) * k as f64 * PI / (2 * n) as f64).cos()
             };
+            let rows: Vec<Vec<f64>> = (0..m).map(|j| (0..m).map(|k| at(k, j)).collect()).collect();
             for (i, sample) in samples.iter().enumerate() {
-                let [x, y, z] = [i % m, i / m % m, i / m / m];
-                let term = |(j, c): (usize, &i16)| {
-                    f64::from(*c) * at(j % m, x) * at(j / m % m, y) * at(j / m / m, z)
-                };
+                let [x, y, z] = [i % m, i / m % m, i / m / m].map(|j| &rows[j]);
+                let term = |(j, c): (usize, &i16)| f64::from(*c) * x[j % m] * y[j / m % m] * z[j / m / m];
                 let exact =
                     coefficients.iter().enumerate().map(term).sum::<f64>() * unit / f64::from(1 << reduction);
                 let bound = if edge == BlockEdge::E16 { 12.0 } else { 3.0 };
