@@ -208,15 +208,7 @@ mod tests {
     /// experiments, and errors.
     #[test]
     fn dancer_stays_within_the_promised_figures() {
-        let data = std::env::var_os("ISV_DATA").map_or_else(
-            || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-            std::path::PathBuf::from,
-        );
-        let folder = data.join("dancer");
-        if !folder.is_dir() {
-            println!("skipped: no data at {}", folder.display());
-            return;
-        }
+        let Some(folder) = isv_testkit::capture("dancer") else { return };
         let table = measure(folder.to_str().unwrap(), usize::MAX).unwrap();
         assert!(table.ingest_error_mm <= 0.20, "before coding: {:.3} mm", table.ingest_error_mm);
         for (row, mbps, rms) in [(0, 9.9, 0.82), (1, 8.2, 0.84), (2, 5.0, 0.78), (3, 5.9, 0.75)] {

@@ -5,7 +5,7 @@
 //! finding the sign of the first frame do not count. Medians.
 
 use anyhow::{Context, Result, ensure};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
@@ -69,13 +69,9 @@ fn row(name: &str, time: impl Fn(usize, &str) -> Result<f64>) -> Result<()> {
 
 /// What is coded: its name, where its frames are, and the voxel.
 fn take(scratch: &Path) -> Result<(&'static str, String, &'static str)> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let dancer = data.join("dancer");
-    if dancer.is_dir() {
+    if let Some(dancer) = isv_testkit::capture("dancer") {
         return Ok(("dancer, 5 mm", dancer.to_str().context("a path that is text")?.to_owned(), "5mm"));
     }
-    println!("skipped: no {}", dancer.display());
     let voxel = isv::volume::VoxelSize::from_metres(0.006)?;
     let folder = scratch.join("figure");
     std::fs::create_dir(&folder)?;

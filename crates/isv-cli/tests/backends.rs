@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv_testkit::capture;
 use serde_json::Value;
 use support::Workspace;
 
@@ -71,7 +72,7 @@ fn a_gpu_encodes_for_every_decoder() {
 
 #[test]
 fn a_gpu_fuses_depth_images() {
-    let Some(room) = support::real_sequence("room_rgbd") else { return };
+    let Some(room) = capture("room_rgbd") else { return };
     let work = Workspace::new();
     if usable_gpus(&work).is_empty() {
         println!("skipped: a_gpu_fuses_depth_images: no GPU");

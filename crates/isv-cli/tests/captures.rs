@@ -3,6 +3,7 @@
 mod support;
 
 use isv::io::{Animation, Unit};
+use isv_testkit::capture;
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
@@ -378,7 +379,7 @@ fn memory_does_not_grow_with_the_number_of_frames() {
 
 #[test]
 fn a_real_depth_camera_goes_in_both_ways() {
-    let Some(room) = support::real_sequence("room_rgbd") else { return };
+    let Some(room) = capture("room_rgbd") else { return };
     let room = room.to_str().unwrap();
     let work = Workspace::new();
     let mut area = Vec::new();

@@ -2,8 +2,9 @@
 
 mod support;
 
+use isv_testkit::capture;
 use std::fs;
-use support::{Workspace, real_sequence};
+use support::Workspace;
 
 /// A quick study into the folder `study`.
 const COMPARE: [&str; 9] = [
@@ -126,6 +127,11 @@ fn what_cannot_be_studied_is_refused_in_one_sentence() {
     workspace.isv(&["compare", "nothing", "-o", "study"]).fails(1, &["nothing"]);
     workspace.write("file", "");
     workspace.isv(&["compare", "frames", "-o", "file"]).fails(1, &["file", "folder"]);
+    fs::create_dir(workspace.path("study")).unwrap();
+    workspace.write("study/index.html", "my own");
+    workspace.isv(&compare("paper-zero", &[])).fails(2, &["study/index.html", "no study", "not overwritten"]);
+    assert_eq!(workspace.read("study/index.html"), b"my own");
+    fs::remove_dir_all(workspace.path("study")).unwrap();
 
     let run = workspace.isv(&compare("tang-cross", &[]));
     assert_eq!(run.status(), Some(1));
@@ -170,7 +176,7 @@ fn a_perfect_copy_is_a_result_like_any_other() {
 /// The figure to reach: against intra-coding, motion saves on a person who moves.
 #[test]
 fn a_real_capture_is_studied() {
-    let Some(folder) = real_sequence("thomas") else { return };
+    let Some(folder) = capture("thomas") else { return };
     let workspace = Workspace::new();
     let folder = folder.to_str().unwrap();
     let codecs = "--codecs=paper-intra,paper-3dof,tang-scene,draco-25";

@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv_testkit::capture;
 use serde_json::Value;
 use std::fs;
 use support::{ENCODE, Workspace};
@@ -247,7 +248,7 @@ fn help_lists_the_commands_and_goes_to_stdout() {
 
 #[test]
 fn a_real_dancer_survives() {
-    let Some(dancer) = support::real_sequence("dancer") else { return };
+    let Some(dancer) = capture("dancer") else { return };
     let dancer = dancer.to_str().unwrap();
     let work = Workspace::new();
     work.isv(&["encode", dancer, "-o", "dancer.isv", "--frames", "0..4", "--checksums"]).done();

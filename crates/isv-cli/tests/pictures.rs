@@ -5,6 +5,7 @@ mod support;
 use gif::{ColorOutput, DecodeOptions};
 use isv::io::{Format, write_mesh};
 use isv::volume::TriangleMesh;
+use isv_testkit::capture;
 use std::fs;
 use std::io::Cursor;
 use support::Workspace;
@@ -204,7 +205,7 @@ fn a_reference_without_a_surface_is_named() {
 
 #[test]
 fn a_real_dancer_is_drawn() {
-    let Some(dancer) = support::real_sequence("dancer") else { return };
+    let Some(dancer) = capture("dancer") else { return };
     let dancer = dancer.to_str().unwrap();
     let work = Workspace::new();
     work.isv(&["encode", dancer, "-o", "dancer.isv", "--frames", "0..2"]).done();

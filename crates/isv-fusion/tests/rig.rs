@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use isv_fusion::{FusionSettings, fuse};
 use isv_metrics::{SurfaceSample, distances_to_surface, sample_surface};
 use isv_spatial::Bvh;
-use isv_testkit::{camera_ring, render_depth};
+use isv_testkit::{camera_ring, capture, render_depth};
 use isv_volume::{DepthImage, Intrinsics, TriangleMesh};
 use support::{Coder, grid, mean, pieces};
 
@@ -37,7 +37,7 @@ fn errors_mm(seen: &[DVec3], source: &Bvh, mesh: &TriangleMesh) -> [f64; 2] {
 fn eight_cameras_around_dancer() {
     let mut coder = Coder::new(grid(0.005));
     for frame in [0, 1, 2] {
-        let Some(path) = support::data(&format!("dancer/frame_{frame:04}.ply")) else { return };
+        let Some(path) = capture(&format!("dancer/frame_{frame:04}.ply")) else { return };
         let mesh = isv_io::read_mesh(&path, isv_io::Unit::Metre).unwrap();
         let poses = camera_ring(mesh.bounds().unwrap(), &LENS);
         let images = poses.map(|pose| render_depth(&mesh, &LENS, &pose));

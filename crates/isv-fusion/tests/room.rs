@@ -8,6 +8,7 @@ use isv_fusion::{Accumulator, FusionSettings, fuse};
 use isv_io::DepthSequence;
 use isv_metrics::{distances_to_surface, sample_surface};
 use isv_spatial::Bvh;
+use isv_testkit::capture;
 use isv_volume::{DepthImage, TriangleMesh};
 use std::collections::HashMap;
 use support::{Coder, grid, mean};
@@ -66,7 +67,7 @@ impl Readings {
 
 /// The frames to look at.
 fn room() -> Option<(DepthSequence, Vec<usize>)> {
-    let sequence = DepthSequence::open(&support::data("room_rgbd")?).unwrap();
+    let sequence = DepthSequence::open(&capture("room_rgbd")?).unwrap();
     assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (60, 1, Some(30.0)));
     let every = std::env::var("ISV_FRAMES").ok().and_then(|n| n.parse().ok());
     Some((

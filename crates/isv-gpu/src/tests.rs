@@ -2,11 +2,11 @@
 
 use super::*;
 use isv_io::{Unit, read_mesh};
+use isv_testkit::capture;
 use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
 use naga::back::{hlsl, msl, spv};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use std::path::{Path, PathBuf};
 
 /// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split; nothing, and a line that
 /// says so, where there is none.
@@ -49,13 +49,7 @@ pub(crate) fn noise(blocks: usize, seed: u32) -> SparseVolume {
 
 /// A frame of a capture, if there is one.
 pub(crate) fn captured_mesh(name: &str) -> Option<TriangleMesh> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = data.join(name).join("frame_0000.ply");
-    if !path.is_file() {
-        println!("skipped: no data at {}", path.display());
-        return None;
-    }
+    let path = capture(&format!("{name}/frame_0000.ply"))?;
     Some(read_mesh(&path, Unit::Metre).unwrap())
 }
 

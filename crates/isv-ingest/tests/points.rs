@@ -13,7 +13,7 @@ use isv_ingest::{
 use isv_metrics::{CompareOptions, compare, sample_surface};
 use isv_spatial::PointTree;
 use isv_surface::{SurfaceOptions, extract_surface};
-use isv_testkit::Random;
+use isv_testkit::{Random, capture};
 use isv_volume::{BlockEdge, Grid, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
 
 fn grid(voxel_m: f64) -> Grid {
@@ -225,15 +225,8 @@ fn estimated_normals_are_those_of_the_surface() {
 
 /// A sweep of `street_lidar`: binary little-endian, four floats a point; the sensor is at the origin.
 fn sweep(frame: usize) -> Option<PointCloud> {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        std::path::PathBuf::from,
-    );
-    let path = root.join(format!("street_lidar/frame_{frame:04}.ply"));
-    let Ok(bytes) = std::fs::read(&path) else {
-        println!("skipped: no data at {}", path.display());
-        return None;
-    };
+    let path = capture(&format!("street_lidar/frame_{frame:04}.ply"))?;
+    let bytes = std::fs::read(path).expect("a file that can be read");
     let body = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
     let axis = |p: &[u8], i: usize| f64::from(f32::from_le_bytes(p[4 * i..4 * i + 4].try_into().unwrap()));
     let positions =

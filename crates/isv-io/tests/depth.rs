@@ -3,6 +3,7 @@
 use ::exr::prelude::{Blocks, Encoding, FlatSamples, Vec2, f16};
 use isv_io::{DepthFileError, DepthSequence, TUM_INTRINSICS, is_depth_folder};
 use isv_testfiles::{exr, png};
+use isv_testkit::capture;
 use isv_volume::DepthImage;
 use std::fs;
 use std::path::Path;
@@ -441,15 +442,7 @@ fn damaged_images_never_panic() {
 
 #[test]
 fn a_real_take_opens() {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        std::path::PathBuf::from,
-    );
-    let path = root.join("room_rgbd");
-    if !path.is_dir() {
-        println!("skipped: no data at {}", path.display());
-        return;
-    }
+    let Some(path) = capture("room_rgbd") else { return };
     let sequence = DepthSequence::open(&path).unwrap();
     assert_eq!((sequence.frames(), sequence.fps()), (60, Some(30.0)));
     let image = &sequence.read(0).unwrap()[0];

@@ -5,10 +5,11 @@ use isv_io::{
     Format, FrameSequence, ReadError, SequenceError, Unit, parse_mesh, read_mesh, write_mesh, write_mesh_to,
 };
 use isv_testfiles::text::MESHES;
+use isv_testkit::capture;
 use isv_volume::TriangleMesh;
 use proptest::prelude::*;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 fn tetrahedron() -> TriangleMesh {
     TriangleMesh {
@@ -187,24 +188,10 @@ fn ranges_select_frames_or_say_how_many_there_are() {
     }
 }
 
-/// The folder of captured sequences, if there is one here.
-fn data(sequence: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = root.join(sequence);
-    if !folder.is_dir() {
-        println!("skipped: no data at {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
 fn captured_frames_read_whole() {
     for (sequence, frames, vertices, faces) in [("dancer", 16, 19_724, 39_372), ("flag", 30, 6_945, 13_678)] {
-        let Some(folder) = data(sequence) else { continue };
+        let Some(folder) = capture(sequence) else { continue };
         let paths = FrameSequence::open(&folder).unwrap();
         assert_eq!(paths.paths().len(), frames);
         let mesh = read_mesh(&paths.paths()[0], Unit::Metre).unwrap();

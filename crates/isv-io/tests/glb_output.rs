@@ -5,9 +5,10 @@ use isv_io::{
     Animation, Format, FrameSequence, GlbAnimationWriter, ReadError, Unit, WriteError, parse_mesh, read_mesh,
     write_mesh_to,
 };
+use isv_testkit::capture;
 use isv_volume::{MeshError, TriangleMesh};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A zigzag band of `triangles` triangles at a height.
 fn band(triangles: u32, height: f64) -> TriangleMesh {
@@ -187,15 +188,7 @@ fn a_refused_frame_leaves_those_before_it_whole() {
 
 #[test]
 fn captured_frames_survive_a_sequence() {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = root.join("flag");
-    if !folder.is_dir() {
-        println!("skipped: no data at {}", folder.display());
-        return;
-    }
+    let Some(folder) = capture("flag") else { return };
     let paths = FrameSequence::open(&folder).unwrap();
     let frames: Vec<_> = paths.paths().iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     let (_, film) = sequence(&frames, 30.0);

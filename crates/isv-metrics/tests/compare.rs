@@ -5,8 +5,8 @@ use isv_io::{FrameSequence, Unit, read_mesh};
 use isv_metrics::{
     CompareError, CompareOptions, GeometryError, Side, SplitMix64, chamfer_floor, compare, summary,
 };
+use isv_testkit::capture;
 use isv_volume::{PointCloud, TriangleMesh};
-use std::path::PathBuf;
 use std::time::Instant;
 
 fn options(spacing_m: f64) -> CompareOptions {
@@ -259,15 +259,7 @@ fn the_summary_is_the_mean_of_each_figure() {
 /// A frame of a captured human against itself, pushed out along its normals by a millimetre.
 #[test]
 fn captured_frames_are_measured() {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = root.join("dancer");
-    if !folder.is_dir() {
-        println!("skipped: no data at {}", folder.display());
-        return;
-    }
+    let Some(folder) = capture("dancer") else { return };
     let paths = FrameSequence::open(&folder).unwrap();
     let frames: Vec<_> =
         paths.paths()[..2].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();

@@ -5,12 +5,12 @@ use crate::{SurfaceOptions, extract_surface};
 use glam::DVec3;
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_io::{Unit, read_mesh};
+use isv_testkit::capture;
 use isv_volume::{
     BlockEdge, BlockIndex, Grid, SparseVolume, TriangleMesh, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
 use proptest::prelude::*;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 
 /// A volume as a field of voxels, counted from the origin.
 struct Field<'a> {
@@ -181,13 +181,7 @@ proptest! {
 
 /// A frame of a capture, if there is one.
 fn load(name: &str) -> Option<TriangleMesh> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = data.join(name).join("frame_0000.ply");
-    if !path.is_file() {
-        println!("skipped: no data at {}", path.display());
-        return None;
-    }
+    let path = capture(&format!("{name}/frame_0000.ply"))?;
     Some(read_mesh(&path, Unit::Metre).unwrap())
 }
 

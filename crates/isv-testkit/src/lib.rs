@@ -1,11 +1,13 @@
-//! Shapes, scenes and random numbers for tests and for the conformance streams. Never linked into anything that ships.
+//! Shapes, scenes, random numbers and real captures, for tests and for the conformance streams. Never linked into anything that ships.
 
+mod captures;
 mod depth_camera;
 mod meshes;
 mod random;
 mod scenes;
 mod volumes;
 
+pub use captures::capture;
 pub use depth_camera::{camera_ring, look_at, render_depth};
 pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use random::Random;

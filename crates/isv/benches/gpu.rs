@@ -20,8 +20,8 @@ use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv_testkit::capture;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Frames of a take, the first of which is not counted.
@@ -49,14 +49,8 @@ fn main() -> Result<()> {
     );
     let figure = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxels(0.006)));
     measure("figure", 0.006, &figure.collect::<Vec<_>>(), copy_rate)?;
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     for (name, voxel_m, frames) in [("dancer", 0.005, FRAMES), ("monastery", 0.01, LARGE_FRAMES)] {
-        let folder = data.join(name);
-        if !folder.is_dir() {
-            println!("\nskipped: no {}", folder.display());
-            continue;
-        }
+        let Some(folder) = capture(name) else { continue };
         let paths = FrameSequence::open(&folder)?;
         let meshes = paths.paths().iter().take(frames).map(|path| read_mesh(path, Unit::Metre));
         let meshes = meshes.collect::<Result<Vec<_>, _>>()?;

@@ -10,8 +10,8 @@ use isv::fusion::{FusionSettings, fuse_on};
 use isv::gpu::{Gpu, GpuChoice, GpuFusion};
 use isv::io::{DepthSequence, FrameSequence, Unit, read_mesh};
 use isv::volume::{BlockEdge, DepthImage, Grid, Intrinsics, Truncation, VoxelSize};
-use isv_testkit::{camera_ring, render_depth};
-use std::path::{Path, PathBuf};
+use isv_testkit::{camera_ring, capture, render_depth};
+use std::path::Path;
 use std::time::Instant;
 
 /// Frames of a take, the first of which is not counted.
@@ -32,15 +32,12 @@ fn main() -> Result<()> {
         }
     };
     println!("{} ({}, {})", gpu.report().name, gpu.report().kind, gpu.report().driver);
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let (dancer, room) = (data.join("dancer"), data.join("room_rgbd"));
-    if dancer.is_dir() {
+    if let Some(dancer) = capture("dancer") {
         let paths = FrameSequence::open(&dancer)?;
         let frames = paths.paths().iter().take(FRAMES).map(|path| eight_cameras(path));
         measure("dancer, 8 cameras", 0.005, &frames.collect::<Result<Vec<_>>>()?, &gpu)?;
     }
-    if room.is_dir() {
+    if let Some(room) = capture("room_rgbd") {
         let sequence = DepthSequence::open(&room)?;
         let frames = (0..FRAMES).map(|frame| Ok(sequence.read(frame)?));
         measure("room_rgbd, 1 camera", 0.01, &frames.collect::<Result<Vec<_>>>()?, &gpu)?;

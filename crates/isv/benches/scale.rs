@@ -14,7 +14,7 @@ use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
-use std::path::{Path, PathBuf};
+use isv_testkit::capture;
 use std::process::Command;
 use std::time::Instant;
 
@@ -72,13 +72,7 @@ fn scene(name: &str) -> Result<Option<Scene>> {
         let mesh = |n| Ok(isv_testkit::street(100.0, n as f64 * FRAME_S));
         return Ok(Some(Scene { voxel_m: 0.05, frames: SCENE_FRAMES, mesh: Box::new(mesh) }));
     }
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: no {}", folder.display());
-        return Ok(None);
-    }
+    let Some(folder) = capture(name) else { return Ok(None) };
     let paths = FrameSequence::open(&folder)?;
     let mesh = move |n: usize| Ok(read_mesh(&paths.paths()[n], Unit::Metre)?);
     Ok(Some(Scene { voxel_m: 0.005, frames: SCENE_FRAMES, mesh: Box::new(mesh) }))

@@ -15,10 +15,10 @@ use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_baseline::Draco;
 use isv_stages::Stages;
+use isv_testkit::capture;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Frames of a take, the first of which is not counted: of people, and of the building, whose volumes fill gigabytes.
@@ -37,16 +37,10 @@ fn main() -> Result<()> {
     println!("{} threads, {} instructions", std::thread::available_parallelism()?, simd::in_use());
     let figure = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxels(0.006)));
     measure("figure", 0.006, &figure.collect::<Vec<_>>(), &stages)?;
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
     let takes =
         [("dancer", 0.005, FRAMES), ("monastery", 0.02, LARGE_FRAMES), ("monastery", 0.01, LARGE_FRAMES)];
     for (name, voxel_m, frames) in takes {
-        let folder = data.join(name);
-        if !folder.is_dir() {
-            println!("\nskipped: no {}", folder.display());
-            continue;
-        }
+        let Some(folder) = capture(name) else { continue };
         let paths = FrameSequence::open(&folder)?;
         let meshes = paths.paths().iter().take(frames).map(|path| read_mesh(path, Unit::Metre));
         let meshes = meshes.collect::<Result<Vec<_>, _>>()?;

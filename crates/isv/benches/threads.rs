@@ -11,8 +11,8 @@ use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv_testkit::capture;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const FRAMES: usize = 16;
@@ -55,15 +55,11 @@ fn main() -> Result<()> {
 
 /// What is measured: its name, the voxel in metres, and its frames.
 fn take() -> Result<(&'static str, f64, Vec<TriangleMesh>)> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("dancer");
-    if !folder.is_dir() {
-        println!("skipped: no {}", folder.display());
+    let Some(folder) = capture("dancer") else {
         let voxel = VoxelSize::from_metres(0.006)?;
         let meshes = (0..FRAMES).map(|n| isv_figure::figure_mesh(n as f64 / 30.0, voxel));
         return Ok(("figure", 0.006, meshes.collect()));
-    }
+    };
     let paths = FrameSequence::open(&folder)?;
     let meshes = paths.paths().iter().take(FRAMES).map(|path| read_mesh(path, Unit::Metre));
     Ok(("dancer", 0.005, meshes.collect::<Result<_, _>>()?))

@@ -12,8 +12,7 @@ use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{
     BlockEdge, Grid, Intrinsics, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelSize,
 };
-use isv_testkit::{camera_ring, render_depth, soup};
-use std::path::{Path, PathBuf};
+use isv_testkit::{camera_ring, capture, render_depth, soup};
 
 fn grid(voxel_m: f64) -> Grid {
     Grid {
@@ -118,12 +117,7 @@ fn a_take_of_the_figure() {
 
 #[test]
 fn a_capture() {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("dancer");
-    if !folder.is_dir() {
-        return println!("skipped: no data at {}", folder.display());
-    }
+    let Some(folder) = capture("dancer") else { return };
     let paths = FrameSequence::open(&folder).unwrap();
     let meshes: Vec<_> =
         paths.paths()[..2].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();

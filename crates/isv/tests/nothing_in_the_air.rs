@@ -8,7 +8,7 @@ use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::surface::{SurfaceOptions, extract_surface};
 use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_spatial::Bvh;
-use std::path::{Path, PathBuf};
+use isv_testkit::capture;
 
 /// In metres.
 const VOXEL: f64 = 0.005;
@@ -16,14 +16,7 @@ const VOXEL: f64 = 0.005;
 const FRAMES: std::ops::Range<usize> = 5..9;
 
 fn dancer() -> Option<Vec<TriangleMesh>> {
-    let root = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = root.join("dancer");
-    if !folder.is_dir() {
-        println!("skipped: no data at {}", folder.display());
-        return None;
-    }
-    let frames = FrameSequence::open(&folder).unwrap();
+    let frames = FrameSequence::open(capture("dancer")?).unwrap();
     Some(frames.paths()[FRAMES].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect())
 }
 

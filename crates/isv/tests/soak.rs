@@ -9,9 +9,9 @@ use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profil
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
-use isv_testkit::still_and_moving_ball;
+use isv_testkit::{capture, still_and_moving_ball};
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -52,14 +52,7 @@ fn figure() -> Option<Vec<SparseVolume>> {
 
 /// A capture, if there is one.
 fn dancer() -> Option<Vec<SparseVolume>> {
-    let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("dancer");
-    if !folder.is_dir() {
-        println!("skipped: no data at {}", folder.display());
-        return None;
-    }
-    let paths = FrameSequence::open(&folder).unwrap();
+    let paths = FrameSequence::open(capture("dancer")?).unwrap();
     let meshes: Vec<_> =
         paths.paths()[..TAKE].iter().map(|path| read_mesh(path, Unit::Metre).unwrap()).collect();
     Some(ingest(&meshes, 0.01))

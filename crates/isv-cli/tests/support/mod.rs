@@ -6,7 +6,7 @@ use isv::volume::VoxelSize;
 use isv_figure::figure_mesh;
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
@@ -134,16 +134,4 @@ impl Run {
             assert!(stderr.contains(part), "`{part}` is not in: {stderr}");
         }
     }
-}
-
-/// The folder of a real sequence, if the data is there; says so plainly if it is not.
-pub(crate) fn real_sequence(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = root.join(name);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no data at {}", folder.display());
-    None
 }

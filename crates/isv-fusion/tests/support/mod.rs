@@ -4,21 +4,6 @@ use isv_encode::{Encoder, EncoderSettings};
 use isv_format::{FrameRate, PaperParameters, Profile, StreamHeader};
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
-use std::path::PathBuf;
-
-/// A file or folder of the real captures, if it is there; says so plainly if it is not.
-pub(crate) fn data(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("skipped: no data at {}", path.display());
-    None
-}
 
 /// Blocks of 8 voxels and a truncation of 8.
 pub(crate) fn grid(voxel_m: f64) -> Grid {

@@ -13,9 +13,8 @@ use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Predict
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_io::{Unit, read_mesh};
 use isv_kernels::warp::MotionVector;
-use isv_testkit::ball;
+use isv_testkit::{ball, capture};
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation};
-use std::path::PathBuf;
 
 const PAPER: PaperParameters = PaperParameters { coefficients: 64, dc_step: 819, ac_step: 2048 };
 
@@ -30,16 +29,8 @@ fn backend(gpu: &Gpu) -> GpuBackend {
 
 /// The first frames of a captured person, if the data is there; says so plainly if it is not.
 fn captured(frames: usize) -> Option<Vec<SparseVolume>> {
-    let data = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
     let volume = |frame| {
-        let path = data.join("dancer").join(format!("frame_{frame:04}.ply"));
-        if !path.exists() {
-            println!("skipped: no data at {}", path.display());
-            return None;
-        }
+        let path = capture(&format!("dancer/frame_{frame:04}.ply"))?;
         let mesh = read_mesh(&path, Unit::Metre).expect("a mesh");
         let (decision, _) = decide_sign(&mesh, SignMode::Auto);
         Some(ingest_mesh(&mesh, &MeshIngest::new(grid()), decision).unwrap())

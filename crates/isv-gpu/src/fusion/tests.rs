@@ -6,10 +6,9 @@ use glam::{DVec2, DVec3};
 use isv_fusion::backend::{Cpu, FusionBackend, SampledBlocks, UNKNOWN};
 use isv_fusion::{Accumulator, FusionError, FusionSettings, fuse, fuse_on};
 use isv_io::DepthSequence;
-use isv_testkit::{Random, camera_ring, look_at, render_depth, sheet, sphere};
+use isv_testkit::{Random, camera_ring, capture, look_at, render_depth, sheet, sphere};
 use isv_volume::{BlockCoord, BlockEdge, DepthImage, FitError, Grid, Intrinsics, Truncation, VoxelSize};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 const LENS: Intrinsics =
     Intrinsics { width: 160, height: 120, focal: DVec2::splat(140.0), principal: DVec2::new(79.5, 59.5) };
@@ -152,14 +151,7 @@ fn noise_is_fused_as_on_the_cpu() {
 #[test]
 fn a_real_room_is_fused_as_on_the_cpu() {
     let Some(gpu) = gpu_for_tests("a_real_room_is_fused_as_on_the_cpu") else { return };
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let folder = root.join("room_rgbd");
-    if !folder.exists() {
-        return println!("skipped: a_real_room_is_fused_as_on_the_cpu: no data at {}", folder.display());
-    }
+    let Some(folder) = capture("room_rgbd") else { return };
     let images = DepthSequence::open(&folder).unwrap().read(20).unwrap();
     compare_steps(&gpu, &images, &settings(0.02, BlockEdge::E8, 8), "room");
 }

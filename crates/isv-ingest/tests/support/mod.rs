@@ -1,23 +1,13 @@
 //! Real captures for tests: a reader for exactly the PLY layout they come in.
 
 use glam::DVec3;
+use isv_testkit::capture;
 use isv_volume::TriangleMesh;
-use std::path::PathBuf;
 
 /// One frame of a sequence, if the data is there; says so plainly if it is not.
 pub(crate) fn load(sequence: &str, frame: usize) -> Option<TriangleMesh> {
-    let root = std::env::var_os("ISV_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(sequence).join(format!("frame_{frame:04}.ply"));
-    match std::fs::read(&path) {
-        Ok(bytes) => Some(parse(&bytes)),
-        Err(_) => {
-            println!("skipped: no data at {}", path.display());
-            None
-        }
-    }
+    let path = capture(&format!("{sequence}/frame_{frame:04}.ply"))?;
+    Some(parse(&std::fs::read(path).expect("a file that can be read")))
 }
 
 /// Binary little-endian: vertices of three floats, faces of a byte 3 and three 32-bit indices.

@@ -1,6 +1,7 @@
 //! The folder of a study: one JSON file a measured point, the decoded picture frame and the stream beside it.
 
 use super::take::{CapturedTake, file_state};
+use crate::output::check_output;
 use anyhow::{Context, Result};
 use isv::io::{AtomicFile, Format, write_mesh};
 use isv_study::{Codec, Draco, Measured, OperatingPoint, Record, StudySettings};
@@ -39,8 +40,13 @@ impl Store {
         &self.folder
     }
 
-    /// Makes the folder.
+    /// Makes the folder, or takes one that a study is in. In another, what a study writes at its end must not be there.
     pub(super) fn make(&self) -> Result<()> {
+        let is_study = self.folder.join("points").is_dir();
+        for name in ["index.html", "results.csv", "bd_rates.csv"] {
+            let path = self.folder.join(name);
+            check_output(&path, "this folder has no study", |_| is_study)?;
+        }
         make_folder(&self.folder)
     }
 
