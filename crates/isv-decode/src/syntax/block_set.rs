@@ -15,12 +15,12 @@ pub const DEPTH_BITS: u32 = 5;
 #[derive(Clone, Debug)]
 pub struct BlockSetModels {
     /// Whether a cell holds blocks, by [`CellContext::model`].
-    pub cell: [BitModel; 96],
+    pub cell: [BitModel; CellContext::MODELS],
 }
 
 impl Default for BlockSetModels {
     fn default() -> Self {
-        Self { cell: [BitModel::default(); 96] }
+        Self { cell: [BitModel::default(); CellContext::MODELS] }
     }
 }
 
@@ -102,6 +102,9 @@ pub struct CellContext {
 }
 
 impl CellContext {
+    /// Three kinds of level, whether the cell was there, 0 to 3 neighbours before it and 0 to 3 after it.
+    const MODELS: usize = 3 * 2 * 4 * 4;
+
     /// Context for the children of `parents`, which lie on `level`.
     #[must_use]
     pub fn new(level: u32, parents: &[u64], reference: Option<ReferenceBlocks>) -> Self {

@@ -207,7 +207,7 @@ fn at_offset(block: BlockCoord, voxel: usize, offset: [i32; 3]) -> (BlockCoord, 
 
 #[cfg(test)]
 mod tests {
-    use super::super::encoder::Band;
+    use super::super::settings::Band;
     use super::super::tools::Tools;
     use super::*;
     use isv_testkit::volume_of;

@@ -4,10 +4,11 @@ use super::change::still_blocks;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::masks::wanted_masks;
-use super::motion_search::{CubeSearch, SearchEffort};
+use super::motion_search::CubeSearch;
 use super::pursuit::Pursuit;
-use super::rate_control::{Attempt, FrameFacts, RateControl, RateTarget};
+use super::rate_control::{Attempt, FrameFacts, RateControl};
 use super::refresh::{Refresh, Refreshed};
+use super::settings::{FrameQuality, MainSettings};
 use super::slice::{CodedSlice, FrameContext, MotionSearch, SliceEncoder, SliceSamples};
 use super::sought_frame::{BlockShifts, SoughtFrame};
 use super::syntax;
@@ -28,8 +29,7 @@ use isv_decode::main_profile::{
 use isv_decode::{BackendError, volume_hash};
 use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
 use isv_kernels::block8::SAMPLES;
-use isv_kernels::quant::STEP_FRACTION_BITS;
-use isv_volume::{BlockCoord, BlockSet, CODES_PER_VOXEL, Grid, SparseVolume, VoxelMask};
+use isv_volume::{BlockCoord, BlockSet, Grid, SparseVolume, VoxelMask};
 use rayon::Scope;
 use rayon::prelude::*;
 use std::cell::{LazyCell, OnceCell};
@@ -37,113 +37,6 @@ use std::collections::BTreeMap;
 use std::mem::{replace, take};
 use std::ops::Range;
 use tracing::debug_span;
-
-/// Which blocks are coded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Band {
-    /// Those that the surface touches. The decoder makes up the field beyond them.
-    Surface,
-    /// All of the volume's.
-    Full,
-}
-
-/// How much a frame may be distorted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameQuality {
-    /// Quantizer step of the orthonormal transform in voxels.
-    pub step: f32,
-    /// Lambda over the step squared: weighted squared steps of error that a bit is worth.
-    pub lambda: f32,
-}
-
-impl FrameQuality {
-    /// Lambda that goes well with any step, between keyframes.
-    const LAMBDA: f32 = 0.03;
-
-    /// Steps of the qualities 0 and 100, in voxels.
-    const STEP_OF_0: f32 = 8.0;
-    const STEP_OF_100: f32 = 0.6;
-
-    /// The quality of a step.
-    #[must_use]
-    pub fn of_step(step: f32) -> Self {
-        Self { step, lambda: Self::LAMBDA }
-    }
-
-    /// The step of a quality from 0 to 100: 8 voxels to 0.6 voxel, geometrically, as eyes judge by ratios. 50 is 2.2
-    /// voxels.
-    #[must_use]
-    pub fn of_quality(quality: f32) -> Self {
-        let share = quality.clamp(0.0, 100.0) / 100.0;
-        Self::of_step(Self::STEP_OF_0 * (Self::STEP_OF_100 / Self::STEP_OF_0).powf(share))
-    }
-
-    /// Another step, and the lambda that there was.
-    fn with_step_share(self, share: f32) -> Self {
-        Self { step: share * self.step, lambda: self.lambda / (share * share) }
-    }
-
-    /// The step as it is coded.
-    fn code(self) -> u32 {
-        let unit = (CODES_PER_VOXEL << STEP_FRACTION_BITS) as f32;
-        ((self.step * unit).round() as u32).clamp(1, MainFrameHeader::MAX_STEP)
-    }
-}
-
-/// Choices of the encoder of profile `main`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MainSettings {
-    /// How much frames may be distorted, where no rate and no error is aimed at.
-    pub quality: FrameQuality,
-    /// What the steps of frames are chosen for.
-    pub target: RateTarget,
-    /// Which blocks are coded.
-    pub band: Band,
-    /// Which tools are used.
-    pub tools: Tools,
-    /// How many vectors of a block are coded to see what they cost, 1 or more.
-    pub trials: usize,
-    /// How thoroughly motion is searched for.
-    pub effort: SearchEffort,
-    /// Strength of the in-loop filter in sixty-fourths, and the most that it changes, in codes.
-    pub filter: (u8, u8),
-    /// Whether vectors count half voxels and not quarters.
-    pub half_voxel_vectors: bool,
-    /// Whether several strengths of the filter are tried on each frame, to keep the best.
-    pub filter_search: bool,
-    /// Whether levels are searched from several starts, under the models' own bits, and each is given up to see if the others
-    /// do without it. Some ten times the work.
-    pub refinement: bool,
-    /// Factor on the step of every frame; lambda stays. Where levels are refined, fewer and larger ones do.
-    pub step_share: f32,
-    /// Lambda of keyframes, whose errors stay until the next one, over that of other frames.
-    pub keyframe_lambda: f32,
-    /// Slices of a frame, where the encoder's settings do not say.
-    pub slices: u16,
-    /// How decoders that lost something come to have all again. With [`Refresh::Gradual`] a GOP is a cycle of it.
-    pub refresh: Refresh,
-}
-
-impl Default for MainSettings {
-    fn default() -> Self {
-        Self {
-            quality: FrameQuality::of_step(2.2),
-            target: RateTarget::Constant,
-            band: Band::Surface,
-            tools: Tools::ALL,
-            trials: 2,
-            effort: SearchEffort::THOROUGH,
-            filter: (13, 38),
-            half_voxel_vectors: true,
-            filter_search: false,
-            refinement: false,
-            step_share: 1.0,
-            keyframe_lambda: 0.4,
-            slices: 1,
-            refresh: Refresh::Keyframes,
-        }
-    }
-}
 
 /// [`Encoder`](crate::Encoder) for streams of profile `main`, whose motion is searched for by a backend. All else is done on the CPU.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! How much work the encoder takes on.
 
-use super::encoder::MainSettings;
 use super::motion_search::SearchEffort;
+use super::settings::MainSettings;
 use std::fmt;
 
 /// Sets of choices between speed and size.

@@ -3,11 +3,11 @@
 //!
 //! Each function prepares its input, hands the work over to be run, once or more, and gives back the results of the last run.
 
-use super::encoder::Band;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::motion_search::{CubeSearch, NormalEquations, SearchEffort, Shift, Sought, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
+use super::settings::Band;
 use super::sought_frame::SoughtFrame;
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;

@@ -1,8 +1,8 @@
 //! What a frame's blocks are to become, and how much each voxel matters.
 
-use super::encoder::Band;
 use super::lanes::{codes, load, mask, sum};
 use super::pursuit::SIGN_MARGIN;
+use super::settings::Band;
 use super::tools::Tools;
 use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_kernels::block8::{Block, SAMPLES};

@@ -38,24 +38,25 @@ pub(crate) fn encode(
     let mut cells = vec![root];
     for level in (0..depth).rev() {
         let mut context = CellContext::new(level, &cells, reference);
-        let mut present = coords.iter().map(|c| c.morton().0 >> (3 * level)).collect::<Vec<_>>();
+        let mut present: Vec<_> = coords.iter().map(|c| c.morton().0 >> (3 * level)).collect();
         present.dedup();
-        let mut next = present.iter().copied().peekable();
+        let mut present = present.into_iter().peekable();
+        let mut children = Vec::new();
         for parent in cells {
-            let mut occupied = 0;
+            let first = children.len();
             for octant in 0..8 {
                 let cell = parent << 3 | octant;
-                let holds_blocks = next.next_if_eq(&cell).is_some();
-                let certain = octant == 7 && occupied == 0;
+                let holds_blocks = present.next_if_eq(&cell).is_some();
+                let certain = octant == 7 && children.len() == first;
                 if !certain {
                     encoder.encode(&mut models.cell[context.model(cell)], holds_blocks);
                 }
                 if holds_blocks {
                     context.occupy(cell);
-                    occupied += 1;
+                    children.push(cell);
                 }
             }
         }
-        cells = present;
+        cells = children;
     }
 }

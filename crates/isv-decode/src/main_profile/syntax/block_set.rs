@@ -22,8 +22,12 @@ pub struct BlockSetModels {
     pub still_cells: StillCellModels,
     /// Blocks that the reference's volume does not have.
     pub octree: OctreeModels,
-    by_class: [BitModel; Activity::CLASSES * 32],
+    /// By class, coded faces before the block (0 to 3), expected faces after it (0 to 3), and whether it was coded.
+    by_class: [BitModel; Activity::CLASSES * 4 * 4 * 2],
+    /// By fine class and coded faces before the block.
     by_distance: [BitModel; Activity::FINE_CLASSES * 4],
+    /// By class, how many more faces before the block are coded than were expected (-3 to 3), coded edges (0 to 9), and whether it was
+    /// coded.
     by_surprise: [BitModel; Activity::CLASSES * 7 * 10 * 2],
 }
 
@@ -32,7 +36,7 @@ impl Default for BlockSetModels {
         Self {
             still_cells: StillCellModels::default(),
             octree: OctreeModels::default(),
-            by_class: [BitModel::default(); Activity::CLASSES * 32],
+            by_class: [BitModel::default(); Activity::CLASSES * 4 * 4 * 2],
             by_distance: [BitModel::default(); Activity::FINE_CLASSES * 4],
             by_surprise: [BitModel::default(); Activity::CLASSES * 7 * 10 * 2],
         }
