@@ -67,16 +67,13 @@ impl Reference {
         }
     }
 
-    /// Stitches the 3x3x3 neighbourhood of a reference block (Fig. 7).
-    ///
-    /// A block that is not there lies wholly beyond the truncation band, so its samples are the truncation distance, with
-    /// the sign of the centre block's voxel nearest to it (the middle one along an axis on which neither is ahead).
+    /// Stitches the 3x3x3 neighbourhood of a reference block (Fig. 7). Where the reference has no block, [`fill`] stands.
     pub fn stitch(&self, centre: u32, out: &mut StitchedReference) {
         self.stitch_at(self.volume.coords()[centre as usize], out);
     }
 
-    /// [`Self::stitch`] at any coordinate. If there is no block, the others that are not there lie outside the surface.
-    pub fn stitch_at(&self, centre: BlockCoord, out: &mut StitchedReference) {
+    /// [`Self::stitch`] at any coordinate.
+    pub(crate) fn stitch_at(&self, centre: BlockCoord, out: &mut StitchedReference) {
         let limit = self.volume.grid().truncation.codes();
         stitch(self.blocks(), centre, limit, |block| self.volume.block(block as usize), out);
     }
@@ -91,17 +88,26 @@ pub(crate) fn stitch<'a>(
     out: &mut StitchedReference,
 ) {
     let side = out.block_side();
-    let nearest = |offset: usize| [0, side / 2, side - 1][offset];
     let neighbourhood = blocks.index.neighbourhood(centre);
     let centre = neighbourhood[13].map(&samples);
     for (slot, neighbour) in neighbourhood.into_iter().enumerate() {
         match neighbour {
             Some(block) => out.put_block(slot, samples(block)),
             None => {
-                let [x, y, z] = [slot % 3, slot / 3 % 3, slot / 9].map(nearest);
-                let inside = centre.is_some_and(|centre| centre[(z * side + y) * side + x] < 0);
-                out.fill_block(slot, if inside { -limit } else { limit });
+                let towards = [slot % 3, slot / 3 % 3, slot / 9].map(|step| step as i32 - 1);
+                out.fill_block(slot, fill(centre, side, towards, limit));
             }
         }
     }
+}
+
+/// What stands for all samples of a block that is not there. It lies wholly beyond the truncation band, so that is the truncation
+/// distance, with the sign of the centre block's voxel nearest to it (the middle one along an axis on which neither is ahead); outside
+/// the surface if there is no centre block either.
+///
+/// `side` is the number of voxels along an edge of the centre block; `towards` leads from it to the other, by the sign of each component.
+pub(crate) fn fill(centre: Option<&[i16]>, side: usize, towards: [i32; 3], limit: i16) -> i16 {
+    let [x, y, z] = towards.map(|step| [0, side / 2, side - 1][(step.signum() + 1) as usize]);
+    let inside = centre.is_some_and(|centre| centre[(z * side + y) * side + x] < 0);
+    if inside { -limit } else { limit }
 }

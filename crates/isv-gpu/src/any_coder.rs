@@ -122,7 +122,7 @@ fn coder_on_gpu(
 mod tests {
     use super::*;
     use crate::Gpu;
-    use crate::tests::{gpu_for_tests, grid};
+    use crate::tests::{gpu_alone, gpu_for_tests, grid};
     use isv_decode::{Decoder, Limits};
     use isv_encode::{FrameWriter, MotionMode};
     use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction};
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe() {
         for profile in [PAPER, Profile::Main] {
-            let Some(gpu) = gpu_for_tests("a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe") else { return };
+            let Some(gpu) = gpu_alone("a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe") else { return };
             lose_the_gpu(&header(profile), &gpu);
         }
     }
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn a_lost_gpu_is_an_error_where_a_gpu_was_asked_for() {
         for profile in [PAPER, Profile::Main] {
-            let Some(gpu) = gpu_for_tests("a_lost_gpu_is_an_error_where_a_gpu_was_asked_for") else { return };
+            let Some(gpu) = gpu_alone("a_lost_gpu_is_an_error_where_a_gpu_was_asked_for") else { return };
             let (header, store) = (header(profile), VolumeStore::new(&gpu).unwrap());
             let settings = EncoderSettings::default();
             let mut coder = AnyCoder::on_gpu(&header, settings, &store, false).unwrap();

@@ -110,7 +110,7 @@ impl AnyAccumulator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{gpu_for_tests, grid};
+    use crate::tests::{gpu_alone, gpu_for_tests, grid};
     use glam::{DMat4, DVec2};
     use isv_volume::{CameraPose, Intrinsics};
 
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu_within_a_frame() {
-        let Some(gpu) = gpu_for_tests("a_lost_gpu_hands_over_to_the_cpu_within_a_frame") else { return };
+        let Some(gpu) = gpu_alone("a_lost_gpu_hands_over_to_the_cpu_within_a_frame") else { return };
         let (wall, settings) = ([wall()], FusionSettings::new(grid()));
         let mut fusion = AnyFusion::on_gpu(&gpu, true).unwrap();
         let mut strict = AnyFusion::on_gpu(&gpu, false).unwrap();

@@ -4,10 +4,11 @@ use crate::adapter::{AdapterKind, AdapterReport, enumerate, report};
 use crate::adapter::{SHARED_BYTES, STORAGE_BUFFERS, THREADS};
 use crate::commands::Commands;
 use crate::error::one_line;
+use crate::kernel::{Kernel, KernelKey};
 use crate::storage::Usage;
 use crate::{GpuError, KernelTime, Storage};
 use pollster::block_on;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use wgpu::{
@@ -54,6 +55,8 @@ struct Inner {
     /// The first thing that went wrong since it was last asked.
     fault: Arc<Mutex<Option<GpuError>>>,
     memory: Mutex<Memory>,
+    /// All kernels that were compiled.
+    kernels: Mutex<HashMap<KernelKey, Kernel>>,
     /// Times of kernels, while they are taken.
     times: Mutex<Option<BTreeMap<&'static str, KernelTime>>>,
 }
@@ -111,6 +114,7 @@ impl Gpu {
             binding_bytes,
             fault,
             memory: Mutex::default(),
+            kernels: Mutex::default(),
             times: Mutex::default(),
         })))
     }
@@ -142,6 +146,11 @@ impl Gpu {
 
     pub(crate) fn times(&self) -> MutexGuard<'_, Option<BTreeMap<&'static str, KernelTime>>> {
         self.0.times.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The kernels that were compiled so far.
+    pub(crate) fn kernels(&self) -> MutexGuard<'_, HashMap<KernelKey, Kernel>> {
+        self.0.kernels.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits until all that was submitted is done.

@@ -15,7 +15,7 @@ use wgpu::{
 /// A shader: parts of WGSL that make a module together, one of which has the entry points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shader {
-    /// Its name in messages.
+    /// Its name in messages, which no other shader has.
     pub(crate) name: &'static str,
     /// Its parts; what is used comes before what uses it.
     pub(crate) parts: &'static [&'static str],
@@ -35,8 +35,11 @@ pub(crate) const POOL_GROUP: u32 = 0;
 /// Group of everything else: parameters at binding 0, then buffers.
 pub(crate) const OWN_GROUP: u32 = 1;
 
-/// A compiled kernel.
-#[derive(Debug)]
+/// What tells one kernel of a device from another: shader, entry point and segment bits.
+pub(crate) type KernelKey = (&'static str, &'static str, u32);
+
+/// A compiled kernel. Copies share what was compiled.
+#[derive(Clone, Debug)]
 pub(crate) struct Kernel {
     /// Its entry point.
     pub(crate) name: &'static str,
@@ -52,7 +55,7 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    /// Compiles an entry point of a shader.
+    /// An entry point of a shader. A device compiles it once, whoever asks for it.
     ///
     /// # Errors
     /// [`GpuError::Refused`] if the shader is wrong or the driver does not take it.
@@ -62,6 +65,18 @@ impl Kernel {
         entry: &'static str,
         segment_bits: u32,
     ) -> Result<Self, GpuError> {
+        let key = (shader.name, entry, segment_bits);
+        let known = gpu.kernels().get(&key).cloned();
+        if let Some(kernel) = known {
+            return Ok(kernel);
+        }
+        // Two threads that ask at once compile it twice: nobody waits for kernels of others.
+        let kernel = Self::compile(gpu, shader, entry, segment_bits)?;
+        gpu.kernels().insert(key, kernel.clone());
+        Ok(kernel)
+    }
+
+    fn compile(gpu: &Gpu, shader: &Shader, entry: &'static str, segment_bits: u32) -> Result<Self, GpuError> {
         let refused =
             |error: &dyn Display| GpuError::Refused(format!("{}, {entry}: {}", shader.name, one_line(error)));
         let module = wgsl::parse_str(&shader.source(segment_bits));

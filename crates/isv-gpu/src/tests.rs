@@ -7,15 +7,36 @@ use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, TriangleMesh, Trunca
 use naga::back::{hlsl, msl, spv};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+/// Bytes of a segment: 1024 blocks.
+const SEGMENT_BYTES: u64 = 1 << 20;
 
 /// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split; nothing, and a line that
-/// says so, where there is none.
+/// says so, where there is none. Tests share it, and what it has compiled: [`gpu_alone`] is for those that lose it or count its memory.
 pub(crate) fn gpu_for_tests(test: &str) -> Option<Gpu> {
-    gpu_with_segments(test, 1 << 20)
+    gpu_with_segments(test, SEGMENT_BYTES)
 }
 
 /// The same with segments of so many bytes.
 pub(crate) fn gpu_with_segments(test: &str, binding_bytes: u64) -> Option<Gpu> {
+    static SHARED: Mutex<BTreeMap<u64, Gpu>> = Mutex::new(BTreeMap::new());
+    let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(gpu) = shared.get(&binding_bytes) {
+        return Some(gpu.clone());
+    }
+    let gpu = open(test, binding_bytes)?;
+    shared.insert(binding_bytes, gpu.clone());
+    Some(gpu)
+}
+
+/// [`gpu_for_tests`], but for one test alone.
+pub(crate) fn gpu_alone(test: &str) -> Option<Gpu> {
+    open(test, SEGMENT_BYTES)
+}
+
+fn open(test: &str, binding_bytes: u64) -> Option<Gpu> {
     let choice = GpuChoice { software: true, binding_bytes, ..GpuChoice::default() };
     match Gpu::open(&choice) {
         Ok(gpu) => Some(gpu),
@@ -89,7 +110,7 @@ fn all_shaders_are_translated_for_every_interface() {
 
 #[test]
 fn volumes_come_back_as_they_were() {
-    let Some(gpu) = gpu_for_tests("volumes_come_back_as_they_were") else { return };
+    let Some(gpu) = gpu_alone("volumes_come_back_as_they_were") else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     // A segment holds 1024 blocks: these take one, two and three, and grow the pool twice.
     let volumes = [noise(0, 1), noise(700, 2), noise(1500, 3), noise(40, 4)];
@@ -133,7 +154,7 @@ fn too_many_blocks_are_an_error() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_for_tests("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let volume = GpuVolume::upload(&store, &noise(50, 1)).unwrap();
     gpu.lose();

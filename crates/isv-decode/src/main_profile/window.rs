@@ -1,6 +1,7 @@
 //! The samples of a frame around a block that is displaced by whole voxels: what predicting the block reads.
 
 use super::MainReference;
+use crate::reference::fill;
 use isv_kernels::block8::{self, Block};
 use isv_kernels::window::WindowRows;
 use isv_volume::{BlockCoord, NeighbourFinder};
@@ -30,8 +31,7 @@ impl<'a> Window<'a> {
     /// Looks at the samples from the first voxel of the block at `coord` and `voxels` from there on. They stay until the next
     /// call, which does nothing if it asks for the same.
     ///
-    /// Where the frame has no block, the truncation distance stands, with the sign of the voxel of the block at `centre` that is
-    /// nearest; outside if there is no such block.
+    /// Where the frame has no block, [`fill`] stands, as seen from the block at `centre`.
     pub fn look_at(&mut self, coord: BlockCoord, voxels: [i32; 3], centre: BlockCoord) {
         let [x, y, z] = voxels;
         let first = [EDGE * coord.x + x, EDGE * coord.y + y, EDGE * coord.z + z];
@@ -54,8 +54,11 @@ impl<'a> Window<'a> {
         let limit = volume.grid().truncation.codes();
         let slots = self.finder.octet_at(offset);
         for slot in (0..8).filter(|slot| slots[*slot].is_none()) {
-            let other = coord.offset(offset).offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
-            let fill = if is_inside_towards(self.reference, centre, other) { -limit } else { limit };
+            let missing = coord.offset(offset).offset([slot & 1, slot >> 1 & 1, slot >> 2].map(|s| s as i32));
+            let towards = [missing.x - centre.x, missing.y - centre.y, missing.z - centre.z];
+            let centre =
+                self.reference.reference().index().get(centre).map(|block| volume.block(block as usize));
+            let fill = fill(centre, block8::EDGE, towards, limit);
             if self.fills[slot][0] != fill {
                 self.fills[slot] = [fill; block8::SAMPLES];
             }
@@ -66,13 +69,4 @@ impl<'a> Window<'a> {
         });
         self.rows.load(&blocks, voxels.map(|c| c.rem_euclid(EDGE) as usize));
     }
-}
-
-/// Whether the voxel of a block that is nearest to another block lies inside; not if there is no block.
-fn is_inside_towards(reference: &MainReference, block: BlockCoord, other: BlockCoord) -> bool {
-    let nearest = [other.x - block.x, other.y - block.y, other.z - block.z]
-        .map(|d| [0, EDGE / 2, EDGE - 1][(d.signum() + 1) as usize] as usize);
-    let [x, y, z] = nearest;
-    let block = reference.reference().index().get(block);
-    block.is_some_and(|block| reference.volume().block(block as usize)[(z * 8 + y) * 8 + x] < 0)
 }

@@ -1,6 +1,6 @@
 //! The GPU against the CPU, call by call, on streams that exercise every mode.
 
-use crate::tests::{gpu_for_tests, grid};
+use crate::tests::{gpu_alone, gpu_for_tests, grid};
 use crate::{AnyDecoder, AnyVolume, GpuBackend, GpuMainFrame, GpuPaperFrame, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, Cpu, CpuMainFrame, CpuPaperFrame, MainFrame};
 use isv_decode::main_profile::MainBlocks;
@@ -173,7 +173,7 @@ fn all_streams_decode_to_the_same_bits() {
 
 /// Decodes a stream whose GPU is lost before frame 2.
 fn decode_with_a_loss(name: &str, falls_back: bool) -> Option<Result<usize, DecodeError>> {
-    let gpu = gpu_for_tests("a_lost_gpu")?;
+    let gpu = gpu_alone("a_lost_gpu")?;
     let path = streams().into_iter().find(|path| path.ends_with(name)).unwrap();
     let (mut packets, store) = (open(&path), VolumeStore::new(&gpu).unwrap());
     let header = *packets.header().unwrap();

@@ -3,7 +3,7 @@
 use super::GpuMotionSearch;
 use super::tests::{PERSON_BYTES, Stream, sequences};
 use crate::VolumeStore;
-use crate::tests::{gpu_for_tests, gpu_with_segments, grid, noise};
+use crate::tests::{gpu_alone, gpu_with_segments, grid, noise};
 use isv_decode::main_profile::MainReference;
 use isv_decode::{BackendError, Decoder, Limits, volume_hash};
 use isv_encode::{
@@ -115,7 +115,7 @@ fn the_frame_before_is_the_cpus() {
 
 #[test]
 fn a_lost_device_leaves_the_encoder_as_it_was() {
-    let Some(gpu) = gpu_for_tests("a_lost_device_leaves_the_encoder_as_it_was") else { return };
+    let Some(gpu) = gpu_alone("a_lost_device_leaves_the_encoder_as_it_was") else { return };
     let mut encoder = checked_encoder(&gpu, EncoderSettings::default());
     encoder.encode(&ball(grid(), 0.0)).unwrap();
     let before = encoder.reconstruction().cloned();

@@ -1,6 +1,6 @@
 //! The GPU against the CPU: the same levels and frames under the same vectors, and vectors that are as good.
 
-use crate::tests::{gpu_for_tests, gpu_with_segments, grid, noise};
+use crate::tests::{gpu_alone, gpu_for_tests, gpu_with_segments, grid, noise};
 use crate::{Gpu, GpuBackend, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, Cpu, CpuPaperFrame};
 use isv_decode::reconstruct::predict;
@@ -247,7 +247,7 @@ fn other_blocks_are_not_supported() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_for_tests("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
     let mut coder = PaperCoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
     coder.code(&ball(grid(), 0.0)).unwrap();
     gpu.lose();

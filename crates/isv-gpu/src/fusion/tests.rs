@@ -1,6 +1,6 @@
 //! Fusion on a GPU against fusion on the CPU.
 
-use crate::tests::{gpu_for_tests, gpu_with_segments};
+use crate::tests::{gpu_alone, gpu_for_tests, gpu_with_segments};
 use crate::{Gpu, GpuFusion};
 use glam::{DVec2, DVec3};
 use isv_fusion::backend::{Cpu, FusionBackend, SampledBlocks, UNKNOWN};
@@ -277,7 +277,7 @@ fn any_depths_give_a_volume_or_an_error() {
 
 #[test]
 fn a_lost_gpu_is_an_error() {
-    let Some(gpu) = gpu_for_tests("a_lost_gpu_is_an_error") else { return };
+    let Some(gpu) = gpu_alone("a_lost_gpu_is_an_error") else { return };
     let settings = settings(0.02, BlockEdge::E8, 8);
     let sheet = render_depth(&sheet(1.0), &LENS, &look_at(DVec3::Z * 2.0, DVec3::ZERO));
     let mut ours = GpuFusion::new(&gpu).unwrap();

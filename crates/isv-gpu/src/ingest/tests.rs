@@ -1,7 +1,7 @@
 //! Volumes from the GPU against those of `isv-ingest`.
 
 use super::*;
-use crate::tests::{captured_mesh, gpu_for_tests, gpu_with_segments, grid};
+use crate::tests::{captured_mesh, gpu_alone, gpu_for_tests, gpu_with_segments, grid};
 use isv_ingest::{Reach, SignMode, decide_sign, ingest_mesh};
 use isv_testkit::{sheet, sphere};
 use isv_volume::{BlockIndex, CODES_PER_VOXEL, Grid, VoxelSize};
@@ -133,7 +133,7 @@ fn what_does_not_fit_a_buffer_is_split() {
 
 #[test]
 fn what_cannot_be_done_is_said() {
-    let Some(gpu) = gpu_for_tests("what_cannot_be_done_is_said") else { return };
+    let Some(gpu) = gpu_alone("what_cannot_be_done_is_said") else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let mesh = sphere(0.3, 20);
     let few = MeshIngest { max_blocks: 100, ..settings(0.01, Reach::Surface) };

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::GpuChoice;
-use crate::tests::{captured_mesh, gpu_for_tests, grid, noise};
+use crate::tests::{captured_mesh, gpu_alone, gpu_for_tests, grid, noise};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_surface::extract_surface;
 use isv_testkit::{ball, volume_of};
@@ -129,7 +129,7 @@ fn volumes_without_a_surface_have_none() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_for_tests("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let volume = GpuVolume::upload(&store, &noise(50, 1)).unwrap();
     let mut extractor = GpuSurfaceExtractor::new(&store, SurfaceOptions::default()).unwrap();
