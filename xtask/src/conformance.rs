@@ -19,7 +19,7 @@ use std::path::Path;
 /// A stream's bytes and the hashes of its frames.
 type Stream = (Vec<u8>, Vec<u64>);
 
-/// A stream of profile `paper`: four frames, the first a keyframe.
+/// A stream of profile `paper`, of which the first frame is a keyframe.
 struct Case {
     name: &'static str,
     edge: u32,
@@ -29,6 +29,7 @@ struct Case {
     steps: [u32; 2],
     motion: Prediction,
     slices: u16,
+    frames: u32,
 }
 
 /// The paper's settings, of which each case changes some.
@@ -40,9 +41,15 @@ const PAPER: Case = Case {
     steps: [819, 8192],
     motion: Prediction::None,
     slices: 1,
+    frames: 4,
 };
 
-const CASES: [Case; 8] = [
+/// Two frames of blocks and truncations that no other stream has: a row each of the table of scales and shifts (section 7.8).
+const fn scaled(name: &'static str, edge: u32, truncation: u32, coefficients: u16) -> Case {
+    Case { name, edge, truncation, coefficients, motion: Prediction::SixDof, frames: 2, ..PAPER }
+}
+
+const CASES: [Case; 16] = [
     PAPER,
     Case { name: "zero_motion", motion: Prediction::ZeroMotion, ..PAPER },
     Case { name: "3dof", motion: Prediction::ThreeDof, ..PAPER },
@@ -71,6 +78,14 @@ const CASES: [Case; 8] = [
         motion: Prediction::SixDof,
         ..PAPER
     },
+    scaled("paper_edge_4_truncation_5", 4, 5, 20),
+    scaled("paper_edge_4_truncation_12", 4, 12, 20),
+    scaled("paper_edge_8_truncation_3", 8, 3, 64),
+    scaled("paper_edge_8_truncation_6", 8, 6, 64),
+    scaled("paper_edge_8_truncation_13", 8, 13, 64),
+    scaled("paper_edge_16_truncation_6", 16, 6, 200),
+    scaled("paper_edge_16_truncation_12", 16, 12, 200),
+    Case { name: "paper_long_segment", coefficients: 512, steps: [32, 160], frames: 1, ..PAPER },
 ];
 
 /// Writes the streams that a folder does not have yet, and adds them to its tables.
@@ -127,7 +142,7 @@ fn encode_case(case: &Case) -> Result<Stream> {
     let header = header(profile, case.edge, case.truncation)?;
     let motion = MotionMode::Fixed(case.motion);
     let settings = EncoderSettings { motion, slices: Some(case.slices), ..Default::default() };
-    let volumes: Vec<_> = (0..4).map(|frame| ball(header.grid, f64::from(frame))).collect();
+    let volumes: Vec<_> = (0..case.frames).map(|frame| ball(header.grid, f64::from(frame))).collect();
     encode(&header, settings, &volumes)
 }
 

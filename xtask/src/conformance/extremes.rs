@@ -19,6 +19,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("no_frames", no_frames(true)?),
         ("no_frames_no_index", no_frames(false)?),
         ("no_hashes_no_index", no_hashes_no_index()?),
+        ("long_gop", long_gop()?),
         ("long_varints", long_varints()?),
         ("unused_bytes", unused_bytes()?),
     ]);
@@ -102,6 +103,19 @@ fn no_hashes_no_index() -> Result<Stream> {
         stream.frame(frame % 2 == 0, timestamp_ns, false, &payload.to_bytes());
     }
     judged(stream.bytes)
+}
+
+/// A GOP of more frames than a byte counts. All of them are empty.
+fn long_gop() -> Result<Stream> {
+    let header = small_main()?;
+    let mut stream = RawStream::new(&header);
+    for frame in 0..300u64 {
+        let prediction = if frame == 0 { Prediction::None } else { Prediction::ThreeDof };
+        let mut empty = frame_of_ones(&header, prediction, 0);
+        (empty.block_set, empty.masks, empty.slices[0]) = (Vec::new(), Vec::new(), [Vec::new(), Vec::new()]);
+        stream.frame(frame == 0, header.frame_rate.timestamp_ns(frame), false, &empty.to_bytes());
+    }
+    judged(stream.finish())
 }
 
 /// A stream that is decoded to its end.

@@ -35,7 +35,9 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_noise_slices", noise(16, 4, 2, false)?),
         ("main_noise_still_cells", noise(8, 2, 3, true)?),
         ("main_resilient", refreshed_ball()?),
-        ("main_noise_resilient", resilient_noise(8, 2, 4)?),
+        ("main_noise_resilient", resilient_noise(8, 2, 4, false)?),
+        ("main_refreshed", refreshed_ball()?),
+        ("main_noise_refreshed", resilient_noise(8, 2, 5, true)?),
     ])
 }
 
@@ -132,7 +134,8 @@ fn noise(truncation: u32, slices: u16, seed: u64, still_cells: bool) -> Result<S
 }
 
 /// The same with resilient frames of a ball's blocks, and others after them, whose models and contexts go on from there.
-fn resilient_noise(truncation: u32, slices: u16, seed: u64) -> Result<Stream> {
+/// `no_spatial_prediction`: of the resilient frames, as our encoder has it since `main_resilient` was made.
+fn resilient_noise(truncation: u32, slices: u16, seed: u64, no_spatial_prediction: bool) -> Result<Stream> {
     let header = header(Profile::Main, 8, truncation)?;
     let mut random = Random::new(seed);
     let mut frames = vec![NoiseFrame::first(&header)];
@@ -140,7 +143,11 @@ fn resilient_noise(truncation: u32, slices: u16, seed: u64) -> Result<Stream> {
     while frames.len() < 6 {
         let number = frames.len();
         let found = if matches!(number, 1 | 2 | 5) {
-            frames.push(NoiseFrame::resilient(&mut random, &header, number, slices));
+            let mut frame = NoiseFrame::resilient(&mut random, &header, number, slices);
+            if let FrameCoding::Main(main) = &mut frame.header.coding {
+                main.no_spatial_prediction = no_spatial_prediction;
+            }
+            frames.push(frame);
             decode_noise(&header, &frames).ok()
         } else {
             frames.push(NoiseFrame::draw(&mut random, number + 1, slices, number == 4));

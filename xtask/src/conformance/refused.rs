@@ -269,6 +269,13 @@ fn packet_cases() -> Result<Vec<Refused>> {
         case("since_keyframe_bit", flipped(&since(true, 0), first + 6), 1, Damaged, "packet"),
         case("packet_type_3_cut", changed(4, &[3])[..whole.len() - 1].to_vec(), 1, Cut, "packet"),
         case("packet_magic_cut", [&good.bytes[..], b"ISQ"].concat(), 1, Cut, "packet header"),
+        case(
+            "packet_magic_payload_cut",
+            changed(0, b"ISVQ")[..whole.len() - 1].to_vec(),
+            1,
+            Malformed,
+            "no packet",
+        ),
         case("packet_magic_in_23_bytes", changed(0, b"ISVQ")[..first + 23].to_vec(), 1, Cut, "packet header"),
         // What is wrong with a header comes before what is missing, and that before what is wrong with a payload.
         case("flag_2_without_keyframe", without_keyframe(4, &payload), 0, Malformed, "flags"),

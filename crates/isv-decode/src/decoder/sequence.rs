@@ -62,3 +62,25 @@ impl Sequence {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_format::{PacketHeader, PacketKind};
+
+    #[test]
+    fn counts_wrap_around_in_a_long_gop() {
+        let packet = |since_keyframe| {
+            let kind = PacketKind::Frame { keyframe: false, hashed: false };
+            let header = PacketHeader::seal(kind, since_keyframe, 0, &[]);
+            Packet { header: PacketHeader::parse(&header, 0).unwrap(), at: 0, payload: Vec::new() }
+        };
+        let mut sequence = Sequence::default();
+        sequence.advance(&packet(u16::MAX));
+        sequence.check(&packet(0), true).unwrap();
+        assert_eq!(sequence.missing_before(&packet(0)), 0);
+        let missing = sequence.check(&packet(2), true);
+        assert!(matches!(missing, Err(DecodeError::MissingFrame { expected: 0, found: 2, .. })));
+        assert_eq!(sequence.missing_before(&packet(2)), 2);
+    }
+}
