@@ -1,9 +1,11 @@
 //! The committed streams decode to the committed hashes, or are refused as they have to be, with every instruction set that the
-//! machine has. They never change: see `conformance/README.md`.
+//! machine has, and what is said of them after losses is as committed. They never change: see `conformance/README.md`.
 
+use isv_decode::main_profile::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
-use isv_format::PacketReader;
+use isv_format::{PacketReader, RefusalClass};
 use isv_kernels::simd::{self, Instructions};
+use isv_volume::{SparseVolume, VolumeBuilder};
 use std::collections::BTreeMap;
 use std::env::consts::ARCH;
 use std::path::{Path, PathBuf};
@@ -91,4 +93,68 @@ fn streams_that_must_be_refused_are_and_say_why() {
     }
     assert_eq!(listed, streams.len(), "every stream is listed once");
     assert!(listed >= 60, "{listed} streams");
+}
+
+/// The exact blocks of a volume without their masks, which are exact only if the volume is as a whole.
+fn exact_part(volume: &SparseVolume, exact: &ExactBlocks) -> SparseVolume {
+    let mut part = VolumeBuilder::new(*volume.grid());
+    for block in (0..volume.block_count()).filter(|block| exact.contains(*block)) {
+        part.push(volume.coords()[block], volume.block(block).to_vec(), None);
+    }
+    part.finish()
+}
+
+/// Decodes a stream without the frames that are lost. What `loss.txt` has of each frame that is left: its number, the blocks that are
+/// not exact, and the hash of those that are.
+fn decode_with_losses(bytes: &[u8], lost: &[usize]) -> Vec<String> {
+    let mut reader = PacketReader::new(bytes).unwrap();
+    let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+    decoder.recover(true);
+    let mut found = Vec::new();
+    for frame in 0.. {
+        let Some(packet) = reader.next_frame().unwrap() else { break };
+        if lost.contains(&frame) {
+            continue;
+        }
+        let said = decoder.decode_and_verify(&packet).map(|decoded| decoded.inexact_blocks);
+        found.push(match said {
+            Ok(inexact) => {
+                let volume = decoder.volume().unwrap();
+                let hash = match decoder.exact_blocks() {
+                    Some(exact) => volume_hash(&exact_part(volume, exact)),
+                    None => volume_hash(volume),
+                };
+                format!("{frame} {inexact} {hash:016x}")
+            }
+            Err(error) => {
+                assert_eq!(error.class(), Some(RefusalClass::Missing), "{error}");
+                format!("{frame} missing -")
+            }
+        });
+    }
+    found
+}
+
+#[test]
+fn what_is_exact_after_losses_is_as_committed_with_every_instruction_set() {
+    let table = std::fs::read_to_string(folder().join("loss.txt")).unwrap();
+    let mut expected: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
+    for line in table.lines() {
+        let [name, lost, frame] = line.splitn(3, ' ').collect::<Vec<_>>().try_into().expect("five words");
+        expected.entry((name, lost)).or_default().push(frame);
+    }
+    assert!(expected.len() >= 10, "{} losses", expected.len());
+    let streams = streams(&folder());
+    let decoded = || {
+        let decode = |(name, lost): &(&str, &str)| {
+            let lost: Vec<_> = lost.split(',').map(|frame| frame.parse().unwrap()).collect();
+            decode_with_losses(&streams[*name], &lost)
+        };
+        expected.keys().map(decode).collect::<Vec<_>>()
+    };
+    for (instructions, found) in simd::with_each(decoded) {
+        for (((name, lost), expected), found) in expected.iter().zip(found) {
+            assert_eq!(&found, expected, "{name} without {lost}, {instructions}");
+        }
+    }
 }

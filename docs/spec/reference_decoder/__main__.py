@@ -3,8 +3,8 @@
     python3 docs/spec/reference_decoder [--after-loss] FILE
 
 prints `FRAME HASH` for each frame, in order, and `refused CLASS` as the last line if it refuses something (section 7.11).
-With --after-loss it goes on after missing packets (section 7.13). FRAME then counts the frame packets that are there, and
-instead of the hash stands `inexact` if not all blocks of the frame are exact, `missing` if the frame is refused.
+With --after-loss it goes on after missing packets (section 7.13) and prints what conformance/loss.txt has: `FRAME INEXACT HASH`,
+or `FRAME missing` if the frame is refused. FRAME then counts the frame packets that are there.
 """
 
 import argparse
@@ -26,7 +26,6 @@ def decode_stream(file, after_loss=False):
     reader = Reader(file)
     header = read_stream_header(reader)
     decode = decode_main if header.profile == MAIN else decode_paper
-    after_loss = after_loss and header.profile == MAIN
     reference = expected = models = None
     for packet in read_frame_packets(reader):
         if packet.keyframe:
@@ -59,10 +58,12 @@ def main():
     with open(arguments.file, "rb") as file:
         try:
             for number, (volume, found) in enumerate(decode_stream(file, arguments.after_loss)):
-                if volume is None:
+                if not arguments.after_loss:
+                    print(f"{number} {found:016x}", flush=True)
+                elif volume is None:
                     print(f"{number} missing", flush=True)
                 else:
-                    print(f"{number} {found:016x}" if loss.is_exact(volume) else f"{number} inexact", flush=True)
+                    print(f"{number} {len(volume.inexact)} {volume_hash(loss.exact_part(volume)):016x}", flush=True)
         except Refused as refused:
             print(f"refused {refused.kind}", flush=True)
             print(refused, file=sys.stderr)

@@ -19,6 +19,15 @@ def is_exact_at(volume, coordinate):
     return not volume.kept_over_loss and coordinate not in volume.inexact
 
 
+def exact_part(volume):
+    """What of a decoded volume is as a decoder without loss has it: all, or the exact blocks without their masks."""
+    if is_exact(volume):
+        return volume
+    part = Volume()
+    part.samples = {b: samples for b, samples in volume.samples.items() if is_exact_at(volume, b)}
+    return part
+
+
 def keep_over_loss(volume):
     """`volume`: the last one that there is, or None."""
     kept = copy.copy(volume) if volume is not None else Volume()

@@ -110,6 +110,37 @@ class Loss(unittest.TestCase):
         with self.assertRaisesRegex(Refused, "missing"):
             decoded(self.header, [self.keyframe, self.resilient(2, spatial=4)], False)
 
+    def test_frames_of_profile_paper_wait_for_a_keyframe(self):
+        stream = (CONFORMANCE / "paper_ends_edge_8.isv").read_bytes()
+        packets = [stream[at:end] for at, end in packets_of(stream)][:7]
+        volumes = decoded(stream[:48], packets[:1] + packets[2:], True)
+        self.assertEqual([volume is None for volume in volumes], [False, True, True, True, True, False])
+
+
+class Table(unittest.TestCase):
+    """`conformance/loss.txt`."""
+
+    def test_frames_after_losses_are_as_committed(self):
+        expected = {}
+        for line in (CONFORMANCE / "loss.txt").read_text().splitlines():
+            stream, lost, *frame = line.split(" ")
+            expected.setdefault((stream, lost), []).append(frame)
+        self.assertGreaterEqual(len(expected), 10)
+        for (name, lost), frames in expected.items():
+            stream = (CONFORMANCE / name).read_bytes()
+            packets = [stream[at:end] for at, end in packets_of(stream) if stream[at + 4] == 1]
+            left = [n for n in range(len(packets)) if str(n) not in lost.split(",")]
+            whole = decoded(stream[:48], packets, False)
+            found = []
+            for n, volume in zip(left, decoded(stream[:48], [packets[n] for n in left], True), strict=True):
+                if volume is None:
+                    found.append([str(n), "missing", "-"])
+                    continue
+                part = command.loss.exact_part(volume)
+                self.assertTrue(all((part.samples[b] == whole[n].samples[b]).all() for b in part.samples), f"{name}, frame {n}")
+                found.append([str(n), str(len(volume.inexact)), f"{command.volume_hash(part):016x}"])
+            self.assertEqual(found, frames, f"{name} without {lost}")
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -7,7 +7,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from common import CONFORMANCE
+from common import CONFORMANCE, packets_of
 
 HASH = "283fa03e97036955"
 
@@ -59,6 +59,19 @@ class Runner(unittest.TestCase):
         (self.folder / "refused" / "wrong.isv").unlink()
         self.assertIn("the stream is not there", self.run_with("cat")[1])
         self.assertIn("No such file", self.run_with("./no_such_decoder")[1])
+
+    def test_streams_lose_the_frames_of_the_table(self):
+        stream = (CONFORMANCE / "main_inter.isv").read_bytes()
+        (self.folder / "lossy.isv").write_bytes(stream)
+        packets = [stream[at:end] for at, end in packets_of(stream)]
+        left = self.folder / "left"
+        left.write_bytes(stream[:48] + packets[0] + packets[3])
+        # Says what the table expects if it gets the frames that are left.
+        script = f'cmp -s "$0" {left} && echo 0 0 {HASH} && echo 1 missing'
+        for last, status in ("3 missing -", 0), (f"3 5 {HASH}", 1):
+            (self.folder / "loss.txt").write_text(f"lossy.isv 1,2 0 0 {HASH}\nlossy.isv 1,2 {last}\n")
+            found, output = self.run_with("--loss", "sh", "-c", script)
+            self.assertEqual((found, "lossy.isv without 1,2" in output), (status, True), output)
 
 
 if __name__ == "__main__":
