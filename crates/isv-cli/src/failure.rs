@@ -5,6 +5,7 @@ use isv::format::FormatError;
 use isv::io::WriteError;
 use std::fmt;
 use std::io;
+use std::path::Path;
 use std::process::ExitCode;
 
 const JOB_FAILED: u8 = 1;
@@ -38,13 +39,21 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
 
 /// Prints help or the version where they were asked for, otherwise the first paragraph of what clap has to say.
 pub(crate) fn report_command_line(error: &clap::Error) -> ExitCode {
-    use clap::error::ErrorKind;
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
     match error.kind() {
         ErrorKind::DisplayHelp
         | ErrorKind::DisplayVersion
         | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             // Nothing is left to be said if the terminal is gone.
             let _ = error.print();
+        }
+        ErrorKind::UnknownArgument
+            if let Some(ContextValue::String(found)) = error.get(ContextKind::InvalidArg)
+                && Path::new(found).exists() =>
+        {
+            say(format_args!(
+                "isv: {found}: one input too many: name the folder of the frames, or put a pattern in quotes so that the shell leaves it alone"
+            ));
         }
         _ => {
             let text = error.render().to_string();

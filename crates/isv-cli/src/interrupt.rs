@@ -1,15 +1,20 @@
 //! Ctrl-C: work in progress is brought to a good end, not cut off.
 
 use anyhow::{Context, Result};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+/// When it was asked for first.
+static REQUESTED: OnceLock<Instant> = OnceLock::new();
 
-/// From now on Ctrl-C (or a request to terminate) is noted, for [`requested`] to tell; the second one ends the program
-/// at once.
+/// Signals that come together are one request: GNU `timeout` sends one to its child, and then to all of its group.
+const TOGETHER: Duration = Duration::from_millis(500);
+
+/// From now on Ctrl-C (or a request to terminate) is noted, for [`requested`] to tell; another one ends the program at once,
+/// half a second later or more.
 pub(crate) fn listen() -> Result<()> {
     let note = || {
-        if REQUESTED.swap(true, Ordering::SeqCst) {
+        if REQUESTED.get_or_init(Instant::now).elapsed() > TOGETHER {
             // The status that shells give to what Ctrl-C ended.
             std::process::exit(130);
         }
@@ -19,5 +24,5 @@ pub(crate) fn listen() -> Result<()> {
 
 /// Whether the user wants the work to end.
 pub(crate) fn requested() -> bool {
-    REQUESTED.load(Ordering::SeqCst)
+    REQUESTED.get().is_some()
 }

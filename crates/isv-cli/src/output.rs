@@ -7,7 +7,7 @@ use isv::io::{AtomicFile, WriteError, was_made_by_isv};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Stdout, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Bytes of a file that are looked at before it is overwritten.
 const CHECKED_BYTES: u64 = 256;
@@ -82,6 +82,14 @@ impl Output {
             Sink::File(AtomicFile::create(path)?)
         };
         Ok(Self { sink, bytes: 0 })
+    }
+
+    /// Of a file, [`AtomicFile::keep`].
+    pub(crate) fn keep(&mut self) -> Option<PathBuf> {
+        match &mut self.sink {
+            Sink::File(file) => file.keep(),
+            Sink::Pipe(_) => None,
+        }
     }
 
     /// Writes out what is buffered and gives a file its name; returns how many bytes were written in all.

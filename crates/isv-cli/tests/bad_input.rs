@@ -581,6 +581,9 @@ fn wrong_command_lines() {
     encode(&["--origin", "1,2"]).fails(2, &["--origin", "three numbers"]);
     encode(&["--no-such-flag"]).fails(2, &["--no-such-flag", "--help"]);
     work.isv(&["encode", "frames"]).fails(2, &["--output"]);
+    // As a shell has it where the pattern was not in quotes.
+    work.isv(&["encode", "frames/frame_0.ply", "frames/frame_0.ply", "-o", "out.isv"])
+        .fails(2, &["frames/frame_0.ply: one input too many", "in quotes"]);
     work.isv(&["transcode"]).fails(2, &["transcode"]);
     work.isv(&["decode", "a.isv", "-o", "a.obj", "--format", "ply"]).fails(2, &["--format ply", "a.obj"]);
     let decode = |more: &[&str]| work.isv(&[&["decode", "a.isv", "-o", "a"], more].concat());

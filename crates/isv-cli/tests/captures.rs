@@ -292,6 +292,8 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
         assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
         std::thread::sleep(Duration::from_millis(10));
     }
+    // GNU `timeout` signals its child, and at once all of its group.
+    interrupt(&child);
     interrupt(&child);
     let output = child.wait_with_output().unwrap();
     drop(stdin);
@@ -300,6 +302,53 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
     assert!(stderr.contains("interrupted: live.isv is whole and holds the first "), "{stderr}");
     assert_eq!(work.names(""), ["frames", "live.isv"]);
     work.isv(&["verify", "live.isv"]).done();
+}
+
+/// The frames of the figure, one after the other.
+fn piped_frames(work: &Workspace) -> Vec<u8> {
+    work.names("frames").iter().flat_map(|name| work.read(&format!("frames/{name}"))).collect()
+}
+
+/// What came through a pipe cannot be had again.
+#[test]
+fn frames_before_a_failure_on_a_pipe_are_kept() {
+    let (work, before) = Workspace::with_stream(3);
+    let frames = piped_frames(&work);
+    let encode = ["encode", "-", "-o", "take.isv", "--voxel", "20mm"];
+    let run = work.isv_with_input(&encode, &frames[..frames.len() - 9]);
+    assert_eq!(run.status(), Some(1));
+    assert!(run.stderr().contains("take.isv.part holds the first 2 frames"), "{}", run.stderr());
+    assert!(work.read("take.isv") == before, "the stream that was there stays");
+    work.isv(&["verify", "take.isv.part"]).done();
+    assert_eq!(frames_in(&work, "take.isv.part"), 2);
+}
+
+#[test]
+fn a_pipe_is_read_once() {
+    let work = Workspace::with_figure(1);
+    let frames = piped_frames(&work);
+    for more in [&["--voxel", "auto"][..], &["--bitrate", "1M", "--passes", "2"]] {
+        let encode = [&["encode", "-", "-o", "take.isv"], more].concat();
+        work.isv_with_input(&encode, &frames).fails(1, &["a pipe cannot be used here"]);
+    }
+    assert_eq!(work.names(""), ["frames"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_archive_that_is_out_of_order_is_pointed_out() {
+    let work = Workspace::with_figure(3);
+    let archive = |numbers: [usize; 3]| {
+        let names = numbers.map(|number| format!("frames/frame_{number}.ply"));
+        let mut tar = std::process::Command::new("tar");
+        tar.current_dir(work.path("")).args(["-cf", "-"]).args(names).output().unwrap().stdout
+    };
+    let encode = ["encode", "-", "-o", "take.isv", "--voxel", "20mm"];
+    let stderr = |numbers| work.isv_with_input(&encode, &archive(numbers)).done().stderr();
+    assert!(!stderr([0, 1, 2]).contains("comes after"));
+    let shuffled = stderr([2, 1, 0]);
+    assert!(shuffled.contains("frame_1.ply comes after frames/frame_2.ply"), "{shuffled}");
+    assert_eq!(shuffled.matches("comes after").count(), 1, "{shuffled}");
 }
 
 /// Asks a program to end: as Ctrl-C does, but by a signal that shells do not have their background commands ignore.

@@ -199,10 +199,14 @@ fn the_knobs_reach_the_stream() {
 
 #[test]
 fn a_unit_that_makes_frames_tiny_is_pointed_out() {
-    let work = Workspace::with_figure(1);
-    let run = work.isv(&[&ENCODE[..], &["--units", "mm"]].concat()).done();
+    let (work, before) = Workspace::with_stream(1);
+    let run = work.isv(&[&ENCODE[..], &["--units", "mm"]].concat());
     assert!(run.stderr().contains("frame_0.ply: only "), "{}", run.stderr());
-    assert!(run.stderr().contains("check --units"), "{}", run.stderr());
+    assert!(run.stderr().contains("less than a block: check --units"), "{}", run.stderr());
+    // Nothing is left of it, which is no reason to give up what was there.
+    assert_eq!(run.status(), Some(1));
+    assert!(run.stderr().contains("isv: frames: no surface in any frame"), "{}", run.stderr());
+    assert!(work.read("take.isv") == before);
 }
 
 #[test]

@@ -32,6 +32,11 @@ impl<W: Write> PacketWriter<W> {
         })
     }
 
+    /// The sink. What is written to it behind the writer's back breaks the stream.
+    pub fn sink_mut(&mut self) -> &mut W {
+        &mut self.sink
+    }
+
     /// Writes a frame packet and returns its size in bytes. The sink is flushed: whoever is at the other end of a pipe has the
     /// frame at once.
     ///

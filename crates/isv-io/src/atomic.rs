@@ -52,6 +52,12 @@ impl AtomicFile {
         Ok(())
     }
 
+    /// Gives up the final name: what is written, before and after this call, stays beside it, under the name that is returned.
+    /// Nothing for what is no regular file.
+    pub fn keep(&mut self) -> Option<PathBuf> {
+        self.pending.take().map(|rename| rename.from)
+    }
+
     /// Names the file in an error.
     fn named<T>(&self, result: io::Result<T>) -> io::Result<T> {
         result.map_err(|cause| WriteError::new(&self.path, cause).into())
@@ -150,6 +156,20 @@ mod tests {
         drop(abandoned);
         assert_eq!(fs::read(&path).unwrap(), b"nEW");
         assert_eq!(names(folder.path()), ["out.isv"]);
+    }
+
+    #[test]
+    fn what_is_kept_stays_beside_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.isv");
+        fs::write(&path, "old").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"ha").unwrap();
+        let part = file.keep().unwrap();
+        file.write_all(b"lf").unwrap();
+        file.commit().unwrap();
+        assert_eq!((fs::read(&part).unwrap(), fs::read(&path).unwrap()), (b"half".to_vec(), b"old".to_vec()));
+        assert_eq!(names(folder.path()), ["out.isv", "out.isv.part"]);
     }
 
     #[test]

@@ -4,14 +4,15 @@ use super::kinds::Kind;
 use super::{CapturedFrame, Content};
 use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
+use crate::output::say;
 use crate::stream::StreamFrames;
 use anyhow::{Context, Result};
 use isv::decode::Lod;
 use isv::format::MAGIC;
-use isv::io::{FrameStream, Unit};
+use isv::io::{FrameStream, Unit, natural_cmp};
 use std::io::{BufRead, Stdin, stdin};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const NAME: &str = "standard input";
 
@@ -22,13 +23,15 @@ pub(super) fn open(unit: Unit) -> Result<Kind> {
         Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full, BackendArgs::CPU)?))
     } else {
         let frames = FrameStream::new(stdin(), unit).context(NAME)?;
-        Kind::PipedGeometry(Box::new(PipedGeometry { frames, number: 0, range: 0..usize::MAX }))
+        Kind::PipedGeometry(Box::new(PipedGeometry { frames, last: None, number: 0, range: 0..usize::MAX }))
     })
 }
 
 /// Meshes or points as they come.
 pub(super) struct PipedGeometry {
     frames: FrameStream<Stdin>,
+    /// The frame before, until one was met that should have come earlier.
+    last: Option<PathBuf>,
     /// Number of the next frame.
     number: usize,
     range: Range<usize>,
@@ -53,6 +56,7 @@ impl PipedGeometry {
             self.number += 1;
             if number >= self.range.start {
                 let (path, geometry) = frame.context(NAME)?;
+                self.check_order(&path);
                 let name = format!("{NAME}: {}", path.display());
                 return Ok(Some(CapturedFrame {
                     number,
@@ -63,6 +67,27 @@ impl PipedGeometry {
             }
         }
         Ok(None)
+    }
+}
+
+impl PipedGeometry {
+    /// Archives have files as the folder has them, in no order, unless whoever makes them asks for one. Says so once.
+    fn check_order(&mut self, path: &Path) {
+        let is_first = self.number == self.range.start + 1;
+        if is_first || self.last.is_some() {
+            let last = self.last.replace(path.to_owned());
+            let name = |path: &Path| path.as_os_str().as_encoded_bytes().to_vec();
+            if let Some(last) = last
+                && natural_cmp(&name(&last), &name(path)).is_gt()
+            {
+                self.last = None;
+                say(format_args!(
+                    "{NAME}: {} comes after {}: frames are taken as they come, not by name (tar has --sort=name)",
+                    path.display(),
+                    last.display()
+                ));
+            }
+        }
     }
 }
 

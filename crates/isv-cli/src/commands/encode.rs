@@ -117,15 +117,20 @@ impl Args {
     }
 
     /// The encoder's settings, and the header's voxel size if that is to be found out.
-    fn settings(&self, header: &mut StreamHeader) -> Result<EncoderSettings> {
+    fn settings(&self, capture: &Capture, header: &mut StreamHeader) -> Result<EncoderSettings> {
         let mut settings = self.encoder_settings(header);
+        let rate = self.header.target().two_pass_rate();
+        if self.header.voxel_is_auto() || rate.is_some() {
+            // The capture is read more than once.
+            capture.counted()?;
+        }
         if self.header.voxel_is_auto() {
             let choice = auto_voxel::choose(self, header, &settings)?;
             header.grid.voxel_size = choice.voxel;
             settings = self.encoder_settings(header);
             settings.main.quality = choice.quality.unwrap_or(settings.main.quality);
         }
-        match self.header.target().two_pass_rate() {
+        match rate {
             Some(rate) => two_pass::settings_for_rate(self, header, settings, rate),
             None => Ok(settings),
         }
@@ -141,7 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let settings = args.settings(&mut header)?;
+    let settings = args.settings(&capture, &mut header)?;
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
@@ -158,14 +163,22 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         timeline: Timeline::new(header.frame_rate),
         first: range.start,
         frames: 0,
+        empty: 0,
         skipped: 0,
     };
     for remark in [capture.remark(), args.without_effect(&capture)].into_iter().flatten() {
         progress.note(&remark);
     }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
+    let comes_once = capture.frames().is_none();
     for frame in pipeline(capture.read(range)?, maker, coding, taking_turns) {
-        job.take(frame, &progress)?;
+        if let Err(error) = job.take(frame, &progress) {
+            drop(progress);
+            if comes_once {
+                job.rescue();
+            }
+            return Err(error);
+        }
         progress.step();
     }
     drop(progress);
@@ -211,6 +224,8 @@ struct Job {
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
+    /// Frames without a surface.
+    empty: usize,
     skipped: usize,
 }
 
@@ -252,6 +267,7 @@ impl Job {
             timestamp_ns,
             frame,
             ingest_ms,
+            has_surface,
             blocks_band,
             coding_ms,
             surface_rms_voxels,
@@ -263,6 +279,7 @@ impl Job {
         self.timeline.place(timestamp_ns);
         let bytes = self.packet_writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
         self.frames += 1;
+        self.empty += usize::from(!has_surface);
         if self.stats.is_wanted() {
             let voxel_mm = self.header.grid.voxel_size.metres() * 1e3;
             let rms = surface_rms_voxels.expect("decoded frames are compared where statistics are wanted");
@@ -284,6 +301,19 @@ impl Job {
         Ok(())
     }
 
+    /// Keeps the frames before a failure, beside the name that the stream was to have: what came through a pipe cannot be had again.
+    fn rescue(mut self) {
+        if self.frames == 0 {
+            return;
+        }
+        let kept = self.packet_writer.sink_mut().keep();
+        // On a full disk not even an index has room. What is there opens all the same.
+        let _ = self.packet_writer.finish().map(Output::commit);
+        if let Some(path) = kept {
+            say(format_args!("{} holds the first {}", path.display(), frames_in_words(self.frames)));
+        }
+    }
+
     /// Completes the stream, which is a shorter one after Ctrl-C.
     fn finish(self, args: &Args) -> Result<()> {
         let (input, output) = (stream::name(&args.input), args.output.display());
@@ -294,6 +324,9 @@ impl Job {
                 true => bail!("interrupted before the first frame"),
                 false => bail!("{input}: no frame could be used, {skipped} skipped"),
             }
+        }
+        if self.empty == self.frames && !interrupt::requested() {
+            bail!("{input}: no surface in any frame: check --units and --voxel");
         }
         let bytes = self.packet_writer.finish()?.commit()?;
         let seconds = self.timeline.end_s();

@@ -1,7 +1,7 @@
 //! Files that are being written.
 
 use super::{Opened, POLL};
-use isv_format::{PacketReader, StreamHeader, StreamIndex};
+use isv_format::{MAGIC, PacketReader, StreamHeader, StreamIndex};
 use std::fs::{self, File, Metadata};
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -103,6 +103,7 @@ impl Followed {
     /// can be found is read from its first byte.
     fn begin(&self, found: Candidate, stop: &Arc<AtomicBool>) -> io::Result<Opened> {
         let mut file = File::open(&found.path)?;
+        refuse_what_is_no_stream(&file)?;
         let at = last_entry(&file).unwrap_or(0);
         let mut header = Vec::new();
         if at > 0 {
@@ -114,6 +115,17 @@ impl Followed {
         let (place, stop) = (self.place.clone(), Arc::clone(stop));
         let rest = Growing { file, at, opened: found, place, folder_read: Instant::now(), stop };
         Ok(Opened { bytes: Box::new(Cursor::new(header).chain(rest)), skipped })
+    }
+}
+
+/// A file that has begun, and not as a stream does, would be searched for one for ever.
+fn refuse_what_is_no_stream(file: &File) -> io::Result<()> {
+    let (mut file, mut start) = (file, Vec::new());
+    file.take(MAGIC.len() as u64).read_to_end(&mut start)?;
+    file.seek(SeekFrom::Start(0))?;
+    match MAGIC.starts_with(&start) {
+        true => Ok(()),
+        false => Err(io::Error::new(io::ErrorKind::InvalidData, "not an .isv stream")),
     }
 }
 
@@ -229,5 +241,28 @@ impl Read for Growing {
             sleep(POLL);
         }
         Ok(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_begins_otherwise_than_a_stream_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let verdict = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            let mut file = File::open(&path).unwrap();
+            refuse_what_is_no_stream(&file).map(|()| file.stream_position().unwrap())
+        };
+        // It may not have been written further yet.
+        for begun in [&MAGIC[..0], &MAGIC[..3], &[&MAGIC[..], b"more"].concat()] {
+            assert_eq!(verdict(begun).unwrap(), 0);
+        }
+        for other in [&b"ply\nformat"[..], b"\x89PNG", b"i"] {
+            assert!(verdict(other).unwrap_err().to_string().contains("not an .isv stream"));
+        }
     }
 }

@@ -167,7 +167,6 @@ type Sample = Vec<SampleFrame>;
 fn samples(args: &Args) -> Result<Vec<Sample>> {
     let open = || Capture::open(&args.input, &args.hints()?);
     let capture = open()?;
-    capture.counted()?;
     let range = capture.range(args.frames)?;
     if range.is_empty() {
         bail!(

@@ -18,6 +18,7 @@ pub(super) struct CodedFrame {
     pub(super) timestamp_ns: Option<u64>,
     pub(super) frame: UnwrittenFrame,
     /// Of [`IngestedFrame`].
+    pub(super) has_surface: bool,
     pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,
     pub(super) coding_ms: f64,
@@ -42,7 +43,7 @@ impl Coding {
     }
 
     fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame> {
-        let IngestedFrame { number, read, timestamp_ns, volume, blocks_band, ingest_ms } = frame;
+        let IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms } = frame;
         let (coded, coding_ms) = timed(|| self.coder.code(&volume));
         let frame = coded?;
         if let Some(why) = self.coder.take_notice() {
@@ -60,6 +61,7 @@ impl Coding {
             read,
             timestamp_ns,
             frame,
+            has_surface,
             blocks_band,
             ingest_ms,
             coding_ms,

@@ -31,7 +31,6 @@ pub(super) fn settings_for_rate(
     settings: EncoderSettings,
     rate: f64,
 ) -> Result<EncoderSettings> {
-    Capture::open(&args.input, &args.hints()?)?.counted()?;
     let with_step = |step: f64| {
         let mut settings = settings;
         settings.main.quality = FrameQuality { step: step as f32, ..settings.main.quality };

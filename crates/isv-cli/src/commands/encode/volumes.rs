@@ -30,6 +30,8 @@ pub(super) struct IngestedFrame {
     /// Of [`CapturedFrame`].
     pub(super) timestamp_ns: Option<u64>,
     pub(super) volume: SparseVolume,
+    /// Whether any of it lies inside.
+    pub(super) has_surface: bool,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
     pub(super) blocks_band: usize,
     pub(super) ingest_ms: f64,
@@ -83,16 +85,18 @@ impl VolumeMaker {
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
         });
         let volume = volume.with_context(|| name.clone())?;
-        if !volume.samples().any(|sample| sample < 0) {
-            self.progress.note(&format!("{name}: no surface in this frame"));
-        }
         let blocks_band = volume.block_count();
         let volume = match self.band {
             BandName::Full => volume,
             BandName::Surface => surface_band(&volume),
         };
+        // Of what was seen once it is near the surface alone: no block is where nothing was seen on both sides.
+        let has_surface = volume.samples().any(|sample| sample < 0);
+        if !has_surface {
+            self.progress.note(&format!("{name}: no surface in this frame"));
+        }
         memory::check_frame(&volume, self.extended).with_context(|| name)?;
-        Ok(IngestedFrame { number, read, timestamp_ns, volume, blocks_band, ingest_ms })
+        Ok(IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms })
     }
 
     fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume> {
