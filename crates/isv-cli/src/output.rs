@@ -3,7 +3,7 @@
 use crate::failure::usage;
 use anyhow::Context;
 use isv::format::MAGIC;
-use isv::io::{AtomicFile, WriteError, was_made_by_isv};
+use isv::io::{AtomicFile, WriteError, is_volume_folder, was_made_by_isv};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Stdout, Write};
@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of a file that are looked at before it is overwritten.
 const CHECKED_BYTES: u64 = 256;
+
+/// What is wrong with files that isv may not write over.
+const FOREIGN: &str = "was not made by isv";
 
 /// Whether a path stands for standard input or output.
 pub(crate) fn is_pipe(path: &Path) -> bool {
@@ -27,7 +30,16 @@ pub(crate) fn check_stream_output(inputs: &[&Path], output: &Path) -> anyhow::Re
 
 /// What `decode` writes is written over what isv wrote, by the first bytes of files that can say so: a capture may have the same names.
 pub(crate) fn check_frame_output(output: &Path) -> anyhow::Result<()> {
-    check_output(output, "was not made by isv", was_made_by_isv)
+    check_output(output, FOREIGN, was_made_by_isv)
+}
+
+/// The same of a volume's folder, whose arrays cannot say it: `grid.json` beside them does.
+pub(crate) fn check_volume_output(folder: &Path) -> anyhow::Result<()> {
+    let description = folder.join("grid.json");
+    if is_volume_folder(folder) && !description.exists() {
+        return Err(not_overwritten(folder, FOREIGN));
+    }
+    check_frame_output(&description)
 }
 
 /// Refuses to overwrite a file that has something in it, unless its first bytes are as they are to be.
@@ -46,7 +58,11 @@ pub(crate) fn check_output(
     if start.is_empty() || may_go(&start) {
         return Ok(());
     }
-    Err(usage(format!("{name}: is there and {otherwise}, so it is not overwritten")))
+    Err(not_overwritten(output, otherwise))
+}
+
+fn not_overwritten(output: &Path, why: &str) -> anyhow::Error {
+    usage(format!("{}: is there and {why}, so it is not overwritten", output.display()))
 }
 
 /// Whether two paths lead to the same file, which need not be there yet.

@@ -74,6 +74,15 @@ fn a_slip_does_not_cost_a_capture() {
         work.isv(&["decode", "take.isv", "-o", &name]).fails(2, &["was not made by isv"]);
         assert_eq!(work.read(&name), bytes.as_bytes());
     }
+    work.write("capture/frame_0000.vdb", "a level set");
+    work.isv(&["decode", "take.isv", "-o", "capture", "--format", "vdb"]).fails(2, &["was not made by isv"]);
+    let volumes = ["decode", "take.isv", "-o", "capture", "--as", "volume"];
+    fs::create_dir(work.path("capture/frame_0000")).unwrap();
+    work.write("capture/frame_0000/tsdf.npy", "distances");
+    work.isv(&volumes).fails(2, &["capture/frame_0000: is there and was not made by isv"]);
+    work.write("capture/frame_0000/grid.json", "{}");
+    work.isv(&volumes).fails(2, &["capture/frame_0000/grid.json: is there and was not made by isv"]);
+    assert_eq!(work.names("capture/frame_0000"), ["grid.json", "tsdf.npy"]);
     work.isv(&["encode", "capture/frame_0000.ply", "-o", "new.isv", "--stats", "capture/frame_0000.ply"])
         .fails(2, &["capture/frame_0000.ply"]);
     work.isv(&["encode", "frames", "-o", "new.isv", "--stats", "frames/frame_0.ply"])
@@ -87,6 +96,9 @@ fn a_slip_does_not_cost_a_capture() {
         }
         for format in ["ply", "pcd", "xyz"] {
             work.isv(&["decode", "take.isv", "-o", "points", "--as", "points", "--format", format]).done();
+        }
+        for format in ["npy", "vdb"] {
+            work.isv(&["decode", "take.isv", "-o", "volumes", "--as", "volume", "--format", format]).done();
         }
     }
 }

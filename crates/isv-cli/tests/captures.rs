@@ -293,8 +293,7 @@ fn an_interrupt_leaves_a_whole_shorter_stream() {
         std::thread::sleep(Duration::from_millis(10));
     }
     // GNU `timeout` signals its child, and at once all of its group.
-    interrupt(&child);
-    interrupt(&child);
+    interrupt(&child, 2);
     let output = child.wait_with_output().unwrap();
     drop(stdin);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -351,10 +350,12 @@ fn an_archive_that_is_out_of_order_is_pointed_out() {
     assert_eq!(shuffled.matches("comes after").count(), 1, "{shuffled}");
 }
 
-/// Asks a program to end: as Ctrl-C does, but by a signal that shells do not have their background commands ignore.
+/// Asks a program to end, so many times at once: as Ctrl-C does, but by a signal that shells do not have their background
+/// commands ignore.
 #[cfg(unix)]
-fn interrupt(child: &std::process::Child) {
-    let kill = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+fn interrupt(child: &std::process::Child, times: usize) {
+    let ids = vec![child.id().to_string(); times];
+    let kill = std::process::Command::new("kill").arg("-TERM").args(ids).status();
     assert!(kill.unwrap().success());
 }
 
@@ -384,7 +385,7 @@ fn an_interrupt_is_heard_by_who_waits() {
         if !input.is_empty() {
             wait_until_listening(&child);
         }
-        interrupt(&child);
+        interrupt(&child, 1);
         let output = child.wait_with_output().unwrap();
         drop(stdin);
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())

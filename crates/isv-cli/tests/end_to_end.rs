@@ -236,6 +236,16 @@ fn the_demo_needs_nothing() {
     assert_eq!(work.names("shown"), ["comparison.png", "decoded", "figure.isv"]);
     assert_eq!(work.names("shown/decoded").len(), 2);
     work.isv(&["verify", "shown/figure.isv"]).done();
+    // Again it takes the place of what it wrote, and of nothing else.
+    let again = work.isv(&["demo", "-o", "shown", "--frames", "1"]).done();
+    assert!(String::from_utf8_lossy(again.stdout()).contains(" triangles, 1 frame, "));
+    for name in ["figure.isv", "comparison.png", "decoded/frame_0000.ply"] {
+        let own = work.read(&format!("shown/{name}"));
+        work.write(&format!("shown/{name}"), "my own");
+        work.isv(&["demo", "-o", "shown", "--frames", "1"]).fails(2, &[name, "so it is not overwritten"]);
+        assert_eq!(work.read(&format!("shown/{name}")), b"my own");
+        work.write(&format!("shown/{name}"), own);
+    }
 }
 
 #[test]

@@ -56,6 +56,36 @@ fn a_damaged_packet_costs_what_needs_it() {
     assert_eq!(times, kept.map(|frame| old["packets"][frame]["timestamp_ns"].clone()));
 }
 
+/// What the header said is in no packet, but another stream of the take says it.
+#[test]
+fn a_damaged_header_is_taken_from_another_stream() {
+    let (work, bytes) = Workspace::with_stream(3);
+    work.isv(&["cut", "take.isv", "0..1", "-o", "other.isv"]).done();
+    let repair = |damaged: &str, other: &str| {
+        work.isv(&["repair", damaged, "-o", "mended.isv", "--header-from", other])
+    };
+    // In the magic, the version and the voxel size.
+    for at in [3, 8, 18] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 1;
+        work.write("damaged.isv", &damaged);
+        work.isv(&["repair", "damaged.isv", "-o", "mended.isv"])
+            .fails(1, &["damaged.isv: ", "--header-from takes that of another stream"]);
+        let run = repair("damaged.isv", "other.isv").done();
+        let said = "damaged.isv: 3 frames kept, 48 bytes are damaged from byte 0 on\n";
+        assert_eq!(String::from_utf8_lossy(run.stdout()), said);
+        assert_eq!(work.read("mended.isv"), bytes);
+        std::fs::remove_file(work.path("mended.isv")).unwrap();
+    }
+    work.isv(&["encode", "frames", "-o", "coarse.isv", "--voxel", "30mm"]).done();
+    repair("take.isv", "coarse.isv").fails(1, &["take.isv: its own header is sound"]);
+    repair("damaged.isv", "damaged.isv").fails(1, &["damaged.isv: "]);
+    repair("damaged.isv", "mended.isv").fails(1, &["mended.isv: "]);
+    work.isv(&["repair", "damaged.isv", "-o", "other.isv", "--header-from", "other.isv"])
+        .fails(2, &["other.isv: is what is read"]);
+    assert!(!work.path("mended.isv").exists());
+}
+
 /// Two files that were joined byte for byte: the second has a header of its own, and is no part of the first.
 #[test]
 fn another_stream_behind_the_first_is_left_out() {

@@ -120,6 +120,18 @@ fn serve_says_what_it_serves_and_who_can_watch() {
     assert_eq!(stderr, open + "growing.isv: not there yet: waiting for it\n");
 }
 
+/// It may become one: whoever writes the file may begin anew.
+#[test]
+fn a_live_file_that_is_no_stream_is_told_of() {
+    let work = Workspace::new();
+    work.write("text.isv", "a text");
+    let args = ["serve", "--live", "text.isv", "--bind", "127.0.0.1:0"];
+    let mut serve = Serving::start(work.command(&args));
+    let mut said = String::new();
+    BufReader::new(serve.child.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
+    assert!(said.starts_with("text.isv: ") && said.contains("not an .isv stream"), "{said}");
+}
+
 #[test]
 fn an_encoder_on_a_pipe_is_watched_as_it_runs() {
     let work = Workspace::with_figure(4);

@@ -67,7 +67,8 @@ impl Reference {
         }
     }
 
-    /// Stitches the 3x3x3 neighbourhood of a reference block (Fig. 7). Where the reference has no block, [`fill`] stands.
+    /// Stitches the 3x3x3 neighbourhood of a reference block (Fig. 7). Where the reference has no block, the truncation distance stands,
+    /// with the sign of the voxel of the block in the middle that is nearest.
     pub fn stitch(&self, centre: u32, out: &mut StitchedReference) {
         self.stitch_at(self.volume.coords()[centre as usize], out);
     }

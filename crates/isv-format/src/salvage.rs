@@ -69,12 +69,18 @@ impl<R: Read> SalvageReader<R> {
     /// Bytes that are not a stream header of this version, or a damaged one.
     pub fn new(mut source: R) -> Result<Self, FormatError> {
         let header = StreamHeader::read(&mut source)?;
-        Ok(Self {
+        Ok(Self { at: StreamHeader::BYTES as u64, ..Self::with_header(source, header) })
+    }
+
+    /// Reads a stream whose own header is damaged or lost, and was this one. What is left of it is damage like any other; a sound
+    /// header that is not this one is, there too, that of another stream.
+    pub fn with_header(source: R, header: StreamHeader) -> Self {
+        Self {
             source,
             header,
             buffer: Vec::new(),
             start: 0,
-            at: StreamHeader::BYTES as u64,
+            at: 0,
             source_ended: false,
             damaged_since: None,
             found: None,
@@ -83,7 +89,7 @@ impl<R: Read> SalvageReader<R> {
             wasted: 0,
             saw_trailer: false,
             indexed: None,
-        })
+        }
     }
 
     /// Takes packets whose payload is larger than this for damage.
@@ -306,16 +312,22 @@ mod tests {
         std::iter::from_fn(|| reader.next_frame().unwrap()).collect()
     }
 
-    /// What there is, read a few bytes at a time, and whether the end was there.
-    fn salvage(bytes: &[u8]) -> (Vec<Packet>, Vec<(u64, u64)>, bool) {
-        struct Drops<'a>(&'a [u8]);
-        impl Read for Drops<'_> {
-            fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-                let length = buffer.len().min(7);
-                self.0.read(&mut buffer[..length])
-            }
+    /// Gives a few bytes at a time.
+    struct Drops<'a>(&'a [u8]);
+
+    impl Read for Drops<'_> {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            let length = buffer.len().min(7);
+            self.0.read(&mut buffer[..length])
         }
-        let mut reader = SalvageReader::new(Drops(bytes)).unwrap();
+    }
+
+    /// What there is, and whether the end was there.
+    fn salvage(bytes: &[u8]) -> (Vec<Packet>, Vec<(u64, u64)>, bool) {
+        salvage_with(SalvageReader::new(Drops(bytes)).unwrap(), bytes)
+    }
+
+    fn salvage_with(mut reader: SalvageReader<Drops>, bytes: &[u8]) -> (Vec<Packet>, Vec<(u64, u64)>, bool) {
         let (mut frames, mut damage) = (Vec::new(), Vec::new());
         while let Some(found) = reader.next_frame().unwrap() {
             match found {
@@ -357,6 +369,29 @@ mod tests {
                 assert_eq!(damage.len(), 1, "byte {at}");
             }
         }
+    }
+
+    #[test]
+    fn a_header_from_elsewhere_takes_the_place_of_one_that_is_damaged_or_lost() {
+        let (bytes, whole) = (stream(), packets(&stream()));
+        let with_header = |bytes: &[u8]| {
+            let reader = SalvageReader::with_header(Drops(bytes), header());
+            let (frames, damage, complete) = salvage_with(reader, bytes);
+            let contents: Vec<_> = frames.into_iter().map(|packet| packet.payload).collect();
+            assert!(complete && contents.iter().eq(whole.iter().map(|packet| &packet.payload)));
+            damage
+        };
+        assert_eq!(with_header(&bytes), []);
+        assert_eq!(with_header(&bytes[StreamHeader::BYTES..]), []);
+        assert_eq!(with_header(&bytes[20..]), [(0, StreamHeader::BYTES as u64 - 20)]);
+        for at in 0..StreamHeader::BYTES {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x40;
+            assert_eq!(with_header(&damaged), [(0, StreamHeader::BYTES as u64)], "byte {at}");
+        }
+        let frame_rate = FrameRate { numerator: 1, denominator: 7 };
+        let mut reader = SalvageReader::with_header(Drops(&bytes), StreamHeader { frame_rate, ..header() });
+        assert_eq!(reader.next_frame().unwrap(), Some(Salvaged::OtherStream { at: 0 }));
     }
 
     #[test]

@@ -107,7 +107,9 @@ fn parse(file: &[u8]) -> Level {
     assert_eq!([bytes.u32(), bytes.u32(), bytes.u32()], [224, 10, 0]);
     assert_eq!(bytes.take(1), [1]);
     assert_eq!(bytes.take(36).iter().filter(|b| **b == b'-').count(), 4);
-    assert_eq!([bytes.u32(), bytes.u32()], [0, 1], "no metadata, one grid");
+    assert_eq!(bytes.u32(), 1, "metadata of the file");
+    assert_eq!([bytes.text(), bytes.text(), bytes.text()], ["creator", "string", "made by isv"]);
+    assert_eq!(bytes.u32(), 1, "grids");
     assert_eq!([bytes.text(), bytes.text(), bytes.text()], ["tsdf", "Tree_float_5_4_3", ""]);
     let [grid_at, values_at, end] = [0; 3].map(|_| bytes.position());
     assert_eq!((grid_at, end), (file.len() - bytes.0.len(), file.len()));
@@ -235,6 +237,7 @@ fn openvdb_agrees() {
 /// Compares `frame.vdb` with the arrays of `frame`.
 const COMPARE: &str = r#"
 import numpy as np, pyopenvdb as vdb
+assert vdb.readMetadata("frame.vdb") == {"creator": "made by isv"}
 grid = vdb.read("frame.vdb", "tsdf")
 coords, tsdf, weight = (np.load(f"frame/{name}.npy") for name in ("coords", "tsdf", "weight"))
 edge, truncation = tsdf.shape[1], 0.03

@@ -91,7 +91,7 @@ impl Picture {
         both
     }
 
-    /// Writes the picture as a PNG file.
+    /// Writes the picture as a PNG file, which says by whom it was made.
     ///
     /// # Errors
     /// What the writer returns, or [`io::ErrorKind::InvalidInput`] for a picture without pixels.
@@ -100,6 +100,7 @@ impl Picture {
         let mut encoder = png::Encoder::new(to, width, height);
         encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Eight);
+        encoder.add_text_chunk("Comment".to_owned(), "made by isv".to_owned()).map_err(into_io)?;
         let mut writer = encoder.write_header().map_err(into_io)?;
         writer.write_image_data(&self.rgba).map_err(into_io)?;
         writer.finish().map_err(into_io)

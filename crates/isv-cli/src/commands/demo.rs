@@ -1,6 +1,6 @@
 //! `isv demo`: the whole codec on a figure of its own.
 
-use crate::output::{Output, print};
+use crate::output::{Output, check_frame_output, check_stream_output, frames_in_words, print};
 use crate::progress::Progress;
 use crate::stats::{megabits_per_second, timed};
 use crate::stream;
@@ -73,6 +73,11 @@ impl DemoCodec {
 
 const FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 
+/// What is written into the folder: the stream, the pictures, and the folder of the meshes.
+const STREAM: &str = "figure.isv";
+const PICTURES: &str = "comparison.png";
+const MESHES: &str = "decoded";
+
 /// Frames that are measured and drawn.
 const PICKS: usize = 4;
 
@@ -99,6 +104,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let folder = args.output.display();
+    check_free(&args.output, usize::from(args.frames))?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{folder}: cannot make this folder"))?;
     let take = Take::film(usize::from(args.frames))?;
     let mut table = table_of([
@@ -119,15 +125,26 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     }
     print(&format!(
-        "A figure of {} triangles, {} frames, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
-         {folder}/figure.isv       the stream of profile {}; isv info, verify, decode and render read it\n\
-         {folder}/comparison.png   frames as they were, the same frames decoded, and how far they are apart\n\
-         {folder}/decoded          these frames as PLY files",
+        "A figure of {} triangles, {}, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
+         {folder}/{STREAM}       the stream of profile {}; isv info, verify, decode and render read it\n\
+         {folder}/{PICTURES}   frames as they were, the same frames decoded, and how far they are apart\n\
+         {folder}/{MESHES}          these frames as PLY files",
         take.shown[0].triangles.len(),
-        take.volumes.len(),
+        frames_in_words(take.volumes.len()),
         table.trim_fmt(),
         KEPT.name(),
     ))
+}
+
+/// Refuses to overwrite what isv did not write.
+fn check_free(folder: &Path, frames: usize) -> Result<()> {
+    check_stream_output(&[], &folder.join(STREAM))?;
+    check_frame_output(&folder.join(PICTURES))?;
+    picks(frames).into_iter().try_for_each(|frame| check_frame_output(&folder.join(mesh_name(frame))))
+}
+
+fn mesh_name(frame: usize) -> String {
+    format!("{MESHES}/frame_{frame:04}.ply")
 }
 
 /// The frames to be coded.
@@ -240,19 +257,19 @@ impl Take {
     }
 
     fn write_files(&self, folder: &Path, coded: &Coded, decoded: &Decoded) -> Result<()> {
-        let mut stream = Output::create(&folder.join("figure.isv"))?;
+        let mut stream = Output::create(&folder.join(STREAM))?;
         stream.write_all(&coded.bytes)?;
         stream.commit()?;
 
-        let mut picture = Output::create(&folder.join("comparison.png"))?;
+        let mut picture = Output::create(&folder.join(PICTURES))?;
         self.comparison(decoded).write_png(&mut picture)?;
         picture.commit()?;
 
-        let meshes = folder.join("decoded");
+        let meshes = folder.join(MESHES);
         let sentence = || format!("{}: cannot make this folder", meshes.display());
         std::fs::create_dir_all(&meshes).with_context(sentence)?;
         for (frame, mesh) in self.picks.iter().zip(&decoded.shown) {
-            write_mesh(&meshes.join(format!("frame_{frame:04}.ply")), mesh, Format::Ply)?;
+            write_mesh(&folder.join(mesh_name(*frame)), mesh, Format::Ply)?;
         }
         Ok(())
     }

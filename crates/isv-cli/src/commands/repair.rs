@@ -2,11 +2,13 @@
 
 use crate::continuity::is_doubled;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
+use crate::stream::ByteSource;
 use crate::{memory, stream};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{Decoder, Limits};
 use isv::format::{Packet, PacketWriter, RefusalClass, SalvageReader, Salvaged, StreamHeader};
-use std::path::PathBuf;
+use std::iter;
+use std::path::{Path, PathBuf};
 
 /// Make a stream of what is sound in a damaged, cut or unfinished one. Packets are kept byte for byte; frames that need a lost
 /// one go with it
@@ -18,6 +20,26 @@ pub(crate) struct Args {
     /// The stream to write; - for standard output
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
+    /// Take the header of this stream where that of IN.isv is damaged or lost: another stream of the take, or one that was
+    /// encoded with the same settings
+    #[arg(long, value_name = "OTHER.isv")]
+    header_from: Option<PathBuf>,
+}
+
+impl Args {
+    fn packets(&self) -> Result<SalvageReader<ByteSource>> {
+        let source = stream::source(&self.input)?;
+        if let Some(other) = &self.header_from {
+            let (_, header) = stream::open(other)?;
+            return Ok(SalvageReader::with_header(source, header));
+        }
+        let packets = SalvageReader::new(source).map_err(|error| match error.class() {
+            // Nothing is behind a header that is cut.
+            None | Some(RefusalClass::Cut) => anyhow!(error),
+            Some(_) => anyhow!("{error}: if a damaged header is all that is wrong, --header-from takes that of another stream"),
+        });
+        packets.with_context(|| stream::name(&self.input))
+    }
 }
 
 /// What became of the stream.
@@ -39,8 +61,9 @@ struct Report {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
-    check_stream_output(&[&args.input], &args.output)?;
-    let mut packets = SalvageReader::new(stream::source(&args.input)?).with_context(|| name.clone())?;
+    let inputs: Vec<&Path> = iter::once(&args.input).chain(&args.header_from).map(PathBuf::as_path).collect();
+    check_stream_output(&inputs, &args.output)?;
+    let mut packets = args.packets()?;
     // Nothing is written before there is something to write.
     let mut writer = None;
     let (mut chain, mut report) = (Chain::new(packets.header(), memory::limits()), Report::default());
@@ -51,6 +74,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 report.damage.push((at, bytes));
                 damaged += bytes;
                 continue;
+            }
+            Salvaged::OtherStream { at: 0 } => {
+                bail!("{name}: its own header is sound, and not that of --header-from")
             }
             Salvaged::OtherStream { at } => {
                 report.other_stream_at = Some(at);

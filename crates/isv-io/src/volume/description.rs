@@ -12,6 +12,9 @@ const LARGEST: u64 = 1 << 16;
 /// What `grid.json` says; entries that are not known are passed over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Description {
+    /// Whose the arrays are. Says nothing to readers.
+    #[serde(skip_deserializing)]
+    pub(super) comment: &'static str,
     /// Edge of a voxel in metres.
     pub(super) voxel_size_m: Option<f64>,
     /// Truncation distance in metres.

@@ -1,7 +1,7 @@
 //! OpenVDB files (version 224): a volume as one level set, a float grid of the tree 5-4-3.
 //!
 //! ```text
-//! file header, grid descriptor
+//! file header, metadata of the file, grid descriptor
 //! grid: compression flags, metadata, transform, tree topology (root, nodes of 32^3, nodes of 16^3, leaf masks), leaf values
 //! ```
 //!
@@ -12,6 +12,7 @@ mod leaf;
 mod sign;
 mod tree;
 
+use crate::own::COMMENT;
 use crate::{AtomicFile, WriteError};
 use isv_volume::{Grid, SparseVolume};
 use leaf::Leaves;
@@ -77,27 +78,32 @@ fn file_header() -> Vec<u8> {
     // Positions of the grid follow, so that a reader may seek.
     bytes.push(1);
     bytes.extend(UUID);
-    // No metadata of the file, one grid.
-    bytes.extend(0u32.to_le_bytes());
+    bytes.extend(metadata(&[("creator", "string", COMMENT.as_bytes())]));
+    // One grid.
     bytes.extend(1u32.to_le_bytes());
+    bytes
+}
+
+/// Names, types and values after their number.
+fn metadata(entries: &[(&str, &str, &[u8])]) -> Vec<u8> {
+    let mut bytes = (entries.len() as u32).to_le_bytes().to_vec();
+    for (name, kind, value) in entries {
+        bytes.extend(text(name));
+        bytes.extend(text(kind));
+        bytes.extend((value.len() as u32).to_le_bytes());
+        bytes.extend(*value);
+    }
     bytes
 }
 
 /// All of the grid but the values of its leaves.
 fn grid_header(leaves: &Leaves) -> Vec<u8> {
     let mut bytes = ACTIVE_MASK.to_le_bytes().to_vec();
-    let metadata = [
-        ("class", "string", &b"level set"[..]),
+    bytes.extend(metadata(&[
+        ("class", "string", b"level set"),
         ("name", "string", b"tsdf"),
         ("is_saved_as_half_float", "bool", &[0]),
-    ];
-    bytes.extend((metadata.len() as u32).to_le_bytes());
-    for (name, kind, value) in metadata {
-        bytes.extend(text(name));
-        bytes.extend(text(kind));
-        bytes.extend((value.len() as u32).to_le_bytes());
-        bytes.extend(value);
-    }
+    ]));
     bytes.extend(transform(leaves.grid()));
     // One buffer a leaf.
     bytes.extend(1u32.to_le_bytes());

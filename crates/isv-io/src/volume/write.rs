@@ -2,6 +2,7 @@
 
 use super::description::{Description, TsdfUnit};
 use super::{COORDS, DESCRIPTION, TSDF, WEIGHT, npy};
+use crate::own::COMMENT;
 use crate::{AtomicFile, WriteError};
 use isv_volume::SparseVolume;
 use std::io::{self, Write};
@@ -15,7 +16,19 @@ use std::path::Path;
 /// [`WriteError`]; each file is replaced whole or not at all.
 pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteError> {
     std::fs::create_dir_all(folder).map_err(|cause| WriteError::new(folder, cause))?;
-    let n = volume.grid().edge.voxels();
+    let grid = volume.grid();
+    let description = Description {
+        comment: COMMENT,
+        voxel_size_m: Some(grid.voxel_size.metres()),
+        truncation_m: Some(grid.voxel_size.metres() * f64::from(grid.truncation.voxels())),
+        tsdf_unit: TsdfUnit::Truncation,
+    };
+    // First, so that what is there of a job that was killed says whose it is.
+    write_file(&folder.join(DESCRIPTION), |file| {
+        serde_json::to_writer_pretty(&mut *file, &description)?;
+        writeln!(file)
+    })?;
+    let n = grid.edge.voxels();
     let shape = [volume.block_count(), n, n, n];
     write_file(&folder.join(COORDS), |file| {
         file.write_all(&npy::header("<i4", &[volume.block_count(), 3]))?;
@@ -24,23 +37,13 @@ pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteErr
     })?;
     write_file(&folder.join(TSDF), |file| {
         file.write_all(&npy::header("<f4", &shape))?;
-        let limit = f32::from(volume.grid().truncation.codes());
+        let limit = f32::from(grid.truncation.codes());
         let mut distances = volume.samples().map(|code| f32::from(code) / limit);
         distances.try_for_each(|distance| file.write_all(&distance.to_le_bytes()))
     })?;
     write_file(&folder.join(WEIGHT), |file| {
         file.write_all(&npy::header("|u1", &shape))?;
         (0..volume.block_count()).try_for_each(|block| file.write_all(&weights(volume, block)))
-    })?;
-    let grid = volume.grid();
-    let description = Description {
-        voxel_size_m: Some(grid.voxel_size.metres()),
-        truncation_m: Some(grid.voxel_size.metres() * f64::from(grid.truncation.voxels())),
-        tsdf_unit: TsdfUnit::Truncation,
-    };
-    write_file(&folder.join(DESCRIPTION), |file| {
-        serde_json::to_writer_pretty(&mut *file, &description)?;
-        writeln!(file)
     })
 }
 

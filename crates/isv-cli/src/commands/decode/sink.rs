@@ -2,7 +2,7 @@
 
 use super::product::{OutputFormat, Product};
 use crate::interrupt;
-use crate::output::{Output, check_frame_output, frames_in_words, is_pipe, say};
+use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
 use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
@@ -82,13 +82,14 @@ impl Sink {
             }
             fs::create_dir(&self.path).with_context(|| format!("{path}: cannot make this folder"))?;
         }
+        let path = self.path.join(name);
+        self.check_free(&path)?;
         if let Product::Volume(volume) = product
             && self.format == OutputFormat::Npy
         {
-            return Ok(write_volume(&self.path.join(name), volume)?);
+            return Ok(write_volume(&path, volume)?);
         }
-        self.check_free(&self.path.join(name))?;
-        let mut file = Output::create(&self.path.join(name))?;
+        let mut file = Output::create(&path)?;
         write_product(&mut file, product, self.format)?;
         file.commit()?;
         Ok(())
@@ -97,8 +98,9 @@ impl Sink {
     /// Refuses to overwrite what isv did not write, in formats that can tell.
     fn check_free(&self, path: &Path) -> Result<()> {
         match self.format {
-            OutputFormat::Npy | OutputFormat::Vdb | OutputFormat::Geometry(Format::Xyz) => Ok(()),
-            OutputFormat::Geometry(_) => check_frame_output(path),
+            OutputFormat::Geometry(Format::Xyz) => Ok(()),
+            OutputFormat::Npy => check_volume_output(path),
+            OutputFormat::Vdb | OutputFormat::Geometry(_) => check_frame_output(path),
         }
     }
 
