@@ -31,6 +31,7 @@ mod table;
 mod terms;
 mod threads;
 mod timeline;
+mod up;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
