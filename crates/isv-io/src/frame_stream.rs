@@ -3,6 +3,7 @@
 mod ply_files;
 mod tar_archive;
 
+use crate::text::UTF8_MARK;
 use crate::{Format, Geometry, ReadError, Unit, parse_geometry};
 use ply_files::PlyFiles;
 use std::io::{self, Chain, Cursor, Read};
@@ -125,7 +126,9 @@ impl<R: Read> FrameStream<R> {
     pub fn new(mut reader: R, unit: Unit) -> Result<Self, FrameStreamError> {
         let mut head = Vec::new();
         reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
-        let is_ply = head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n");
+        let start = head.strip_prefix(UTF8_MARK).unwrap_or(&head);
+        let is_ply = start.get(..3).is_some_and(|word| word.eq_ignore_ascii_case(b"ply"))
+            && start.get(3).is_some_and(u8::is_ascii_whitespace);
         let is_tar = head.ends_with(b"ustar") && head.len() as u64 == HEAD_BYTES;
         let is_empty = head.is_empty();
         let joined = Cursor::new(head).chain(reader);

@@ -22,6 +22,15 @@ pub enum Geometry {
 }
 
 impl Geometry {
+    /// Whether nothing is there: nobody was on the stage.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        match self {
+            Self::Mesh(mesh) => mesh.triangles.is_empty(),
+            Self::Points(points) => points.positions.is_empty(),
+        }
+    }
+
     /// Smallest and largest corner of the bounding box, in metres; `None` if nothing is there.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
@@ -61,13 +70,23 @@ impl Geometry {
 
     /// The same in metres, as [`read_geometry`] promises it.
     pub(crate) fn checked(self, path: &Path, unit: Unit) -> Result<Self, ReadError> {
-        let geometry = self.in_metres(unit);
+        let mut geometry = self.in_metres(unit);
+        if let Self::Mesh(mesh) = &mut geometry {
+            drop_stray_vertices(mesh);
+        }
         geometry.validate(path)?;
         Ok(geometry)
     }
 
-    /// Checks what every consumer relies on.
-    pub(crate) fn validate(&self, path: &Path) -> Result<(), ReadError> {
+    /// Checks what every consumer relies on. A frame that is empty passes: it shows nobody.
+    fn validate(&self, path: &Path) -> Result<(), ReadError> {
+        let has_vertices = match self {
+            Self::Mesh(mesh) => !mesh.vertices.is_empty(),
+            Self::Points(points) => !points.positions.is_empty(),
+        };
+        if self.is_empty() && !has_vertices {
+            return Ok(());
+        }
         let path = || path.to_owned();
         let positions = match self {
             Self::Mesh(mesh) => {
@@ -89,6 +108,25 @@ impl Geometry {
     }
 }
 
+/// Moves vertices that no triangle uses and that are nowhere to the origin. Nothing is seen of them.
+fn drop_stray_vertices(mesh: &mut TriangleMesh) {
+    let is_nowhere = |v: &DVec3| !(v.abs().max_element() <= MAX_COORDINATE_M);
+    if !mesh.vertices.iter().any(is_nowhere) {
+        return;
+    }
+    let mut used = vec![false; mesh.vertices.len()];
+    for vertex in mesh.triangles.as_flattened() {
+        if let Some(used) = used.get_mut(*vertex as usize) {
+            *used = true;
+        }
+    }
+    for (vertex, used) in mesh.vertices.iter_mut().zip(used) {
+        if !used && is_nowhere(vertex) {
+            *vertex = DVec3::ZERO;
+        }
+    }
+}
+
 /// Reads a mesh or points; the extension, in either case, decides how. Coordinates in `unit` become metres.
 ///
 /// Polygons are split into triangles. An animated file gives its pose at time 0; see [`Animation`](crate::Animation) for
@@ -101,7 +139,7 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
     if let Some(Format::Glb | Format::Gltf) = Format::of_path(path) {
-        return gltf::Animation::open(path, unit)?.mesh_at(0.0).map(Geometry::Mesh);
+        return gltf::Animation::open(path, unit)?.geometry_at(0.0);
     }
     let bytes = regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
     parse_geometry(path, &bytes, unit)
@@ -115,11 +153,11 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
 pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry, ReadError> {
     let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
         Some(Format::Ply) => ply::parse,
-        Some(Format::Obj) => |bytes| obj::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Obj) => obj::parse,
         Some(Format::Stl) => |bytes| stl::parse(bytes).map(Geometry::Mesh),
         Some(Format::Off) => |bytes| off::parse(bytes).map(Geometry::Mesh),
         Some(Format::Glb | Format::Gltf) => {
-            return gltf::Animation::parse(path, bytes, unit)?.mesh_at(0.0).map(Geometry::Mesh);
+            return gltf::Animation::parse(path, bytes, unit)?.geometry_at(0.0);
         }
         Some(Format::Pcd) => |bytes| pcd::parse(bytes).map(Geometry::Points),
         Some(Format::Xyz) => |bytes| xyz::parse(bytes).map(Geometry::Points),
@@ -149,6 +187,8 @@ pub fn parse_mesh(path: &Path, bytes: &[u8], unit: Unit) -> Result<TriangleMesh,
 fn mesh_of(path: &Path, geometry: Geometry) -> Result<TriangleMesh, ReadError> {
     match geometry {
         Geometry::Mesh(mesh) => Ok(mesh),
+        // A PLY file without a vertex does not tell which of the two it is.
+        Geometry::Points(points) if points.positions.is_empty() => Ok(TriangleMesh::default()),
         Geometry::Points(_) => Err(ReadError::NotAMesh { path: path.to_owned() }),
     }
 }

@@ -10,7 +10,8 @@ pub(crate) fn inside(folder: &Path, name: &str) -> Option<PathBuf> {
     let stays =
         Path::new(name).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     let goes_up = name.split(['/', '\\']).any(|part| part == "..");
-    (stays && !goes_up && !has_drive && !name.starts_with('\\')).then(|| folder.join(name))
+    // Windows parts names by backslashes; nobody else means one.
+    (stays && !goes_up && !has_drive && !name.starts_with('\\')).then(|| folder.join(name.replace('\\', "/")))
 }
 
 #[cfg(test)]
@@ -22,6 +23,9 @@ mod tests {
         let folder = Path::new("take");
         for name in ["a.png", "./a.png", "depth/a.png", "a b/..c.png"] {
             assert_eq!(inside(folder, name), Some(folder.join(name)), "{name}");
+        }
+        for name in ["depth\\a.png", ".\\depth\\a.png"] {
+            assert_eq!(inside(folder, name), Some(folder.join("depth/a.png")), "{name}");
         }
         for name in [
             "/etc/passwd",

@@ -42,10 +42,10 @@ mod regular_file;
 mod scale_check;
 mod sequence;
 mod stl;
+mod text;
 mod unit;
 mod volume;
 mod wildcard;
-mod words;
 mod xyz;
 
 pub use atomic::AtomicFile;

@@ -1,21 +1,23 @@
-//! Wavefront OBJ, after the "Advanced Visualizer" appendix B1: the `v` and `f` records; all others are ignored.
+//! Wavefront OBJ, after the "Advanced Visualizer" appendix B1: the `v`, `f` and `p` records; all others are ignored.
 //!
-//! `vn` records are ignored on reading too: OBJ gives normals to the corners of faces, a mesh here to its vertices.
+//! `vn` records of meshes are ignored on reading too: OBJ gives normals to the corners of faces, a mesh here to its vertices. Points
+//! have the normals of a file that has one a vertex.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::geometry::Geometry;
 use crate::own::COMMENT;
 use crate::polygon::Polygons;
-use crate::words::{coordinates, parse_word, words};
+use crate::text::{self, coordinates, parse_word, words};
 use glam::DVec3;
-use isv_volume::TriangleMesh;
+use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
 
-/// Parses an OBJ file in memory.
-pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
-    let mut mesh = TriangleMesh::default();
-    let mut polygons = Polygons::default();
-    let mut polygon = Vec::new();
-    let mut lines = bytes.split(|b| *b == b'\n').enumerate();
+/// Parses an OBJ file in memory: points if it has vertices but neither faces nor lines, else a mesh. A file that has no vertices
+/// either is an empty mesh if it has nothing but comments and records of OBJ.
+pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
+    let bytes = &text::decode(bytes);
+    let mut file = File::default();
+    let mut lines = text::lines(bytes).enumerate();
     let mut joined = Vec::new();
     while let Some((index, line)) = lines.next() {
         joined.clear();
@@ -26,35 +28,112 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
             joined.push(b' ');
             joined.extend_from_slice(lines.next().map_or(&[][..], |(_, next)| next).trim_ascii_end());
         }
-        parse_record(&joined, &mut mesh.vertices, &mut polygons, &mut polygon)
-            .map_err(|why| Flaw::at_line(index + 1, why))?;
+        file.record(&joined, index + 1).map_err(|why| Flaw::at_line(index + 1, why))?;
     }
-    mesh.triangles = polygons.into_triangles(&mesh.vertices)?;
-    Ok(mesh)
+    file.finish()
 }
 
-/// Parses a line; `polygon` is scratch space.
-fn parse_record(
-    line: &[u8],
-    vertices: &mut Vec<DVec3>,
-    polygons: &mut Polygons,
-    polygon: &mut Vec<u32>,
-) -> Result<(), Malformation> {
-    let line = line.split(|b| *b == b'#').next().unwrap_or_default();
-    let mut words = words(line);
-    match words.next() {
-        // A weight or a colour may follow.
-        Some(b"v") => vertices.push(coordinates(&mut words)?),
-        Some(b"f") => {
-            polygon.clear();
-            for corner in words {
-                polygon.push(vertex_of_corner(corner, vertices.len())?);
+/// What the records so far say.
+#[derive(Default)]
+struct File {
+    vertices: Vec<DVec3>,
+    /// `vn` records: normals of points, where there is one a vertex.
+    normals: Vec<DVec3>,
+    polygons: Polygons,
+    /// Vertices that `p` records name.
+    points: Vec<u32>,
+    /// Whether there are faces, lines or other elements that are no points.
+    has_elements: bool,
+    /// The first word that is no keyword of OBJ, and its line.
+    unknown: Option<(usize, String)>,
+    /// Scratch space.
+    polygon: Vec<u32>,
+}
+
+/// Keywords of OBJ that are neither vertices nor elements, and those that programs have added.
+const PASSED_OVER: [&str; 19] = [
+    "vt",
+    "vp",
+    "o",
+    "g",
+    "s",
+    "mg",
+    "usemtl",
+    "mtllib",
+    "usemap",
+    "maplib",
+    "bevel",
+    "c_interp",
+    "d_interp",
+    "lod",
+    "shadow_obj",
+    "trace_obj",
+    "deg",
+    "cstype",
+    "end",
+];
+
+impl File {
+    /// Takes a line.
+    fn record(&mut self, line: &[u8], number: usize) -> Result<(), Malformation> {
+        let line = line.split(|b| *b == b'#').next().unwrap_or_default();
+        let mut words = words(line);
+        match words.next() {
+            None => {}
+            // A weight or a colour may follow.
+            Some(b"v") => self.vertices.push(coordinates(&mut words)?),
+            Some(b"vn") => self.normals.push(coordinates(&mut words).unwrap_or_default().normalize_or_zero()),
+            Some(b"f" | b"fo") => {
+                self.has_elements = true;
+                self.polygon.clear();
+                for corner in words {
+                    self.polygon.push(vertex_of_corner(corner, self.vertices.len())?);
+                }
+                self.polygons.push(&self.polygon);
             }
-            polygons.push(polygon);
+            Some(b"p") => {
+                for corner in words {
+                    self.points.push(vertex_of_corner(corner, self.vertices.len())?);
+                }
+            }
+            Some(b"l" | b"curv" | b"curv2" | b"surf") => self.has_elements = true,
+            Some(word) => {
+                if !PASSED_OVER.iter().any(|keyword| word == keyword.as_bytes()) {
+                    self.unknown.get_or_insert_with(|| (number, quote(word)));
+                }
+            }
         }
-        _ => {}
+        Ok(())
     }
-    Ok(())
+
+    fn finish(self) -> Result<Geometry, Flaw> {
+        let Self { vertices, normals, polygons, points, has_elements, unknown, .. } = self;
+        if vertices.is_empty()
+            && !has_elements
+            && let Some((line, text)) = unknown
+        {
+            return Err(Flaw::at_line(line, Malformation::Keyword { format: "OBJ", text }));
+        }
+        if has_elements || vertices.is_empty() {
+            let triangles = polygons.into_triangles(&vertices)?;
+            return Ok(Geometry::Mesh(TriangleMesh { vertices, normals: Vec::new(), triangles }));
+        }
+        let known = normals.len() == vertices.len();
+        let normals = if known { normals } else { Vec::new() };
+        if points.is_empty() {
+            return Ok(Geometry::Points(PointCloud { positions: vertices, normals, viewpoint: None }));
+        }
+        if let Some(index) = points.iter().find(|index| **index as usize >= vertices.len()) {
+            let text = (u64::from(*index) + 1).to_string();
+            return Err(Flaw::in_object("point", 0, Malformation::Index { text }));
+        }
+        let named = |of: &[DVec3]| match of.is_empty() {
+            true => Vec::new(),
+            false => points.iter().map(|index| of[*index as usize]).collect(),
+        };
+        let (positions, normals) = (named(&vertices), named(&normals));
+        Ok(Geometry::Points(PointCloud { positions, normals, viewpoint: None }))
+    }
 }
 
 /// The vertex that a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` names, from 0. In the file positive numbers count from
@@ -98,11 +177,40 @@ mod tests {
         parse(text.as_bytes()).unwrap_err()
     }
 
+    fn mesh(text: &str) -> TriangleMesh {
+        match parse(text.as_bytes()).unwrap() {
+            Geometry::Mesh(mesh) => mesh,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn vertices_without_elements_are_points_and_p_names_some_of_them() {
+        let points = |text: &str| match parse(text.as_bytes()).unwrap() {
+            Geometry::Points(points) => points.positions,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(points("v 1 0 0\nv 0 1 0\n"), [DVec3::X, DVec3::Y]);
+        assert_eq!(points("v 1 0 0\nv 0 1 0\np -1 1\n"), [DVec3::Y, DVec3::X]);
+        assert!(parse(b"v 1 0 0\np 2\n").is_err());
+        assert_eq!(mesh("v 0 0 0\nv 1 0 0\nl 1 2\n").triangles.len(), 0, "lines are no points");
+    }
+
+    #[test]
+    fn a_file_without_vertices_is_empty_only_if_it_is_obj() {
+        assert_eq!(mesh("# nobody\no body\nmtllib a.mtl\n"), TriangleMesh::default());
+        let text = "hello".to_owned();
+        assert_eq!(
+            flaw("# a\nhello world\n"),
+            Flaw::at_line(2, Malformation::Keyword { format: "OBJ", text })
+        );
+    }
+
     #[test]
     fn corners_may_be_negative_and_carry_texture_and_normal() {
         let text = "# head\nmtllib x.mtl\nv 0 0 0 1\nv 1 0 0 .5 .5 .5\r\nv 1 1 0\nvn 0 0 1\n\
                     f 1/9/9 2//9 3/9\nv 0 1 0 # fourth\nf -4 -3 -2 -1\n";
-        let mesh = parse(text.as_bytes()).unwrap();
+        let mesh = mesh(text);
         assert_eq!(mesh.vertices[3], DVec3::new(0.0, 1.0, 0.0));
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
         assert!(mesh.normals.is_empty());
@@ -110,13 +218,13 @@ mod tests {
 
     #[test]
     fn a_backslash_continues_a_line() {
-        let mesh = parse(b"v 0 0 0\nv 1 0 \\\r\n 0\nv 1 1 0\nf 1 2\\\n3\n\\").unwrap();
+        let mesh = mesh("v 0 0 0\nv 1 0 \\\r\n 0\nv 1 1 0\nf 1 2\\\n3\n\\");
         assert_eq!((mesh.vertices[1], mesh.triangles[0]), (DVec3::X, [0, 1, 2]));
     }
 
     #[test]
     fn a_face_may_be_no_convex_polygon_and_come_before_its_vertices() {
-        let mesh = parse(b"f 1 2 3 4\nv 0 0 0\nv 4 1 0\nv 0 2 0\nv 1 1 0\n").unwrap();
+        let mesh = mesh("f 1 2 3 4\nv 0 0 0\nv 4 1 0\nv 0 2 0\nv 1 1 0\n");
         assert!(mesh.triangles.iter().all(|t| t.contains(&1) && t.contains(&3)), "{:?}", mesh.triangles);
     }
 

@@ -1,9 +1,12 @@
 //! OFF, the Object File Format of Geomview (its manual, "OFF: Object File Format"), as text: `OFF` and the variants that
 //! add texture coordinates, colours or normals to vertices, which are read past.
+//!
+//! A row usually is a line, where a colour of any length may follow what is needed. Files whose rows are not lines are read value by
+//! value, with as many values a vertex as the keyword says.
 
 use crate::error::{Flaw, Malformation, quote};
 use crate::polygon::Polygons;
-use crate::words::{coordinates, parse_word, words};
+use crate::text::{self, Words, coordinates, parse_word, words};
 use isv_volume::TriangleMesh;
 
 /// Fewest bytes of a vertex and of a triangle, `0 0 0` and `3 0 1 2` and the ends of their lines.
@@ -11,56 +14,158 @@ const LEAST_BYTES: [usize; 2] = [6, 8];
 
 /// Parses an OFF file in memory. Lines after the last face are ignored.
 pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
-    let mut lines = Lines { rest: bytes, number: 0 };
-    let [vertices, faces] = counts(&mut lines).map_err(|why| Flaw::at_line(lines.number, why))?;
+    let bytes = &text::decode(bytes);
+    let header = Header::parse(bytes)?;
+    read_lines(&header).or_else(|flaw| {
+        // Of three readings the first that fits; the flaw is that of rows as lines.
+        let drops_colours = [true, false];
+        drops_colours.iter().find_map(|drops| read_values(&header, *drops)).ok_or(flaw)
+    })
+}
+
+/// Keyword and counts, and the body behind them.
+struct Header<'a> {
+    vertices: u64,
+    faces: u64,
+    /// Values a vertex.
+    values: usize,
+    body: &'a [u8],
+    /// Line that the body starts on, from 1.
+    line: usize,
+}
+
+impl<'a> Header<'a> {
+    /// The keyword, if there is one, and the counts of vertices and faces behind it, on its line or the next ones. A count of edges may
+    /// follow.
+    fn parse(bytes: &'a [u8]) -> Result<Self, Flaw> {
+        let mut lines = Lines::new(bytes, 1);
+        let mut first = lines.next().ok_or(Flaw::at_line(0, Malformation::NotOff))?;
+        let flaw = |lines: &Lines, why| Flaw::at_line(lines.number, why);
+        let word = words(first).next().unwrap_or_default();
+        let mut values = 3;
+        if parse_word::<u64>(word).is_none() {
+            let (variant, glued) = keyword(word).map_err(|why| flaw(&lines, why))?;
+            values = variant;
+            // `OFF162 320 0`, as many files of ModelNet have it.
+            let at = first.len() - first.trim_ascii_start().len() + word.len() - glued.len();
+            first = first[at..].trim_ascii();
+            if words(first).next() == Some(b"BINARY") {
+                return Err(flaw(&lines, Malformation::OffVariant { text: "OFF BINARY".to_owned() }));
+            }
+            if first.is_empty() {
+                let counts = lines.next();
+                first = counts.ok_or_else(|| flaw(&lines, Malformation::EndsBefore { what: "counts" }))?;
+            }
+        }
+        let counts: Vec<_> = words(first).take(3).collect();
+        if let [vertices, faces, ..] = counts[..] {
+            let count =
+                |word: &[u8]| parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) });
+            let both = count(vertices).and_then(|vertices| Ok((vertices, count(faces)?)));
+            let (vertices, faces) = both.map_err(|why| flaw(&lines, why))?;
+            return Ok(Self { vertices, faces, values, body: lines.rest, line: lines.number + 1 });
+        }
+        // A count a line, all three of them.
+        let mut found = [0; 3];
+        let mut words = Words::new(lines.rest, lines.number + 1, true);
+        for (index, count) in found.iter_mut().enumerate() {
+            let word = if index == 0 { counts.first().copied() } else { words.next() };
+            let few = || Flaw::at_line(lines.number, Malformation::LineLength { too_many: false });
+            let number = |word: &[u8]| {
+                let why = Malformation::Number { text: quote(word) };
+                parse_word(word).ok_or(Flaw::at_line(lines.number, why))
+            };
+            *count = number(word.ok_or_else(few)?)?;
+        }
+        Ok(Self { vertices: found[0], faces: found[1], values, body: words.rest(), line: words.line() })
+    }
+
+    /// How many rows to reserve memory for: as many as claimed, but never more than the body could hold.
+    fn rows_to_reserve(&self, claimed: u64, least_bytes: usize) -> usize {
+        let fit = self.body.len() / least_bytes;
+        usize::try_from(claimed).map_or(fit, |claimed| claimed.min(fit))
+    }
+}
+
+/// Values a vertex, and what is glued to the keyword: `OFF` in either case, with `ST`, `C` and `N` before it.
+fn keyword(word: &[u8]) -> Result<(usize, &[u8]), Malformation> {
+    let at =
+        word.windows(3).position(|three| three.eq_ignore_ascii_case(b"OFF")).ok_or(Malformation::NotOff)?;
+    let (prefix, rest) = word.split_at(at);
+    let (keyword, glued) = rest.split_at(3);
+    let variant = || Malformation::OffVariant { text: quote(word) };
+    // `n` before capitals is the number of dimensions, `N` a normal.
+    if prefix.contains(&b'4') || (prefix.contains(&b'n') && keyword == b"OFF") {
+        return Err(variant());
+    }
+    if !glued.is_empty() && parse_word::<u64>(glued).is_none() {
+        return Err(Malformation::NotOff);
+    }
+    let prefix = prefix.to_ascii_uppercase();
+    let textured = prefix.strip_prefix(b"ST");
+    let values = match textured.unwrap_or(&prefix) {
+        b"" => 3,
+        b"C" => 3 + 4,
+        b"N" => 3 + 3,
+        b"CN" | b"NC" => 3 + 3 + 4,
+        _ => return Err(variant()),
+    };
+    Ok((values + if textured.is_some() { 2 } else { 0 }, glued))
+}
+
+/// Reads a row a line.
+fn read_lines(header: &Header) -> Result<TriangleMesh, Flaw> {
+    let mut lines = Lines::new(header.body, header.line);
     let mut mesh = TriangleMesh::default();
-    mesh.vertices.reserve(lines.rows_to_reserve(vertices, LEAST_BYTES[0]));
-    for found in 0..vertices {
-        let line = lines.row("vertices", vertices, found)?;
+    mesh.vertices.reserve(header.rows_to_reserve(header.vertices, LEAST_BYTES[0]));
+    for found in 0..header.vertices {
+        let line = lines.row("vertices", header.vertices, found)?;
         let vertex = coordinates(&mut words(line)).map_err(|why| Flaw::at_line(lines.number, why))?;
         mesh.vertices.push(vertex);
     }
     let mut polygons = Polygons::default();
-    polygons.reserve(lines.rows_to_reserve(faces, LEAST_BYTES[1]));
+    polygons.reserve(header.rows_to_reserve(header.faces, LEAST_BYTES[1]));
     let mut polygon = Vec::new();
-    for found in 0..faces {
-        let line = lines.row("faces", faces, found)?;
-        parse_face(line, &mut polygon).map_err(|why| Flaw::at_line(lines.number, why))?;
+    for found in 0..header.faces {
+        let line = lines.row("faces", header.faces, found)?;
+        parse_face(&mut words(line), &mut polygon).map_err(|why| Flaw::at_line(lines.number, why))?;
         polygons.push(&polygon);
     }
     mesh.triangles = polygons.into_triangles(&mesh.vertices)?;
     Ok(mesh)
 }
 
-/// The keyword, and the counts of vertices and faces after it, on its line or the next. A count of edges may follow.
-fn counts(lines: &mut Lines) -> Result<[u64; 2], Malformation> {
-    let first = lines.next().ok_or(Malformation::NotOff)?;
-    let mut rest = words(first);
-    let keyword = rest.next().and_then(|word| word.strip_suffix(b"OFF")).ok_or(Malformation::NotOff)?;
-    let keyword = keyword.strip_prefix(b"ST").unwrap_or(keyword);
-    if !matches!(keyword, b"" | b"C" | b"N" | b"CN") {
-        return Err(Malformation::OffVariant { text: quote(words(first).next().unwrap_or_default()) });
+/// Reads value by value, if nothing but that fits; `drops_colours`: what follows a face on its line is a colour.
+fn read_values(header: &Header, drops_colours: bool) -> Option<TriangleMesh> {
+    let mut words = Words::new(header.body, header.line, true);
+    let mut mesh = TriangleMesh::default();
+    mesh.vertices.reserve(header.rows_to_reserve(header.vertices, LEAST_BYTES[0]));
+    for _ in 0..header.vertices {
+        mesh.vertices.push(coordinates(&mut words).ok()?);
+        for _ in 3..header.values {
+            words.next()?;
+        }
     }
-    let mut rest = rest.peekable();
-    match rest.peek() {
-        Some(&b"BINARY") => Err(Malformation::OffVariant { text: "OFF BINARY".to_owned() }),
-        Some(_) => parse_counts(rest),
-        None => parse_counts(words(lines.next().ok_or(Malformation::EndsBefore { what: "counts" })?)),
+    let mut polygons = Polygons::default();
+    let mut polygon = Vec::new();
+    for _ in 0..header.faces {
+        parse_face(&mut words, &mut polygon).ok()?;
+        polygons.push(&polygon);
+        while drops_colours && words.line_goes_on() {
+            words.next();
+        }
     }
-}
-
-fn parse_counts<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> Result<[u64; 2], Malformation> {
-    let mut count = || {
-        let word = words.next().ok_or(Malformation::LineLength { too_many: false })?;
-        parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })
-    };
-    Ok([count()?, count()?])
+    mesh.triangles = polygons.into_triangles(&mesh.vertices).ok()?;
+    let in_range = |vertex: &u32| (*vertex as usize) < mesh.vertices.len();
+    (words.next().is_none() && mesh.triangles.as_flattened().iter().all(in_range)).then_some(mesh)
 }
 
 /// The corners of a face, `n v1 .. vn`; a colour may follow.
-fn parse_face(line: &[u8], polygon: &mut Vec<u32>) -> Result<(), Malformation> {
+fn parse_face<'a>(
+    words: &mut impl Iterator<Item = &'a [u8]>,
+    polygon: &mut Vec<u32>,
+) -> Result<(), Malformation> {
     polygon.clear();
-    let mut words = words(line);
     let length = words.next().unwrap_or_default();
     let corners: u64 = parse_word(length).ok_or_else(|| Malformation::Number { text: quote(length) })?;
     for _ in 0..corners {
@@ -78,11 +183,16 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
+    /// Lines of a text that starts on a line, counted from 1.
+    fn new(text: &'a [u8], line: usize) -> Self {
+        Self { rest: text, number: line - 1 }
+    }
+
     fn next(&mut self) -> Option<&'a [u8]> {
         while !self.rest.is_empty() {
-            let end = self.rest.iter().position(|b| *b == b'\n');
-            let (line, rest) = self.rest.split_at(end.map_or(self.rest.len(), |end| end + 1));
-            self.rest = rest;
+            let mut lines = text::lines(self.rest);
+            let line = lines.next()?;
+            self.rest = lines.rest();
             self.number += 1;
             let said = line.split(|b| *b == b'#').next().unwrap_or_default().trim_ascii();
             if !said.is_empty() {
@@ -97,12 +207,6 @@ impl<'a> Lines<'a> {
         self.next().ok_or_else(|| {
             Flaw::at_line(self.number, Malformation::Truncated { rows: rows.to_owned(), promised, found })
         })
-    }
-
-    /// How many rows to reserve memory for: as many as claimed, but never more than the rest of the file could hold.
-    fn rows_to_reserve(&self, claimed: u64, least_bytes: usize) -> usize {
-        let fit = self.rest.len() / least_bytes;
-        usize::try_from(claimed).map_or(fit, |claimed| claimed.min(fit))
     }
 }
 

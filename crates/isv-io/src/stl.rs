@@ -5,7 +5,7 @@
 
 use crate::error::{Flaw, Malformation, quote};
 use crate::own::COMMENT;
-use crate::words::{coordinates, words};
+use crate::text::{self, coordinates, words};
 use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
 use std::collections::HashMap;
@@ -19,19 +19,29 @@ const TRIANGLE_BYTES: usize = 12 * 4 + 2;
 
 /// Parses an STL file in memory.
 pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
-    if is_text(bytes) { parse_text(bytes) } else { parse_binary(bytes) }
+    let text = text::decode(bytes);
+    if is_text(&text) { parse_text(&text) } else { parse_binary(bytes) }
 }
 
-/// Whether a file is the text kind. Both may start with `solid`, but a binary one of that name either has the length
-/// that its count asks for, which no text below 7 GB can have (its count would be four printable characters), or it is
+/// Whether a file is the text kind: its first line that is no comment starts with `solid`. A binary one may start so too, but either
+/// has the length that its count asks for, which no text below 7 GB can have (its count would be four printable characters), or it is
 /// cut or padded and has bytes in its first lines that no text has.
 fn is_text(bytes: &[u8]) -> bool {
     const LOOKED_AT: usize = 1024;
     let start = &bytes[..bytes.len().min(LOOKED_AT)];
-    let solid = start.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let mut said =
+        text::lines(bytes).map(<[u8]>::trim_ascii).filter(|line| !line.is_empty() && !is_comment(line));
+    let solid =
+        said.next().and_then(|line| line.get(..5)).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let printable = start.iter().all(|b| *b >= b' ' || b.is_ascii_whitespace());
     let exact = promised(bytes).is_some_and(|n| bytes.len() as u64 == binary_length(n));
     solid && printable && !exact
+}
+
+/// Whether a line is a comment, as some programs write them.
+fn is_comment(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    [&b"#"[..], b"//", b";", b"%", b"!"].iter().any(|mark| line.starts_with(mark))
 }
 
 /// The number of triangles that a binary file says it has.
@@ -65,7 +75,7 @@ fn parse_binary(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
 fn parse_text(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
     let mut parser = Text { soup: Soup::default(), corners: Vec::new(), inside: false };
     let mut lines = 0;
-    for line in bytes.split(|b| *b == b'\n') {
+    for line in text::lines(bytes) {
         lines += 1;
         parser.line(line).map_err(|why| Flaw::at_line(lines, why))?;
     }
@@ -84,11 +94,18 @@ struct Text {
 }
 
 impl Text {
-    /// Takes a line. Keywords in either case; what else a line has (names, normals) is not looked at.
+    /// Takes a line. Keywords in either case, `end` apart or not; what else a line has (names, normals, colours) is not looked at.
     fn line(&mut self, line: &[u8]) -> Result<(), Malformation> {
+        if is_comment(line) {
+            return Ok(());
+        }
         let mut words = words(line);
         let Some(word) = words.next() else { return Ok(()) };
-        match (word.to_ascii_lowercase().as_slice(), self.inside) {
+        let mut keyword = word.to_ascii_lowercase();
+        if keyword == b"end" {
+            keyword.extend(words.next().unwrap_or_default().to_ascii_lowercase());
+        }
+        match (keyword.as_slice(), self.inside) {
             (b"solid", false) => self.inside = true,
             (b"endsolid", true) if self.corners.is_empty() => self.inside = false,
             (b"vertex", true) => self.corners.push(coordinates(&mut words)?),
@@ -99,7 +116,8 @@ impl Text {
                 self.soup.push([a, b, c]);
                 self.corners.clear();
             }
-            (b"facet" | b"outer" | b"endloop", true) => {}
+            (b"facet" | b"outer" | b"outerloop" | b"endloop" | b"color" | b"colour", true) => {}
+            (b"color" | b"colour", false) => {}
             _ => return Err(Malformation::Keyword { format: "STL", text: quote(word) }),
         }
         Ok(())

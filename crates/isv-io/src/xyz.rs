@@ -1,9 +1,10 @@
 //! XYZ, points as text. The format has no document; what is read is this:
 //!
 //! - A point a line. `#` and `//` start comments; empty lines mean nothing.
+//! - A first line of names may be behind `#` or `//`, as CloudCompare writes it.
 //! - Blanks, tabs, commas and semicolons separate values, any run of them once. A decimal comma is refused where it can be
 //!   told from one that separates: where blanks separate values as well.
-//! - The first line may be the number of points, which must then be right, or the names of the columns.
+//! - The first lines may be the number of points, which must then be right, and the names of the columns, in either order.
 //! - With names, columns `x y z` are the position and `nx ny nz`, or `normal_x normal_y normal_z`, the normal, in
 //!   either case.
 //! - Without names, the first three columns are the position. The last three of six are the normal if in each of the
@@ -12,10 +13,10 @@
 
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation, quote};
+use crate::text::{self, parse_float, parse_word};
 use glam::DVec3;
 use isv_volume::PointCloud;
 use std::io::{self, Write};
-use std::str::FromStr;
 
 /// Lines that decide whether columns are normals.
 const LINES_ASKED: usize = 100;
@@ -35,20 +36,24 @@ struct Columns {
 
 /// Parses a file in memory.
 pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    let bytes = &text::decode(bytes);
     let mut lines = lines(bytes).peekable();
     let mut promised = None;
     let mut named = None;
-    if let Some(&(at, first)) = lines.peek() {
+    while let Some(&(at, first)) = lines.peek() {
         let words: Vec<_> = words(first).take(MAX_COLUMNS + 1).collect();
-        if let [word] = words[..] {
-            promised = Some(number::<u64>(word).map_err(|why| Flaw::at_line(at, why))?);
-        } else if words.first().is_some_and(|word| number::<f64>(word).is_err()) {
+        if let ([word], None) = (&words[..], promised) {
+            promised = Some(count(word).map_err(|why| Flaw::at_line(at, why))?);
+        } else if named.is_none() && words.first().is_some_and(|word| number(word).is_err()) {
             named = Some(Columns::named(&words).map_err(|why| Flaw::at_line(at, why))?);
+        } else {
+            break;
         }
-        if promised.is_some() || named.is_some() {
-            lines.next();
-        }
+        lines.next();
     }
+    // Names in a comment do not stop a file: they may be a sentence.
+    let named = named.or_else(|| Columns::in_comments(bytes, lines.peek().map(|(_, line)| *line)));
+    let says_points = promised.is_some() || named.is_some();
     let columns = named.unwrap_or_else(|| Columns::guessed(lines.clone().map(|(_, line)| line)));
     let mut cloud = CloudBuilder::new(columns.slots[3].is_some(), 0);
     let mut found = 0;
@@ -60,6 +65,9 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     }
     match promised {
         Some(said) if said != found => Err(Flaw::at_line(last, Malformation::PointCount { said, found })),
+        _ if found == 0 && !says_points => {
+            Err(Flaw::at_line(last, Malformation::EndsBefore { what: "first point" }))
+        }
         _ => Ok(cloud.finish(None)),
     }
 }
@@ -81,6 +89,24 @@ impl Columns {
             slots[3..].fill(None);
         }
         Ok(Self { slots, count: names.len() })
+    }
+
+    /// The columns that a comment before the first point names, if they are as many as the point has.
+    fn in_comments(bytes: &[u8], point: Option<&[u8]>) -> Option<Self> {
+        let count = words(point?).count();
+        let is_point = |line: &[u8]| {
+            words(line).next().is_some_and(|word| number(word).is_ok() && words(line).count() > 1)
+        };
+        let before = text::lines(bytes).map(<[u8]>::trim_ascii).take_while(|line| !is_point(line));
+        let comments = before.filter_map(|line| line.strip_prefix(b"//").or_else(|| line.strip_prefix(b"#")));
+        comments
+            .filter_map(|line| {
+                let marks = |b: &u8| matches!(b, b'#' | b'/') || b.is_ascii_whitespace();
+                let at = line.iter().position(|b| !marks(b))?;
+                let names: Vec<_> = words(&line[at..]).take(MAX_COLUMNS + 1).collect();
+                Self::named(&names).ok().filter(|columns| columns.count == count)
+            })
+            .last()
     }
 
     /// Columns without names, from what the first lines hold.
@@ -125,9 +151,7 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> + Clone {
         let comment = (0..line.len()).find(|at| line[*at] == b'#' || line[*at..].starts_with(b"//"));
         comment.unwrap_or(line.len())
     };
-    // Some editors start a text with the byte order mark of UTF-8.
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let lines = bytes.split(|b| *b == b'\n').enumerate();
+    let lines = text::lines(bytes).enumerate();
     lines
         .map(move |(at, line)| (at + 1, &line[..told(line)]))
         .filter(|(_, line)| words(line).next().is_some())
@@ -146,9 +170,12 @@ fn decimal_comma(line: &[u8]) -> Option<&[u8]> {
     if by_blanks.clone().count() > 1 { by_blanks.find(has_comma) } else { None }
 }
 
-fn number<T: FromStr>(word: &[u8]) -> Result<T, Malformation> {
-    let parsed = str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-    parsed.ok_or_else(|| Malformation::Number { text: quote(word) })
+fn number(word: &[u8]) -> Result<f64, Malformation> {
+    parse_float(word).ok_or_else(|| Malformation::Number { text: quote(word) })
+}
+
+fn count(word: &[u8]) -> Result<u64, Malformation> {
+    parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })
 }
 
 /// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number.

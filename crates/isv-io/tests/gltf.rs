@@ -6,7 +6,7 @@ use isv_testfiles::gltf::{
     Data, MORPH_SPLINE, TRIANGLE, below_ancestors, chunks, container, embedded, morphed, of_all_primitives,
     of_several_animations, skinned, strided_and_sparse, triangle_shown_by,
 };
-use isv_volume::{MeshError, TriangleMesh};
+use isv_volume::TriangleMesh;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -94,7 +94,7 @@ fn the_default_scene_is_shown_and_a_file_without_meshes_says_so() {
     assert_eq!(mesh(&glb(Some(1))).unwrap().vertices[0].x, 5.0);
     assert_eq!(message(&glb(Some(2))), "a.glb: no mesh with triangles in the scene (scene 2)");
     assert_eq!(message(&glb(Some(3))), "a.glb: names scene 3 of 3 (scene 3)");
-    assert_eq!(message(b"{\"asset\":{}}"), "a.glb: no mesh with triangles in the scene (scene 0)");
+    assert!(mesh(b"{\"asset\":{}}").unwrap().triangles.is_empty(), "a scene with nobody in it");
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn what_is_scaled_to_nothing_is_hidden() {
     let nodes = json!([{ "mesh": 0 }, { "scale": [0, 0, 0], "children": [2] }, { "mesh": 0 }]);
     assert_eq!(mesh(&triangle_shown_by(nodes)).unwrap().triangles.len(), 1);
     let glb = triangle_shown_by(json!([{ "mesh": 0, "scale": [0, 0, 0] }]));
-    assert!(matches!(mesh(&glb), Err(ReadError::Mesh { cause: MeshError::NoFaces, .. })));
+    assert!(mesh(&glb).unwrap().triangles.is_empty());
 }
 
 #[test]
@@ -332,7 +332,7 @@ fn every_truncation_fails() {
     }
     assert_eq!(
         message(b"glTF\x01\0\0\0\x0c\0\0\0"),
-        "a.glb: binary glTF of version 1; only version 2 can be read (byte 4)"
+        "a.glb: glTF of version 1; only version 2 can be read (byte 4)"
     );
     assert_eq!(message(b"hello"), "a.glb: not a glTF file: it starts with neither `glTF` nor `{` (byte 0)");
     assert_eq!(

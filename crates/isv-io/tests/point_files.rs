@@ -261,7 +261,10 @@ fn faults_in_xyz_name_their_line() {
     assert_eq!(fault("1\n1 2 3\n4 5 6"), (Position::Line(3), Malformation::PointCount { said: 1, found: 2 }));
     let message = parse("a.xyz", b"1 2 3\n1 nan 3\n").unwrap_err().to_string();
     assert_eq!(message, "a.xyz: point 1 is not finite");
-    assert!(matches!(parse("a.xyz", b""), Err(ReadError::Points { cause: PointsError::NoPoints, .. })));
+    for nothing in ["", "\n", "# a comment\n"] {
+        let what = "first point";
+        assert_eq!(fault(nothing), (Position::Line(1), Malformation::EndsBefore { what }), "{nothing}");
+    }
     for name in ["a.txt", "a.csv", "a.asc"] {
         assert!(matches!(parse(name, b"1 2 3\n"), Err(ReadError::UnsupportedExtension { .. })));
     }

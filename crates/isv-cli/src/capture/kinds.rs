@@ -14,7 +14,7 @@ use anyhow::{Result, bail};
 use isv::decode::Lod;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
-    Animation, DepthSequence, FrameSequence, Geometry, SequenceError, Unit, VolumeError, VolumeSequence,
+    Animation, DepthSequence, FrameSequence, SequenceError, Unit, VolumeError, VolumeSequence,
     is_depth_folder,
 };
 use isv::volume::Grid;
@@ -178,9 +178,9 @@ impl Kind {
                 Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, unit))
             }
             Self::Animation(animation, rate) => Box::new(range.map(move |number| {
-                let mesh = animation.mesh_at(number as f64 / rate.per_second())?;
+                let geometry = animation.geometry_at(number as f64 / rate.per_second())?;
                 let name = format!("{name}, frame {number}");
-                let content = Content::Geometry(Geometry::Mesh(mesh));
+                let content = Content::Geometry(geometry);
                 Ok(CapturedFrame { number, name, timestamp_ns: None, content })
             })),
             Self::Depth(depth) => Box::new(range.map(move |number| {

@@ -17,6 +17,7 @@ use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
 use isv::metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
 use isv::surface::SurfaceOptions;
+use isv::volume::TriangleMesh;
 use serde::Serialize;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -87,6 +88,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 /// and decoded ahead of their use.
 fn geometries(capture: Capture, range: Range<usize>) -> Result<Ahead<Result<Geometry>>> {
     let geometry = |frame: CapturedFrame| match frame.content {
+        // A file of points without points is a frame without surface, whatever the other side holds.
+        Content::Geometry(geometry) if geometry.is_empty() => Ok(Geometry::Mesh(TriangleMesh::default())),
         Content::Geometry(geometry) => Ok(geometry),
         Content::Volume(volume) | Content::Decoded(volume) => {
             let surface = memory::surface(&volume, SurfaceOptions { normals: false });

@@ -5,6 +5,7 @@ use super::image::Units;
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
 use crate::regular_file;
+use crate::text;
 use glam::{DMat4, DVec2};
 use isv_volume::{CameraPose, DepthError, Intrinsics};
 use serde::Deserialize;
@@ -73,7 +74,8 @@ const LARGEST_NUMBER: f64 = 1e6;
 /// Reads a JSON file.
 pub(crate) fn read_json<T: DeserializeOwned>(file: &Path) -> Result<T, DepthFileError> {
     let bytes = regular_file::read(file).map_err(io_error(file))?;
-    serde_json::from_slice(&bytes).map_err(|why| DepthFileError::Json { path: file.to_owned(), why })
+    serde_json::from_slice(&text::decode(&bytes))
+        .map_err(|why| DepthFileError::Json { path: file.to_owned(), why })
 }
 
 /// A camera-to-world matrix as a pose.

@@ -6,6 +6,7 @@ use super::image::Units;
 use super::{Camera, DepthSequence, Poses};
 use crate::inside::inside;
 use crate::regular_file;
+use crate::text;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use isv_volume::{CameraPose, Intrinsics};
 use std::path::{Path, PathBuf};
@@ -146,8 +147,12 @@ fn for_each_line(
     mut line: impl FnMut(Vec<&str>) -> Result<(), String>,
 ) -> Result<(), DepthFileError> {
     let bytes = regular_file::read(file).map_err(io_error(file))?;
-    let text = String::from_utf8_lossy(&bytes);
-    for (number, text) in text.lines().enumerate().filter(|(_, text)| !text.trim_start().starts_with('#')) {
+    let bytes = text::decode(&bytes);
+    for (number, line_text) in text::lines(&bytes).enumerate() {
+        let text = String::from_utf8_lossy(line_text);
+        if text.trim_start().starts_with('#') {
+            continue;
+        }
         let words: Vec<&str> = text.split_whitespace().collect();
         if !words.is_empty() {
             let named = |why| DepthFileError::Line { path: file.to_owned(), line: number + 1, why };

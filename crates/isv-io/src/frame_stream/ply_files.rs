@@ -1,6 +1,7 @@
 //! PLY files one after another. Each says how long it is, but only to who reads all of it.
 
 use super::{FrameStreamError, MAX_FRAME_BYTES};
+use crate::text::UTF8_MARK;
 use crate::{Geometry, ply};
 use std::io::{self, Read};
 use std::path::PathBuf;
@@ -56,9 +57,12 @@ impl<R: Read> PlyFiles<R> {
         }
     }
 
+    /// Passes over white space, and over the byte order mark that a file may start with.
     fn skip_space(&mut self) {
         let file = &self.buffer[self.start..];
-        self.start += file.len() - file.trim_ascii_start().len();
+        let text = file.trim_ascii_start();
+        let text = text.strip_prefix(UTF8_MARK).unwrap_or(text);
+        self.start += file.len() - text.len();
     }
 
     /// Takes what is there, and waits only where nothing is.

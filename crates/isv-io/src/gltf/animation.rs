@@ -9,7 +9,7 @@ use super::scene::{Channel, Scene};
 use super::schema::Document;
 use crate::error::Flaw;
 use crate::{Geometry, ReadError, Unit};
-use isv_volume::TriangleMesh;
+use isv_volume::{PointCloud, TriangleMesh};
 use std::path::{Path, PathBuf};
 
 /// Longest animation, in seconds: a day. Keyframes beyond it are damage, and would be sampled for ever.
@@ -18,7 +18,7 @@ pub const MAX_DURATION_S: f64 = 86_400.0;
 /// The triangles of a glTF file's default scene, at rest or moving.
 ///
 /// Nodes that move, skins (any number of sets of four joints) and morph targets are played back, by linear, stepped and
-/// cubic keyframes. A node scaled to zero is hidden. Points and lines are left out, normals are not kept. Buffers of a
+/// cubic keyframes. A node scaled to zero is hidden. Lines are left out, and points beside triangles; normals are not kept. Buffers of a
 /// `.gltf` must lie in its folder or below. Everything is held in memory, which is bounded by the size of the file and its
 /// buffers.
 ///
@@ -120,15 +120,27 @@ impl Animation {
         ((self.duration_s() * fps * (1.0 - ROUNDING)).ceil() as u64).max(1)
     }
 
-    /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe.
+    /// Triangles at an instant, in metres, or points if the file has nothing else; before the first and after the last keyframe those
+    /// of the keyframe. Empty while nothing is to be seen.
     ///
     /// # Errors
-    /// [`ReadError::Mesh`] if nothing is to be seen then or a vertex is nowhere, [`ReadError::OutOfRange`].
+    /// [`ReadError::Mesh`] or [`ReadError::Points`] if a vertex is nowhere, [`ReadError::OutOfRange`].
+    pub fn geometry_at(&self, seconds: f64) -> Result<Geometry, ReadError> {
+        let (mesh, positions) = self.scene.pose(self.channels(), seconds);
+        let geometry = match self.scene.is_points() {
+            true => Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None }),
+            false => Geometry::Mesh(mesh),
+        };
+        geometry.checked(&self.path, self.unit)
+    }
+
+    /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe. Empty while nothing is to be
+    /// seen.
+    ///
+    /// # Errors
+    /// As [`Self::geometry_at`], and [`ReadError::NotAMesh`].
     pub fn mesh_at(&self, seconds: f64) -> Result<TriangleMesh, ReadError> {
-        let mesh = self.scene.pose(self.channels(), seconds);
-        let geometry = Geometry::Mesh(mesh).in_metres(self.unit);
-        geometry.validate(&self.path)?;
-        match geometry {
+        match self.geometry_at(seconds)? {
             Geometry::Mesh(mesh) => Ok(mesh),
             Geometry::Points(_) => Err(ReadError::NotAMesh { path: self.path.clone() }),
         }

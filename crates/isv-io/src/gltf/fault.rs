@@ -10,8 +10,8 @@ pub enum GltfFault {
     /// The file starts with neither `glTF` nor a JSON object.
     #[error("not a glTF file: it starts with neither `glTF` nor `{{`")]
     NotGltf,
-    /// A binary file of another version.
-    #[error("binary glTF of version {version}; only version 2 can be read")]
+    /// A file of another version.
+    #[error("glTF of version {version}; only version 2 can be read")]
     Version {
         /// The version.
         version: u32,

@@ -20,6 +20,8 @@ pub(super) struct Shape {
 pub(super) struct Part {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Vertices that are points to be seen.
+    pub(super) points: Vec<u32>,
     /// Four joints and their weights for each vertex, as many times as the file has sets of them; none if unskinned.
     pub(super) influences: Vec<Influences>,
     /// Displacements of each vertex by each morph target; none for a target that moves nothing.
@@ -65,7 +67,13 @@ impl VertexSource {
                 return Err(Flaw::in_object("accessor", index, fault));
             }
         }
-        let mut part = Part { positions, triangles: Vec::new(), influences: Vec::new(), targets: Vec::new() };
+        let mut part = Part {
+            positions,
+            triangles: Vec::new(),
+            points: Vec::new(),
+            influences: Vec::new(),
+            targets: Vec::new(),
+        };
         for (joints, weights) in &self.influences {
             part.influences.push(Influences {
                 joints: accessors.integers(*joints, "VEC4", named_by)?,
@@ -81,7 +89,7 @@ impl VertexSource {
 }
 
 impl Shape {
-    /// Loads mesh `index`, named by a node. Points and lines are left out.
+    /// Loads mesh `index`, named by a node. Lines are left out.
     pub(super) fn load(
         document: &Document,
         accessors: &Accessors,
@@ -93,8 +101,8 @@ impl Shape {
         let mut places: BTreeMap<VertexSource, usize> = BTreeMap::new();
         for primitive in &mesh.primitives {
             refuse_compression(primitive).map_err(|fault| Flaw::in_object("mesh", index, fault))?;
-            let Some(source) = VertexSource::of(primitive).filter(|_| primitive.mode >= Primitive::TRIANGLES)
-            else {
+            let is_read = primitive.mode == Primitive::POINTS || primitive.mode >= Primitive::TRIANGLES;
+            let Some(source) = VertexSource::of(primitive).filter(|_| is_read) else {
                 continue;
             };
             let place = match places.get(&source) {
@@ -109,7 +117,7 @@ impl Shape {
             let part = &mut shape.parts[place];
             append_triangles(part, primitive, accessors, ("mesh", index))?;
         }
-        shape.parts.retain(|part| !part.triangles.is_empty());
+        shape.parts.retain(|part| !part.triangles.is_empty() || !part.points.is_empty());
         Ok(shape)
     }
 
@@ -132,7 +140,7 @@ fn refuse_compression(primitive: &Primitive) -> Result<(), GltfFault> {
     }
 }
 
-/// Appends the triangles of a primitive whose vertices are those of `part`.
+/// Appends the triangles or points of a primitive whose vertices are those of `part`.
 fn append_triangles(
     part: &mut Part,
     primitive: &Primitive,
@@ -150,6 +158,7 @@ fn append_triangles(
     }
     accessors.limit.take(corners.len(), 3).map_err(flaw)?;
     match primitive.mode {
+        Primitive::POINTS => part.points.extend(corners),
         Primitive::TRIANGLES => part.triangles.extend(corners.as_chunks().0),
         Primitive::TRIANGLE_STRIP => part.triangles.extend(strip(&corners)),
         Primitive::TRIANGLE_FAN => {
@@ -177,7 +186,11 @@ mod tests {
     fn weights_without_a_target_take_no_memory() {
         let shape = Shape { parts: Vec::new(), targets: 3 };
         let many: Vec<f64> = (0..50_000).map(f64::from).collect();
-        let mesh = |weights: &[f64]| schema::Mesh { primitives: Vec::new(), weights: weights.to_vec() };
+        let mesh = |weights: &[f64]| schema::Mesh {
+            primitives: Vec::new(),
+            weights: weights.to_vec(),
+            extensions: schema::Extensions::new(),
+        };
         let node = |weights: &[f64]| schema::Node { weights: weights.to_vec(), ..schema::Node::default() };
         for weights in
             [shape.weights_at_rest(&mesh(&many), &node(&[])), shape.weights_at_rest(&mesh(&[]), &node(&many))]

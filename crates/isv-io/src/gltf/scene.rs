@@ -8,7 +8,7 @@ use super::keyframes::{Curve, Moved};
 use super::parts::Shape;
 use super::schema::{self, Document, Node, object};
 use crate::error::Flaw;
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DVec3};
 use isv_volume::TriangleMesh;
 
 /// What of a scene can be seen.
@@ -62,7 +62,8 @@ impl Scene {
             scene.skins.push(Skin::load(document, accessors, skin)?);
         }
         scene.load_instances(document, accessors, &shown)?;
-        if scene.instances.is_empty() {
+        // A scene with nobody in it is one; a scene of what cannot be read is not.
+        if scene.instances.is_empty() && document.meshes.iter().any(|mesh| !mesh.primitives.is_empty()) {
             return Err(Flaw::in_object("scene", default, GltfFault::NoMeshes));
         }
         Ok(scene)
@@ -124,6 +125,7 @@ impl Scene {
             let per_vertex = 1 + part.influences.len() + part.targets.len();
             accessors.limit.take(part.positions.len(), 3 * per_vertex).map_err(flaw)?;
             accessors.limit.take(part.triangles.len(), 3).map_err(flaw)?;
+            accessors.limit.take(part.points.len(), 3 * per_vertex).map_err(flaw)?;
             let Some(skin) = skin else { continue };
             let influences = part.influences.iter().flat_map(|set| set.joints.iter().zip(&set.weights));
             let used = influences.flat_map(|(joints, weights)| joints.iter().zip(weights));
@@ -179,8 +181,14 @@ impl Scene {
         self.instances.binary_search_by_key(&node, |instance| instance.node).ok()
     }
 
-    /// The mesh at an instant. A shape that is scaled to nothing is hidden and gives no triangles.
-    pub(super) fn pose(&self, channels: &[Channel], seconds: f64) -> TriangleMesh {
+    /// Whether there are points and nothing else.
+    pub(super) fn is_points(&self) -> bool {
+        let mut parts = self.shapes.iter().flat_map(|shape| &shape.parts).peekable();
+        parts.peek().is_some() && parts.all(|part| part.triangles.is_empty())
+    }
+
+    /// The mesh at an instant, and the points. A shape that is scaled to nothing is hidden and gives none.
+    pub(super) fn pose(&self, channels: &[Channel], seconds: f64) -> (TriangleMesh, Vec<DVec3>) {
         let mut transforms = self.rest.clone();
         let mut weights: Vec<_> = self.instances.iter().map(|instance| instance.weights.clone()).collect();
         for of_node in channels.chunk_by(|a, b| a.node == b.node) {
@@ -203,15 +211,22 @@ impl Scene {
             }
         }
         let transforms = self.hierarchy.to_scene(transforms);
-        let mut mesh = TriangleMesh::default();
+        let (mut mesh, mut points) = (TriangleMesh::default(), Vec::new());
         for (instance, weights) in self.instances.iter().zip(&weights) {
-            self.append(instance, &transforms, weights, &mut mesh);
+            self.append(instance, &transforms, weights, &mut mesh, &mut points);
         }
-        mesh
+        (mesh, points)
     }
 
     /// Appends an instance, given the transforms of all nodes to the scene.
-    fn append(&self, instance: &Instance, transforms: &[DAffine3], weights: &[f64], mesh: &mut TriangleMesh) {
+    fn append(
+        &self,
+        instance: &Instance,
+        transforms: &[DAffine3],
+        weights: &[f64],
+        mesh: &mut TriangleMesh,
+        points: &mut Vec<DVec3>,
+    ) {
         let own = Placing::by(vec![transforms[instance.node]]);
         let joints = instance.skin.map(|skin| Placing::by(self.skins[skin].transforms(transforms)));
         for part in &self.shapes[instance.shape].parts {
@@ -221,14 +236,19 @@ impl Scene {
             if placing.hidden {
                 continue;
             }
-            let first = mesh.vertices.len() as u32;
-            mesh.vertices.extend((0..part.positions.len()).map(|vertex| {
+            let place = |vertex: usize| {
                 let position = part.morphed(vertex, weights);
                 match joints {
                     Some(joints) => part.skinned(vertex, position, &joints.transforms),
                     None => own.transforms[0].transform_point3(position),
                 }
-            }));
+            };
+            points.extend(part.points.iter().map(|vertex| place(*vertex as usize)));
+            if part.triangles.is_empty() {
+                continue;
+            }
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend((0..part.positions.len()).map(place));
             mesh.triangles.extend(part.triangles.iter().map(|triangle| {
                 let [a, b, c] = triangle.map(|vertex| first + vertex);
                 if placing.mirrored { [a, c, b] } else { [a, b, c] }
@@ -315,7 +335,7 @@ mod tests {
         let buffers = Buffers::load(&document.buffers, None, None).unwrap();
         let accessors = Accessors::new(&document, buffers, Limit::for_bytes(json.len()));
         let scene = Scene::load(&document, &accessors).unwrap();
-        assert_eq!(scene.pose(&[], 0.0).triangles.len(), parts);
+        assert_eq!(scene.pose(&[], 0.0).0.triangles.len(), parts);
         assert_eq!(LOOKED_AT.get(), joints + 1, "the joints, and the node itself");
     }
 }

@@ -1,5 +1,6 @@
 //! The JSON of glTF 2.0, as far as geometry needs it. All names are the specification's.
 
+use super::container::VERSION;
 use super::fault::GltfFault;
 use crate::error::{Flaw, quote};
 use serde::Deserialize;
@@ -23,6 +24,40 @@ const HARMLESS: &[&str] = &[
     "EXT_lights_",
     "KHR_xmp",
     "KHR_node_visibility",
+    "KHR_techniques_webgl",
+    "KHR_technique_webgl",
+    "KHR_animation_pointer",
+    "KHR_audio",
+    "KHR_physics",
+    "KHR_interactivity",
+    "KHR_node_selectability",
+    "KHR_node_hoverability",
+    "EXT_structural_metadata",
+    "EXT_feature_metadata",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "EXT_materials_",
+    "EXT_mesh_manifold",
+    "CESIUM_primitive_outline",
+    "ADOBE_materials_",
+    "AGI_stk_metadata",
+    "FB_material",
+    "GODOT_",
+    "MSFT_lod",
+    "NV_materials_",
+    "OMI_",
+    "MPEG_texture_",
+    "MPEG_audio_",
+    "VRM",
+];
+
+/// Required extensions that change where triangles are wherever they stand, in ways that are not read.
+const MOVING: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "CESIUM_RTC",
+    "AGI_articulations",
+    "MPEG_mesh_linking",
+    "MPEG_scene_dynamic",
 ];
 
 #[derive(Debug, Default, Deserialize)]
@@ -70,6 +105,8 @@ pub(super) struct NodeExtensions {
     pub(super) instancing: Option<IgnoredAny>,
     #[serde(rename = "KHR_node_visibility")]
     visibility: Option<Visibility>,
+    #[serde(flatten)]
+    others: Extensions,
 }
 
 #[derive(Debug, Deserialize)]
@@ -86,6 +123,8 @@ impl Node {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Mesh {
+    #[serde(default)]
+    pub(super) extensions: Extensions,
     pub(super) primitives: Vec<Primitive>,
     #[serde(default)]
     pub(super) weights: Vec<f64>,
@@ -104,6 +143,7 @@ pub(super) struct Primitive {
 }
 
 impl Primitive {
+    pub(super) const POINTS: u32 = 0;
     pub(super) const TRIANGLES: u32 = 4;
     pub(super) const TRIANGLE_STRIP: u32 = 5;
     pub(super) const TRIANGLE_FAN: u32 = 6;
@@ -171,6 +211,8 @@ pub(super) struct Accessor {
     #[serde(rename = "type")]
     pub(super) shape: String,
     pub(super) sparse: Option<Box<Sparse>>,
+    #[serde(default)]
+    pub(super) extensions: Extensions,
 }
 
 #[derive(Debug, Deserialize)]
@@ -217,17 +259,61 @@ pub(super) struct Buffer {
 }
 
 impl Document {
-    /// Parses the JSON of a file, which starts at `offset` in it.
+    /// Parses the JSON of a file, which starts at `offset` in it. Zero bytes behind it are padding, as some programs write it.
     pub(super) fn parse(json: &[u8], offset: usize) -> Result<Self, Flaw> {
+        let json = json.trim_ascii_end();
+        let padding = json.iter().rev().take_while(|b| **b == 0 || b.is_ascii_whitespace()).count();
+        let json = &json[..json.len() - padding];
+        check_version(json, offset)?;
         let document: Self = serde_json::from_slice(json).map_err(|error| json_flaw(json, offset, &error))?;
-        let known = |name: &String| HARMLESS.iter().any(|harmless| name.starts_with(harmless));
-        match document.extensions_required.iter().find(|name| !known(name)) {
+        match document.extensions_required.iter().find(|name| document.moves(name)) {
             Some(name) => {
                 let extension = quote(name.as_bytes());
                 Err(Flaw::at_byte(offset, GltfFault::Extension { extension }.into()))
             }
             None => Ok(document),
         }
+    }
+
+    /// Whether a required extension may change where triangles are. Of one that is not known, the places where it stands tell:
+    /// what is said of materials, textures or the whole file moves nothing.
+    fn moves(&self, name: &String) -> bool {
+        if HARMLESS.iter().any(|harmless| name.starts_with(harmless)) {
+            return false;
+        }
+        MOVING.contains(&name.as_str())
+            || name.ends_with("_compression")
+            || self.nodes.iter().any(|node| node.extensions.others.contains_key(name))
+            || self.accessors.iter().any(|accessor| accessor.extensions.contains_key(name))
+            || self.buffer_views.iter().any(|view| view.extensions.contains_key(name))
+            || self.meshes.iter().any(|mesh| mesh.extensions.contains_key(name))
+            || self
+                .meshes
+                .iter()
+                .flat_map(|mesh| &mesh.primitives)
+                .any(|part| part.extensions.contains_key(name))
+    }
+}
+
+/// Refuses other versions by their names: what they hold may be of another shape.
+fn check_version(json: &[u8], offset: usize) -> Result<(), Flaw> {
+    #[derive(Deserialize)]
+    struct File {
+        asset: Option<Asset>,
+    }
+    #[derive(Deserialize)]
+    struct Asset {
+        version: Option<String>,
+    }
+    // What is not understood here is told of where all of it is parsed.
+    let Ok(File { asset: Some(Asset { version: Some(version) }) }) = serde_json::from_slice(json) else {
+        return Ok(());
+    };
+    match version.split('.').next().and_then(|major| major.trim().parse().ok()) {
+        Some(version) if version != VERSION => {
+            Err(Flaw::at_byte(offset, GltfFault::Version { version }.into()))
+        }
+        _ => Ok(()),
     }
 }
 

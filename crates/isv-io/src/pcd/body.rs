@@ -1,9 +1,10 @@
 //! The points in a PCD file: `x y z` and, if all three are there, `normal_x normal_y normal_z`; other fields are skipped.
 
-use super::header::{Encoding, Field, Header, Kind, parse as parse_word};
+use super::header::{Encoding, Field, Header, Kind, READ};
 use super::lzf;
 use crate::cloud_builder::{CloudBuilder, check_compressed};
 use crate::error::{Flaw, Malformation, quote};
+use crate::text::{self, parse_float};
 use glam::DVec3;
 use isv_volume::PointCloud;
 
@@ -12,6 +13,7 @@ use isv_volume::PointCloud;
 /// Of an organised cloud, which is an image whose pixels are points, those without a reading are dropped: any of
 /// their coordinates is NaN.
 pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+    let bytes = &text::decode(bytes);
     let header = Header::parse(bytes)?;
     let mut points = Points::new(&header).map_err(|why| Flaw::at_line(header.lines, why))?;
     let body = &bytes[header.body_offset..];
@@ -32,7 +34,7 @@ struct Points<'a> {
 
 impl<'a> Points<'a> {
     fn new(header: &'a Header) -> Result<Self, Malformation> {
-        let mut columns = ["x", "y", "z", "normal_x", "normal_y", "normal_z"].map(|name| header.find(name));
+        let mut columns = READ.map(|name| header.find(name));
         if columns[..3].contains(&None) {
             return Err(Malformation::Missing { what: "fields x, y and z" });
         }
@@ -61,7 +63,7 @@ impl<'a> Points<'a> {
             words_of_a_point += field.count as u64;
         }
         let starts = self.columns.map(|column| column.map(|field| starts[field]));
-        let lines = body.split(|b| *b == b'\n').enumerate().map(|(at, line)| (at, line.trim_ascii()));
+        let lines = text::lines(body).enumerate().map(|(at, line)| (at, line.trim_ascii()));
         let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with(b"#"));
         for found in 0..self.header.points {
             let (at, line) = lines.next().ok_or_else(|| self.truncated(found, body.len()))?;
@@ -147,9 +149,9 @@ impl<'a> Points<'a> {
 fn text_row(line: &[u8], starts: [Option<u64>; 6], words: u64) -> Result<[f64; 6], Malformation> {
     let mut values = [0.0; 6];
     let mut found = 0;
-    for word in line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
+    for word in text::words(line) {
         if let Some(slot) = starts.iter().position(|start| *start == Some(found)) {
-            values[slot] = parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })?;
+            values[slot] = parse_float(word).ok_or_else(|| Malformation::Number { text: quote(word) })?;
         }
         found += 1;
     }

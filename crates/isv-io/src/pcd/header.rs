@@ -1,11 +1,15 @@
 //! The header: which fields a point has, how many points there are, and where they were seen from.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::text;
 use glam::DVec3;
 use std::str::FromStr;
 
 /// Most fields of a point. Real files stay below fifty; the search for a name is linear in this.
 const MAX_FIELDS: usize = 1024;
+
+/// Fields that are read.
+pub(super) const READ: [&str; 6] = ["x", "y", "z", "normal_x", "normal_y", "normal_z"];
 
 /// How the body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,26 +62,37 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Parses the header at the start of a file. Its lines end in LF or CR LF.
+    /// Parses the header at the start of a file. A line ends in LF, CR, or CR LF.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Flaw> {
         let mut entries = Entries::default();
-        let mut offset = 0;
-        for (index, raw) in bytes.split_inclusive(|b| *b == b'\n').enumerate() {
-            offset += raw.len();
-            if !raw.ends_with(b"\n") {
-                break;
-            }
-            let flaw = |why| Flaw::at_line(index + 1, why);
-            if let Some(encoding) = entries.line(raw.trim_ascii()).map_err(flaw)? {
-                return entries.finish(encoding, offset, index + 1).map_err(flaw);
+        let (mut offset, mut number, mut carriage_return) = (0, 0, false);
+        while let Some(length) = bytes[offset..].iter().position(|b| matches!(b, b'\n' | b'\r')) {
+            let line = bytes[offset..offset + length].trim_ascii();
+            let end = &bytes[offset + length..];
+            number += 1;
+            let flaw = |why| Flaw::at_line(number, why);
+            let encoding = entries.line(line).map_err(flaw)?;
+            // Behind a header of lines that end in CR, an LF is the first byte of the body.
+            let end_bytes = match text::line_end(end) {
+                Some(2) if encoding.is_some() && carriage_return => 1,
+                end_bytes => end_bytes.unwrap_or(1),
+            };
+            carriage_return = end[end_bytes - 1] == b'\r';
+            offset += length + end_bytes;
+            if let Some(encoding) = encoding {
+                return entries.finish(encoding, offset, number).map_err(flaw);
             }
         }
-        Err(Flaw::at_byte(offset, Malformation::EndsBefore { what: "DATA line" }))
+        Err(Flaw::at_byte(bytes.len(), Malformation::EndsBefore { what: "DATA line" }))
     }
 
-    /// Index of a field of at least one value.
+    /// Index of a field of at least one value; one of this very name before one in other case.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
-        self.fields.iter().position(|field| field.name == name.as_bytes() && field.count > 0)
+        let name = name.as_bytes();
+        let find = |same: fn(&[u8], &[u8]) -> bool| {
+            self.fields.iter().position(|field| same(&field.name, name) && field.count > 0)
+        };
+        find(|a, b| a == b).or_else(|| find(<[u8]>::eq_ignore_ascii_case))
     }
 }
 
@@ -98,7 +113,7 @@ impl Entries {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let Some(key) = words.next() else { return Ok(None) };
         let mut first = words.clone();
-        match key {
+        match key.to_ascii_uppercase().as_slice() {
             _ if key.starts_with(b"#") => {}
             b"VERSION" => {}
             // The name that versions before 0.6 use.
@@ -109,9 +124,9 @@ impl Entries {
             })?,
             b"TYPE" => self.each_field(words, not_understood, |field, word| {
                 field.kind = match word {
-                    b"I" => Kind::Signed,
-                    b"U" => Kind::Unsigned,
-                    b"F" => Kind::Float,
+                    b"I" | b"i" => Kind::Signed,
+                    b"U" | b"u" => Kind::Unsigned,
+                    b"F" | b"f" => Kind::Float,
                     _ => return None,
                 };
                 Some(())
@@ -125,7 +140,7 @@ impl Entries {
             b"POINTS" => self.points = Some(first.next().and_then(parse).ok_or_else(not_understood)?),
             b"VIEWPOINT" => self.viewpoint = viewpoint(words).ok_or_else(not_understood)?,
             b"DATA" => {
-                return match first.next() {
+                return match first.next().map(<[u8]>::to_ascii_lowercase).as_deref() {
                     Some(b"ascii") => Ok(Some(Encoding::Ascii)),
                     Some(b"binary") => Ok(Some(Encoding::Binary)),
                     Some(b"binary_compressed") => Ok(Some(Encoding::BinaryCompressed)),
@@ -140,8 +155,9 @@ impl Entries {
     fn name_fields<'a>(&mut self, words: impl Iterator<Item = &'a [u8]>) -> Result<(), Malformation> {
         let mut fields: Vec<Field> = Vec::new();
         for name in words {
-            // Fields named `_` are padding; there may be many.
-            if name != b"_" && fields.iter().any(|field| field.name == name) {
+            // Other fields may share a name: `_` is padding.
+            let is_read = READ.iter().any(|read| name.eq_ignore_ascii_case(read.as_bytes()));
+            if is_read && fields.iter().any(|field| field.name == name) {
                 return Err(Malformation::Duplicate { name: quote(name) });
             }
             if fields.len() == MAX_FIELDS {

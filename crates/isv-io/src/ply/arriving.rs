@@ -7,6 +7,7 @@ use super::read::parse_body;
 use super::values::{Binary, Fault};
 use crate::error::Flaw;
 use crate::geometry::Geometry;
+use crate::text::{is_space, parse_word};
 
 /// What is known of the file so far.
 #[derive(Default)]
@@ -45,37 +46,61 @@ struct Rows {
     row: u64,
     /// Where the last of them ends, in bytes from the start of the file.
     end: usize,
-    /// Of text: where to look for the end of the next line.
+    /// Of text: where to look for the end of the next word.
     searched: usize,
+    /// Of text: values of the row that are there, and how many more its current list has.
+    property: usize,
+    items: u64,
 }
 
 impl Rows {
     fn after(header: &Header) -> Self {
-        Self { element: 0, row: 0, end: header.body_offset, searched: header.body_offset }
+        let start = header.body_offset;
+        Self { element: 0, row: 0, end: start, searched: start, property: 0, items: 0 }
     }
 
     /// Looks for the rows that came since; whether all are there, or there is a fault that parsing them finds.
     fn find_all(&mut self, bytes: &[u8], header: &Header) -> bool {
         match header.encoding {
-            Encoding::Ascii => self.find_lines(bytes, header),
+            Encoding::Ascii => self.find_words(bytes, header),
             Encoding::BinaryLittleEndian => self.find_binary(bytes, header, false),
             Encoding::BinaryBigEndian => self.find_binary(bytes, header, true),
         }
     }
 
-    /// One row a line; empty lines mean nothing.
-    fn find_lines(&mut self, bytes: &[u8], header: &Header) -> bool {
-        while self.unfinished(header).is_some() {
-            let Some(length) = bytes[self.searched..].iter().position(|b| *b == b'\n') else {
+    /// Values between white space, and the end of the line that the last of them is on.
+    fn find_words(&mut self, bytes: &[u8], header: &Header) -> bool {
+        while let Some(element) = self.unfinished(header) {
+            // The end of the last word seen, or the start of the next one.
+            let blanks = bytes[self.end..].iter().take_while(|b| is_space(**b)).count();
+            self.end += blanks;
+            self.searched = self.searched.max(self.end);
+            let Some(length) = bytes[self.searched..].iter().position(|b| is_space(*b)) else {
                 self.searched = bytes.len();
                 return false;
             };
-            let end = self.searched + length + 1;
-            if !bytes[self.end..end].trim_ascii().is_empty() {
-                self.row += 1;
+            let word = &bytes[self.end..self.searched + length];
+            self.end = self.searched + length;
+            self.searched = self.end;
+            if self.items > 0 {
+                self.items -= 1;
+            } else if let Kind::List { .. } = element.properties[self.property].kind {
+                let Some(items) = parse_word(word) else { return true };
+                self.items = items;
             }
-            (self.end, self.searched) = (end, end);
+            if self.items == 0 {
+                self.property += 1;
+                if self.property == element.properties.len() {
+                    self.property = 0;
+                    self.row += 1;
+                }
+            }
         }
+        let Some(length) = bytes[self.searched..].iter().position(|b| matches!(b, b'\n' | b'\r')) else {
+            self.searched = bytes.len();
+            return false;
+        };
+        self.searched += length;
         true
     }
 

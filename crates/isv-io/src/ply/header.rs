@@ -10,6 +10,9 @@ const MAX_DECLARED: usize = 1024;
 /// Words of the longest declaration, `property list uchar int vertex_indices`. Comments may have more.
 const MOST_WORDS: usize = 5;
 
+/// Properties that are read.
+const READ: [&str; 8] = ["x", "y", "z", "nx", "ny", "nz", "vertex_indices", "vertex_index"];
+
 /// How the body's values are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -27,19 +30,24 @@ pub(super) enum Scalar {
     U16,
     I32,
     U32,
+    I64,
+    U64,
     F32,
     F64,
 }
 
 impl Scalar {
+    /// The type of a name, in either case. The integers of 64 bits are not PLY's, but written by some programs.
     fn parse(name: &[u8]) -> Option<Self> {
-        Some(match name {
+        Some(match name.to_ascii_lowercase().as_slice() {
             b"char" | b"int8" => Self::I8,
             b"uchar" | b"uint8" => Self::U8,
             b"short" | b"int16" => Self::I16,
             b"ushort" | b"uint16" => Self::U16,
             b"int" | b"int32" => Self::I32,
             b"uint" | b"uint32" => Self::U32,
+            b"int64" | b"long" => Self::I64,
+            b"uint64" | b"ulong" => Self::U64,
             b"float" | b"float32" => Self::F32,
             b"double" | b"float64" => Self::F64,
             _ => return None,
@@ -52,7 +60,7 @@ impl Scalar {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
+            Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
 
@@ -61,7 +69,7 @@ impl Scalar {
     }
 
     /// Smallest and largest value of an integer type.
-    pub(super) fn integer_range(self) -> Option<RangeInclusive<i64>> {
+    pub(super) fn integer_range(self) -> Option<RangeInclusive<i128>> {
         Some(match self {
             Self::I8 => i8::MIN.into()..=i8::MAX.into(),
             Self::U8 => 0..=u8::MAX.into(),
@@ -69,6 +77,8 @@ impl Scalar {
             Self::U16 => 0..=u16::MAX.into(),
             Self::I32 => i32::MIN.into()..=i32::MAX.into(),
             Self::U32 => 0..=u32::MAX.into(),
+            Self::I64 => i64::MIN.into()..=i64::MAX.into(),
+            Self::U64 => 0..=u64::MAX.into(),
             Self::F32 | Self::F64 => return None,
         })
     }
@@ -101,16 +111,23 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Index of a property.
+    /// Index of a property; one of this very name before one in other case.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
-        self.properties.iter().position(|p| p.name == name.as_bytes())
+        let name = name.as_bytes();
+        let exact = self.properties.iter().position(|p| p.name == name);
+        exact.or_else(|| self.properties.iter().position(|p| p.name.eq_ignore_ascii_case(name)))
+    }
+
+    /// Whether the element has a name, in either case.
+    pub(super) fn is(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name.as_bytes())
     }
 
     /// What a row is called in messages: `vertices`, `faces` or, say, `camera rows`.
     pub(super) fn rows(&self) -> String {
-        match self.name.as_slice() {
-            b"vertex" => "vertices".to_owned(),
-            b"face" => "faces".to_owned(),
+        match &self.name {
+            _ if self.is("vertex") => "vertices".to_owned(),
+            _ if self.is("face") => "faces".to_owned(),
             other => format!("{} rows", quote(other)),
         }
     }
@@ -127,13 +144,13 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Parses the header at the start of a file. Its lines end in LF or CR LF.
+    /// Parses the header at the start of a file.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Flaw> {
-        let mut reader = HeaderReader::default();
+        let mut reader = HeaderReader { ended: true, ..HeaderReader::default() };
         if let Some(header) = reader.read(bytes)? {
             return Ok(header);
         }
-        if reader.lines == 0 && !bytes.is_empty() && words(bytes) != [b"ply"] {
+        if reader.lines == 0 && !bytes.is_empty() && !is_keyword(&words(bytes), b"ply") {
             return Err(Flaw::at_line(1, Malformation::NotPly));
         }
         Err(Flaw::at_byte(bytes.len(), Malformation::HeaderEnd))
@@ -141,11 +158,11 @@ impl Header {
 
     /// The element of a name.
     pub(super) fn find(&self, name: &str) -> Option<&Element> {
-        self.elements.iter().find(|e| e.name == name.as_bytes())
+        self.elements.iter().find(|e| e.is(name))
     }
 }
 
-/// Reads a header whose bytes may still arrive, and each of its lines once.
+/// Reads a header whose bytes may still arrive, and each of its lines once. A line ends in LF, CR, or CR LF.
 #[derive(Default)]
 pub(super) struct HeaderReader {
     parser: Parser,
@@ -154,34 +171,55 @@ pub(super) struct HeaderReader {
     offset: usize,
     /// Where to look for its end.
     searched: usize,
+    /// Whether the last line ended in CR alone.
+    carriage_return: bool,
+    /// Whether no more bytes will come.
+    ended: bool,
 }
 
 impl HeaderReader {
     /// The header, once all of it is there. `bytes` must be those of the calls before, with more behind them.
     pub(super) fn read(&mut self, bytes: &[u8]) -> Result<Option<Header>, Flaw> {
-        while let Some(length) = bytes[self.searched..].iter().position(|b| *b == b'\n') {
-            let end = self.searched + length + 1;
-            let raw = &bytes[self.offset..end];
+        while let Some(length) = bytes[self.searched..].iter().position(|b| matches!(b, b'\n' | b'\r')) {
+            let at = self.searched + length;
+            let raw = &bytes[self.offset..at];
+            let said = words(raw);
+            let is_last = is_keyword(&said, b"end_header");
+            // Behind a header of lines that end in CR, an LF is the first byte of the body.
+            let body_follows = is_last && self.carriage_return;
+            let end = match (bytes[at], bytes.get(at + 1)) {
+                (b'\r', Some(b'\n')) if !body_follows => at + 2,
+                (b'\r', None) if !body_follows && !self.ended => {
+                    self.searched = at;
+                    return Ok(None);
+                }
+                _ => at + 1,
+            };
+            self.carriage_return = bytes[end - 1] == b'\r';
             (self.offset, self.searched) = (end, end);
             self.lines += 1;
             let lines = self.lines;
             let flaw = |why| Flaw::at_line(lines, why);
-            let words = words(raw);
             if lines == 1 {
-                if words != [b"ply"] {
+                if !is_keyword(&said, b"ply") {
                     return Err(flaw(Malformation::NotPly));
                 }
-            } else if words == [b"end_header"] {
+            } else if is_last {
                 let Parser { encoding, elements } = std::mem::take(&mut self.parser);
                 let encoding = encoding.ok_or(flaw(Malformation::NoFormat))?;
                 return Ok(Some(Header { encoding, elements, body_offset: end, lines }));
             } else {
-                self.parser.line(raw, &words).map_err(flaw)?;
+                self.parser.line(raw, &said).map_err(flaw)?;
             }
         }
         self.searched = bytes.len();
         Ok(None)
     }
+}
+
+/// Whether a line is a keyword alone, in either case.
+fn is_keyword(words: &[&[u8]], keyword: &[u8]) -> bool {
+    matches!(words, [word] if word.eq_ignore_ascii_case(keyword))
 }
 
 /// The words of a line, no more of them than tell what it declares.
@@ -198,26 +236,27 @@ struct Parser {
 impl Parser {
     fn line(&mut self, raw: &[u8], words: &[&[u8]]) -> Result<(), Malformation> {
         let not_understood = || Malformation::HeaderLine { text: quote(raw.trim_ascii()) };
-        match words {
-            [] | [b"comment" | b"obj_info", ..] => Ok(()),
-            [b"format", encoding, b"1.0"] => self.format(encoding),
-            [b"format", ..] => Err(Malformation::NoFormat),
-            [b"element", name, count] => {
+        let [keyword, rest @ ..] = words else { return Ok(()) };
+        match (keyword.to_ascii_lowercase().as_slice(), rest) {
+            (b"comment" | b"obj_info", _) => Ok(()),
+            (b"format", [encoding, b"1.0"]) => self.format(encoding),
+            (b"format", _) => Err(Malformation::NoFormat),
+            (b"element", [name, count]) => {
                 let count =
                     str::from_utf8(count).ok().and_then(|c| c.parse().ok()).ok_or_else(not_understood)?;
                 self.element(name, count)
             }
-            [b"property", b"list", length, item, name] => {
+            (b"property", [list, length, item, name]) if list.eq_ignore_ascii_case(b"list") => {
                 let length = integer_type(length)?;
                 self.property(name, Kind::List { length, item: scalar_type(item)? })
             }
-            [b"property", scalar, name] => self.property(name, Kind::Scalar(scalar_type(scalar)?)),
+            (b"property", [scalar, name]) => self.property(name, Kind::Scalar(scalar_type(scalar)?)),
             _ => Err(not_understood()),
         }
     }
 
     fn format(&mut self, encoding: &[u8]) -> Result<(), Malformation> {
-        let encoding = match encoding {
+        let encoding = match encoding.to_ascii_lowercase().as_slice() {
             b"ascii" => Encoding::Ascii,
             b"binary_little_endian" => Encoding::BinaryLittleEndian,
             b"binary_big_endian" => Encoding::BinaryBigEndian,
@@ -245,7 +284,9 @@ impl Parser {
             .elements
             .last_mut()
             .ok_or_else(|| Malformation::HeaderLine { text: format!("property {}", quote(name)) })?;
-        if element.properties.iter().any(|p| p.name == name) {
+        // Two columns of a name stop nothing unless the name is one that is read.
+        let is_read = READ.iter().any(|read| name.eq_ignore_ascii_case(read.as_bytes()));
+        if is_read && element.properties.iter().any(|p| p.name == name) {
             return Err(Malformation::Duplicate { name: quote(name) });
         }
         if element.properties.len() == MAX_DECLARED {

@@ -5,12 +5,14 @@ use super::values::{Ascii, Binary, Fault, Values};
 use crate::error::{Flaw, Malformation};
 use crate::geometry::Geometry;
 use crate::polygon::{Polygons, strip};
+use crate::text;
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 
 /// Parses a PLY file in memory: points if it has no faces or strips, else a mesh. Bytes after the last element are ignored, as
 /// other readers do.
 pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
+    let bytes = &text::decode(bytes);
     parse_body(bytes, &Header::parse(bytes)?, true).map(|(geometry, _)| geometry)
 }
 
@@ -31,19 +33,20 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
     let mut faces = Faces::new(header, "face").map_err(in_header)?;
     let mut strips = Faces::new(header, "tristrips").map_err(in_header)?;
     for element in &header.elements {
-        match element.name.as_slice() {
-            b"vertex" => {
+        match element {
+            _ if element.is("vertex") => {
                 vertices.reserve(values.rows_to_reserve(element));
                 read_rows(&mut values, element, &mut vertices)?;
             }
-            b"face" => {
+            _ if element.is("face") => {
                 faces.polygons.reserve(values.rows_to_reserve(element));
                 read_rows(&mut values, element, &mut faces)?;
             }
-            b"tristrips" => read_rows(&mut values, element, &mut Strips(&mut strips))?,
+            _ if element.is("tristrips") => read_rows(&mut values, element, &mut Strips(&mut strips))?,
             _ => read_rows(&mut values, element, &mut Skip)?,
         }
     }
+    values.finish().map_err(|why| Flaw { at: values.position(), why })?;
     let none_of = |name| header.find(name).is_none_or(|element| element.count == 0);
     if none_of("face") && none_of("tristrips") {
         let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
@@ -59,6 +62,8 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
 
 /// Takes the values of rows as they come.
 trait Sink {
+    /// Whether the values of a property are looked at. What the others hold stops no file.
+    fn wants(&self, property: usize) -> bool;
     /// A scalar, or one item of a list, of the row's property at an index.
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation>;
     fn end_row(&mut self);
@@ -86,12 +91,15 @@ fn read_rows(values: &mut impl Values, element: &Element, sink: &mut impl Sink) 
 fn read_row(values: &mut impl Values, element: &Element, sink: &mut impl Sink) -> Result<(), Fault> {
     values.begin_row()?;
     for (index, property) in element.properties.iter().enumerate() {
-        match property.kind {
-            Kind::Scalar(scalar) => sink.value(index, values.value(scalar)?)?,
-            Kind::List { length, item } => {
-                for _ in 0..values.list_length(length)? {
-                    sink.value(index, values.value(item)?)?;
-                }
+        let (count, scalar) = match property.kind {
+            Kind::Scalar(scalar) => (1, scalar),
+            Kind::List { length, item } => (values.list_length(length)?, item),
+        };
+        for _ in 0..count {
+            if sink.wants(index) {
+                sink.value(index, values.value(scalar)?)?;
+            } else {
+                values.skip(scalar)?;
             }
         }
     }
@@ -104,6 +112,10 @@ fn read_row(values: &mut impl Values, element: &Element, sink: &mut impl Sink) -
 struct Skip;
 
 impl Sink for Skip {
+    fn wants(&self, _: usize) -> bool {
+        false
+    }
+
     fn value(&mut self, _: usize, _: f64) -> Result<(), Malformation> {
         Ok(())
     }
@@ -129,7 +141,7 @@ impl Vertices {
         let scalar =
             |name| element.find(name).filter(|i| matches!(element.properties[*i].kind, Kind::Scalar(_)));
         let columns = ["x", "y", "z", "nx", "ny", "nz"].map(scalar);
-        if columns[..3].contains(&None) {
+        if columns[..3].contains(&None) && element.count > 0 {
             return Err(Malformation::Missing { what: "vertex properties x, y and z" });
         }
         let mut slots = vec![None; element.properties.len()];
@@ -156,6 +168,10 @@ impl Vertices {
 }
 
 impl Sink for Vertices {
+    fn wants(&self, property: usize) -> bool {
+        self.slots[property].is_some()
+    }
+
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
         if let Some(slot) = self.slots[property] {
             self.row[slot] = value;
@@ -174,7 +190,7 @@ impl Sink for Vertices {
 
 /// Sink for the `face` element.
 struct Faces {
-    /// The property that lists a row's vertices; `None` without the element, as in a point cloud.
+    /// The property that lists a row's vertices; `None` without rows, as in a point cloud.
     indices: Option<usize>,
     polygon: Vec<u32>,
     polygons: Polygons,
@@ -182,7 +198,8 @@ struct Faces {
 
 impl Faces {
     fn new(header: &Header, element: &str) -> Result<Self, Malformation> {
-        let indices = header.find(element).map(Self::find_indices).transpose()?;
+        let rows = header.find(element).filter(|element| element.count > 0);
+        let indices = rows.map(Self::find_indices).transpose()?;
         Ok(Self { indices, polygon: Vec::new(), polygons: Polygons::default() })
     }
 
@@ -201,6 +218,10 @@ impl Faces {
 }
 
 impl Sink for Faces {
+    fn wants(&self, property: usize) -> bool {
+        self.indices == Some(property)
+    }
+
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
         if self.indices == Some(property) {
             if value < 0.0 {
@@ -221,6 +242,10 @@ impl Sink for Faces {
 struct Strips<'a>(&'a mut Faces);
 
 impl Sink for Strips<'_> {
+    fn wants(&self, property: usize) -> bool {
+        self.0.wants(property)
+    }
+
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
         if self.0.indices == Some(property) && value == -1.0 {
             self.end_row();

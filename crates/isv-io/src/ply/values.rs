@@ -2,6 +2,7 @@
 
 use super::header::{Element, Header, Kind, Scalar};
 use crate::error::{Malformation, Position, quote};
+use crate::text::{Words, line_end, parse_float, parse_word};
 
 /// Why no value came.
 #[derive(Debug, PartialEq)]
@@ -17,11 +18,15 @@ impl From<Malformation> for Fault {
     }
 }
 
-/// A body that is read row by row, value by value. `f64` holds every value of every PLY type exactly.
+/// A body that is read row by row, value by value. `f64` holds every value of up to 32 bits, and of `double`, exactly.
 pub(super) trait Values {
     fn begin_row(&mut self) -> Result<(), Fault>;
     fn value(&mut self, scalar: Scalar) -> Result<f64, Fault>;
+    /// Passes over a value, whatever it is.
+    fn skip(&mut self, scalar: Scalar) -> Result<(), Fault>;
     fn end_row(&mut self) -> Result<(), Fault>;
+    /// Ends the body after its last row.
+    fn finish(&mut self) -> Result<(), Malformation>;
     /// Where reading stands, for messages.
     fn position(&self) -> Position;
     /// Bytes not read yet.
@@ -107,12 +112,22 @@ impl Values for Binary<'_> {
             Scalar::U16 => u16::from_le_bytes(self.take()?).into(),
             Scalar::I32 => i32::from_le_bytes(self.take()?).into(),
             Scalar::U32 => u32::from_le_bytes(self.take()?).into(),
+            Scalar::I64 => i64::from_le_bytes(self.take()?) as f64,
+            Scalar::U64 => u64::from_le_bytes(self.take()?) as f64,
             Scalar::F32 => f32::from_le_bytes(self.take()?).into(),
             Scalar::F64 => f64::from_le_bytes(self.take()?),
         })
     }
 
+    fn skip(&mut self, scalar: Scalar) -> Result<(), Fault> {
+        self.value(scalar).map(drop)
+    }
+
     fn end_row(&mut self) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), Malformation> {
         Ok(())
     }
 
@@ -129,71 +144,112 @@ impl Values for Binary<'_> {
     }
 }
 
-/// A text body: one row a line, values between white space; empty lines mean nothing.
+/// A text body: values between white space, where a row usually is a line but need not be.
+///
+/// Rows that disagree with the header are told from rows that are spread over lines at the end of the file.
 pub(super) struct Ascii<'a> {
-    /// What follows the current line.
-    rest: &'a [u8],
-    /// What is left of the current line.
-    line: &'a [u8],
-    /// Whether the current line is whole; the last one of a cut file is not.
-    terminated: bool,
-    /// Whether no more bytes will come, so that the last line needs no end.
+    words: Words<'a>,
+    /// Whether no more bytes will come.
     ended: bool,
-    line_number: usize,
+    /// Line that the current row starts on.
+    row_start: usize,
+    /// Whether the current row has had a value.
+    row_begun: bool,
+    /// First line on which a row ended and another began.
+    shared_line: Option<usize>,
+    /// First line of a row that takes several.
+    spread_row: Option<usize>,
+    /// Whether a row was a line.
+    row_is_line: bool,
+    /// Line of a fault that is not where reading stands.
+    fault_line: Option<usize>,
 }
 
 impl<'a> Ascii<'a> {
     pub(super) fn new(bytes: &'a [u8], header: &Header, ended: bool) -> Self {
-        let rest = &bytes[header.body_offset..];
-        Self { rest, line: &[], terminated: true, ended, line_number: header.lines }
+        Self {
+            words: Words::new(&bytes[header.body_offset..], header.lines + 1, false),
+            ended,
+            row_start: 0,
+            row_begun: false,
+            shared_line: None,
+            spread_row: None,
+            row_is_line: false,
+            fault_line: None,
+        }
+    }
+
+    /// What is wrong with the first row that is not a line, where others are: it has too few values, or too many.
+    fn misfit(&mut self) -> Option<Malformation> {
+        let too_few = self.spread_row.filter(|_| self.row_is_line);
+        let too_many = self.shared_line.is_some_and(|line| too_few.is_none_or(|other| line <= other));
+        self.fault_line = if too_many { self.shared_line } else { too_few };
+        self.fault_line.map(|_| Malformation::LineLength { too_many })
+    }
+
+    fn word(&mut self) -> Result<&'a [u8], Fault> {
+        let Some(word) = self.words.next() else {
+            return Err(self.misfit().map_or(Fault::End, Fault::Malformed));
+        };
+        if !self.row_begun {
+            (self.row_begun, self.row_start) = (true, self.words.line());
+        }
+        Ok(word)
     }
 }
 
 impl Values for Ascii<'_> {
     fn begin_row(&mut self) -> Result<(), Fault> {
-        while !self.rest.is_empty() {
-            let end = self.rest.iter().position(|b| *b == b'\n');
-            let (line, rest) = self.rest.split_at(end.map_or(self.rest.len(), |end| end + 1));
-            if end.is_none() && !self.ended {
-                break;
-            }
-            (self.line, self.rest, self.terminated) = (line.trim_ascii(), rest, end.is_some());
-            self.line_number += 1;
-            if !self.line.is_empty() {
-                return Ok(());
-            }
-        }
-        Err(Fault::End)
+        self.row_begun = false;
+        Ok(())
     }
 
     fn value(&mut self, scalar: Scalar) -> Result<f64, Fault> {
-        if self.line.is_empty() {
-            return Err(if self.terminated {
-                Malformation::LineLength { too_many: false }.into()
-            } else {
-                Fault::End
-            });
-        }
-        let end = self.line.iter().position(u8::is_ascii_whitespace).unwrap_or(self.line.len());
-        let (word, line) = self.line.split_at(end);
-        self.line = line.trim_ascii_start();
-        let number = str::from_utf8(word).ok().and_then(|text| match scalar.integer_range() {
-            Some(range) => text.parse().ok().filter(|v| range.contains(v)).map(|v: i64| v as f64),
-            None => text.parse().ok(),
-        });
+        let word = self.word()?;
+        let number = match scalar.integer_range() {
+            Some(range) => parse_word(word).filter(|v| range.contains(v)).map(|v: i128| v as f64),
+            None => parse_float(word),
+        };
         number.ok_or_else(|| Malformation::Number { text: quote(word) }.into())
     }
 
+    fn skip(&mut self, _: Scalar) -> Result<(), Fault> {
+        self.word().map(drop)
+    }
+
     fn end_row(&mut self) -> Result<(), Fault> {
-        if self.line.is_empty() { Ok(()) } else { Err(Malformation::LineLength { too_many: true }.into()) }
+        let line = self.words.line();
+        if self.words.line_goes_on() {
+            self.shared_line.get_or_insert(line);
+        }
+        match line == self.row_start {
+            true => self.row_is_line = true,
+            false => _ = self.spread_row.get_or_insert(self.row_start),
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), Malformation> {
+        let goes_on = self.words.line_goes_on();
+        let rest = self.words.rest().trim_ascii_start();
+        // Values left over, where rows share lines: rows have more values than the header says. In a pipe nobody knows, so there each row
+        // must end with its line.
+        let left_over = !self.ended || !rest.is_empty();
+        match self.misfit().filter(|_| self.shared_line.is_some() && (goes_on || left_over)) {
+            Some(why) => Err(why),
+            None => Ok(()),
+        }
     }
 
     fn position(&self) -> Position {
-        Position::Line(self.line_number as u64)
+        Position::Line(self.fault_line.unwrap_or(self.words.line()) as u64)
     }
 
+    /// Bytes behind the line of the last value, once all were read.
     fn remaining(&self) -> usize {
-        self.rest.len()
+        let rest = self.words.rest();
+        let blanks = rest.iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
+        line_end(&rest[blanks..]).map_or(rest.len(), |end| rest.len() - blanks - end)
     }
 
     fn least_bytes(_: Scalar) -> usize {

@@ -1,7 +1,7 @@
 //! `grid.json`: how the arrays relate to the world.
 
 use super::{DESCRIPTION, VolumeError};
-use crate::regular_file;
+use crate::{regular_file, text};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::Path;
@@ -49,9 +49,10 @@ impl Description {
             Ok(data) if data.len() > LARGEST => return Err(flaw(format!("more than {LARGEST} bytes"))),
             _ => {}
         }
-        let text =
+        let bytes =
             regular_file::read(&path).map_err(|cause| VolumeError::Io { path: path.clone(), cause })?;
-        let description: Self = serde_json::from_slice(&text).map_err(|cause| flaw(cause.to_string()))?;
+        let description: Self =
+            serde_json::from_slice(&text::decode(&bytes)).map_err(|cause| flaw(cause.to_string()))?;
         let lengths =
             [("voxel_size_m", description.voxel_size_m), ("truncation_m", description.truncation_m)];
         for (key, length) in lengths {

@@ -77,6 +77,7 @@ impl VolumeMaker {
     pub(super) fn ingest(&mut self, frame: CapturedFrame, read: SystemTime) -> Result<IngestedFrame> {
         let CapturedFrame { number, name, timestamp_ns, content } = frame;
         let (volume, ingest_ms) = timed(|| match content {
+            Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
             Content::Depth(images) => self.depth.volume(&images, &self.backend),
