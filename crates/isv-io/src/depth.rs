@@ -9,6 +9,7 @@
 //! Images are 16-bit grey PNG, in units that the layout states, or EXR, in metres.
 
 mod camera_json;
+mod distortion;
 mod error;
 mod exr_image;
 mod image;
@@ -20,9 +21,10 @@ mod tum;
 pub use error::DepthFileError;
 pub use tum::{TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S};
 
+use distortion::Distortion;
 use error::at_frame;
 use image::{ImageFile, Units};
-use isv_volume::{CameraPose, DepthImage, Intrinsics};
+use isv_volume::{CameraPose, DepthError, DepthImage, Intrinsics};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -46,24 +48,50 @@ pub struct DepthSequence {
     selected: Range<usize>,
     fps: Option<f64>,
     skipped: usize,
+    /// When each frame was taken, in nanoseconds after the first, where the folder says.
+    times_ns: Option<Vec<u64>>,
+    /// How times in lists were taken, where that was not clear.
+    time_unit: Option<&'static str>,
 }
 
 /// The images of one camera.
 #[derive(Clone, Debug, PartialEq)]
 struct Camera {
-    intrinsics: Intrinsics,
-    units: Units,
+    optics: Optics,
     poses: Poses,
     /// One a frame.
     paths: Vec<PathBuf>,
+}
+
+/// What a camera's pixels mean.
+#[derive(Clone, Debug, PartialEq)]
+struct Optics {
+    intrinsics: Intrinsics,
+    units: Units,
+    distortion: Option<Distortion>,
+}
+
+/// Pixels of value 65535, which most captures mean as "no reading".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Saturation {
+    /// Share of the first image's pixels.
+    pub share: f64,
+    /// Whether they count as readings, as the capture's `invalid_values` leave them out.
+    pub is_reading: bool,
+    /// Depth that they stand for then, in metres.
+    pub depth_m: f64,
 }
 
 /// Where a camera stands.
 #[derive(Clone, Debug, PartialEq)]
 enum Poses {
     Fixed(CameraPose),
-    /// One a frame.
-    Moving(Vec<CameraPose>),
+    /// One a frame, or what is wrong with it.
+    Moving {
+        /// The file that says so.
+        file: PathBuf,
+        poses: Vec<Result<CameraPose, DepthError>>,
+    },
 }
 
 impl DepthSequence {
@@ -86,7 +114,15 @@ impl DepthSequence {
     /// All frames of some cameras, which have equally many.
     fn new(folder: &Path, cameras: Vec<Camera>, fps: Option<f64>) -> Self {
         let frames = cameras.first().map_or(0, |camera| camera.paths.len());
-        Self { folder: folder.to_owned(), cameras, selected: 0..frames, fps, skipped: 0 }
+        Self {
+            folder: folder.to_owned(),
+            cameras,
+            selected: 0..frames,
+            fps,
+            skipped: 0,
+            times_ns: None,
+            time_unit: None,
+        }
     }
 
     /// Number of frames; at least one.
@@ -111,6 +147,38 @@ impl DepthSequence {
     #[must_use]
     pub fn skipped(&self) -> usize {
         self.skipped
+    }
+
+    /// When a frame was taken, in nanoseconds after the first frame of the folder, where the folder says: by the time stamps of
+    /// `depth.txt` or of `camera.json`.
+    ///
+    /// # Panics
+    /// If there are not so many frames.
+    #[must_use]
+    pub fn timestamp_ns(&self, frame: usize) -> Option<u64> {
+        let frame = self.number(frame);
+        self.times_ns.as_ref().map(|times| times[frame])
+    }
+
+    /// The unit that time stamps were taken to have, where it is not seconds: `milliseconds` and so on.
+    #[must_use]
+    pub fn time_unit(&self) -> Option<&'static str> {
+        self.time_unit
+    }
+
+    /// Pixels of the first image that hold 65535, if there are any. Reads that image.
+    #[must_use]
+    pub fn saturation(&self) -> Option<Saturation> {
+        let camera = self.cameras.first()?;
+        let share = image::saturated_share(&camera.file(self.selected.start))?;
+        let units = &camera.optics.units;
+        let is_reading = !units.invalid.contains(&image::SATURATED);
+        // What a capture has said itself needs no word.
+        (share > 0.0 && (is_reading || !units.invalid_is_given)).then(|| Saturation {
+            share,
+            is_reading,
+            depth_m: f64::from(image::SATURATED) * units.depth_scale_m,
+        })
     }
 
     /// The files of a frame, one a camera.
@@ -164,12 +232,20 @@ impl DepthSequence {
 impl Camera {
     fn read(&self, frame: usize) -> Result<DepthImage, DepthFileError> {
         let path = &self.paths[frame];
-        let file = ImageFile { path, frame, size: [self.intrinsics.width, self.intrinsics.height] };
-        let depths = image::read(&file, &self.units)?;
         let pose = match &self.poses {
             Poses::Fixed(pose) => *pose,
-            Poses::Moving(poses) => poses[frame],
+            Poses::Moving { file, poses } => poses[frame].map_err(|cause| at_frame(file, frame, cause))?,
         };
-        DepthImage::new(self.intrinsics, pose, depths).map_err(|cause| at_frame(path, frame, cause))
+        let Optics { intrinsics, units, distortion } = &self.optics;
+        let mut depths = image::read(&self.file(frame), units)?;
+        if let Some(distortion) = distortion {
+            depths = distortion.undistort(intrinsics, &depths);
+        }
+        DepthImage::new(*intrinsics, pose, depths).map_err(|cause| at_frame(path, frame, cause))
+    }
+
+    fn file(&self, frame: usize) -> ImageFile<'_> {
+        let Intrinsics { width, height, .. } = self.optics.intrinsics;
+        ImageFile { path: &self.paths[frame], frame, size: [width, height] }
     }
 }

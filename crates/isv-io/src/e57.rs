@@ -168,6 +168,8 @@ fn pose_of(scan: &e57::PointCloud) -> Option<(DQuat, DVec3)> {
     let e57::Quaternion { w, x, y, z } = pose.rotation;
     let rotation = DQuat::from_xyzw(x, y, z, w);
     let e57::Translation { x, y, z } = pose.translation;
+    // Zeros are what pye57 once wrote for no rotation.
+    let rotation = if rotation.length() == 0.0 { DQuat::IDENTITY } else { rotation };
     let is_rotation = (rotation.length() - 1.0).abs() <= LENGTH_TOLERANCE;
     is_rotation.then(|| (rotation.normalize(), DVec3::new(x, y, z)))
 }

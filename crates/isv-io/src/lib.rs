@@ -60,7 +60,7 @@ pub use geometry::{
     write_mesh_to, write_points, write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
-pub use natural_order::natural_cmp;
+pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use own::was_made_by_isv;
 pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};

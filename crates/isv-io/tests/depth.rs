@@ -118,7 +118,7 @@ fn a_rig_gives_one_image_a_camera() {
     assert_eq!((sequence.frames(), sequence.cameras(), sequence.fps()), (2, 2, Some(25.0)));
     assert_eq!(
         depths(&sequence.read(1).unwrap()),
-        [[0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 65.535], [2.5, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0]]
+        [[0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [2.5, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0]]
     );
     fs::remove_file(rig.path().join("shared/r_1.exr")).unwrap();
     assert_eq!(
@@ -254,18 +254,8 @@ fn poses_between_time_stamps_are_interpolated() {
             "500 500 1 2 4",
             "calibration.txt: fx fy cx cy and possibly width height are expected",
         ),
-        ("groundtruth.txt", "1 0 nan 0 0 0 0 1", "groundtruth.txt: `nan` is not a number (line 1)"),
-        ("calibration.txt", "-1 1 1 1", "calibration.txt: intrinsics of 640 x 480 pixels"),
-        (
-            "groundtruth.txt",
-            "#\n1 2 3",
-            "groundtruth.txt: a time stamp, tx ty tz and qx qy qz qw are expected (line 2)",
-        ),
-        (
-            "groundtruth.txt",
-            "1 0 0 0 0 0 0 2",
-            "groundtruth.txt: the quaternion has length 2, not 1 (line 1)",
-        ),
+        ("groundtruth.txt", "x 0 0 0 0 0 0 1", "groundtruth.txt: `x` is not a time (line 1)"),
+        ("calibration.txt", "-1 1 1 1", "calibration.txt: fx is -1: give 1 and turn"),
         (
             "groundtruth.txt",
             "1 0 0 0 0 0 0 1",
@@ -282,6 +272,138 @@ fn poses_between_time_stamps_are_interpolated() {
     }
     fs::remove_file(tum.path().join("groundtruth.txt")).unwrap();
     assert!(refused(&tum).starts_with("groundtruth.txt: No such file"));
+}
+
+#[test]
+fn one_bad_pose_costs_its_frame_alone() {
+    let poses = |bad: &str| format!(r#"{{{CAMERA}, "poses": [{STANDING}, {bad}, {STANDING}]}}"#);
+    for bad in [
+        STANDING.replace("[1, 0, 0,", "[-Infinity, 0, 0,"),
+        STANDING.replace("[1, 0, 0,", "[NaN, 0, 0,"),
+        STANDING.replace("[1, 0, 0,", "[2, 0, 0,"),
+        "null".to_owned(),
+        "[]".to_owned(),
+        "\"lost\"".to_owned(),
+    ] {
+        let room = room(3);
+        write(room.path(), "camera.json", poses(&bad).as_bytes());
+        let sequence = open(&room).unwrap();
+        assert!(sequence.read(0).is_ok() && sequence.read(2).is_ok());
+        let message = sequence.read(1).unwrap_err().to_string();
+        assert!(
+            message.contains("camera.json: frame 1: the pose is no rotation and translation: "),
+            "{message}"
+        );
+    }
+    for bad in ["1 0 nan 0 0 0 0 1", "1 0 0 0 0 0 0 0", "1 0 0 0 -inf 0 0 1", "1 0 0", "1 0 0 0 0 0 0 x"] {
+        let tum = folder(&[
+            ("depth.txt", "0 a.png\n1 b.png\n2 c.png\n"),
+            ("groundtruth.txt", &format!("0 0 0 0 0 0 0 1\n{bad}\n2 0 0 0 0 0 0 1\n")),
+            ("calibration.txt", "500 510 1.5 0.5 4 2\n"),
+        ]);
+        for name in ["a.png", "b.png", "c.png"] {
+            write(tum.path(), name, &png::depths(4, &[1000; 8]));
+        }
+        let sequence = open(&tum).unwrap();
+        assert_eq!(sequence.frames(), 3, "{bad}");
+        assert!(sequence.read(0).is_ok() && sequence.read(2).is_ok());
+        let message = sequence.read(1).unwrap_err().to_string();
+        assert!(
+            message.contains("groundtruth.txt: frame 1: the pose is no rotation and translation: "),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn time_stamps_are_kept_to_the_nanosecond_in_any_unit() {
+    let take = |stamps: &[&str]| {
+        let list = |what: &str| stamps.iter().map(|time| format!("{time} {what}\n")).collect::<String>();
+        folder(&[("depth.txt", &list("a.png")), ("groundtruth.txt", &list("0 0 0 0 0 0 1"))])
+    };
+    let ms = [0, 100, 200, 2400, 2500].map(|ms| ms * 1_000_000);
+    for (stamps, unit) in [
+        (
+            [
+                "1305031102.175304",
+                "1305031102.275304",
+                "1305031102.375304",
+                "1305031104.575304",
+                "1305031104.675304",
+            ],
+            None,
+        ),
+        (["0", "1e-1", "0.2", "2.4", "2.5"], None),
+        (["0", "100", "200", "2400", "2500"], Some("milliseconds")),
+        (
+            ["1305031102175", "1305031102275", "1305031102375", "1305031104575", "1305031104675"],
+            Some("milliseconds"),
+        ),
+        (["0", "100000", "200000", "2400000", "2500000"], Some("microseconds")),
+        (
+            [
+                "1305031102175304000",
+                "1305031102275304000",
+                "1305031102375304000",
+                "1305031104575304000",
+                "1305031104675304000",
+            ],
+            Some("nanoseconds"),
+        ),
+    ] {
+        let sequence = open(&take(&stamps)).unwrap();
+        let times: Vec<_> = (0..5).map(|frame| sequence.timestamp_ns(frame).unwrap()).collect();
+        assert_eq!((times, sequence.time_unit()), (ms.to_vec(), unit), "{stamps:?}");
+        assert!((sequence.fps().unwrap() - 10.0).abs() < 1e-6);
+    }
+    // One frame a second or two is no millisecond.
+    assert_eq!(open(&take(&["0", "1", "2"])).unwrap().fps(), Some(1.0));
+    // An image without a pose is left out, and those after it keep their times.
+    let gap = folder(&[
+        ("depth.txt", "0 a.png\n1 a.png\n2 a.png\n"),
+        ("groundtruth.txt", "0 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n"),
+    ]);
+    let sequence = open(&gap).unwrap();
+    assert_eq!(
+        (sequence.frames(), sequence.skipped(), sequence.timestamp_ns(1)),
+        (2, 1, Some(2_000_000_000))
+    );
+}
+
+#[test]
+fn a_saturated_pixel_is_no_reading_unless_the_capture_says_so() {
+    let with = |invalid: &str| {
+        let room = room(1);
+        write(
+            room.path(),
+            "camera.json",
+            format!(r#"{{{CAMERA}, {invalid} "poses": [{STANDING}]}}"#).as_bytes(),
+        );
+        write(room.path(), "depth/frame_0.png", &png::depths(4, &[65535, 1000, 1000, 1000, 0, 0, 0, 65535]));
+        let sequence = open(&room).unwrap();
+        (sequence.read(0).unwrap()[0].readings(), sequence.saturation())
+    };
+    let (readings, saturation) = with("");
+    assert_eq!((readings, saturation.unwrap().share, saturation.unwrap().is_reading), (3, 0.25, false));
+    assert_eq!(with(r#""invalid_values": [0, 65535],"#), (3, None));
+    let (readings, saturation) = with(r#""invalid_values": [0],"#);
+    let saturation = saturation.unwrap();
+    assert_eq!((readings, saturation.is_reading, saturation.depth_m), (5, true, 65.535));
+}
+
+#[test]
+fn a_lens_that_distorts_is_undone_as_the_image_is_read() {
+    // A pixel two columns right of the centre was seen at 2 (1 + 0.0625 * 4 k1) columns: 3 with k1 = 2, where x is 0.5.
+    let room = room(1);
+    let camera = CAMERA.replace("\"fx\": 5", "\"fx\": 4");
+    for (keys, expected) in [(r#""k1": 2,"#, [9.0, 1.0, 3.0, 0.0]), (r#""k1": 0,"#, [9.0, 1.0, 2.0, 3.0])] {
+        let json =
+            format!(r#"{{{camera}, {keys} "poses": [{STANDING}]}}"#).replace("\"cx\": 1.5", "\"cx\": 0");
+        write(room.path(), "camera.json", json.replace("\"cy\": 0.5", "\"cy\": 0").as_bytes());
+        write(room.path(), "depth/frame_0.png", &png::depths(4, &[9000, 1000, 2000, 3000, 0, 0, 0, 0]));
+        let image = &open(&room).unwrap().read(0).unwrap()[0];
+        assert_eq!(image.depths_m()[..4], expected, "{keys}");
+    }
 }
 
 /// The examples of `docs/formats/depth.md`, with empty files for images.

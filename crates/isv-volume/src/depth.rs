@@ -29,6 +29,17 @@ pub enum DepthError {
         /// Row of the principal point.
         cy: f64,
     },
+    /// A focal length below 0, as tools of OpenGL write it.
+    #[error(
+        "{axis} is {focal}: give {} and turn the y and z axes of the poses over, as image rows run downwards and z forward here",
+        focal.abs()
+    )]
+    NegativeFocal {
+        /// `fx` or `fy`.
+        axis: &'static str,
+        /// The focal length in pixels.
+        focal: f64,
+    },
     /// A pose that is not a rotation and a translation.
     #[error("the pose is no rotation and translation: {why}")]
     Pose {
@@ -74,6 +85,11 @@ impl Intrinsics {
             return Ok(());
         }
         let (fx, fy, cx, cy) = (focal.x, focal.y, principal.x, principal.y);
+        let negative =
+            [("fx", fx), ("fy", fy)].into_iter().find(|(_, focal)| focal.is_finite() && *focal < 0.0);
+        if let Some((axis, focal)) = negative {
+            return Err(DepthError::NegativeFocal { axis, focal });
+        }
         Err(DepthError::Intrinsics { width, height, fx, fy, cx, cy })
     }
 
@@ -243,6 +259,11 @@ mod tests {
         assert_eq!((image.depth_m(3, 0), image.depth_m(0, 1)), (None, Some(1.0)));
         let short = DepthImage::new(LENS, pose, vec![1.0; 11]);
         assert_eq!(short, Err(DepthError::ImageSize { pixels: 11, width: 4, height: 3 }));
+        let upwards = Intrinsics { focal: DVec2::new(5.0, -6.0), ..LENS };
+        assert_eq!(
+            upwards.validate().unwrap_err().to_string(),
+            "fy is -6: give 6 and turn the y and z axes of the poses over, as image rows run downwards and z forward here"
+        );
         let flat = Intrinsics { focal: DVec2::new(5.0, 0.0), ..LENS };
         assert!(matches!(DepthImage::new(flat, pose, vec![1.0; 12]), Err(DepthError::Intrinsics { .. })));
     }

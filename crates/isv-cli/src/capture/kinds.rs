@@ -188,7 +188,7 @@ impl Kind {
                 Ok(CapturedFrame {
                     number,
                     name: format!("{name}, frame {number}"),
-                    timestamp_ns: None,
+                    timestamp_ns: depth.timestamp_ns(number),
                     content,
                 })
             })),

@@ -70,6 +70,16 @@ pub enum DepthFileError {
         /// What is wrong with it.
         cause: DepthError,
     },
+    /// A lens that distorts in a way that is not understood.
+    #[error("{}: {}{why}", path.display(), camera.as_ref().map(|name| format!("camera {name}: ")).unwrap_or_default())]
+    Distortion {
+        /// The file that describes it.
+        path: PathBuf,
+        /// Its name, if cameras have names.
+        camera: Option<String>,
+        /// What is wrong.
+        why: String,
+    },
     /// A pose of a moving camera that is none, or an image that does not fit its camera.
     #[error("{}: frame {frame}: {cause}", path.display())]
     Frame {

@@ -17,6 +17,34 @@ pub(crate) struct Units {
     pub(crate) depth_scale_m: f64,
     /// Values that are no reading, each once and in rising order, as every pixel is looked for among them.
     pub(crate) invalid: Vec<u16>,
+    /// Whether the capture says which values these are.
+    pub(crate) invalid_is_given: bool,
+}
+
+/// The largest value of a pixel. Cameras that saturate, and several data sets, write it for "no reading".
+pub(crate) const SATURATED: u16 = u16::MAX;
+
+impl Units {
+    /// Units with the values that a capture says are no reading; where it does not say, zero and [`SATURATED`].
+    pub(crate) fn new(depth_scale_m: f64, invalid: Option<Vec<u16>>) -> Self {
+        let invalid_is_given = invalid.is_some();
+        let mut invalid = invalid.unwrap_or_else(|| vec![0, SATURATED]);
+        invalid.sort_unstable();
+        invalid.dedup();
+        Self { depth_scale_m, invalid, invalid_is_given }
+    }
+}
+
+/// Share of an image's pixels that hold [`SATURATED`]; none for other images than PNG.
+pub(crate) fn saturated_share(file: &ImageFile) -> Option<f64> {
+    if ImageKind::of(file.path) != Some(ImageKind::Png) {
+        return None;
+    }
+    // Nothing but that value is a reading.
+    let units = Units::new(1.0, Some((0..SATURATED).collect()));
+    let depths = read(file, &units).ok()?;
+    let saturated = depths.iter().filter(|depth| **depth > 0.0).count();
+    Some(saturated as f64 / depths.len() as f64)
 }
 
 /// An image to be read, and what is expected of it.

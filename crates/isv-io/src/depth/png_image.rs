@@ -58,7 +58,7 @@ mod tests {
         encoder.write_header().unwrap().write_image_data(&data).unwrap();
         let file = ImageFile { path: Path::new("0.png"), frame: 0, size: [256, 256] };
         for invalid in [vec![], vec![0], (0..=u16::MAX).step_by(3).collect()] {
-            let units = Units { depth_scale_m: 0.5, invalid };
+            let units = Units { depth_scale_m: 0.5, invalid, invalid_is_given: true };
             let depths = read(Cursor::new(&bytes), bytes.len() as u64, &file, &units).unwrap();
             for (sample, depth) in samples.iter().zip(depths) {
                 let expected = if units.invalid.contains(sample) { 0.0 } else { f32::from(*sample) / 2.0 };

@@ -1,12 +1,13 @@
 //! The layout of several cameras that stand still: `rig.json`.
 
-use super::camera_json::{Lens, Rows, check_fps, pose, read_json};
+use super::camera_json::{Lens, check_fps, pose, read_json};
 use super::error::DepthFileError;
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
 use crate::inside::inside;
 use isv_volume::MAX_PIXELS;
 use serde::Deserialize;
+use serde_json::Value;
 use std::path::Path;
 
 /// Most cameras of a rig. The largest capture stages have about a hundred.
@@ -24,7 +25,7 @@ struct RigCamera {
     name: String,
     #[serde(flatten)]
     lens: Lens,
-    camera_to_world: Rows,
+    camera_to_world: Value,
     /// A folder or a pattern, from the folder of `rig.json`.
     images: String,
 }
@@ -44,8 +45,8 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     // than one image may have.
     let mut pixels = 0u64;
     for RigCamera { name, lens, camera_to_world, images } in cameras {
-        let (intrinsics, units) = lens.check(file, Some(&name))?;
-        pixels += u64::from(intrinsics.width) * u64::from(intrinsics.height);
+        let optics = lens.check(file, Some(&name))?;
+        pixels += optics.intrinsics.pixels() as u64;
         if pixels > MAX_PIXELS {
             return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
         }
@@ -68,7 +69,7 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
                 expected_what: format!("of camera {first}; all cameras of a rig must have equally many"),
             });
         }
-        opened.push(Camera { intrinsics, units, poses: Poses::Fixed(pose), paths });
+        opened.push(Camera { optics, poses: Poses::Fixed(pose), paths });
     }
     if opened.is_empty() {
         return Err(DepthFileError::Count {

@@ -1,14 +1,14 @@
 //! The layout of the TUM RGB-D benchmark: `depth.txt` and `groundtruth.txt`.
 
-use super::camera_json::{Lens, read_json};
+use super::camera_json::{Lens, median_rate, read_json};
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
-use super::{Camera, DepthSequence, Poses};
+use super::{Camera, DepthSequence, Optics, Poses};
 use crate::inside::inside;
 use crate::regular_file;
-use crate::text;
+use crate::text::{self, parse_float};
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use isv_volume::{CameraPose, Intrinsics};
+use isv_volume::{CameraPose, DepthError, Intrinsics};
 use std::path::{Path, PathBuf};
 
 /// The lens where the folder has neither `camera.json` nor `calibration.txt`: the benchmark's default.
@@ -28,46 +28,131 @@ pub const TUM_TIME_LIMIT_S: f64 = 0.05;
 /// Opens a folder by its `depth.txt`.
 pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFileError> {
     let images = read_images(folder, file)?;
-    let trajectory = Trajectory::read(&folder.join("groundtruth.txt"))?;
-    let (intrinsics, units) = read_lens(folder)?;
+    let unit = TimeUnit::of(&images);
+    let trajectory = Trajectory::read(&folder.join("groundtruth.txt"), unit)?;
+    let optics = read_lens(folder)?;
     let (mut times, mut poses, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     let listed = images.len();
     for (time, path) in images {
-        if let Some(pose) = trajectory.at(time) {
-            times.push(time);
+        let time_ns = unit.nanoseconds(time);
+        if let Some(pose) = trajectory.at(time_ns) {
+            times.push(time_ns);
             poses.push(pose);
             paths.push(path);
         }
     }
-    if paths.is_empty() {
+    let Some(&first) = times.first() else {
         let limit_s = TUM_TIME_LIMIT_S;
         return Err(DepthFileError::NoPose { path: folder.join("groundtruth.txt"), images: listed, limit_s });
+    };
+    let times_ns: Vec<u64> =
+        times.iter().map(|time| u64::try_from(time - first).unwrap_or(u64::MAX)).collect();
+    let fps = median_rate(&times_ns);
+    let poses = Poses::Moving { file: folder.join("groundtruth.txt"), poses };
+    let sequence = DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps);
+    Ok(DepthSequence {
+        skipped: listed - times.len(),
+        times_ns: Some(times_ns),
+        time_unit: unit.name(),
+        ..sequence
+    })
+}
+
+/// A time as a list has it, in billionths of its unit: exact, where a number of seconds since 1970 has no room for nanoseconds in `f64`.
+type Time = i128;
+
+/// What the time stamps of lists count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TimeUnit {
+    Seconds,
+    Milliseconds,
+    Microseconds,
+    Nanoseconds,
+}
+
+impl TimeUnit {
+    /// The unit of a list's times: by their size, if they are times since 1970; else, if all are whole numbers and seconds would make
+    /// fewer than one frame in two seconds, the largest unit that makes one a second or more.
+    fn of(images: &[(Time, PathBuf)]) -> Self {
+        const UNIT: Time = 1_000_000_000;
+        let largest = images.last().map_or(0, |(time, _)| *time / UNIT);
+        match largest {
+            100_000_000_000..100_000_000_000_000 => return Self::Milliseconds,
+            100_000_000_000_000..100_000_000_000_000_000 => return Self::Microseconds,
+            100_000_000_000_000_000.. => return Self::Nanoseconds,
+            _ => {}
+        }
+        let mut steps: Vec<Time> = images.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        steps.retain(|step| *step > 0);
+        steps.sort_unstable();
+        let Some(step) = steps.get(steps.len() / 2) else { return Self::Seconds };
+        let whole = images.iter().all(|(time, _)| time % UNIT == 0);
+        if !whole || *step <= 2 * UNIT {
+            return Self::Seconds;
+        }
+        let units = [Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
+        units.into_iter().find(|unit| unit.nanoseconds(*step) <= UNIT).unwrap_or(Self::Seconds)
     }
-    let skipped = listed - paths.len();
-    let camera = Camera { intrinsics, units, poses: Poses::Moving(poses), paths };
-    Ok(DepthSequence { skipped, ..DepthSequence::new(folder, vec![camera], median_rate(&times)) })
+
+    /// A time in nanoseconds.
+    fn nanoseconds(self, time: Time) -> i128 {
+        time / match self {
+            Self::Seconds => 1,
+            Self::Milliseconds => 1_000,
+            Self::Microseconds => 1_000_000,
+            Self::Nanoseconds => 1_000_000_000,
+        }
+    }
+
+    fn name(self) -> Option<&'static str> {
+        match self {
+            Self::Seconds => None,
+            Self::Milliseconds => Some("milliseconds"),
+            Self::Microseconds => Some("microseconds"),
+            Self::Nanoseconds => Some("nanoseconds"),
+        }
+    }
+}
+
+/// A time stamp, exactly as it is written.
+fn time(word: &str) -> Result<Time, String> {
+    let fault = || format!("`{}` is not a time", crate::error::quote(word.as_bytes()));
+    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
+    let (whole, decimals) = digits.split_once('.').unwrap_or((digits, ""));
+    let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if is_plain(whole)
+        && is_plain(decimals)
+        && !(whole.is_empty() && decimals.is_empty())
+        && whole.len() <= 20
+    {
+        let nanoseconds = format!("{whole}{:0<9}", decimals.get(..9).unwrap_or(decimals));
+        return nanoseconds.parse::<Time>().map(|time| sign * time).map_err(|_| fault());
+    }
+    // Exponents.
+    let value = number(word).map_err(|_| fault())?;
+    if value.abs() < 1e20 { Ok((value * 1e9).round() as Time) } else { Err(fault()) }
 }
 
 /// `depth.txt`: a time stamp and a file name a line.
-fn read_images(folder: &Path, file: &Path) -> Result<Vec<(f64, PathBuf)>, DepthFileError> {
+fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, DepthFileError> {
     let mut images = Vec::new();
     for_each_line(file, |words| {
-        let [time, name] = words[..] else {
+        let [stamp, name] = words[..] else {
             return Err("a time stamp and a file name are expected".to_owned());
         };
         let path = inside(folder, name).ok_or("an image lies in another folder")?;
-        images.push((number(time)?, path));
+        images.push((time(stamp)?, path));
         Ok(())
     })?;
     if images.is_empty() {
         return Err(DepthFileError::NoImages { path: file.to_owned() });
     }
-    images.sort_by(|a, b| a.0.total_cmp(&b.0));
+    images.sort_by_key(|image| image.0);
     Ok(images)
 }
 
 /// `camera.json` without poses, or `calibration.txt` with `fx fy cx cy` and possibly `width height`, or the defaults.
-fn read_lens(folder: &Path) -> Result<(Intrinsics, Units), DepthFileError> {
+fn read_lens(folder: &Path) -> Result<Optics, DepthFileError> {
     let (json, text) = (folder.join("camera.json"), folder.join("calibration.txt"));
     if json.is_file() {
         return read_json::<Lens>(&json)?.check(&json, None);
@@ -91,54 +176,66 @@ fn read_lens(folder: &Path) -> Result<(Intrinsics, Units), DepthFileError> {
     }
     let cause = |cause| DepthFileError::Camera { path: text.clone(), camera: None, cause };
     intrinsics.validate().map_err(cause)?;
-    Ok((intrinsics, Units { depth_scale_m: TUM_DEPTH_SCALE_M, invalid: vec![0] }))
+    Ok(Optics { intrinsics, units: Units::new(TUM_DEPTH_SCALE_M, None), distortion: None })
 }
 
-/// Poses in order of time.
-struct Trajectory(Vec<(f64, DQuat, DVec3)>);
+/// Poses in order of time, in nanoseconds; of a bad one what is wrong with it.
+struct Trajectory(Vec<(i128, Result<(DQuat, DVec3), DepthError>)>);
 
 impl Trajectory {
-    /// `groundtruth.txt`: time stamp, translation, and a quaternion whose last number is its real part, a line.
-    fn read(file: &Path) -> Result<Self, DepthFileError> {
+    /// `groundtruth.txt`: time stamp, translation, and a quaternion whose last number is its real part, a line. A pose that is none
+    /// costs the images nearest to it, not the file.
+    fn read(file: &Path, unit: TimeUnit) -> Result<Self, DepthFileError> {
         let mut poses = Vec::new();
         for_each_line(file, |words| {
-            let numbers = words.iter().map(|word| number(word)).collect::<Result<Vec<_>, _>>()?;
-            let [time, tx, ty, tz, qx, qy, qz, qw] = numbers[..] else {
-                return Err("a time stamp, tx ty tz and qx qy qz qw are expected".to_owned());
-            };
-            let turn = DQuat::from_xyzw(qx, qy, qz, qw);
-            if (turn.length() - 1.0).abs() > 0.01 {
-                return Err(format!("the quaternion has length {}, not 1", turn.length()));
-            }
-            poses.push((time, turn.normalize(), DVec3::new(tx, ty, tz)));
+            let [stamp, pose @ ..] = &words[..] else { return Ok(()) };
+            poses.push((unit.nanoseconds(time(stamp)?), pose_of(pose)));
             Ok(())
         })?;
-        poses.sort_by(|a, b| a.0.total_cmp(&b.0));
+        poses.sort_by_key(|pose| pose.0);
         Ok(Self(poses))
     }
 
     /// The pose at a time, on the way from the pose before to the pose after, if the nearer of them is near enough.
-    fn at(&self, time: f64) -> Option<CameraPose> {
-        let after = self.0.partition_point(|(t, ..)| *t < time);
-        let before = self.0[after.saturating_sub(1)..].first()?;
-        let after = self.0.get(after).unwrap_or(before);
-        let apart = (time - before.0).abs().min((after.0 - time).abs());
-        if apart > TUM_TIME_LIMIT_S {
+    fn at(&self, time_ns: i128) -> Option<Result<CameraPose, DepthError>> {
+        let after = self.0.partition_point(|(t, _)| *t < time_ns);
+        let mut before = self.0[after.saturating_sub(1)..].first()?;
+        let mut after = self.0.get(after).unwrap_or(before);
+        let nearest = if (time_ns - before.0).abs() < (after.0 - time_ns).abs() { before } else { after };
+        if (time_ns - nearest.0).abs() as f64 > TUM_TIME_LIMIT_S * 1e9 {
             return None;
         }
-        let span = after.0 - before.0;
-        let share = if span > 0.0 { ((time - before.0) / span).clamp(0.0, 1.0) } else { 0.0 };
-        let rotation = DMat3::from_quat(before.1.slerp(after.1, share));
-        Some(CameraPose { rotation, centre: before.2.lerp(after.2, share) })
+        if let Err(cause) = nearest.1 {
+            return Some(Err(cause));
+        }
+        // A bad pose on the farther side says nothing.
+        if before.1.is_err() || after.1.is_err() {
+            (before, after) = (nearest, nearest);
+        }
+        let (Ok(start), Ok(end)) = (before.1, after.1) else { return None };
+        let span = (after.0 - before.0) as f64;
+        let share = if span > 0.0 { ((time_ns - before.0) as f64 / span).clamp(0.0, 1.0) } else { 0.0 };
+        let rotation = DMat3::from_quat(start.0.slerp(end.0, share));
+        Some(Ok(CameraPose { rotation, centre: start.1.lerp(end.1, share) }))
     }
 }
 
-/// One over the median distance of time stamps.
-fn median_rate(times: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> =
-        times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).map(|step| 1.0 / step)
+/// The turn and the place that seven words say.
+fn pose_of(words: &[&str]) -> Result<(DQuat, DVec3), DepthError> {
+    let fault = |why| Err(DepthError::Pose { why });
+    let numbers: Option<Vec<f64>> = words.iter().map(|word| parse_float(word.as_bytes())).collect();
+    let Some([tx, ty, tz, qx, qy, qz, qw]) = numbers.and_then(|numbers| <[f64; 7]>::try_from(numbers).ok())
+    else {
+        return fault("tx ty tz qx qy qz qw are expected");
+    };
+    let (turn, place) = (DQuat::from_xyzw(qx, qy, qz, qw), DVec3::new(tx, ty, tz));
+    if !(turn.is_finite() && place.is_finite()) {
+        return fault("a number is not finite");
+    }
+    if (turn.length() - 1.0).abs() > 0.01 {
+        return fault("the quaternion has not length 1");
+    }
+    Ok((turn.normalize(), place))
 }
 
 /// Hands the words of each line to a function; empty lines and those that start with `#` are passed over.
