@@ -88,13 +88,15 @@ pub(crate) struct Hints {
     pub(crate) frame_rate: FrameRate,
     /// The place of meshes and points, in metres, that is to be the origin.
     pub(crate) origin_m: [f64; 3],
+    /// Whether frames of one shape may be of different scales.
+    pub(crate) mixed_scales: bool,
 }
 
 impl Hints {
     /// Those of a capture in a unit, with nothing else said.
     pub(crate) fn in_unit(unit: Unit) -> Self {
         let frame_rate = FrameRate { numerator: 30, denominator: 1 };
-        Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3] }
+        Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3], mixed_scales: false }
     }
 
     /// With a place in the capture's unit as the origin.
@@ -155,8 +157,8 @@ impl Capture {
     }
 
     /// What a user should know before the first frame.
-    pub(crate) fn remark(&self) -> Option<String> {
-        self.kind.remark().map(|remark| format!("{}: {remark}", self.name))
+    pub(crate) fn remarks(&self) -> Vec<String> {
+        self.kind.remarks().into_iter().map(|remark| format!("{}: {remark}", self.name)).collect()
     }
 
     /// Whether a frame can be read after one that cannot.

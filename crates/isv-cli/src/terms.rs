@@ -100,7 +100,9 @@ pub(crate) enum PresetName {
 /// `--timestamps`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TimestampsName {
-    /// When the frame is due, counted from the first one at the frame rate
+    /// When the frame was taken, where the capture says: time stamps, times of scans, numbers and times in names, an .isv file
+    Source,
+    /// One frame after the other at the frame rate
     Rate,
     /// When the frame was read, in nanoseconds since 1970: live viewers see how late they are
     Clock,

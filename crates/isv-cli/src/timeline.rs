@@ -3,8 +3,8 @@
 use isv::format::FrameRate;
 
 /// A frame is shown for so many seconds at most, or as long as so many frames where that is longer: timestamps that jump further are
-/// those of another clock.
-const LONGEST_S: f64 = 10.0;
+/// those of another clock. A capture may pause for minutes.
+const LONGEST_S: f64 = 600.0;
 const LONGEST_FRAMES: f64 = 10.0;
 
 /// Seconds between two timestamps; nothing if time goes back or jumps.

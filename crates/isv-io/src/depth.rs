@@ -18,6 +18,7 @@ mod png_image;
 mod rig;
 mod tum;
 
+pub(crate) use camera_json::median_rate;
 pub use error::DepthFileError;
 pub use tum::{TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S};
 

@@ -44,6 +44,16 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     catch_panic(|| read(bytes)).unwrap_or_else(|| Err(damaged()))
 }
 
+/// When the first scan began, in seconds of GPS time, where the file says.
+pub(crate) fn start_s(bytes: &[u8]) -> Option<f64> {
+    let start = || {
+        check_xml(bytes).ok()?;
+        let reader = Reader::new(Cursor::new(bytes)).ok()?;
+        Some(reader.pointclouds().first()?.acquisition_start.as_ref()?.gps_time)
+    };
+    catch_panic(start).flatten()
+}
+
 fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     check_xml(bytes)?;
     let mut reader = Reader::new(Cursor::new(bytes)).map_err(|why| Flaw::unreadable("E57", 0, &why))?;

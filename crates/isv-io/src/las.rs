@@ -37,6 +37,20 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(points.cloud.finish(None))
 }
 
+/// GPS time of the first point, in seconds, where the point format has one. A compressed point is written as it is where a chunk starts,
+/// behind the place of the table of chunks.
+pub(crate) fn first_time_s(bytes: &[u8]) -> Option<f64> {
+    let header = Header::parse(bytes).ok().filter(|header| header.points > 0)?;
+    let offset = match header.format {
+        1 | 3 | 4 | 5 => 20,
+        6..=10 => 22,
+        _ => return None,
+    };
+    let start = header.points_offset + if header.compressed { size_of::<i64>() } else { 0 };
+    let time = bytes.get(start..)?.get(offset..)?.first_chunk()?;
+    Some(f64::from_le_bytes(*time))
+}
+
 struct Points<'a> {
     header: &'a Header,
     cloud: CloudBuilder,

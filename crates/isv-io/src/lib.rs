@@ -19,6 +19,7 @@
 //! # }
 //! ```
 
+mod acquisition;
 mod atomic;
 mod cloud_builder;
 mod depth;
@@ -27,6 +28,7 @@ mod error;
 mod foreign;
 mod format;
 mod frame_stream;
+mod frame_times;
 mod geometry;
 mod gltf;
 mod inside;
@@ -48,6 +50,7 @@ mod volume;
 mod wildcard;
 mod xyz;
 
+pub use acquisition::acquisition_time_s;
 pub use atomic::AtomicFile;
 pub use depth::{
     DepthFileError, DepthSequence, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S, is_depth_folder,
@@ -55,6 +58,7 @@ pub use depth::{
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
+pub use frame_times::FrameTimes;
 pub use geometry::{
     Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
     write_mesh_to, write_points, write_points_to,
@@ -62,7 +66,7 @@ pub use geometry::{
 pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use own::was_made_by_isv;
-pub use scale_check::{SCALE_JUMP, ScaleCheck, ScaleError};
+pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{

@@ -1,8 +1,8 @@
 //! The frames that an input names.
 
 use crate::wildcard::{has_wildcard, matches};
-use crate::{Format, natural_cmp};
-use std::ffi::OsStr;
+use crate::{Format, FrameTimes, NameOrder, OrderedNames};
+use std::ffi::{OsStr, OsString};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -13,6 +13,8 @@ use thiserror::Error;
 pub struct FrameSequence {
     input: String,
     paths: Vec<PathBuf>,
+    times: FrameTimes,
+    notes: Vec<String>,
 }
 
 /// An input that names no sequence of frames.
@@ -86,27 +88,31 @@ impl FrameSequence {
     /// - a file: itself.
     ///
     /// Files of other kinds, sub-folders and names that start with a dot are passed over. Frames come in
-    /// [natural order](natural_cmp). A name that exists is never taken for a pattern.
+    /// [natural order](NameOrder). A name that exists is never taken for a pattern.
     ///
     /// # Errors
     /// See [`SequenceError`]. Files are listed, not opened.
     pub fn open(input: impl AsRef<Path>) -> Result<Self, SequenceError> {
         let path = input.as_ref();
         let input = path.display().to_string();
-        let paths = if path.is_dir() {
+        let (paths, note) = if path.is_dir() {
             frame_files(path, |_| true)?
         } else if path.exists() {
-            Format::of_path(path).map(|_| path.to_owned()).into_iter().collect()
+            (Format::of_path(path).map(|_| path.to_owned()).into_iter().collect(), None)
         } else if has_wildcard(path.as_os_str().as_encoded_bytes()) {
             matching_files(path)?
         } else {
             return Err(SequenceError::NotFound { input });
         };
-        Self::of_one_format(input, paths)
+        Self::of_one_format(input, paths, note)
     }
 
     /// Refuses lists that are empty or mixed.
-    fn of_one_format(input: String, paths: Vec<PathBuf>) -> Result<Self, SequenceError> {
+    fn of_one_format(
+        input: String,
+        paths: Vec<PathBuf>,
+        order_note: Option<String>,
+    ) -> Result<Self, SequenceError> {
         let Some(first) = paths.first() else {
             return Err(SequenceError::NoFrames { input });
         };
@@ -116,7 +122,25 @@ impl FrameSequence {
             let extension = format.map_or("", Format::extension);
             return Err(SequenceError::MixedFormats { input, first, other, extension });
         }
-        Ok(Self { input, paths })
+        let stems: Option<Vec<&str>> = paths.iter().map(|path| path.file_stem()?.to_str()).collect();
+        let bytes: Vec<&[u8]> =
+            paths.iter().map(|path| path.file_name().unwrap_or_default().as_encoded_bytes()).collect();
+        let (times, note) = stems
+            .map_or_else(Default::default, |stems| FrameTimes::from_names(&stems, NameOrder::of(&bytes)));
+        let notes = order_note.into_iter().chain(note).collect();
+        Ok(Self { input, paths, times, notes })
+    }
+
+    /// When frames were taken, as far as their names say.
+    #[must_use]
+    pub fn times(&self) -> &FrameTimes {
+        &self.times
+    }
+
+    /// Sentences on what was decided by the names, where they can be read in several ways.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The files in frame order; at least one.
@@ -131,7 +155,15 @@ impl FrameSequence {
     /// [`SequenceError::OutOfRange`] if the range is empty or ends past the last frame.
     pub fn select(&self, range: Range<usize>) -> Result<Self, SequenceError> {
         match self.paths.get(range.clone()) {
-            Some(paths) if !paths.is_empty() => Ok(Self { input: self.input.clone(), paths: paths.to_vec() }),
+            Some(paths) if !paths.is_empty() => {
+                let times = self.times.part(range);
+                Ok(Self {
+                    input: self.input.clone(),
+                    paths: paths.to_vec(),
+                    times,
+                    notes: self.notes.clone(),
+                })
+            }
             _ => Err(SequenceError::OutOfRange {
                 input: self.input.clone(),
                 asked: range,
@@ -141,23 +173,35 @@ impl FrameSequence {
     }
 }
 
-fn matching_files(path: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+/// A name that is ordered by its bytes.
+struct EncodedName(OsString);
+
+impl AsRef<[u8]> for EncodedName {
+    fn as_ref(&self) -> &[u8] {
+        self.0.as_encoded_bytes()
+    }
+}
+
+fn matching_files(path: &Path) -> Result<Listed, SequenceError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| has_wildcard(folder.as_os_str().as_encoded_bytes())) {
         return Err(SequenceError::WildcardInFolder { input: path.display().to_string() });
     }
     let pattern = path.file_name().unwrap_or_default().as_encoded_bytes();
-    let mut files =
+    let (mut files, note) =
         frame_files(folder.unwrap_or(Path::new(".")), |name| matches(pattern, name.as_encoded_bytes()))?;
     if folder.is_none() {
         // Messages name files as the user would: without the "./" of the folder that was listed.
         files.iter_mut().for_each(|file| *file = file.file_name().map(PathBuf::from).unwrap_or_default());
     }
-    Ok(files)
+    Ok((files, note))
 }
 
+/// Files in order, and a sentence on the order where their names can be read in several ways.
+type Listed = (Vec<PathBuf>, Option<String>);
+
 /// The frames of a folder whose names are wanted, in natural order.
-fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<PathBuf>, SequenceError> {
+fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Listed, SequenceError> {
     let io_error = |cause| SequenceError::Io { path: folder.to_owned(), cause };
     let mut names = Vec::new();
     for entry in folder.read_dir().map_err(io_error)? {
@@ -166,9 +210,9 @@ fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<Pat
         let path = folder.join(&name);
         // A link to nothing is a frame that cannot be read, not one that was never there.
         if !hidden && Format::of_path(&path).is_some() && wanted(&name) && !path.is_dir() {
-            names.push(name);
+            names.push(EncodedName(name));
         }
     }
-    names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
-    Ok(names.iter().map(|name| folder.join(name)).collect())
+    let OrderedNames { names, note, .. } = NameOrder::sort(names);
+    Ok((names.iter().map(|name| folder.join(&name.0)).collect(), note))
 }

@@ -184,6 +184,25 @@ pub(crate) fn parse_float(word: &[u8]) -> Option<f64> {
     })
 }
 
+/// A decimal number in billionths, exactly as it is written: `1305031102.175304`, `-0.5`, `1e-1`.
+pub(crate) fn parse_billionths(word: &str) -> Option<i128> {
+    const MOST_DIGITS: usize = 24;
+    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
+    let (whole, decimals) = digits.split_once('.').unwrap_or((digits, ""));
+    let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if is_plain(whole)
+        && is_plain(decimals)
+        && !(whole.is_empty() && decimals.is_empty())
+        && whole.len() <= MOST_DIGITS
+    {
+        let number: i128 = format!("{whole}{:0<9}", decimals.get(..9).unwrap_or(decimals)).parse().ok()?;
+        return Some(sign * number);
+    }
+    // Exponents.
+    let value: f64 = word.parse().ok().filter(|value: &f64| value.abs() < 1e20)?;
+    Some((value * 1e9).round() as i128)
+}
+
 /// The next three words as coordinates.
 pub(crate) fn coordinates<'a>(words: &mut impl Iterator<Item = &'a [u8]>) -> Result<DVec3, Malformation> {
     let mut coordinate = || {

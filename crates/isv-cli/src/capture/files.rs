@@ -1,8 +1,8 @@
 //! Frames from files.
 
-use super::{CapturedFrame, Content};
+use super::{CapturedFrame, Content, Hints};
 use anyhow::Result;
-use isv::io::{FrameSequence, ScaleCheck, Unit, read_geometry};
+use isv::io::{FrameSequence, FrameTimes, ScaleCheck, Unit, acquisition_time_s, read_geometry};
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
@@ -12,24 +12,41 @@ pub(super) struct FileFrames {
     /// Number of the next frame.
     number: usize,
     unit: Unit,
-    scale: ScaleCheck,
+    /// When the frames that are left were taken, in nanoseconds, where their names say.
+    times_ns: Option<IntoIter<u64>>,
+    /// None if frames may differ in scale.
+    scale: Option<ScaleCheck>,
 }
 
 impl FileFrames {
     /// The files of `sequence`, the first of which is frame `first`.
-    pub(super) fn new(sequence: &FrameSequence, first: usize, unit: Unit) -> Self {
+    pub(super) fn new(sequence: &FrameSequence, first: usize, hints: &Hints) -> Self {
         let paths = sequence.paths().to_vec().into_iter();
-        Self { paths, number: first, unit, scale: ScaleCheck::new() }
+        let rate = hints.frame_rate;
+        let times_ns = match sequence.times() {
+            FrameTimes::Even => None,
+            FrameTimes::Numbered(places) => {
+                Some(places.iter().map(|place| rate.timestamp_ns(*place)).collect())
+            }
+            FrameTimes::Nanoseconds(times) => Some(times.clone()),
+        };
+        let scale = (!hints.mixed_scales).then(ScaleCheck::new);
+        let times_ns = times_ns.map(Vec::into_iter);
+        Self { paths, number: first, unit: hints.unit, times_ns, scale }
     }
 
     fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame> {
+        // Names say when each frame was taken, whether it can be read or not.
+        let named_ns = self.times_ns.as_mut().and_then(Iterator::next);
         let geometry = read_geometry(path, self.unit)?;
-        let diagonal_m = geometry.bounds().map_or(0.0, |(low, high)| low.distance(high));
-        self.scale.check(path, diagonal_m)?;
+        if let Some(scale) = &mut self.scale {
+            scale.check(path, &geometry)?;
+        }
+        let scanned_ns = || acquisition_time_s(path).map(|seconds| (seconds.max(0.0) * 1e9).round() as u64);
         Ok(CapturedFrame {
             number,
             name: path.display().to_string(),
-            timestamp_ns: None,
+            timestamp_ns: named_ns.or_else(scanned_ns),
             content: Content::Geometry(geometry),
         })
     }

@@ -10,12 +10,12 @@ use crate::frame_rate;
 use crate::length::Length;
 use crate::output::is_pipe;
 use crate::stream::{self, StreamFrames, load_index};
+use crate::timeline::Timeline;
 use anyhow::{Result, bail};
 use isv::decode::Lod;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
-    Animation, DepthSequence, FrameSequence, SequenceError, Unit, VolumeError, VolumeSequence,
-    is_depth_folder,
+    Animation, DepthSequence, FrameSequence, SequenceError, VolumeError, VolumeSequence, is_depth_folder,
 };
 use isv::volume::Grid;
 use std::ops::Range;
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// What frames come from.
 pub(super) enum Kind {
     /// Files of meshes or points, one a frame.
-    Files(FrameSequence, Unit),
+    Files(FrameSequence, Hints),
     /// A glTF file that moves.
     Animation(Box<Animation>, FrameRate),
     /// Depth images and the cameras that took them.
@@ -99,7 +99,7 @@ impl Kind {
                 return Ok((Some(frames), Self::Animation(Box::new(animation), hints.frame_rate)));
             }
         }
-        Ok((Some(sequence.paths().len()), Self::Files(sequence, hints.unit)))
+        Ok((Some(sequence.paths().len()), Self::Files(sequence, *hints)))
     }
 
     /// Volumes on their own grid.
@@ -116,7 +116,10 @@ impl Kind {
 
     pub(super) fn frame_rate(&self) -> Option<FrameRate> {
         match self {
-            Self::Files(..) | Self::Volumes { .. } | Self::PipedGeometry(_) => None,
+            Self::Volumes { .. } | Self::PipedGeometry(_) => None,
+            Self::Files(sequence, hints) => {
+                Some(sequence.times().rate().and_then(frame_rate::nearest).unwrap_or(hints.frame_rate))
+            }
             Self::Animation(_, rate) => Some(*rate),
             Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
             Self::Stream(_, header) => Some(header.frame_rate),
@@ -143,20 +146,19 @@ impl Kind {
     }
 
     /// What a user should know of it.
-    pub(super) fn remark(&self) -> Option<String> {
+    pub(super) fn remarks(&self) -> Vec<String> {
         match self {
-            Self::Depth(depth) if depth.skipped() > 0 => {
-                Some(format!("{} depth images have no pose close in time and are left out", depth.skipped()))
-            }
+            Self::Files(sequence, _) => sequence.notes().to_vec(),
+            Self::Depth(depth) => depth_remarks(depth),
             Self::Volumes { size_is_known: false, grid, .. } => {
                 let voxel = Length::from_metres(grid.voxel_size.metres());
-                Some(format!("does not say how large a voxel is: taken as {voxel}; --voxel is another"))
+                vec![format!("does not say how large a voxel is: taken as {voxel}; --voxel is another")]
             }
-            Self::Animation(animation, _) if animation.names().len() > 1 => Some(format!(
+            Self::Animation(animation, _) if animation.names().len() > 1 => vec![format!(
                 "has {} animations, of which the first that moves anything is taken",
                 animation.names().len()
-            )),
-            _ => None,
+            )],
+            _ => Vec::new(),
         }
     }
 
@@ -174,8 +176,8 @@ impl Kind {
     /// Reads a range of frames of the capture called `name`.
     pub(super) fn read(self, name: String, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
         Ok(match self {
-            Self::Files(sequence, unit) => {
-                Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, unit))
+            Self::Files(sequence, hints) => {
+                Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, &hints))
             }
             Self::Animation(animation, rate) => Box::new(range.map(move |number| {
                 let geometry = animation.geometry_at(number as f64 / rate.per_second())?;
@@ -211,11 +213,37 @@ impl Kind {
     }
 }
 
+fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if depth.skipped() > 0 {
+        remarks.push(format!(
+            "{} depth images have no pose close in time and are left out; the others keep their times",
+            depth.skipped()
+        ));
+    }
+    if let Some(unit) = depth.time_unit() {
+        remarks.push(format!("time stamps are taken as {unit}"));
+    }
+    if let Some(saturation) = depth.saturation() {
+        let share = 100.0 * saturation.share;
+        remarks.push(if saturation.is_reading {
+            let depth = saturation.depth_m;
+            format!("65535 is {share:.1} % of the first image and counts as {depth:.1} m: add it to invalid_values")
+        } else {
+            format!("65535 is {share:.1} % of the first image and counts as no reading; invalid_values can say otherwise")
+        });
+    }
+    remarks
+}
+
 fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
     let content = if frames.header().profile == Profile::Main { Content::Decoded } else { Content::Volume };
+    // Streams may be joined, and their clocks be set: what makes no sense is not handed on.
+    let mut timeline = Timeline::new(frames.header().frame_rate);
     frames.map(move |frame| {
         let frame = frame?;
-        let (number, timestamp_ns) = (frame.number, Some(frame.timestamp_ns));
+        let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));
+        let timestamp_ns = Some((start_s * 1e9).round() as u64);
         let content = content(frame.volume.into_sparse()?);
         Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), timestamp_ns, content })
     })

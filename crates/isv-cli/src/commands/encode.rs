@@ -70,8 +70,11 @@ pub(crate) struct Args {
     #[arg(long)]
     skip_bad_frames: bool,
     /// What packets are stamped with
-    #[arg(long, value_enum, default_value = "rate")]
+    #[arg(long, value_enum, default_value = "source")]
     timestamps: TimestampsName,
+    /// Take frames of one shape and different scales as they are; without it, they are refused as being in different units
+    #[arg(long)]
+    mixed_scales: bool,
     /// Put a hash of every decoded frame into the stream, for isv verify
     #[arg(long)]
     checksums: bool,
@@ -91,7 +94,7 @@ impl Args {
         let usual = Hints::in_unit(self.units).with_origin(self.origin);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
-        Ok(Hints { voxel_size, truncation, frame_rate, ..usual })
+        Ok(Hints { voxel_size, truncation, frame_rate, mixed_scales: self.mixed_scales, ..usual })
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
@@ -166,7 +169,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         empty: 0,
         skipped: 0,
     };
-    for remark in [capture.remark(), args.without_effect(&capture)].into_iter().flatten() {
+    for remark in capture.remarks().into_iter().chain(args.without_effect(&capture)) {
         progress.note(&remark);
     }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);

@@ -6,7 +6,7 @@ use super::image::Units;
 use super::{Camera, DepthSequence, Optics, Poses};
 use crate::inside::inside;
 use crate::regular_file;
-use crate::text::{self, parse_float};
+use crate::text::{self, parse_billionths, parse_float};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use isv_volume::{CameraPose, DepthError, Intrinsics};
 use std::path::{Path, PathBuf};
@@ -116,21 +116,7 @@ impl TimeUnit {
 
 /// A time stamp, exactly as it is written.
 fn time(word: &str) -> Result<Time, String> {
-    let fault = || format!("`{}` is not a time", crate::error::quote(word.as_bytes()));
-    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
-    let (whole, decimals) = digits.split_once('.').unwrap_or((digits, ""));
-    let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
-    if is_plain(whole)
-        && is_plain(decimals)
-        && !(whole.is_empty() && decimals.is_empty())
-        && whole.len() <= 20
-    {
-        let nanoseconds = format!("{whole}{:0<9}", decimals.get(..9).unwrap_or(decimals));
-        return nanoseconds.parse::<Time>().map(|time| sign * time).map_err(|_| fault());
-    }
-    // Exponents.
-    let value = number(word).map_err(|_| fault())?;
-    if value.abs() < 1e20 { Ok((value * 1e9).round() as Time) } else { Err(fault()) }
+    parse_billionths(word).ok_or_else(|| format!("`{}` is not a time", crate::error::quote(word.as_bytes())))
 }
 
 /// `depth.txt`: a time stamp and a file name a line.

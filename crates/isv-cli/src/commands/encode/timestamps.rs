@@ -1,7 +1,6 @@
 //! `--timestamps`: what packets are stamped with.
 
 use crate::terms::TimestampsName;
-use crate::timeline::Timeline;
 use isv::format::FrameRate;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -10,33 +9,44 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub(super) struct Timestamps {
     name: TimestampsName,
     rate: FrameRate,
-    /// Of frames that have a time already.
-    stated: Timeline,
-    /// Least timestamp of the next frame, in nanoseconds: a clock may be set back, and timestamps ascend all the same.
-    least: u64,
+    /// The source's time of the first frame that has one, and the timestamp of that frame.
+    base: Option<(u64, u64)>,
+    /// Timestamp of the frame before, in nanoseconds.
+    last: Option<u64>,
 }
 
 impl Timestamps {
     pub(super) fn new(name: TimestampsName, rate: FrameRate) -> Self {
-        Self { name, rate, stated: Timeline::new(rate), least: 0 }
+        Self { name, rate, base: None, last: None }
     }
 
-    /// In nanoseconds, of a frame counted from the stream's first that had been read at a time. `stated`: its time if it comes of a
-    /// stream of this rate, which it keeps, counted from the first.
+    /// The timestamp in nanoseconds of a frame counted from the stream's first that had been read at a time. `stated`: when the source
+    /// took it, in nanoseconds from any start. Timestamps ascend, whatever clocks do.
     pub(super) fn of(&mut self, frame: u64, read: SystemTime, stated: Option<u64>) -> u64 {
-        match self.name {
-            TimestampsName::Rate => match stated {
-                Some(stated_ns) => (self.stated.place(stated_ns) * 1e9).round() as u64,
-                None => self.rate.timestamp_ns(frame),
-            },
-            TimestampsName::Clock => {
+        let (wanted, least) = match (self.name, stated) {
+            (TimestampsName::Clock, _) => {
                 let since_1970 = read.duration_since(UNIX_EPOCH).unwrap_or_default();
                 // Nanoseconds fit until the year 2554.
-                let now = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX - 1).max(self.least);
-                self.least = now + 1;
-                now
+                let now = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX - 1);
+                (now, self.last.map(|last| last + 1))
             }
-        }
+            (TimestampsName::Rate, _) => (self.rate.timestamp_ns(frame), None),
+            (TimestampsName::Source, Some(stated)) => {
+                let after_last = self.last.map_or(0, |last| last + self.rate.timestamp_ns(1));
+                let (start, at) = *self.base.get_or_insert((stated, after_last));
+                let time = stated.checked_sub(start).map_or(0, |since| at.saturating_add(since));
+                // A time that does not ascend is none.
+                let follows = self.last.is_none_or(|last| time > last);
+                (if follows { time } else { after_last }, None)
+            }
+            (TimestampsName::Source, None) => match self.base {
+                Some(_) => (self.last.map_or(0, |last| last + self.rate.timestamp_ns(1)), None),
+                None => (self.rate.timestamp_ns(frame), None),
+            },
+        };
+        let timestamp = wanted.max(least.unwrap_or_default());
+        self.last = Some(timestamp);
+        timestamp
     }
 }
 
@@ -55,7 +65,9 @@ mod tests {
             let mut timestamps = Timestamps::new(name, RATE);
             times.iter().zip(0..).map(|(read, frame)| timestamps.of(frame, *read, None)).collect::<Vec<_>>()
         };
-        assert_eq!(stamps(TimestampsName::Rate), [0, 33_333_333, 66_666_666, 100_000_000]);
+        for name in [TimestampsName::Rate, TimestampsName::Source] {
+            assert_eq!(stamps(name), [0, 33_333_333, 66_666_666, 100_000_000]);
+        }
         let second = 1_000_000_000;
         let first = 1_800_000_000 * second;
         assert_eq!(
@@ -66,11 +78,33 @@ mod tests {
 
     #[test]
     fn a_stream_keeps_its_times_from_its_first_frame_on() {
-        let mut timestamps = Timestamps::new(TimestampsName::Rate, RATE);
+        let mut timestamps = Timestamps::new(TimestampsName::Source, RATE);
         let times: Vec<_> =
             (3..200_000).filter(|frame| frame % 7 != 4).map(|f| RATE.timestamp_ns(f)).collect();
         for (time, frame) in times.iter().zip(0..) {
             assert_eq!(timestamps.of(frame, UNIX_EPOCH, Some(*time)), time - times[0]);
         }
+    }
+
+    #[test]
+    fn a_pause_stays_and_what_does_not_ascend_follows_at_the_rate() {
+        let second = 1_000_000_000;
+        let stamps = |name, times: &[Option<u64>]| {
+            let mut timestamps = Timestamps::new(name, RATE);
+            times
+                .iter()
+                .zip(0..)
+                .map(|(stated, frame)| timestamps.of(frame, UNIX_EPOCH, *stated))
+                .collect::<Vec<_>>()
+        };
+        let frame = RATE.timestamp_ns(1);
+        let times = [7, 8, 70, 70, 3, 71].map(|seconds| Some(seconds * second));
+        let expected = [0, second, 63 * second, 63 * second + frame, 63 * second + 2 * frame, 64 * second];
+        assert_eq!(stamps(TimestampsName::Source, &times), expected);
+        assert_eq!(stamps(TimestampsName::Rate, &times)[5], RATE.timestamp_ns(5));
+        // The first frames have no time, and one between.
+        let times = [None, None, Some(5 * second), None, Some(6 * second)];
+        let start = 2 * frame;
+        assert_eq!(stamps(TimestampsName::Source, &times), [0, frame, start, start + frame, start + second]);
     }
 }

@@ -1,0 +1,16 @@
+//! When a scanner took a file of points.
+
+use crate::{Format, e57, las, regular_file};
+use std::path::Path;
+
+/// When a file was scanned, in seconds of its own clock: the GPS time of the first point of LAS and LAZ, the start of the first scan of
+/// E57. `None` for other formats, and where the file does not say.
+#[must_use]
+pub fn acquisition_time_s(path: &Path) -> Option<f64> {
+    let time = match Format::of_path(path)? {
+        Format::Las | Format::Laz => las::first_time_s(&regular_file::read(path).ok()?),
+        Format::E57 => e57::start_s(&regular_file::read(path).ok()?),
+        _ => None,
+    };
+    time.filter(|seconds| seconds.is_finite() && *seconds > 0.0)
+}
