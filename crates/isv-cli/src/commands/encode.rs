@@ -5,6 +5,7 @@ mod coding;
 mod header;
 mod ingest;
 mod paper;
+mod spacing;
 mod target;
 mod timestamps;
 mod two_pass;
@@ -121,13 +122,23 @@ impl Args {
 
     /// The encoder's settings, and the header's voxel size if that is to be found out.
     fn settings(&self, capture: &Capture, header: &mut StreamHeader) -> Result<EncoderSettings> {
+        let fits = match self.header.voxel_is_open(capture) {
+            true => spacing::fitting_voxel(self)?,
+            false => None,
+        };
+        if let Some(voxel_size) = fits {
+            // Steps of profile paper are lengths, and count in voxels.
+            header.grid.voxel_size = voxel_size;
+            header.profile = self.header.profile(&header.grid)?;
+        }
+        let voxel_is_auto = self.header.voxel_is_auto() && fits.is_none();
         let mut settings = self.encoder_settings(header);
         let rate = self.header.target().two_pass_rate();
-        if self.header.voxel_is_auto() || rate.is_some() {
+        if voxel_is_auto || rate.is_some() {
             // The capture is read more than once.
             capture.counted()?;
         }
-        if self.header.voxel_is_auto() {
+        if voxel_is_auto {
             let choice = auto_voxel::choose(self, header, &settings)?;
             header.grid.voxel_size = choice.voxel;
             settings = self.encoder_settings(header);
@@ -152,7 +163,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let settings = args.settings(&capture, &mut header)?;
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
-    let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
+    let maker =
+        args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress), &args.hints()?)?;
     let coding = Coding { measures_change: args.stats.is_some(), coder: backend.coder(&header, settings)? };
     let mut job = Job {
         header,

@@ -111,6 +111,11 @@ impl HeaderArgs {
         self.voxel == Some(VoxelArg::Auto)
     }
 
+    /// Whether the capture may choose the voxel size: nobody has, or asked for that.
+    pub(super) fn voxel_is_open(&self, capture: &Capture) -> bool {
+        capture.grid().is_none() && !matches!(self.voxel, Some(VoxelArg::Edge(_)))
+    }
+
     /// The truncation asked for, if any.
     pub(super) fn truncation(&self) -> Result<Option<Truncation>> {
         let checked = self.truncation.map(Truncation::from_voxels).transpose();
@@ -142,7 +147,7 @@ impl HeaderArgs {
     }
 
     /// The profile; a setting of another one is refused.
-    fn profile(&self, grid: &Grid) -> Result<Profile> {
+    pub(super) fn profile(&self, grid: &Grid) -> Result<Profile> {
         self.target.check()?;
         if self.voxel_is_auto() && self.profile_name() == ProfileName::Paper {
             return Err(usage("--voxel auto: this is for profile main, not for profile paper"));
