@@ -242,7 +242,13 @@ mod tests {
                     })
                     .sum::<f64>()
             };
-            assert!((volume(&turned) - volume(&sound)).abs() < 1e-12, "{} for {}, {}", volume(&turned), volume(&sound), volume(&mesh));
+            assert!(
+                (volume(&turned) - volume(&sound)).abs() < 1e-12,
+                "{} for {}, {}",
+                volume(&turned),
+                volume(&sound),
+                volume(&mesh)
+            );
             assert!(is_solid(&turn_faces(&soup(&mesh), true)));
         }
     }

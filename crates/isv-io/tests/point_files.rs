@@ -29,7 +29,12 @@ fn why(name: &str, bytes: &[u8]) -> (Position, Malformation) {
 /// Three points, coordinates exact in `f32`.
 fn cloud() -> PointCloud {
     let positions = [[1.0, 2.0, 3.0], [-0.5, 0.25, 1e6], [0.0, 0.0, -7.5]].map(DVec3::from).to_vec();
-    PointCloud { positions, normals: vec![DVec3::X, DVec3::ZERO, DVec3::NEG_Z], viewpoint: None, scans: Vec::new() }
+    PointCloud {
+        positions,
+        normals: vec![DVec3::X, DVec3::ZERO, DVec3::NEG_Z],
+        viewpoint: None,
+        scans: Vec::new(),
+    }
 }
 
 fn written(points: &PointCloud, format: Format) -> Vec<u8> {

@@ -23,7 +23,7 @@ use crate::output::{Output, check_stream_output, frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::stream;
-use crate::terms::TimestampsName;
+use crate::terms::{BandName, ProfileName, TimestampsName};
 use crate::threads::use_threads;
 use crate::timeline::Timeline;
 use anyhow::{Result, bail};
@@ -115,7 +115,7 @@ impl Args {
             motion: self.header.motion(),
             gop: self.gop.get(),
             checksums: self.checksums,
-            main: self.header.target().settings(header, self.ingest.band()),
+            main: self.header.target().settings(header, self.header.band()),
             ..EncoderSettings::default()
         }
     }
@@ -163,8 +163,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let settings = args.settings(&capture, &mut header)?;
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
-    let maker =
-        args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress), &args.hints()?)?;
+    let maker = args.ingest.volume_maker(
+        header.grid,
+        profile,
+        args.header.band(),
+        backend.clone(),
+        Arc::clone(&progress),
+        &args.hints()?,
+    )?;
     let coding = Coding { measures_change: args.stats.is_some(), coder: backend.coder(&header, settings)? };
     let mut job = Job {
         header,
@@ -181,6 +187,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         empty: 0,
         skipped: 0,
     };
+    if args.header.band() == Some(BandName::Full) {
+        progress.note(match profile {
+            ProfileName::Paper => "the whole band is kept, by profile paper: main keeps what is near the surface",
+            ProfileName::Main => "profile main tells observed from unobserved near the surface alone: --profile paper does everywhere",
+        });
+    }
     for remark in capture.remarks().into_iter().chain(args.without_effect(&capture)) {
         progress.note(&remark);
     }

@@ -6,7 +6,7 @@ use crate::capture::{Capture, default_voxel_size};
 use crate::failure::usage;
 use crate::frame_rate;
 use crate::length::Length;
-use crate::terms::ProfileName;
+use crate::terms::{BandName, ProfileName};
 use anyhow::Result;
 use isv::encode::MotionMode;
 use isv::format::{FrameRate, Profile, StreamHeader};
@@ -58,6 +58,10 @@ pub(super) struct HeaderArgs {
     /// else 8
     #[arg(long, value_name = "VOXELS")]
     truncation: Option<u32>,
+    /// How much of the volume to code; without it, surface in profile main and full in profile paper. full takes profile paper, unless
+    /// main or a setting of it is asked for: main tells observed from unobserved near the surface alone
+    #[arg(long, value_enum)]
+    band: Option<BandName>,
     #[command(flatten)]
     paper: PaperArgs,
     #[command(flatten)]
@@ -80,9 +84,18 @@ impl HeaderArgs {
         &self.target
     }
 
-    /// The profile asked for, or the default.
+    /// The profile asked for, or the default: main, but for the whole band, of which it has no place for the unobserved voxels.
     pub(super) fn profile_name(&self) -> ProfileName {
-        self.profile.unwrap_or(ProfileName::Main)
+        let wants_main = self.target.first_given().is_some() || self.voxel_is_auto();
+        self.profile.unwrap_or(match self.band {
+            Some(BandName::Full) if !wants_main => ProfileName::Paper,
+            _ => ProfileName::Main,
+        })
+    }
+
+    /// How much of the volume to code, if that was asked for.
+    pub(super) fn band(&self) -> Option<BandName> {
+        self.band
     }
 
     /// How frames between keyframes are predicted in profile `paper`.

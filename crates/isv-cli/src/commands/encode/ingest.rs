@@ -42,20 +42,12 @@ pub(super) struct IngestArgs {
     /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
     #[arg(long, value_name = "LENGTH")]
     max_depth: Option<Length>,
-    /// How much of the volume to code; without it, surface in profile main and full in profile paper
-    #[arg(long, value_enum)]
-    band: Option<BandName>,
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
 }
 
 impl IngestArgs {
-    /// How much of the volume to code, if that was asked for.
-    pub(super) fn band(&self) -> Option<BandName> {
-        self.band
-    }
-
     /// What was asked for and has no effect on frames of a kind.
     pub(super) fn without_effect(&self, content: ContentKind) -> impl Iterator<Item = &'static str> {
         let (points, depth) = (content == ContentKind::Geometry, content == ContentKind::Depth);
@@ -82,6 +74,7 @@ impl IngestArgs {
         &self,
         grid: Grid,
         profile: ProfileName,
+        band: Option<BandName>,
         backend: Backend,
         progress: Arc<Progress>,
         hints: &Hints,
@@ -94,7 +87,7 @@ impl IngestArgs {
                 "--offset {offset_voxels}: it must be above 0 and at most the truncation of {truncation} voxels"
             )));
         }
-        let reach = match (profile, self.band) {
+        let reach = match (profile, band) {
             (ProfileName::Main, None | Some(BandName::Surface)) => Reach::Surface,
             _ => Reach::Band,
         };
@@ -116,7 +109,7 @@ impl IngestArgs {
             depth: DepthFusion { mode: self.fusion, settings, fuser: None },
             band: match profile {
                 ProfileName::Main => BandName::Full,
-                ProfileName::Paper => self.band.unwrap_or(BandName::Full),
+                ProfileName::Paper => band.unwrap_or(BandName::Full),
             },
             extended: profile == ProfileName::Main,
             progress,

@@ -36,7 +36,9 @@ pub(super) fn fitting_voxel(args: &Args) -> Result<Option<VoxelSize>> {
     // A frame that cannot be read is told of later, when it is its turn.
     for frame in capture.read(first)?.flatten() {
         let (spacing_m, what) = match frame.content {
-            Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => (points(&cloud), "points"),
+            Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
+                (points(&cloud), "points")
+            }
             Content::Geometry(geometry) if geometry.is_empty() => continue,
             Content::Depth(images) => (pixels(&images), "pixels"),
             _ => return Ok(None),
@@ -92,7 +94,9 @@ mod tests {
 
     #[test]
     fn lengths_are_rounded_up_to_what_people_choose() {
-        for (metres, rounded) in [(0.005, 0.005), (0.0051, 0.006), (0.0999, 0.1), (0.1, 0.1), (0.101, 0.12), (8.5, 10.0)] {
+        for (metres, rounded) in
+            [(0.005, 0.005), (0.0051, 0.006), (0.0999, 0.1), (0.1, 0.1), (0.101, 0.12), (8.5, 10.0)]
+        {
             assert_eq!(rounded_up(metres), rounded, "{metres}");
         }
     }

@@ -13,8 +13,9 @@ use glam::DVec3;
 use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share, turn_faces,
+    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence,
+    SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
+    turn_faces,
 };
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, surface_band};
