@@ -53,6 +53,7 @@ mod job;
 mod lattice;
 mod limits;
 mod lost;
+mod orientation;
 mod points;
 mod redistance;
 mod rims;
@@ -74,7 +75,11 @@ pub use ingester::MeshIngester;
 pub use job::MeshJob;
 pub use lattice::{LONGEST_EDGE, LatticeMesh};
 pub use lost::lost_share;
-pub use points::{PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals, ingest_points};
+pub use orientation::turn_faces;
+pub use points::{
+    NormalSides, PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals,
+    estimate_normals_seen_from, ingest_points,
+};
 pub use redistance::redistance;
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};
 

@@ -23,7 +23,7 @@ mod surfels;
 #[cfg(test)]
 mod tests;
 
-pub use normals::estimate_normals;
+pub use normals::{NormalSides, estimate_normals, estimate_normals_seen_from};
 pub use sign::{PointEvidence, PointSign, decide_point_sign};
 
 use crate::limits::{check_points_blocks, check_points_offset, check_points_range};

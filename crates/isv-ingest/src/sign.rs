@@ -16,7 +16,7 @@ const NUDGE: f64 = 1e-5;
 const NEAR: f64 = 0.15;
 
 /// Share of the area that must look closed; real sequences lie below 0.33 or above 0.96 (see [`decide_sign`]).
-const CLOSED_SHARE: f64 = 0.9;
+pub(crate) const CLOSED_SHARE: f64 = 0.9;
 
 /// How the sign of the distance is asked to be found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -36,7 +36,13 @@ impl CloudBuilder {
         }
     }
 
+    /// How many points there are.
+    pub(crate) fn len(&self) -> usize {
+        self.positions.len()
+    }
+
     pub(crate) fn finish(self, viewpoint: Option<DVec3>) -> PointCloud {
-        PointCloud { positions: self.positions, normals: self.normals.unwrap_or_default(), viewpoint }
+        let (positions, normals) = (self.positions, self.normals.unwrap_or_default());
+        PointCloud { positions, normals, viewpoint, scans: Vec::new() }
     }
 }

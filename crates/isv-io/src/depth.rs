@@ -161,6 +161,12 @@ impl DepthSequence {
         self.times_ns.as_ref().map(|times| times[frame])
     }
 
+    /// Whether any camera's lens distorts, so that its images are undistorted as they are read.
+    #[must_use]
+    pub fn is_undistorted(&self) -> bool {
+        self.cameras.iter().any(|camera| camera.optics.distortion.is_some())
+    }
+
     /// The unit that time stamps were taken to have, where it is not seconds: `milliseconds` and so on.
     #[must_use]
     pub fn time_unit(&self) -> Option<&'static str> {

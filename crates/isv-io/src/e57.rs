@@ -9,7 +9,7 @@ use crate::error::{Flaw, Malformation};
 use crate::foreign::catch_panic;
 use e57::{E57Reader, Record, RecordDataType, RecordName as Name, RecordValue};
 use glam::{DQuat, DVec3};
-use isv_volume::PointCloud;
+use isv_volume::{PointCloud, ScanPlace};
 use std::fmt::Display;
 use std::io::Cursor;
 
@@ -35,7 +35,7 @@ type Reader<'a> = E57Reader<Cursor<&'a [u8]>>;
 /// Parses an E57 file in memory: the points of all scans, each moved by its scan's pose. Cartesian coordinates are
 /// taken where they are valid, else spherical ones; a point with neither is dropped. Normals of the extension `nor`
 /// (`normalX`, `normalY`, `normalZ`) are read; they are unknown, zero, in scans without. The viewpoint is the
-/// scanner's place if there is one scan and it has a pose.
+/// scanner's place if there is one scan and it has a pose; of several scans each has its own.
 pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     if !bytes.starts_with(b"ASTM-E57") {
         return Err(Flaw::at_byte(0, Malformation::Magic { format: "E57", magic: "ASTM-E57" }));
@@ -61,17 +61,27 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     check_sizes(bytes, &scans)?;
     let normals = scans.iter().any(|scan| Attributes::of(scan).normal.is_some());
     let mut cloud = CloudBuilder::new(normals, 0);
+    let mut places = Vec::new();
     for scan in &scans {
+        let first = cloud.len();
         read_scan(&mut reader, scan, &mut cloud)?;
+        if let Some(viewpoint) = viewpoint_of(scan) {
+            places.push(ScanPlace { points: first..cloud.len(), viewpoint });
+        }
     }
-    let viewpoint = match &scans[..] {
-        [scan] => scan.transform.as_ref().filter(|pose| !is_identity(pose)).map(|pose| {
-            let e57::Translation { x, y, z } = pose.translation;
-            DVec3::new(x, y, z)
-        }),
-        _ => None,
-    };
-    Ok(cloud.finish(viewpoint.filter(|place| place.is_finite())))
+    let mut cloud = cloud.finish(None);
+    match &places[..] {
+        [place] if scans.len() == 1 => cloud.viewpoint = Some(place.viewpoint),
+        _ => cloud.scans = places,
+    }
+    Ok(cloud)
+}
+
+/// The scanner's place, where the scan has a pose that says one.
+fn viewpoint_of(scan: &e57::PointCloud) -> Option<DVec3> {
+    let pose = scan.transform.as_ref().filter(|pose| !is_identity(pose))?;
+    let e57::Translation { x, y, z } = pose.translation;
+    Some(DVec3::new(x, y, z)).filter(|place| place.is_finite())
 }
 
 /// Whether a pose changes nothing: programs write it that do not know one, as for points of several scans in one.

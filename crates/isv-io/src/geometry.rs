@@ -45,9 +45,7 @@ impl Geometry {
     pub fn relative_to(mut self, origin_m: [f64; 3]) -> Self {
         let origin = DVec3::from(origin_m);
         self.positions_mut().iter_mut().for_each(|v| *v -= origin);
-        if let Self::Points(PointCloud { viewpoint: Some(viewpoint), .. }) = &mut self {
-            *viewpoint -= origin;
-        }
+        self.viewpoints_mut().for_each(|viewpoint| *viewpoint -= origin);
         self
     }
 
@@ -59,12 +57,21 @@ impl Geometry {
         }
     }
 
+    /// Places that points were seen from.
+    fn viewpoints_mut(&mut self) -> impl Iterator<Item = &mut DVec3> {
+        let cloud = match self {
+            Self::Mesh(_) => None,
+            Self::Points(points) => Some(points),
+        };
+        cloud.into_iter().flat_map(|cloud| {
+            cloud.viewpoint.iter_mut().chain(cloud.scans.iter_mut().map(|scan| &mut scan.viewpoint))
+        })
+    }
+
     /// The same in metres, from coordinates in `unit`.
     pub(crate) fn in_metres(mut self, unit: Unit) -> Self {
         self.positions_mut().iter_mut().for_each(|v| *v *= unit.metres());
-        if let Self::Points(PointCloud { viewpoint: Some(viewpoint), .. }) = &mut self {
-            *viewpoint *= unit.metres();
-        }
+        self.viewpoints_mut().for_each(|viewpoint| *viewpoint *= unit.metres());
         self
     }
 

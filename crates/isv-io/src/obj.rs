@@ -121,7 +121,12 @@ impl File {
         let known = normals.len() == vertices.len();
         let normals = if known { normals } else { Vec::new() };
         if points.is_empty() {
-            return Ok(Geometry::Points(PointCloud { positions: vertices, normals, viewpoint: None }));
+            return Ok(Geometry::Points(PointCloud {
+                positions: vertices,
+                normals,
+                viewpoint: None,
+                scans: Vec::new(),
+            }));
         }
         if let Some(index) = points.iter().find(|index| **index as usize >= vertices.len()) {
             let text = (u64::from(*index) + 1).to_string();
@@ -132,7 +137,7 @@ impl File {
             false => points.iter().map(|index| of[*index as usize]).collect(),
         };
         let (positions, normals) = (named(&vertices), named(&normals));
-        Ok(Geometry::Points(PointCloud { positions, normals, viewpoint: None }))
+        Ok(Geometry::Points(PointCloud { positions, normals, viewpoint: None, scans: Vec::new() }))
     }
 }
 

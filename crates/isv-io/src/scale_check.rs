@@ -156,7 +156,7 @@ mod tests {
             (DVec3::new(0.4 * (6.3 * u).cos() * (1.0 - t), 1.8 * t, 0.2 * (6.3 * u).sin()) + moved) * scale
         };
         let positions = (0..1500).map(at).chain(others.iter().copied()).collect();
-        Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None })
+        Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None, scans: Vec::new() })
     }
 
     fn plain(scale: f64) -> Geometry {
@@ -191,7 +191,12 @@ mod tests {
                 DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)) * 0.018 + reach
             };
             let positions = (0..1000).map(at).collect();
-            Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None })
+            Geometry::Points(PointCloud {
+                positions,
+                normals: Vec::new(),
+                viewpoint: None,
+                scans: Vec::new(),
+            })
         };
         for reach in [DVec3::ZERO, DVec3::new(0.6, 1.2, 0.3)] {
             assert_eq!(verdicts([hand(reach), plain(1.0), hand(reach), plain(1.0)]), [true; 4]);

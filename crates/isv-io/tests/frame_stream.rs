@@ -97,7 +97,12 @@ fn ply_files_follow_each_other_in_either_encoding() {
 
 #[test]
 fn points_come_through_pipes_too() {
-    let points = PointCloud { positions: vec![DVec3::X, DVec3::Y], normals: vec![], viewpoint: None };
+    let points = PointCloud {
+        positions: vec![DVec3::X, DVec3::Y],
+        normals: vec![],
+        viewpoint: None,
+        scans: Vec::new(),
+    };
     let mut file = Vec::new();
     write_points_to(&mut file, &points, Format::Pcd).unwrap();
     for item in frames(&archive([("0.pcd", &file[..]), ("1.pcd", &file)])) {

@@ -29,7 +29,12 @@ fn why(name: &str, bytes: &[u8]) -> (Position, Malformation) {
 /// Three points, coordinates exact in `f32`.
 fn cloud() -> PointCloud {
     let positions = [[1.0, 2.0, 3.0], [-0.5, 0.25, 1e6], [0.0, 0.0, -7.5]].map(DVec3::from).to_vec();
-    PointCloud { positions, normals: vec![DVec3::X, DVec3::ZERO, DVec3::NEG_Z], viewpoint: None }
+    PointCloud {
+        positions,
+        normals: vec![DVec3::X, DVec3::ZERO, DVec3::NEG_Z],
+        viewpoint: None,
+        scans: Vec::new(),
+    }
 }
 
 fn written(points: &PointCloud, format: Format) -> Vec<u8> {
@@ -74,6 +79,7 @@ fn written_pcd_never_changes() {
         positions: vec![DVec3::new(1.0, -2.0, 0.5)],
         normals: vec![DVec3::Y],
         viewpoint: Some(DVec3::Z),
+        scans: Vec::new(),
     };
     let mut expected =
         b"# made by isv\nVERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\n\
@@ -92,6 +98,7 @@ fn every_pcd_encoding_reads_the_same_points_past_what_is_not_needed() {
         positions: [[-3.0, 7.0, 9.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]].map(DVec3::from).to_vec(),
         normals: vec![DVec3::Z, DVec3::ZERO, DVec3::NEG_Y],
         viewpoint: Some(DVec3::new(1.0, 2.0, 3.0)),
+        scans: Vec::new(),
     };
     for file in baroque_files() {
         assert_eq!(parse("a.pcd", &file).unwrap(), expected);

@@ -69,6 +69,7 @@ mod tests {
             positions: vec![DVec3::ZERO, DVec3::ONE, DVec3::new(-0.0, 0.0, 0.0), DVec3::ONE],
             normals: vec![DVec3::X, DVec3::Y, DVec3::Z, DVec3::Z],
             viewpoint: None,
+            scans: Vec::new(),
         };
         let set = PointSet::of_cloud(&cloud);
         assert_eq!(set.points(), [DVec3::ZERO, DVec3::ONE]);

@@ -6,7 +6,7 @@ use isv_volume::{PointCloud, TriangleMesh};
 
 fn cloud(positions: &[[f64; 3]], normals: &[DVec3]) -> PointCloud {
     let positions = positions.iter().copied().map(DVec3::from).collect();
-    PointCloud { positions, normals: normals.to_vec(), viewpoint: None }
+    PointCloud { positions, normals: normals.to_vec(), viewpoint: None, scans: Vec::new() }
 }
 
 fn measured(reference: &PointCloud, test: &PointCloud) -> GeometryError {

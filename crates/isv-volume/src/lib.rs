@@ -37,5 +37,5 @@ pub use fit::{FitError, round_up};
 pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSize};
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};
-pub use points::{PointCloud, PointsError};
+pub use points::{PointCloud, PointsError, ScanPlace};
 pub use volume::{BlockOrigin, SparseVolume, VolumeBuilder};

@@ -1,6 +1,7 @@
 //! Point clouds.
 
 use glam::DVec3;
+use std::ops::Range;
 use thiserror::Error;
 
 /// A point cloud that cannot be worked with.
@@ -35,6 +36,17 @@ pub struct PointCloud {
     pub normals: Vec<DVec3>,
     /// Where the points were seen from, in metres, if the capture tells.
     pub viewpoint: Option<DVec3>,
+    /// Places of several scans, where the points were seen from more than one; those of runs of points, in order.
+    pub scans: Vec<ScanPlace>,
+}
+
+/// Where a run of points was seen from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScanPlace {
+    /// Indices of the points.
+    pub points: Range<usize>,
+    /// The scanner's place, in metres.
+    pub viewpoint: DVec3,
 }
 
 impl PointCloud {
@@ -55,6 +67,12 @@ impl PointCloud {
             Some(point) => Err(PointsError::NotFinite { point }),
             None => Ok(()),
         }
+    }
+
+    /// Where the points were seen from, without the points.
+    #[must_use]
+    pub fn without_points(&self) -> Self {
+        Self { viewpoint: self.viewpoint, scans: self.scans.clone(), ..Self::default() }
     }
 
     /// Smallest and largest corner of the bounding box; `None` without points.

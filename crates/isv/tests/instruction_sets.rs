@@ -137,6 +137,7 @@ fn points() {
         positions: mesh.vertices,
         normals: mesh.normals,
         viewpoint: None,
+        scans: Vec::new(),
     });
     let clouds: Vec<_> =
         clouds.flat_map(|cloud| [cloud.clone(), PointCloud { normals: vec![], ..cloud }]).collect();

@@ -221,6 +221,9 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
             depth.skipped()
         ));
     }
+    if depth.is_undistorted() {
+        remarks.push("images are undistorted by the coefficients given".to_owned());
+    }
     if let Some(unit) = depth.time_unit() {
         remarks.push(format!("time stamps are taken as {unit}"));
     }

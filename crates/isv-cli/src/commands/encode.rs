@@ -5,6 +5,7 @@ mod coding;
 mod header;
 mod ingest;
 mod paper;
+mod spacing;
 mod target;
 mod timestamps;
 mod two_pass;
@@ -22,7 +23,7 @@ use crate::output::{Output, check_stream_output, frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::stream;
-use crate::terms::TimestampsName;
+use crate::terms::{BandName, ProfileName, TimestampsName};
 use crate::threads::use_threads;
 use crate::timeline::Timeline;
 use anyhow::{Result, bail};
@@ -114,20 +115,30 @@ impl Args {
             motion: self.header.motion(),
             gop: self.gop.get(),
             checksums: self.checksums,
-            main: self.header.target().settings(header, self.ingest.band()),
+            main: self.header.target().settings(header, self.header.band()),
             ..EncoderSettings::default()
         }
     }
 
     /// The encoder's settings, and the header's voxel size if that is to be found out.
     fn settings(&self, capture: &Capture, header: &mut StreamHeader) -> Result<EncoderSettings> {
+        let fits = match self.header.voxel_is_open(capture) {
+            true => spacing::fitting_voxel(self)?,
+            false => None,
+        };
+        if let Some(voxel_size) = fits {
+            // Steps of profile paper are lengths, and count in voxels.
+            header.grid.voxel_size = voxel_size;
+            header.profile = self.header.profile(&header.grid)?;
+        }
+        let voxel_is_auto = self.header.voxel_is_auto() && fits.is_none();
         let mut settings = self.encoder_settings(header);
         let rate = self.header.target().two_pass_rate();
-        if self.header.voxel_is_auto() || rate.is_some() {
+        if voxel_is_auto || rate.is_some() {
             // The capture is read more than once.
             capture.counted()?;
         }
-        if self.header.voxel_is_auto() {
+        if voxel_is_auto {
             let choice = auto_voxel::choose(self, header, &settings)?;
             header.grid.voxel_size = choice.voxel;
             settings = self.encoder_settings(header);
@@ -152,7 +163,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let settings = args.settings(&capture, &mut header)?;
     let backend = args.backend.open()?;
     let profile = args.header.profile_name();
-    let maker = args.ingest.volume_maker(header.grid, profile, backend.clone(), Arc::clone(&progress))?;
+    let maker = args.ingest.volume_maker(
+        header.grid,
+        profile,
+        args.header.band(),
+        backend.clone(),
+        Arc::clone(&progress),
+        &args.hints()?,
+    )?;
     let coding = Coding { measures_change: args.stats.is_some(), coder: backend.coder(&header, settings)? };
     let mut job = Job {
         header,
@@ -169,6 +187,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         empty: 0,
         skipped: 0,
     };
+    if args.header.band() == Some(BandName::Full) {
+        progress.note(match profile {
+            ProfileName::Paper => "the whole band is kept, by profile paper: main keeps what is near the surface",
+            ProfileName::Main => "profile main tells observed from unobserved near the surface alone: --profile paper does everywhere",
+        });
+    }
     for remark in capture.remarks().into_iter().chain(args.without_effect(&capture)) {
         progress.note(&remark);
     }

@@ -3,10 +3,12 @@
 use crate::IngestError;
 use crate::points::eigen::eigen;
 use crate::points::orient::{NEIGHBOURS, Neighbours, orient_consistently, orient_towards};
+use crate::points::sign::{SPACING_NEIGHBOURS, spacing};
 use glam::DVec3;
 use isv_spatial::{Neighbour, PointTree};
-use isv_volume::PointCloud;
+use isv_volume::{PointCloud, ScanPlace};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Neighbours that a plane is laid through at first, and at most: twice as many each time that they lie on a line, as the
 /// points of one sweep of a scanner do.
@@ -16,16 +18,45 @@ const MOST: usize = 192;
 /// Points whose extent across their line is less than this share of that along it lie on a line.
 const LINE: f64 = 0.15;
 
-/// The cloud with a normal at every point around which others lie on a plane: the direction in which its nearest neighbours
-/// extend least. Where there is no plane, all neighbours lying on a line or in one place, the normal is zero: not known.
-///
-/// Normals point towards the cloud's viewpoint if it has one. Without, each connected part is given the signs that
-/// differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992), the whole of it such that its outermost
-/// points look outward. Normals that the cloud has are not used. The result is the same for any number of threads.
+/// What normals were turned by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NormalSides {
+    /// They face the place that their points were seen from, or those of several scans.
+    Viewpoint,
+    /// They face a place that the points look scanned from, as nobody said where it was.
+    Guessed(DVec3),
+    /// Neighbours agree, and the outermost ones of each part look outward. That decides little for parts that are no closed bodies.
+    Outward {
+        /// Share of the points, 0 to 1, in parts whose outermost points do not agree on what is outward.
+        doubtful: f64,
+    },
+}
+
+/// The cloud with a normal at every point around which others lie on a plane, turned as [`estimate_normals_seen_from`] does with no
+/// guess.
 ///
 /// # Errors
 /// [`IngestError::Points`] if the cloud is not valid.
 pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
+    estimate_normals_seen_from(cloud, None).map(|(cloud, _)| cloud)
+}
+
+/// The cloud with a normal at every point around which others lie on a plane: the direction in which its nearest neighbours
+/// extend least. Where there is no plane, all neighbours lying on a line or in one place, the normal is zero: not known. With what the
+/// sides rest on.
+///
+/// Normals point towards the cloud's viewpoint, or those of its scans, if it has any. Without, they point towards `guess`, in metres, if
+/// the points look as if they had been scanned from there: as far apart as a scanner's rays, and one behind the other along few of them.
+/// Else each connected part is given the signs that differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992), the
+/// whole of it such that its outermost points look outward. Normals that the cloud has are not used. The result is the same for any
+/// number of threads.
+///
+/// # Errors
+/// [`IngestError::Points`] if the cloud is not valid.
+pub fn estimate_normals_seen_from(
+    cloud: &PointCloud,
+    guess: Option<DVec3>,
+) -> Result<(PointCloud, NormalSides), IngestError> {
     cloud.validate()?;
     let tree = PointTree::new(cloud.positions.clone());
     let planes: Vec<(DVec3, Neighbours)> = cloud
@@ -41,11 +72,89 @@ pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
         })
         .collect();
     let (mut normals, neighbours): (Vec<DVec3>, Vec<Neighbours>) = planes.into_iter().unzip();
-    match cloud.viewpoint {
-        Some(viewpoint) => orient_towards(viewpoint, &cloud.positions, &mut normals),
-        None => orient_consistently(&cloud.positions, &neighbours, &mut normals),
+    let guess = guess.filter(|place| looks_scanned_from(*place, &cloud.positions, &tree));
+    let sides = match (cloud.viewpoint, guess) {
+        (Some(viewpoint), _) => {
+            orient_towards(viewpoint, &cloud.positions, &mut normals);
+            NormalSides::Viewpoint
+        }
+        (None, _) if !cloud.scans.is_empty() => {
+            // Scans without a place, if there are any, agree with their neighbours.
+            orient_consistently(&cloud.positions, &neighbours, &mut normals);
+            for ScanPlace { points, viewpoint } in &cloud.scans {
+                let points = points.start.min(normals.len())..points.end.min(normals.len());
+                orient_towards(*viewpoint, &cloud.positions[points.clone()], &mut normals[points]);
+            }
+            NormalSides::Viewpoint
+        }
+        (None, Some(place)) => {
+            orient_towards(place, &cloud.positions, &mut normals);
+            NormalSides::Guessed(place)
+        }
+        (None, None) => {
+            let doubtful = orient_consistently(&cloud.positions, &neighbours, &mut normals);
+            NormalSides::Outward { doubtful }
+        }
+    };
+    let cloud = PointCloud { normals, positions: cloud.positions.clone(), ..cloud.without_points() };
+    Ok((cloud, sides))
+}
+
+/// Whether points look as if a scanner had taken them all from one place: they are the farther apart the farther away, which points
+/// spread over a surface are not, and few lie behind others.
+fn looks_scanned_from(place: DVec3, positions: &[DVec3], tree: &PointTree) -> bool {
+    /// Points looked at.
+    const SAMPLES: usize = 4096;
+    /// How much farther than the nearest tenth the farthest tenth is at least.
+    const LEAST_SPREAD: f64 = 3.0;
+    /// Least exponent of distance in what points are apart.
+    const LEAST_GROWTH: f64 = 0.6;
+    /// Directions a turn. Rays of scanners are closer.
+    const DIRECTIONS: f64 = 720.0;
+    /// Points behind others by more than this ratio hide behind them.
+    const BEHIND: f64 = 1.3;
+    const MOST_HIDDEN: f64 = 0.25;
+    let step = positions.len().div_ceil(SAMPLES).max(1);
+    let mut found = Vec::new();
+    let mut looks: Vec<(f64, f64)> = Vec::new();
+    for p in positions.iter().step_by(step) {
+        tree.k_nearest(*p, SPACING_NEIGHBOURS + 1, &mut found);
+        let (distance, apart) = (p.distance(place), spacing(&found));
+        if distance > 0.0 && apart > 0.0 {
+            looks.push((distance.ln(), apart.ln()));
+        }
     }
-    Ok(PointCloud { positions: cloud.positions.clone(), normals, viewpoint: cloud.viewpoint })
+    if looks.len() < 100 {
+        return false;
+    }
+    looks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let tenth = looks.len() / 10;
+    if looks[looks.len() - 1 - tenth].0 - looks[tenth].0 < LEAST_SPREAD.ln() {
+        return false;
+    }
+    let count = looks.len() as f64;
+    let mean = looks.iter().fold((0.0, 0.0), |sum, look| (sum.0 + look.0 / count, sum.1 + look.1 / count));
+    let (mut both, mut own) = (0.0, 0.0);
+    for (distance, apart) in &looks {
+        both += (distance - mean.0) * (apart - mean.1);
+        own += (distance - mean.0).powi(2);
+    }
+    if both / own < LEAST_GROWTH {
+        return false;
+    }
+    // The nearest point of each direction, over cells of equal height and about equal width.
+    let cell = |p: &DVec3| {
+        let towards = (*p - place).normalize_or_zero();
+        let turn = DIRECTIONS / std::f64::consts::TAU;
+        ((towards.z.asin() * turn).round() as i32, (towards.y.atan2(towards.x) * turn).round() as i32)
+    };
+    let mut nearest: HashMap<(i32, i32), f64> = HashMap::new();
+    for p in positions {
+        let least = nearest.entry(cell(p)).or_insert(f64::INFINITY);
+        *least = least.min(p.distance(place));
+    }
+    let hidden = positions.iter().filter(|p| p.distance(place) > BEHIND * nearest[&cell(p)]).count();
+    (hidden as f64) < MOST_HIDDEN * positions.len() as f64
 }
 
 /// The normal of the plane through the neighbours of a point, of either sign; zero if there is none. Leaves the neighbours

@@ -19,8 +19,15 @@ pub(crate) fn orient_towards(viewpoint: DVec3, positions: &[DVec3], normals: &mu
 }
 
 /// Makes the normals of neighbours point to the same side wherever they can, starting with those that are most nearly
-/// parallel (Hoppe et al. 1992), and the outermost ones of each connected part outward.
-pub(crate) fn orient_consistently(positions: &[DVec3], neighbours: &[Neighbours], normals: &mut [DVec3]) {
+/// parallel (Hoppe et al. 1992), and the outermost ones of each connected part outward. Gives the share of the points in parts whose
+/// outermost points do not agree on what is outward, as those of a closed body do.
+pub(crate) fn orient_consistently(
+    positions: &[DVec3],
+    neighbours: &[Neighbours],
+    normals: &mut [DVec3],
+) -> f64 {
+    /// Sum over six directions of how far outward the outermost normals look, from which on a part is sure: a closed body has 5 or more.
+    const SURE: f64 = 3.0;
     let mut parts = Parts::new(positions.len());
     for Edge { from, to, .. } in edges(neighbours, normals) {
         let turned = normals[from as usize].dot(normals[to as usize]) < 0.0;
@@ -31,12 +38,16 @@ pub(crate) fn orient_consistently(positions: &[DVec3], neighbours: &[Neighbours]
             *normal = -*normal;
         }
     }
-    let inward = parts.inward(positions, normals);
+    let outward = parts.outward(positions, normals);
+    let mut doubtful = 0;
     for (i, normal) in normals.iter_mut().enumerate() {
-        if inward[parts.root(i as u32).0 as usize] {
+        let outward = outward[parts.root(i as u32).0 as usize];
+        if outward < 0.0 {
             *normal = -*normal;
         }
+        doubtful += usize::from(outward.abs() < SURE);
     }
+    doubtful as f64 / normals.len().max(1) as f64
 }
 
 /// Two neighbours; ordered by how far from parallel their normals are.
@@ -107,8 +118,8 @@ impl Parts {
         }
     }
 
-    /// For the first point of each set whether the normals of the set's outermost points along the axes look inward.
-    fn inward(&mut self, positions: &[DVec3], normals: &[DVec3]) -> Vec<bool> {
+    /// For the first point of each set how far outward the normals of the set's outermost points along the axes look, -6 to 6.
+    fn outward(&mut self, positions: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
         const DIRECTIONS: [DVec3; 6] =
             [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
         let mut outermost: Vec<[u32; 6]> = (0..positions.len() as u32).map(|i| [i; 6]).collect();
@@ -124,6 +135,6 @@ impl Parts {
         let outward = |points: &[u32; 6]| -> f64 {
             points.iter().zip(DIRECTIONS).map(|(i, direction)| normals[*i as usize].dot(direction)).sum()
         };
-        outermost.iter().map(|points| outward(points) < 0.0).collect()
+        outermost.iter().map(outward).collect()
     }
 }

@@ -27,7 +27,12 @@ fn sphere() -> PointCloud {
         .map(DVec3::normalize)
         .take(14_000)
         .collect();
-    PointCloud { positions: normals.iter().map(|n| 0.2 * n).collect(), normals, viewpoint: None }
+    PointCloud {
+        positions: normals.iter().map(|n| 0.2 * n).collect(),
+        normals,
+        viewpoint: None,
+        scans: Vec::new(),
+    }
 }
 
 /// Random points of the square `-half..half` in the plane `z = 0.003`, facing up, without those that `hole` takes.
@@ -38,7 +43,7 @@ fn sheet(half: f64, hole: impl Fn(DVec3) -> bool) -> PointCloud {
         .map(|_| DVec3::new(half * random.signed(), half * random.signed(), 0.003))
         .filter(|p| !hole(*p))
         .collect();
-    PointCloud { normals: vec![DVec3::Z; positions.len()], positions, viewpoint: None }
+    PointCloud { normals: vec![DVec3::Z; positions.len()], positions, viewpoint: None, scans: Vec::new() }
 }
 
 /// Calls `check` with centre (metres), sample (voxels) and whether it is observed, for every voxel of the volume.
@@ -159,7 +164,12 @@ fn few_coincident_and_collinear_points_do_no_harm() {
         (0..1000).map(|i| DVec3::X * 0.001 * f64::from(i)).collect(),
     ];
     for positions in clouds {
-        let cloud = PointCloud { normals: vec![DVec3::Z; positions.len()], positions, viewpoint: None };
+        let cloud = PointCloud {
+            normals: vec![DVec3::Z; positions.len()],
+            positions,
+            viewpoint: None,
+            scans: Vec::new(),
+        };
         let bare = estimate_normals(&cloud).unwrap();
         assert!(bare.normals.iter().all(|n| *n == DVec3::ZERO), "no plane, no normal");
         for mode in [SignMode::Auto, SignMode::Closed, SignMode::Offset] {

@@ -128,7 +128,12 @@ impl Animation {
     pub fn geometry_at(&self, seconds: f64) -> Result<Geometry, ReadError> {
         let (mesh, positions) = self.scene.pose(self.channels(), seconds);
         let geometry = match self.scene.is_points() {
-            true => Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None }),
+            true => Geometry::Points(PointCloud {
+                positions,
+                normals: Vec::new(),
+                viewpoint: None,
+                scans: Vec::new(),
+            }),
             false => Geometry::Mesh(mesh),
         };
         geometry.checked(&self.path, self.unit)

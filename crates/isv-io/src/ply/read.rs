@@ -50,7 +50,8 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
     let none_of = |name| header.find(name).is_none_or(|element| element.count == 0);
     if none_of("face") && none_of("tristrips") {
         let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
-        let points = PointCloud { positions: vertices.positions, normals, viewpoint: None };
+        let points =
+            PointCloud { positions: vertices.positions, normals, viewpoint: None, scans: Vec::new() };
         return Ok((Geometry::Points(points), values.remaining()));
     }
     let normals = vertices.unit_normals();

@@ -8,7 +8,7 @@ use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
 use isv::format::{PacketHeader, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::ingest::{MeshIngest, decide_sign, ingest_mesh, turn_faces};
 use isv::io::Geometry;
 use isv::metrics::{CompareOptions, compare};
 use isv::surface::{SurfaceOptions, extract_surface};
@@ -179,7 +179,9 @@ fn samples(args: &Args) -> Result<Vec<Sample>> {
         starts.push(range.start + range.len() / 2);
     }
     let frame = |frame: CapturedFrame| match frame.content {
-        Content::Geometry(Geometry::Mesh(mesh)) => Ok(SampleFrame { name: frame.name, mesh }),
+        Content::Geometry(Geometry::Mesh(mesh)) => {
+            Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh, true).into_owned() })
+        }
         _ => bail!("{}: --voxel auto needs meshes: give a length, as in --voxel 5mm", frame.name),
     };
     let skips = args.skip_bad_frames && capture.frames_stand_alone();

@@ -6,7 +6,7 @@ use crate::capture::{Capture, default_voxel_size};
 use crate::failure::usage;
 use crate::frame_rate;
 use crate::length::Length;
-use crate::terms::ProfileName;
+use crate::terms::{BandName, ProfileName};
 use anyhow::Result;
 use isv::encode::MotionMode;
 use isv::format::{FrameRate, Profile, StreamHeader};
@@ -58,6 +58,10 @@ pub(super) struct HeaderArgs {
     /// else 8
     #[arg(long, value_name = "VOXELS")]
     truncation: Option<u32>,
+    /// How much of the volume to code; without it, surface in profile main and full in profile paper. full takes profile paper, unless
+    /// main or a setting of it is asked for: main tells observed from unobserved near the surface alone
+    #[arg(long, value_enum)]
+    band: Option<BandName>,
     #[command(flatten)]
     paper: PaperArgs,
     #[command(flatten)]
@@ -80,9 +84,18 @@ impl HeaderArgs {
         &self.target
     }
 
-    /// The profile asked for, or the default.
+    /// The profile asked for, or the default: main, but for the whole band, of which it has no place for the unobserved voxels.
     pub(super) fn profile_name(&self) -> ProfileName {
-        self.profile.unwrap_or(ProfileName::Main)
+        let wants_main = self.target.first_given().is_some() || self.voxel_is_auto();
+        self.profile.unwrap_or(match self.band {
+            Some(BandName::Full) if !wants_main => ProfileName::Paper,
+            _ => ProfileName::Main,
+        })
+    }
+
+    /// How much of the volume to code, if that was asked for.
+    pub(super) fn band(&self) -> Option<BandName> {
+        self.band
     }
 
     /// How frames between keyframes are predicted in profile `paper`.
@@ -109,6 +122,11 @@ impl HeaderArgs {
     /// Whether the voxel size is to be found out.
     pub(super) fn voxel_is_auto(&self) -> bool {
         self.voxel == Some(VoxelArg::Auto)
+    }
+
+    /// Whether the capture may choose the voxel size: nobody has, or asked for that.
+    pub(super) fn voxel_is_open(&self, capture: &Capture) -> bool {
+        capture.grid().is_none() && !matches!(self.voxel, Some(VoxelArg::Edge(_)))
     }
 
     /// The truncation asked for, if any.
@@ -142,7 +160,7 @@ impl HeaderArgs {
     }
 
     /// The profile; a setting of another one is refused.
-    fn profile(&self, grid: &Grid) -> Result<Profile> {
+    pub(super) fn profile(&self, grid: &Grid) -> Result<Profile> {
         self.target.check()?;
         if self.voxel_is_auto() && self.profile_name() == ProfileName::Paper {
             return Err(usage("--voxel auto: this is for profile main, not for profile paper"));

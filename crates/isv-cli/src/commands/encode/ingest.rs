@@ -2,12 +2,14 @@
 
 use super::volumes::{DepthFusion, VolumeMaker};
 use crate::backend::Backend;
-use crate::capture::ContentKind;
+use crate::capture::{ContentKind, Hints};
 use crate::failure::usage;
 use crate::length::Length;
+use crate::origin;
 use crate::progress::Progress;
 use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
 use anyhow::Result;
+use glam::DVec3;
 use isv::fusion::FusionSettings;
 use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
 use isv::volume::Grid;
@@ -30,26 +32,22 @@ pub(super) struct IngestArgs {
     /// Normals of points
     #[arg(long, value_enum, default_value = "given")]
     normals: NormalsName,
+    /// Where points were seen from, in their unit: estimated normals face it. Without it, the place that files say, the origin where the
+    /// points look scanned from it, or outward
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    viewpoint: Option<[f64; 3]>,
     /// What a frame of depth images stands for
     #[arg(long, value_enum, default_value = "per-frame")]
     fusion: FusionName,
     /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
     #[arg(long, value_name = "LENGTH")]
     max_depth: Option<Length>,
-    /// How much of the volume to code; without it, surface in profile main and full in profile paper
-    #[arg(long, value_enum)]
-    band: Option<BandName>,
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
 }
 
 impl IngestArgs {
-    /// How much of the volume to code, if that was asked for.
-    pub(super) fn band(&self) -> Option<BandName> {
-        self.band
-    }
-
     /// What was asked for and has no effect on frames of a kind.
     pub(super) fn without_effect(&self, content: ContentKind) -> impl Iterator<Item = &'static str> {
         let (points, depth) = (content == ContentKind::Geometry, content == ContentKind::Depth);
@@ -58,6 +56,7 @@ impl IngestArgs {
             ("--sign", !depth, self.sign != SignName::Auto),
             ("--offset", !depth, self.offset != OFFSET_VOXELS),
             ("--normals", points, self.normals != NormalsName::Given),
+            ("--viewpoint", points && self.normals == NormalsName::Estimate, self.viewpoint.is_some()),
             ("--fusion", depth, self.fusion != FusionName::PerFrame),
             ("--max-depth", depth, self.max_depth.is_some()),
         ];
@@ -75,9 +74,12 @@ impl IngestArgs {
         &self,
         grid: Grid,
         profile: ProfileName,
+        band: Option<BandName>,
         backend: Backend,
         progress: Arc<Progress>,
+        hints: &Hints,
     ) -> Result<VolumeMaker> {
+        let (unit, origin_m) = (hints.unit, DVec3::from(hints.origin_m));
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
         let truncation = grid.truncation.voxels();
         if !(offset_voxels > 0.0 && offset_voxels <= f64::from(truncation)) {
@@ -85,7 +87,7 @@ impl IngestArgs {
                 "--offset {offset_voxels}: it must be above 0 and at most the truncation of {truncation} voxels"
             )));
         }
-        let reach = match (profile, self.band) {
+        let reach = match (profile, band) {
             (ProfileName::Main, None | Some(BandName::Surface)) => Reach::Surface,
             _ => Reach::Band,
         };
@@ -96,14 +98,18 @@ impl IngestArgs {
             mesh: MeshIngest { reach, ..self.of_meshes(grid) },
             mesh_ingester: None,
             mesh_sign: None,
+            turns_faces: false,
             loss_said: WORTH_A_WARNING / 2.0,
             points: PointIngest { grid, sign, offset_voxels, max_blocks },
             point_sign: None,
             normals: self.normals,
+            viewpoint_m: self.viewpoint.map(|place| DVec3::from(place) * unit.metres() - origin_m),
+            scan_origin_m: -origin_m,
+            sides_said: false,
             depth: DepthFusion { mode: self.fusion, settings, fuser: None },
             band: match profile {
                 ProfileName::Main => BandName::Full,
-                ProfileName::Paper => self.band.unwrap_or(BandName::Full),
+                ProfileName::Paper => band.unwrap_or(BandName::Full),
             },
             extended: profile == ProfileName::Main,
             progress,

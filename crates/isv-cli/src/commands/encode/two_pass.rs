@@ -71,7 +71,14 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
     let range = capture.range(args.frames)?;
     let progress = Arc::new(Progress::silent(Some(range.len()), "measuring"));
     let profile = args.header.profile_name();
-    let maker = args.ingest.volume_maker(header.grid, profile, Backend::CPU, Arc::clone(&progress))?;
+    let maker = args.ingest.volume_maker(
+        header.grid,
+        profile,
+        args.header.band(),
+        Backend::CPU,
+        Arc::clone(&progress),
+        &args.hints()?,
+    )?;
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;

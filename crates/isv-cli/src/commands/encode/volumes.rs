@@ -9,17 +9,23 @@ use crate::stats::timed;
 use crate::stream;
 use crate::terms::{BandName, FusionName, NormalsName};
 use anyhow::{Context, Result, anyhow, bail};
+use glam::DVec3;
 use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, MeshIngest, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence, SignMode,
-    decide_point_sign, decide_sign, estimate_normals, ingest_points, lost_share,
+    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence,
+    SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
+    turn_faces,
 };
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::SystemTime;
+
+/// Share of the points whose side is a guess, above which that is said.
+const WORTH_A_WORD: f64 = 0.05;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
@@ -44,11 +50,19 @@ pub(super) struct VolumeMaker {
     /// Opened for the first mesh.
     pub(super) mesh_ingester: Option<AnyMeshIngester>,
     pub(super) mesh_sign: Option<SignDecision>,
+    /// Whether faces of a frame so far disagreed on which side is outside.
+    pub(super) turns_faces: bool,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
     pub(super) points: PointIngest,
     pub(super) point_sign: Option<PointSign>,
     pub(super) normals: NormalsName,
+    /// Where points were seen from, in metres, if the user says.
+    pub(super) viewpoint_m: Option<DVec3>,
+    /// The origin of the input's coordinates, in metres, where scanners often stand.
+    pub(super) scan_origin_m: DVec3,
+    /// Whether a word was said on the sides of normals.
+    pub(super) sides_said: bool,
     pub(super) depth: DepthFusion,
     pub(super) band: BandName,
     /// Whether decoders extend the frames: profile `main`.
@@ -104,6 +118,18 @@ impl VolumeMaker {
         if self.point_sign.is_some() {
             bail!("a mesh, but the frames before it are points: a capture is one or the other");
         }
+        let turned = match self.mesh.sign {
+            SignMode::Offset => Cow::Borrowed(mesh),
+            SignMode::Auto | SignMode::Closed => {
+                turn_faces(mesh, self.mesh_sign.is_none() || self.turns_faces)
+            }
+        };
+        if let (Cow::Owned(_), false) = (&turned, self.turns_faces) {
+            self.turns_faces = true;
+            self.progress
+                .note(&format!("{name}: faces disagree on which side is outside, and are made to agree"));
+        }
+        let mesh = &*turned;
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {
@@ -153,7 +179,7 @@ impl VolumeMaker {
         }
         let cloud = match self.normals {
             NormalsName::Given => cloud,
-            NormalsName::Estimate => estimate_normals(&cloud)?,
+            NormalsName::Estimate => self.estimate_normals(name, cloud)?,
         };
         if let Some(sign) = self.point_sign {
             return ingest_points(&cloud, &self.points, sign).map_err(with_advice);
@@ -164,6 +190,30 @@ impl VolumeMaker {
         self.progress.note(&point_sign_sentence(sign, &evidence, self.points.sign));
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)
+    }
+
+    /// Normals of points, and a word on their sides where nobody said where the points were seen from.
+    fn estimate_normals(&mut self, name: &str, mut cloud: PointCloud) -> Result<PointCloud> {
+        if let Some(viewpoint) = self.viewpoint_m {
+            cloud.viewpoint = Some(viewpoint);
+            cloud.scans.clear();
+        }
+        let (cloud, sides) = estimate_normals_seen_from(&cloud, Some(self.scan_origin_m))?;
+        if !self.sides_said {
+            self.sides_said = true;
+            match sides {
+                NormalSides::Viewpoint => {}
+                NormalSides::Guessed(_) => self.progress.note(&format!(
+                    "{name}: points look scanned from the origin, so normals face it; --viewpoint X,Y,Z is another place"
+                )),
+                NormalSides::Outward { doubtful } if doubtful > WORTH_A_WORD => self.progress.note(&format!(
+                    "{name}: on which side {:.0} % of the points were seen is a guess: --viewpoint X,Y,Z says where from",
+                    100.0 * doubtful
+                )),
+                NormalSides::Outward { .. } => {}
+            }
+        }
+        Ok(cloud)
     }
 
     /// A volume on another grid is sampled anew, from its surface.

@@ -3,7 +3,7 @@
 use super::ALL_VALUES;
 use super::sign::{Ends, spread_signs};
 use super::tree::path;
-use isv_volume::{BlockIndex, CODES_PER_VOXEL, Grid, SparseVolume};
+use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, Grid, SparseVolume};
 
 /// Voxels along an edge.
 const SIDE: usize = 8;
@@ -26,12 +26,19 @@ pub(super) struct Leaf {
     active: [u8; MASK_BYTES],
 }
 
-/// The voxels that a block and a leaf share: a cube.
-struct Shared {
-    block: usize,
-    /// First voxel, in the block and in the leaf.
-    in_block: [usize; 3],
-    in_leaf: [usize; 3],
+/// Voxels around a leaf that are looked at: those two away decide on what becomes of the outermost ones.
+const PAD: i32 = 2;
+const PADDED: usize = SIDE + 2 * PAD as usize;
+
+/// What a volume says of a voxel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum State {
+    /// Observed within the truncation: its sample.
+    Near(i16),
+    /// Observed, and the truncation or more away: whether it is inside.
+    Far(bool),
+    /// Not observed; the sign of its sample, if a block has one, says little.
+    Unknown(Option<bool>),
 }
 
 impl<'a> Leaves<'a> {
@@ -48,7 +55,43 @@ impl<'a> Leaves<'a> {
         // Blocks of 4 share leaves.
         origins.sort_unstable_by_key(|origin| path(*origin));
         origins.dedup();
-        Self { volume, index: volume.index(), origins }
+        let mut leaves = Self { volume, index: volume.index(), origins };
+        leaves.add_beyond_open_ends();
+        leaves
+    }
+
+    /// Adds leaves where the band ends beside one before it has reached the truncation, as it does at an open end: the voxels there must
+    /// be on the side of those beside them.
+    fn add_beyond_open_ends(&mut self) {
+        // A voxel further the distance grows by one at most, but for what coding has done.
+        const CODING: i16 = CODES_PER_VOXEL as i16 / 16;
+        let open = self.grid().truncation.codes() - CODES_PER_VOXEL as i16 - CODING;
+        let side = SIDE as i32;
+        let mut beyond = Vec::new();
+        for origin in &self.origins {
+            for axis in 0..3 {
+                for (face, step) in [(0, -1), (side - 1, 1)] {
+                    let mut next = *origin;
+                    next[axis] += step * side;
+                    if self.origins.binary_search_by_key(&path(next), |origin| path(*origin)).is_ok() {
+                        continue;
+                    }
+                    let ends = (0..side * side).any(|at| {
+                        let mut voxel = *origin;
+                        voxel[axis] += face;
+                        voxel[(axis + 1) % 3] += at % side;
+                        voxel[(axis + 2) % 3] += at / side;
+                        matches!(self.state(voxel), State::Near(code) if code.abs() < open)
+                    });
+                    if ends {
+                        beyond.push(next);
+                    }
+                }
+            }
+        }
+        self.origins.extend(beyond);
+        self.origins.sort_unstable_by_key(|origin| path(*origin));
+        self.origins.dedup();
     }
 
     pub(super) fn grid(&self) -> &Grid {
@@ -64,11 +107,25 @@ impl<'a> Leaves<'a> {
         self.metres(self.grid().truncation.codes())
     }
 
+    /// Values of a leaf. Surface is where an edge of two active voxels changes sign, and nowhere else: tools make none where both ends of an
+    /// edge are inactive. So an inactive voxel has the sign of the active ones beside it, and an active one that faces an inactive one of
+    /// the other sign all the same is made inactive. What is left of a hole in the surface is a change of sign among inactive voxels.
     pub(super) fn leaf(&self, origin: [i32; 3]) -> Leaf {
+        let around = Around::of(self, origin);
         let mut leaf = Leaf { values: [self.background(); VOXELS], active: [0; MASK_BYTES] };
         let mut known = [None; VOXELS];
-        for shared in self.shared(origin) {
-            self.copy(&shared, &mut leaf, &mut known);
+        for to in 0..VOXELS {
+            let at = [to / (SIDE * SIDE), to / SIDE % SIDE, to % SIDE].map(|c| c as i32);
+            let inside = around.is_inside(at);
+            known[to] = inside.map(|inside| Ends { first_inside: inside, last_inside: inside });
+            if let State::Near(code) = around.state(at) {
+                leaf.values[to] = self.metres(code);
+                if !around.faces_other_side(at, code < 0) {
+                    leaf.active[to / 8] |= 1 << (to % 8);
+                }
+            } else if inside == Some(true) {
+                leaf.values[to] = -self.background();
+            }
         }
         if known.contains(&None) {
             let inside = spread_signs(SIDE, &known);
@@ -79,38 +136,99 @@ impl<'a> Leaves<'a> {
         leaf
     }
 
-    /// What the blocks have of a leaf.
-    fn shared(&self, origin: [i32; 3]) -> impl Iterator<Item = Shared> {
-        let edge = self.grid().edge.voxels();
-        cubes(SIDE, edge).filter_map(move |in_leaf| {
-            let first: [i32; 3] = std::array::from_fn(|axis| origin[axis] + in_leaf[axis] as i32);
-            let block = self.index.get(first.map(|v| v.div_euclid(edge as i32)).into())? as usize;
-            Some(Shared { block, in_block: first.map(|v| v.rem_euclid(edge as i32) as usize), in_leaf })
-        })
+    /// What the volume says of a voxel.
+    fn state(&self, voxel: [i32; 3]) -> State {
+        let edge = self.grid().edge;
+        let side = edge.voxels() as i32;
+        let Some(block) = self.index.get(voxel.map(|v| v.div_euclid(side)).into()) else {
+            return State::Unknown(None);
+        };
+        let [x, y, z] = voxel.map(|v| v.rem_euclid(side) as usize);
+        self.state_in(block as usize, edge.voxel_index(x, y, z))
     }
 
-    fn copy(&self, shared: &Shared, leaf: &mut Leaf, known: &mut [Option<Ends>; VOXELS]) {
-        let edge = self.grid().edge;
-        let limit = self.grid().truncation.codes();
-        let (samples, unobserved) = (self.volume.block(shared.block), self.volume.unobserved(shared.block));
-        for at in cubes(edge.voxels().min(SIDE), 1) {
-            let [x, y, z] = std::array::from_fn(|axis| shared.in_block[axis] + at[axis]);
-            let from = edge.voxel_index(x, y, z);
-            let [x, y, z] = std::array::from_fn(|axis| shared.in_leaf[axis] + at[axis]);
-            let to = (x * SIDE + y) * SIDE + z;
-            let code = samples[from];
-            if code.abs() < limit && unobserved.is_none_or(|mask| !mask.contains(from)) {
-                leaf.values[to] = self.metres(code);
-                leaf.active[to / 8] |= 1 << (to % 8);
-            } else if code < 0 {
-                leaf.values[to] = -self.background();
-            }
-            known[to] = Some(Ends { first_inside: code < 0, last_inside: code < 0 });
+    fn state_in(&self, block: usize, at: usize) -> State {
+        let code = self.volume.block(block)[at];
+        if self.volume.unobserved(block).is_some_and(|mask| mask.contains(at)) {
+            return State::Unknown(Some(code < 0));
+        }
+        match code.abs() < self.grid().truncation.codes() {
+            true => State::Near(code),
+            false => State::Far(code < 0),
         }
     }
 
     fn metres(&self, code: i16) -> f32 {
         (f64::from(code) / f64::from(CODES_PER_VOXEL) * self.grid().voxel_size.metres()) as f32
+    }
+}
+
+/// The voxels of a leaf and those around it.
+struct Around {
+    states: Vec<State>,
+}
+
+impl Around {
+    fn of(leaves: &Leaves, origin: [i32; 3]) -> Self {
+        let edge = leaves.grid().edge;
+        let side = edge.voxels() as i32;
+        let mut states = Vec::with_capacity(PADDED.pow(3));
+        // Neighbours are mostly in one block.
+        let mut last: Option<(BlockCoord, Option<usize>)> = None;
+        for i in 0..PADDED.pow(3) {
+            let at = [i / (PADDED * PADDED), i / PADDED % PADDED, i % PADDED];
+            let voxel: [i32; 3] = std::array::from_fn(|axis| origin[axis] + at[axis] as i32 - PAD);
+            let coord: BlockCoord = voxel.map(|v| v.div_euclid(side)).into();
+            let block = match last.filter(|(known, _)| *known == coord) {
+                Some((_, block)) => block,
+                None => leaves.index.get(coord).map(|block| block as usize),
+            };
+            last = Some((coord, block));
+            let [x, y, z] = voxel.map(|v| v.rem_euclid(side) as usize);
+            states.push(
+                block.map_or(State::Unknown(None), |block| leaves.state_in(block, edge.voxel_index(x, y, z))),
+            );
+        }
+        Self { states }
+    }
+
+    /// Of a voxel counted from the leaf's first.
+    fn state(&self, at: [i32; 3]) -> State {
+        let [x, y, z] = at.map(|c| (c + PAD) as usize);
+        self.states[(x * PADDED + y) * PADDED + z]
+    }
+
+    /// The side of a voxel of the leaf or beside it; none where nothing tells.
+    fn is_inside(&self, at: [i32; 3]) -> Option<bool> {
+        let said = match self.state(at) {
+            State::Near(code) => return Some(code < 0),
+            State::Far(inside) => return Some(inside),
+            State::Unknown(said) => said,
+        };
+        let mut beside = [false; 2];
+        for i in 0..27 {
+            let step = [i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1];
+            if let State::Near(code) = self.state(std::array::from_fn(|axis| at[axis] + step[axis])) {
+                beside[usize::from(code < 0)] = true;
+            }
+        }
+        match beside {
+            [false, true] => Some(true),
+            [true, false] => Some(false),
+            // Beside a rim both are: what the sample says is as good as anything, and outside if there is none.
+            [true, true] => said.or(Some(false)),
+            [false, false] => said,
+        }
+    }
+
+    /// Whether a voxel of the leaf that is active faces one that is not, and is on the other side.
+    fn faces_other_side(&self, at: [i32; 3], inside: bool) -> bool {
+        (0..6).any(|face| {
+            let mut other = at;
+            other[face / 2] += if face % 2 == 0 { -1 } else { 1 };
+            !matches!(self.state(other), State::Near(_))
+                && self.is_inside(other).is_some_and(|side| side != inside)
+        })
     }
 }
 

@@ -1,0 +1,298 @@
+//! Faces that do not agree on which side is outside.
+//!
+//! Whether a body is closed does not depend on the order of its faces' corners, but winding numbers do. Here faces are made to agree,
+//! part by part, and faces that are there twice are taken once.
+
+use crate::sign::{CLOSED_SHARE, SignMode, decide_sign};
+use glam::DVec3;
+use isv_spatial::{PositionMap, position_key};
+use isv_volume::TriangleMesh;
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::collections::hash_map::Entry;
+
+/// Share of a part's area whose faces agree already, from which on their side is kept; below it outside is where the part's volume is
+/// positive.
+const MAJORITY: f64 = 0.75;
+
+/// A mesh whose faces were made to agree.
+struct Turned {
+    mesh: TriangleMesh,
+    /// Whether every edge has an even number of faces.
+    is_watertight: bool,
+}
+
+/// Turns the faces of a mesh so that they agree, where that makes a solid of it: a body that is closed whatever its faces say, or looks
+/// closed only afterwards. Other meshes come back as they are.
+///
+/// `is_suspected`: whether a frame before needed it. Without it and without shared vertices that disagree, the mesh is not looked at
+/// closely, which takes some ten times as long.
+#[must_use]
+pub fn turn_faces(mesh: &TriangleMesh, is_suspected: bool) -> Cow<'_, TriangleMesh> {
+    if mesh.validate().is_err() || !(is_suspected || has_doubled_edge(mesh)) {
+        return Cow::Borrowed(mesh);
+    }
+    let Some(turned) = turn(mesh) else { return Cow::Borrowed(mesh) };
+    let share = |mesh: &TriangleMesh| decide_sign(mesh, SignMode::Auto).1.closed_share;
+    let looks_closed = || {
+        let share_turned = share(&turned.mesh);
+        share_turned >= CLOSED_SHARE && share_turned >= share(mesh)
+    };
+    if turned.is_watertight || looks_closed() { Cow::Owned(turned.mesh) } else { Cow::Borrowed(mesh) }
+}
+
+/// Whether two faces run along an edge of the same two vertices in the same direction, as only faces that disagree do, and doubled ones.
+fn has_doubled_edge(mesh: &TriangleMesh) -> bool {
+    let edges = |[a, b, c]: &[u32; 3]| [(*a, *b), (*b, *c), (*c, *a)];
+    let key = |(from, to): (u32, u32)| u64::from(from) << 32 | u64::from(to);
+    let mut keys: Vec<u64> =
+        mesh.triangles.par_iter().flat_map_iter(|triangle| edges(triangle).map(key)).collect();
+    keys.par_sort_unstable();
+    keys.par_windows(2).any(|pair| pair[0] == pair[1])
+}
+
+/// A side of a face: the two ends of its edge, the lower one first, and whether the face runs from the higher to the lower.
+struct Edge {
+    ends: [u32; 2],
+    face: u32,
+    is_reversed: bool,
+}
+
+/// Turns faces so that those on both sides of an edge agree, and keeps one of faces with the same corners. `None` if all agree already.
+fn turn(mesh: &TriangleMesh) -> Option<Turned> {
+    // Vertices at one place are one.
+    let mut places: PositionMap<u32> = PositionMap::default();
+    let welded: Vec<u32> = (mesh.vertices.iter())
+        .map(|position| {
+            let next = places.len() as u32;
+            *places.entry(position_key(*position)).or_insert(next)
+        })
+        .collect();
+    let mut seen: PositionMap<[u32; 3]> = PositionMap::default();
+    let mut has_back = false;
+    let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
+    for triangle in &mesh.triangles {
+        let mut corners = triangle.map(|vertex| welded[vertex as usize]);
+        // The same face always starts with the same corner.
+        let lowest = (0..3).min_by_key(|corner| corners[*corner]).unwrap_or(0);
+        corners.rotate_left(lowest);
+        let mut key = corners;
+        key.sort_unstable();
+        if key[0] == key[1] || key[1] == key[2] {
+            continue;
+        }
+        match seen.entry(key.map(u64::from)) {
+            Entry::Occupied(first) => has_back |= *first.get() != corners,
+            Entry::Vacant(place) => {
+                place.insert(corners);
+                triangles.push(*triangle);
+            }
+        }
+    }
+    let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len());
+    for (triangle, face) in triangles.iter().zip(0..) {
+        let corners = triangle.map(|vertex| welded[vertex as usize]);
+        for side in 0..3 {
+            let (from, to) = (corners[side], corners[(side + 1) % 3]);
+            edges.push(Edge { ends: [from.min(to), from.max(to)], face, is_reversed: from > to });
+        }
+    }
+    edges.par_sort_unstable_by_key(|edge| (edge.ends, edge.face));
+    let is_watertight = edges.chunk_by(|a, b| a.ends == b.ends).all(|faces| faces.len() % 2 == 0);
+    // For each face its neighbours over edges of two faces, and whether the two disagree.
+    let mut neighbours: Vec<Vec<(u32, bool)>> = vec![Vec::new(); triangles.len()];
+    let mut agree = true;
+    for pair in edges.chunk_by(|a, b| a.ends == b.ends) {
+        let [a, b] = pair else { continue };
+        let disagrees = a.is_reversed == b.is_reversed;
+        agree &= !disagrees;
+        neighbours[a.face as usize].push((b.face, disagrees));
+        neighbours[b.face as usize].push((a.face, disagrees));
+    }
+    if agree && !has_back {
+        return None;
+    }
+    let mut turned = Orientation { turned: vec![None; triangles.len()] };
+    for start in 0..triangles.len() as u32 {
+        if turned.turned[start as usize].is_none() {
+            let part = turned.agree(start, &neighbours);
+            if turned.is_outside_in(&part, mesh, &triangles) {
+                part.iter().for_each(|face| turned.flip(*face));
+            }
+        }
+    }
+    for (triangle, turned) in triangles.iter_mut().zip(&turned.turned) {
+        if *turned == Some(true) {
+            triangle.swap(1, 2);
+        }
+    }
+    let (vertices, normals) = (mesh.vertices.clone(), Vec::new());
+    Some(Turned { mesh: TriangleMesh { vertices, normals, triangles }, is_watertight })
+}
+
+/// Whether each face is turned over; not known yet of faces that were not reached.
+struct Orientation {
+    turned: Vec<Option<bool>>,
+}
+
+impl Orientation {
+    /// Makes all faces that hang together with one agree with it, and gives them. Where they cannot, as on a Moebius strip, the first
+    /// way to reach a face counts.
+    fn agree(&mut self, start: u32, neighbours: &[Vec<(u32, bool)>]) -> Vec<u32> {
+        let mut part = vec![start];
+        self.turned[start as usize] = Some(false);
+        let mut next = 0;
+        while let Some(&face) = part.get(next) {
+            next += 1;
+            let is_turned = self.turned[face as usize] == Some(true);
+            for (other, disagrees) in &neighbours[face as usize] {
+                let turned = &mut self.turned[*other as usize];
+                if turned.is_none() {
+                    *turned = Some(is_turned != *disagrees);
+                    part.push(*other);
+                }
+            }
+        }
+        part
+    }
+
+    /// Whether a part must be turned over as a whole: against the majority of its faces as they were, or, without one, so that its volume
+    /// is positive.
+    fn is_outside_in(&self, part: &[u32], mesh: &TriangleMesh, triangles: &[[u32; 3]]) -> bool {
+        let corners = |face: u32| triangles[face as usize].map(|vertex| mesh.vertices[vertex as usize]);
+        let middle = corners(part[0])[0];
+        let (mut area, mut turned_area, mut volume) = (0.0, 0.0, 0.0);
+        for face in part {
+            let [a, b, c] = corners(*face).map(|corner: DVec3| corner - middle);
+            let is_turned = self.turned[*face as usize] == Some(true);
+            let face_area = (b - a).cross(c - a).length();
+            area += face_area;
+            turned_area += if is_turned { face_area } else { 0.0 };
+            volume += if is_turned { -a.dot(b.cross(c)) } else { a.dot(b.cross(c)) };
+        }
+        match turned_area / area {
+            share if share >= MAJORITY => true,
+            share if share <= 1.0 - MAJORITY => false,
+            _ => volume < 0.0,
+        }
+    }
+
+    fn flip(&mut self, face: u32) {
+        if let Some(turned) = &mut self.turned[face as usize] {
+            *turned = !*turned;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sign::SignDecision;
+    use isv_testkit::{sheet, sphere};
+
+    fn turn_some(mesh: &mut TriangleMesh, which: impl Fn(usize) -> bool) {
+        for (face, triangle) in mesh.triangles.iter_mut().enumerate() {
+            if which(face) {
+                triangle.swap(0, 1);
+            }
+        }
+    }
+
+    fn is_solid(mesh: &TriangleMesh) -> bool {
+        let decision = decide_sign(mesh, SignMode::Auto).0;
+        decision == SignDecision::Closed { flipped: false }
+    }
+
+    /// Faces without shared vertices.
+    fn soup(mesh: &TriangleMesh) -> TriangleMesh {
+        TriangleMesh {
+            vertices: mesh
+                .triangles
+                .as_flattened()
+                .iter()
+                .map(|vertex| mesh.vertices[*vertex as usize])
+                .collect(),
+            normals: Vec::new(),
+            triangles: (0..mesh.triangles.len() as u32)
+                .map(|face| [3 * face, 3 * face + 1, 3 * face + 2])
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn a_body_is_closed_whatever_its_faces_say() {
+        let sound = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
+        assert!(matches!(turn_faces(&sound, true), Cow::Borrowed(_)), "nothing to do");
+        for which in [
+            |face: usize| face % 2 == 0,
+            |face: usize| face < 350,
+            |face: usize| face % 10 == 3,
+            |face: usize| face == 17,
+        ] {
+            let mut mesh = sound.clone();
+            turn_some(&mut mesh, which);
+            let turned = turn_faces(&mesh, false).into_owned();
+            assert!(is_solid(&turned));
+            assert_eq!(turned.triangles.len(), sound.triangles.len());
+            let volume = |mesh: &TriangleMesh| {
+                (0..mesh.triangles.len())
+                    .map(|face| {
+                        let [a, b, c] = mesh.corners(face);
+                        a.dot(b.cross(c)) / 6.0
+                    })
+                    .sum::<f64>()
+            };
+            assert!(
+                (volume(&turned) - volume(&sound)).abs() < 1e-12,
+                "{} for {}, {}",
+                volume(&turned),
+                volume(&sound),
+                volume(&mesh)
+            );
+            assert!(is_solid(&turn_faces(&soup(&mesh), true)));
+        }
+    }
+
+    #[test]
+    fn doubled_faces_count_once() {
+        let sound = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
+        let mut two_sided = sound.clone();
+        two_sided.triangles.extend(sound.triangles.iter().map(|[a, b, c]| [*a, *c, *b]));
+        assert!(!is_solid(&two_sided));
+        assert!(is_solid(&turn_faces(&two_sided, true)));
+        assert_eq!(turn_faces(&two_sided, true).triangles.len(), sound.triangles.len());
+    }
+
+    #[test]
+    fn sheets_stay_as_they_are() {
+        let mut two_sided = sheet(1.0);
+        let back: Vec<_> = two_sided.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        two_sided.triangles.extend(back);
+        let mut mixed = sheet(1.0);
+        turn_some(&mut mixed, |face| face % 3 == 0);
+        for mesh in [sheet(1.0), two_sided, mixed, TriangleMesh::default()] {
+            assert!(matches!(turn_faces(&mesh, true), Cow::Borrowed(_)));
+        }
+    }
+
+    #[test]
+    fn a_hollow_body_keeps_its_hollow() {
+        let outer = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
+        let mut inner = crate::faces::with_area(&sphere(0.2, 20)).into_owned();
+        turn_some(&mut inner, |_| true);
+        let first = outer.vertices.len() as u32;
+        let mut mesh = outer.clone();
+        mesh.vertices.extend(&inner.vertices);
+        mesh.triangles.extend(inner.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex)));
+        let faces = outer.triangles.len();
+        let sound = mesh.clone();
+        // Some faces of either part.
+        turn_some(&mut mesh, |face| face % 10 == 1 && face != faces);
+        assert_eq!(turn_faces(&mesh, false).triangles.len(), sound.triangles.len());
+        let winding = isv_spatial::WindingNumber::new(&turn_faces(&mesh, false));
+        assert!(
+            winding.at(DVec3::ZERO).abs() < 0.01
+                && (winding.at(DVec3::new(0.3, 0.0, 0.0)) - 1.0).abs() < 0.01
+        );
+    }
+}
