@@ -3,6 +3,7 @@
 //!
 //! A builder panics where it cannot make what it is asked for: a test has to hear of that, and nobody else asks.
 
+pub mod compressed;
 pub mod e57;
 pub mod exr;
 pub mod gltf;

@@ -3,8 +3,10 @@
 use super::buffers::Buffers;
 use super::fault::GltfFault;
 use super::limit::Limit;
+use super::meshopt;
 use super::schema::{Accessor, Document, ObjectName, Sparse, object};
 use crate::error::{Flaw, quote};
+use std::cell::OnceCell;
 
 /// The type of one component of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +40,18 @@ impl Component {
         }
     }
 
+    /// What normalised integers are divided by; 1 for floats, which are not divided.
+    fn largest(self) -> f32 {
+        match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::U32 => u32::MAX as f32,
+            Self::F32 => 1.0,
+        }
+    }
+
     fn is_unsigned(self) -> bool {
         matches!(self, Self::U8 | Self::U16 | Self::U32)
     }
@@ -58,15 +72,15 @@ impl Number for f32 {
 
     /// Normalised integers as section 3.11 of the specification has them.
     fn read(component: Component, normalized: bool, bytes: &[u8]) -> Self {
-        let (value, largest) = match component {
-            Component::I8 => (f32::from(bytes[0] as i8), 127.0),
-            Component::U8 => (f32::from(bytes[0]), 255.0),
-            Component::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
-            Component::U16 => (f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
-            Component::U32 => (u32::read(component, false, bytes) as f32, u32::MAX as f32),
+        let value = match component {
+            Component::I8 => f32::from(bytes[0] as i8),
+            Component::U8 => f32::from(bytes[0]),
+            Component::I16 => f32::from(i16::from_le_bytes([bytes[0], bytes[1]])),
+            Component::U16 => f32::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+            Component::U32 => u32::read(component, false, bytes) as f32,
             Component::F32 => return Self::from_bits(u32::read(component, false, bytes)),
         };
-        if normalized { (value / largest).max(-1.0) } else { value }
+        if normalized { (value / component.largest()).max(-1.0) } else { value }
     }
 }
 
@@ -89,11 +103,14 @@ pub(super) struct Accessors<'a> {
     document: &'a Document,
     buffers: Buffers<'a>,
     pub(super) limit: Limit,
+    /// The bytes of views that were decompressed.
+    decompressed: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Accessors<'a> {
     pub(super) fn new(document: &'a Document, buffers: Buffers<'a>, limit: Limit) -> Self {
-        Self { document, buffers, limit }
+        let decompressed = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
+        Self { document, buffers, limit, decompressed }
     }
 
     /// The elements of accessor `index`, named by an object, as `f32`; `wanted` is their type in the specification's words.
@@ -185,18 +202,50 @@ impl<'a> Accessors<'a> {
             .map(|accessor: &Accessor| accessor.count)
     }
 
+    /// What the integers of an accessor are divided by to become its numbers, as it says; 1 if they are the numbers.
+    pub(super) fn divisor(&self, index: usize, named_by: ObjectName) -> Result<f32, Flaw> {
+        let accessor = object(&self.document.accessors, "accessor", index, named_by)?;
+        let component = Component::of_code(accessor.component_type).filter(|_| accessor.normalized);
+        Ok(component.map_or(1.0, Component::largest))
+    }
+
+    /// The bytes of a view.
+    pub(super) fn bytes(&self, view: usize, named_by: ObjectName) -> Result<&[u8], Flaw> {
+        Ok(self.view(view, named_by)?.bytes)
+    }
+
     fn view(&self, index: usize, named_by: ObjectName) -> Result<View<'_>, Flaw> {
         let view = object(&self.document.buffer_views, "bufferView", index, named_by)?;
         let flaw = |fault: GltfFault| Flaw::in_object("bufferView", index, fault);
-        if let Some(name) = view.extensions.keys().find(|name| name.ends_with("_meshopt_compression")) {
+        if let Some(name) = view.extensions.others.keys().find(|name| name.ends_with("_compression")) {
             return Err(flaw(GltfFault::Extension { extension: quote(name.as_bytes()) }));
         }
-        let bytes = self.buffers.get(view.buffer).ok_or_else(|| {
-            flaw(GltfFault::NoSuch { kind: "buffer", index: view.buffer, count: self.buffers.len() })
+        let Some(compressed) = view.extensions.meshopt() else {
+            let bytes = self.range(view.buffer, view.byte_offset, view.byte_length).map_err(flaw)?;
+            return Ok(View { bytes, stride: view.byte_stride });
+        };
+        let bytes = match self.decompressed[index].get() {
+            Some(bytes) => bytes,
+            None => {
+                let source = self.range(compressed.buffer, compressed.byte_offset, compressed.byte_length);
+                let bytes = source.and_then(|source| meshopt::decode(compressed, source, &self.limit));
+                let bytes = bytes.map_err(flaw)?;
+                self.decompressed[index].get_or_init(|| bytes)
+            }
+        };
+        let of_rows = (compressed.mode == meshopt::ATTRIBUTES).then_some(compressed.byte_stride);
+        Ok(View { bytes, stride: view.byte_stride.or(of_rows) })
+    }
+
+    /// Bytes of a buffer.
+    fn range(&self, buffer: usize, offset: usize, length: usize) -> Result<&[u8], GltfFault> {
+        let bytes = self.buffers.get(buffer).ok_or(GltfFault::NoSuch {
+            kind: "buffer",
+            index: buffer,
+            count: self.buffers.len(),
         })?;
-        let end = view.byte_offset.saturating_add(view.byte_length);
-        let bytes = bytes.get(view.byte_offset..end).ok_or_else(|| flaw(past_end(end, bytes.len())))?;
-        Ok(View { bytes, stride: view.byte_stride })
+        let end = offset.saturating_add(length);
+        bytes.get(offset..end).ok_or_else(|| past_end(end, bytes.len()))
     }
 }
 

@@ -40,6 +40,10 @@ impl<'a> Buffers<'a> {
         let mut places: HashMap<&str, usize> = HashMap::new();
         for (index, buffer) in list.iter().enumerate() {
             let flaw = |fault: GltfFault| Flaw::in_object("buffer", index, fault);
+            if buffer.is_fallback() {
+                loaded.buffers.push((0, 0));
+                continue;
+            }
             let known = buffer.uri.as_deref().map_or(Some(0), |uri| places.get(uri).copied());
             let place = known.unwrap_or(loaded.sources.len());
             if let (None, Some(uri)) = (known, buffer.uri.as_deref()) {
@@ -110,6 +114,7 @@ fn read_file(path: &Path, least_bytes: usize) -> io::Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::schema::BufferExtensions;
     use super::*;
 
     #[test]
@@ -134,11 +139,15 @@ mod tests {
     #[test]
     fn buffers_of_one_address_share_their_bytes() {
         let uri = Some("data:application/octet-stream;base64,AQIDBA".to_owned());
-        let list = [3, 4, 1].map(|byte_length| Buffer { uri: uri.clone(), byte_length });
+        let list = [3, 4, 1].map(|byte_length| Buffer {
+            uri: uri.clone(),
+            byte_length,
+            extensions: BufferExtensions::default(),
+        });
         let buffers = Buffers::load(&list, None, Some(&[9; 10])).unwrap();
         assert_eq!((buffers.get(0).unwrap(), buffers.get(2).unwrap()), (&[1, 2, 3][..], &[1][..]));
         assert_eq!(buffers.total_bytes(), 14);
-        let long = [Buffer { uri, byte_length: 5 }];
+        let long = [Buffer { uri, byte_length: 5, extensions: BufferExtensions::default() }];
         assert!(Buffers::load(&long, None, None).is_err());
     }
 }

@@ -41,6 +41,22 @@ pub enum GltfFault {
         /// Name of the extension.
         extension: String,
     },
+    /// Compressed data that cannot be decoded.
+    #[error("its {codec} data cannot be decoded: {why}")]
+    Compressed {
+        /// The name of the compression.
+        codec: &'static str,
+        /// What the decoder said.
+        why: String,
+    },
+    /// Compressed data that becomes more than a file of its size can need.
+    #[error("decompresses to {wanted} bytes in all, the limit for a file of this size is {limit}")]
+    Decompressed {
+        /// Bytes with this.
+        wanted: u64,
+        /// The most that is accepted.
+        limit: u64,
+    },
     /// An index of an object that is not there.
     #[error("names {kind} {index} of {count}")]
     NoSuch {

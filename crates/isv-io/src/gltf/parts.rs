@@ -1,8 +1,9 @@
 //! The triangles of a mesh, with what may move their vertices.
 
 use super::accessor::Accessors;
+use super::draco::DracoMesh;
 use super::fault::GltfFault;
-use super::schema::{self, Document, ObjectName, Primitive, object};
+use super::schema::{self, Document, Draco, ObjectName, Primitive, object};
 use crate::error::{Flaw, quote};
 use crate::polygon::strip;
 use std::collections::BTreeMap;
@@ -41,6 +42,8 @@ struct VertexSource {
     positions: usize,
     influences: Vec<(usize, usize)>,
     targets: Vec<Option<usize>>,
+    /// The stream that some of the accessors stand for.
+    draco: Option<Draco>,
 }
 
 impl VertexSource {
@@ -52,15 +55,49 @@ impl VertexSource {
             positions: attribute("POSITION")?,
             influences: (0..).map_while(set).collect(),
             targets: primitive.targets.iter().map(|target| target.get("POSITION").copied()).collect(),
+            draco: primitive.extensions.draco.clone(),
         })
     }
 
-    fn load(&self, accessors: &Accessors, named_by: ObjectName) -> Result<Part, Flaw> {
-        let positions = accessors.floats(self.positions, "VEC3", named_by)?;
+    /// The numbers of an attribute that the Draco stream has, or else its accessor.
+    fn floats<const N: usize>(
+        &self,
+        accessors: &Accessors,
+        draco: Option<&DracoMesh>,
+        name: &str,
+        (index, wanted): (usize, &'static str),
+        named_by: ObjectName,
+    ) -> Result<Vec<[f32; N]>, Flaw> {
+        let id = self.draco.as_ref().and_then(|stream| stream.attributes.get(name));
+        let (Some(mesh), Some(id)) = (draco, id) else {
+            return accessors.floats(index, wanted, named_by);
+        };
+        let divisor = accessors.divisor(index, named_by)?;
+        let flaw = |fault: GltfFault| Flaw::in_object(named_by.0, named_by.1, fault);
+        let mut values = mesh.floats::<N>(*id, &accessors.limit).map_err(flaw)?;
+        if divisor != 1.0 {
+            values.as_flattened_mut().iter_mut().for_each(|value| *value = (*value / divisor).max(-1.0));
+        }
+        Ok(values)
+    }
+
+    fn load(
+        &self,
+        accessors: &Accessors,
+        draco: Option<&DracoMesh>,
+        named_by: ObjectName,
+    ) -> Result<Part, Flaw> {
+        let positions = self.floats(accessors, draco, "POSITION", (self.positions, "VEC3"), named_by)?;
         let count = positions.len();
-        // Counted before memory is taken for them.
-        let influences = self.influences.iter().flat_map(|(joints, weights)| [*joints, *weights]);
-        for index in influences.chain(self.targets.iter().flatten().copied()) {
+        // Counted before memory is taken for them. A stream has all its attributes for every vertex.
+        let in_stream = |name: String| {
+            draco.is_some() && self.draco.as_ref().is_some_and(|stream| stream.attributes.contains_key(&name))
+        };
+        let influences = self.influences.iter().enumerate().flat_map(|(set, (joints, weights))| {
+            let joints = (!in_stream(format!("JOINTS_{set}"))).then_some(*joints);
+            [joints, (!in_stream(format!("WEIGHTS_{set}"))).then_some(*weights)]
+        });
+        for index in influences.flatten().chain(self.targets.iter().flatten().copied()) {
             let found = accessors.count(index, named_by)?;
             if found != count {
                 let fault = GltfFault::Count { wanted: count as u64, found: found as u64 };
@@ -74,11 +111,19 @@ impl VertexSource {
             influences: Vec::new(),
             targets: Vec::new(),
         };
-        for (joints, weights) in &self.influences {
-            part.influences.push(Influences {
-                joints: accessors.integers(*joints, "VEC4", named_by)?,
-                weights: accessors.floats(*weights, "VEC4", named_by)?,
-            });
+        for (set, (joints, weights)) in self.influences.iter().enumerate() {
+            let [joints_name, weights_name] = ["JOINTS", "WEIGHTS"].map(|name| format!("{name}_{set}"));
+            let joints = match in_stream(joints_name.clone()) {
+                // Joints have at most 16 bits, which floats hold.
+                true => self
+                    .floats::<4>(accessors, draco, &joints_name, (*joints, "VEC4"), named_by)?
+                    .into_iter()
+                    .map(|joints| joints.map(|joint| joint as u32))
+                    .collect(),
+                false => accessors.integers(*joints, "VEC4", named_by)?,
+            };
+            let weights = self.floats(accessors, draco, &weights_name, (*weights, "VEC4"), named_by)?;
+            part.influences.push(Influences { joints, weights });
         }
         for target in &self.targets {
             let displacements = target.map(|index| accessors.floats(index, "VEC3", named_by));
@@ -105,17 +150,23 @@ impl Shape {
             let Some(source) = VertexSource::of(primitive).filter(|_| is_read) else {
                 continue;
             };
+            let draco = source.draco.as_ref().map(|stream| {
+                let bytes = accessors.bytes(stream.buffer_view, ("mesh", index))?;
+                DracoMesh::decode(bytes, &accessors.limit)
+                    .map_err(|fault| Flaw::in_object("mesh", index, fault))
+            });
+            let draco = draco.transpose()?;
             let place = match places.get(&source) {
                 Some(place) => *place,
                 None => {
-                    shape.parts.push(source.load(accessors, ("mesh", index))?);
+                    shape.parts.push(source.load(accessors, draco.as_ref(), ("mesh", index))?);
                     shape.targets = shape.targets.max(source.targets.len());
                     places.insert(source, shape.parts.len() - 1);
                     shape.parts.len() - 1
                 }
             };
             let part = &mut shape.parts[place];
-            append_triangles(part, primitive, accessors, ("mesh", index))?;
+            append_triangles(part, primitive, accessors, draco.as_ref(), ("mesh", index))?;
         }
         shape.parts.retain(|part| !part.triangles.is_empty() || !part.points.is_empty());
         Ok(shape)
@@ -132,9 +183,9 @@ impl Shape {
     }
 }
 
-/// Compression leaves nothing to read for those who do not know it.
+/// Refuses compression that is not known: it leaves nothing to read.
 fn refuse_compression(primitive: &Primitive) -> Result<(), GltfFault> {
-    match primitive.extensions.keys().find(|name| name.ends_with("_compression")) {
+    match primitive.extensions.others.keys().find(|name| name.ends_with("_compression")) {
         Some(name) => Err(GltfFault::Extension { extension: quote(name.as_bytes()) }),
         None => Ok(()),
     }
@@ -145,12 +196,14 @@ fn append_triangles(
     part: &mut Part,
     primitive: &Primitive,
     accessors: &Accessors,
+    draco: Option<&DracoMesh>,
     mesh: ObjectName,
 ) -> Result<(), Flaw> {
     let flaw = |fault: GltfFault| Flaw::in_object(mesh.0, mesh.1, fault);
-    let corners: Vec<u32> = match primitive.indices {
-        Some(indices) => accessors.integers::<1>(indices, "SCALAR", mesh)?.into_flattened(),
-        None => (0..part.positions.len() as u32).collect(),
+    let corners: Vec<u32> = match (draco, primitive.indices) {
+        (Some(stream), _) => stream.corners(),
+        (None, Some(indices)) => accessors.integers::<1>(indices, "SCALAR", mesh)?.into_flattened(),
+        (None, None) => (0..part.positions.len() as u32).collect(),
     };
     if let Some(&index) = corners.iter().find(|corner| **corner as usize >= part.positions.len()) {
         let last = (part.positions.len() as u32).saturating_sub(1);
@@ -160,6 +213,8 @@ fn append_triangles(
     match primitive.mode {
         Primitive::POINTS => part.points.extend(corners),
         Primitive::TRIANGLES => part.triangles.extend(corners.as_chunks().0),
+        // A stream holds triangles, whatever they are made from.
+        Primitive::TRIANGLE_STRIP if draco.is_some() => part.triangles.extend(corners.as_chunks().0),
         Primitive::TRIANGLE_STRIP => part.triangles.extend(strip(&corners)),
         Primitive::TRIANGLE_FAN => {
             if let [apex, rim @ ..] = corners.as_slice() {

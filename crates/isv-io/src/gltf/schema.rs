@@ -15,6 +15,9 @@ pub(super) type Extensions = BTreeMap<String, IgnoredAny>;
 
 /// Beginnings of names of required extensions that do not change where triangles are, or that are read.
 const HARMLESS: &[&str] = &[
+    "KHR_draco_mesh_compression",
+    "KHR_meshopt_compression",
+    "EXT_meshopt_compression",
     "KHR_mesh_quantization",
     "KHR_materials_",
     "KHR_texture_",
@@ -139,7 +142,25 @@ pub(super) struct Primitive {
     #[serde(default)]
     pub(super) targets: Vec<BTreeMap<String, usize>>,
     #[serde(default)]
-    pub(super) extensions: Extensions,
+    pub(super) extensions: PrimitiveExtensions,
+}
+
+/// Extensions that change where a primitive's data is.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub(super) draco: Option<Draco>,
+    #[serde(flatten)]
+    pub(super) others: Extensions,
+}
+
+/// The Draco stream of a primitive.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Draco {
+    pub(super) buffer_view: usize,
+    /// The attributes that are in the stream, by the identifiers that they have there.
+    pub(super) attributes: BTreeMap<String, u32>,
 }
 
 impl Primitive {
@@ -248,7 +269,39 @@ pub(super) struct BufferView {
     pub(super) byte_length: usize,
     pub(super) byte_stride: Option<usize>,
     #[serde(default)]
-    pub(super) extensions: Extensions,
+    pub(super) extensions: ViewExtensions,
+}
+
+/// Extensions that change where a buffer view's bytes are.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    ext_meshopt: Option<Box<Meshopt>>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr_meshopt: Option<Box<Meshopt>>,
+    #[serde(flatten)]
+    pub(super) others: Extensions,
+}
+
+impl ViewExtensions {
+    /// How the bytes are compressed, if they are.
+    pub(super) fn meshopt(&self) -> Option<&Meshopt> {
+        self.khr_meshopt.as_deref().or(self.ext_meshopt.as_deref())
+    }
+}
+
+/// A buffer view as meshoptimizer compresses it.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Meshopt {
+    pub(super) buffer: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+    pub(super) byte_length: usize,
+    pub(super) byte_stride: usize,
+    pub(super) count: usize,
+    pub(super) mode: String,
+    pub(super) filter: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -256,6 +309,31 @@ pub(super) struct BufferView {
 pub(super) struct Buffer {
     pub(super) uri: Option<String>,
     pub(super) byte_length: usize,
+    #[serde(default)]
+    pub(super) extensions: BufferExtensions,
+}
+
+/// Extensions that change what a buffer is for.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct BufferExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    ext_meshopt: Option<MeshoptBuffer>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    khr_meshopt: Option<MeshoptBuffer>,
+}
+
+#[derive(Debug, Deserialize)]
+struct MeshoptBuffer {
+    #[serde(default)]
+    fallback: bool,
+}
+
+impl Buffer {
+    /// Whether its bytes are for readers without decompression, and may be left out of the file.
+    pub(super) fn is_fallback(&self) -> bool {
+        let BufferExtensions { ext_meshopt, khr_meshopt } = &self.extensions;
+        [ext_meshopt, khr_meshopt].into_iter().flatten().any(|buffer| buffer.fallback)
+    }
 }
 
 impl Document {
@@ -285,13 +363,13 @@ impl Document {
             || name.ends_with("_compression")
             || self.nodes.iter().any(|node| node.extensions.others.contains_key(name))
             || self.accessors.iter().any(|accessor| accessor.extensions.contains_key(name))
-            || self.buffer_views.iter().any(|view| view.extensions.contains_key(name))
+            || self.buffer_views.iter().any(|view| view.extensions.others.contains_key(name))
             || self.meshes.iter().any(|mesh| mesh.extensions.contains_key(name))
             || self
                 .meshes
                 .iter()
                 .flat_map(|mesh| &mesh.primitives)
-                .any(|part| part.extensions.contains_key(name))
+                .any(|part| part.extensions.others.contains_key(name))
     }
 }
 
