@@ -107,6 +107,7 @@ impl IngestArgs {
             },
             extended: profile == ProfileName::Main,
             progress,
+            shell: Arc::default(),
         })
     }
 }

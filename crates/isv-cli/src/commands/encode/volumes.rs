@@ -18,7 +18,7 @@ use isv::ingest::{
 use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
 
 /// A frame ready to be encoded.
@@ -54,7 +54,11 @@ pub(super) struct VolumeMaker {
     /// Whether decoders extend the frames: profile `main`.
     pub(super) extended: bool,
     pub(super) progress: Arc<Progress>,
+    pub(super) shell: Arc<Shell>,
 }
+
+/// Thickness of the shell around surfaces without inside (mm), once one was made.
+pub(super) type Shell = OnceLock<f64>;
 
 /// What becomes of depth images.
 pub(super) struct DepthFusion {
@@ -125,6 +129,7 @@ impl VolumeMaker {
         })?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
+            self.tell_shell(sign == SignDecision::Offset);
             self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
@@ -132,6 +137,15 @@ impl VolumeMaker {
             self.warn_of_loss(name, mesh, &volume);
         }
         Ok(volume)
+    }
+
+    /// Keeps the thickness of a shell for the last line.
+    fn tell_shell(&self, is_shell: bool) {
+        if is_shell {
+            let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
+            // What was decided on the first frame holds for all.
+            let _ = self.shell.set((thickness_mm * 1e3).round() / 1e3);
+        }
     }
 
     /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
@@ -160,6 +174,7 @@ impl VolumeMaker {
         let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
         let volume = ingest_points(&cloud, &self.points, sign).map_err(with_advice)?;
         self.point_sign = Some(sign);
+        self.tell_shell(sign == PointSign::Offset);
         self.progress.note(&point_sign_sentence(sign, &evidence, self.points.sign));
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)
