@@ -79,8 +79,12 @@ fn lines_end_in_any_way() {
 
 #[test]
 fn keywords_come_in_either_case() {
-    all_same(&[Format::Ply, Format::Off, Format::Stl, Format::Pcd], |_, text| text.to_uppercase().into_bytes());
-    all_same(&[Format::Ply, Format::Off, Format::Stl, Format::Pcd], |_, text| text.to_lowercase().into_bytes());
+    all_same(&[Format::Ply, Format::Off, Format::Stl, Format::Pcd], |_, text| {
+        text.to_uppercase().into_bytes()
+    });
+    all_same(&[Format::Ply, Format::Off, Format::Stl, Format::Pcd], |_, text| {
+        text.to_lowercase().into_bytes()
+    });
     let named = "X Y Z\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
     all_same(&[Format::Xyz], |_, _| named.into());
 }
@@ -101,12 +105,20 @@ fn values_are_separated_by_any_white_space() {
     }
     // Two lines a vertex, as RealSense writes colours.
     let coloured = plain(Format::Ply).replace("property float z\n", "property float z\nproperty uchar red\n");
-    let coloured = ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"].iter().fold(coloured, |text, row| {
-        text.replacen(row, &format!("{}\n200\n", row.trim_end()), 1)
-    });
+    let coloured = ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"]
+        .iter()
+        .fold(coloured, |text, row| text.replacen(row, &format!("{}\n200\n", row.trim_end()), 1));
     all_same(&[Format::Ply], |_, _| coloured.clone().into_bytes());
     // Counts glued to the keyword, and on lines of their own.
-    for head in ["OFF4 4 6\n", "OFF 4 4 6\n", " OFF \n\n 4 4 6 \n", "OFF\n4\n4\n6\n", "4 4 6\n", "off\n4 4\n", "OFF # a\n# b\n4 4 0\n"] {
+    for head in [
+        "OFF4 4 6\n",
+        "OFF 4 4 6\n",
+        " OFF \n\n 4 4 6 \n",
+        "OFF\n4\n4\n6\n",
+        "4 4 6\n",
+        "off\n4 4\n",
+        "OFF # a\n# b\n4 4 0\n",
+    ] {
         all_same(&[Format::Off], |_, text| text.replacen("OFF\n4 4 6\n", head, 1).into_bytes());
     }
 }
@@ -114,10 +126,11 @@ fn values_are_separated_by_any_white_space() {
 #[test]
 fn columns_that_no_surface_needs_stop_nothing() {
     let with = |row: &str, properties: &str| {
-        let text = plain(Format::Ply).replace("property float z\n", &format!("property float z\n{properties}"));
-        ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"].iter().fold(text, |text, old| {
-            text.replacen(old, &format!("{} {row}\n", old.trim_end()), 1)
-        })
+        let text =
+            plain(Format::Ply).replace("property float z\n", &format!("property float z\n{properties}"));
+        ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"]
+            .iter()
+            .fold(text, |text, old| text.replacen(old, &format!("{} {row}\n", old.trim_end()), 1))
     };
     for (properties, row) in [
         ("property uchar red\n", "0.5"),
@@ -147,7 +160,8 @@ fn not_a_number_as_windows_prints_it_is_an_unknown_normal_and_no_place() {
              property float nx\nproperty float ny\nproperty float nz\nend_header\n0 0 0 0 0 1\n1 0 0 {word} 0 0\n"
         );
         let obj = format!("v 0 0 0\nv 1 0 0\nvn 0 0 1\nvn {word} 0 0\n");
-        for (format, text) in [(Format::Xyz, xyz), (Format::Pcd, pcd), (Format::Ply, ply), (Format::Obj, obj)] {
+        for (format, text) in [(Format::Xyz, xyz), (Format::Pcd, pcd), (Format::Ply, ply), (Format::Obj, obj)]
+        {
             let Geometry::Points(points) = read(format, text.as_bytes()).unwrap() else { panic!("points") };
             assert_eq!(points.normals, [glam::DVec3::Z, glam::DVec3::ZERO], "{format}: {word}");
             // The same word as a coordinate.
@@ -169,7 +183,9 @@ fn a_vertex_that_no_face_uses_may_be_nowhere() {
         )
     };
     for stray in ["nan nan nan", "inf 0 0", "1e300 0 0"] {
-        for (format, text) in [(Format::Obj, obj(stray)), (Format::Off, off(stray)), (Format::Ply, ply(stray))] {
+        for (format, text) in
+            [(Format::Obj, obj(stray)), (Format::Off, off(stray)), (Format::Ply, ply(stray))]
+        {
             let Geometry::Mesh(mesh) = read(format, text.as_bytes()).unwrap() else { panic!("a mesh") };
             assert_eq!((mesh.triangles.len(), mesh.validate()), (1, Ok(())));
             // A face that uses it.
@@ -183,7 +199,10 @@ fn a_vertex_that_no_face_uses_may_be_nowhere() {
 #[test]
 fn a_frame_without_surface_is_a_frame() {
     for (format, text) in [
-        (Format::Ply, "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"),
+        (
+            Format::Ply,
+            "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n",
+        ),
         (Format::Ply, "ply\nformat binary_little_endian 1.0\nelement vertex 0\nelement face 0\nend_header\n"),
         (Format::Obj, "# nobody\n"),
         (Format::Obj, "o nobody\ng nobody\n"),
@@ -199,7 +218,13 @@ fn a_frame_without_surface_is_a_frame() {
     let binary_stl = [&[b' '; 80][..], &[0; 4]].concat();
     assert!(read(Format::Stl, &binary_stl).unwrap().is_empty());
     // What is cut, or is something else, is none.
-    for (format, text) in [(Format::Ply, "ply\nformat ascii 1.0\n"), (Format::Obj, "hello world\n"), (Format::Off, "OFF\n"), (Format::Xyz, "\n"), (Format::Stl, "solid a\n")] {
+    for (format, text) in [
+        (Format::Ply, "ply\nformat ascii 1.0\n"),
+        (Format::Obj, "hello world\n"),
+        (Format::Off, "OFF\n"),
+        (Format::Xyz, "\n"),
+        (Format::Stl, "solid a\n"),
+    ] {
         assert!(read(format, text.as_bytes()).is_err(), "{text}");
     }
 }

@@ -2,7 +2,8 @@
 
 use super::container::{BIN_CHUNK, CHUNK_HEADER_BYTES, HEADER_BYTES, JSON_CHUNK, MAGIC, VERSION};
 use crate::own::GENERATOR;
-use glam::Vec3;
+use crate::placement::Placement;
+use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -20,14 +21,23 @@ const MOST_SHORT_VERTICES: usize = u16::MAX as usize;
 /// Chunks and buffer views start at multiples of this.
 const ALIGNMENT: u64 = 4;
 
-/// Writes a mesh as a file of one node.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+/// Writes a mesh as a file of one node, which a placement moves: vertices stay exact, as they are relative to it.
+pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
     let mut document = Document::new(Vec::new());
     let mesh = document.push_mesh(mesh)?;
-    document.nodes.push(&mesh.map_or(json!({}), |mesh| json!({ "mesh": mesh })));
+    let mut node = mesh.map_or(json!({}), |mesh| json!({ "mesh": mesh }));
+    move_node(&mut node, placement.translation);
+    document.nodes.push(&node);
     let json = document.json();
     write_head(&mut out, &json, document.binary_bytes)?;
     out.write_all(&document.binary)
+}
+
+/// Gives a node a translation, unless it stays where it is.
+pub(super) fn move_node(node: &mut Value, translation: DVec3) {
+    if translation != DVec3::ZERO {
+        node["translation"] = translation.to_array().to_vec().into();
+    }
 }
 
 /// The JSON of a file that grows, and its binary chunk on the way to `binary`.
