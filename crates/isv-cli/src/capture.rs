@@ -106,6 +106,8 @@ pub(crate) struct Hints {
     pub(crate) frame_rate: FrameRate,
     /// The place of meshes and points, in metres, that is to be the origin.
     pub(crate) origin_m: [f64; 3],
+    /// Whether points that are not finite or lie at (0, 0, 0) are left out.
+    pub(crate) drops_invalid_points: bool,
     /// Whether frames of one shape may be of different scales.
     pub(crate) mixed_scales: bool,
     /// The axis of meshes, points and depth cameras that points up.
@@ -122,6 +124,7 @@ impl Hints {
             truncation: None,
             frame_rate,
             origin_m: [0.0; 3],
+            drops_invalid_points: false,
             mixed_scales: false,
             up: Up::Y,
         }

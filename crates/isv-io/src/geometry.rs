@@ -168,27 +168,54 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     parse_geometry(path, &bytes, unit)
 }
 
+/// As [`read_geometry`], without points that are not finite or lie exactly at (0, 0, 0), which is how many cameras write "no reading".
+/// Meshes are as they are.
+///
+/// # Errors
+/// As [`read_geometry`].
+pub fn read_geometry_without_invalid_points(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
+    match Format::of_path(path) {
+        Some(format) if !format.may_be_animated() => {
+            let bytes =
+                regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
+            let mut geometry = parse_unchecked(path, &bytes)?;
+            if let Geometry::Points(points) = &mut geometry {
+                points.retain(|position| position.is_finite() && position != DVec3::ZERO);
+            }
+            geometry.checked(path, unit)
+        }
+        _ => read_geometry(path, unit),
+    }
+}
+
 /// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
 /// names buffers in other files is refused.
 ///
 /// # Errors
 /// As [`read_geometry`], without [`ReadError::Io`].
 pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry, ReadError> {
+    match Format::of_path(path) {
+        Some(Format::Glb | Format::Gltf) => gltf::Animation::parse(path, bytes, unit)?.geometry_at(0.0),
+        _ => parse_unchecked(path, bytes)?.checked(path, unit),
+    }
+}
+
+/// What a file that does not move holds, as it is in the file.
+fn parse_unchecked(path: &Path, bytes: &[u8]) -> Result<Geometry, ReadError> {
     let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
         Some(Format::Ply) => ply::parse,
         Some(Format::Obj) => obj::parse,
         Some(Format::Stl) => |bytes| stl::parse(bytes).map(Geometry::Mesh),
         Some(Format::Off) => |bytes| off::parse(bytes).map(Geometry::Mesh),
-        Some(Format::Glb | Format::Gltf) => {
-            return gltf::Animation::parse(path, bytes, unit)?.geometry_at(0.0);
-        }
         Some(Format::Pcd) => |bytes| pcd::parse(bytes).map(Geometry::Points),
         Some(Format::Xyz) => |bytes| xyz::parse(bytes).map(Geometry::Points),
         Some(Format::Las | Format::Laz) => |bytes| las::parse(bytes).map(Geometry::Points),
         Some(Format::E57) => |bytes| e57::parse(bytes).map(Geometry::Points),
-        None => return Err(ReadError::UnsupportedExtension { path: path.to_owned() }),
+        Some(Format::Glb | Format::Gltf) | None => {
+            return Err(ReadError::UnsupportedExtension { path: path.to_owned() });
+        }
     };
-    parse(bytes).map_err(|flaw| flaw.in_file(path))?.checked(path, unit)
+    parse(bytes).map_err(|flaw| flaw.in_file(path))
 }
 
 /// As [`read_geometry`], where only a mesh will do.

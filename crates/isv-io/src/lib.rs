@@ -61,8 +61,9 @@ pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
 pub use geometry::{
-    Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
-    write_mesh_placed, write_mesh_to, write_points, write_points_placed, write_points_to,
+    Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry,
+    read_geometry_without_invalid_points, read_mesh, write_mesh, write_mesh_placed, write_mesh_to,
+    write_points, write_points_placed, write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};

@@ -5,7 +5,7 @@ use crate::{Format, FrameTimes, NameOrder, OrderedNames};
 use std::ffi::{OsStr, OsString};
 use std::io;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use thiserror::Error;
 
 /// The files of a sequence, one frame each, in frame order.
@@ -35,11 +35,16 @@ pub enum SequenceError {
         /// What the operating system said.
         cause: io::Error,
     },
-    /// A `*` or `?` before the last part of the path.
-    #[error("{input}: wildcards are understood in the last part of a path only")]
-    WildcardInFolder {
-        /// The input as given.
-        input: String,
+    /// Sub-folders, one a frame, of which one holds more than a frame.
+    #[error(
+        "{}: {files} files of meshes or points, where each folder of the take holds one frame; name the file with a pattern such as \
+         take/*/mesh.obj", folder.display()
+    )]
+    ManyInFolder {
+        /// The sub-folder.
+        folder: PathBuf,
+        /// How many files it has.
+        files: usize,
     },
     /// A folder or pattern without a file of meshes or points, or a file that is none.
     #[error(
@@ -83,11 +88,11 @@ pub enum SequenceError {
 impl FrameSequence {
     /// Finds the frames that an input names:
     ///
-    /// - a folder: all files of meshes or points in it, by extension;
-    /// - a pattern, `*` and `?` in the last part of the path: those whose names match;
+    /// - a folder: all files of meshes or points in it, by extension; if it has none, those in its sub-folders, one in each;
+    /// - a pattern, `*` and `?` in any part of the path: those whose names match;
     /// - a file: itself.
     ///
-    /// Files of other kinds, sub-folders and names that start with a dot are passed over. Frames come in
+    /// Files of other kinds and names that start with a dot are passed over. Frames come in
     /// [natural order](NameOrder). A name that exists is never taken for a pattern.
     ///
     /// # Errors
@@ -95,24 +100,32 @@ impl FrameSequence {
     pub fn open(input: impl AsRef<Path>) -> Result<Self, SequenceError> {
         let path = input.as_ref();
         let input = path.display().to_string();
-        let (paths, note) = if path.is_dir() {
-            frame_files(path, |_| true)?
+        let files = if path.is_dir() {
+            match frame_files(path, |_| true)? {
+                files if files.is_empty() => files_of_sub_folders(path)?,
+                files => files,
+            }
         } else if path.exists() {
-            (Format::of_path(path).map(|_| path.to_owned()).into_iter().collect(), None)
+            Format::of_path(path)
+                .map(|_| File { name: OsString::new(), path: path.to_owned() })
+                .into_iter()
+                .collect()
         } else if has_wildcard(path.as_os_str().as_encoded_bytes()) {
             matching_files(path)?
         } else {
             return Err(SequenceError::NotFound { input });
         };
-        Self::of_one_format(input, paths, note)
+        Self::of_one_format(input, files)
     }
 
-    /// Refuses lists that are empty or mixed.
-    fn of_one_format(
-        input: String,
-        paths: Vec<PathBuf>,
-        order_note: Option<String>,
-    ) -> Result<Self, SequenceError> {
+    /// Puts files in order. Refuses lists that are empty or mixed.
+    fn of_one_format(input: String, files: Vec<File>) -> Result<Self, SequenceError> {
+        let OrderedNames { names: files, order, note: order_note } = NameOrder::sort(files);
+        let names: Option<Vec<&str>> = files.iter().map(File::stem).collect();
+        let (times, note) =
+            names.map_or_else(Default::default, |names| FrameTimes::from_names(&names, order));
+        let notes = order_note.into_iter().chain(note).collect();
+        let paths: Vec<PathBuf> = files.into_iter().map(|file| file.path).collect();
         let Some(first) = paths.first() else {
             return Err(SequenceError::NoFrames { input });
         };
@@ -122,12 +135,6 @@ impl FrameSequence {
             let extension = format.map_or("", Format::extension);
             return Err(SequenceError::MixedFormats { input, first, other, extension });
         }
-        let stems: Option<Vec<&str>> = paths.iter().map(|path| path.file_stem()?.to_str()).collect();
-        let bytes: Vec<&[u8]> =
-            paths.iter().map(|path| path.file_name().unwrap_or_default().as_encoded_bytes()).collect();
-        let (times, note) = stems
-            .map_or_else(Default::default, |stems| FrameTimes::from_names(&stems, NameOrder::of(&bytes)));
-        let notes = order_note.into_iter().chain(note).collect();
         Ok(Self { input, paths, times, notes })
     }
 
@@ -173,46 +180,106 @@ impl FrameSequence {
     }
 }
 
-/// A name that is ordered by its bytes.
-struct EncodedName(OsString);
+/// A file, and what it is ordered by: its name, or its path from the first folder that is not the same for all.
+struct File {
+    name: OsString,
+    path: PathBuf,
+}
 
-impl AsRef<[u8]> for EncodedName {
+impl File {
+    /// The name without its extension.
+    fn stem(&self) -> Option<&str> {
+        let name = self.name.to_str()?;
+        Some(name.rsplit_once('.').map_or(name, |(stem, _)| stem))
+    }
+}
+
+impl AsRef<[u8]> for File {
     fn as_ref(&self) -> &[u8] {
-        self.0.as_encoded_bytes()
+        self.name.as_encoded_bytes()
     }
 }
 
-fn matching_files(path: &Path) -> Result<Listed, SequenceError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if folder.is_some_and(|folder| has_wildcard(folder.as_os_str().as_encoded_bytes())) {
-        return Err(SequenceError::WildcardInFolder { input: path.display().to_string() });
+/// The files that a path with wildcards in some of its parts names.
+fn matching_files(path: &Path) -> Result<Vec<File>, SequenceError> {
+    let mut parts = path.components().peekable();
+    let mut folder = PathBuf::new();
+    let is_plain = |part: &Component| !has_wildcard(part.as_os_str().as_encoded_bytes());
+    while let Some(part) = parts.next_if(is_plain) {
+        folder.push(part);
     }
-    let pattern = path.file_name().unwrap_or_default().as_encoded_bytes();
-    let (mut files, note) =
-        frame_files(folder.unwrap_or(Path::new(".")), |name| matches(pattern, name.as_encoded_bytes()))?;
-    if folder.is_none() {
-        // Messages name files as the user would: without the "./" of the folder that was listed.
-        files.iter_mut().for_each(|file| *file = file.file_name().map(PathBuf::from).unwrap_or_default());
+    let mut folders = vec![(OsString::new(), folder)];
+    let mut pattern = parts.next().map(|part| part.as_os_str().to_owned()).unwrap_or_default();
+    for part in parts {
+        let mut inner = Vec::new();
+        for (name, folder) in folders {
+            for found in
+                names_in(&folder, |name| matches(pattern.as_encoded_bytes(), name.as_encoded_bytes()))?
+            {
+                let path = folder.join(&found);
+                if path.is_dir() {
+                    inner.push((joined(&name, &found), path));
+                }
+            }
+        }
+        folders = inner;
+        pattern = part.as_os_str().to_owned();
     }
-    Ok((files, note))
+    let mut files = Vec::new();
+    for (name, folder) in folders {
+        let wanted = |name: &OsStr| matches(pattern.as_encoded_bytes(), name.as_encoded_bytes());
+        let found = frame_files(&folder, wanted)?;
+        files.extend(found.into_iter().map(|file| File { name: joined(&name, &file.name), path: file.path }));
+    }
+    Ok(files)
 }
 
-/// Files in order, and a sentence on the order where their names can be read in several ways.
-type Listed = (Vec<PathBuf>, Option<String>);
-
-/// The frames of a folder whose names are wanted, in natural order.
-fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Listed, SequenceError> {
-    let io_error = |cause| SequenceError::Io { path: folder.to_owned(), cause };
-    let mut names = Vec::new();
-    for entry in folder.read_dir().map_err(io_error)? {
-        let name = entry.map_err(io_error)?.file_name();
-        let hidden = name.as_encoded_bytes().starts_with(b".");
-        let path = folder.join(&name);
-        // A link to nothing is a frame that cannot be read, not one that was never there.
-        if !hidden && Format::of_path(&path).is_some() && wanted(&name) && !path.is_dir() {
-            names.push(EncodedName(name));
+/// The files of a folder's sub-folders, one in each; none where a sub-folder holds none.
+fn files_of_sub_folders(folder: &Path) -> Result<Vec<File>, SequenceError> {
+    let mut files = Vec::new();
+    for name in names_in(folder, |_| true)? {
+        let inner = folder.join(&name);
+        if !inner.is_dir() {
+            continue;
+        }
+        match &mut frame_files(&inner, |_| true)?[..] {
+            [] => return Ok(Vec::new()),
+            [file] => {
+                files.push(File { name: joined(&name, &file.name), path: std::mem::take(&mut file.path) })
+            }
+            many => return Err(SequenceError::ManyInFolder { folder: inner, files: many.len() }),
         }
     }
-    let OrderedNames { names, note, .. } = NameOrder::sort(names);
-    Ok((names.iter().map(|name| folder.join(&name.0)).collect(), note))
+    Ok(files)
+}
+
+/// A path of two names, which sorts as one name.
+fn joined(folder: &OsStr, name: &OsStr) -> OsString {
+    let mut joined = folder.to_owned();
+    if !folder.is_empty() {
+        joined.push("/");
+    }
+    joined.push(name);
+    joined
+}
+
+/// The names in a folder that are wanted, without those that start with a dot. The folder may be empty: where the program runs.
+fn names_in(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<OsString>, SequenceError> {
+    let place = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let io_error = |cause| SequenceError::Io { path: place.to_owned(), cause };
+    let mut names = Vec::new();
+    for entry in place.read_dir().map_err(io_error)? {
+        let name = entry.map_err(io_error)?.file_name();
+        if !name.as_encoded_bytes().starts_with(b".") && wanted(&name) {
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+/// The frames of a folder whose names are wanted.
+fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<File>, SequenceError> {
+    let files = names_in(folder, wanted)?.into_iter().map(|name| File { path: folder.join(&name), name });
+    // A link to nothing is a frame that cannot be read, not one that was never there.
+    Ok(files.filter(|file| Format::of_path(&file.path).is_some() && !file.path.is_dir()).collect())
 }

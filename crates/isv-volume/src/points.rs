@@ -69,6 +69,28 @@ impl PointCloud {
         }
     }
 
+    /// Keeps the points whose positions are wanted, with their normals and scans.
+    pub fn retain(&mut self, wanted: impl Fn(DVec3) -> bool) {
+        let kept: Vec<bool> = self.positions.iter().map(|position| wanted(*position)).collect();
+        if !kept.contains(&false) {
+            return;
+        }
+        // Points kept before each one.
+        let mut before: Vec<usize> = Vec::with_capacity(kept.len() + 1);
+        before.push(0);
+        for kept in &kept {
+            before.push(before[before.len() - 1] + usize::from(*kept));
+        }
+        for scan in &mut self.scans {
+            let place = |point: usize| before[point.min(kept.len())];
+            scan.points = place(scan.points.start)..place(scan.points.end);
+        }
+        for list in [&mut self.positions, &mut self.normals] {
+            let mut kept = kept.iter();
+            list.retain(|_| *kept.next().unwrap_or(&true));
+        }
+    }
+
     /// Where the points were seen from, without the points.
     #[must_use]
     pub fn without_points(&self) -> Self {

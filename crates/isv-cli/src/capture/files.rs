@@ -1,8 +1,12 @@
 //! Frames from files.
 
 use super::{CapturedFrame, Content, Hints};
-use anyhow::Result;
-use isv::io::{FrameSequence, FrameTimes, ScaleCheck, Unit, acquisition_time_s, read_geometry};
+use anyhow::{Result, anyhow};
+use isv::io::{
+    FrameSequence, FrameTimes, ReadError, ScaleCheck, Unit, acquisition_time_s, read_geometry,
+    read_geometry_without_invalid_points,
+};
+use isv::volume::PointsError;
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
@@ -14,6 +18,7 @@ pub(super) struct FileFrames {
     unit: Unit,
     /// When the frames that are left were taken, in nanoseconds, where their names say.
     times_ns: Option<IntoIter<u64>>,
+    drops_invalid_points: bool,
     /// None if frames may differ in scale.
     scale: Option<ScaleCheck>,
 }
@@ -32,13 +37,17 @@ impl FileFrames {
         };
         let scale = (!hints.mixed_scales).then(ScaleCheck::new);
         let times_ns = times_ns.map(Vec::into_iter);
-        Self { paths, number: first, unit: hints.unit, times_ns, scale }
+        let drops_invalid_points = hints.drops_invalid_points;
+        Self { paths, number: first, unit: hints.unit, times_ns, drops_invalid_points, scale }
     }
 
     fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame> {
         // Names say when each frame was taken, whether it can be read or not.
         let named_ns = self.times_ns.as_mut().and_then(Iterator::next);
-        let geometry = read_geometry(path, self.unit)?;
+        let geometry = match self.drops_invalid_points {
+            true => read_geometry_without_invalid_points(path, self.unit)?,
+            false => read_geometry(path, self.unit).map_err(with_advice)?,
+        };
         if let Some(scale) = &mut self.scale {
             scale.check(path, &geometry)?;
         }
@@ -49,6 +58,16 @@ impl FileFrames {
             timestamp_ns: named_ns.or_else(scanned_ns),
             content: Content::Geometry(geometry),
         })
+    }
+}
+
+/// Names the option that helps against points that are nowhere.
+fn with_advice(error: ReadError) -> anyhow::Error {
+    match error {
+        ReadError::Points { cause: PointsError::NotFinite { .. }, .. } => {
+            anyhow!("{error}: --drop-invalid-points leaves such points out")
+        }
+        other => other.into(),
     }
 }
 

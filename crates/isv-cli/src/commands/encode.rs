@@ -77,6 +77,9 @@ pub(crate) struct Args {
     /// What packets are stamped with
     #[arg(long, value_enum, default_value = "source")]
     timestamps: TimestampsName,
+    /// Leave out points that are not finite or lie at exactly (0,0,0), as cameras write "no reading"
+    #[arg(long)]
+    drop_invalid_points: bool,
     /// Take frames of one shape and different scales as they are; without it, they are refused as being in different units
     #[arg(long)]
     mixed_scales: bool,
@@ -103,6 +106,7 @@ impl Args {
             voxel_size,
             truncation,
             frame_rate,
+            drops_invalid_points: self.drop_invalid_points,
             mixed_scales: self.mixed_scales,
             up: self.up,
             ..usual

@@ -103,6 +103,7 @@ impl IngestArgs {
             points: PointIngest { grid, sign, offset_voxels, max_blocks },
             point_sign: None,
             normals: self.normals,
+            unit,
             viewpoint_m: self.viewpoint.map(|place| DVec3::from(place) * unit.metres() - origin_m),
             scan_origin_m: -origin_m,
             sides_said: false,

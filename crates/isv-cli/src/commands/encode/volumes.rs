@@ -17,7 +17,7 @@ use isv::ingest::{
     SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
     turn_faces,
 };
-use isv::io::Geometry;
+use isv::io::{Geometry, Unit};
 use isv::surface::{SurfaceOptions, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
@@ -57,6 +57,8 @@ pub(super) struct VolumeMaker {
     pub(super) points: PointIngest,
     pub(super) point_sign: Option<PointSign>,
     pub(super) normals: NormalsName,
+    /// Unit of the input's coordinates.
+    pub(super) unit: Unit,
     /// Where points were seen from, in metres, if the user says.
     pub(super) viewpoint_m: Option<DVec3>,
     /// The origin of the input's coordinates, in metres, where scanners often stand.
@@ -151,7 +153,7 @@ impl VolumeMaker {
             backend::notify(&why);
         }
         let volume = volume.map_err(|error| match error {
-            GpuIngestError::Ingest(error) => with_advice(error),
+            GpuIngestError::Ingest(error) => self.with_advice(error, mesh.bounds()),
             other => other.into(),
         })?;
         if let Some(evidence) = evidence {
@@ -196,15 +198,27 @@ impl VolumeMaker {
             NormalsName::Estimate => self.estimate_normals(name, cloud)?,
         };
         if let Some(sign) = self.point_sign {
-            return ingest_points(&cloud, &self.points, sign).map_err(with_advice);
+            let volume = ingest_points(&cloud, &self.points, sign);
+            return volume.map_err(|error| self.with_advice(error, cloud.bounds()));
         }
         let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
-        let volume = ingest_points(&cloud, &self.points, sign).map_err(with_advice)?;
+        let volume = ingest_points(&cloud, &self.points, sign);
+        let volume = volume.map_err(|error| self.with_advice(error, cloud.bounds()))?;
         self.point_sign = Some(sign);
         self.tell_shell(sign == PointSign::Offset);
         self.progress.note(&point_sign_sentence(sign, &evidence, self.points.sign));
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)
+    }
+
+    /// An error with the options to change; the unit first, where another one makes a frame of a usual size.
+    fn with_advice(&self, error: IngestError, bounds: Option<(DVec3, DVec3)>) -> anyhow::Error {
+        let is_too_large = matches!(error, IngestError::Fit(_));
+        let advised = with_advice(error);
+        match bounds.filter(|_| is_too_large).and_then(|(low, high)| unit_question(high - low, self.unit)) {
+            Some(question) => anyhow!("{question} {advised}"),
+            None => advised,
+        }
     }
 
     /// Normals of points, and a word on their sides where nobody said where the points were seen from.
@@ -296,6 +310,19 @@ fn point_sign_sentence(sign: PointSign, evidence: &PointEvidence, mode: SignMode
         (_, PointSign::Oriented) => format!("{sign} (as --sign asks; {evidence})"),
         (_, PointSign::Offset) => format!("offset shell around the points (as --sign asks; {evidence})"),
     }
+}
+
+/// Asks for another unit, where a frame of such an extent, in metres, would be of a person's size with it.
+fn unit_question(extent_m: DVec3, unit: Unit) -> Option<String> {
+    /// Sizes of what is captured most often: from a bust to a person with raised arms.
+    const USUAL_M: std::ops::RangeInclusive<f64> = 0.4..=3.0;
+    let size = extent_m.max_element() / unit.metres();
+    let usual = |other: &Unit| *other != unit && USUAL_M.contains(&(size * other.metres()));
+    let other = [Unit::Centimetre, Unit::Millimetre, Unit::Inch].into_iter().find(usual)?;
+    let [x, y, z] = extent_m
+        .to_array()
+        .map(|metres| if metres < 10.0 { format!("{metres:.1}") } else { format!("{metres:.0}") });
+    Some(format!("the frame is {x} x {y} x {z} m: is it --units {other}?"))
 }
 
 /// Names the options to change.
