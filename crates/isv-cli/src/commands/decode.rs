@@ -15,11 +15,12 @@ use crate::output::{frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrame, StreamFrames};
-use crate::terms::{AfterLossName, FormName, LodName};
+use crate::terms::{AfterLossName, FormName, GlbName, LodName};
 use crate::threads::use_threads;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::Lod;
 use isv::format::StreamHeader;
+use isv::io::Format;
 use isv::surface::SurfaceOptions;
 use product::{OutputFormat, Product, Recipe};
 use sink::Sink;
@@ -46,6 +47,9 @@ pub(crate) struct Args {
     /// Write vertex normals with meshes; points always have theirs
     #[arg(long)]
     normals: bool,
+    /// How GLB files hold their meshes [default: plain]
+    #[arg(long, value_enum, value_name = "ENCODING")]
+    glb: Option<GlbName>,
     /// Points a frame
     #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
     points: Option<NonZero<usize>>,
@@ -77,6 +81,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if form != FormName::Points && (args.points.is_some() || args.spacing.is_some()) {
         return Err(usage("--points and --spacing need --as points"));
     }
+    if args.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) {
+        return Err(usage("--glb needs an output of GLB files: -o NAME.glb or --format glb"));
+    }
     use_threads(args.threads)?;
     let source = Source::open(args)?;
     // From here on somebody looks whether Ctrl-C came.
@@ -86,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let recipe = Recipe { form, normals: args.normals, density, profile: header.profile };
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
-    let mut sink = Sink::new(&args.output, format, header.frame_rate)?;
+    let mut sink = Sink::new(&args.output, format, header.frame_rate)?.with_glb(args.glb);
     let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
         let DecodedFrame { number, timestamp_ns, product, decode_ms, surface_ms } = frame?;

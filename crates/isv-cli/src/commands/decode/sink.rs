@@ -3,10 +3,14 @@
 use super::product::{OutputFormat, Product};
 use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
+use crate::terms::GlbName;
 use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
-use isv::io::{Format, GlbAnimationWriter, write_mesh_to, write_points_to, write_vdb_to, write_volume};
+use isv::io::{
+    Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_to, write_points_to, write_vdb_to,
+    write_volume,
+};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
@@ -16,6 +20,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Sink {
     path: PathBuf,
     format: OutputFormat,
+    glb: GlbEncoding,
     timeline: Timeline,
     place: Place,
     taken: usize,
@@ -44,7 +49,14 @@ impl Sink {
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
-        Ok(Self { path: path.to_owned(), format, timeline: Timeline::new(rate), place, taken: 0 })
+        let (path, glb, timeline) = (path.to_owned(), GlbEncoding::Plain, Timeline::new(rate));
+        Ok(Self { path, format, glb, timeline, place, taken: 0 })
+    }
+
+    /// Encodes GLB files as asked for, or else plainly.
+    pub(super) fn with_glb(mut self, name: Option<GlbName>) -> Self {
+        self.glb = name.map(GlbEncoding::from).unwrap_or_default();
+        self
     }
 
     /// Takes the next frame. A folder is made for the first one, so that a stream that cannot be decoded leaves none.
@@ -60,7 +72,7 @@ impl Sink {
                 self.write_into_folder(&name, &product)?;
             }
             Place::Pipe(output) => {
-                write_product(output, &product, self.format)?;
+                write_product(output, &product, self.format, self.glb)?;
                 output.flush()?;
             }
             Place::Animation(animation) => push(animation, start_s, &product)?,
@@ -90,7 +102,7 @@ impl Sink {
             return Ok(write_volume(&path, volume)?);
         }
         let mut file = Output::create(&path)?;
-        write_product(&mut file, product, self.format)?;
+        write_product(&mut file, product, self.format, self.glb)?;
         file.commit()?;
         Ok(())
     }
@@ -112,7 +124,7 @@ impl Sink {
             );
         }
         self.check_free(&self.path)?;
-        let mut animation = GlbAnimationWriter::create(&self.path)?;
+        let mut animation = GlbAnimationWriter::create(&self.path)?.with_encoding(self.glb);
         for (start_s, frame) in frames {
             push(&mut animation, start_s, &frame)?;
         }
@@ -144,7 +156,7 @@ impl Sink {
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
             Place::File(Some((_, product))) => {
                 let mut output = Output::create(&self.path)?;
-                write_product(&mut output, &product, self.format)?;
+                write_product(&mut output, &product, self.format, self.glb)?;
                 output.commit()?;
             }
         }
@@ -184,8 +196,14 @@ fn push(animation: &mut GlbAnimationWriter, start_s: f64, product: &Product) -> 
     }
 }
 
-fn write_product(out: &mut impl Write, product: &Product, format: OutputFormat) -> Result<()> {
+fn write_product(
+    out: &mut impl Write,
+    product: &Product,
+    format: OutputFormat,
+    glb: GlbEncoding,
+) -> Result<()> {
     match (product, format) {
+        (Product::Mesh(mesh), OutputFormat::Geometry(Format::Glb)) => write_glb_to(out, mesh, glb)?,
         (Product::Mesh(mesh), OutputFormat::Geometry(format)) => write_mesh_to(out, mesh, format)?,
         (Product::Points(points), OutputFormat::Geometry(format)) => write_points_to(out, points, format)?,
         (Product::Volume(volume), OutputFormat::Vdb) => write_vdb_to(out, volume)?,
