@@ -1,12 +1,12 @@
 //! Quadric simplification of meshes (Garland and Heckbert 1997), by the Rust port of meshoptimizer.
 
 use glam::{DVec3, Vec3};
+use isv_simplify::{weld, without_unused};
 use isv_volume::{MeshError, TriangleMesh};
 use meshoptimizer_rs::{
     Positions, PositionsMut, SimplifyOptions, SimplifySettings, Workspace, simplify_into,
     simplify_with_update,
 };
-use rustc_hash::FxHashMap;
 use thiserror::Error;
 
 /// Largest error allowed, in extents of the mesh: none that stops the simplifier before the share is reached.
@@ -83,47 +83,6 @@ fn simplify_with(mesh: &TriangleMesh, share: f64, method: Method) -> Result<Tria
     Ok(without_unused(&vertices, triangles))
 }
 
-/// The mesh with one vertex a position, without the faces that have no area for it.
-fn weld(mesh: &TriangleMesh) -> TriangleMesh {
-    let mut places = FxHashMap::default();
-    let mut vertices = Vec::new();
-    let merged: Vec<u32> = mesh
-        .vertices
-        .iter()
-        .map(|vertex| {
-            // Zero has two signs and one place.
-            let place = (*vertex + DVec3::ZERO).to_array().map(f64::to_bits);
-            *places.entry(place).or_insert_with(|| {
-                vertices.push(*vertex);
-                vertices.len() as u32 - 1
-            })
-        })
-        .collect();
-    let triangles = mesh.triangles.iter().map(|t| t.map(|v| merged[v as usize]));
-    let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    TriangleMesh { vertices, normals: Vec::new(), triangles }
-}
-
-/// The mesh of these triangles, with only the vertices that they name, in the order in which they are named.
-fn without_unused(vertices: &[DVec3], triangles: &[[u32; 3]]) -> TriangleMesh {
-    let mut renamed = vec![u32::MAX; vertices.len()];
-    let mut kept = Vec::new();
-    let triangles = triangles
-        .iter()
-        .map(|triangle| {
-            triangle.map(|v| {
-                let name = &mut renamed[v as usize];
-                if *name == u32::MAX {
-                    *name = kept.len() as u32;
-                    kept.push(vertices[v as usize]);
-                }
-                *name
-            })
-        })
-        .collect();
-    TriangleMesh { vertices: kept, normals: Vec::new(), triangles }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -192,19 +151,6 @@ mod tests {
             let left = simplify(&mesh, share).unwrap().triangles.len() as f64 / mesh.triangles.len() as f64;
             assert!((left / share - 1.0).abs() < 0.05, "{left} for {share}");
         }
-    }
-
-    #[test]
-    fn welding_joins_equal_positions_and_drops_what_has_no_area() {
-        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
-        let mesh = TriangleMesh {
-            vertices: corners.map(DVec3::from).to_vec(),
-            normals: Vec::new(),
-            triangles: vec![[0, 1, 2], [3, 1, 0], [4, 2, 1]],
-        };
-        let welded = weld(&mesh);
-        assert_eq!(welded.vertices.len(), 4);
-        assert_eq!(welded.triangles, [[0, 1, 2], [3, 2, 1]]);
     }
 
     #[test]

@@ -3,10 +3,12 @@
 mod files;
 mod kinds;
 mod pipe;
+mod size;
 
 use crate::frame_range::FrameRange;
 use crate::memory;
 use crate::stream;
+use crate::up::Up;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
@@ -14,7 +16,7 @@ use isv::surface::SurfaceOptions;
 use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Frames, one after the other, each of them or what is wrong with it.
 pub(crate) type Frames<T> = Box<dyn Iterator<Item = Result<T>> + Send>;
@@ -75,6 +77,22 @@ impl CapturedFrame {
         };
         Self { content, ..self }
     }
+
+    /// The frame turned from an axis that points up to Y up, unless it is a volume: those are Y up already.
+    fn with_y_up(self, up: Up) -> Self {
+        if up == Up::Y {
+            return self;
+        }
+        let content = match self.content {
+            Content::Geometry(geometry) => Content::Geometry(geometry.turned(up.to_y_up())),
+            Content::Depth(images) => {
+                let turned = images.into_iter().map(|image| image.turned(up.to_y_up()));
+                Content::Depth(turned.collect())
+            }
+            volume @ (Content::Volume(_) | Content::Decoded(_)) => volume,
+        };
+        Self { content, ..self }
+    }
 }
 
 /// What a user says of a capture that does not say so itself.
@@ -90,13 +108,23 @@ pub(crate) struct Hints {
     pub(crate) origin_m: [f64; 3],
     /// Whether frames of one shape may be of different scales.
     pub(crate) mixed_scales: bool,
+    /// The axis of meshes, points and depth cameras that points up.
+    pub(crate) up: Up,
 }
 
 impl Hints {
     /// Those of a capture in a unit, with nothing else said.
     pub(crate) fn in_unit(unit: Unit) -> Self {
         let frame_rate = FrameRate { numerator: 30, denominator: 1 };
-        Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3], mixed_scales: false }
+        Self {
+            unit,
+            voxel_size: None,
+            truncation: None,
+            frame_rate,
+            origin_m: [0.0; 3],
+            mixed_scales: false,
+            up: Up::Y,
+        }
     }
 
     /// With a place in the capture's unit as the origin.
@@ -113,17 +141,26 @@ pub(crate) fn default_voxel_size() -> VoxelSize {
 /// An input of frames.
 pub(crate) struct Capture {
     name: String,
+    path: PathBuf,
     /// How many, if that is known before they came.
     frames: Option<usize>,
     kind: Kind,
     origin_m: [f64; 3],
+    up: Up,
 }
 
 impl Capture {
     /// Finds the frames of a folder, a pattern, a file or (`-`) standard input.
     pub(crate) fn open(input: &Path, hints: &Hints) -> Result<Self> {
         let (frames, kind) = Kind::open(input, hints)?;
-        Ok(Self { name: stream::name(input), frames, kind, origin_m: hints.origin_m })
+        Ok(Self {
+            name: stream::name(input),
+            path: input.to_owned(),
+            frames,
+            kind,
+            origin_m: hints.origin_m,
+            up: hints.up,
+        })
     }
 
     /// How many frames there are, unless they come from a pipe.
@@ -175,14 +212,20 @@ impl Capture {
         }
     }
 
+    /// Bytes of the files that hold the frames of a range; none where that is not known, as of a pipe.
+    pub(crate) fn bytes(&self, range: &Range<usize>) -> Option<u64> {
+        let is_all = self.frames == Some(range.len());
+        size::bytes(&self.kind, range, is_all.then_some(&self.path))
+    }
+
     /// Reads the frames of a range that [`Self::range`] gave.
     pub(crate) fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
-        let origin_m = self.origin_m;
+        let (origin_m, up) = (self.origin_m, self.up);
         let frames = self.kind.read(self.name, range)?;
-        if origin_m == [0.0; 3] {
+        if origin_m == [0.0; 3] && up == Up::Y {
             return Ok(frames);
         }
-        Ok(Box::new(frames.map(move |frame| frame.map(|frame| frame.relative_to(origin_m)))))
+        Ok(Box::new(frames.map(move |frame| Ok(frame?.relative_to(origin_m).with_y_up(up)))))
     }
 
     /// Reads the surfaces of such frames: meshes as they are, volumes by their zero crossing.

@@ -66,7 +66,7 @@ pub(crate) fn report_command_line(error: &clap::Error) -> ExitCode {
 }
 
 /// File names may hold line breaks, and clap's messages do.
-fn one_line(text: &str) -> String {
+pub(crate) fn one_line(text: &str) -> String {
     text.lines().map(str::trim).collect::<Vec<_>>().join(" ")
 }
 

@@ -23,6 +23,7 @@ mod matching;
 mod memory;
 mod origin;
 mod output;
+mod output_name;
 mod progress;
 mod serving;
 mod stats;

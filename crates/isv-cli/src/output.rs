@@ -1,6 +1,7 @@
 //! Where results go: a file that appears whole or not at all, or standard output.
 
 use crate::failure::usage;
+use crate::output_name;
 use anyhow::Context;
 use isv::format::MAGIC;
 use isv::io::{AtomicFile, WriteError, is_volume_folder, was_made_by_isv};
@@ -25,7 +26,8 @@ pub(crate) fn check_stream_output(inputs: &[&Path], output: &Path) -> anyhow::Re
     if inputs.iter().any(|input| is_same_file(input, output)) && output.is_file() {
         return Err(usage(format!("{}: is what is read; name another file to write", output.display())));
     }
-    check_output(output, "is no .isv stream", |start| start.starts_with(&MAGIC))
+    check_output(output, "is no .isv stream", |start| start.starts_with(&MAGIC))?;
+    output_name::check_stream(output)
 }
 
 /// What `decode` writes is written over what isv wrote, by the first bytes of files that can say so: a capture may have the same names.

@@ -211,6 +211,9 @@ impl From<SignName> for SignMode {
 }
 
 impl FormName {
+    /// All forms.
+    pub(crate) const ALL: [Self; 3] = [Self::Mesh, Self::Points, Self::Volume];
+
     /// The form in a sentence.
     pub(crate) fn name(self) -> &'static str {
         match self {

@@ -229,6 +229,15 @@ impl DepthSequence {
         Ok(Self { selected: first + range.start..first + range.end, ..self.clone() })
     }
 
+    /// The images of a frame of the selection, one a camera.
+    ///
+    /// # Panics
+    /// If there are not so many frames.
+    pub fn image_paths(&self, frame: usize) -> impl Iterator<Item = &Path> {
+        let frame = self.number(frame);
+        self.cameras.iter().map(move |camera| camera.paths[frame].as_path())
+    }
+
     /// Number in the whole sequence of a frame of the selection.
     fn number(&self, frame: usize) -> usize {
         assert!(frame < self.frames(), "frame {frame} of {}", self.frames());

@@ -2,8 +2,10 @@
 
 use crate::error::Flaw;
 use crate::regular_file;
-use crate::{AtomicFile, Format, ReadError, Unit, WriteError, e57, gltf, las, obj, off, pcd, ply, stl, xyz};
-use glam::DVec3;
+use crate::{
+    AtomicFile, Format, Placement, ReadError, Unit, WriteError, e57, gltf, las, obj, off, pcd, ply, stl, xyz,
+};
+use glam::{DMat3, DVec3};
 use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
 use std::path::Path;
@@ -46,6 +48,20 @@ impl Geometry {
         let origin = DVec3::from(origin_m);
         self.positions_mut().iter_mut().for_each(|v| *v -= origin);
         self.viewpoints_mut().for_each(|viewpoint| *viewpoint -= origin);
+        self
+    }
+
+    /// The geometry turned about the origin by a rotation: positions, normals and viewpoint.
+    #[must_use]
+    pub fn turned(mut self, rotation: DMat3) -> Self {
+        let (positions, normals) = match &mut self {
+            Self::Mesh(mesh) => (&mut mesh.vertices, &mut mesh.normals),
+            Self::Points(points) => {
+                points.viewpoint = points.viewpoint.map(|viewpoint| rotation * viewpoint);
+                (&mut points.positions, &mut points.normals)
+            }
+        };
+        positions.iter_mut().chain(normals).for_each(|v| *v = rotation * *v);
         self
     }
 
@@ -224,15 +240,31 @@ pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<()
 /// # Panics
 /// If the mesh has normals but not one a vertex.
 pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io::Result<()> {
+    write_mesh_placed(out, mesh, format, &Placement::default())
+}
+
+/// Writes a mesh as [`write_mesh_to`] does, moved and as exact as a [`Placement`] says.
+///
+/// # Errors
+/// As [`write_mesh_to`].
+///
+/// # Panics
+/// As [`write_mesh_to`].
+pub fn write_mesh_placed(
+    out: impl Write,
+    mesh: &TriangleMesh,
+    format: Format,
+    placement: &Placement,
+) -> io::Result<()> {
     assert!(
         mesh.normals.is_empty() || mesh.normals.len() == mesh.vertices.len(),
         "one normal a vertex or none"
     );
     match format {
-        Format::Ply => ply::write(out, mesh),
-        Format::Obj => obj::write(out, mesh),
-        Format::Stl => stl::write(out, mesh),
-        Format::Glb => gltf::write(out, mesh),
+        Format::Ply => ply::write(out, mesh, placement),
+        Format::Obj => obj::write(out, mesh, placement),
+        Format::Stl => stl::write(out, mesh, placement),
+        Format::Glb => gltf::write(out, mesh, placement),
         Format::Off | Format::Gltf | Format::Pcd | Format::Xyz | Format::Las | Format::Laz | Format::E57 => {
             Err(not_written(format, "meshes"))
         }
@@ -263,14 +295,30 @@ pub fn write_points(path: &Path, points: &PointCloud, format: Format) -> Result<
 /// # Panics
 /// If the points have normals but not one each.
 pub fn write_points_to(out: impl Write, points: &PointCloud, format: Format) -> io::Result<()> {
+    write_points_placed(out, points, format, &Placement::default())
+}
+
+/// Writes points as [`write_points_to`] does, moved and as exact as a [`Placement`] says.
+///
+/// # Errors
+/// As [`write_points_to`].
+///
+/// # Panics
+/// As [`write_points_to`].
+pub fn write_points_placed(
+    out: impl Write,
+    points: &PointCloud,
+    format: Format,
+    placement: &Placement,
+) -> io::Result<()> {
     assert!(
         points.normals.is_empty() || points.normals.len() == points.positions.len(),
         "one normal a point or none"
     );
     match format {
-        Format::Ply => ply::write_points(out, points),
-        Format::Pcd => pcd::write(out, points),
-        Format::Xyz => xyz::write(out, points),
+        Format::Ply => ply::write_points(out, points, placement),
+        Format::Pcd => pcd::write(out, points, placement),
+        Format::Xyz => xyz::write(out, points, placement),
         Format::Obj
         | Format::Stl
         | Format::Off

@@ -38,6 +38,7 @@ mod obj;
 mod off;
 mod own;
 mod pcd;
+mod placement;
 mod ply;
 mod polygon;
 mod regular_file;
@@ -61,15 +62,16 @@ pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
 pub use geometry::{
     Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_mesh, write_mesh,
-    write_mesh_to, write_points, write_points_to,
+    write_mesh_placed, write_mesh_to, write_points, write_points_placed, write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use own::was_made_by_isv;
+pub use placement::Placement;
 pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{
     ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_vdb,
-    write_vdb_to, write_volume,
+    write_vdb_placed, write_vdb_to, write_volume,
 };

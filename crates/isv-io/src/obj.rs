@@ -6,6 +6,7 @@
 use crate::error::{Flaw, Malformation, quote};
 use crate::geometry::Geometry;
 use crate::own::COMMENT;
+use crate::placement::Placement;
 use crate::polygon::Polygons;
 use crate::text::{self, coordinates, parse_word, words};
 use glam::DVec3;
@@ -154,14 +155,22 @@ fn vertex_of_corner(corner: &[u8], vertices_so_far: usize) -> Result<u32, Malfor
     index.and_then(|i| u32::try_from(i).ok()).ok_or_else(|| Malformation::Index { text: quote(corner) })
 }
 
-/// Writes a mesh. Coordinates are rounded to `f32` and written with as many digits as identify it.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+/// Writes a mesh. Numbers have as many digits as identify them, as `f32` unless the placement needs `f64`.
+pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
     writeln!(out, "# {COMMENT}")?;
-    for (record, vectors) in [("v", &mesh.vertices), ("vn", &mesh.normals)] {
-        for vector in vectors {
-            let [x, y, z] = vector.as_vec3().to_array();
-            writeln!(out, "{record} {x} {y} {z}")?;
+    let double = placement.needs_double(&mesh.vertices);
+    for vertex in &mesh.vertices {
+        let vertex = placement.place(*vertex);
+        if double {
+            writeln!(out, "v {} {} {}", vertex.x, vertex.y, vertex.z)?;
+        } else {
+            let [x, y, z] = vertex.as_vec3().to_array();
+            writeln!(out, "v {x} {y} {z}")?;
         }
+    }
+    for normal in &mesh.normals {
+        let [x, y, z] = normal.as_vec3().to_array();
+        writeln!(out, "vn {x} {y} {z}")?;
     }
     for triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|v| u64::from(v) + 1);

@@ -5,6 +5,7 @@
 
 use crate::error::{Flaw, Malformation, quote};
 use crate::own::COMMENT;
+use crate::placement::Placement;
 use crate::text::{self, coordinates, words};
 use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
@@ -147,7 +148,7 @@ impl Soup {
 }
 
 /// Writes a mesh as binary STL, with the normals of its facets. Coordinates are rounded to `f32`.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
+pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
     let count = u32::try_from(mesh.triangles.len())
         .map_err(|_| io::Error::new(io::ErrorKind::FileTooLarge, "STL counts at most 2^32 - 1 triangles"))?;
     let mut text = [b' '; TEXT_BYTES];
@@ -159,6 +160,7 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> 
     for face in 0..mesh.triangles.len() {
         let [a, b, c] = mesh.corners(face);
         let normal = (b - a).cross(c - a).normalize_or_zero();
+        let [a, b, c] = [a, b, c].map(|corner| placement.place(corner));
         for vector in [normal, a, b, c] {
             for component in vector.as_vec3().to_array() {
                 out.write_all(&component.to_le_bytes())?;
@@ -190,7 +192,7 @@ mod tests {
     #[test]
     fn binary_may_call_itself_solid_and_carry_more_bytes() {
         let mut bytes = Vec::new();
-        write(&mut bytes, &expected()).unwrap();
+        write(&mut bytes, &expected(), &Placement::default()).unwrap();
         assert_eq!(bytes.len(), 84 + 2 * 50);
         assert_eq!(parse(&bytes).unwrap(), expected());
         bytes[..13].copy_from_slice(b"solid forever");
@@ -202,7 +204,7 @@ mod tests {
     #[test]
     fn written_normals_are_those_of_the_facets() {
         let mut bytes = Vec::new();
-        write(&mut bytes, &expected()).unwrap();
+        write(&mut bytes, &expected(), &Placement::default()).unwrap();
         let normals = [84 + 8, 84 + 50 + 8].map(|at| f32::from_le_bytes(*bytes[at..].first_chunk().unwrap()));
         assert_eq!(normals, [1.0, 0.0], "z of a facet and of one without area");
     }

@@ -12,7 +12,7 @@ mod write;
 pub use error::{ArrayFlaw, VolumeError};
 pub use read::{read_volume, volume_grid};
 pub use sequence::{VolumeSequence, is_volume_folder};
-pub use vdb::{write_vdb, write_vdb_to};
+pub use vdb::{write_vdb, write_vdb_placed, write_vdb_to};
 pub use write::write_volume;
 
 /// Block coordinates: integers `(n, 3)`, in the order x, y, z.

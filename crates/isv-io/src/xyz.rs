@@ -13,6 +13,7 @@
 
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation, quote};
+use crate::placement::Placement;
 use crate::text::{self, parse_float, parse_word};
 use glam::DVec3;
 use isv_volume::PointCloud;
@@ -179,8 +180,9 @@ fn count(word: &[u8]) -> Result<u64, Malformation> {
 }
 
 /// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number.
-pub(crate) fn write(mut out: impl Write, points: &PointCloud) -> io::Result<()> {
-    for (index, DVec3 { x, y, z }) in points.positions.iter().enumerate() {
+pub(crate) fn write(mut out: impl Write, points: &PointCloud, placement: &Placement) -> io::Result<()> {
+    for (index, position) in points.positions.iter().enumerate() {
+        let DVec3 { x, y, z } = placement.place(*position);
         write!(out, "{x} {y} {z}")?;
         if let Some(DVec3 { x, y, z }) = points.normals.get(index) {
             write!(out, " {x} {y} {z}")?;

@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 use isv_io::{
-    Animation, Format, FrameSequence, GlbAnimationWriter, GlbEncoding, Unit, WriteError, parse_mesh,
-    read_mesh, write_glb_to, write_mesh_to,
+    Animation, Format, FrameSequence, GlbAnimationWriter, GlbEncoding, Placement, Unit, WriteError,
+    parse_mesh, read_mesh, write_glb_to, write_mesh_to,
 };
 use isv_testkit::capture;
 use isv_volume::TriangleMesh;
@@ -127,7 +127,7 @@ fn compact_files_are_smaller_and_hold_positions_within_half_a_step() {
         let mesh = far_band(triangles, 0.3);
         let size = |encoding| {
             let mut bytes = Vec::new();
-            write_glb_to(&mut bytes, &mesh, encoding).unwrap();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
             json(&bytes);
             if encoding != GlbEncoding::Plain {
                 assert_near(&parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap(), &mesh);
@@ -146,7 +146,7 @@ fn compact_meshes_of_many_vertices_have_long_indices() {
         for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
             let mesh = band(triangles, 0.0);
             let mut bytes = Vec::new();
-            write_glb_to(&mut bytes, &mesh, encoding).unwrap();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
             assert_eq!(json(&bytes)["accessors"][1]["componentType"], component);
             let read = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
             assert_eq!(
@@ -166,11 +166,11 @@ fn compact_meshes_without_extent_or_triangles_are_written() {
         point.vertices.fill(DVec3::new(1.0, 2.0, 3.0));
         for mesh in [point, TriangleMesh::default()] {
             let mut bytes = Vec::new();
-            write_glb_to(&mut bytes, &mesh, encoding).unwrap();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
             let read = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
             assert_eq!(corners(&read), corners(&mesh));
         }
-        let error = write_glb_to(Vec::new(), &band(1, 1e300), encoding).unwrap_err();
+        let error = write_glb_to(Vec::new(), &band(1, 1e300), encoding, &Placement::default()).unwrap_err();
         assert_eq!(error.to_string(), "vertex 0 has no finite position in single precision");
     }
 }
@@ -195,6 +195,19 @@ fn compact_sequences_read_back_frame_by_frame() {
                 assert_near(&read, frame);
             }
         }
+    }
+}
+
+#[test]
+fn compact_meshes_are_placed_as_plain_ones_are() {
+    let placement = Placement { translation: DVec3::new(4e5, -20.0, 5e6), ..Placement::default() };
+    let mesh = far_band(9, 1.0);
+    let mut moved = mesh.clone();
+    moved.vertices.iter_mut().for_each(|v| *v += placement.translation);
+    for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
+        let mut bytes = Vec::new();
+        write_glb_to(&mut bytes, &mesh, encoding, &placement).unwrap();
+        assert_near(&parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap(), &moved);
     }
 }
 

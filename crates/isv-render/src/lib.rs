@@ -2,7 +2,7 @@
 //!
 //! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still. [`render`] colours
 //! surfaces by their world normal, in which dents, seams and noise stand out, and darkens creases; faces seen from
-//! their back, which a clean mesh never shows, get a colour of their own. [`render_errors`] colours them by any error
+//! their back, which a closed mesh never shows, are grey. [`render_errors`] colours them by any error
 //! that a closure gives for a point, on an [`ErrorScale`] with its [`colour_bar`].
 //!
 //! A [`Picture`] is a PNG file, a part of a [`contact_sheet`], or one of an animation: [`GifWriter`] or [`ApngWriter`].

@@ -3,27 +3,13 @@
 use glam::DVec3;
 use isv_volume::TriangleMesh;
 
-/// Unit normals of all vertices: the mesh's own if it has them, else [`angle_weighted`].
+/// Unit normals of all vertices: the mesh's own if it has them, else those of the faces around them.
 pub(crate) fn vertex_normals(mesh: &TriangleMesh) -> Vec<DVec3> {
-    if mesh.normals.len() == mesh.vertices.len() { mesh.normals.clone() } else { angle_weighted(mesh) }
-}
-
-/// Mean normal of the faces around each vertex, weighted by their angle there, which does not depend on how a flat part
-/// is cut into triangles. Zero where no face has an area.
-fn angle_weighted(mesh: &TriangleMesh) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; mesh.vertices.len()];
-    for (face, triangle) in mesh.triangles.iter().enumerate() {
-        let corners = mesh.corners(face);
-        let normal = face_normal(corners);
-        for (i, &vertex) in triangle.iter().enumerate() {
-            let [here, next, last] = [0, 1, 2].map(|step| corners[(i + step) % 3]);
-            let (a, b) = (next - here, last - here);
-            if a != DVec3::ZERO && b != DVec3::ZERO {
-                normals[vertex as usize] += normal * a.angle_between(b);
-            }
-        }
+    if mesh.normals.len() == mesh.vertices.len() {
+        mesh.normals.clone()
+    } else {
+        mesh.angle_weighted_normals()
     }
-    normals.into_iter().map(DVec3::normalize_or_zero).collect()
 }
 
 /// Unit normal of a triangle that is counter-clockwise seen from outside; zero if it has no area.

@@ -2,9 +2,10 @@
 
 use glam::Vec3;
 
-/// Colour of faces seen from their back: a magenta that no front face looks like, for its normal would point down and
-/// away.
-pub const BACK_FACE: [u8; 3] = [214, 24, 96];
+/// Colour of faces seen straight from their back: a warm grey, lit like a front face.
+///
+/// No front face has it, as normals of unit length give saturated colours.
+pub const BACK_FACE: [u8; 3] = [168, 158, 148];
 
 /// Part of a front face's colour that does not depend on its angle to the camera.
 const AMBIENT: f32 = 0.5;
@@ -67,7 +68,7 @@ impl Background {
 /// What the colours of a drawing say.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Paint {
-    /// The normal: `n / 2 + 1/2`, lit from the camera; [`BACK_FACE`] where a face is seen from its back.
+    /// The normal: `n / 2 + 1/2`, lit from the camera; [`BACK_FACE`], lit alike, where a face is seen from its back.
     Normals,
     /// Only the form, in grey, for other colours to be laid over; both sides of a face alike.
     Form,
@@ -80,7 +81,9 @@ impl Paint {
         let facing = normal.dot(to_camera);
         match self {
             Self::Normals if front => (normal * 0.5 + 0.5) * lit(AMBIENT, facing.max(0.0)),
-            Self::Normals => Vec3::from_array(BACK_FACE.map(|c| f32::from(c) / 255.0)),
+            Self::Normals => {
+                Vec3::from_array(BACK_FACE.map(|c| f32::from(c) / 255.0)) * lit(AMBIENT, facing.abs())
+            }
             Self::Form => Vec3::splat(lit(FORM_AMBIENT, facing.abs())),
         }
     }

@@ -212,6 +212,14 @@ impl DepthImage {
         (depth > 0.0).then_some(depth)
     }
 
+    /// The image with its camera turned about the world's origin by a rotation.
+    #[must_use]
+    pub fn turned(mut self, rotation: DMat3) -> Self {
+        let CameraPose { rotation: axes, centre } = self.pose;
+        self.pose = CameraPose { rotation: rotation * axes, centre: rotation * centre };
+        self
+    }
+
     /// How many pixels have a reading.
     #[must_use]
     pub fn readings(&self) -> usize {

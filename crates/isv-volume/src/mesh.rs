@@ -86,4 +86,24 @@ impl TriangleMesh {
         let first = *corners.next()?;
         Some(corners.fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
     }
+
+    /// Mean normal of the faces around each vertex, weighted by their angle there; zero where no face has an area.
+    ///
+    /// The weights make it independent of how a flat part is cut into triangles.
+    #[must_use]
+    pub fn angle_weighted_normals(&self) -> Vec<DVec3> {
+        let mut normals = vec![DVec3::ZERO; self.vertices.len()];
+        for (face, triangle) in self.triangles.iter().enumerate() {
+            let corners = self.corners(face);
+            let normal = self.area_vector(face).normalize_or_zero();
+            for (i, &vertex) in triangle.iter().enumerate() {
+                let [here, next, last] = [0, 1, 2].map(|step| corners[(i + step) % 3]);
+                let (a, b) = (next - here, last - here);
+                if a != DVec3::ZERO && b != DVec3::ZERO {
+                    normals[vertex as usize] += normal * a.angle_between(b);
+                }
+            }
+        }
+        normals.into_iter().map(DVec3::normalize_or_zero).collect()
+    }
 }

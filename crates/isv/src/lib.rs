@@ -50,5 +50,6 @@ pub use isv_ingest as ingest;
 pub use isv_io as io;
 pub use isv_kernels as kernels;
 pub use isv_metrics as metrics;
+pub use isv_simplify as simplify;
 pub use isv_surface as surface;
 pub use isv_volume as volume;

@@ -15,6 +15,7 @@ use crate::frame_rate;
 use crate::length::Length;
 use crate::origin;
 use crate::output::print;
+use crate::output_name;
 use crate::progress::Progress;
 use crate::table::table_of;
 use crate::terms::SignName;
@@ -105,6 +106,7 @@ fn worker_parser(text: &str) -> Result<(Codec, usize), String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    output_name::check_folder(&args.output, "a study: CSV, charts and a page")?;
     use_threads(args.threads)?;
     let study = Study::new(args)?;
     if let Some((codec, point)) = args.worker {

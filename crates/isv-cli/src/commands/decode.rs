@@ -1,7 +1,9 @@
 //! `isv decode`: a stream to meshes, points or volumes.
 
+mod budget;
 mod product;
 mod sink;
+mod target_frame;
 
 use crate::ahead::Ahead;
 use crate::backend::BackendArgs;
@@ -18,14 +20,17 @@ use crate::stream::{self, StreamFrame, StreamFrames};
 use crate::terms::{AfterLossName, FormName, GlbName, LodName};
 use crate::threads::use_threads;
 use anyhow::{Context, Result, anyhow, bail};
+use budget::{BudgetArgs, Reduction, Reductions};
 use isv::decode::Lod;
 use isv::format::StreamHeader;
 use isv::io::Format;
 use isv::surface::SurfaceOptions;
 use product::{OutputFormat, Product, Recipe};
+use rayon::prelude::*;
 use sink::Sink;
 use std::num::NonZero;
 use std::path::PathBuf;
+use target_frame::TargetFrameArgs;
 
 /// Decode an .isv stream into meshes, points or volumes
 #[derive(Debug, clap::Args)]
@@ -44,12 +49,19 @@ pub(crate) struct Args {
     /// the output's name, or else ply or npy
     #[arg(long)]
     format: Option<OutputFormat>,
-    /// Write vertex normals with meshes; points always have theirs
+    /// Write vertex normals with meshes: .glb files and points always have theirs
     #[arg(long)]
     normals: bool,
     /// How GLB files hold their meshes [default: plain]
     #[arg(long, value_enum, value_name = "ENCODING")]
     glb: Option<GlbName>,
+    /// Leave vertex normals out of .glb files
+    #[arg(long, conflicts_with = "normals")]
+    no_normals: bool,
+    #[command(flatten)]
+    budget: BudgetArgs,
+    #[command(flatten)]
+    target_frame: TargetFrameArgs,
     /// Points a frame
     #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
     points: Option<NonZero<usize>>,
@@ -84,19 +96,33 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) {
         return Err(usage("--glb needs an output of GLB files: -o NAME.glb or --format glb"));
     }
+    if form != FormName::Mesh && args.no_normals {
+        return Err(usage("--no-normals is for meshes"));
+    }
+    let budget = args.budget.budget(form)?;
     use_threads(args.threads)?;
     let source = Source::open(args)?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
     let header = *source.header();
     let density = product::density(args.points, args.spacing, args.voxel_m(&header));
-    let recipe = Recipe { form, normals: args.normals, density, profile: header.profile };
+    let target_frame = args.target_frame.target_frame(form, format, args.voxel_m(&header))?;
+    let recipe = Recipe {
+        form,
+        normals: args.wants_normals(format),
+        density,
+        profile: header.profile,
+        budget,
+        target_frame,
+    };
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
-    let mut sink = Sink::new(&args.output, format, header.frame_rate)?.with_glb(args.glb);
+    let mut sink = Sink::new(&args.output, format, target_frame, header.frame_rate)?.with_glb(args.glb);
     let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
+    let mut reductions = Reductions::default();
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
-        let DecodedFrame { number, timestamp_ns, product, decode_ms, surface_ms } = frame?;
+        let DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms } = frame?;
+        reductions.add(number, reduction);
         let (written, write_ms) = timed(|| sink.take(number, timestamp_ns, product));
         written?;
         stats.push(DecodedFrameStats { decode_ms, surface_ms, write_ms });
@@ -110,6 +136,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
     })?;
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
+    if let Some(budget) = &budget {
+        reductions.say(budget);
+    }
     say(format_args!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64));
     stats.commit()?;
     if interrupt::requested() {
@@ -122,6 +151,11 @@ impl Args {
     /// Edge of a decoded voxel.
     fn voxel_m(&self, header: &StreamHeader) -> f64 {
         header.grid.voxel_size.metres() * f64::from(Lod::from(self.lod).voxels())
+    }
+
+    /// Whether meshes get vertex normals: GLB files are for viewers, which shade flat without them.
+    fn wants_normals(&self, format: OutputFormat) -> bool {
+        self.normals || (format == OutputFormat::Geometry(Format::Glb) && !self.no_normals)
     }
 
     /// Whether each frame is finished before the next is decoded.
@@ -174,6 +208,8 @@ struct DecodedFrame {
     number: usize,
     timestamp_ns: u64,
     product: Product,
+    /// What became of a mesh that was to have fewer faces.
+    reduction: Option<Reduction>,
     decode_ms: f64,
     surface_ms: f64,
 }
@@ -186,18 +222,35 @@ fn products(
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
     let make = move |frame: Result<StreamFrame>| {
         let StreamFrame { number, timestamp_ns, volume, surface, decode_ms } = frame?;
-        let (product, surface_ms) = timed(|| recipe.make(volume, surface));
-        Ok(DecodedFrame {
-            number,
-            timestamp_ns,
-            product: product.with_context(|| format!("frame {number}"))?,
-            decode_ms,
-            surface_ms,
-        })
+        let (made, surface_ms) = timed(|| recipe.make(volume, surface));
+        let (product, reduction) = made.with_context(|| format!("frame {number}"))?;
+        Ok(DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
     };
     if taking_turns {
         Box::new(frames.take_while(|_| !interrupt::requested()).map(make))
+    } else if recipe.budget.is_some() {
+        // A mesh is simplified on one core: as many frames are at it as there are cores.
+        let batches = Batches { frames: Ahead::new(frames), size: rayon::current_num_threads() };
+        Box::new(Ahead::new(
+            batches.flat_map(move |batch| batch.into_par_iter().map(&make).collect::<Vec<_>>()),
+        ))
     } else {
         Box::new(Ahead::new(Ahead::new(frames).map(make)))
+    }
+}
+
+/// Frames in groups, which are worked on at the same time.
+struct Batches<I> {
+    frames: I,
+    /// Frames of a group, but for the last one.
+    size: usize,
+}
+
+impl<T, I: Iterator<Item = T>> Iterator for Batches<I> {
+    type Item = Vec<T>;
+
+    fn next(&mut self) -> Option<Vec<T>> {
+        let batch: Vec<T> = self.frames.by_ref().take(self.size).collect();
+        (!batch.is_empty()).then_some(batch)
     }
 }

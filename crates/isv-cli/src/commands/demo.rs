@@ -1,6 +1,7 @@
 //! `isv demo`: the whole codec on a figure of its own.
 
 use crate::output::{Output, check_frame_output, check_stream_output, frames_in_words, print};
+use crate::output_name;
 use crate::progress::Progress;
 use crate::stats::{megabits_per_second, timed};
 use crate::stream;
@@ -104,6 +105,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let folder = args.output.display();
+    output_name::check_folder(&args.output, "a stream, pictures and meshes")?;
     check_free(&args.output, usize::from(args.frames))?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{folder}: cannot make this folder"))?;
     let take = Take::film(usize::from(args.frames))?;

@@ -19,13 +19,14 @@ use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::length::Length;
 use crate::origin;
-use crate::output::{Output, check_stream_output, frames_in_words, say};
+use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second, timed};
 use crate::stream;
 use crate::terms::{BandName, ProfileName, TimestampsName};
 use crate::threads::use_threads;
 use crate::timeline::Timeline;
+use crate::up::Up;
 use anyhow::{Result, bail};
 use coding::{CodedFrame, Coding};
 use header::HeaderArgs;
@@ -38,7 +39,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::SystemTime;
 use timestamps::Timestamps;
-use volumes::{IngestedFrame, VolumeMaker};
+use volumes::{IngestedFrame, Shell, VolumeMaker};
 
 /// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
@@ -56,6 +57,9 @@ pub(crate) struct Args {
     /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
+    /// Axis of the input that points up, which streams call Y. After --units and --origin, which are along the input's axes
+    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    up: Up,
     /// Only these frames, counted from 0, without frame B; A.. and ..B are to the last and from the first
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
@@ -95,7 +99,14 @@ impl Args {
         let usual = Hints::in_unit(self.units).with_origin(self.origin);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
-        Ok(Hints { voxel_size, truncation, frame_rate, mixed_scales: self.mixed_scales, ..usual })
+        Ok(Hints {
+            voxel_size,
+            truncation,
+            frame_rate,
+            mixed_scales: self.mixed_scales,
+            up: self.up,
+            ..usual
+        })
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
@@ -103,8 +114,9 @@ impl Args {
         let content = capture.content();
         let geometry = [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some())];
         let of_geometry = geometry.iter().filter(|(_, given)| *given && content != ContentKind::Geometry);
+        let up = (self.up != Up::Y && content == ContentKind::Volume).then_some("--up");
         let flags: Vec<_> =
-            of_geometry.map(|(flag, _)| *flag).chain(self.ingest.without_effect(content)).collect();
+            of_geometry.map(|(flag, _)| *flag).chain(up).chain(self.ingest.without_effect(content)).collect();
         let list = flags.join(", ");
         (!flags.is_empty())
             .then(|| format!("{}: without effect on {}: {list}", capture.name(), content.name()))
@@ -162,6 +174,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     interrupt::listen()?;
     let settings = args.settings(&capture, &mut header)?;
     let backend = args.backend.open()?;
+    let input_bytes = capture.bytes(&range);
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(
         header.grid,
@@ -182,6 +195,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
         keeps_times: capture.frame_rate() == Some(header.frame_rate),
         timeline: Timeline::new(header.frame_rate),
+        input_bytes,
+        shell: Arc::clone(&maker.shell),
         first: range.start,
         frames: 0,
         empty: 0,
@@ -248,6 +263,9 @@ struct Job {
     /// Whether frames are shown when they were in the capture, which is a stream of this rate.
     keeps_times: bool,
     timeline: Timeline,
+    /// Of the files that are read, if that is known.
+    input_bytes: Option<u64>,
+    shell: Arc<Shell>,
     /// Number in the capture of the frame that the stream's time begins with.
     first: usize,
     frames: usize,
@@ -359,7 +377,15 @@ impl Job {
         let seconds = self.timeline.end_s();
         let mbps = megabits_per_second(bytes, seconds);
         let ms = self.stats.wall_ms() / self.frames as f64;
-        say(format_args!("{frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame"));
+        let ratio =
+            self.input_bytes.filter(|_| !interrupt::requested()).map(|input| ratio_in_words(input, bytes));
+        let shell = self.shell.get().map(|shell_mm| format!("shell {shell_mm} mm thick"));
+        let more: String = [ratio, shell].into_iter().flatten().map(|more| format!(", {more}")).collect();
+        let name = match is_pipe(&args.output) {
+            true => "standard output".to_owned(),
+            false => output.to_string(),
+        };
+        say(format_args!("{name}: {frames}, {bytes} bytes, {mbps:.3} Mbps, {ms:.0} ms a frame{more}"));
         if let Some((rate, most_bits)) = args.header.target().most_bits(seconds)
             && bytes as f64 * 8.0 > most_bits
         {
@@ -376,5 +402,47 @@ impl Job {
             bail!("interrupted: {output} is whole and holds the first {frames}");
         }
         Ok(())
+    }
+}
+
+/// How large a stream is beside what it was made from.
+fn ratio_in_words(input: u64, output: u64) -> String {
+    let size = size_in_words(input);
+    let ratio = input as f64 / output as f64;
+    match ratio {
+        10.0.. => format!("1/{ratio:.0} of the input's {size}"),
+        1.0.. => format!("1/{ratio:.1} of the input's {size}"),
+        _ => format!("{:.1} times the input's {size}", 1.0 / ratio),
+    }
+}
+
+/// Bytes in a unit of thousands, with two digits or more.
+fn size_in_words(bytes: u64) -> String {
+    let mut size = bytes as f64;
+    for unit in ["bytes", "kB", "MB", "GB"] {
+        if size < 999.5 {
+            return match unit {
+                "bytes" => format!("{bytes} bytes"),
+                _ if size < 9.95 => format!("{size:.1} {unit}"),
+                _ => format!("{size:.0} {unit}"),
+            };
+        }
+        size /= 1e3;
+    }
+    format!("{size:.1} TB")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_said_as_people_say_them() {
+        assert_eq!(ratio_in_words(7_700_000, 48_000), "1/160 of the input's 7.7 MB");
+        assert_eq!(ratio_in_words(1_000_000, 300_000), "1/3.3 of the input's 1.0 MB");
+        assert_eq!(ratio_in_words(500, 2000), "4.0 times the input's 500 bytes");
+        assert_eq!(size_in_words(999_499), "999 kB");
+        assert_eq!(size_in_words(999_500), "1.0 MB");
+        assert_eq!(size_in_words(2_500_000_000_000), "2.5 TB");
     }
 }

@@ -11,6 +11,7 @@ use crate::origin;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
+use crate::up::Up;
 use anyhow::{Context, Result, bail};
 use comfy_table::Table;
 use isv::format::FrameRate;
@@ -45,6 +46,15 @@ pub(crate) struct Args {
     /// told
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
+    /// Axis of the reference that points up: what isv encode was told
+    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    up: Up,
+    /// The place of the measured meshes and points, in their unit, that is the origin: what isv decode was told
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    test_origin: Option<[f64; 3]>,
+    /// Axis of what is measured that points up: what isv decode was told
+    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    test_up: Up,
     /// Frames a second at which animated files are sampled
     #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
     fps: FrameRate,
@@ -66,9 +76,10 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let hints = |unit| Hints { frame_rate: args.fps, ..Hints::in_unit(unit) };
-    let reference = Capture::open(&args.reference, &hints(args.units).with_origin(args.origin))?;
-    let test = Capture::open(&args.test, &hints(args.test_units))?;
+    let hints =
+        |unit, origin, up| Hints { frame_rate: args.fps, up, ..Hints::in_unit(unit).with_origin(origin) };
+    let reference = Capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
+    let test = Capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);

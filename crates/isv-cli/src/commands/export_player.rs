@@ -4,6 +4,7 @@ mod folder;
 
 use crate::interrupt;
 use crate::output::say;
+use crate::output_name;
 use crate::serving::check_streams;
 use anyhow::{Result, bail};
 use folder::ExportFolder;
@@ -24,6 +25,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    output_name::check_folder(&args.folder, "the files of a page")?;
     check_streams(&args.files)?;
     interrupt::listen()?;
     let mut folder = ExportFolder::create(&args.folder)?;

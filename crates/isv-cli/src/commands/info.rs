@@ -1,12 +1,13 @@
 //! `isv info`: what a stream says about itself.
 
+use crate::failure::one_line;
 use crate::length::Length;
-use crate::output::{frames_in_words, print};
+use crate::output::{frames_in_words, print, say};
 use crate::stats::megabits_per_second;
 use crate::stream;
 use crate::terms;
 use crate::timeline::Timeline;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use comfy_table::{Table, presets};
 use isv::format::{
     FORMAT_VERSION, FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader,
@@ -17,13 +18,13 @@ use isv::volume::CODES_PER_VOXEL;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Describe an .isv file
+/// Describe .isv files
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The file
-    #[arg(value_name = "IN.isv")]
-    input: PathBuf,
-    /// Print JSON, with every packet
+    /// The files. After one that cannot be read, the others are described too
+    #[arg(value_name = "IN.isv", required = true)]
+    inputs: Vec<PathBuf>,
+    /// Print JSON, with every packet: an object, or a list of objects for several files
     #[arg(long)]
     json: bool,
 }
@@ -76,8 +77,54 @@ struct PacketInfo {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let info = StreamInfo::read(&args.input).map_err(stream::advise_repair)?;
-    print(&if args.json { serde_json::to_string_pretty(&info)? } else { info.table() })
+    if let [input] = args.inputs.as_slice() {
+        let info = StreamInfo::read(input).map_err(stream::advise_repair)?;
+        return print(&if args.json { serde_json::to_string_pretty(&info)? } else { info.table() });
+    }
+    let mut descriptions = Vec::new();
+    for input in &args.inputs {
+        let file = stream::name(input);
+        let description = match StreamInfo::read(input).map_err(stream::advise_repair) {
+            Ok(info) => Description { file, info: Some(info), error: None },
+            Err(error) => Description { file, info: None, error: Some(one_line(&format!("{error:#}"))) },
+        };
+        if !args.json {
+            description.print()?;
+        }
+        descriptions.push(description);
+    }
+    if args.json {
+        print(&serde_json::to_string_pretty(&descriptions)?)?;
+    }
+    let failed: Vec<_> = descriptions.iter().filter(|d| d.error.is_some()).map(|d| d.file.as_str()).collect();
+    match failed.as_slice() {
+        [] => Ok(()),
+        failed => {
+            bail!("{} of {} files cannot be read: {}", failed.len(), descriptions.len(), failed.join(", "))
+        }
+    }
+}
+
+/// One of several files: its name with the keys of [`StreamInfo`], or with what is wrong with it.
+#[derive(Debug, Serialize)]
+struct Description {
+    file: String,
+    #[serde(flatten)]
+    info: Option<StreamInfo>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+}
+
+impl Description {
+    fn print(&self) -> Result<()> {
+        match (&self.info, &self.error) {
+            (Some(info), _) => print(&format!("{}\n{}\n", self.file, info.table())),
+            (None, error) => {
+                say(format_args!("isv: {}", error.as_deref().unwrap_or_default()));
+                Ok(())
+            }
+        }
+    }
 }
 
 impl StreamInfo {

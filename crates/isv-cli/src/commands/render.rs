@@ -1,5 +1,6 @@
 //! `isv render`: pictures of frames.
 
+mod extent;
 mod footage;
 mod format;
 mod sink;
@@ -14,9 +15,12 @@ use crate::interrupt;
 use crate::length::Length;
 use crate::origin;
 use crate::output::{Output, is_pipe, is_same_file, say};
+use crate::output_name;
 use crate::progress::Progress;
+use crate::up::Up;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
+use extent::{Extent, View};
 use footage::Footage;
 use format::PictureFormat;
 use isv::format::FrameRate;
@@ -69,12 +73,19 @@ pub(crate) struct Args {
     /// Edge of each drawing in pixels; without it, 1024, or 512 in an animation, or 384 in a contact sheet
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]
     size: Option<u64>,
-    /// Turn of the camera about the up axis (y): 0 looks from +z, 90 from +x
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
-    yaw: f64,
+    /// Turn of the camera about the up axis: 0 looks from +z, 90 from +x
+    ///
+    /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen from that
+    /// side, and all others from +z. Backs of faces are grey: the inside of an open surface, or faces that are turned inside
+    /// out.
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
+    yaw: Option<f64>,
     /// Height of the camera above the horizon
-    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
-    pitch: f64,
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
+    pitch: Option<f64>,
+    /// Axis of the input that points up: -y for streams of a depth camera that nobody turned
+    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    up: Up,
     /// Which normals faces are shaded by
     #[arg(long, value_enum, default_value = "smooth")]
     shade: ShadeName,
@@ -115,6 +126,9 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     against_origin: Option<[f64; 3]>,
+    /// Axis of --against that points up; without it, that of the input
+    #[arg(long, value_enum, requires = "against", allow_hyphen_values = true)]
+    against_up: Option<Up>,
 }
 
 /// `--shade`
@@ -154,6 +168,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if inputs.into_iter().flatten().any(is_output) {
         return Err(usage(format!("{}: the pictures would replace what they are of", args.output.display())));
     }
+    if format::of_name(&args.output).is_none() {
+        output_name::check_file(&args.output, &format!("a name such as x.{format}"))?;
+    }
     let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
@@ -162,15 +179,16 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let rate = args.picture_rate(format, footage.frame_rate())?;
     let first = footage.first();
     let mut output = Output::create(&args.output)?;
-    let (bounds, scenes) = footage.read(args)?;
-    let studio = args.studio(bounds, size);
+    let (extent, scenes) = footage.read(args)?;
+    let view = args.view(&extent);
+    let studio = args.studio(extent.bounds, view, size);
     let mut sink = PictureSink::new(format, &mut output, studio.size(), shots.pictures, rate)?;
     let progress = Progress::new(Some(shots.pictures), "drawing");
     let mut seen = Vec::new();
     for (frame, scene) in scenes.enumerate() {
         let scene = scene?;
         for shot in shots.of_frame(frame).take_while(|_| !interrupt::requested()) {
-            let (picture, errors) = studio.draw(&scene, first + frame, shots.yaw(shot));
+            let (picture, errors) = studio.draw(&scene, first + frame, view.yaw_degrees + shots.turn(shot));
             sink.push(if format.is_moving() { studio.with_legend(picture) } else { picture })?;
             seen.extend(errors);
             progress.step();
@@ -190,9 +208,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 struct Shots {
     frames: usize,
     pictures: usize,
-    first_yaw: f64,
     /// Degrees from picture to picture.
-    turn: f64,
+    step: f64,
 }
 
 impl Shots {
@@ -202,8 +219,9 @@ impl Shots {
         first(frame)..first(frame + 1)
     }
 
-    fn yaw(&self, picture: usize) -> f64 {
-        self.first_yaw + self.turn * picture as f64
+    /// Degrees that the camera has turned before a picture.
+    fn turn(&self, picture: usize) -> f64 {
+        self.step * picture as f64
     }
 }
 
@@ -218,10 +236,17 @@ impl Args {
     }
 
     fn shots(&self, frames: usize) -> Shots {
-        let first_yaw = self.yaw;
         match self.turntable {
-            Some(n) => Shots { frames, pictures: n as usize, first_yaw, turn: 360.0 / n as f64 },
-            None => Shots { frames, pictures: frames, first_yaw, turn: 0.0 },
+            Some(n) => Shots { frames, pictures: n as usize, step: 360.0 / n as f64 },
+            None => Shots { frames, pictures: frames, step: 0.0 },
+        }
+    }
+
+    /// From where the first picture is taken: as asked, or from the side that the surface faces.
+    fn view(&self, extent: &Extent) -> View {
+        match (self.yaw, self.pitch) {
+            (None, None) => extent.opening_view(),
+            (yaw, pitch) => View { yaw_degrees: yaw.unwrap_or(0.0), pitch_degrees: pitch.unwrap_or(0.0) },
         }
     }
 
@@ -254,8 +279,9 @@ impl Args {
         Ok(rate)
     }
 
-    fn studio(&self, bounds: (glam::DVec3, glam::DVec3), size: usize) -> Studio {
-        let camera = Camera::fitting(bounds, [size, size]).from_direction(self.yaw, self.pitch);
+    fn studio(&self, bounds: (glam::DVec3, glam::DVec3), view: View, size: usize) -> Studio {
+        let View { yaw_degrees, pitch_degrees } = view;
+        let camera = Camera::fitting(bounds, [size, size]).from_direction(yaw_degrees, pitch_degrees);
         Studio {
             camera: Camera { orbits: self.turntable.is_some(), ..camera },
             style: Style { background: self.background.into(), shading: self.shade.into() },

@@ -1,20 +1,25 @@
 //! `isv verify`: is a stream whole and sound?
 
 use crate::backend::{self, BackendArgs};
-use crate::output::{frames_in_words, print};
+use crate::failure::{one_line, usage};
+use crate::output::{frames_in_words, is_pipe, print, say};
 use crate::progress::Progress;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::Lod;
 use isv::format::{IndexEntry, StreamIndex};
-use std::path::PathBuf;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
 
-/// Decode a whole stream and check it: packet checksums, frame hashes where it has them, that its index is right, and that its end is there and nothing behind it
+/// Decode whole streams and check them: packet checksums, frame hashes where they have them, index and end
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The stream; - for standard input
-    #[arg(value_name = "IN.isv")]
-    input: PathBuf,
+    /// The streams; - for standard input. After one that fails, the others are checked too
+    #[arg(value_name = "IN.isv", required = true)]
+    inputs: Vec<PathBuf>,
+    /// Print JSON: a list with an object for each stream
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     backend: BackendArgs,
 }
@@ -27,26 +32,87 @@ struct Verified {
     hashed: usize,
 }
 
+/// What was found of a stream. The names of the fields are the keys of `isv verify --json`.
+#[derive(Debug, Serialize)]
+struct Verdict {
+    file: String,
+    ok: bool,
+    /// What is wrong, in a sentence; null if nothing is.
+    error: Option<String>,
+    /// Frames that are sound, up to the first that is not.
+    frames: usize,
+    /// Sound frames that state a hash.
+    frames_hashed: usize,
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
+    if let [input] = args.inputs.as_slice()
+        && !args.json
+    {
+        return verify_in_words(input, args.backend);
+    }
+    if args.inputs.iter().filter(|input| is_pipe(input)).count() > 1 {
+        return Err(usage("-: standard input is one stream: name it once"));
+    }
+    let mut verdicts = Vec::new();
+    for input in &args.inputs {
+        let mut verified = Verified::default();
+        let checked = verify(input, args.backend, &mut verified).map_err(stream::advise_repair);
+        let checked = checked.map_err(|error| with_sound(error, verified));
+        let error = checked.err().map(|error| one_line(&format!("{error:#}")));
+        if !args.json {
+            match &error {
+                None => print(&sound(input, verified))?,
+                Some(error) => say(format_args!("isv: {error}")),
+            }
+        }
+        let Verified { frames, hashed: frames_hashed } = verified;
+        verdicts.push(Verdict {
+            file: stream::name(input),
+            ok: error.is_none(),
+            error,
+            frames,
+            frames_hashed,
+        });
+    }
+    if args.json {
+        print(&serde_json::to_string_pretty(&verdicts)?)?;
+    }
+    let failed: Vec<&str> = verdicts.iter().filter(|v| !v.ok).map(|verdict| verdict.file.as_str()).collect();
+    match failed.as_slice() {
+        [] => Ok(()),
+        failed => bail!("{} of {} streams failed: {}", failed.len(), verdicts.len(), failed.join(", ")),
+    }
+}
+
+fn verify_in_words(input: &Path, backend: BackendArgs) -> Result<()> {
     let mut verified = Verified::default();
-    let checked = verify(args, &mut verified).map_err(stream::advise_repair);
-    checked.map_err(|error| match verified.frames {
+    let checked = verify(input, backend, &mut verified).map_err(stream::advise_repair);
+    checked.map_err(|error| with_sound(error, verified))?;
+    print(&sound(input, verified))
+}
+
+/// An error with the frames before it that are sound.
+fn with_sound(error: anyhow::Error, verified: Verified) -> anyhow::Error {
+    match verified.frames {
         0 => error,
         1 => anyhow!("{error:#}: the frame before is sound, and --frames 0..1 decodes it"),
         frames => {
             anyhow!("{error:#}: the {frames} frames before are sound, and --frames 0..{frames} decodes them")
         }
-    })?;
-    let Verified { frames, hashed } = verified;
-    let (name, frames) = (stream::name(&args.input), frames_in_words(frames));
-    print(&format!("{name}: {frames} verified, {hashed} of them by hash"))
+    }
 }
 
-fn verify(args: &Args, verified: &mut Verified) -> Result<()> {
-    let name = stream::name(&args.input);
-    let (mut packets, header) = stream::open(&args.input)?;
-    let decoder = args.backend.decoder(&header, Lod::Full);
+/// What is said of a stream without a fault.
+fn sound(input: &Path, Verified { frames, hashed }: Verified) -> String {
+    format!("{}: {} verified, {hashed} of them by hash", stream::name(input), frames_in_words(frames))
+}
+
+fn verify(input: &Path, used: BackendArgs, verified: &mut Verified) -> Result<()> {
+    let name = stream::name(input);
+    let (mut packets, header) = stream::open(input)?;
+    let decoder = used.decoder(&header, Lod::Full);
     let mut decoder = decoder.with_context(|| name.clone())?;
     let (progress, mut found) = (Progress::new(None, "verifying"), StreamIndex::default());
     while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {

@@ -1,8 +1,11 @@
 //! A sequence of meshes as one animated GLB file.
 
 use super::encoding::GlbEncoding;
-use super::write::{Document, FLOAT, ShownMesh, accessor, file_bytes, numbers, too_large, write_head};
+use super::write::{
+    Document, FLOAT, ShownMesh, accessor, file_bytes, move_node, numbers, too_large, write_head,
+};
 use crate::{AtomicFile, WriteError};
+use glam::DVec3;
 use isv_volume::TriangleMesh;
 use serde_json::json;
 use std::fs::{self, File};
@@ -30,6 +33,8 @@ pub struct GlbAnimationWriter {
     output: AtomicFile,
     document: Document<BufWriter<File>>,
     frames: Vec<Frame>,
+    /// Where all frames are moved.
+    translation: DVec3,
 }
 
 /// A frame that was written.
@@ -50,7 +55,13 @@ impl GlbAnimationWriter {
         let output = AtomicFile::create(path)?;
         let spool = spool_for(path).map_err(|cause| WriteError::new(path, cause))?;
         let document = Document::new(BufWriter::new(spool), GlbEncoding::Plain);
-        Ok(Self { path: path.to_owned(), output, document, frames: Vec::new() })
+        Ok(Self { path: path.to_owned(), output, document, frames: Vec::new(), translation: DVec3::ZERO })
+    }
+
+    /// Moves all frames by this much. Vertices stay exact, as they are relative to it.
+    #[must_use]
+    pub fn moved_by(self, translation: DVec3) -> Self {
+        Self { translation, ..self }
     }
 
     /// Writes meshes in another encoding than plain.
@@ -102,13 +113,13 @@ impl GlbAnimationWriter {
     /// [`WriteError`]; also if there are no frames, or for a time that [`Self::push`] would not take.
     pub fn finish(self, end_s: f64) -> Result<(), WriteError> {
         let end = self.time(end_s)?;
-        let Self { path, mut output, mut document, frames } = self;
+        let Self { path, mut output, mut document, frames, translation } = self;
         if frames.is_empty() {
             let cause = io::Error::new(io::ErrorKind::InvalidInput, "a sequence needs at least one frame");
             return Err(WriteError::new(&path, cause));
         }
-        let assembled =
-            push_animation(&mut document, &frames, end).and_then(|()| assemble(document, &mut output));
+        let assembled = push_animation(&mut document, &frames, end, translation)
+            .and_then(|()| assemble(document, &mut output));
         assembled.map_err(|cause| WriteError::new(&path, cause))?;
         output.commit()
     }
@@ -126,7 +137,12 @@ fn spool_for(path: &Path) -> io::Result<File> {
 
 /// Adds a node, a channel and a sampler for each frame. The keys of a frame are its own time and those of its neighbours, so
 /// that all of them are runs of one list of times.
-fn push_animation(document: &mut Document<BufWriter<File>>, frames: &[Frame], end: f32) -> io::Result<()> {
+fn push_animation(
+    document: &mut Document<BufWriter<File>>,
+    frames: &[Frame],
+    end: f32,
+    translation: DVec3,
+) -> io::Result<()> {
     let time = |key: usize| frames.get(key).map_or(end, |frame| frame.start);
     let bytes_of = |values: f32| values.to_le_bytes();
     let times = document.push_view((0..=frames.len()).map(time).map(bytes_of), None)?;
@@ -153,7 +169,10 @@ fn push_animation(document: &mut Document<BufWriter<File>>, frames: &[Frame], en
             document.push_accessor(&output)
         });
         let scale = u8::from(frame == 0);
-        let node = json!({ "name": format!("frame_{frame}"), "scale": [scale, scale, scale] });
+        let mut node = json!({ "name": format!("frame_{frame}"), "scale": [scale, scale, scale] });
+        if mesh.is_some() {
+            move_node(&mut node, translation);
+        }
         let node = document.push_node(mesh.as_ref(), node);
         let sampler = json!({ "input": input, "output": output, "interpolation": "STEP" });
         let sampler = document.samplers.push(&sampler);
@@ -247,7 +266,13 @@ mod tests {
         let mesh = TriangleMesh { vertices, normals: vec![DVec3::X; 3], triangles: vec![[0, 1, 2]] };
         let time = |frame: u8| 1.234_567_8e30 * f64::from(frame);
         (0..50).for_each(|frame| writer.push(time(frame), &mesh).unwrap());
-        push_animation(&mut writer.document, &writer.frames, time(50) as f32).unwrap();
+        push_animation(
+            &mut writer.document,
+            &writer.frames,
+            time(50) as f32,
+            DVec3::splat(-1.234_567_890_123_4e-30),
+        )
+        .unwrap();
         assert!((writer.document.json().len() as u64) < 50 * JSON_BYTES_OF_FRAME);
     }
 }

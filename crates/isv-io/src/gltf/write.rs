@@ -6,7 +6,8 @@ use super::encoding::{
     quantized_normal,
 };
 use crate::own::GENERATOR;
-use glam::Vec3;
+use crate::placement::Placement;
+use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -25,22 +26,37 @@ const MOST_SHORT_VERTICES: usize = u16::MAX as usize;
 /// Chunks and buffer views start at multiples of this.
 const ALIGNMENT: u64 = 4;
 
-/// Writes a mesh as a file of one node.
-pub(crate) fn write(out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
-    write_glb_to(out, mesh, GlbEncoding::Plain)
+/// Writes a mesh as a file of one node, which a placement moves: vertices stay exact, as they are relative to it.
+pub(crate) fn write(out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
+    write_glb_to(out, mesh, GlbEncoding::Plain, placement)
 }
 
-/// Writes a mesh as a GLB file to anything that takes bytes.
+/// Writes a mesh as a GLB file to anything that takes bytes. A placement moves its node: vertices stay exact, as they are
+/// relative to it.
 ///
 /// # Errors
 /// Whatever `out` says, and for a mesh that the format cannot hold.
-pub fn write_glb_to(mut out: impl Write, mesh: &TriangleMesh, encoding: GlbEncoding) -> io::Result<()> {
+pub fn write_glb_to(
+    mut out: impl Write,
+    mesh: &TriangleMesh,
+    encoding: GlbEncoding,
+    placement: &Placement,
+) -> io::Result<()> {
     let mut document = Document::new(Vec::new(), encoding);
     let mesh = document.push_mesh(mesh)?;
-    document.push_node(mesh.as_ref(), json!({}));
+    let mut node = json!({});
+    move_node(&mut node, placement.translation);
+    document.push_node(mesh.as_ref(), node);
     let json = document.json();
     write_head(&mut out, &json, document.binary_bytes)?;
     out.write_all(&document.binary)
+}
+
+/// Gives a node a translation, unless it stays where it is.
+pub(super) fn move_node(node: &mut Value, translation: DVec3) {
+    if translation != DVec3::ZERO {
+        node["translation"] = translation.to_array().to_vec().into();
+    }
 }
 
 /// The JSON of a file that grows, and its binary chunk on the way to `binary`.

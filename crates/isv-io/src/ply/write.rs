@@ -1,16 +1,18 @@
 //! Writing PLY: binary little-endian, `float` coordinates, `uchar int` face lists; what every reader takes.
 
+use crate::Placement;
 use crate::own::COMMENT;
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
 use std::io::{self, Write};
 
-/// Writes a mesh. Coordinates are rounded to `f32`; normals are written when the mesh has them.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> {
-    write_vertex_header(&mut out, mesh.vertices.len(), !mesh.normals.is_empty())?;
+/// Writes a mesh. Coordinates are `float`, or `double` where the placement needs it; normals are written when the mesh has them.
+pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
+    let vertices = Vertices::new(&mesh.vertices, &mesh.normals, placement);
+    vertices.write_header(&mut out)?;
     let faces = mesh.triangles.len();
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
-    write_vertices(&mut out, &mesh.vertices, &mesh.normals)?;
+    vertices.write(&mut out)?;
     write_records(&mut out, faces, |face| {
         let mut record = [0; 13];
         record[0] = 3;
@@ -20,35 +22,71 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh) -> io::Result<()> 
 }
 
 /// Writes points: vertices without a face element. Coordinates and normals as with meshes.
-pub(crate) fn write_points(mut out: impl Write, points: &PointCloud) -> io::Result<()> {
-    write_vertex_header(&mut out, points.positions.len(), !points.normals.is_empty())?;
+pub(crate) fn write_points(
+    mut out: impl Write,
+    points: &PointCloud,
+    placement: &Placement,
+) -> io::Result<()> {
+    let vertices = Vertices::new(&points.positions, &points.normals, placement);
+    vertices.write_header(&mut out)?;
     writeln!(out, "end_header")?;
-    write_vertices(&mut out, &points.positions, &points.normals)
+    vertices.write(&mut out)
 }
 
-fn write_vertex_header(out: &mut impl Write, vertices: usize, normals: bool) -> io::Result<()> {
-    writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment {COMMENT}\nelement vertex {vertices}")?;
-    let names: &[&str] = if normals { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
-    for name in names {
-        writeln!(out, "property float {name}")?;
-    }
-    Ok(())
+/// The element `vertex`.
+struct Vertices<'a> {
+    positions: &'a [DVec3],
+    /// Normals as `float`; none or one a position.
+    normals: &'a [DVec3],
+    placement: &'a Placement,
+    /// Whether coordinates are `double`.
+    double: bool,
 }
 
-fn write_vertices(out: &mut impl Write, positions: &[DVec3], normals: &[DVec3]) -> io::Result<()> {
-    if normals.is_empty() {
-        return write_records(out, positions.len(), |vertex| {
-            let mut record = [0; 12];
-            put_words(&mut record, words(positions[vertex]));
-            record
-        });
+impl<'a> Vertices<'a> {
+    fn new(positions: &'a [DVec3], normals: &'a [DVec3], placement: &'a Placement) -> Self {
+        Self { positions, normals, placement, double: placement.needs_double(positions) }
     }
-    write_records(out, positions.len(), |vertex| {
-        let mut record = [0; 24];
-        put_words(&mut record[..12], words(positions[vertex]));
-        put_words(&mut record[12..], words(normals[vertex]));
+
+    fn write_header(&self, out: &mut impl Write) -> io::Result<()> {
+        let count = self.positions.len();
+        writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment {COMMENT}\nelement vertex {count}")?;
+        let kind = if self.double { "double" } else { "float" };
+        for name in ["x", "y", "z"] {
+            writeln!(out, "property {kind} {name}")?;
+        }
+        if !self.normals.is_empty() {
+            for name in ["nx", "ny", "nz"] {
+                writeln!(out, "property float {name}")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let count = self.positions.len();
+        match (self.double, self.normals.is_empty()) {
+            (false, true) => write_records::<12>(out, count, |vertex| self.record(vertex)),
+            (false, false) => write_records::<24>(out, count, |vertex| self.record(vertex)),
+            (true, true) => write_records::<24>(out, count, |vertex| self.record(vertex)),
+            (true, false) => write_records::<36>(out, count, |vertex| self.record(vertex)),
+        }
+    }
+
+    /// A vertex: its position, and its normal in what room is left.
+    fn record<const BYTES: usize>(&self, vertex: usize) -> [u8; BYTES] {
+        let position = self.placement.place(self.positions[vertex]);
+        let mut record = [0; BYTES];
+        let (place, rest) = record.split_at_mut(if self.double { 24 } else { 12 });
+        match self.double {
+            true => put_words(place, position.to_array().map(f64::to_le_bytes)),
+            false => put_words(place, words(position)),
+        }
+        if let Some(normal) = self.normals.get(vertex) {
+            put_words(rest, words(*normal));
+        }
         record
-    })
+    }
 }
 
 /// The components of a vector as they stand in the file.
@@ -56,7 +94,7 @@ fn words(vector: DVec3) -> [[u8; 4]; 3] {
     vector.as_vec3().to_array().map(f32::to_le_bytes)
 }
 
-fn put_words(place: &mut [u8], words: [[u8; 4]; 3]) {
+fn put_words<const BYTES: usize>(place: &mut [u8], words: [[u8; BYTES]; 3]) {
     place.copy_from_slice(words.as_flattened());
 }
 

@@ -13,8 +13,9 @@ mod sign;
 mod tree;
 
 use crate::own::COMMENT;
-use crate::{AtomicFile, WriteError};
-use isv_volume::{Grid, SparseVolume};
+use crate::{AtomicFile, Unit, WriteError};
+use glam::DVec3;
+use isv_volume::SparseVolume;
 use leaf::Leaves;
 use std::io::Write;
 use std::path::Path;
@@ -54,9 +55,22 @@ pub fn write_vdb(path: &Path, volume: &SparseVolume) -> Result<(), WriteError> {
 /// # Errors
 /// Those of `file`.
 pub fn write_vdb_to(file: &mut impl Write, volume: &SparseVolume) -> std::io::Result<()> {
-    let leaves = Leaves::new(volume);
+    write_vdb_placed(file, volume, Unit::Metre, DVec3::ZERO)
+}
+
+/// Writes what [`write_vdb`] does with distances and places in a unit, and with the volume's origin at `origin` in that unit.
+///
+/// # Errors
+/// Those of `file`.
+pub fn write_vdb_placed(
+    file: &mut impl Write,
+    volume: &SparseVolume,
+    unit: Unit,
+    origin: DVec3,
+) -> std::io::Result<()> {
+    let leaves = Leaves::new(volume, unit);
     let header = file_header();
-    let grid = grid_header(&leaves);
+    let grid = grid_header(&leaves, origin);
     // The three positions are the last fields of the descriptor.
     let mut descriptor = text("tsdf");
     descriptor.extend(text(TREE));
@@ -97,26 +111,28 @@ fn metadata(entries: &[(&str, &str, &[u8])]) -> Vec<u8> {
 }
 
 /// All of the grid but the values of its leaves.
-fn grid_header(leaves: &Leaves) -> Vec<u8> {
+fn grid_header(leaves: &Leaves, origin: DVec3) -> Vec<u8> {
     let mut bytes = ACTIVE_MASK.to_le_bytes().to_vec();
     bytes.extend(metadata(&[
         ("class", "string", b"level set"),
         ("name", "string", b"tsdf"),
         ("is_saved_as_half_float", "bool", &[0]),
     ]));
-    bytes.extend(transform(leaves.grid()));
+    bytes.extend(transform(leaves.voxel_size(), origin));
     // One buffer a leaf.
     bytes.extend(1u32.to_le_bytes());
     write_topology(leaves, &mut bytes);
     bytes
 }
 
-/// From voxel indices to metres, with what the library keeps of it: translation, scale, voxel size, 1 / scale, 1 / scale^2 and
+/// From voxel indices to places, with what the library keeps of it: translation, scale, voxel size, 1 / scale, 1 / scale^2 and
 /// 1 / (2 scale), three numbers each.
-fn transform(grid: &Grid) -> Vec<u8> {
-    let size = grid.voxel_size.metres();
+fn transform(size: f64, origin: DVec3) -> Vec<u8> {
     let mut bytes = text("UniformScaleTranslateMap");
-    for value in [0.5 * size, size, size, 1.0 / size, 1.0 / (size * size), 0.5 / size] {
+    for axis in origin.to_array() {
+        bytes.extend((axis + 0.5 * size).to_le_bytes());
+    }
+    for value in [size, size, 1.0 / size, 1.0 / (size * size), 0.5 / size] {
         (0..3).for_each(|_| bytes.extend(value.to_le_bytes()));
     }
     bytes

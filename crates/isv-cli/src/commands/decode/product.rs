@@ -1,14 +1,18 @@
 //! What a decoded frame is turned into.
 
+use super::budget::Reduction;
+use super::target_frame::TargetFrame;
 use crate::failure::usage;
 use crate::length::Length;
 use crate::memory;
+use crate::output_name;
 use crate::stream;
 use crate::terms::FormName;
 use anyhow::Result;
 use isv::format::Profile;
 use isv::gpu::AnyVolume;
 use isv::io::Format;
+use isv::simplify::Budget;
 use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
 use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
@@ -47,8 +51,11 @@ impl OutputFormat {
         }
     }
 
-    /// The format that a file of this name has.
+    /// The format that a file of this name has; none for a folder.
     pub(super) fn of_path(path: &Path) -> Option<Self> {
+        if output_name::is_folder(path) {
+            return None;
+        }
         let vdb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"));
         if vdb { Some(Self::Vdb) } else { Format::of_path(path).map(Self::Geometry) }
     }
@@ -59,7 +66,10 @@ impl OutputFormat {
         format: Option<Self>,
         output: &Path,
     ) -> Result<(FormName, Self)> {
-        let named = Self::of_path(output).filter(|_| !output.is_dir());
+        let named = Self::of_path(output);
+        if named.is_none() {
+            Self::check_folder(output)?;
+        }
         if let (Some(asked), Some(named)) = (format, named)
             && asked != named
         {
@@ -74,11 +84,26 @@ impl OutputFormat {
         });
         if !format.holds(form) {
             let (form_name, formats) = (form.name(), Self::names_for(form));
+            let whose = named.map_or(String::new(), |_| format!("{}: ", output.display()));
             return Err(usage(format!(
-                "{format} files are not written of {form_name}: use one of {formats}"
+                "{whose}{format} files are not written of {form_name}: use one of {formats}"
             )));
         }
         Ok((form, format))
+    }
+
+    /// Refuses a folder that is named like a file.
+    fn check_folder(output: &Path) -> Result<()> {
+        let npy = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+        if npy && !output_name::is_folder(output) {
+            let name = output.display();
+            return Err(usage(format!("{name}: a volume as NumPy arrays is several files: name a folder")));
+        }
+        let [meshes, points, volumes] = FormName::ALL.map(Self::names_for);
+        output_name::check_folder(
+            output,
+            &format!("{meshes} (meshes), {points} (points) and {volumes} (volumes)"),
+        )
     }
 
     /// The form that goes without saying with a format.
@@ -118,7 +143,7 @@ impl FromStr for OutputFormat {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let forms = [FormName::Mesh, FormName::Points, FormName::Volume];
+        let forms = FormName::ALL;
         let volume = Self::VOLUMES.into_iter().find(|(own, _)| *own == name).map(|(_, format)| format);
         let known = volume.or_else(|| name.parse().ok().map(Self::Geometry));
         known.filter(|format| forms.into_iter().any(|form| format.holds(form))).ok_or_else(|| {
@@ -137,20 +162,39 @@ pub(super) struct Recipe {
     pub(super) density: PointDensity,
     /// Of the stream.
     pub(super) profile: Profile,
+    /// What meshes may have, if that is limited.
+    pub(super) budget: Option<Budget>,
+    pub(super) target_frame: TargetFrame,
 }
 
 impl Recipe {
     /// Which surface it is made from, if from any; points always have normals.
     pub(super) fn surface(&self) -> Option<SurfaceOptions> {
         match self.form {
-            FormName::Mesh => Some(SurfaceOptions { normals: self.normals }),
+            FormName::Mesh => Some(SurfaceOptions { normals: self.normals && self.budget.is_none() }),
             FormName::Points => Some(SurfaceOptions { normals: true }),
             FormName::Volume => None,
         }
     }
 
     /// Makes the product of a volume, and its surface if that was extracted already.
-    pub(super) fn make(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
+    pub(super) fn make(
+        &self,
+        volume: AnyVolume,
+        surface: Option<TriangleMesh>,
+    ) -> Result<(Product, Option<Reduction>)> {
+        let (product, reduction) = match (self.product(volume, surface)?, &self.budget) {
+            (Product::Mesh(mesh), Some(budget)) => {
+                let (mesh, reduction) = Reduction::make(&mesh, budget, self.normals)?;
+                (Product::Mesh(mesh), Some(reduction))
+            }
+            (product, _) => (product, None),
+        };
+        Ok((self.target_frame.turn(product), reduction))
+    }
+
+    /// The product as the stream has it: in metres, Y up.
+    fn product(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
         let Some(options) = self.surface() else {
             let volume = volume.into_sparse()?;
             return Ok(Product::Volume(match self.profile {

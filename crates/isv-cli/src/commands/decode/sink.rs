@@ -1,6 +1,8 @@
 //! Where decoded frames go.
 
 use super::product::{OutputFormat, Product};
+use super::target_frame::TargetFrame;
+use crate::failure::usage;
 use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
 use crate::terms::GlbName;
@@ -8,8 +10,8 @@ use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{
-    Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_to, write_points_to, write_vdb_to,
-    write_volume,
+    Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_placed, write_points_placed,
+    write_vdb_placed, write_volume,
 };
 use std::collections::BTreeSet;
 use std::fs;
@@ -21,6 +23,7 @@ pub(super) struct Sink {
     path: PathBuf,
     format: OutputFormat,
     glb: GlbEncoding,
+    target_frame: TargetFrame,
     timeline: Timeline,
     place: Place,
     taken: usize,
@@ -39,10 +42,18 @@ enum Place {
 
 impl Sink {
     /// A path with the extension of a format stands for a file, any other for a folder.
-    pub(super) fn new(path: &Path, format: OutputFormat, rate: FrameRate) -> Result<Self> {
-        let is_file = is_pipe(path) || (OutputFormat::of_path(path).is_some() && !path.is_dir());
+    pub(super) fn new(
+        path: &Path,
+        format: OutputFormat,
+        target_frame: TargetFrame,
+        rate: FrameRate,
+    ) -> Result<Self> {
+        let is_file = is_pipe(path) || OutputFormat::of_path(path).is_some();
         if is_file && format == OutputFormat::Npy {
-            bail!("{}: a volume as NumPy arrays is several files: name a folder", path.display());
+            return Err(usage(format!(
+                "{}: a volume as NumPy arrays is several files: name a folder",
+                path.display()
+            )));
         }
         let place = match format {
             OutputFormat::Geometry(Format::Ply) if is_pipe(path) => Place::Pipe(Output::create(path)?),
@@ -50,7 +61,7 @@ impl Sink {
             _ => Place::Folder { left: frames_in(path, format) },
         };
         let (path, glb, timeline) = (path.to_owned(), GlbEncoding::Plain, Timeline::new(rate));
-        Ok(Self { path, format, glb, timeline, place, taken: 0 })
+        Ok(Self { path, format, glb, target_frame, timeline, place, taken: 0 })
     }
 
     /// Encodes GLB files as asked for, or else plainly.
@@ -62,6 +73,7 @@ impl Sink {
     /// Takes the next frame. A folder is made for the first one, so that a stream that cannot be decoded leaves none.
     pub(super) fn take(&mut self, number: usize, timestamp_ns: u64, product: Product) -> Result<()> {
         let start_s = self.timeline.place(timestamp_ns);
+        self.target_frame.say_if_rounded(&product);
         let name = match self.format {
             OutputFormat::Npy => format!("frame_{number:04}"),
             format => format!("frame_{number:04}.{format}"),
@@ -72,7 +84,7 @@ impl Sink {
                 self.write_into_folder(&name, &product)?;
             }
             Place::Pipe(output) => {
-                write_product(output, &product, self.format, self.glb)?;
+                write_product(output, &product, self.format, self.glb, &self.target_frame)?;
                 output.flush()?;
             }
             Place::Animation(animation) => push(animation, start_s, &product)?,
@@ -102,7 +114,7 @@ impl Sink {
             return Ok(write_volume(&path, volume)?);
         }
         let mut file = Output::create(&path)?;
-        write_product(&mut file, product, self.format, self.glb)?;
+        write_product(&mut file, product, self.format, self.glb, &self.target_frame)?;
         file.commit()?;
         Ok(())
     }
@@ -124,7 +136,9 @@ impl Sink {
             );
         }
         self.check_free(&self.path)?;
-        let mut animation = GlbAnimationWriter::create(&self.path)?.with_encoding(self.glb);
+        let translation = self.target_frame.placement.translation;
+        let animation = GlbAnimationWriter::create(&self.path)?.with_encoding(self.glb);
+        let mut animation = animation.moved_by(translation);
         for (start_s, frame) in frames {
             push(&mut animation, start_s, &frame)?;
         }
@@ -156,7 +170,7 @@ impl Sink {
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
             Place::File(Some((_, product))) => {
                 let mut output = Output::create(&self.path)?;
-                write_product(&mut output, &product, self.format, self.glb)?;
+                write_product(&mut output, &product, self.format, self.glb, &self.target_frame)?;
                 output.commit()?;
             }
         }
@@ -201,12 +215,22 @@ fn write_product(
     product: &Product,
     format: OutputFormat,
     glb: GlbEncoding,
+    target_frame: &TargetFrame,
 ) -> Result<()> {
+    let TargetFrame { unit, placement, .. } = target_frame;
     match (product, format) {
-        (Product::Mesh(mesh), OutputFormat::Geometry(Format::Glb)) => write_glb_to(out, mesh, glb)?,
-        (Product::Mesh(mesh), OutputFormat::Geometry(format)) => write_mesh_to(out, mesh, format)?,
-        (Product::Points(points), OutputFormat::Geometry(format)) => write_points_to(out, points, format)?,
-        (Product::Volume(volume), OutputFormat::Vdb) => write_vdb_to(out, volume)?,
+        (Product::Mesh(mesh), OutputFormat::Geometry(Format::Glb)) => {
+            write_glb_to(out, mesh, glb, placement)?;
+        }
+        (Product::Mesh(mesh), OutputFormat::Geometry(format)) => {
+            write_mesh_placed(out, mesh, format, placement)?;
+        }
+        (Product::Points(points), OutputFormat::Geometry(format)) => {
+            write_points_placed(out, points, format, placement)?;
+        }
+        (Product::Volume(volume), OutputFormat::Vdb) => {
+            write_vdb_placed(out, volume, *unit, placement.translation)?;
+        }
         _ => unreachable!("the recipe matched form and format"),
     }
     Ok(())

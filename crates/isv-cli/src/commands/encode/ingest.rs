@@ -113,6 +113,7 @@ impl IngestArgs {
             },
             extended: profile == ProfileName::Main,
             progress,
+            shell: Arc::default(),
         })
     }
 }

@@ -21,7 +21,7 @@ use isv::io::Geometry;
 use isv::surface::{SurfaceOptions, surface_band};
 use isv::volume::{DepthImage, FitError, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
 
 /// Share of the points whose side is a guess, above which that is said.
@@ -68,7 +68,11 @@ pub(super) struct VolumeMaker {
     /// Whether decoders extend the frames: profile `main`.
     pub(super) extended: bool,
     pub(super) progress: Arc<Progress>,
+    pub(super) shell: Arc<Shell>,
 }
+
+/// Thickness of the shell around surfaces without inside (mm), once one was made.
+pub(super) type Shell = OnceLock<f64>;
 
 /// What becomes of depth images.
 pub(super) struct DepthFusion {
@@ -152,6 +156,7 @@ impl VolumeMaker {
         })?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
+            self.tell_shell(sign == SignDecision::Offset);
             self.progress.note(&sign_sentence(sign, evidence, self.mesh.sign));
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
@@ -159,6 +164,15 @@ impl VolumeMaker {
             self.warn_of_loss(name, mesh, &volume);
         }
         Ok(volume)
+    }
+
+    /// Keeps the thickness of a shell for the last line.
+    fn tell_shell(&self, is_shell: bool) {
+        if is_shell {
+            let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
+            // What was decided on the first frame holds for all.
+            let _ = self.shell.set((thickness_mm * 1e3).round() / 1e3);
+        }
     }
 
     /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
@@ -187,6 +201,7 @@ impl VolumeMaker {
         let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
         let volume = ingest_points(&cloud, &self.points, sign).map_err(with_advice)?;
         self.point_sign = Some(sign);
+        self.tell_shell(sign == PointSign::Offset);
         self.progress.note(&point_sign_sentence(sign, &evidence, self.points.sign));
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)

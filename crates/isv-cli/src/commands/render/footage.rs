@@ -1,21 +1,20 @@
 //! The frames to draw, in order, and the box around all of them.
 
 use super::Args;
+use super::extent::Extent;
 use crate::ahead::Ahead;
 use crate::capture::{Capture, Frames, Hints};
 use crate::frame_range::FrameRange;
 use crate::interrupt;
 use crate::matching::matching_ranges;
 use crate::progress::Progress;
+use crate::up::Up;
 use anyhow::{Result, bail};
-use glam::DVec3;
 use isv::format::FrameRate;
+use isv::io::Geometry;
 use isv::volume::TriangleMesh;
 use isv_spatial::Bvh;
 use std::ops::Range;
-
-/// A box around something; none if there is nothing.
-type Bounds = Option<(DVec3, DVec3)>;
 
 /// A frame to draw.
 pub(super) struct Scene {
@@ -71,29 +70,30 @@ impl Footage {
 
     /// Reads the frames, once for the box around them and once more for whoever draws them, so that few are held at a
     /// time; those of a pipe, which cannot be read again, are all held.
-    pub(super) fn read(self, args: &Args) -> Result<((DVec3, DVec3), Frames<Scene>)> {
+    pub(super) fn read(self, args: &Args) -> Result<(Extent, Frames<Scene>)> {
         let name = self.input.name().to_owned();
         let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
-        let mut meshes = self.input.meshes(self.range.clone())?;
-        let bounds = if can_read_again {
-            let bounds = bounds_of(meshes, self.range.len())?;
-            meshes = args.capture()?.meshes(self.range)?;
-            bounds
+        let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up);
+        let extent = if can_read_again {
+            let extent = extent_of(meshes, self.range.len())?;
+            meshes = turned(args.capture()?.meshes(self.range)?, args.up);
+            extent
         } else {
             let held = Ahead::new(meshes).collect::<Result<Vec<_>>>()?;
             if interrupt::requested() {
                 bail!("interrupted");
             }
-            let bounds = union(held.iter());
+            let extent = held.iter().map(Extent::of).fold(None, Extent::join);
             meshes = Box::new(held.into_iter().map(Ok));
-            bounds
+            extent
         };
-        let Some(bounds) = bounds else { bail!("{name}: no surface to draw") };
+        let Some(extent) = extent else { bail!("{name}: no surface to draw") };
         let Some((reference, range)) = self.reference else {
-            return Ok((bounds, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
+            return Ok((extent, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
         };
         let name = reference.name().to_owned();
-        let pairs = meshes.zip(range.clone().zip(reference.meshes(range)?));
+        let pairs = meshes
+            .zip(range.clone().zip(turned(reference.meshes(range)?, args.against_up.unwrap_or(args.up))));
         let scenes = pairs.map(move |(mesh, (number, reference))| {
             let reference = reference?;
             if reference.triangles.is_empty() {
@@ -101,7 +101,7 @@ impl Footage {
             }
             Ok(Scene { mesh: mesh?, reference: Some(Bvh::new(&reference)) })
         });
-        Ok((bounds, ahead(scenes)))
+        Ok((extent, ahead(scenes)))
     }
 }
 
@@ -110,29 +110,27 @@ fn ahead(scenes: impl Iterator<Item = Result<Scene>> + Send + 'static) -> Frames
     Box::new(Ahead::new(scenes))
 }
 
-/// The box around all meshes; none if they have no vertices.
-fn bounds_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Bounds> {
+/// Meshes turned from an axis that points up to Y up.
+fn turned(meshes: Frames<TriangleMesh>, up: Up) -> Frames<TriangleMesh> {
+    if up == Up::Y {
+        return meshes;
+    }
+    Box::new(meshes.map(move |mesh| match Geometry::Mesh(mesh?).turned(up.to_y_up()) {
+        Geometry::Mesh(mesh) => Ok(mesh),
+        Geometry::Points(_) => unreachable!("a turned mesh is a mesh"),
+    }))
+}
+
+/// The extent of all meshes; none if they have no triangles.
+fn extent_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Option<Extent>> {
     let progress = Progress::new(Some(count), "framing");
-    let mut bounds = Bounds::None;
+    let mut extent = None;
     for mesh in meshes {
         if interrupt::requested() {
             bail!("interrupted");
         }
-        bounds = join(bounds, mesh?.bounds());
+        extent = Extent::join(extent, Extent::of(&mesh?));
         progress.step();
     }
-    Ok(bounds)
-}
-
-fn join(one: Bounds, other: Bounds) -> Bounds {
-    match (one, other) {
-        (Some((low, high)), Some((other_low, other_high))) => {
-            Some((low.min(other_low), high.max(other_high)))
-        }
-        _ => one.or(other),
-    }
-}
-
-fn union<'a>(meshes: impl Iterator<Item = &'a TriangleMesh>) -> Bounds {
-    meshes.map(TriangleMesh::bounds).fold(None, join)
+    Ok(extent)
 }

@@ -21,8 +21,7 @@ pub(super) enum PictureFormat {
 impl PictureFormat {
     /// The format asked for, or that of the output's name. A .png file may also be an animated PNG, if asked for.
     pub(super) fn settle(asked: Option<Self>, output: &Path) -> Result<Self> {
-        let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let named = Self::from_str(extension, true).ok();
+        let named = of_name(output);
         let name = output.display();
         match (asked, named) {
             (Some(Self::Apng), Some(Self::Png)) => Ok(Self::Apng),
@@ -41,6 +40,11 @@ impl PictureFormat {
     pub(super) fn is_moving(self) -> bool {
         self != Self::Png
     }
+}
+
+/// The kind of picture that a file of this name is.
+pub(super) fn of_name(output: &Path) -> Option<PictureFormat> {
+    PictureFormat::from_str(output.extension()?.to_str()?, true).ok()
 }
 
 /// As on the command line.

@@ -3,6 +3,7 @@
 use super::ALL_VALUES;
 use super::sign::{Ends, spread_signs};
 use super::tree::path;
+use crate::Unit;
 use isv_volume::{BlockCoord, BlockIndex, CODES_PER_VOXEL, Grid, SparseVolume};
 
 /// Voxels along an edge.
@@ -15,6 +16,8 @@ pub(super) const VALUE_BYTES: usize = MASK_BYTES + 1 + VOXELS * size_of::<f32>()
 /// A volume seen as leaves.
 pub(super) struct Leaves<'a> {
     volume: &'a SparseVolume,
+    /// The unit of values.
+    unit: Unit,
     index: BlockIndex,
     /// First voxels of the leaves, in the order of the tree.
     origins: Vec<[i32; 3]>,
@@ -42,7 +45,7 @@ enum State {
 }
 
 impl<'a> Leaves<'a> {
-    pub(super) fn new(volume: &'a SparseVolume) -> Self {
+    pub(super) fn new(volume: &'a SparseVolume, unit: Unit) -> Self {
         let edge = volume.grid().edge.voxels();
         let mut origins = Vec::with_capacity(volume.block_count());
         for coord in volume.coords() {
@@ -55,7 +58,7 @@ impl<'a> Leaves<'a> {
         // Blocks of 4 share leaves.
         origins.sort_unstable_by_key(|origin| path(*origin));
         origins.dedup();
-        let mut leaves = Self { volume, index: volume.index(), origins };
+        let mut leaves = Self { volume, unit, index: volume.index(), origins };
         leaves.add_beyond_open_ends();
         leaves
     }
@@ -102,9 +105,14 @@ impl<'a> Leaves<'a> {
         &self.origins
     }
 
-    /// The truncation distance in metres.
+    /// The edge of a voxel in the unit of values.
+    pub(super) fn voxel_size(&self) -> f64 {
+        self.grid().voxel_size.metres() / self.unit.metres()
+    }
+
+    /// The truncation distance in the unit of values.
     pub(super) fn background(&self) -> f32 {
-        self.metres(self.grid().truncation.codes())
+        self.distance(self.grid().truncation.codes())
     }
 
     /// Values of a leaf. Surface is where an edge of two active voxels changes sign, and nowhere else: tools make none where both ends of an
@@ -119,7 +127,7 @@ impl<'a> Leaves<'a> {
             let inside = around.is_inside(at);
             known[to] = inside.map(|inside| Ends { first_inside: inside, last_inside: inside });
             if let State::Near(code) = around.state(at) {
-                leaf.values[to] = self.metres(code);
+                leaf.values[to] = self.distance(code);
                 if !around.faces_other_side(at, code < 0) {
                     leaf.active[to / 8] |= 1 << (to % 8);
                 }
@@ -158,8 +166,9 @@ impl<'a> Leaves<'a> {
         }
     }
 
-    fn metres(&self, code: i16) -> f32 {
-        (f64::from(code) / f64::from(CODES_PER_VOXEL) * self.grid().voxel_size.metres()) as f32
+    /// A distance in the unit of values.
+    fn distance(&self, code: i16) -> f32 {
+        (f64::from(code) / f64::from(CODES_PER_VOXEL) * self.voxel_size()) as f32
     }
 }
 
