@@ -5,6 +5,7 @@ use isv::decode::Lod;
 use isv::encode::{MotionMode, Preset, Refresh};
 use isv::format::Prediction;
 use isv::ingest::SignMode;
+use isv::io::GlbEncoding;
 
 /// `--profile`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -38,6 +39,17 @@ pub(crate) enum LodName {
     /// Voxels four times as large
     #[value(name = "4")]
     Quarter,
+}
+
+/// `--glb`
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum GlbName {
+    /// Single-precision numbers, which every program reads
+    Plain,
+    /// Integers of 16 and 8 bits (KHR_mesh_quantization)
+    Quantized,
+    /// Integers, compressed (EXT_meshopt_compression)
+    Meshopt,
 }
 
 /// `--motion`
@@ -174,6 +186,16 @@ impl From<LodName> for Lod {
             LodName::Full => Self::Full,
             LodName::Half => Self::Half,
             LodName::Quarter => Self::Quarter,
+        }
+    }
+}
+
+impl From<GlbName> for GlbEncoding {
+    fn from(name: GlbName) -> Self {
+        match name {
+            GlbName::Plain => Self::Plain,
+            GlbName::Quantized => Self::Quantized,
+            GlbName::Meshopt => Self::Meshopt,
         }
     }
 }

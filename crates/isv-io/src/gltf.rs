@@ -9,6 +9,7 @@ mod buffers;
 mod container;
 mod deform;
 mod draco;
+mod encoding;
 mod fault;
 mod hierarchy;
 mod keyframes;
@@ -21,6 +22,8 @@ mod sequence_writer;
 mod write;
 
 pub use animation::{Animation, MAX_DURATION_S};
+pub use encoding::GlbEncoding;
 pub use fault::GltfFault;
 pub use sequence_writer::GlbAnimationWriter;
 pub(crate) use write::write;
+pub use write::write_glb_to;

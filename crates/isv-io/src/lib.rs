@@ -65,7 +65,7 @@ pub use geometry::{
     read_geometry_without_invalid_points, read_mesh, write_mesh, write_mesh_placed, write_mesh_to,
     write_points, write_points_placed, write_points_to,
 };
-pub use gltf::{Animation, GlbAnimationWriter, GltfFault, MAX_DURATION_S};
+pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use own::was_made_by_isv;
 pub use placement::Placement;

@@ -2,8 +2,8 @@
 
 use glam::{DVec3, Vec3};
 use isv_io::{
-    Animation, Format, FrameSequence, GlbAnimationWriter, Unit, WriteError, parse_mesh, read_mesh,
-    write_mesh_to,
+    Animation, Format, FrameSequence, GlbAnimationWriter, GlbEncoding, Placement, Unit, WriteError,
+    parse_mesh, read_mesh, write_glb_to, write_mesh_to,
 };
 use isv_testkit::capture;
 use isv_volume::TriangleMesh;
@@ -83,6 +83,132 @@ fn a_mesh_without_triangles_is_a_node_that_shows_nothing() {
 fn positions_beyond_single_precision_are_refused() {
     let error = write_mesh_to(Vec::new(), &band(1, 1e300), Format::Glb).unwrap_err();
     assert_eq!(error.to_string(), "vertex 0 has no finite position in single precision");
+}
+
+/// Far from the origin, where single precision would show.
+fn far_band(triangles: u32, height: f64) -> TriangleMesh {
+    let mut mesh = band(triangles, height);
+    mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(-400.0, 30.0, 7000.0));
+    mesh.normals = vec![DVec3::new(0.6, 0.0, -0.8); mesh.vertices.len()];
+    mesh
+}
+
+/// Half a step of the longest side, and rounding.
+fn most_error(mesh: &TriangleMesh) -> f64 {
+    let (low, high) = mesh.bounds().unwrap();
+    let half = 0.5 / 65535.0 * (high - low).max_element();
+    half + 1e-9 * high.abs().max(low.abs()).max_element()
+}
+
+/// The corners of triangles, one after the other.
+fn corners(mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
+    mesh.triangles.iter().map(|triangle| triangle.map(|v| mesh.vertices[v as usize])).collect()
+}
+
+/// Checks that each triangle of one mesh is one of the other, with the same front, within the error on each axis.
+fn assert_near(found: &TriangleMesh, expected: &TriangleMesh) {
+    let error = most_error(expected);
+    assert_eq!(found.triangles.len(), expected.triangles.len());
+    let mut left = corners(found);
+    for triangle in corners(expected) {
+        let is_it = |other: &[DVec3; 3]| {
+            (0..3).any(|turn| {
+                (0..3).all(|i| (other[(i + turn) % 3] - triangle[i]).abs().max_element() <= error)
+            })
+        };
+        let place = left.iter().position(is_it).unwrap_or_else(|| panic!("no triangle at {triangle:?}"));
+        left.swap_remove(place);
+    }
+}
+
+#[test]
+fn compact_files_are_smaller_and_hold_positions_within_half_a_step() {
+    for triangles in [1, 7, 400] {
+        let mesh = far_band(triangles, 0.3);
+        let size = |encoding| {
+            let mut bytes = Vec::new();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
+            json(&bytes);
+            if encoding != GlbEncoding::Plain {
+                assert_near(&parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap(), &mesh);
+            }
+            bytes.len()
+        };
+        let [plain, quantized, meshopt] =
+            [GlbEncoding::Plain, GlbEncoding::Quantized, GlbEncoding::Meshopt].map(size);
+        assert!(triangles < 400 || (quantized * 3 < plain * 2 && meshopt * 2 < quantized));
+    }
+}
+
+#[test]
+fn compact_meshes_of_many_vertices_have_long_indices() {
+    for (triangles, component) in [(65_533, 5123), (65_534, 5125)] {
+        for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
+            let mesh = band(triangles, 0.0);
+            let mut bytes = Vec::new();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
+            assert_eq!(json(&bytes)["accessors"][1]["componentType"], component);
+            let read = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
+            assert_eq!(
+                (read.vertices.len(), read.triangles.len()),
+                (mesh.vertices.len(), triangles as usize)
+            );
+            let (error, last) = (most_error(&mesh), mesh.bounds().unwrap().1);
+            assert!((read.bounds().unwrap().1 - last).abs().max_element() <= error);
+        }
+    }
+}
+
+#[test]
+fn compact_meshes_without_extent_or_triangles_are_written() {
+    for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
+        let mut point = band(1, 2.5);
+        point.vertices.fill(DVec3::new(1.0, 2.0, 3.0));
+        for mesh in [point, TriangleMesh::default()] {
+            let mut bytes = Vec::new();
+            write_glb_to(&mut bytes, &mesh, encoding, &Placement::default()).unwrap();
+            let read = parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap();
+            assert_eq!(corners(&read), corners(&mesh));
+        }
+        let error = write_glb_to(Vec::new(), &band(1, 1e300), encoding, &Placement::default()).unwrap_err();
+        assert_eq!(error.to_string(), "vertex 0 has no finite position in single precision");
+    }
+}
+
+#[test]
+fn compact_sequences_read_back_frame_by_frame() {
+    for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.glb");
+        let mut frames: Vec<_> = (1..6).map(|i| far_band(3 * i, f64::from(i))).collect();
+        frames.insert(2, TriangleMesh::default());
+        let mut writer = GlbAnimationWriter::create(&path).unwrap().with_encoding(encoding);
+        frames.iter().enumerate().for_each(|(i, frame)| writer.push(i as f64 / 10.0, frame).unwrap());
+        writer.finish(0.6).unwrap();
+        let film = Animation::open(&path, Unit::Metre).unwrap();
+        assert_eq!(film.frame_count(10.0), 6);
+        for (i, frame) in frames.iter().enumerate() {
+            let read = film.mesh_at((i as f64 + 0.5) / 10.0).unwrap();
+            if frame.triangles.is_empty() {
+                assert!(read.triangles.is_empty(), "frame {i}");
+            } else {
+                assert_near(&read, frame);
+            }
+        }
+    }
+}
+
+#[test]
+fn compact_meshes_are_placed_as_plain_ones_are() {
+    let placement = Placement { translation: DVec3::new(4e5, -20.0, 5e6), ..Placement::default() };
+    let mesh = far_band(9, 1.0);
+    let mut moved = mesh.clone();
+    moved.vertices.iter_mut().for_each(|v| *v += placement.translation);
+    for encoding in [GlbEncoding::Quantized, GlbEncoding::Meshopt] {
+        let mut bytes = Vec::new();
+        write_glb_to(&mut bytes, &mesh, encoding, &placement).unwrap();
+        assert_near(&parse_mesh(Path::new("a.glb"), &bytes, Unit::Metre).unwrap(), &moved);
+    }
 }
 
 /// Writes a sequence and reads it.

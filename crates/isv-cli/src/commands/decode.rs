@@ -17,7 +17,7 @@ use crate::output::{frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
 use crate::stream::{self, StreamFrame, StreamFrames};
-use crate::terms::{AfterLossName, FormName, LodName};
+use crate::terms::{AfterLossName, FormName, GlbName, LodName};
 use crate::threads::use_threads;
 use anyhow::{Context, Result, anyhow, bail};
 use budget::{BudgetArgs, Reduction, Reductions};
@@ -52,6 +52,9 @@ pub(crate) struct Args {
     /// Write vertex normals with meshes: .glb files and points always have theirs
     #[arg(long)]
     normals: bool,
+    /// How GLB files hold their meshes [default: plain]
+    #[arg(long, value_enum, value_name = "ENCODING")]
+    glb: Option<GlbName>,
     /// Leave vertex normals out of .glb files
     #[arg(long, conflicts_with = "normals")]
     no_normals: bool,
@@ -90,6 +93,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if form != FormName::Points && (args.points.is_some() || args.spacing.is_some()) {
         return Err(usage("--points and --spacing need --as points"));
     }
+    if args.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) {
+        return Err(usage("--glb needs an output of GLB files: -o NAME.glb or --format glb"));
+    }
     if form != FormName::Mesh && args.no_normals {
         return Err(usage("--no-normals is for meshes"));
     }
@@ -111,7 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
-    let mut sink = Sink::new(&args.output, format, target_frame, header.frame_rate)?;
+    let mut sink = Sink::new(&args.output, format, target_frame, header.frame_rate)?.with_glb(args.glb);
     let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
     let mut reductions = Reductions::default();
     let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {

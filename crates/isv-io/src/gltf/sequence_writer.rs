@@ -1,6 +1,9 @@
 //! A sequence of meshes as one animated GLB file.
 
-use super::write::{Document, FLOAT, accessor, file_bytes, move_node, numbers, too_large, write_head};
+use super::encoding::GlbEncoding;
+use super::write::{
+    Document, FLOAT, ShownMesh, accessor, file_bytes, move_node, numbers, too_large, write_head,
+};
 use crate::{AtomicFile, WriteError};
 use glam::DVec3;
 use isv_volume::TriangleMesh;
@@ -10,7 +13,7 @@ use std::io::{self, BufWriter, Seek};
 use std::path::{Path, PathBuf};
 
 /// Most bytes of JSON that a frame takes in the end.
-const JSON_BYTES_OF_FRAME: u64 = 2048;
+const JSON_BYTES_OF_FRAME: u64 = 3072;
 
 /// The scales between which nodes step: rows of x, y, z. A frame that starts the sequence is seen and then hidden, one in
 /// the middle hidden, seen and hidden, the last one hidden, seen and still seen at the end. All are runs of this table.
@@ -35,12 +38,12 @@ pub struct GlbAnimationWriter {
 }
 
 /// A frame that was written.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Frame {
     /// When it is shown, in seconds.
     start: f32,
     /// Its mesh; none for a frame without triangles.
-    mesh: Option<usize>,
+    mesh: Option<ShownMesh>,
 }
 
 impl GlbAnimationWriter {
@@ -51,7 +54,7 @@ impl GlbAnimationWriter {
     pub fn create(path: &Path) -> Result<Self, WriteError> {
         let output = AtomicFile::create(path)?;
         let spool = spool_for(path).map_err(|cause| WriteError::new(path, cause))?;
-        let document = Document::new(BufWriter::new(spool));
+        let document = Document::new(BufWriter::new(spool), GlbEncoding::Plain);
         Ok(Self { path: path.to_owned(), output, document, frames: Vec::new(), translation: DVec3::ZERO })
     }
 
@@ -59,6 +62,17 @@ impl GlbAnimationWriter {
     #[must_use]
     pub fn moved_by(self, translation: DVec3) -> Self {
         Self { translation, ..self }
+    }
+
+    /// Writes meshes in another encoding than plain.
+    ///
+    /// # Panics
+    /// If there are frames already.
+    #[must_use]
+    pub fn with_encoding(mut self, encoding: GlbEncoding) -> Self {
+        assert!(self.frames.is_empty(), "the encoding is that of all frames");
+        self.document.encoding = encoding;
+        self
     }
 
     /// Appends a frame that is shown from `start_s` on, in seconds, and until the next one is. Times and coordinates are rounded to
@@ -156,11 +170,10 @@ fn push_animation(
         });
         let scale = u8::from(frame == 0);
         let mut node = json!({ "name": format!("frame_{frame}"), "scale": [scale, scale, scale] });
-        if let Some(mesh) = mesh {
-            node["mesh"] = (*mesh).into();
+        if mesh.is_some() {
             move_node(&mut node, translation);
         }
-        let node = document.nodes.push(&node);
+        let node = document.push_node(mesh.as_ref(), node);
         let sampler = json!({ "input": input, "output": output, "interpolation": "STEP" });
         let sampler = document.samplers.push(&sampler);
         let target = json!({ "node": node, "path": "scale" });
@@ -246,7 +259,9 @@ mod tests {
     #[test]
     fn the_reserve_for_a_frame_holds_what_it_takes() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = GlbAnimationWriter::create(&folder.path().join("film.glb")).unwrap();
+        let writer = GlbAnimationWriter::create(&folder.path().join("film.glb")).unwrap();
+        // Its JSON is the longest.
+        let mut writer = writer.with_encoding(GlbEncoding::Meshopt);
         let vertices = vec![DVec3::splat(-1.234_567_8e-30); 3];
         let mesh = TriangleMesh { vertices, normals: vec![DVec3::X; 3], triangles: vec![[0, 1, 2]] };
         let time = |frame: u8| 1.234_567_8e30 * f64::from(frame);

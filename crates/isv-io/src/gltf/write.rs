@@ -1,6 +1,10 @@
-//! Writing binary glTF: meshes as `f32` positions, normals where there are any, and the shortest indices that do.
+//! Writing binary glTF: meshes as `f32` positions or as integers, normals where there are any, and the shortest indices that do.
 
 use super::container::{BIN_CHUNK, CHUNK_HEADER_BYTES, HEADER_BYTES, JSON_CHUNK, MAGIC, VERSION};
+use super::encoding::{
+    GlbEncoding, MESHOPT, Quantized, compress_rows, compress_triangles, in_order, octahedral,
+    quantized_normal,
+};
 use crate::own::GENERATOR;
 use crate::placement::Placement;
 use glam::{DVec3, Vec3};
@@ -9,6 +13,7 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 
 /// Codes of the specification.
+const BYTE: u32 = 5120;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 pub(super) const FLOAT: u32 = 5126;
@@ -22,12 +27,26 @@ const MOST_SHORT_VERTICES: usize = u16::MAX as usize;
 const ALIGNMENT: u64 = 4;
 
 /// Writes a mesh as a file of one node, which a placement moves: vertices stay exact, as they are relative to it.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
-    let mut document = Document::new(Vec::new());
+pub(crate) fn write(out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
+    write_glb_to(out, mesh, GlbEncoding::Plain, placement)
+}
+
+/// Writes a mesh as a GLB file to anything that takes bytes. A placement moves its node: vertices stay exact, as they are
+/// relative to it.
+///
+/// # Errors
+/// Whatever `out` says, and for a mesh that the format cannot hold.
+pub fn write_glb_to(
+    mut out: impl Write,
+    mesh: &TriangleMesh,
+    encoding: GlbEncoding,
+    placement: &Placement,
+) -> io::Result<()> {
+    let mut document = Document::new(Vec::new(), encoding);
     let mesh = document.push_mesh(mesh)?;
-    let mut node = mesh.map_or(json!({}), |mesh| json!({ "mesh": mesh }));
+    let mut node = json!({});
     move_node(&mut node, placement.translation);
-    document.nodes.push(&node);
+    document.push_node(mesh.as_ref(), node);
     let json = document.json();
     write_head(&mut out, &json, document.binary_bytes)?;
     out.write_all(&document.binary)
@@ -43,9 +62,14 @@ pub(super) fn move_node(node: &mut Value, translation: DVec3) {
 /// The JSON of a file that grows, and its binary chunk on the way to `binary`.
 #[derive(Debug)]
 pub(super) struct Document<W> {
+    pub(super) encoding: GlbEncoding,
     pub(super) binary: W,
     pub(super) binary_bytes: u64,
-    pub(super) nodes: List,
+    /// Bytes of the buffer that compressed views become.
+    fallback_bytes: u64,
+    nodes: List,
+    /// Nodes that are no children of others.
+    roots: Vec<usize>,
     pub(super) channels: List,
     pub(super) samplers: List,
     meshes: List,
@@ -53,17 +77,65 @@ pub(super) struct Document<W> {
     views: List,
 }
 
+/// A mesh of the file, as a node shows it.
+#[derive(Clone, Debug)]
+pub(super) struct ShownMesh {
+    index: usize,
+    /// The entries of a node that turn its integers into metres.
+    placing: Option<Value>,
+}
+
+/// A view of elements to write.
+struct Elements<'a> {
+    bytes: Vec<u8>,
+    count: usize,
+    stride: usize,
+    target: u32,
+    /// Mode, filter and compressed bytes, where they are compressed.
+    compressed: Option<(&'a str, &'a str, Vec<u8>)>,
+}
+
 impl<W: Write> Document<W> {
-    pub(super) fn new(binary: W) -> Self {
+    pub(super) fn new(binary: W, encoding: GlbEncoding) -> Self {
         let list = List::default;
         let (nodes, channels, samplers) = (list(), list(), list());
         let (meshes, accessors, views) = (list(), list(), list());
-        Self { binary, binary_bytes: 0, nodes, channels, samplers, meshes, accessors, views }
+        let (binary_bytes, fallback_bytes, roots) = (0, 0, Vec::new());
+        Self {
+            encoding,
+            binary,
+            binary_bytes,
+            fallback_bytes,
+            nodes,
+            roots,
+            channels,
+            samplers,
+            meshes,
+            accessors,
+            views,
+        }
+    }
+
+    /// Adds a node with these entries to the scene, which shows a mesh, and gives its index.
+    pub(super) fn push_node(&mut self, mesh: Option<&ShownMesh>, mut node: Value) -> usize {
+        match mesh {
+            Some(ShownMesh { index, placing: None }) => node["mesh"] = (*index).into(),
+            Some(ShownMesh { index, placing: Some(placing) }) => {
+                // A node of its own: the other one may be scaled by an animation.
+                let mut child = placing.clone();
+                child["mesh"] = (*index).into();
+                node["children"] = json!([self.nodes.push(&child)]);
+            }
+            None => {}
+        }
+        let root = self.nodes.push(&node);
+        self.roots.push(root);
+        root
     }
 
     /// Adds a mesh and gives its index; nothing for one without triangles, as glTF has no empty ones. Nothing is written of a
     /// mesh that is refused.
-    pub(super) fn push_mesh(&mut self, mesh: &TriangleMesh) -> io::Result<Option<usize>> {
+    pub(super) fn push_mesh(&mut self, mesh: &TriangleMesh) -> io::Result<Option<ShownMesh>> {
         if mesh.triangles.is_empty() {
             return Ok(None);
         }
@@ -72,25 +144,114 @@ impl<W: Write> Document<W> {
             let message = format!("vertex {vertex} has no finite position in single precision");
             return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
         }
+        // Normals must have length 1, so that a mesh with one that has none cannot have any.
+        let normals: Option<Vec<Vec3>> =
+            mesh.normals.iter().map(|n| n.normalize_or_zero().as_vec3().try_normalize()).collect();
+        let normals = normals.unwrap_or_default();
+        match self.encoding {
+            GlbEncoding::Plain => {}
+            GlbEncoding::Quantized => return self.push_quantized(mesh, &normals).map(Some),
+            GlbEncoding::Meshopt => {
+                let (mesh, normals) = in_order(mesh, &normals)?;
+                return self.push_quantized(&mesh, &normals).map(Some);
+            }
+        }
         let (low, high) = positions
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let mut attributes = json!({ "POSITION": self.push_vectors(&positions, Some((low, high)))? });
-        // Normals must have length 1, so that a mesh with one that has none cannot have any.
-        let normals: Option<Vec<Vec3>> =
-            mesh.normals.iter().map(|n| n.normalize_or_zero().as_vec3().try_normalize()).collect();
-        if let Some(normals) = normals.filter(|normals| !normals.is_empty()) {
+        if !normals.is_empty() {
             attributes["NORMAL"] = self.push_vectors(&normals, None)?.into();
         }
         let indices = self.push_indices(mesh)?;
         let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
-        Ok(Some(self.meshes.push(&json!({ "primitives": [primitive] }))))
+        let index = self.meshes.push(&json!({ "primitives": [primitive] }));
+        Ok(Some(ShownMesh { index, placing: None }))
+    }
+
+    /// As [`Self::push_mesh`], with integers.
+    fn push_quantized(&mut self, mesh: &TriangleMesh, normals: &[Vec3]) -> io::Result<ShownMesh> {
+        let compresses = self.encoding == GlbEncoding::Meshopt;
+        let quantized = Quantized::new(&mesh.vertices);
+        let count = mesh.vertices.len();
+        let bytes: Vec<u8> =
+            quantized.positions.as_flattened().iter().flat_map(|p| p.to_le_bytes()).collect();
+        let compressed = compresses.then(|| compress_rows(&bytes, count, 8)).transpose()?;
+        let compressed = compressed.map(|bytes| ("ATTRIBUTES", "NONE", bytes));
+        let view =
+            self.push_elements(Elements { bytes, count, stride: 8, target: ARRAY_BUFFER, compressed })?;
+        let mut positions = accessor(view, UNSIGNED_SHORT, "VEC3", count);
+        let [low, high] = quantized.bounds();
+        positions["min"] = json!(low);
+        positions["max"] = json!(high);
+        let mut attributes = json!({ "POSITION": self.accessors.push(&positions) });
+        if !normals.is_empty() {
+            let (bytes, compressed) = if compresses {
+                let bytes = octahedral(normals)?;
+                let compressed = compress_rows(&bytes, count, 4)?;
+                (bytes, Some(("ATTRIBUTES", "OCTAHEDRAL", compressed)))
+            } else {
+                (normals.iter().flat_map(|n| quantized_normal(*n).map(|c| c as u8)).collect(), None)
+            };
+            let view =
+                self.push_elements(Elements { bytes, count, stride: 4, target: ARRAY_BUFFER, compressed })?;
+            let mut normals = accessor(view, BYTE, "VEC3", count);
+            normals["normalized"] = true.into();
+            attributes["NORMAL"] = self.accessors.push(&normals).into();
+        }
+        let indices = if compresses {
+            let is_short = count <= MOST_SHORT_VERTICES;
+            let (stride, component) = if is_short { (2, UNSIGNED_SHORT) } else { (4, UNSIGNED_INT) };
+            let compressed = Some(("TRIANGLES", "NONE", compress_triangles(&mesh.triangles)?));
+            let (bytes, count, target) = (Vec::new(), 3 * mesh.triangles.len(), ELEMENT_ARRAY_BUFFER);
+            let view = self.push_elements(Elements { bytes, count, stride, target, compressed })?;
+            self.accessors.push(&accessor(view, component, "SCALAR", count))
+        } else {
+            self.push_indices(mesh)?
+        };
+        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+        let index = self.meshes.push(&json!({ "primitives": [primitive] }));
+        let scale = [quantized.step; 3];
+        let placing = json!({ "translation": quantized.origin.to_array(), "scale": scale });
+        Ok(ShownMesh { index, placing: Some(placing) })
+    }
+
+    /// Adds a view, whose bytes are compressed or not.
+    fn push_elements(&mut self, elements: Elements<'_>) -> io::Result<usize> {
+        let Elements { bytes, count, stride, target, compressed } = elements;
+        let Some((mode, filter, compressed)) = compressed else {
+            let start = self.push_bytes(bytes.iter().map(|byte| [*byte]))?;
+            let view = json!({
+                "buffer": 0, "byteOffset": start, "byteLength": bytes.len(), "byteStride": stride, "target": target,
+            });
+            return Ok(self.views.push(&view));
+        };
+        let start = self.push_bytes(compressed.iter().map(|byte| [*byte]))?;
+        let mut extension = json!({
+            "buffer": 0, "byteOffset": start, "byteLength": compressed.len(), "byteStride": stride,
+            "count": count, "mode": mode,
+        });
+        if filter != "NONE" {
+            extension["filter"] = filter.into();
+        }
+        let length = (count * stride) as u64;
+        let mut view = json!({
+            "buffer": 1, "byteOffset": self.fallback_bytes, "byteLength": length, "target": target,
+            "extensions": { MESHOPT: extension },
+        });
+        if target == ARRAY_BUFFER {
+            view["byteStride"] = stride.into();
+        }
+        self.fallback_bytes += length.next_multiple_of(ALIGNMENT);
+        Ok(self.views.push(&view))
     }
 
     /// Most bytes of the binary chunk that [`Self::push_mesh`] takes.
     pub(super) fn bytes_of_mesh(mesh: &TriangleMesh) -> u64 {
         let vectors = (mesh.vertices.len() + mesh.normals.len()) as u64;
-        12 * (vectors + mesh.triangles.len() as u64) + ALIGNMENT
+        // A triangle that cannot be compressed takes up to 16 bytes, and each compressed view a head and a tail.
+        const VIEWS: u64 = 1024;
+        12 * vectors + 16 * mesh.triangles.len() as u64 + VIEWS
     }
 
     fn push_vectors(&mut self, vectors: &[Vec3], bounds: Option<(Vec3, Vec3)>) -> io::Result<usize> {
@@ -122,6 +283,24 @@ impl<W: Write> Document<W> {
         numbers: impl Iterator<Item = [u8; N]>,
         target: Option<u32>,
     ) -> io::Result<usize> {
+        let start = self.binary_bytes;
+        let length = self.push_counted(numbers)?;
+        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
+        Ok(self.views.push(&view))
+    }
+
+    /// Adds bytes to the binary chunk and gives where they start.
+    fn push_bytes(&mut self, bytes: impl Iterator<Item = [u8; 1]>) -> io::Result<u64> {
+        let start = self.binary_bytes;
+        self.push_counted(bytes)?;
+        Ok(start)
+    }
+
+    /// Adds numbers to the binary chunk and gives how many bytes they are.
+    fn push_counted<const N: usize>(&mut self, numbers: impl Iterator<Item = [u8; N]>) -> io::Result<u64> {
         const PIECE: usize = 1 << 16;
         let start = self.binary_bytes;
         let mut piece = Vec::with_capacity(PIECE);
@@ -138,11 +317,7 @@ impl<W: Write> Document<W> {
         piece.resize(piece.len().next_multiple_of(ALIGNMENT as usize), 0);
         self.binary.write_all(&piece)?;
         self.binary_bytes += piece.len() as u64;
-        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
-        if let Some(target) = target {
-            view["target"] = target.into();
-        }
-        Ok(self.views.push(&view))
+        Ok(length)
     }
 
     /// Adds an accessor and gives its index.
@@ -156,10 +331,15 @@ impl<W: Write> Document<W> {
         [nodes, channels, samplers, meshes, accessors, views].map(|list| list.text.len() as u64).iter().sum()
     }
 
-    /// The JSON, with all nodes in the scene. Lists without objects are left out, as glTF has it.
+    /// The JSON, with all nodes that are no children in the scene. Lists without objects are left out, as glTF has it.
     pub(super) fn json(&self) -> String {
         let mut json = format!(r#"{{"asset":{{"version":"2.0",{GENERATOR}}},"scene":0"#);
-        let scene: Vec<_> = (0..self.nodes.len).map(|node| node.to_string()).collect();
+        let extensions = self.encoding.extensions();
+        if self.meshes.len > 0 && !extensions.is_empty() {
+            let names = json!(extensions);
+            json += &format!(r#","extensionsUsed":{names},"extensionsRequired":{names}"#);
+        }
+        let scene: Vec<_> = self.roots.iter().map(ToString::to_string).collect();
         json += &format!(r#","scenes":[{{"nodes":[{}]}}],"nodes":[{}]"#, scene.join(","), self.nodes.text);
         if self.meshes.len > 0 {
             json += &format!(r#","meshes":[{}],"materials":[{}]"#, self.meshes.text, material());
@@ -167,7 +347,14 @@ impl<W: Write> Document<W> {
         if self.accessors.len > 0 {
             let (accessors, views) = (&self.accessors.text, &self.views.text);
             json += &format!(r#","accessors":[{accessors}],"bufferViews":[{views}]"#);
-            json += &format!(r#","buffers":[{{"byteLength":{}}}]"#, self.binary_bytes);
+            json += &format!(r#","buffers":[{{"byteLength":{}}}"#, self.binary_bytes);
+            if self.fallback_bytes > 0 {
+                let fallback = json!({
+                    "byteLength": self.fallback_bytes, "extensions": { MESHOPT: { "fallback": true } },
+                });
+                json += &format!(",{fallback}");
+            }
+            json.push(']');
         }
         if self.channels.len > 0 {
             let (channels, samplers) = (&self.channels.text, &self.samplers.text);

@@ -5,11 +5,13 @@ use super::target_frame::TargetFrame;
 use crate::failure::usage;
 use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
+use crate::terms::GlbName;
 use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{
-    Format, GlbAnimationWriter, write_mesh_placed, write_points_placed, write_vdb_placed, write_volume,
+    Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_placed, write_points_placed,
+    write_vdb_placed, write_volume,
 };
 use std::collections::BTreeSet;
 use std::fs;
@@ -20,6 +22,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Sink {
     path: PathBuf,
     format: OutputFormat,
+    glb: GlbEncoding,
     target_frame: TargetFrame,
     timeline: Timeline,
     place: Place,
@@ -57,8 +60,14 @@ impl Sink {
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
-        let timeline = Timeline::new(rate);
-        Ok(Self { path: path.to_owned(), format, target_frame, timeline, place, taken: 0 })
+        let (path, glb, timeline) = (path.to_owned(), GlbEncoding::Plain, Timeline::new(rate));
+        Ok(Self { path, format, glb, target_frame, timeline, place, taken: 0 })
+    }
+
+    /// Encodes GLB files as asked for, or else plainly.
+    pub(super) fn with_glb(mut self, name: Option<GlbName>) -> Self {
+        self.glb = name.map(GlbEncoding::from).unwrap_or_default();
+        self
     }
 
     /// Takes the next frame. A folder is made for the first one, so that a stream that cannot be decoded leaves none.
@@ -75,7 +84,7 @@ impl Sink {
                 self.write_into_folder(&name, &product)?;
             }
             Place::Pipe(output) => {
-                write_product(output, &product, self.format, &self.target_frame)?;
+                write_product(output, &product, self.format, self.glb, &self.target_frame)?;
                 output.flush()?;
             }
             Place::Animation(animation) => push(animation, start_s, &product)?,
@@ -105,7 +114,7 @@ impl Sink {
             return Ok(write_volume(&path, volume)?);
         }
         let mut file = Output::create(&path)?;
-        write_product(&mut file, product, self.format, &self.target_frame)?;
+        write_product(&mut file, product, self.format, self.glb, &self.target_frame)?;
         file.commit()?;
         Ok(())
     }
@@ -127,8 +136,9 @@ impl Sink {
             );
         }
         self.check_free(&self.path)?;
-        let mut animation =
-            GlbAnimationWriter::create(&self.path)?.moved_by(self.target_frame.placement.translation);
+        let translation = self.target_frame.placement.translation;
+        let animation = GlbAnimationWriter::create(&self.path)?.with_encoding(self.glb);
+        let mut animation = animation.moved_by(translation);
         for (start_s, frame) in frames {
             push(&mut animation, start_s, &frame)?;
         }
@@ -160,7 +170,7 @@ impl Sink {
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
             Place::File(Some((_, product))) => {
                 let mut output = Output::create(&self.path)?;
-                write_product(&mut output, &product, self.format, &self.target_frame)?;
+                write_product(&mut output, &product, self.format, self.glb, &self.target_frame)?;
                 output.commit()?;
             }
         }
@@ -204,10 +214,14 @@ fn write_product(
     out: &mut impl Write,
     product: &Product,
     format: OutputFormat,
+    glb: GlbEncoding,
     target_frame: &TargetFrame,
 ) -> Result<()> {
     let TargetFrame { unit, placement, .. } = target_frame;
     match (product, format) {
+        (Product::Mesh(mesh), OutputFormat::Geometry(Format::Glb)) => {
+            write_glb_to(out, mesh, glb, placement)?;
+        }
         (Product::Mesh(mesh), OutputFormat::Geometry(format)) => {
             write_mesh_placed(out, mesh, format, placement)?;
         }
