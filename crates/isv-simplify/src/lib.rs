@@ -32,14 +32,22 @@ use thiserror::Error;
 /// Largest error for the simplifier where only the number of faces counts, in extents of the mesh.
 const ANY_ERROR: f32 = 1e6;
 
-/// Limit of the simplifier's first attempts, as a part of the error that is allowed.
+/// Limit of the simplifier's first attempts, as a part of the error that may be found.
 const FIRST_LIMIT: f64 = 0.7;
+
+/// Part of the allowed error that may be found where it is looked for: between these places it is larger.
+///
+/// Of a person at voxels of 5 mm, `isv eval` finds 0.57 mm where 0.50 mm were found here.
+const FOUND: f64 = 0.85;
 
 /// Attempts with one limit, each of which keeps more vertices than the one before.
 const ATTEMPTS: usize = 8;
 
-/// Limits that are tried, each half of the one before.
-const LIMITS: i32 = 3;
+/// Limits that are tried.
+const LIMITS: i32 = 5;
+
+/// Part of a limit that the next one keeps.
+const BACK_OFF: f64 = 0.7;
 
 /// What a simplified mesh may have and may lose. With both limits the one that is met first counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,7 +100,7 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
         return Ok(as_it_was());
     }
     let source = weld(mesh);
-    let max_error_m = budget.max_error_m.unwrap_or(f64::INFINITY);
+    let max_error_m = FOUND * budget.max_error_m.unwrap_or(f64::INFINITY);
     let mut locked = vec![false; source.vertices.len()];
     if budget.faces.is_some() {
         let limit = (SimplifyOptions::REGULARIZE_LIGHT, ANY_ERROR);
@@ -105,8 +113,8 @@ pub fn simplify(mesh: &TriangleMesh, budget: &Budget) -> Result<Simplified, Simp
     }
     // The simplifier's error is a mean over the planes around a vertex. Where the surface is farther off, its vertices are kept.
     // With the limit as it was, all else goes as before, so that few attempts are enough.
-    for halvings in 0..LIMITS {
-        let limit_m = FIRST_LIMIT * max_error_m / f64::from(1 << halvings);
+    for step in 0..LIMITS {
+        let limit_m = FIRST_LIMIT * max_error_m * BACK_OFF.powi(step);
         // Regularisation counts the length of edges as error, which flat parts would pay for.
         let limit = (SimplifyOptions::ERROR_ABSOLUTE, limit_m as f32);
         locked.fill(false);

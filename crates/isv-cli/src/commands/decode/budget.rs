@@ -94,7 +94,7 @@ impl Reductions {
         let (error_m, number) = self.worst;
         let error_mm = error_m * 1e3;
         say(format_args!(
-            "{faces} of {before} faces a frame left, at most {error_mm:.3} mm from the decoded surface (frame {number})"
+            "{faces} of {before} faces a frame left, largest error found {error_mm:.3} mm (frame {number})"
         ));
         let Some(target) = budget.faces else { return };
         let missed = self.left.iter().filter(|faces| **faces > target).count();

@@ -5,8 +5,8 @@ use isv::volume::TriangleMesh;
 
 /// How much of a surface must face one way before that side is the one to look from: 0 for a closed surface, 1 for a plane.
 ///
-/// Fusions of depth images lie above, surfaces that are closed but for a hole below.
-const ONE_SIDED: f64 = 0.3;
+/// What one depth camera saw of a room has 0.58, a building of open parts on its ground 0.35, a person with open soles 0.02.
+const ONE_SIDED: f64 = 0.45;
 
 /// Most degrees above or below the horizon of a view that nobody asked for.
 const STEEPEST_DEGREES: f64 = 60.0;
