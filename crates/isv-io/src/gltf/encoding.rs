@@ -15,10 +15,10 @@ pub enum GlbEncoding {
     /// Single-precision positions and normals, which every program reads.
     #[default]
     Plain,
-    /// Positions of 16 bits and normals of 8 (`KHR_mesh_quantization`): half the size. A position is off by at most half a
+    /// Positions of 16 bits and normals of 8 (`KHR_mesh_quantization`): two thirds of the size. A position is off by at most half a
     /// step, of which the longest side of a frame's bounding box has 65535.
     Quantized,
-    /// Quantized, and compressed by meshoptimizer (`EXT_meshopt_compression`): about a fifth of the size. Vertices and triangles
+    /// Quantized, and compressed by meshoptimizer (`EXT_meshopt_compression`): about a quarter of the size. Vertices and triangles
     /// come in another order; vertices that no triangle uses are left out.
     Meshopt,
 }
