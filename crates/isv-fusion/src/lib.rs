@@ -44,6 +44,7 @@ mod error;
 mod integrate;
 mod limits;
 mod planes;
+mod resolution;
 mod rims;
 mod view;
 
@@ -52,6 +53,7 @@ mod tests;
 
 pub use accumulator::Accumulator;
 pub use error::FusionError;
+pub use resolution::{DepthResolution, sample_readings};
 
 use backend::{Cpu, FusionBackend};
 use blocks::Blocks;

@@ -77,8 +77,8 @@ pub use lattice::{LONGEST_EDGE, LatticeMesh};
 pub use lost::lost_share;
 pub use orientation::turn_faces;
 pub use points::{
-    NormalSides, PointEvidence, PointIngest, PointSign, decide_point_sign, estimate_normals,
-    estimate_normals_seen_from, ingest_points,
+    NormalSides, PointEvidence, PointIngest, PointSign, PointSpacing, SideEvidence, check_points_fit,
+    decide_point_sign, estimate_normals, estimate_normals_seen_from, ingest_points,
 };
 pub use redistance::redistance;
 pub use sign::{SignDecision, SignEvidence, SignMode, decide_sign};

@@ -25,7 +25,7 @@ struct Turned {
 /// Turns the faces of a mesh so that they agree, where that makes a solid of it: a body that is closed whatever its faces say, or looks
 /// closed only afterwards. Other meshes come back as they are.
 ///
-/// `is_suspected`: whether a frame before needed it. Without it and without shared vertices that disagree, the mesh is not looked at
+/// `is_suspected`: whether a frame before needed it. Without it and without faces that disagree along an edge, the mesh is not looked at
 /// closely, which takes some ten times as long.
 #[must_use]
 pub fn turn_faces(mesh: &TriangleMesh, is_suspected: bool) -> Cow<'_, TriangleMesh> {
@@ -41,14 +41,33 @@ pub fn turn_faces(mesh: &TriangleMesh, is_suspected: bool) -> Cow<'_, TriangleMe
     if turned.is_watertight || looks_closed() { Cow::Owned(turned.mesh) } else { Cow::Borrowed(mesh) }
 }
 
-/// Whether two faces run along an edge of the same two vertices in the same direction, as only faces that disagree do, and doubled ones.
+/// Whether two faces run along an edge in the same direction, as only faces that disagree do, and doubled ones. Vertices at one place are
+/// one, as in soups and along seams, but are looked up only where a face has no neighbour by the vertices that it names.
 fn has_doubled_edge(mesh: &TriangleMesh) -> bool {
     let edges = |[a, b, c]: &[u32; 3]| [(*a, *b), (*b, *c), (*c, *a)];
     let key = |(from, to): (u32, u32)| u64::from(from) << 32 | u64::from(to);
     let mut keys: Vec<u64> =
         mesh.triangles.par_iter().flat_map_iter(|triangle| edges(triangle).map(key)).collect();
     keys.par_sort_unstable();
-    keys.par_windows(2).any(|pair| pair[0] == pair[1])
+    let has_pair = |keys: &[u64]| keys.par_windows(2).any(|pair| pair[0] == pair[1]);
+    if has_pair(&keys) {
+        return true;
+    }
+    let is_alone = |key: &u64| keys.binary_search(&key.rotate_left(32)).is_err();
+    let alone: Vec<u64> = keys.par_iter().copied().filter(is_alone).collect();
+    let mut places: PositionMap<u32> = PositionMap::default();
+    let mut welded = |vertex: u32| {
+        let next = places.len() as u32;
+        *places.entry(position_key(mesh.vertices[vertex as usize])).or_insert(next)
+    };
+    let mut sides: Vec<u64> = alone
+        .into_iter()
+        .map(|side| (welded((side >> 32) as u32), welded(side as u32)))
+        .filter(|(from, to)| from != to)
+        .map(key)
+        .collect();
+    sides.par_sort_unstable();
+    has_pair(&sides)
 }
 
 /// A side of a face: the two ends of its edge, the lower one first, and whether the face runs from the higher to the lower.
@@ -249,8 +268,55 @@ mod tests {
                 volume(&sound),
                 volume(&mesh)
             );
-            assert!(is_solid(&turn_faces(&soup(&mesh), true)));
+            assert!(is_solid(&turn_faces(&soup(&mesh), false)), "found without a suspicion");
         }
+    }
+
+    /// Copies of a body side by side, one of them inside out.
+    #[test]
+    fn bodies_are_solid_each_by_itself() {
+        let sound = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
+        let mut mesh = TriangleMesh::default();
+        for body in 0..3u32 {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(sound.vertices.iter().map(|v| *v + DVec3::X * f64::from(body)));
+            let faces = sound.triangles.iter().map(|triangle| triangle.map(|vertex| first + vertex));
+            mesh.triangles.extend(faces.map(|[a, b, c]| if body == 1 { [a, c, b] } else { [a, b, c] }));
+        }
+        assert!(matches!(turn_faces(&mesh, true), Cow::Borrowed(_)), "faces of each body agree");
+        // Some faces of the first and the last.
+        let faces = sound.triangles.len();
+        turn_some(&mut mesh, |face| face % 9 == 2 && face / faces != 1);
+        for mesh in [mesh.clone(), soup(&mesh)] {
+            let turned = turn_faces(&mesh, false);
+            let winding = isv_spatial::WindingNumber::new(&turned);
+            let inside: Vec<f64> =
+                (0..3).map(|body| winding.at(DVec3::X * f64::from(body)).round()).collect();
+            assert_eq!(inside, [1.0, -1.0, 1.0], "a body that agrees with itself keeps its side");
+            assert_eq!(decide_sign(&turned, SignMode::Auto).1.closed_share, 1.0);
+        }
+    }
+
+    #[test]
+    fn a_seam_hides_no_faces_that_disagree() {
+        let sound = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
+        // The upper half has vertices of its own, and is inside out.
+        let first = sound.vertices.len() as u32;
+        let mut mesh = sound.clone();
+        mesh.vertices.extend(&sound.vertices);
+        for (face, triangle) in mesh.triangles.iter_mut().enumerate() {
+            if sound.corners(face).iter().map(|corner| corner.y).sum::<f64>() > 0.0 {
+                *triangle = [triangle[0], triangle[2], triangle[1]].map(|vertex| first + vertex);
+            }
+        }
+        assert!(!is_solid(&mesh));
+        let turned = turn_faces(&mesh, false);
+        let (decision, evidence) = decide_sign(&turned, SignMode::Auto);
+        assert!(matches!(decision, SignDecision::Closed { .. }) && evidence.closed_share == 1.0);
+        // A seam alone is no reason to look closer.
+        let mut seam = mesh.clone();
+        turn_some(&mut seam, |face| mesh.triangles[face][0] >= first);
+        assert!(!has_doubled_edge(&seam) && !has_doubled_edge(&sound));
     }
 
     #[test]

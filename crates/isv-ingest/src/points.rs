@@ -11,9 +11,11 @@ mod closest;
 pub(crate) mod cubes;
 mod eigen;
 mod ends;
+mod fit;
 mod near;
 mod normals;
 mod orient;
+mod parts;
 mod samples;
 mod sides;
 mod sign;
@@ -23,7 +25,9 @@ mod surfels;
 #[cfg(test)]
 mod tests;
 
-pub use normals::{NormalSides, estimate_normals, estimate_normals_seen_from};
+pub use fit::{PointSpacing, check_points_fit};
+pub use normals::{estimate_normals, estimate_normals_seen_from};
+pub use orient::{NormalSides, SideEvidence};
 pub use sign::{PointEvidence, PointSign, decide_point_sign};
 
 use crate::limits::{check_points_blocks, check_points_offset, check_points_range};

@@ -61,11 +61,12 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     check_sizes(bytes, &scans)?;
     let normals = scans.iter().any(|scan| Attributes::of(scan).normal.is_some());
     let mut cloud = CloudBuilder::new(normals, 0);
+    let any_pose = scans.iter().any(|scan| scan.transform.as_ref().is_some_and(|pose| !is_identity(pose)));
     let mut places = Vec::new();
     for scan in &scans {
         let first = cloud.len();
         read_scan(&mut reader, scan, &mut cloud)?;
-        if let Some(viewpoint) = viewpoint_of(scan) {
+        if let Some(viewpoint) = viewpoint_of(scan, any_pose) {
             places.push(ScanPlace { points: first..cloud.len(), viewpoint });
         }
     }
@@ -77,11 +78,14 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(cloud)
 }
 
-/// The scanner's place, where the scan has a pose that says one.
-fn viewpoint_of(scan: &e57::PointCloud) -> Option<DVec3> {
-    let pose = scan.transform.as_ref().filter(|pose| !is_identity(pose))?;
-    let e57::Translation { x, y, z } = pose.translation;
-    Some(DVec3::new(x, y, z)).filter(|place| place.is_finite())
+/// The scanner's place. A scan without a pose, or with one that changes nothing, stands at the origin if another one has a pose: the
+/// others are aligned to it. If none has, nobody knows.
+fn viewpoint_of(scan: &e57::PointCloud, any_pose: bool) -> Option<DVec3> {
+    let place = scan.transform.as_ref().map_or(DVec3::ZERO, |pose| {
+        let e57::Translation { x, y, z } = pose.translation;
+        DVec3::new(x, y, z)
+    });
+    Some(place).filter(|place| any_pose && place.is_finite())
 }
 
 /// Whether a pose changes nothing: programs write it that do not know one, as for points of several scans in one.

@@ -97,10 +97,36 @@ impl PointCloud {
         Self { viewpoint: self.viewpoint, scans: self.scans.clone(), ..Self::default() }
     }
 
+    /// Where each point was seen from, in the order of the points, as far as the capture tells.
+    pub fn viewpoints(&self) -> impl Iterator<Item = Option<DVec3>> + '_ {
+        let mut scans = self.scans.iter().peekable();
+        (0..self.positions.len()).map(move |point| {
+            while scans.next_if(|scan| scan.points.end <= point).is_some() {}
+            let scan = scans.peek().filter(|scan| scan.points.contains(&point));
+            self.viewpoint.or(scan.map(|scan| scan.viewpoint))
+        })
+    }
+
     /// Smallest and largest corner of the bounding box; `None` without points.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let first = *self.positions.first()?;
         Some(self.positions.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_know_the_place_of_their_scan() {
+        let scan = |points, viewpoint| ScanPlace { points, viewpoint };
+        let scans = vec![scan(0..2, DVec3::X), scan(2..2, DVec3::Y), scan(3..4, DVec3::Z)];
+        let mut cloud = PointCloud { positions: vec![DVec3::ZERO; 5], scans, ..PointCloud::default() };
+        let places: Vec<_> = cloud.viewpoints().collect();
+        assert_eq!(places, [Some(DVec3::X), Some(DVec3::X), None, Some(DVec3::Z), None]);
+        cloud.viewpoint = Some(DVec3::ONE);
+        assert!(cloud.viewpoints().all(|place| place == Some(DVec3::ONE)));
     }
 }

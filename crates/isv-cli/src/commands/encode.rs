@@ -34,7 +34,10 @@ use ingest::IngestArgs;
 use isv::encode::{EncodedFrame, EncoderSettings, FrameWriter, RateTarget};
 use isv::format::{PacketWriter, StreamHeader};
 use isv::io::Unit;
+use isv::volume::Grid;
+use spacing::Need;
 use std::num::NonZero;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -136,23 +139,19 @@ impl Args {
         }
     }
 
-    /// The encoder's settings, and the header's voxel size if that is to be found out.
-    fn settings(&self, capture: &Capture, header: &mut StreamHeader) -> Result<EncoderSettings> {
-        let fits = match self.header.voxel_is_open(capture) {
-            true => spacing::fitting_voxel(self)?,
-            false => None,
-        };
-        if let Some(voxel_size) = fits {
-            // Steps of profile paper are lengths, and count in voxels.
-            header.grid.voxel_size = voxel_size;
-            header.profile = self.header.profile(&header.grid)?;
-        }
-        let voxel_is_auto = self.header.voxel_is_auto() && fits.is_none();
+    /// The encoder's settings, and the header's voxel size if that is to be found out by coding. `counted`: an error if the capture
+    /// cannot be read more than once. `fits`: whether the voxel size was chosen already.
+    fn settings(
+        &self,
+        counted: Result<()>,
+        header: &mut StreamHeader,
+        fits: bool,
+    ) -> Result<EncoderSettings> {
+        let voxel_is_auto = self.header.voxel_is_auto() && !fits;
         let mut settings = self.encoder_settings(header);
         let rate = self.header.target().two_pass_rate();
         if voxel_is_auto || rate.is_some() {
-            // The capture is read more than once.
-            capture.counted()?;
+            counted?;
         }
         if voxel_is_auto {
             let choice = auto_voxel::choose(self, header, &settings)?;
@@ -167,18 +166,50 @@ impl Args {
     }
 }
 
+/// The frames to encode, and what they need of a voxel if nobody gave its size. A pipe is read up to its first frame for that.
+fn frames_and_need(
+    args: &Args,
+    capture: Capture,
+    range: Range<usize>,
+    grid: Grid,
+) -> Result<(Frames<CapturedFrame>, Option<Need>)> {
+    let is_sampled = matches!(capture.content(), ContentKind::Geometry | ContentKind::Depth);
+    if !is_sampled || !args.header.voxel_is_open(&capture) {
+        return Ok((capture.read(range)?, None));
+    }
+    if capture.frames().is_some() {
+        let need = spacing::of_frames(args, &range, grid)?;
+        return Ok((capture.read(range)?, need));
+    }
+    // On a thread of its own, so that the user can interrupt the wait.
+    let mut frames = Ahead::new(capture.read(range)?);
+    let first = frames.next();
+    let need = first.as_ref().and_then(|frame| spacing::of_frame(args, frame.as_ref().ok()?, grid));
+    Ok((Box::new(first.into_iter().chain(frames)), need))
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&[&args.input], &args.output)?;
     let capture = Capture::open(&args.input, &args.hints()?)?;
     let mut header = args.header.header(&capture)?;
     let range = capture.range(args.frames)?;
-    let progress = Arc::new(Progress::new(capture.frames().map(|_| range.len()), "encoding"));
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let settings = args.settings(&capture, &mut header)?;
-    let backend = args.backend.open()?;
+    let remarks: Vec<String> = capture.remarks().into_iter().chain(args.without_effect(&capture)).collect();
+    let (comes_once, counted) = (capture.frames().is_none(), capture.counted().map(drop));
+    let skip_bad_frames = args.skip_bad_frames && capture.frames_stand_alone();
+    let keeps_times = capture.frame_rate() == Some(header.frame_rate);
     let input_bytes = capture.bytes(&range);
+    let (frames, need) = frames_and_need(args, capture, range.clone(), header.grid)?;
+    if let Some(need) = &need {
+        // Steps of profile paper are lengths, and count in voxels.
+        header.grid.voxel_size = spacing::announce(need)?;
+        header.profile = args.header.profile(&header.grid)?;
+    }
+    let settings = args.settings(counted, &mut header, need.is_some())?;
+    let progress = Arc::new(Progress::new((!comes_once).then_some(range.len()), "encoding"));
+    let backend = args.backend.open()?;
     let profile = args.header.profile_name();
     let maker = args.ingest.volume_maker(
         header.grid,
@@ -194,10 +225,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         frame_writer: FrameWriter::default(),
         packet_writer: PacketWriter::new(Output::create(&args.output)?, &header)?,
         stats: StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?,
-        skip_bad_frames: args.skip_bad_frames && capture.frames_stand_alone(),
+        skip_bad_frames,
         target: Some(settings.main.target),
         timestamps: Timestamps::new(args.timestamps, header.frame_rate),
-        keeps_times: capture.frame_rate() == Some(header.frame_rate),
+        keeps_times,
         timeline: Timeline::new(header.frame_rate),
         input_bytes,
         shell: Arc::clone(&maker.shell),
@@ -212,12 +243,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             ProfileName::Main => "profile main tells observed from unobserved near the surface alone: --profile paper does everywhere",
         });
     }
-    for remark in capture.remarks().into_iter().chain(args.without_effect(&capture)) {
+    for remark in remarks {
         progress.note(&remark);
     }
     let taking_turns = args.stats.is_some() || args.threads.is_some_and(|threads| threads.get() == 1);
-    let comes_once = capture.frames().is_none();
-    for frame in pipeline(capture.read(range)?, maker, coding, taking_turns) {
+    for frame in pipeline(frames, maker, coding, taking_turns) {
         if let Err(error) = job.take(frame, &progress) {
             drop(progress);
             if comes_once {

@@ -2,11 +2,11 @@
 
 use crate::IngestError;
 use crate::points::eigen::eigen;
-use crate::points::orient::{NEIGHBOURS, Neighbours, orient_consistently, orient_towards};
+use crate::points::orient::{NEIGHBOURS, Neighbours, NormalSides, SideEvidence, orient};
 use crate::points::sign::{SPACING_NEIGHBOURS, spacing};
 use glam::DVec3;
 use isv_spatial::{Neighbour, PointTree};
-use isv_volume::{PointCloud, ScanPlace};
+use isv_volume::PointCloud;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -17,20 +17,6 @@ const MOST: usize = 192;
 
 /// Points whose extent across their line is less than this share of that along it lie on a line.
 const LINE: f64 = 0.15;
-
-/// What normals were turned by.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum NormalSides {
-    /// They face the place that their points were seen from, or those of several scans.
-    Viewpoint,
-    /// They face a place that the points look scanned from, as nobody said where it was.
-    Guessed(DVec3),
-    /// Neighbours agree, and the outermost ones of each part look outward. That decides little for parts that are no closed bodies.
-    Outward {
-        /// Share of the points, 0 to 1, in parts whose outermost points do not agree on what is outward.
-        doubtful: f64,
-    },
-}
 
 /// The cloud with a normal at every point around which others lie on a plane, turned as [`estimate_normals_seen_from`] does with no
 /// guess.
@@ -45,7 +31,8 @@ pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
 /// extend least. Where there is no plane, all neighbours lying on a line or in one place, the normal is zero: not known. With what the
 /// sides rest on.
 ///
-/// Normals point towards the cloud's viewpoint, or those of its scans, if it has any. Without, they point towards `guess`, in metres, if
+/// Normals point towards the cloud's viewpoint, or those of its scans, if it has any; where that is seen at a grazing angle, they point
+/// the way of their neighbours. Without, they point towards `guess`, in metres, if
 /// the points look as if they had been scanned from there: as far apart as a scanner's rays, and one behind the other along few of them.
 /// Else each connected part is given the signs that differ least between neighbours (a minimum spanning tree, Hoppe et al. 1992), the
 /// whole of it such that its outermost points look outward. Normals that the cloud has are not used. The result is the same for any
@@ -56,7 +43,7 @@ pub fn estimate_normals(cloud: &PointCloud) -> Result<PointCloud, IngestError> {
 pub fn estimate_normals_seen_from(
     cloud: &PointCloud,
     guess: Option<DVec3>,
-) -> Result<(PointCloud, NormalSides), IngestError> {
+) -> Result<(PointCloud, SideEvidence), IngestError> {
     cloud.validate()?;
     let tree = PointTree::new(cloud.positions.clone());
     let planes: Vec<(DVec3, Neighbours)> = cloud
@@ -72,32 +59,18 @@ pub fn estimate_normals_seen_from(
         })
         .collect();
     let (mut normals, neighbours): (Vec<DVec3>, Vec<Neighbours>) = planes.into_iter().unzip();
-    let guess = guess.filter(|place| looks_scanned_from(*place, &cloud.positions, &tree));
-    let sides = match (cloud.viewpoint, guess) {
-        (Some(viewpoint), _) => {
-            orient_towards(viewpoint, &cloud.positions, &mut normals);
-            NormalSides::Viewpoint
-        }
-        (None, _) if !cloud.scans.is_empty() => {
-            // Scans without a place, if there are any, agree with their neighbours.
-            orient_consistently(&cloud.positions, &neighbours, &mut normals);
-            for ScanPlace { points, viewpoint } in &cloud.scans {
-                let points = points.start.min(normals.len())..points.end.min(normals.len());
-                orient_towards(*viewpoint, &cloud.positions[points.clone()], &mut normals[points]);
-            }
-            NormalSides::Viewpoint
-        }
-        (None, Some(place)) => {
-            orient_towards(place, &cloud.positions, &mut normals);
-            NormalSides::Guessed(place)
-        }
-        (None, None) => {
-            let doubtful = orient_consistently(&cloud.positions, &neighbours, &mut normals);
-            NormalSides::Outward { doubtful }
-        }
-    };
+    let mut views: Vec<Option<DVec3>> = cloud.viewpoints().collect();
+    let mut basis =
+        if views.iter().any(Option::is_some) { NormalSides::Viewpoint } else { NormalSides::Outward };
+    if basis == NormalSides::Outward
+        && let Some(place) = guess.filter(|place| looks_scanned_from(*place, &cloud.positions, &tree))
+    {
+        basis = NormalSides::Guessed(place);
+        views.fill(Some(place));
+    }
+    let evidence = orient(&cloud.positions, &neighbours, &views, &mut normals);
     let cloud = PointCloud { normals, positions: cloud.positions.clone(), ..cloud.without_points() };
-    Ok((cloud, sides))
+    Ok((cloud, SideEvidence { basis, ..evidence }))
 }
 
 /// Whether points look as if a scanner had taken them all from one place: they are the farther apart the farther away, which points

@@ -1,53 +1,119 @@
 //! Which way normals point.
+//!
+//! Where a point's scanner stood decides, if that is known and the surface was not seen at a grazing angle. From there sides spread
+//! to neighbours, the most nearly parallel first (Hoppe et al. 1992). What no scanner reaches faces outward, which is a guess
+//! unless it is closed.
 
+use crate::points::parts::Parts;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::fmt;
 
 /// Neighbours of each point, itself among them, that its normal is compared with.
 pub(crate) const NEIGHBOURS: usize = 9;
 
+/// Least cosine between a normal and the direction of the scanner at which that alone decides: estimated normals are rarely off by
+/// more than the 14 degrees that remain.
+const HEAD_ON: f64 = 0.25;
+
+/// Neighbours whose normals have at least this cosine are on one smooth surface.
+const SMOOTH: f64 = 0.9;
+
+/// Points seen head-on that count as much as what decides for a smooth patch of points seen at grazing angles.
+const PATCH_VOTES: f64 = 1.0;
+
+/// Neighbours with a smaller cosine say nothing about each other's sides.
+const CREASE: f64 = 0.5;
+
+/// Share of its outermost points, those inward taken off, that faces outward on a part that is nearly closed.
+const OUTWARD: f64 = 0.5;
+
+/// Share of the points whose sides may be guesses apart from each other, with signs still being used.
+const MOST_SCATTERED: f64 = 0.1;
+
 /// The nearest points of a point; none where there are fewer.
 pub(crate) type Neighbours = [Option<u32>; NEIGHBOURS];
 
-/// Turns normals towards a point.
-pub(crate) fn orient_towards(viewpoint: DVec3, positions: &[DVec3], normals: &mut [DVec3]) {
-    for (normal, p) in normals.iter_mut().zip(positions) {
-        if normal.dot(viewpoint - p) < 0.0 {
-            *normal = -*normal;
+/// What normals were turned by.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum NormalSides {
+    /// They face the place that their points were seen from, or those of several scans.
+    Viewpoint,
+    /// They face a place that the points look scanned from, as nobody said where it was.
+    Guessed(DVec3),
+    /// Neighbours agree, and the outermost ones of each part look outward. That decides little for parts that are no closed bodies.
+    #[default]
+    Outward,
+}
+
+/// What the sides of estimated normals rest on. Its text says it in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SideEvidence {
+    /// What most of them were turned by.
+    pub basis: NormalSides,
+    /// Share of the points with a normal, 0 to 1, whose side follows from where their scanner stood.
+    pub seen: f64,
+    /// Share of the points with a normal, 0 to 1, whose side is a guess.
+    pub guessed: f64,
+    /// Patches with a side that was guessed, each by itself.
+    pub patches: usize,
+    /// Share of the points with a normal, 0 to 1, in all those patches but the largest: patches may contradict each other.
+    pub scattered: f64,
+}
+
+impl SideEvidence {
+    /// Whether few enough sides are guesses to tell inside from outside.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        self.scattered <= MOST_SCATTERED
+    }
+}
+
+impl fmt::Display for SideEvidence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (seen, guessed) = (100.0 * self.seen, 100.0 * self.guessed);
+        match self.patches {
+            0 if self.seen > 0.0 => write!(f, "{seen:.0} % of the sides follow from where the scanner stood"),
+            0 => f.write_str("the points close around an inside, and face away from it"),
+            1 => write!(f, "sides are a guess for {guessed:.0} % of the points, in 1 patch"),
+            patches => write!(f, "sides are a guess for {guessed:.0} % of the points, in {patches} patches"),
         }
     }
 }
 
-/// Makes the normals of neighbours point to the same side wherever they can, starting with those that are most nearly
-/// parallel (Hoppe et al. 1992), and the outermost ones of each connected part outward. Gives the share of the points in parts whose
-/// outermost points do not agree on what is outward, as those of a closed body do.
-pub(crate) fn orient_consistently(
+/// Gives all normals a side. `views`: where each point was seen from, if that is known.
+pub(crate) fn orient(
     positions: &[DVec3],
     neighbours: &[Neighbours],
+    views: &[Option<DVec3>],
     normals: &mut [DVec3],
-) -> f64 {
-    /// Sum over six directions of how far outward the outermost normals look, from which on a part is sure: a closed body has 5 or more.
-    const SURE: f64 = 3.0;
-    let mut parts = Parts::new(positions.len());
-    for Edge { from, to, .. } in edges(neighbours, normals) {
-        let turned = normals[from as usize].dot(normals[to as usize]) < 0.0;
-        parts.join(from, to, turned);
-    }
-    for (i, normal) in normals.iter_mut().enumerate() {
-        if parts.root(i as u32).1 {
+) -> SideEvidence {
+    let edges = edges(neighbours, normals);
+    let facing: Vec<f64> = (normals.par_iter().zip(positions).zip(views))
+        .map(|((normal, p), view)| view.map_or(0.0, |view| normal.dot((view - p).normalize_or_zero())))
+        .collect();
+    let mut sides = Sides { parts: Parts::new(positions.len()), turned: vec![None; positions.len()] };
+    sides.settle_head_on(&facing);
+    sides.settle_smooth_patches(&edges, normals, &facing);
+    let patches = sides.spread(&edges, normals, &facing);
+    let known = |i: usize| normals[i] != DVec3::ZERO;
+    let seen = (0..positions.len()).filter(|i| known(*i) && sides.turned[*i].is_some()).count();
+    let guesses = sides.face_outward(positions, normals, &patches);
+    for (normal, turned) in normals.iter_mut().zip(&sides.turned) {
+        if *turned == Some(true) {
             *normal = -*normal;
         }
     }
-    let outward = parts.outward(positions, normals);
-    let mut doubtful = 0;
-    for (i, normal) in normals.iter_mut().enumerate() {
-        let outward = outward[parts.root(i as u32).0 as usize];
-        if outward < 0.0 {
-            *normal = -*normal;
-        }
-        doubtful += usize::from(outward.abs() < SURE);
+    let all = normals.iter().filter(|normal| **normal != DVec3::ZERO).count().max(1) as f64;
+    let guessed: usize = guesses.iter().sum();
+    let largest = guesses.iter().copied().max().unwrap_or(0);
+    SideEvidence {
+        basis: NormalSides::default(),
+        seen: seen as f64 / all,
+        guessed: guessed as f64 / all,
+        patches: guesses.len(),
+        scattered: (guessed - largest) as f64 / all,
     }
-    doubtful as f64 / normals.len().max(1) as f64
 }
 
 /// Two neighbours; ordered by how far from parallel their normals are.
@@ -57,6 +123,17 @@ struct Edge {
     bend: u32,
     from: u32,
     to: u32,
+}
+
+impl Edge {
+    /// Cosine between the normals, whichever way they point.
+    fn cosine(self) -> f64 {
+        1.0 - f64::from(f32::from_bits(self.bend))
+    }
+
+    fn is_turned(self, normals: &[DVec3]) -> bool {
+        normals[self.from as usize].dot(normals[self.to as usize]) < 0.0
+    }
 }
 
 /// All pairs of neighbours that both have a normal, the most nearly parallel first.
@@ -79,62 +156,147 @@ fn edges(neighbours: &[Neighbours], normals: &[DVec3]) -> Vec<Edge> {
     edges
 }
 
-/// Disjoint sets of points, each point knowing whether it is turned against the first of its set.
-struct Parts {
-    parents: Vec<u32>,
-    turned: Vec<bool>,
+/// Sides while they are found.
+struct Sides {
+    /// Points whose sides depend on each other.
+    parts: Parts,
+    /// Whether each normal is turned over; `None` until that is known.
+    turned: Vec<Option<bool>>,
 }
 
-impl Parts {
-    fn new(count: usize) -> Self {
-        Self { parents: (0..count as u32).collect(), turned: vec![false; count] }
-    }
-
-    /// The first point of a point's set, and whether the point is turned against it.
-    fn root(&mut self, point: u32) -> (u32, bool) {
-        let (mut root, mut turned) = (point, false);
-        while self.parents[root as usize] != root {
-            turned ^= self.turned[root as usize];
-            root = self.parents[root as usize];
-        }
-        let (mut at, mut rest) = (point, turned);
-        while self.parents[at as usize] != root && at != root {
-            let next = self.parents[at as usize];
-            let step = self.turned[at as usize];
-            (self.parents[at as usize], self.turned[at as usize]) = (root, rest);
-            rest ^= step;
-            at = next;
-        }
-        (root, turned)
-    }
-
-    /// Joins the sets of two points whose normals point to one side, or to different ones if `turned`.
-    fn join(&mut self, a: u32, b: u32, turned: bool) {
-        let ((a, a_turned), (b, b_turned)) = (self.root(a), self.root(b));
-        if a != b {
-            let (first, last) = (a.min(b), a.max(b));
-            self.parents[last as usize] = first;
-            self.turned[last as usize] = turned ^ a_turned ^ b_turned;
+impl Sides {
+    /// Points that were not seen at a grazing angle face their scanner.
+    fn settle_head_on(&mut self, facing: &[f64]) {
+        for (turned, facing) in self.turned.iter_mut().zip(facing) {
+            *turned = (facing.abs() >= HEAD_ON).then_some(*facing < 0.0);
         }
     }
 
-    /// For the first point of each set how far outward the normals of the set's outermost points along the axes look, -6 to 6.
-    fn outward(&mut self, positions: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
-        const DIRECTIONS: [DVec3; 6] =
-            [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
-        let mut outermost: Vec<[u32; 6]> = (0..positions.len() as u32).map(|i| [i; 6]).collect();
-        for i in 0..positions.len() as u32 {
-            let root = self.root(i).0 as usize;
-            for (slot, direction) in DIRECTIONS.iter().enumerate() {
-                let farthest = &mut outermost[root][slot];
-                if positions[i as usize].dot(*direction) > positions[*farthest as usize].dot(*direction) {
-                    *farthest = i;
-                }
+    /// Smooth patches of other points face their scanner, and the way of neighbours that do, by the sum of all their points: one
+    /// point that is seen at a grazing angle says little.
+    fn settle_smooth_patches(&mut self, edges: &[Edge], normals: &[DVec3], facing: &[f64]) {
+        if facing.iter().all(|facing| *facing == 0.0) {
+            return;
+        }
+        let mut patches = Parts::new(normals.len());
+        let smooth = || edges.iter().take_while(|edge| edge.cosine() >= SMOOTH);
+        for edge in smooth() {
+            if [edge.from, edge.to].iter().all(|point| self.turned[*point as usize].is_none()) {
+                patches.join(edge.from, edge.to, edge.is_turned(normals));
             }
         }
-        let outward = |points: &[u32; 6]| -> f64 {
-            points.iter().zip(DIRECTIONS).map(|(i, direction)| normals[*i as usize].dot(direction)).sum()
-        };
-        outermost.iter().map(outward).collect()
+        let mut votes = vec![0.0; normals.len()];
+        let signed = |turned: bool, vote: f64| if turned { -vote } else { vote };
+        for (point, facing) in facing.iter().enumerate() {
+            let (root, turned) = patches.root(point as u32);
+            votes[root as usize] += signed(turned, *facing);
+        }
+        for edge in smooth() {
+            let (open, settled) = match [edge.from, edge.to].map(|point| self.turned[point as usize]) {
+                [None, Some(settled)] => (edge.from, settled),
+                [Some(settled), None] => (edge.to, settled),
+                _ => continue,
+            };
+            let (root, turned) = patches.root(open);
+            votes[root as usize] += signed(turned ^ edge.is_turned(normals) ^ settled, HEAD_ON);
+        }
+        for point in 0..normals.len() {
+            let (root, turned) = patches.root(point as u32);
+            let vote = votes[root as usize];
+            if self.turned[point].is_none() && vote.abs() >= PATCH_VOTES {
+                self.turned[point] = Some(turned ^ (vote < 0.0));
+            }
+        }
     }
+
+    /// Spreads sides from where they are known to all that hangs together with it, and makes the rest agree within each part. Gives
+    /// the parts that were there before any were joined across a crease, for points without a known side.
+    fn spread(&mut self, edges: &[Edge], normals: &[DVec3], facing: &[f64]) -> Parts {
+        // All points with a known side are one part, in which they have it.
+        let known: Vec<u32> =
+            (0..normals.len() as u32).filter(|i| self.turned[*i as usize].is_some()).collect();
+        let side = |sides: &Self, point: u32| sides.turned[point as usize] == Some(true);
+        for pair in known.windows(2) {
+            let turned = side(self, pair[0]) ^ side(self, pair[1]);
+            self.parts.join(pair[0], pair[1], turned);
+        }
+        let creases = edges.partition_point(|edge| edge.cosine() >= CREASE);
+        for edge in &edges[..creases] {
+            self.parts.join(edge.from, edge.to, edge.is_turned(normals));
+        }
+        let patches = self.parts.clone();
+        for edge in &edges[creases..] {
+            self.parts.join(edge.from, edge.to, edge.is_turned(normals));
+        }
+        let anchor = known.first().map(|first| (self.parts.root(*first), side(self, *first)));
+        // What does not hang together with any of them faces its scanner as far as it can.
+        let mut votes = vec![0.0; normals.len()];
+        for (point, facing) in facing.iter().enumerate() {
+            let (root, turned) = self.parts.root(point as u32);
+            votes[root as usize] += if turned { -facing } else { *facing };
+        }
+        for point in 0..normals.len() {
+            let (root, turned) = self.parts.root(point as u32);
+            match anchor {
+                Some(((first, first_turned), side)) if first == root => {
+                    self.turned[point] = Some(turned ^ first_turned ^ side);
+                }
+                _ if votes[root as usize] != 0.0 => {
+                    self.turned[point] = Some(turned ^ (votes[root as usize] < 0.0));
+                }
+                _ => {}
+            }
+        }
+        patches
+    }
+
+    /// Turns parts without a known side outward. Gives the number of points of each patch for which that is a guess: of parts that
+    /// are far from closed, and of all patches of a part but the largest, which only creases join to it.
+    fn face_outward(&mut self, positions: &[DVec3], normals: &[DVec3], patches: &Parts) -> Vec<usize> {
+        let mut patches = patches.clone();
+        let open: Vec<u32> = (0..positions.len() as u32)
+            .filter(|i| self.turned[*i as usize].is_none() && normals[*i as usize] != DVec3::ZERO)
+            .collect();
+        let parts = self.parts.groups(&open);
+        let centre = open.iter().map(|i| positions[*i as usize]).sum::<DVec3>() / open.len().max(1) as f64;
+        let mut guesses = Vec::new();
+        for part in parts {
+            let sided =
+                |i: u32, turned: bool| if turned { -normals[i as usize] } else { normals[i as usize] };
+            let members: Vec<(u32, DVec3)> =
+                part.iter().map(|(i, turned)| (*i, sided(*i, *turned))).collect();
+            let outward = outwardness(&members, positions);
+            let is_guess = outward.abs() < OUTWARD;
+            // An open part faces away from the middle of all.
+            let away = || members.iter().map(|(i, n)| n.dot(positions[*i as usize] - centre)).sum::<f64>();
+            let inward = if is_guess && outward.abs() < OUTWARD / 2.0 { away() < 0.0 } else { outward < 0.0 };
+            for (i, turned) in &part {
+                self.turned[*i as usize] = Some(turned ^ inward);
+            }
+            let points: Vec<u32> = part.iter().map(|(i, _)| *i).collect();
+            let mut sizes: Vec<usize> = patches.groups(&points).iter().map(Vec::len).collect();
+            sizes.sort_unstable();
+            if !is_guess {
+                sizes.pop();
+            }
+            guesses.extend(sizes);
+        }
+        guesses
+    }
+}
+
+/// How far the outermost points of a part face outward: 1 if all do, -1 if none does, 0 if they cancel out.
+fn outwardness(members: &[(u32, DVec3)], positions: &[DVec3]) -> f64 {
+    let (mut sum, mut size) = (0.0, 0.0);
+    for number in 0..27 {
+        let axis = |power: i32| f64::from(number / power % 3 - 1);
+        let direction = DVec3::new(axis(1), axis(3), axis(9)).normalize_or_zero();
+        let height = |member: &(u32, DVec3)| positions[member.0 as usize].dot(direction);
+        let Some((_, normal)) = members.iter().max_by(|a, b| height(a).total_cmp(&height(b))) else {
+            continue;
+        };
+        sum += normal.dot(direction);
+        size += normal.dot(direction).abs();
+    }
+    if size > 0.0 { sum / size } else { 0.0 }
 }

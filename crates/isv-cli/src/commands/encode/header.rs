@@ -46,8 +46,11 @@ pub(super) struct HeaderArgs {
     /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
     #[arg(long, value_parser = frame_rate::parse)]
     fps: Option<FrameRate>,
-    /// Edge of a voxel, with a unit; without it, that of the input if it is volumes, or else 5mm. With auto, of meshes and in
-    /// profile main, whichever of a few sizes serves the quality, rate or error best
+    /// Edge of a voxel, with a unit [default: what fits the input]
+    ///
+    /// Without it, volumes keep their own and meshes get 5mm. Points and depth images get one that fits how far points are apart, how
+    /// large a pixel is and how noisy depths are, but never less than 5mm. With auto, meshes in profile main get whichever of a few
+    /// sizes serves the quality, rate or error best, and points and depth images the one that fits.
     #[arg(long, value_name = "LENGTH|auto")]
     voxel: Option<VoxelArg>,
     /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8. Profile

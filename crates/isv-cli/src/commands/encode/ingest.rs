@@ -32,8 +32,10 @@ pub(super) struct IngestArgs {
     /// Normals of points
     #[arg(long, value_enum, default_value = "given")]
     normals: NormalsName,
-    /// Where points were seen from, in their unit: estimated normals face it. Without it, the place that files say, the origin where the
-    /// points look scanned from it, or outward
+    /// Place that points were seen from, in their unit and coordinates
+    ///
+    /// Estimated normals face it, and points without normals get estimated ones. Without it, they face the place that the file
+    /// says, else the origin if the points look scanned from there, else outward.
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     viewpoint: Option<[f64; 3]>,
     /// What a frame of depth images stands for
@@ -56,7 +58,7 @@ impl IngestArgs {
             ("--sign", !depth, self.sign != SignName::Auto),
             ("--offset", !depth, self.offset != OFFSET_VOXELS),
             ("--normals", points, self.normals != NormalsName::Given),
-            ("--viewpoint", points && self.normals == NormalsName::Estimate, self.viewpoint.is_some()),
+            ("--viewpoint", points, self.viewpoint.is_some()),
             ("--fusion", depth, self.fusion != FusionName::PerFrame),
             ("--max-depth", depth, self.max_depth.is_some()),
         ];
@@ -67,6 +69,17 @@ impl IngestArgs {
     pub(super) fn of_meshes(&self, grid: Grid) -> MeshIngest {
         let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
         MeshIngest { sign, offset_voxels, max_blocks, ..MeshIngest::new(grid) }
+    }
+
+    /// How points become volumes on a grid.
+    pub(super) fn of_points(&self, grid: Grid) -> PointIngest {
+        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
+        PointIngest { grid, sign, offset_voxels, max_blocks }
+    }
+
+    /// Depth up to which readings count, in metres; infinite unless it was given.
+    pub(super) fn max_depth_m(&self) -> f64 {
+        self.max_depth.map_or(f64::INFINITY, Length::metres)
     }
 
     /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who does it, as far as it can.
@@ -80,7 +93,7 @@ impl IngestArgs {
         hints: &Hints,
     ) -> Result<VolumeMaker> {
         let (unit, origin_m) = (hints.unit, DVec3::from(hints.origin_m));
-        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
+        let (offset_voxels, max_blocks) = (self.offset, self.max_blocks);
         let truncation = grid.truncation.voxels();
         if !(offset_voxels > 0.0 && offset_voxels <= f64::from(truncation)) {
             return Err(usage(format!(
@@ -91,7 +104,7 @@ impl IngestArgs {
             (ProfileName::Main, None | Some(BandName::Surface)) => Reach::Surface,
             _ => Reach::Band,
         };
-        let max_depth_m = self.max_depth.map_or(f64::INFINITY, Length::metres);
+        let max_depth_m = self.max_depth_m();
         let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         Ok(VolumeMaker {
             backend,
@@ -100,7 +113,7 @@ impl IngestArgs {
             mesh_sign: None,
             turns_faces: false,
             loss_said: WORTH_A_WARNING / 2.0,
-            points: PointIngest { grid, sign, offset_voxels, max_blocks },
+            points: self.of_points(grid),
             point_sign: None,
             normals: self.normals,
             unit,

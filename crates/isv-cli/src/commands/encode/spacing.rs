@@ -1,91 +1,128 @@
-//! A voxel size that fits what is captured: points and depth images know how far apart their samples are.
+//! The voxel size of points and depth images where nobody gives one: what their spacing and noise allow.
 
 use super::Args;
-use crate::capture::{Capture, Content, ContentKind};
+use crate::capture::{Capture, CapturedFrame, Content};
 use crate::length::Length;
 use crate::output::say;
-use crate::stream;
 use anyhow::Result;
-use isv::ingest::{SignMode, decide_point_sign};
+use isv::fusion::{DepthResolution, sample_readings};
+use isv::ingest::{IngestError, PointIngest, PointSpacing, check_points_fit};
 use isv::io::Geometry;
-use isv::volume::{DepthImage, PointCloud, VoxelSize};
+use isv::volume::{Grid, PointCloud, VoxelSize};
+use std::ops::Range;
 
-/// Edge of a voxel that no capture gets less than unless asked: what suits a person.
-const FINEST_M: f64 = 0.005;
+/// Mantissas of round lengths.
+const ROUND: [f64; 10] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
+/// Spacings up to this much above a round length are rounded down to it.
+const ABOUT: f64 = 1.02;
+/// Deviations of depth noise in a voxel: with fewer, noise is coded as surface.
+const NOISE_DEVIATIONS: f64 = 2.0;
+/// Readings by which blocks are counted.
+const COUNTED_READINGS: usize = 200_000;
 
-/// Voxels to the spacing of points: the typical one, and the one that a tenth exceeds. Points up to 3 voxels apart are a surface.
-const TYPICAL: f64 = 1.6;
-const WIDE: f64 = 2.5;
-
-/// Voxels to the width that a pixel of a depth image sees, three quarters of them less.
-const PIXEL: f64 = 0.5;
-
-/// Frames that are looked at until one has samples.
-const LOOKED_AT: usize = 8;
-
-/// The voxel size that fits the samples of a capture, said on stderr; `None` for meshes, volumes and pipes, and where no frame can be read.
-pub(super) fn fitting_voxel(args: &Args) -> Result<Option<VoxelSize>> {
-    let open = || Capture::open(&args.input, &args.hints()?);
-    let capture = open()?;
-    let is_sampled = matches!(capture.content(), ContentKind::Geometry | ContentKind::Depth);
-    if !is_sampled || capture.frames().is_none() {
-        return Ok(None);
-    }
-    let range = capture.range(args.frames)?;
-    let first = range.start..range.end.min(range.start + LOOKED_AT);
-    // A frame that cannot be read is told of later, when it is its turn.
-    for frame in capture.read(first)?.flatten() {
-        let (spacing_m, what) = match frame.content {
-            Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
-                (points(&cloud), "points")
-            }
-            Content::Geometry(geometry) if geometry.is_empty() => continue,
-            Content::Depth(images) => (pixels(&images), "pixels"),
-            _ => return Ok(None),
-        };
-        let Some(Spacing { spacing_m, voxel_m }) = spacing_m else { continue };
-        let voxel_m = rounded_up(voxel_m.max(FINEST_M));
-        let name = stream::name(&args.input);
-        let [voxel, spacing] = [voxel_m, (spacing_m * 1e4).round() / 1e4].map(Length::from_metres);
-        say(format_args!("{name}: voxels of {voxel}, as {what} are {spacing} apart; --voxel overrules it"));
-        return Ok(Some(VoxelSize::from_metres(voxel_m)?));
-    }
-    Ok(None)
-}
-
-struct Spacing {
-    /// How far apart samples typically are.
-    spacing_m: f64,
-    /// The edge of a voxel that connects them.
+/// What a frame needs of a voxel.
+#[derive(Clone, Debug)]
+pub(super) struct Need {
     voxel_m: f64,
+    /// What that follows from, behind "as".
+    why: String,
 }
 
-fn points(cloud: &PointCloud) -> Option<Spacing> {
-    let evidence = decide_point_sign(cloud, SignMode::Auto).1;
-    let (spacing_m, wide_m) = (evidence.spacing_m, evidence.wide_spacing_m);
-    (spacing_m > 0.0).then_some(Spacing { spacing_m, voxel_m: (spacing_m / TYPICAL).max(wide_m / WIDE) })
-}
-
-/// What pixels see at the depth that three quarters of them are nearer than.
-fn pixels(images: &[DepthImage]) -> Option<Spacing> {
-    let mut widths: Vec<f64> = Vec::new();
-    for image in images {
-        let focal = image.intrinsics().focal.min_element();
-        let readings = image.depths_m().iter().step_by(7).filter(|depth| **depth > 0.0);
-        widths.extend(readings.map(|depth| f64::from(*depth) / focal));
+/// The need of the frames of a range, by the first, the middle and the last one; `None` of meshes and volumes. Frames that cannot be
+/// read have no say: encoding reports them.
+pub(super) fn of_frames(args: &Args, range: &Range<usize>, grid: Grid) -> Result<Option<Need>> {
+    let mut numbers = vec![range.start, range.start + range.len() / 2, range.end.saturating_sub(1)];
+    numbers.retain(|number| range.contains(number));
+    numbers.dedup();
+    let mut needs = Vec::new();
+    for number in numbers {
+        let capture = Capture::open(&args.input, &args.hints()?)?;
+        for frame in capture.read(number..number + 1)?.flatten() {
+            match of_frame(args, &frame, grid) {
+                Some(need) => needs.push(need),
+                None if is_of_faces(&frame.content) => return Ok(None),
+                None => {}
+            }
+        }
     }
-    widths.sort_by(f64::total_cmp);
-    let spacing_m = *widths.get(widths.len() * 3 / 4)?;
-    Some(Spacing { spacing_m, voxel_m: spacing_m / PIXEL })
+    needs.sort_by(|a, b| a.voxel_m.total_cmp(&b.voxel_m));
+    let middle = needs.len() / 2;
+    Ok((!needs.is_empty()).then(|| needs.swap_remove(middle)))
 }
 
-/// The next length that people would choose: one of a few steps a decade.
-fn rounded_up(metres: f64) -> f64 {
-    const STEPS: [f64; 11] = [1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
-    let decade = 10f64.powf(metres.log10().floor());
-    let step = STEPS.into_iter().find(|step| step * decade >= metres * (1.0 - 1e-9)).unwrap_or(10.0);
-    // Whole nanometres, as streams have them.
-    (step * decade * 1e9).round() / 1e9
+/// Whether a frame shows that the capture is one of meshes or volumes.
+fn is_of_faces(content: &Content) -> bool {
+    match content {
+        Content::Geometry(Geometry::Mesh(mesh)) => !mesh.triangles.is_empty(),
+        Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => false,
+        Content::Volume(_) | Content::Decoded(_) => true,
+    }
+}
+
+/// The need of one frame; `None` of a mesh, of a volume and where nothing was captured.
+pub(super) fn of_frame(args: &Args, frame: &CapturedFrame, grid: Grid) -> Option<Need> {
+    let settings = |voxel_size| args.ingest.of_points(Grid { voxel_size, ..grid });
+    match &frame.content {
+        Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
+            let spacing = PointSpacing::of(cloud);
+            let why = format!("points are {} apart", millimetres(spacing.median_m));
+            Some(with_room(cloud, spacing.voxel_m(), why, settings))
+        }
+        Content::Depth(images) => {
+            let max_depth_m = args.ingest.max_depth_m();
+            let DepthResolution { footprint_m, noise_m } = DepthResolution::of(images, max_depth_m)?;
+            let why = format!(
+                "a pixel covers {} and depths are noisy by {}",
+                millimetres(footprint_m),
+                millimetres(noise_m)
+            );
+            let positions = sample_readings(images, max_depth_m, COUNTED_READINGS);
+            let cloud = PointCloud { positions, ..PointCloud::default() };
+            Some(with_room(&cloud, footprint_m.max(NOISE_DEVIATIONS * noise_m), why, settings))
+        }
+        Content::Geometry(_) | Content::Volume(_) | Content::Decoded(_) => None,
+    }
+}
+
+/// A round voxel size from a wanted one on, never below the default, that the blocks of a cloud have room at.
+fn with_room(
+    cloud: &PointCloud,
+    wanted_m: f64,
+    why: String,
+    settings: impl Fn(VoxelSize) -> PointIngest,
+) -> Need {
+    let least_m = crate::capture::default_voxel_size().metres();
+    let voxel_m = round_up(wanted_m.max(least_m));
+    let Ok(size) = VoxelSize::from_metres(voxel_m) else { return Need { voxel_m: least_m, why } };
+    match check_points_fit(cloud, &settings(size)) {
+        Err(IngestError::Fit(error)) => {
+            let voxel_m = round_up(error.voxel_that_fits_m());
+            Need { voxel_m, why: format!("{why} and smaller ones need more blocks than --max-blocks") }
+        }
+        _ => Need { voxel_m, why },
+    }
+}
+
+/// Says what was chosen, and why.
+pub(super) fn announce(need: &Need) -> Result<VoxelSize> {
+    let voxel = VoxelSize::from_metres(need.voxel_m)?;
+    let length = Length::from_metres(voxel.metres());
+    say(format_args!("voxels of {length}, as {}; --voxel overrules", need.why));
+    Ok(voxel)
+}
+
+/// The next round length from one on.
+fn round_up(metres: f64) -> f64 {
+    let decade = 10f64.powi(metres.log10().floor() as i32);
+    let mantissa = ROUND.into_iter().find(|round| metres <= round * decade * ABOUT);
+    // Digits of whole nanometres, not of the product.
+    (mantissa.unwrap_or(10.0) * decade * 1e9).round() / 1e9
+}
+
+/// A length to two digits.
+fn millimetres(metres: f64) -> String {
+    let mm = 1e3 * metres;
+    if mm >= 10.0 { format!("{mm:.0} mm") } else { format!("{mm:.1} mm") }
 }
 
 #[cfg(test)]
@@ -93,11 +130,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_are_rounded_up_to_what_people_choose() {
-        for (metres, rounded) in
-            [(0.005, 0.005), (0.0051, 0.006), (0.0999, 0.1), (0.1, 0.1), (0.101, 0.12), (8.5, 10.0)]
+    fn lengths_are_rounded_up_to_round_ones() {
+        let pairs = [(0.0845, 0.1), (0.005, 0.005), (0.00505, 0.005), (0.0052, 0.006), (0.011, 0.015)];
+        for (metres, round) in
+            pairs.into_iter().chain([(0.0099, 0.01), (1.0, 1.0), (0.999, 1.0), (230.0, 250.0)])
         {
-            assert_eq!(rounded_up(metres), rounded, "{metres}");
+            assert_eq!(round_up(metres), round, "{metres}");
         }
     }
 }

@@ -13,9 +13,9 @@ use glam::DVec3;
 use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SignDecision, SignEvidence,
-    SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
-    turn_faces,
+    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SideEvidence, SignDecision,
+    SignEvidence, SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points,
+    lost_share, turn_faces,
 };
 use isv::io::{Geometry, Unit};
 use isv::surface::{SurfaceOptions, surface_band};
@@ -193,15 +193,15 @@ impl VolumeMaker {
         if self.mesh_sign.is_some() {
             bail!("points and no faces, but the frames before it are meshes: a capture is one or the other");
         }
-        let cloud = match self.normals {
-            NormalsName::Given => cloud,
-            NormalsName::Estimate => self.estimate_normals(name, cloud)?,
-        };
+        let (cloud, sides) = self.with_normals(name, cloud)?;
         if let Some(sign) = self.point_sign {
             let volume = ingest_points(&cloud, &self.points, sign);
             return volume.map_err(|error| self.with_advice(error, cloud.bounds()));
         }
-        let (sign, evidence) = decide_point_sign(&cloud, self.points.sign);
+        let (mut sign, evidence) = decide_point_sign(&cloud, self.points.sign);
+        if self.points.sign == SignMode::Auto && sides.is_some_and(|sides| !sides.is_usable()) {
+            sign = PointSign::Offset;
+        }
         let volume = ingest_points(&cloud, &self.points, sign);
         let volume = volume.map_err(|error| self.with_advice(error, cloud.bounds()))?;
         self.point_sign = Some(sign);
@@ -221,28 +221,35 @@ impl VolumeMaker {
         }
     }
 
-    /// Normals of points, and a word on their sides where nobody said where the points were seen from.
-    fn estimate_normals(&mut self, name: &str, mut cloud: PointCloud) -> Result<PointCloud> {
+    /// The cloud with the normals to use, and what their sides rest on if they were estimated.
+    fn with_normals(
+        &mut self,
+        name: &str,
+        mut cloud: PointCloud,
+    ) -> Result<(PointCloud, Option<SideEvidence>)> {
+        let has_normals = cloud.normals.iter().any(|normal| normal.length_squared() > 0.0);
+        let estimates = match self.normals {
+            NormalsName::Estimate => true,
+            NormalsName::Given => self.viewpoint_m.is_some() && !has_normals,
+        };
+        let is_first = !std::mem::replace(&mut self.sides_said, true);
+        if !estimates {
+            if is_first && self.viewpoint_m.is_some() {
+                self.progress.note(&format!(
+                    "{name}: --viewpoint is without effect, as the points have normals: --normals estimate makes new ones"
+                ));
+            }
+            return Ok((cloud, None));
+        }
         if let Some(viewpoint) = self.viewpoint_m {
             cloud.viewpoint = Some(viewpoint);
             cloud.scans.clear();
         }
         let (cloud, sides) = estimate_normals_seen_from(&cloud, Some(self.scan_origin_m))?;
-        if !self.sides_said {
-            self.sides_said = true;
-            match sides {
-                NormalSides::Viewpoint => {}
-                NormalSides::Guessed(_) => self.progress.note(&format!(
-                    "{name}: points look scanned from the origin, so normals face it; --viewpoint X,Y,Z is another place"
-                )),
-                NormalSides::Outward { doubtful } if doubtful > WORTH_A_WORD => self.progress.note(&format!(
-                    "{name}: on which side {:.0} % of the points were seen is a guess: --viewpoint X,Y,Z says where from",
-                    100.0 * doubtful
-                )),
-                NormalSides::Outward { .. } => {}
-            }
+        if is_first {
+            self.progress.note(&sides_sentence(name, sides));
         }
-        Ok(cloud)
+        Ok((cloud, Some(sides)))
     }
 
     /// A volume on another grid is sampled anew, from its surface.
@@ -301,6 +308,21 @@ fn sign_sentence(decision: SignDecision, evidence: SignEvidence, mode: SignMode)
         SignMode::Closed | SignMode::Offset => "as --sign asks".to_owned(),
     };
     format!("{decision} ({why})")
+}
+
+/// What the sides of estimated normals rest on, and what to do where that is little.
+fn sides_sentence(name: &str, sides: SideEvidence) -> String {
+    let advice = match sides.basis {
+        NormalSides::Guessed(_) => {
+            ": points look scanned from the origin; --viewpoint X,Y,Z is another place"
+        }
+        NormalSides::Viewpoint => "",
+        NormalSides::Outward if sides.guessed > WORTH_A_WORD => {
+            ": give --viewpoint X,Y,Z, the scanner's place"
+        }
+        NormalSides::Outward => "",
+    };
+    format!("{name}: {sides}{advice}")
 }
 
 /// The same for points.
