@@ -133,7 +133,7 @@ impl Geometry {
 
 /// Moves vertices that no triangle uses and that are nowhere to the origin. Nothing is seen of them.
 fn drop_stray_vertices(mesh: &mut TriangleMesh) {
-    let is_nowhere = |v: &DVec3| !(v.abs().max_element() <= MAX_COORDINATE_M);
+    let is_nowhere = |v: &DVec3| !v.is_finite() || v.abs().max_element() > MAX_COORDINATE_M;
     if !mesh.vertices.iter().any(is_nowhere) {
         return;
     }

@@ -98,10 +98,9 @@ impl File {
                 }
             }
             Some(b"l" | b"curv" | b"curv2" | b"surf") => self.has_elements = true,
+            Some(word) if PASSED_OVER.iter().any(|keyword| word == keyword.as_bytes()) => {}
             Some(word) => {
-                if !PASSED_OVER.iter().any(|keyword| word == keyword.as_bytes()) {
-                    self.unknown.get_or_insert_with(|| (number, quote(word)));
-                }
+                self.unknown.get_or_insert_with(|| (number, quote(word)));
             }
         }
         Ok(())

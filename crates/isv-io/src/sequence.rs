@@ -245,7 +245,7 @@ fn files_of_sub_folders(folder: &Path) -> Result<Vec<File>, SequenceError> {
         match &mut frame_files(&inner, |_| true)?[..] {
             [] => return Ok(Vec::new()),
             [file] => {
-                files.push(File { name: joined(&name, &file.name), path: std::mem::take(&mut file.path) })
+                files.push(File { name: joined(&name, &file.name), path: std::mem::take(&mut file.path) });
             }
             many => return Err(SequenceError::ManyInFolder { folder: inner, files: many.len() }),
         }

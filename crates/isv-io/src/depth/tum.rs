@@ -166,7 +166,10 @@ fn read_lens(folder: &Path) -> Result<Optics, DepthFileError> {
 }
 
 /// Poses in order of time, in nanoseconds; of a bad one what is wrong with it.
-struct Trajectory(Vec<(i128, Result<(DQuat, DVec3), DepthError>)>);
+struct Trajectory(Vec<(i128, Result<Placed, DepthError>)>);
+
+/// A turn and a place.
+type Placed = (DQuat, DVec3);
 
 impl Trajectory {
     /// `groundtruth.txt`: time stamp, translation, and a quaternion whose last number is its real part, a line. A pose that is none
@@ -207,7 +210,7 @@ impl Trajectory {
 }
 
 /// The turn and the place that seven words say.
-fn pose_of(words: &[&str]) -> Result<(DQuat, DVec3), DepthError> {
+fn pose_of(words: &[&str]) -> Result<Placed, DepthError> {
     let fault = |why| Err(DepthError::Pose { why });
     let numbers: Option<Vec<f64>> = words.iter().map(|word| parse_float(word.as_bytes())).collect();
     let Some([tx, ty, tz, qx, qy, qz, qw]) = numbers.and_then(|numbers| <[f64; 7]>::try_from(numbers).ok())
