@@ -48,7 +48,7 @@ export class Lane {
 
   /**
    * @param {Port} port
-   * @param {{ module: WebAssembly.Module, header: Uint8Array, voxels?: number }} start
+   * @param {{ module: WebAssembly.Module, header: Uint8Array, allowance?: import('./allowance.js').Allowance }} start
    * @param {{ ready?(): void, done(answer: import('./worker.js').Done): void, lost(lane: Lane, answer: import('./worker.js').Lost): void, broken(error: Error): void }} on
    */
   constructor(port, start, on) {

@@ -1,7 +1,7 @@
 // A live stream's messages over a WebSocket. Connects again when the server goes away, and learns how the server's clock differs
 // from ours.
 
-/** Kinds of messages from the server: their first byte. */
+/** Kinds of messages from the server: their first byte. `ENDED` has another, 1, where the source does not come again. */
 const HEADER = 0;
 const PACKET = 1;
 const ENDED = 2;
@@ -18,8 +18,8 @@ const CLOCK_ANSWERS = 8;
 
 /**
  * `connecting`: for the first time. `waiting`: connected, no stream yet. `live`. `ended`: the source ended, it may come again.
- * `lost`: the server went away; it is tried again.
- * @typedef {'connecting' | 'waiting' | 'live' | 'ended' | 'lost'} LiveState
+ * `over`: the stream has ended for good. `lost`: the server went away; it is tried again.
+ * @typedef {'connecting' | 'waiting' | 'live' | 'ended' | 'over' | 'lost'} LiveState
  * @typedef {object} LiveEvents
  * @property {(state: LiveState) => void} state
  * @property {(header: Uint8Array) => void} header a stream begins; what came before is over
@@ -129,7 +129,8 @@ export class LiveConnection {
       this.#estimateOffset();
       this.#on.packet(bytes.slice(9), serverMs);
     } else if (bytes[0] === ENDED) {
-      this.#become('ended');
+      this.#become(bytes[1] === 1 ? 'over' : 'ended');
+      if (this.state === 'over') this.close();
     } else if (bytes[0] === CLOCK && bytes.length === 17) {
       this.#learn(view.getFloat64(1, true), view.getFloat64(9, true));
     }

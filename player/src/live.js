@@ -1,6 +1,7 @@
 // A live stream: its packets decoded in one worker as they come, shown after a jitter buffer of a few frames. What cannot be
 // kept up with is dropped, up to the newest entry: a keyframe, or a resilient frame.
 
+import { allowanceOf, refusal } from './allowance.js';
 import { IsvFailure, words } from './failure.js';
 import { JitterBuffer } from './jitter-buffer.js';
 import { Lane } from './lane.js';
@@ -34,7 +35,7 @@ export class LiveSource {
   onevent = () => {};
   #module;
   #spawn;
-  #voxels;
+  #allowance;
   #connection;
   /** @type {Lane | null} */
   #lane = null;
@@ -60,14 +61,14 @@ export class LiveSource {
    * @param {string} options.url
    * @param {Promise<WebAssembly.Module>} options.module
    * @param {() => import('./lane.js').Port} options.spawn starts a worker
-   * @param {number} [options.voxels] most voxels of a frame
+   * @param {import('./allowance.js').Allowance} [options.allowance] memory of the decoder
    * @param {(url: string) => import('./live-connection.js').Socket} [options.connect]
    */
-  constructor({ url, module, spawn, voxels, connect = (url) => new WebSocket(url) }) {
+  constructor({ url, module, spawn, allowance = allowanceOf(), connect = (url) => new WebSocket(url) }) {
     this.url = absolute(url);
     this.#module = module;
     this.#spawn = spawn;
-    this.#voxels = voxels;
+    this.#allowance = allowance;
     this.#connection = new LiveConnection({
       connect: () => connect(this.url),
       on: {
@@ -126,10 +127,10 @@ export class LiveSource {
       this.#buffer = new JitterBuffer(facts.fps);
       this.#lane = new Lane(
         this.#spawn(),
-        { module, header, voxels: this.#voxels },
+        { module, header, allowance: this.#allowance },
         {
           done: ({ frame, mesh }) => this.#done(frame, mesh),
-          lost: (_, { message }) => this.#lost(message),
+          lost: (_, answer) => this.#lost(answer, facts.blockSide),
           broken: (error) => this.onevent('error', { error }),
         },
       );
@@ -195,13 +196,14 @@ export class LiveSource {
     if (mesh && serverMs !== undefined) this.#buffer?.put({ ...mesh, serverMs }, performance.now());
   }
 
-  /** A packet that is no good: the next entry is waited for. @param {string} message */
-  #lost(message) {
+  /** A packet that is no good: the next entry is waited for. @param {import('./worker.js').Lost} answer @param {number} blockSide */
+  #lost({ message, refused = false, blocks = 0 }, blockSide) {
     this.#lane?.cancel();
     const newest = this.#waiting.findIndex(({ entry }) => entry);
     if (newest < 0) this.#drop();
     else this.#waiting.splice(0, newest);
-    this.onevent('lost', { frame: this.#number, resumes: this.#number, message });
+    const why = refused ? refusal(null, blocks, blockSide, this.#allowance) : message;
+    this.onevent('lost', { frame: this.#number, resumes: this.#number, message: why, refused });
   }
 
   /** @param {number} bytes */

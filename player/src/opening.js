@@ -1,5 +1,6 @@
 // A file opened, and its first frame on the way: needs no page and no three.js, so that both can load meanwhile.
 
+import { allowanceOf } from './allowance.js';
 import { IsvFailure } from './failure.js';
 import { BlobBytes, HttpBytes } from './ranges.js';
 import { FileSource } from './source.js';
@@ -12,7 +13,7 @@ const MEMORY = 256 << 20;
 
 /**
  * Which file, and what decoding it may take.
- * @typedef {Pick<import('./player.js').PlayerOptions, 'url' | 'source' | 'wasm' | 'workers' | 'memory' | 'voxels'>} FileOptions
+ * @typedef {Pick<import('./player.js').PlayerOptions, 'url' | 'source' | 'wasm' | 'workers' | 'memory' | 'maxMemory' | 'voxels'>} FileOptions
  */
 
 /** Opens a file. Nothing is decoded before `start`. @param {FileOptions} options @returns {Promise<DecodeAhead>} */
@@ -26,9 +27,10 @@ async function open(options) {
   parser.catch(() => {}); // Said below, unless the file fails first.
   try {
     const source = await FileSource.open(bytesOf(options), parser);
-    const { memory = MEMORY, voxels } = options;
+    const { memory = MEMORY } = options;
+    const allowance = allowanceOf(options);
     const spawn = () => ports.pop() ?? spawnWorker();
-    return new DecodeAhead({ source, module: await module, spawn, workers, budget: memory, voxels });
+    return new DecodeAhead({ source, module: await module, spawn, workers, budget: memory, allowance });
   } finally {
     for (const port of ports) port.terminate();
   }

@@ -1,12 +1,15 @@
 // The player: a stream as a three.js object that moves.
 
-import { Group, Mesh, MeshStandardMaterial } from 'three';
+import { Group, Mesh } from 'three';
+import { allowanceOf } from './allowance.js';
 import { Clock } from './clock.js';
-import { words } from './failure.js';
+import { IsvFailure, words } from './failure.js';
 import { LiveSource } from './live.js';
 import { MovingGeometry } from './moving-geometry.js';
 import { openFile } from './opening.js';
 import { compileDecoder, spawnWorker } from './spawn.js';
+import { litMaterial } from './surface-material.js';
+import { isUp, toYUp } from './up.js';
 
 /** Frames before the target that are made on the way to it when going back, so that the next steps back are at once. */
 const BEHIND = 8;
@@ -22,7 +25,9 @@ const PATIENCE = 250;
  * @property {string | URL | WebAssembly.Module} [wasm] the decoder, if it is not beside the modules
  * @property {number} [workers] how many decode; as many as there are cores, up to 4
  * @property {number} [memory] most bytes of decoded frames; 256 MiB
- * @property {number} [voxels] most voxels of a frame
+ * @property {number} [maxMemory] most bytes that decoders may take; half of the machine's memory
+ * @property {number} [voxels] most voxels of a frame; as many as that memory has room for
+ * @property {import('./up.js').Up} [up] the axis of the capture that points up; the object is turned so that it is Y
  * @property {import('three').Material} [material] of the mesh
  * @property {Clock} [clock] shared with other players
  * @property {boolean} [autoplay]
@@ -31,7 +36,7 @@ const PATIENCE = 250;
  */
 
 export class IsvPlayer extends EventTarget {
-  /** To be added to a scene. Metres, in the axes of the capture. */
+  /** To be added to a scene. Metres, in the axes of the capture, turned so that `up` is Y. */
   object = new Group();
   mesh;
   /** The frame that is shown, with its arrays and measures; null before the first. @type {import('./worker.js').Frame | null} */
@@ -53,6 +58,10 @@ export class IsvPlayer extends EventTarget {
   ready;
   #gate = (/** @type {number} */ position) => this.#gatePosition(position);
   #details = false;
+  /** @type {import('./up.js').Up} */
+  #up = 'y';
+  /** The refused frame that was told of last; -1 if the playhead was elsewhere since. */
+  #refused = -1;
   #waiting = false;
   #closed = false;
   /** Where a drag on the scrub bar is, while a picture near an earlier place is still on its way. */
@@ -63,12 +72,13 @@ export class IsvPlayer extends EventTarget {
   /** @param {PlayerOptions} options */
   constructor(options) {
     super();
-    const { clock = new Clock(), loop, speed, autoplay = false, material } = options;
+    const { clock = new Clock(), loop, speed, autoplay = false, material, up = 'y' } = options;
     this.clock = clock;
     if (loop !== undefined) clock.loop = loop;
     if (speed !== undefined) clock.speed = speed;
-    this.mesh = new Mesh(new MovingGeometry(), material ?? new MeshStandardMaterial({ color: 0xb9bec6, roughness: 0.75 }));
+    this.mesh = new Mesh(new MovingGeometry(), material ?? litMaterial());
     this.object.add(this.mesh);
+    this.up = up;
     this.ready = new Promise((resolve, reject) => (this.#first = { resolve, reject }));
     this.ready.catch(() => {}); // An error event says it, too.
     this.#open(options).catch((error) => this.#fail(error));
@@ -107,6 +117,17 @@ export class IsvPlayer extends EventTarget {
   /** Whether the playhead waits for a frame. */
   get waiting() {
     return this.#waiting;
+  }
+
+  /** The axis of the capture that points up. Setting it turns `object`. */
+  get up() {
+    return this.#up;
+  }
+
+  set up(up) {
+    if (!isUp(up)) throw new RangeError(`up is y, z, x, -y, -z or -x, not ${up}`);
+    this.#up = up;
+    this.object.quaternion.copy(toYUp(up));
   }
 
   get speed() {
@@ -197,6 +218,7 @@ export class IsvPlayer extends EventTarget {
     const event = this.clock.tick(now);
     if (event) this.#tell(event);
     this.#noteWaiting(now);
+    this.#noteLost();
     if (this.#scrub >= 0) return this.#updateScrub();
     this.#aim(this.ahead.behind && this.ahead.target === this.frame ? this.ahead.behind : 0);
     return this.#show(this.frame);
@@ -218,7 +240,7 @@ export class IsvPlayer extends EventTarget {
   async #open(options) {
     if (options.live !== undefined) {
       const module = compileDecoder(options.wasm);
-      this.live = new LiveSource({ url: options.live, module, spawn: spawnWorker, voxels: options.voxels });
+      this.live = new LiveSource({ url: options.live, module, spawn: spawnWorker, allowance: allowanceOf(options) });
       this.live.onevent = (type, detail) => {
         if (type === 'error') return this.#fail(/** @type {{ error: Error }} */ (detail).error);
         if (type === 'open') this.error = null; // Another stream than the one that could not be played.
@@ -326,6 +348,24 @@ export class IsvPlayer extends EventTarget {
     if (waiting === this.#waiting) return;
     this.#waiting = waiting;
     this.#tell(waiting ? 'waiting' : 'resumed');
+  }
+
+  /** Stops at a frame that needs too much memory, and gives up where no frame can be shown. */
+  #noteLost() {
+    const { lost, refused } = /** @type {import('./workers.js').DecodeAhead} */ (this.ahead);
+    const frame = this.frame;
+    const why = lost.get(frame);
+    if (why === undefined || !refused.has(frame)) {
+      this.#refused = -1;
+      const hopeless = !this.shown && !this.error && lost.size >= this.frames;
+      if (hopeless) this.#fail(new IsvFailure('damaged', `no frame of it can be decoded: ${why ?? [...lost.values()][0]}`));
+      return;
+    }
+    this.clock.pause();
+    if (this.#refused === frame) return;
+    this.#refused = frame;
+    this.#first.reject(new IsvFailure('limit', why));
+    this.#tell('refused', { frame, message: why });
   }
 
   /** The position that the clock may not reach, in its own frames. @param {number} position */

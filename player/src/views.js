@@ -18,7 +18,7 @@ export const VIEWS = [
   {
     name: 'normals',
     title: 'Normals',
-    says: 'The surface, coloured by where it faces: red is x, green y, blue z; magenta is its inside',
+    says: 'The surface, coloured by where it faces: red is x, green y, blue z; magenta is its back',
     details: false,
   },
   { name: 'wireframe', title: 'Wireframe', says: 'The triangles of the surface', details: false },

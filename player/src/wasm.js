@@ -78,11 +78,14 @@ export class IsvError extends Error {
   /**
    * @param {ErrorKind} kind
    * @param {string} message
+   * @param {number} [blocks]
    */
-  constructor(kind, message) {
+  constructor(kind, message, blocks = 0) {
     super(message);
     this.name = 'IsvError';
     this.kind = kind;
+    /** Blocks of a frame that was refused because it has too many; 0 of any other error. */
+    this.blocks = blocks;
   }
 }
 
@@ -101,8 +104,8 @@ export class Decoder {
   #exports;
   /** @type {Uint8Array | undefined} The header of the stream, for a fresh instance. */
   #header;
-  /** @type {number | undefined} */
-  #voxels;
+  /** @type {[voxels: number, trusted: number] | undefined} */
+  #limit;
 
   /**
    * @param {WebAssembly.Module} module
@@ -133,10 +136,11 @@ export class Decoder {
   /**
    * Limits the voxels of a frame, blocks times voxels a block, from the next `open` on.
    * @param {number} voxels
+   * @param {{ trusted?: boolean }} [options] whether a frame may take all of them, however few bytes its stream has
    */
-  limit(voxels) {
-    this.#voxels = voxels;
-    this.#exports.isv_limit(voxels);
+  limit(voxels, { trusted = false } = {}) {
+    this.#limit = [voxels, trusted ? 1 : 0];
+    this.#exports.isv_limit(...this.#limit);
   }
 
   /**
@@ -296,10 +300,10 @@ export class Decoder {
     if (kind === undefined) {
       return;
     }
-    const { memory, isv_message, isv_message_bytes } = this.#exports;
+    const { memory, isv_message, isv_message_bytes, isv_refused_blocks } = this.#exports;
     // Addresses are numbers without a sign.
     const words = new Uint8Array(memory.buffer, isv_message() >>> 0, isv_message_bytes());
-    throw new IsvError(kind, new TextDecoder().decode(words));
+    throw new IsvError(kind, new TextDecoder().decode(words), isv_refused_blocks());
   }
 
   /**
@@ -334,8 +338,8 @@ export class Decoder {
 
   #restart() {
     this.#exports = exportsOf(new WebAssembly.Instance(this.#module, {}));
-    if (this.#voxels !== undefined) {
-      this.#exports.isv_limit(this.#voxels);
+    if (this.#limit !== undefined) {
+      this.#exports.isv_limit(...this.#limit);
     }
     if (this.#header !== undefined) {
       this.#give(this.#header);

@@ -1,14 +1,14 @@
 // A Web Worker with one decoder. It takes packets in order, decodes them one a turn, so that a `cancel` between two of them
 // is heard at once, and sends back meshes whose arrays are transferred.
 
-import { Decoder } from './wasm.js';
+import { Decoder, IsvError } from './wasm.js';
 import { bitsOfVertices } from './block-bits.js';
 import { words } from './failure.js';
 
 /**
  * What a worker is told. `start` comes first. `decode`: `run` is a number that comes back with the answer; `surface` false only
  * moves the decoder on. `cancel` forgets what waits.
- * @typedef {{ do: 'start', module: WebAssembly.Module, header: Uint8Array, voxels?: number }} Start
+ * @typedef {{ do: 'start', module: WebAssembly.Module, header: Uint8Array, allowance?: import('./allowance.js').Allowance }} Start
  * @typedef {object} Decode
  * @property {'decode'} do
  * @property {number} run
@@ -40,10 +40,11 @@ import { words } from './failure.js';
 
 /**
  * What a worker says. `done` answers each packet; it has a frame if a surface was wanted, and there was all of it once. `lost`: the packet cannot be decoded, and
- * what waited of the same run is forgotten. `broken`: the worker cannot go on.
+ * what waited of the same run is forgotten; `refused` is set if it is sound but needs too much memory, and `blocks` says how many
+ * blocks it has, if that is known. `memoryBytes`: the decoder's memory. `broken`: the worker cannot go on.
  * @typedef {{ is: 'ready' }} Ready
- * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null }} Done
- * @typedef {{ is: 'lost', run: number, frame: number, message: string }} Lost
+ * @typedef {{ is: 'done', run: number, frame: number, mesh: Frame | null, memoryBytes?: number }} Done
+ * @typedef {{ is: 'lost', run: number, frame: number, message: string, refused?: boolean, blocks?: number }} Lost
  * @typedef {Ready | Done | Lost | { is: 'broken', message: string }} Answer
  */
 
@@ -72,10 +73,10 @@ scope.onmessage = (/** @type {MessageEvent<Order>} */ { data }) => {
 };
 
 /** @param {Start} order */
-async function start({ module, header, voxels }) {
+async function start({ module, header, allowance }) {
   try {
     decoder = await Decoder.create(module);
-    if (voxels) decoder.limit(voxels);
+    if (allowance) decoder.limit(allowance.voxels, allowance);
     facts = decoder.open(header);
     scope.postMessage({ is: 'ready' });
     // What came meanwhile.
@@ -96,13 +97,15 @@ function decode({ run, frame, packet, at, surface, details }) {
   if (!decoder || !facts) return;
   try {
     const decoded = decoder.decode(packet, { at, surface, normals: true, details });
+    const { memoryBytes } = decoder;
     whole ||= decoded.inexactBlocks === 0;
-    if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null });
+    if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null, memoryBytes });
     const mesh = finished(decoded, facts, packet.length);
-    scope.postMessage({ is: 'done', run, frame, mesh }, buffersOf(mesh));
+    scope.postMessage({ is: 'done', run, frame, mesh, memoryBytes }, buffersOf(mesh));
   } catch (error) {
     lostRun = run;
-    scope.postMessage({ is: 'lost', run, frame, message: words(error) });
+    const refused = error instanceof IsvError && error.kind === 'limit';
+    scope.postMessage({ is: 'lost', run, frame, message: words(error), refused, blocks: refused ? error.blocks : 0 });
   }
 }
 

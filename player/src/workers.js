@@ -1,6 +1,7 @@
 // Decodes ahead of the playhead: deals runs of whole GOPs to workers and keeps what they give in a ring, bounded in bytes.
 // The frame under the playhead always comes first: until it is there, nothing else is begun.
 
+import { allowanceOf, refusal } from './allowance.js';
 import { IsvFailure, isAbort } from './failure.js';
 import { Lane, Task } from './lane.js';
 import { Ring } from './ring.js';
@@ -16,7 +17,8 @@ const RETRIES = [500, 1000, 2000, 4000, 8000];
 
 /**
  * @typedef {import('./worker.js').Frame} Frame
- * @typedef {{ frame: number, resumes: number, message: string }} LostFrames frames `frame` to before `resumes` cannot be shown
+ * @typedef {{ frame: number, resumes: number, message: string, refused: boolean }} LostFrames frames `frame` to before `resumes` cannot be
+ *   shown: they are damaged, or refused because they need more memory than the decoder may have
  * @typedef {object} Events
  * @property {(frame: number) => void} [frame] a frame has come
  * @property {(lost: LostFrames) => void} [lost]
@@ -27,6 +29,8 @@ const RETRIES = [500, 1000, 2000, 4000, 8000];
 export class DecodeAhead {
   /** Frames that cannot be decoded, and why. @type {Map<number, string>} */
   lost = new Map();
+  /** Those of them that are sound but need more memory than the decoder may have. @type {Set<number>} */
+  refused = new Set();
   loop = true;
   details = false;
   /** Settles when a decoder works, or none ever will. @type {Promise<void>} */
@@ -51,6 +55,7 @@ export class DecodeAhead {
   #failures = 0;
   #retrying = /** @type {ReturnType<typeof setTimeout> | null} */ (null);
   #broken = false;
+  #allowance;
 
   /**
    * @param {object} options
@@ -59,16 +64,17 @@ export class DecodeAhead {
    * @param {() => import('./lane.js').Port} options.spawn starts a worker
    * @param {number} options.workers
    * @param {number} options.budget bytes
-   * @param {number} [options.voxels] most voxels of a frame
+   * @param {import('./allowance.js').Allowance} [options.allowance] memory of the decoders
    * @param {Events} [options.on] without it, {@link DecodeAhead.listen} is told what happened until then
    */
-  constructor({ source, module, spawn, workers, budget, voxels, on }) {
+  constructor({ source, module, spawn, workers, budget, allowance = allowanceOf(), on }) {
     this.#source = source;
+    this.#allowance = allowance;
     this.#gops = source.gops;
     this.#on = on ?? null;
     /** @type {Ring<Frame>} */
     this.#ring = new Ring(budget);
-    const start = { module, header: source.header, voxels };
+    const start = { module, header: source.header, allowance };
     this.begun = new Promise((resolve) => (this.#settle = resolve));
     const answers = {
       ready: () => this.#settle(),
@@ -305,12 +311,23 @@ export class DecodeAhead {
   }
 
   /** @param {import('./worker.js').Done} answer */
-  #done({ frame, mesh }) {
+  #done({ frame, mesh, memoryBytes = 0 }) {
+    this.#spare(memoryBytes);
     if (!mesh || (this.details && !mesh.details)) return;
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
     this.#tell((on) => on.frame?.(frame));
     this.#deal();
+  }
+
+  /** Closes workers for which there is no memory, once it is known what one takes. @param {number} memoryBytes */
+  #spare(memoryBytes) {
+    const most = memoryBytes ? Math.max(1, Math.floor(this.#allowance.bytes / memoryBytes)) : Infinity;
+    while (this.#lanes.length > most) {
+      const idle = this.#lanes.findLastIndex(({ task, coming }) => !task && !coming.size);
+      const [lane] = this.#lanes.splice(idle < 0 ? this.#lanes.length - 1 : idle, 1);
+      lane.close();
+    }
   }
 
   /** How far a frame is from being shown. @param {number} frame */
@@ -322,18 +339,22 @@ export class DecodeAhead {
   }
 
   /** @param {Lane} lane @param {import('./worker.js').Lost} answer */
-  #lose(lane, { frame, message }) {
+  #lose(lane, { frame, message, refused = false, blocks = 0 }) {
     lane.cancel();
-    this.#loseUntilKeyframe(frame, message);
+    const why = refused ? refusal(frame, blocks, this.#source.facts.blockSide, this.#allowance) : message;
+    this.#loseUntilKeyframe(frame, why, refused);
     this.#deal();
   }
 
-  /** @param {number} frame @param {string} message */
-  #loseUntilKeyframe(frame, message) {
+  /** @param {number} frame @param {string} message @param {boolean} [refused] */
+  #loseUntilKeyframe(frame, message, refused = false) {
     const resumes = this.#gops.keyframeAfter(frame);
     const known = this.lost.has(frame);
-    for (let lost = frame; lost < resumes; lost++) this.lost.set(lost, message);
-    if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message }));
+    for (let lost = frame; lost < resumes; lost++) {
+      this.lost.set(lost, message);
+      if (refused) this.refused.add(lost);
+    }
+    if (!known) this.#tell((on) => on.lost?.({ frame, resumes, message, refused }));
   }
 
   /** Bytes could not be read. @param {Lane} lane @param {Error} error */

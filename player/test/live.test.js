@@ -106,6 +106,19 @@ test('a live stream is heard', (context) => {
   assert.deepEqual(events, ['waiting', 'header 48', 'live', 'packet 30 at 1234', 'ended', 'header 48', 'live']);
 });
 
+test('a stream that has ended for good is not waited for', (context) => {
+  const { connection, sockets, events, timers } = connected(context);
+  sockets[0].onopen();
+  sockets[0].say(0, new Uint8Array(48));
+  sockets[0].say(2);
+  sockets[0].say(2, Uint8Array.of(1));
+  sockets[0].onclose();
+  timers.tick(60_000);
+  assert.deepEqual(events, ['waiting', 'header 48', 'live', 'ended', 'over']);
+  assert.equal(connection.state, 'over');
+  assert.equal(sockets.length, 1, 'the server is not called again');
+});
+
 test('messages that are no good are passed over', (context) => {
   const { sockets, events } = connected(context);
   sockets[0].onopen();

@@ -12,9 +12,12 @@ import { FRAME_BYTES, FakePort, fakeSource } from './support/fake-stream.js';
  * @param {number} [options.workers]
  * @param {number} [options.hold] frames that fit into memory
  * @param {number[]} [options.damaged]
+ * @param {Record<number, number>} [options.refused] frames that need too much memory, and how many blocks they have
+ * @param {number} [options.memoryBytes] that each worker takes
+ * @param {import('../src/allowance.js').Allowance} [options.allowance]
  * @param {boolean} [options.silent] whether nobody listens
  */
-function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [], silent = false } = {}) {
+function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, damaged = [], refused = {}, memoryBytes = 0, allowance, silent = false } = {}) {
   const source = fakeSource(frames, gop, first);
   /** @type {FakePort[]} */
   const ports = [];
@@ -24,12 +27,13 @@ function begun({ frames = 100, gop = 10, first = 0, workers = 2, hold = 40, dama
     source: /** @type {any} */ (source),
     module: /** @type {any} */ (null),
     spawn: () => {
-      const port = new FakePort({ damaged });
+      const port = new FakePort({ damaged, refused, memoryBytes });
       ports.push(port);
       return /** @type {any} */ (port);
     },
     workers,
     budget: hold * FRAME_BYTES,
+    allowance,
     on: silent ? undefined : {
       frame: (frame) => events.push({ frame }),
       lost: (lost) => events.push({ lost }),
@@ -173,7 +177,7 @@ test('a damaged frame loses what follows it, up to the next keyframe', async () 
   await rest();
   assert.deepEqual(
     events.filter(({ lost }) => lost),
-    [{ lost: { frame: 13, resumes: 20, message: 'damaged' } }],
+    [{ lost: { frame: 13, resumes: 20, message: 'damaged', refused: false } }],
   );
   assert.deepEqual(
     [12, 13, 19, 20].map((frame) => Boolean(ahead.get(frame))),
@@ -233,4 +237,28 @@ test('the clock may go as far as there are frames', async () => {
   await rest();
   assert.equal(ahead.firstMissing(0), Infinity);
   assert.deepEqual(ahead.spans(), [[0, 7]]);
+});
+
+test('a frame that needs too much memory is refused by name, not called damaged', async () => {
+  const allowance = { bytes: 512e6, voxels: 42_000_000, trusted: true };
+  const { ahead, events } = begun({ frames: 40, refused: { 13: 300_000 }, allowance });
+  await rest();
+  const [{ lost }] = events.filter(({ lost }) => lost);
+  assert.deepEqual([lost.frame, lost.resumes, lost.refused], [13, 20, true]);
+  assert.match(lost.message, /^frame 13 needs 300,000 blocks, about 1\.8 GB, and the player was given 50\d MB: .*--max-memory 1\.9GB/);
+  assert.deepEqual([...ahead.refused], [13, 14, 15, 16, 17, 18, 19]);
+  assert.ok(ahead.get(20), 'what follows is decoded');
+});
+
+test('workers that the machine has no memory for are closed, and the others do their work', async () => {
+  const allowance = { bytes: 2.5e9, voxels: 1 << 27, trusted: false };
+  const { ahead, ports } = begun({ frames: 80, hold: 200, workers: 4, memoryBytes: 1e9, allowance });
+  await rest();
+  assert.equal(ahead.workers, 2);
+  assert.deepEqual(ports.map(({ terminated }) => terminated).sort(), [false, false, true, true]);
+  assert.equal(held(ahead, 80).length, 80);
+  const large = begun({ frames: 80, hold: 200, workers: 4, memoryBytes: 4e9, allowance });
+  await rest();
+  assert.equal(large.ahead.workers, 1, 'one is left');
+  assert.equal(held(large.ahead, 80).length, 80);
 });

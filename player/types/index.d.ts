@@ -49,6 +49,9 @@ export interface Frame {
   details: BlockDetails | null;
 }
 
+/** An axis of coordinates. */
+export type Up = 'y' | 'z' | 'x' | '-y' | '-z' | '-x';
+
 export interface PlayerOptions {
   /** A file, by HTTP; with ranges where the server has them. */
   url?: string;
@@ -62,8 +65,12 @@ export interface PlayerOptions {
   workers?: number;
   /** Most bytes of decoded frames; 256 MiB. */
   memory?: number;
-  /** Most voxels of a frame: others are refused before they take memory. */
+  /** Most bytes that decoders may take; half of the machine's memory. A frame that needs more is refused before it takes any. */
+  maxMemory?: number;
+  /** Most voxels of a frame; as many as that memory has room for. */
   voxels?: number;
+  /** The axis of the capture that points up; `y`. The object is turned so that it is Y. */
+  up?: Up;
   /** Of the mesh. */
   material?: Material;
   /** Shared with other players that go in step. */
@@ -85,8 +92,10 @@ export interface PlayerEvents {
   /** It went round; it came to the end. */
   wrapped: undefined;
   ended: undefined;
-  /** Frames `frame` to before `resumes` are damaged; it goes on after them. */
-  lost: { frame: number; resumes: number; message: string };
+  /** Frames `frame` to before `resumes` cannot be decoded: they are damaged, or, `refused`, need more memory than the decoder may have. */
+  lost: { frame: number; resumes: number; message: string; refused: boolean };
+  /** The playhead has come to a frame that needs more memory than the decoder may have, and stops. */
+  refused: { frame: number; message: string };
   /** Bytes cannot be read, which is tried again; they can. */
   stalled: { message: string };
   recovered: undefined;
@@ -96,7 +105,8 @@ export interface PlayerEvents {
   error: { error: Error; message: string };
 }
 
-export type LiveState = 'connecting' | 'waiting' | 'live' | 'ended' | 'lost';
+/** `ended`: the source ended, and may come again. `over`: the stream has ended for good. */
+export type LiveState = 'connecting' | 'waiting' | 'live' | 'ended' | 'over' | 'lost';
 
 /** A live stream, as a player has it. */
 export interface LiveSource {
@@ -114,8 +124,10 @@ export interface LiveSource {
 /** Plays a stream as a three.js object. Call `update` for every picture drawn. */
 export class IsvPlayer extends EventTarget {
   constructor(options: PlayerOptions);
-  /** To be added to a scene. Metres, in the axes of the capture. */
+  /** To be added to a scene. Metres, in the axes of the capture, turned so that `up` is Y. */
   readonly object: Group;
+  /** The axis of the capture that points up. Setting it turns `object`. */
+  up: Up;
   readonly mesh: Mesh;
   readonly clock: Clock;
   /** Settles with the first decoded frame; rejects if the stream cannot be played. */
@@ -203,4 +215,6 @@ export class IsvFailure extends Error {
 /** An error of the decoder. */
 export class IsvError extends Error {
   readonly kind: 'malformed' | 'limit' | 'keyframe' | 'order';
+  /** Blocks of a frame that was refused because it has too many; 0 of any other error. */
+  readonly blocks: number;
 }

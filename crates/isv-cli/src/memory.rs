@@ -77,6 +77,13 @@ pub(crate) fn largest_payload() -> u32 {
     u32::try_from(bytes).unwrap_or(u32::MAX)
 }
 
+impl MemorySize {
+    /// In bytes.
+    pub(crate) fn bytes(self) -> u64 {
+        self.0
+    }
+}
+
 /// An amount of memory above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MemorySize(u64);

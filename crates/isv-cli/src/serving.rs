@@ -3,9 +3,10 @@
 use crate::failure::usage;
 use crate::interrupt;
 use crate::output::is_pipe;
-use crate::stream;
+use crate::up::Up;
+use crate::{memory, stream};
 use anyhow::{Context, Result};
-use isv_serve::{Server, Settings};
+use isv_serve::{PageOptions, Server, Settings};
 use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,6 +15,21 @@ use tokio::time::sleep;
 
 /// How often it is looked whether the user wants to stop.
 const PATIENCE: Duration = Duration::from_millis(50);
+
+/// How the page shows streams.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct ShowArgs {
+    /// The axis that points up in the player [default: y]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    up: Option<Up>,
+}
+
+impl ShowArgs {
+    /// What the page is told; the memory is that of `--max-memory`.
+    pub(crate) fn page_options(self) -> PageOptions {
+        PageOptions { up: self.up.map(Up::name), max_memory: memory::chosen().map(memory::MemorySize::bytes) }
+    }
+}
 
 /// Refuses what is no stream, before anybody tries to watch it.
 pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
@@ -29,8 +45,12 @@ pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Listens, does what there is to do once that is possible, and serves until the user wants to stop.
-pub(crate) fn serve(settings: Settings, ready: impl FnOnce(&Server) -> Result<()>) -> Result<()> {
+/// Listens, does what there is to do once that is possible, and serves until the user wants to stop or `done` is.
+pub(crate) fn serve(
+    settings: Settings,
+    ready: impl FnOnce(&Server) -> Result<()>,
+    done: impl Future<Output = ()>,
+) -> Result<()> {
     interrupt::listen()?;
     let runtime =
         runtime::Builder::new_multi_thread().enable_all().build().context("cannot start a server")?;
@@ -40,6 +60,7 @@ pub(crate) fn serve(settings: Settings, ready: impl FnOnce(&Server) -> Result<()
         tokio::select! {
             () = server.run() => {}
             () = interrupted() => {}
+            () = done => {}
         }
         Ok(())
     });

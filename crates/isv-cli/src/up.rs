@@ -28,6 +28,18 @@ pub(crate) enum Up {
 }
 
 impl Up {
+    /// The name on the command line, and in the address of the player's page.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::X => "x",
+            Self::MinusY => "-y",
+            Self::MinusZ => "-z",
+            Self::MinusX => "-x",
+        }
+    }
+
     /// The rotation that takes coordinates with this axis up to coordinates with Y up; its transpose takes them back.
     ///
     /// Z up follows the convention of glTF exporters: (x, y, z) becomes (x, z, -y). Entries are 0, 1 and -1, so the turn is exact.
@@ -53,6 +65,7 @@ mod tests {
     fn each_axis_turns_to_y_and_nothing_is_mirrored() {
         let axes = [DVec3::Y, DVec3::Z, DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z, DVec3::NEG_X];
         for (up, axis) in Up::value_variants().iter().zip(axes) {
+            assert_eq!(up.to_possible_value().unwrap().get_name(), up.name());
             assert_eq!(up.to_y_up() * axis, DVec3::Y, "{up:?}");
             assert_eq!(up.to_y_up().determinant(), 1.0, "{up:?}");
         }

@@ -149,7 +149,7 @@ fn a_folder_is_its_mesh_files_in_natural_order() {
 }
 
 #[test]
-fn a_pattern_matches_in_the_last_part_of_a_path() {
+fn a_pattern_names_the_files_that_match() {
     let folder = folder_of(&["a_10.ply", "a_9.ply", "b_1.ply", "a_1.obj", "a_[1].ply", "a*.ply"]);
     assert_eq!(names(&open(&folder, "a_?.ply").unwrap()), ["a_9.ply"]);
     assert_eq!(names(&open(&folder, "a_*.ply").unwrap()), ["a_9.ply", "a_10.ply", "a_[1].ply"]);
@@ -157,8 +157,36 @@ fn a_pattern_matches_in_the_last_part_of_a_path() {
     assert_eq!(names(&open(&folder, "a_[1].ply").unwrap()), ["a_[1].ply"]);
     assert_eq!(names(&open(&folder, "a*.ply").unwrap()), ["a*.ply"]);
     assert!(matches!(open(&folder, "c*.ply"), Err(SequenceError::NoFrames { .. })));
-    assert!(matches!(open(&folder, "x*/a_1.ply"), Err(SequenceError::WildcardInFolder { .. })));
+    assert!(matches!(open(&folder, "x*/a_1.ply"), Err(SequenceError::NoFrames { .. })));
     assert!(matches!(open(&folder, "x/*.ply"), Err(SequenceError::Io { .. })));
+}
+
+#[test]
+fn a_take_may_have_a_folder_for_each_frame() {
+    let folder = folder_of(&[]);
+    for frame in ["10", "9", "1"] {
+        fs::create_dir(folder.path().join(frame)).unwrap();
+        fs::write(folder.path().join(frame).join("mesh.obj"), "").unwrap();
+        fs::write(folder.path().join(frame).join("texture.png"), "").unwrap();
+    }
+    let expected = ["1/mesh.obj", "9/mesh.obj", "10/mesh.obj"].map(|name| folder.path().join(name));
+    for sequence in
+        [open(&folder, "").unwrap(), open(&folder, "*/mesh.obj").unwrap(), open(&folder, "?*/*.obj").unwrap()]
+    {
+        assert_eq!(sequence.paths(), expected);
+        assert_eq!(sequence.times(), &isv_io::FrameTimes::Numbered(vec![0, 8, 9]));
+    }
+    fs::write(folder.path().join("9/other.obj"), "").unwrap();
+    let message = open(&folder, "").unwrap_err().to_string();
+    assert!(
+        message.contains("9: 2 files of meshes or points") && message.contains("take/*/mesh.obj"),
+        "{message}"
+    );
+    assert_eq!(open(&folder, "*/mesh.obj").unwrap().paths().len(), 3);
+    // A frame's folder without a file: no take of folders.
+    fs::create_dir(folder.path().join("11")).unwrap();
+    fs::remove_file(folder.path().join("9/other.obj")).unwrap();
+    assert!(matches!(open(&folder, ""), Err(SequenceError::NoFrames { .. })));
 }
 
 #[test]

@@ -53,6 +53,11 @@ impl StreamFiles {
         self.files.iter().enumerate().map(url).collect()
     }
 
+    /// The name of each file.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.files.iter().map(|file| file.name.as_str())
+    }
+
     fn find(&self, number: &str, name: &str) -> Option<&StreamFile> {
         let at: usize = number.parse().ok()?;
         self.files.get(at).filter(|file| file.name == name && at.to_string() == number)

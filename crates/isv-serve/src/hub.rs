@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
+use tokio::time::timeout;
 
 /// What a packet takes in the ring beside its bytes, rounded up.
 const SLOT_BYTES: usize = 128;
@@ -37,6 +38,8 @@ pub struct Hub {
     limits: HubLimits,
     ring: Mutex<Ring>,
     changed: watch::Sender<()>,
+    /// Viewers that were not told yet that the source has ended for good.
+    viewers: watch::Sender<usize>,
 }
 
 /// What a hub has in memory.
@@ -56,6 +59,8 @@ struct Ring {
     header: Bytes,
     /// Whether the source ended and did not start anew.
     ended: bool,
+    /// Whether it ended for good.
+    finished: bool,
     /// Whether packets have no use until the next entry.
     broken: bool,
     /// Sequence number of the oldest packet, or of the next if there is none.
@@ -117,7 +122,12 @@ impl Hub {
     /// A hub without a stream.
     #[must_use]
     pub fn new(limits: HubLimits) -> Self {
-        Self { limits, ring: Mutex::default(), changed: watch::Sender::default() }
+        Self {
+            limits,
+            ring: Mutex::default(),
+            changed: watch::Sender::default(),
+            viewers: watch::Sender::default(),
+        }
     }
 
     /// The largest packet worth reading: a quarter of the ring.
@@ -159,6 +169,23 @@ impl Hub {
         self.update(|ring| ring.ended = true);
     }
 
+    /// The source has ended and will not start anew. Viewers are told once they have all packets.
+    pub fn finish(&self) {
+        self.update(|ring| (ring.ended, ring.finished) = (true, true));
+    }
+
+    /// Waits until the source has ended for good and all viewers have the rest of it, or `grace` has passed since it ended.
+    pub async fn finished(&self, grace: Duration) {
+        let mut changed = self.changed.subscribe();
+        while !self.lock().finished {
+            // The sender lives in the hub.
+            let _ = changed.changed().await;
+        }
+        let mut viewers = self.viewers.subscribe();
+        // Viewers that do not read must not keep the server.
+        let _ = timeout(grace, viewers.wait_for(|viewers| *viewers == 0)).await;
+    }
+
     /// What is in memory.
     #[must_use]
     pub fn held(&self) -> Held {
@@ -169,12 +196,14 @@ impl Hub {
     /// A viewer who sees the stream from the next entry on.
     #[must_use]
     pub fn join(self: &Arc<Self>) -> Viewer {
+        self.viewers.send_modify(|viewers| *viewers += 1);
         Viewer {
             changed: self.changed.subscribe(),
             stream: 0,
             next: self.lock().end(),
             place: Place::BeforeEntry,
             told_end: false,
+            is_over: false,
             missed: 0,
             hub: Arc::clone(self),
         }
@@ -202,6 +231,7 @@ pub struct Viewer {
     next: u64,
     place: Place,
     told_end: bool,
+    is_over: bool,
     missed: u64,
 }
 
@@ -229,6 +259,12 @@ impl Viewer {
         }
     }
 
+    /// Whether this viewer was told that the source has ended for good: no message follows.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.is_over
+    }
+
     /// Packets of streams it was inside of that this viewer did not get because it was too slow.
     #[must_use]
     pub fn missed(&self) -> u64 {
@@ -253,9 +289,15 @@ impl Viewer {
             self.place = Place::Inside;
             return Some(slot.message.clone());
         }
-        let ends = ring.ended && !self.told_end;
-        self.told_end |= ends;
-        ends.then(message::end)
+        if ring.ended && !self.told_end {
+            self.told_end = true;
+            return Some(message::end());
+        }
+        if ring.finished && !self.is_over {
+            self.is_over = true;
+            return Some(message::end_for_good());
+        }
+        None
     }
 
     fn begin(&mut self, ring: &Ring) {
@@ -288,6 +330,12 @@ impl Viewer {
             self.missed += sequence - self.next;
         }
         self.next = sequence;
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.hub.viewers.send_modify(|viewers| *viewers -= 1);
     }
 }
 
@@ -423,6 +471,45 @@ mod tests {
         publish(&hub, 3..12);
         assert_eq!(drain(&mut viewer), ["header", "10", "11"]);
         assert_eq!((viewer.missed(), hub.held().packets), (0, 2));
+    }
+
+    #[test]
+    fn the_end_for_good_comes_last_and_once() {
+        let hub = hub(1 << 20);
+        let mut viewer = hub.join();
+        publish(&hub, 0..3);
+        hub.finish();
+        assert_eq!(viewer.take(Instant::now()).unwrap()[0], message::HEADER);
+        assert_eq!(drain(&mut viewer)[..2], ["0", "1"]);
+        assert!(viewer.is_over());
+        assert!(drain(&mut viewer).is_empty());
+        let mut late = hub.join();
+        assert_eq!(drain(&mut late), ["header", "kind 2", "kind 2"]);
+        // Before any stream there is no header.
+        let empty = Arc::new(Hub::new(HubLimits::default()));
+        empty.finish();
+        let messages: Vec<_> = {
+            let mut viewer = empty.join();
+            std::iter::from_fn(|| viewer.take(Instant::now())).collect()
+        };
+        assert_eq!(messages, [&[message::END][..], &[message::END, message::FOR_GOOD]]);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_hub_is_finished_when_viewers_are_or_the_grace_is_over() {
+        let grace = Duration::from_secs(5);
+        let start = tokio::time::Instant::now();
+        let hub = hub(1 << 20);
+        assert!(timeout(10 * grace, hub.finished(grace)).await.is_err(), "the source goes on");
+        let (viewer, stuck) = (hub.join(), hub.join());
+        hub.finish();
+        assert!(timeout(grace / 2, hub.finished(grace)).await.is_err(), "viewers do not have the rest");
+        drop(viewer);
+        hub.finished(grace).await;
+        assert_eq!(start.elapsed(), 10 * grace + grace / 2 + grace);
+        drop(stuck);
+        hub.finished(grace).await;
+        assert_eq!(start.elapsed(), 10 * grace + grace / 2 + grace, "at once");
     }
 
     #[test]

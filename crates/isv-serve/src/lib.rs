@@ -11,6 +11,7 @@
 //! |---|---|
 //! | `/` and the paths of `player/` | the page and its modules, embedded at compile time |
 //! | `/files/N/NAME.isv` | the files given, with HTTP ranges |
+//! | `/streams.json` | the names of what is served, for the page to offer |
 //! | `/live` | a WebSocket with the packets of a live source, as [`message`] has them |
 //!
 //! It reads packets, and decodes none. What a viewer can make the server hold does not grow: all viewers read one ring, and
@@ -37,6 +38,6 @@ pub use files::StreamFiles;
 pub use guard::{Origin, ParseOriginError};
 pub use hub::{Held, Hub, HubLimits, Viewer};
 pub use live::LiveLimits;
-pub use page::Page;
+pub use page::{Page, PageOptions};
 pub use server::{Server, Settings};
 pub use source::{Feed, Source};

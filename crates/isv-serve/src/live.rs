@@ -83,6 +83,8 @@ enum Over {
     Gone,
     /// The viewer sent what it should not.
     Refused(&'static str),
+    /// The viewer has all of a stream that has ended for good.
+    Finished,
 }
 
 impl Connection {
@@ -93,11 +95,15 @@ impl Connection {
     }
 
     async fn run(mut self) {
-        if let Err(Over::Refused(reason)) = self.serve().await {
-            let frame = CloseFrame { code: close_code::POLICY, reason: reason.into() };
-            // The connection is dropped after this, whether the words arrive or not.
-            let _ = self.send(Message::Close(Some(frame))).await;
-        }
+        let Err(over) = self.serve().await else { return };
+        let (code, reason) = match over {
+            Over::Gone => return,
+            Over::Refused(reason) => (close_code::POLICY, reason),
+            Over::Finished => (close_code::NORMAL, "the stream has ended"),
+        };
+        let frame = CloseFrame { code, reason: reason.into() };
+        // The connection is dropped after this, whether the words arrive or not.
+        let _ = self.send(Message::Close(Some(frame))).await;
     }
 
     async fn serve(&mut self) -> Result<(), Over> {
@@ -105,7 +111,12 @@ impl Connection {
         ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
-                message = self.viewer.next() => self.send(Message::Binary(message)).await?,
+                message = self.viewer.next() => {
+                    self.send(Message::Binary(message)).await?;
+                    if self.viewer.is_over() {
+                        return Err(Over::Finished);
+                    }
+                }
                 question = self.socket.recv() => match question {
                     Some(Ok(question)) => self.answer(question).await?,
                     Some(Err(_)) | None => return Err(Over::Gone),

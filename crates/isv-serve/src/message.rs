@@ -5,6 +5,7 @@
 //! | [`HEADER`] | the 48 bytes of a stream header | first, and whenever the source starts anew |
 //! | [`PACKET`] | unix time in ms when the server had it (`f64`), the packet as in a file | after a header or a gap: a keyframe |
 //! | [`END`] | nothing | the source ended; a header may follow |
+//! | [`END`] | a byte, [`FOR_GOOD`] | the source has ended for good; the connection closes |
 //! | [`CLOCK`] | unix time in ms of the server (`f64`), the 8 bytes that the viewer sent | answer to a message of 8 bytes |
 //!
 //! Numbers are little-endian. A viewer sends nothing but those 8 bytes, its own time, to find how far the clocks differ.
@@ -19,6 +20,8 @@ pub const HEADER: u8 = 0;
 pub const PACKET: u8 = 1;
 /// The source ended.
 pub const END: u8 = 2;
+/// The byte after [`END`] where no header follows any more.
+pub const FOR_GOOD: u8 = 1;
 /// The server's time.
 pub const CLOCK: u8 = 3;
 
@@ -36,6 +39,10 @@ pub(crate) fn packet(packet: &[u8], arrived_ms: f64) -> Bytes {
 
 pub(crate) fn end() -> Bytes {
     Bytes::from_static(&[END])
+}
+
+pub(crate) fn end_for_good() -> Bytes {
+    Bytes::from_static(&[END, FOR_GOOD])
 }
 
 pub(crate) fn clock(now_ms: f64, question: &[u8; CLOCK_QUESTION_BYTES]) -> Bytes {

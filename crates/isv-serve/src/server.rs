@@ -6,8 +6,9 @@ use crate::files::{self, StreamFiles};
 use crate::guard::{Guard, Origin};
 use crate::hub::Hub;
 use crate::live::{self, Live, LiveLimits};
-use crate::page::{self, Page};
+use crate::page::{self, Offered, Page, PageOptions};
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
@@ -26,6 +27,8 @@ const SEND_BUFFER_BYTES: u32 = 256 << 10;
 const CONNECTIONS: usize = 400;
 /// Connections that may wait to be accepted.
 const BACKLOG: u32 = 256;
+/// Where the list of streams is.
+const STREAMS: &str = "/streams.json";
 
 /// What is served, to whom.
 #[derive(Clone, Debug)]
@@ -34,8 +37,12 @@ pub struct Settings {
     pub address: SocketAddr,
     /// The page at `/`.
     pub page: Page,
+    /// How the page shows what it opens.
+    pub page_options: PageOptions,
     /// What is under `/files`.
     pub files: StreamFiles,
+    /// Whether `/` opens the first two files side by side; otherwise it opens what is served, or offers it if that is several.
+    pub compares: bool,
     /// The stream at `/live`.
     pub live: Option<Arc<Hub>>,
     /// Limits of `/live`.
@@ -50,10 +57,38 @@ impl Default for Settings {
         Self {
             address: (Ipv4Addr::LOCALHOST, 0).into(),
             page: Page::player(),
+            page_options: PageOptions::default(),
             files: StreamFiles::default(),
+            compares: false,
             live: None,
             live_limits: LiveLimits::default(),
             allowed_origins: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// The query of the page with the first file, and the second to compare it with.
+    fn comparison(&self) -> String {
+        page::query(&self.files.urls(), &self.page_options)
+    }
+
+    /// All that is served, each on a page of its own.
+    fn offered(&self) -> Vec<Offered> {
+        let files = self.files.names().zip(self.files.urls());
+        let files = files.map(|(name, url)| (name.to_owned(), page::query(&[url], &self.page_options)));
+        let live = self.live.iter().map(|_| ("Live".to_owned(), page::live_query(&self.page_options)));
+        files.chain(live).map(|(name, href)| Offered { name, href }).collect()
+    }
+
+    /// The query that `/` goes on to; nothing where nothing is served.
+    fn start(&self) -> Option<String> {
+        let mut offered = self.offered();
+        match offered.len() {
+            0 => None,
+            1 => offered.pop().map(|Offered { href, .. }| href),
+            _ if self.compares => Some(self.comparison()),
+            _ => Some(format!("?list={STREAMS}")),
         }
     }
 }
@@ -96,16 +131,14 @@ impl Server {
     /// The address of the page with the first file, and the second to compare it with.
     #[must_use]
     pub fn comparison_url(&self) -> String {
-        format!("{}/{}", self.base_url(), page::query(&self.settings.files.urls()))
+        format!("{}/{}", self.base_url(), self.settings.comparison())
     }
 
     /// The address of the page with each file, and with the live stream.
     #[must_use]
     pub fn urls(&self) -> Vec<String> {
-        let files = self.settings.files.urls();
-        let queries = files.into_iter().map(|url| page::query(&[url]));
-        let live = self.settings.live.iter().map(|_| "?live=/live".to_owned());
-        queries.chain(live).map(|query| format!("{}/{query}", self.base_url())).collect()
+        let offered = self.settings.offered().into_iter();
+        offered.map(|Offered { href, .. }| format!("{}/{href}", self.base_url())).collect()
     }
 
     /// The server as this machine reaches it.
@@ -137,13 +170,20 @@ fn listen(address: SocketAddr) -> std::io::Result<TcpListener> {
 }
 
 fn router(settings: Settings, on_loopback: bool) -> Router {
+    let start = settings.start();
+    let offered: Bytes = serde_json::to_vec(&settings.offered()).expect("a list of texts").into();
+    let json = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
     let guard = Arc::new(Guard { on_loopback, allowed: settings.allowed_origins });
     let page = Arc::new(settings.page);
     let mut router = Router::new()
+        .route(STREAMS, get(async move || (json, offered)))
         .route("/files/{number}/{name}", get(files::serve))
         .with_state(settings.files)
         .fallback(page::serve)
         .with_state(Arc::clone(&page));
+    if let Some(query) = start {
+        router = router.route("/", get(page::start).with_state((Arc::clone(&page), query.into())));
+    }
     if let Some(hub) = settings.live {
         let socket = get(live::watch)
             .with_state(Live::new(hub, settings.live_limits))

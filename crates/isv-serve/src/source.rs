@@ -58,6 +58,10 @@ impl Source {
     pub fn open(path: &Path) -> Result<Self, ServeError> {
         let fail = |cause| ServeError::File { path: path.to_owned(), cause };
         let kind = match fs::metadata(path) {
+            // As standard input under a name, or a process substitution of a shell: its writer cannot come again.
+            Ok(metadata) if is_fifo(&metadata) && !has_name(path) => {
+                Kind::Pipe(Some(Box::new(File::open(path).map_err(fail)?)))
+            }
             Ok(metadata) if is_fifo(&metadata) => Kind::Fifo { path: path.to_owned(), open: None },
             Ok(metadata) if metadata.is_dir() => Kind::Followed(Followed::folder(path)),
             Ok(metadata) if metadata.is_file() => Kind::Followed(Followed::file(path)),
@@ -157,7 +161,10 @@ impl<N: FnMut(&str)> Feeder<N> {
                     // What is at its end again at once must not keep a processor busy.
                     thread::sleep(POLL);
                 }
-                Ok(None) => return,
+                Ok(None) => {
+                    self.hub.finish();
+                    return;
+                }
                 Err(error) => {
                     let what = error.to_string();
                     if obstacle.as_ref() != Some(&what) {
@@ -204,6 +211,11 @@ impl<N: FnMut(&str)> Feeder<N> {
 
 fn folder_exists(path: &Path) -> bool {
     std::path::absolute(path).is_ok_and(|path| path.parent().is_some_and(Path::is_dir))
+}
+
+/// Whether a FIFO is a file that a writer can open: pipes of a process have paths under which nobody else finds them.
+fn has_name(path: &Path) -> bool {
+    fs::canonicalize(path).is_ok_and(|real| !real.starts_with("/dev/fd") && !real.starts_with("/proc"))
 }
 
 #[cfg(unix)]

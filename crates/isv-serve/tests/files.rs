@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv_serve::{Page, Server, Settings, StreamFiles};
+use isv_serve::{Page, PageOptions, Server, Settings, StreamFiles};
 use std::fs;
 use std::io::Write;
 use std::net::SocketAddr;
@@ -183,7 +183,6 @@ async fn links_name_what_is_served() {
 async fn the_page_is_served_with_its_types_and_its_policy() {
     let (_folder, address) = ten_bytes();
     for (path, kind) in [
-        ("/", "text/html; charset=utf-8"),
         ("/?src=/files/0/take.isv", "text/html; charset=utf-8"),
         ("/index.html", "text/html; charset=utf-8"),
         ("/src/a.js", "text/javascript; charset=utf-8"),
@@ -204,6 +203,44 @@ async fn the_page_is_served_with_its_types_and_its_policy() {
         assert_eq!((head.status, head.body.len()), (200, 0), "{path}");
         assert_eq!(head.header("content-length"), answer.body.len().to_string(), "{path}");
     }
+}
+
+/// What `/` with a query goes on to; empty where it is the page itself.
+async fn goes_to(address: SocketAddr, query: &str) -> String {
+    let answer = ask(address, &format!("GET /{query}"), &[]).await;
+    let to = answer.header("location").to_owned();
+    assert_eq!(answer.status, if to.is_empty() { 200 } else { 307 });
+    to
+}
+
+#[tokio::test]
+async fn the_address_alone_opens_what_is_served() {
+    let (folder, address) = ten_bytes();
+    assert_eq!(goes_to(address, "").await, "?src=/files/0/take.isv");
+    assert_eq!(goes_to(address, "?view=normals").await, "?src=/files/0/take.isv&view=normals");
+    for named in ["?src=other.isv", "?view=bits&live=/live", "?list=/streams.json"] {
+        assert_eq!(goes_to(address, named).await, "", "{named}");
+    }
+    assert_eq!(goes_to(start(settings()), "").await, "", "with nothing to open the page asks for a file");
+    let files = StreamFiles::new(["take.isv", "secret.isv"].map(|name| folder.path().join(name))).unwrap();
+    let page_options = PageOptions { up: Some("-y"), max_memory: Some(1 << 30) };
+    let two = Settings { files, page_options, live: Some(support::hub()), ..settings() };
+    let compared = start(Settings { compares: true, ..two.clone() });
+    let expected = "?src=/files/0/take.isv&compare=/files/1/secret.isv&up=-y&max-memory=1073741824";
+    assert_eq!(goes_to(compared, "").await, expected);
+    let offered = start(two);
+    assert_eq!(goes_to(offered, "").await, "?list=/streams.json");
+    let list = ask(offered, "GET /streams.json", &[]).await;
+    assert_eq!((list.status, list.header("content-type")), (200, "application/json"));
+    let list: serde_json::Value = serde_json::from_slice(&list.body).unwrap();
+    let end = "&up=-y&max-memory=1073741824";
+    let entry = |name: &str, query: &str| serde_json::json!({"name": name, "href": format!("{query}{end}")});
+    let names = [
+        entry("take.isv", "?src=/files/0/take.isv"),
+        entry("secret.isv", "?src=/files/1/secret.isv"),
+        entry("Live", "?live=/live"),
+    ];
+    assert_eq!(list, serde_json::Value::from(names.to_vec()));
 }
 
 /// What a module or a page of the player names with a relative path.

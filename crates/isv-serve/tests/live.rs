@@ -47,6 +47,27 @@ async fn a_viewer_gets_header_packets_and_end() {
 }
 
 #[tokio::test]
+async fn the_end_for_good_closes_the_connection_once_a_viewer_has_all() {
+    let hub = hub();
+    let address = start(live(&hub));
+    let mut watcher = join(address).await;
+    publish(&hub, 0..3, 100);
+    hub.finish();
+    let finished = hub.finished(Duration::from_secs(60));
+    for number in 0..3 {
+        assert_eq!(watcher.next_packet().await, number);
+    }
+    assert_eq!(watcher.expect(message::END).await, [message::END]);
+    assert_eq!(watcher.expect(message::END).await, [message::END, message::FOR_GOOD]);
+    let Some(Message::Close(Some(frame))) = watcher.next().await else { panic!("a close") };
+    assert_eq!((frame.code, frame.reason.as_str()), (CloseCode::Normal, "the stream has ended"));
+    drop(watcher);
+    let begun = std::time::Instant::now();
+    finished.await;
+    assert!(begun.elapsed() < Duration::from_secs(30), "nobody is waited for any more");
+}
+
+#[tokio::test]
 async fn a_viewer_may_ask_for_the_time_and_nothing_else() {
     let address = start(live(&hub()));
     let mut watcher = join(address).await;

@@ -36,6 +36,12 @@ impl Fed {
         assert_eq!(self.viewer.next().await[..], [message::END]);
     }
 
+    /// The source has ended for good.
+    async fn is_over(&mut self) {
+        assert_eq!(self.viewer.next().await[..], [message::END, message::FOR_GOOD]);
+        assert!(self.viewer.is_over());
+    }
+
     async fn packets(&mut self, numbers: impl IntoIterator<Item = u64>) {
         for number in numbers {
             let found = self.viewer.next().await;
@@ -99,6 +105,7 @@ async fn packets_leave_before_the_next_ones_come() {
     fed.packets([1]).await;
     drop(sender);
     fed.end().await;
+    fed.is_over().await;
     assert!(fed.notices.recv().is_err(), "nothing went wrong");
 }
 
@@ -308,4 +315,20 @@ async fn a_folder_that_is_gone_for_a_while_is_read_again() {
 fn what_cannot_come_is_refused() {
     assert!(Source::open(Path::new("no/such/folder/take.isv")).is_err());
     assert!(Source::open(Path::new("not-there-yet.isv")).is_ok());
+}
+
+/// As with `<(command)` of a shell, or `/dev/stdin`: the path leads to a pipe that nobody else can open.
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_pipe_without_a_name_ends_for_good() {
+    use std::os::fd::AsRawFd;
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let path = format!("/proc/self/fd/{}", reader.as_raw_fd());
+    let mut fed = Fed::new(Source::open(Path::new(&path)).unwrap());
+    writer.write_all(&stream(0..2)).unwrap();
+    fed.header().await;
+    fed.packets(0..2).await;
+    drop(writer);
+    fed.end().await;
+    fed.is_over().await;
 }

@@ -55,6 +55,16 @@ impl Status {
 }
 
 impl SessionError {
+    /// Blocks of a frame that was refused because it has too many; 0 of any other error.
+    pub(crate) fn refused_blocks(&self) -> usize {
+        match self {
+            Self::Decode(
+                DecodeError::TooManyBlocks { blocks, .. } | DecodeError::TooFewBytes { blocks, .. },
+            ) => *blocks,
+            _ => 0,
+        }
+    }
+
     pub(crate) fn status(&self) -> Status {
         match self {
             Self::Format(error) => Status::of_refusal(error.class()),

@@ -52,10 +52,17 @@ extern "C" fn isv_message_bytes() -> usize {
     with(|session| session.message().len())
 }
 
-/// Limits the voxels of a frame, from the next [`isv_open`] on.
+/// Blocks of the frame that the last call refused because it has too many; 0 after any other call.
 #[unsafe(no_mangle)]
-extern "C" fn isv_limit(voxels: usize) {
-    with(|session| session.limit(voxels));
+extern "C" fn isv_refused_blocks() -> usize {
+    with(|session| session.refused_blocks())
+}
+
+/// Limits the voxels of a frame, from the next [`isv_open`] on. A stream may take all of them, however few bytes it has, if `trusted`
+/// is not 0.
+#[unsafe(no_mangle)]
+extern "C" fn isv_limit(voxels: usize, trusted: u32) {
+    with(|session| session.limit(voxels, trusted != 0));
 }
 
 /// Begins a stream. Input: the 48 bytes of its header.

@@ -28,8 +28,12 @@ const VOXELS_A_VERTEX: usize = 8;
 #[derive(Debug)]
 pub(crate) struct Session {
     voxels: usize,
+    /// Whether a stream may take all of its voxels, however few bytes it has.
+    trusted: bool,
     input: Vec<u8>,
     message: String,
+    /// Blocks of the frame that was refused because it has too many; 0 after any other call.
+    refused_blocks: usize,
     stream: Option<Stream>,
     index: Index,
     packet: Option<PacketHeader>,
@@ -69,8 +73,10 @@ impl Default for Session {
     fn default() -> Self {
         Self {
             voxels: DEFAULT_VOXELS,
+            trusted: false,
             input: Vec::new(),
             message: String::new(),
+            refused_blocks: 0,
             stream: None,
             index: Index::default(),
             packet: None,
@@ -83,9 +89,10 @@ impl Default for Session {
 
 impl Session {
     /// Limits the voxels of a frame, blocks times voxels a block, from the next [`Self::open`] on, and from now on, in proportion,
-    /// the vertices of a surface and the bytes of input.
-    pub(crate) fn limit(&mut self, voxels: usize) {
+    /// the vertices of a surface and the bytes of input. A `trusted` stream may take all of them, however few bytes it has.
+    pub(crate) fn limit(&mut self, voxels: usize, trusted: bool) {
         self.voxels = voxels.min(MOST_VOXELS);
+        self.trusted = trusted;
     }
 
     /// Room for input, which the next call reads; nothing if it is too much.
@@ -106,7 +113,8 @@ impl Session {
         self.surface = Surface::default();
         self.blocks.clear();
         let header = StreamHeader::parse(self.input_as("a stream header")?)?;
-        let limits = Limits { frame_voxels: self.voxels, ..Limits::default() };
+        let voxels_per_byte = if self.trusted { usize::MAX } else { Limits::VOXELS_PER_BYTE };
+        let limits = Limits { frame_voxels: self.voxels, voxels_per_byte };
         let mut decoder = Decoder::new(&header, limits);
         decoder.recover(true);
         self.stream = Some(Stream { header, decoder, frame: None });
@@ -205,10 +213,12 @@ impl Session {
     /// Keeps the words of an error, and says what it means.
     pub(crate) fn report(&mut self, result: Result<(), SessionError>) -> Status {
         self.message.clear();
+        self.refused_blocks = 0;
         match result {
             Ok(()) => Status::Done,
             Err(error) => {
                 self.message = error.to_string();
+                self.refused_blocks = error.refused_blocks();
                 error.status()
             }
         }
@@ -217,6 +227,11 @@ impl Session {
     /// The words of the last error; empty where the last call had none.
     pub(crate) fn message(&self) -> &str {
         &self.message
+    }
+
+    /// Blocks of the frame that the last call refused because it has too many; 0 after any other call.
+    pub(crate) fn refused_blocks(&self) -> usize {
+        self.refused_blocks
     }
 
     fn volume(&self) -> Option<&SparseVolume> {

@@ -13,6 +13,7 @@ const STATES = {
   waiting: 'waiting for the source',
   live: 'live',
   ended: 'the source has ended',
+  over: 'the stream has ended',
   lost: 'server lost, trying again',
 };
 

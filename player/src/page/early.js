@@ -2,7 +2,7 @@
 
 import { anticipate } from '../opening.js';
 import { prepare } from '../spawn.js';
-import { filesOf, shareOf } from './share.js';
+import { filesOf, memoryOf, shareOf } from './share.js';
 
 /** How long the page may wait for its decoders, in ms. */
 const PATIENCE = 300;
@@ -10,7 +10,17 @@ const PATIENCE = 300;
 const query = new URLSearchParams(location.search);
 const urls = query.has('live') ? [] : filesOf(query);
 if (query.has('live')) prepare(1);
-const anticipated = Promise.all(urls.map((url) => anticipate({ url, ...shareOf(urls.length) })));
+const anticipated = Promise.all(limited().map((url) => anticipate({ url, ...memoryOf(query), ...shareOf(urls.length) })));
+
+/** The files, or none where the address is wrong, which the page says. */
+function limited() {
+  try {
+    memoryOf(query);
+    return urls;
+  } catch {
+    return [];
+  }
+}
 
 /**
  * Settles when decoders are at work, or soon. Making a context for drawing keeps this thread for as long as a frame takes to be

@@ -17,7 +17,7 @@ import { VIEWS } from '../views.js';
  * @property {(factor: number) => void} zoom
  * @property {() => void} fit
  * @property {() => void} grid
- * @property {() => void} up
+ * @property {(steps: number) => void} up
  * @property {() => void} figures
  * @property {() => void} open
  * @property {() => void} help
@@ -63,7 +63,12 @@ const KEYS = [
   },
   { keys: ['f'], shown: ['F'], says: 'fit the camera to this frame', does: (c) => c.fit() },
   { keys: ['g'], shown: ['G'], says: 'ground grid', does: (c) => c.grid() },
-  { keys: ['u'], shown: ['U'], says: 'y or z up', does: (c) => c.up() },
+  {
+    keys: ['u'],
+    shown: ['U'],
+    says: 'another axis up: y, z, \u2212y, \u2212z, x, \u2212x; back with Shift',
+    does: (c, e) => c.up(e.shiftKey ? -1 : 1),
+  },
   { keys: ['i'], shown: ['I'], says: 'figures', does: (c) => c.figures() },
   { keys: ['o'], shown: ['O'], says: 'open files', does: (c) => c.open() },
   { keys: ['?'], shown: ['?'], says: 'this list', does: (c) => c.help() },

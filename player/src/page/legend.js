@@ -1,26 +1,38 @@
 // What the colours of a view mean.
 
+import { BACK_COLOUR, FRONT_COLOUR } from '../surface-material.js';
 import { BLOCK_COLOURS, MOTION_SCALE, MOTION_VOXELS } from '../block-overlays.js';
 import { HEAT_BITS, heatGradient } from '../heat.js';
 import { byId, make } from './element.js';
 import { asLength } from './numbers.js';
 
-/** @param {import('../views.js').View} view @param {{ voxelSize: number } | null} facts */
-export function showLegend(view, facts) {
+/**
+ * @param {import('../views.js').View} view
+ * @param {{ voxelSize: number } | null} facts
+ * @param {boolean} open whether the back of the surface can be seen
+ */
+export function showLegend(view, facts, open) {
   const legend = byId('legend');
-  const content = contentOf(view, facts?.voxelSize ?? 0);
+  const content = contentOf(view, facts?.voxelSize ?? 0, open);
   legend.hidden = content.length === 0;
   legend.replaceChildren(...content);
 }
 
-/** @param {import('../views.js').View} view @param {number} voxelSize @returns {Node[]} */
-function contentOf(view, voxelSize) {
+/** @param {import('../views.js').View} view @param {number} voxelSize @param {boolean} open @returns {Node[]} */
+function contentOf(view, voxelSize, open) {
+  if (view === 'shaded' && open) {
+    const sides = /** @type {const} */ ([
+      ['front', FRONT_COLOUR],
+      ['back of the surface', BACK_COLOUR],
+    ]);
+    return [list(sides.map(([text, colour]) => ({ text, colour: `#${colour.toString(16)}` })))];
+  }
   if (view === 'normals') {
     const axes = /** @type {const} */ ([
       ['x', '#d9534a'],
       ['y', '#3fa35b'],
       ['z', '#4a7bd9'],
-      ['inside', '#d61860'],
+      ['back of the surface', '#d61860'],
     ]);
     return [list(axes.map(([text, colour]) => ({ text, colour })))];
   }

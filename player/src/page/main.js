@@ -1,13 +1,15 @@
 // The page: opens what its address names, or files that are dropped on it, and ties controls to players.
 //
-// `?src=A.isv` plays a file, `&compare=B.isv` another beside it, `?live=/live` a live stream. `&view=normals` and `&up=z` are where
-// it begins, `&paused` stands still at first.
+// `?src=A.isv` plays a file, `&compare=B.isv` another beside it, `?live=/live` a live stream, `?list=streams.json` offers several.
+// `&view=normals` and `&up=z` are where it begins, `&paused` stands still at first, `&max-memory=2GB` is what decoders may take.
 
 import { Box3 } from 'three';
 import { Clock } from '../clock.js';
-import { words } from '../failure.js';
+import { facingOf } from '../facing.js';
+import { IsvFailure, words } from '../failure.js';
 import { IsvPlayer } from '../player.js';
 import { nameOf } from '../ranges.js';
+import { UPS, isUp } from '../up.js';
 import { IsvViews, VIEWS } from '../views.js';
 import { Cards } from './cards.js';
 import { decoding } from './early.js';
@@ -17,7 +19,7 @@ import { showLegend } from './legend.js';
 import { Messages } from './messages.js';
 import { listenToFiles } from './opening.js';
 import { ScrubBar } from './scrub-bar.js';
-import { filesOf, shareOf } from './share.js';
+import { filesOf, memoryOf, shareOf } from './share.js';
 import { Stage } from './stage.js';
 import { Transport } from './transport.js';
 
@@ -39,10 +41,15 @@ class Page {
   #scrubBar;
   #transport;
   #framed = false;
+  /** Whether the back of a surface can be seen. */
+  #open = false;
+  /** What the page's address says of memory. @type {{ maxMemory?: number }} */
+  #memory;
 
-  /** @param {Messages} messages */
-  constructor(messages) {
+  /** @param {Messages} messages @param {{ maxMemory?: number }} memory */
+  constructor(messages, memory) {
     this.#messages = messages;
+    this.#memory = memory;
     this.stage = new Stage(byId('canvas', HTMLCanvasElement), byId('divider'));
     this.#scrubBar = new ScrubBar({
       scrub: (frame) => this.players.forEach((player) => player.scrub(frame)),
@@ -62,7 +69,8 @@ class Page {
       zoom: (/** @type {number} */ factor) => this.stage.zoom(factor),
       fit: () => this.fit(),
       grid: () => (this.stage.grid = !this.stage.grid),
-      up: () => (this.stage.up = this.stage.up === 'y' ? 'z' : 'y'),
+      up: (/** @type {number} */ steps) =>
+        (this.stage.up = UPS[(UPS.indexOf(this.stage.up) + steps + UPS.length) % UPS.length]),
       figures: () => (this.#cards.brief = !this.#cards.brief),
       open: ask,
       help: () => toggleHelp(),
@@ -80,9 +88,10 @@ class Page {
     this.#messages.clear();
     for (const views of this.views) views.dispose();
     for (const player of this.players) player.dispose();
-    const share = { clock: this.clock, ...shareOf(takes.length) };
+    const share = { clock: this.clock, ...this.#memory, ...shareOf(takes.length) };
     this.clock.set({ fps: 30, frames: 0 });
     this.#framed = false;
+    this.#open = false;
     this.players = takes.map(({ options }) => new IsvPlayer({ ...options, ...share }));
     this.views = this.players.map((player) => new IsvViews(player));
     this.players.forEach((player, at) => this.#listen(player, takes[at].name));
@@ -122,7 +131,7 @@ class Page {
       input.checked = true;
       input.parentElement?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
     }
-    showLegend(view, this.players[0]?.facts ?? null);
+    this.#explain();
     this.stage.stale = true;
   }
 
@@ -131,7 +140,15 @@ class Page {
     const box = new Box3();
     for (const { mesh, shown } of this.players)
       if (shown?.indices.length && mesh.geometry.boundingBox) box.union(mesh.geometry.boundingBox);
-    this.stage.fit(box);
+    const first = this.players.find(({ shown }) => shown?.indices.length)?.shown;
+    const facing = first ? facingOf(first) : null;
+    this.#open = facing !== null;
+    this.stage.fit(box, facing);
+    this.#explain();
+  }
+
+  #explain() {
+    showLegend(this.view, this.players[0]?.facts ?? null, this.#open);
   }
 
   /** @param {IsvPlayer} player @param {string} name */
@@ -140,14 +157,30 @@ class Page {
     const on = (/** @type {string} */ type, /** @type {(detail: any) => void} */ then) =>
       player.addEventListener(type, (event) => then(/** @type {CustomEvent} */ (event).detail));
     on('open', () => {
-      showLegend(this.view, player.facts);
+      this.#explain();
       if (player.source && !player.source.indexed)
         this.#messages.say(`${of}the file has no index: it was cut, or is still being written`, 'warn');
     });
     on('error', ({ message }) => this.#fail(player, `${of}${message}`));
     on('stalled', ({ message }) => this.#messages.hold(name, `${message}; trying again`));
     on('recovered', () => this.#messages.release(name));
-    on('lost', ({ frame, resumes, message }) => {
+    let hasCard = false;
+    on('refused', ({ message }) => {
+      hasCard = !player.shown;
+      if (hasCard) this.#messages.welcome(`${of}${message}`);
+      else this.#messages.hold(`refused ${name}`, `${of}${message}`, 'bad');
+    });
+    on('frame', () => {
+      this.#messages.release(`refused ${name}`);
+      if (hasCard) this.#messages.farewell();
+      hasCard = false;
+    });
+    on('lost', ({ frame, resumes, message, refused }) => {
+      if (refused) {
+        // Of a file, the playhead stops there and says why.
+        if (player.live) this.#messages.hold(`refused ${name}`, `${of}${message}`, 'bad');
+        return;
+      }
       const goesOn = player.live
         ? 'it goes on at the next keyframe'
         : resumes < player.frames
@@ -158,6 +191,7 @@ class Page {
     on('state', ({ state }) => {
       if (state === 'lost') this.#messages.hold('live', 'The server has gone away; trying again');
       else if (state === 'ended') this.#messages.hold('live', 'The source has ended; waiting for it to come again', '');
+      else if (state === 'over') this.#messages.hold('live', 'The stream has ended', '');
       else if (state === 'waiting') this.#messages.hold('live', 'Connected; waiting for the source', '');
       else this.#messages.release('live');
     });
@@ -219,21 +253,34 @@ function takesOf(query) {
   return filesOf(query).map((url) => ({ name: nameOf(url), options: { url } }));
 }
 
+/** Streams that a server offers. @param {string} address of their list @returns {Promise<{ name: string, href: string }[]>} */
+async function offered(address) {
+  const response = await fetch(address);
+  if (!response.ok) throw new IsvFailure('missing', `${address}: the server says ${response.status} ${response.statusText}`.trim());
+  const list = await response.json();
+  // Only what opens in this page.
+  const opens = (/** @type {any} */ one) => typeof one?.name === 'string' && typeof one.href === 'string' && one.href.startsWith('?');
+  return Array.isArray(list) ? list.filter(opens) : [];
+}
+
 const messages = new Messages();
 await decoding;
 try {
   const query = new URLSearchParams(location.search);
   const takes = takesOf(query);
-  const page = new Page(messages);
+  const page = new Page(messages, memoryOf(query));
   // For tests and for the curious.
   Object.assign(globalThis, { isv: page });
-  if (query.get('up') === 'z') page.stage.up = 'z';
+  const up = query.get('up');
+  if (isUp(up)) page.stage.up = up;
   const view = VIEWS.find(({ name }) => name === query.get('view'));
   if (view) page.look(view.name);
   if (takes.length) page.open(takes, { paused: query.has('paused') });
   else {
     document.body.classList.add('empty');
-    messages.welcome();
+    const list = query.get('list');
+    if (list === null) messages.welcome();
+    else messages.offer(await offered(list));
   }
 } catch (error) {
   messages.welcome(words(error));

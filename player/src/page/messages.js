@@ -32,6 +32,25 @@ export class Messages {
     this.#held.delete(key);
   }
 
+  /** There is a picture after all. */
+  farewell() {
+    this.#welcome.hidden = true;
+  }
+
+  /** Offers streams to open. @param {{ name: string, href: string }[]} streams */
+  offer(streams) {
+    this.welcome();
+    byId('welcome-words').textContent = streams.length ? 'Choose a stream, or drop an .isv file here.' : 'Nothing is served here. Drop an .isv file.';
+    const items = streams.map(({ name, href }) => {
+      const link = make('a', { text: name });
+      link.setAttribute('href', href);
+      return make('li', {}, link);
+    });
+    const list = byId('streams');
+    list.replaceChildren(...items);
+    list.hidden = items.length === 0;
+  }
+
   /** Asks for a file, or says why there is no picture. @param {string} [why] */
   welcome(why) {
     this.#welcome.hidden = false;

@@ -7,6 +7,7 @@ import {
   GridHelper,
   Group,
   HemisphereLight,
+  Matrix4,
   PerspectiveCamera,
   Scene,
   Vector3,
@@ -14,10 +15,15 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { IsvFailure } from '../failure.js';
+import { toYUp } from '../up.js';
 
 const FIELD_OF_VIEW = 32;
 /** Parts of the free height and width that a subject fills at most. */
 const FILLED = { height: 0.82, width: 0.86 };
+/** Where the camera stands of what has no side to be seen from: in front, a little to the right and above. */
+const IN_FRONT = new Vector3(0.28, 0.16, 1).normalize();
+/** Steepest view of an open surface, in radians: of ground, the horizon stays in the picture. */
+const STEEPEST = Math.PI / 3;
 
 /** @typedef {import('../player.js').IsvPlayer} IsvPlayer */
 
@@ -35,11 +41,13 @@ export class Stage {
   covered = 0;
   #canvas;
   #divider;
-  /** @type {{ scene: Scene, turned: Group, ground: Group }[]} */
+  /** @type {{ scene: Scene, player: IsvPlayer, ground: Group }[]} */
   #pictures = [];
-  #up = /** @type {'y' | 'z'} */ ('y');
+  #up = /** @type {import('../up.js').Up} */ ('y');
   #gridShown = true;
   #box = new Box3();
+  /** From where an open surface shows its front, in the axes of the capture. @type {[number, number, number] | null} */
+  #facing = null;
   #dark = matchMedia('(prefers-color-scheme: dark)');
 
   /** @param {HTMLCanvasElement} canvas @param {HTMLElement} divider the line between two pictures */
@@ -68,8 +76,8 @@ export class Stage {
   /** The axis of the capture that points up. */
   set up(up) {
     this.#up = up;
-    for (const { turned } of this.#pictures) turned.rotation.x = up === 'z' ? -Math.PI / 2 : 0;
-    this.fit(this.#box);
+    for (const { player } of this.#pictures) player.up = up;
+    this.fit(this.#box, this.#facing);
   }
 
   get grid() {
@@ -86,13 +94,11 @@ export class Stage {
   show(players) {
     this.#pictures = players.map((player) => {
       const scene = new Scene();
-      const turned = new Group();
       const ground = new Group();
-      turned.add(player.object);
-      turned.rotation.x = this.#up === 'z' ? -Math.PI / 2 : 0;
+      player.up = this.#up;
       ground.visible = this.#gridShown;
-      scene.add(turned, ground, new HemisphereLight(0xffffff, 0x77706a, 1.15));
-      return { scene, turned, ground };
+      scene.add(player.object, ground, new HemisphereLight(0xffffff, 0x77706a, 1.15));
+      return { scene, player, ground };
     });
     this.#divider.hidden = players.length < 2;
     // Shaders compile while the first frame is decoded.
@@ -101,10 +107,15 @@ export class Stage {
     this.stale = true;
   }
 
-  /** Looks at a box, in the axes of the capture, from in front and a little above. @param {Box3} box */
-  fit(box) {
+  /**
+   * Looks at a box, in the axes of the capture: from the side that an open surface faces, else from in front.
+   * @param {Box3} box
+   * @param {[number, number, number] | null} [facing] as `facingOf` gives it
+   */
+  fit(box, facing = null) {
     if (box.isEmpty()) return;
     this.#box = box.clone();
+    this.#facing = facing;
     const turned = this.#turnedBox();
     const size = turned.getSize(new Vector3());
     const centre = turned.getCenter(new Vector3());
@@ -112,10 +123,12 @@ export class Stage {
     const half = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
     const width = Math.hypot(size.x, size.z);
     const free = 1 - this.covered / Math.max(1, this.#canvas.clientHeight);
-    const tall = size.y / FILLED.height / Math.max(free, 0.3);
+    const towards = facing ? this.#towards(facing) : IN_FRONT;
+    // Of an open surface, which may be ground, the depth is seen from above, too.
+    const seen = facing ? size.y * Math.hypot(towards.x, towards.z) + width * Math.abs(towards.y) : size.y;
+    const tall = seen / FILLED.height / Math.max(free, 0.3);
     const distance = Math.max(tall, width / FILLED.width / aspect) / 2 / half + width / 2;
     this.controls.target.copy(centre);
-    const towards = new Vector3(0.28, 0.16, 1).normalize();
     this.camera.position.copy(centre).addScaledVector(towards, Math.max(distance, 1e-3));
     this.controls.update();
     this.#layGround();
@@ -208,11 +221,19 @@ export class Stage {
     this.stale = true;
   }
 
+  /** A direction in the axes of the capture as one of the scene, no steeper than is good to look at. @param {[number, number, number]} facing */
+  #towards(facing) {
+    const towards = new Vector3(...facing).applyQuaternion(toYUp(this.#up));
+    const across = Math.hypot(towards.x, towards.z);
+    const pitch = Math.min(STEEPEST, Math.max(-STEEPEST, Math.atan2(towards.y, across)));
+    // Of what faces straight up, the heading would be noise.
+    const heading = across < 0.1 ? Math.atan2(IN_FRONT.x, IN_FRONT.z) : Math.atan2(towards.x, towards.z);
+    return towards.setFromSphericalCoords(1, Math.PI / 2 - pitch, heading);
+  }
+
   /** What is looked at, as it is turned. */
   #turnedBox() {
-    const turned = this.#pictures[0]?.turned;
-    turned?.updateMatrix();
-    return turned ? this.#box.clone().applyMatrix4(turned.matrix) : this.#box.clone();
+    return this.#box.clone().applyMatrix4(new Matrix4().makeRotationFromQuaternion(toYUp(this.#up)));
   }
 
   #layGround() {

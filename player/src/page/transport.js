@@ -16,13 +16,13 @@ export class Transport {
   /** @param {import('../clock.js').Clock} clock @param {import('./keyboard.js').Commands} commands */
   constructor(clock, commands) {
     this.#clock = clock;
-    const { toggle, loop, fit, grid, up, figures, open, help } = commands;
+    const { toggle, loop, fit, grid, figures, open, help } = commands;
     /** @type {Record<string, () => void>} */
     const actions = {
       loop,
       fit,
       grid,
-      up,
+      up: () => commands.up(1),
       figures,
       open,
       help,
@@ -56,7 +56,7 @@ export class Transport {
     press(this.#toggles.loop, this.#clock.loop);
     press(this.#toggles.grid, stage.grid);
     press(this.#toggles.figures, !brief);
-    write(this.#up, stage.up.toUpperCase());
+    write(this.#up, stage.up.toUpperCase().replace('-', '\u2212'));
     if (!player) return;
     if (document.activeElement !== this.#frame) this.#frame.value = String(Math.max(0, player.frame));
     const frames = Math.min(player.frames, this.#clock.frames);

@@ -12,6 +12,7 @@ export function fakeSource(frames, gop, first) {
   const source = {
     gops,
     frames,
+    facts: { blockSide: 8 },
     header: new Uint8Array(48),
     offsets: Float64Array.from({ length: frames + 1 }, (_, frame) => 48 + 24 * frame),
     /** @type {number[]} */
@@ -43,9 +44,11 @@ export class FakePort {
   #last = -1;
   #lostRun = -1;
 
-  /** @param {{ damaged?: Iterable<number> }} [options] */
-  constructor({ damaged = [] } = {}) {
+  /** @param {{ damaged?: Iterable<number>, refused?: Record<number, number>, memoryBytes?: number }} [options] */
+  constructor({ damaged = [], refused = {}, memoryBytes = 0 } = {}) {
     this.damaged = new Set(damaged);
+    this.refused = refused;
+    this.memoryBytes = memoryBytes;
   }
 
   /** @param {any} order */
@@ -73,9 +76,13 @@ export class FakePort {
       const message = this.damaged.has(number) ? 'damaged' : `frame ${number} after ${this.#last}`;
       return this.#answer({ is: 'lost', run, frame, message });
     }
+    if (this.refused[number]) {
+      this.#lostRun = run;
+      return this.#answer({ is: 'lost', run, frame, message: 'too large', refused: true, blocks: this.refused[number] });
+    }
     this.#last = number;
     const mesh = surface ? { number, bytes: FRAME_BYTES, details: details ? {} : null } : null;
-    this.#answer({ is: 'done', run, frame, mesh });
+    this.#answer({ is: 'done', run, frame, mesh, memoryBytes: this.memoryBytes });
   }
 
   /** @param {any} data */

@@ -5,7 +5,7 @@ mod folder;
 use crate::interrupt;
 use crate::output::say;
 use crate::output_name;
-use crate::serving::check_streams;
+use crate::serving::{ShowArgs, check_streams};
 use anyhow::{Result, bail};
 use folder::ExportFolder;
 use isv_serve::{Page, StreamFiles};
@@ -21,6 +21,8 @@ pub(crate) struct Args {
     /// Streams to copy into it; the page opens the first, beside the second if there is one, when its address names none
     #[arg(value_name = "FILE.isv")]
     files: Vec<PathBuf>,
+    #[command(flatten)]
+    show: ShowArgs,
 }
 
 /// Runs the command.
@@ -32,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let urls = StreamFiles::new(&args.files)?.urls();
     // Relative to the page, wherever that will be.
     let urls: Vec<_> = urls.iter().map(|url| url.trim_start_matches('/').to_owned()).collect();
-    for (path, bytes) in Page::player().export(&urls) {
+    for (path, bytes) in Page::player().export(&urls, &args.show.page_options()) {
         folder.write(path, &bytes)?;
     }
     for (number, file) in args.files.iter().enumerate() {
@@ -42,6 +44,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     }
     let files = folder.commit()?;
-    say(format_args!("{}: {files} files", args.folder.display()));
+    say(format_args!(
+        "{0}: {files} files: put them on a web server, or try them with python3 -m http.server -d {0}",
+        args.folder.display()
+    ));
     Ok(())
 }

@@ -2,15 +2,20 @@
 
 use crate::count;
 use crate::output::{is_pipe, print, say};
-use crate::serving::{check_streams, serve};
+use crate::serving::{ShowArgs, check_streams, serve};
 use crate::stream;
 use anyhow::Result;
 use isv_serve::{Hub, HubLimits, LiveLimits, Origin, Server, Settings, Source, StreamFiles};
+use std::future;
 use std::io::stdin;
 use std::net::SocketAddr;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
+
+/// How long viewers may take, after a live stream has ended for good, to receive the rest of it.
+const GRACE: Duration = Duration::from_secs(5);
 
 /// Serve .isv files, a live stream or both to browsers until Ctrl-C; prints the addresses. Only this machine can reach them
 /// unless --bind says otherwise
@@ -20,7 +25,8 @@ pub(crate) struct Args {
     #[arg(value_name = "FILE.isv", required_unless_present = "live")]
     files: Vec<PathBuf>,
     /// Send packets to viewers as they come: from - for standard input, a FIFO, a file that is being written, as by
-    /// isv encode -o - > FILE.isv, or the newest such file of a folder. When it ends and begins anew, so do the viewers
+    /// isv encode -o - > FILE.isv, or the newest such file of a folder. When it ends and begins anew, so do the viewers. Standard
+    /// input ends once: viewers are told, and the command ends too, unless it serves files
     #[arg(long, value_name = "SOURCE")]
     live: Option<PathBuf>,
     /// Where to listen; 0.0.0.0 is all networks that this machine is in, port 0 any port that is free
@@ -32,6 +38,8 @@ pub(crate) struct Args {
     /// Viewers of the live stream at a time; without it, 100
     #[arg(long, value_name = "N", requires = "live", value_parser = count::parse::<NonZero<usize>>)]
     viewers: Option<NonZero<usize>>,
+    #[command(flatten)]
+    show: ShowArgs,
 }
 
 /// Runs the command.
@@ -42,16 +50,25 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let settings = Settings {
         address: args.bind,
         files: StreamFiles::new(&args.files)?,
+        page_options: args.show.page_options(),
         live: hub.clone(),
         live_limits: args.live_limits(),
         allowed_origins: args.allow_origin.clone(),
         ..Settings::default()
     };
+    // Files are there for as long as the user wants.
+    let ends = hub.clone().filter(|_| args.files.is_empty());
     let mut feed = None;
-    serve(settings, |server| {
+    let begin = |server: &Server| {
         introduce(server)?;
         feed = source.zip(hub).map(|(source, hub)| source.feed(hub, |notice| say(notice)));
         Ok(())
+    };
+    serve(settings, begin, async {
+        match ends {
+            Some(hub) => hub.finished(GRACE).await,
+            None => future::pending().await,
+        }
     })
 }
 

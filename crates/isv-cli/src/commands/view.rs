@@ -1,9 +1,10 @@
 //! `isv view`: streams in a browser.
 
 use crate::output::{print, say};
-use crate::serving::{check_streams, serve};
+use crate::serving::{ShowArgs, check_streams, serve};
 use anyhow::Result;
-use isv_serve::{Settings, StreamFiles};
+use isv_serve::{Server, Settings, StreamFiles};
+use std::future;
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
 
@@ -19,6 +20,8 @@ pub(crate) struct Args {
     /// Only print the address
     #[arg(long)]
     no_open: bool,
+    #[command(flatten)]
+    show: ShowArgs,
 }
 
 /// Runs the command.
@@ -26,7 +29,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     check_streams(&args.files)?;
     let files = StreamFiles::new(&args.files)?;
     let address = (Ipv4Addr::LOCALHOST, args.port).into();
-    serve(Settings { address, files, ..Settings::default() }, |server| {
+    let page_options = args.show.page_options();
+    let settings = Settings { address, files, page_options, compares: true, ..Settings::default() };
+    let introduce = |server: &Server| {
         let url = server.comparison_url();
         print(&url)?;
         if !args.no_open
@@ -35,5 +40,6 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             say(format_args!("no browser could be opened: {error}: open the address in one"));
         }
         Ok(())
-    })
+    };
+    serve(settings, introduce, future::pending())
 }

@@ -151,26 +151,32 @@ fn frames_surfaces_and_input_above_the_limits_are_refused() {
     let vertices = session.surface().vertices.len();
     let with_limit = |limit| {
         let mut session = Session::default();
-        session.limit(limit);
+        session.limit(limit, false);
         give(&mut session, &stream[..StreamHeader::BYTES]);
         session.open().unwrap();
         session
     };
     let mut enough = with_limit(voxels);
     assert_eq!(decode(&mut enough, packet), Status::Done);
-    enough.limit(VOXELS_A_VERTEX * vertices);
+    enough.limit(VOXELS_A_VERTEX * vertices, false);
     enough.extract_surface(false).unwrap();
-    enough.limit(VOXELS_A_VERTEX * (vertices - 1));
+    enough.limit(VOXELS_A_VERTEX * (vertices - 1), false);
     let result = enough.extract_surface(false);
     assert_eq!(enough.report(result), Status::Limit);
     assert!(enough.surface().vertices.is_empty() && enough.surface().triangles.is_empty());
-    assert_eq!(decode(&mut with_limit(voxels - 1), packet), Status::Limit);
+    let mut too_small = with_limit(voxels - 1);
+    assert_eq!(decode(&mut too_small, packet), Status::Limit);
+    assert_eq!(too_small.refused_blocks(), voxels / 512);
+    give(&mut too_small, &stream[..StreamHeader::BYTES]);
+    let opened = too_small.open();
+    too_small.report(opened);
+    assert_eq!(too_small.refused_blocks(), 0, "of the last call only");
     let mut least = with_limit(0);
     assert!(least.input(LEAST_INPUT).is_ok());
     let result = least.input(LEAST_INPUT + 1).map(drop);
     assert_eq!(least.report(result), Status::Limit);
     assert!(least.input.is_empty());
-    least.limit(usize::MAX);
+    least.limit(usize::MAX, false);
     assert_eq!(least.voxels, MOST_VOXELS);
 }
 

@@ -1,0 +1,32 @@
+// The axis of a capture that points up. three.js has Y up.
+
+import { Matrix4, Quaternion } from 'three';
+
+/** @typedef {'y' | 'z' | 'x' | '-y' | '-z' | '-x'} Up */
+
+/**
+ * Rotations that take an axis to Y, row by row: the table of `isv --up` (`crates/isv-cli/src/up.rs`).
+ * @type {Record<Up, number[]>}
+ */
+const ROWS = {
+  y: [1, 0, 0, 0, 1, 0, 0, 0, 1],
+  z: [1, 0, 0, 0, 0, 1, 0, -1, 0],
+  x: [0, -1, 0, 1, 0, 0, 0, 0, 1],
+  '-y': [1, 0, 0, 0, -1, 0, 0, 0, -1],
+  '-z': [1, 0, 0, 0, 0, -1, 0, 1, 0],
+  '-x': [0, 1, 0, -1, 0, 0, 0, 0, 1],
+};
+
+/** The axes in the order in which a key goes through them: the frequent ones first. @type {readonly Up[]} */
+export const UPS = ['y', 'z', '-y', '-z', 'x', '-x'];
+
+/** @param {unknown} name @returns {name is Up} */
+export function isUp(name) {
+  return typeof name === 'string' && Object.hasOwn(ROWS, name);
+}
+
+/** The rotation that takes an axis to Y. @param {Up} up @returns {Quaternion} */
+export function toYUp(up) {
+  const [a, b, c, d, e, f, g, h, i] = ROWS[up];
+  return new Quaternion().setFromRotationMatrix(new Matrix4().set(a, b, c, 0, d, e, f, 0, g, h, i, 0, 0, 0, 0, 1));
+}
