@@ -361,11 +361,17 @@ export class IsvPlayer extends EventTarget {
       if (hopeless) this.#fail(new IsvFailure('damaged', `no frame of it can be decoded: ${why ?? [...lost.values()][0]}`));
       return;
     }
-    this.clock.pause();
-    if (this.#refused === frame) return;
-    this.#refused = frame;
+    if (this.clock.playing) {
+      this.clock.pause();
+      // The first of them, which a slow machine may have passed.
+      let first = frame;
+      while (refused.has(first - 1) && lost.get(first - 1) === why) first--;
+      if (first < frame) this.clock.seek(this.#clockFrame(first));
+    }
+    if (this.#refused === this.frame) return;
+    this.#refused = this.frame;
     this.#first.reject(new IsvFailure('limit', why));
-    this.#tell('refused', { frame, message: why });
+    this.#tell('refused', { frame: this.frame, message: why });
   }
 
   /** The position that the clock may not reach, in its own frames. @param {number} position */

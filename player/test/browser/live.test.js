@@ -79,6 +79,24 @@ describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chr
   });
 
   const skip = ISV_BIN ? false : 'ISV_BIN names no program';
+  test('ends for good when standard input does, and so does the program', { skip }, async () => {
+    const live = await serving(['serve', '--live', '-', '--bind', '127.0.0.1:0']);
+    try {
+      // The address alone opens the only stream there is.
+      const { page } = await opened(browser, new URL('/', live.url).href);
+      const [first, ...rest] = packetsOf(stream);
+      live.stdin.write(Buffer.concat([stream.subarray(0, 48), first]));
+      await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0]?.shown);
+      live.stdin.end(Buffer.concat(rest.slice(0, 3)));
+      await page.locator('#messages', { hasText: 'The stream has ended' }).waitFor();
+      assert.equal(await live.status, 0);
+      await page.waitForTimeout(1500);
+      assert.equal(await page.locator('#messages', { hasText: 'gone away' }).count(), 0);
+    } finally {
+      live.close();
+    }
+  });
+
   test('comes from the program itself, and outlives its source and the program', { skip }, async () => {
     const folder = mkdtempSync(join(tmpdir(), 'isv-live-'));
     const path = join(folder, 'take.isv');

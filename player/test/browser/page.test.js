@@ -1,9 +1,22 @@
 // The page in headless Chromium, against what the native program makes of the same stream. Needs `ISV_BIN`.
 
 import assert from 'node:assert/strict';
+import { writeFileSync } from 'node:fs';
 import { after, before, describe, test } from 'node:test';
 import { hasBrowser, launch } from '../support/browser.js';
-import { ISV_BIN, blobStream, captureStream, decodedMeshes, parsePng, rendered, viewed } from '../support/native.js';
+import {
+  ISV_BIN,
+  blobStream,
+  captureStream,
+  decodedMeshes,
+  depthStream,
+  exported,
+  largeStream,
+  parsePng,
+  rendered,
+  serving,
+  viewed,
+} from '../support/native.js';
 import { opened, shows, state } from '../support/page.js';
 import { serve } from '../support/server.js';
 import { packetsOf, repeated } from '../support/stream.js';
@@ -276,6 +289,168 @@ describe('the page', { skip }, () => {
     await isNative(page, 26);
   });
 
+  test('a frame that needs more memory than it is given is refused for as long as it is there', async () => {
+    const { page } = await open('?src=/files/blob.isv&max-memory=100kB');
+    const alert = page.getByRole('alert').filter({ hasText: 'frame 0' });
+    await alert.waitFor();
+    const words = (await alert.textContent()) ?? '';
+    assert.match(words, /frame 0 needs [\d,]+ blocks, about [\d.]+ [MG]B, and the player was given 100 kB: isv view --max-memory [\d.]+GB/);
+    assert.doesNotMatch(words, /damaged/);
+    // Longer than a passing message stays.
+    await page.waitForTimeout(6500);
+    assert.ok(await alert.isVisible());
+    const { playing, frame } = await state(page);
+    assert.deepEqual({ playing, frame }, { playing: false, frame: 0 });
+    assert.doesNotMatch((await page.locator('#messages').textContent()) ?? '', /damaged/);
+  });
+
+  test('a refusal in the middle stops the playhead there, and what is sound can still be seen', async () => {
+    const { page } = await open('?src=/files/long.isv&paused');
+    await isNative(page, 0);
+    await page.evaluate((frame) => {
+      const { ahead } = /** @type {any} */ (globalThis).isv.players[0];
+      for (let refused = frame; refused < frame + 12; refused++) {
+        ahead.lost.set(refused, 'frame 24 needs more than there is');
+        ahead.refused.add(refused);
+      }
+    }, 2 * FRAMES);
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+    const message = page.locator('#messages', { hasText: 'frame 24 needs' });
+    await message.waitFor();
+    const { playing, frame } = await state(page);
+    assert.deepEqual({ playing, frame }, { playing: false, frame: 2 * FRAMES });
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.seek(60));
+    await isNative(page, 60);
+    assert.equal(await message.count(), 0);
+  });
+
+  test('an amount of memory that is none is said in words', async () => {
+    const { page } = await open('?src=/files/blob.isv&max-memory=lots');
+    await page.getByRole('alert').filter({ hasText: 'max-memory=lots is no amount of memory' }).waitFor();
+  });
+
+  test('a file of which nothing can be decoded is called so, and the playhead stands still', async () => {
+    const broken = Uint8Array.from(stream);
+    for (const packet of packetsOf(broken)) packet[packet.length - 5] ^= 16;
+    server.files.set('broken.isv', broken);
+    const { page } = await open('?src=/files/broken.isv');
+    await page.getByRole('alert').filter({ hasText: 'no frame of it can be decoded' }).waitFor();
+    assert.equal((await state(page)).playing, false);
+  });
+
+  test('a frame of more than 131,072 blocks is shown', async () => {
+    server.files.set('large.isv', largeStream());
+    const { page, errors } = await open('?src=/files/large.isv&paused');
+    await shows(page, 0);
+    const { triangles } = await state(page);
+    assert.ok(triangles > 4_000_000, `${triangles} triangles`);
+    assert.deepEqual(errors, []);
+    server.files.delete('large.isv');
+  });
+
+  test('a depth take is seen from where its camera stood, and from behind in another tint', async () => {
+    server.files.set('depth.isv', depthStream());
+    const { page, errors } = await open('?src=/files/depth.isv&paused&up=-y');
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.firstPictureMs !== null);
+    await page.locator('#legend', { hasText: 'back of the surface' }).waitFor();
+    const towards = await page.evaluate(() => {
+      const { camera, controls } = /** @type {any} */ (globalThis).isv.stage;
+      return camera.position.clone().sub(controls.target).normalize().toArray();
+    });
+    assert.ok(towards[2] > 0.95, `-z of the capture is z where -y is up: ${towards}`);
+    assert.ok(!isReddish(await middle(page)), 'the front');
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.stage.turn(Math.PI, 0));
+    await page.waitForFunction(() => !(/** @type {any} */ (globalThis).isv.stage.stale));
+    assert.ok(isReddish(await middle(page)), 'the back is drawn, and is not taken for the front');
+    assert.deepEqual(errors, []);
+    await page.keyboard.press('2');
+    await page.locator('#legend', { hasText: 'back of the surface' }).waitFor();
+  });
+
+  test('a closed surface is seen from in front, and needs no words for its back', async () => {
+    const { page } = await open('?src=/files/blob.isv&paused');
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.firstPictureMs !== null);
+    assert.equal(await page.locator('#legend').isVisible(), false);
+    const z = await page.evaluate(() => {
+      const { camera, controls } = /** @type {any} */ (globalThis).isv.stage;
+      return camera.position.z - controls.target.z;
+    });
+    assert.ok(z > 0);
+  });
+
+  test('any axis can be up', async () => {
+    const { page } = await open('?src=/files/blob.isv&paused&up=z');
+    await shows(page, 0);
+    const seen = [];
+    for (let presses = 0; presses < 7; presses++) {
+      seen.push(await page.evaluate(() => /** @type {any} */ (globalThis).isv.stage.up));
+      await page.keyboard.press('u');
+    }
+    assert.deepEqual(seen, ['z', '-y', '-z', 'x', '-x', 'y', 'z']);
+    const up = await page.evaluate(() => {
+      const { stage, players } = /** @type {any} */ (globalThis).isv;
+      const box = players[0].mesh.geometry.boundingBox.clone();
+      players[0].object.updateMatrixWorld(true);
+      return { up: stage.up, turned: box.applyMatrix4(players[0].mesh.matrixWorld).max.y, box: -players[0].mesh.geometry.boundingBox.min.y };
+    });
+    assert.equal(up.up, '-y');
+    await page.locator('#up', { hasText: '\u2212Y' }).waitFor();
+    await page.keyboard.press('Shift+U');
+    await page.locator('#up', { hasText: 'Z' }).waitFor();
+    assert.ok(Math.abs(up.turned - up.box) < 1e-5, 'what is lowest in the capture is on top');
+  });
+
+  test('the address of the program alone offers what it serves', async () => {
+    const files = await Promise.all([stream, stream].map(async (bytes, at) => {
+      const path = `${process.env.TMPDIR ?? '/tmp'}/isv-offer-${process.pid}-${at}.isv`;
+      writeFileSync(path, bytes);
+      return path;
+    }));
+    const served = await serving(['serve', ...files, '--bind', '127.0.0.1:0', '--up', 'z', '--max-memory', '1GiB']);
+    try {
+      const { page, errors } = await opened(browser, new URL('/', served.url).href);
+      const links = page.locator('#streams a');
+      await links.nth(1).waitFor();
+      assert.equal(await links.count(), 2);
+      await links.nth(1).click();
+      await shows(page, 0);
+      const { up, name } = await page.evaluate(() => {
+        const { stage, players } = /** @type {any} */ (globalThis).isv;
+        return { up: stage.up, name: players[0].source.name };
+      });
+      assert.equal(up, 'z');
+      assert.match(name, /isv-offer-\d+-1\.isv/);
+      assert.deepEqual(errors, []);
+    } finally {
+      served.close();
+    }
+  });
+
+  test('from a disk it says that it needs a web server', async () => {
+    await exported(stream, async (folder) => {
+      const context = await browser.newContext();
+      const page = await context.newPage();
+      await page.goto(`file://${folder}/index.html`);
+      const words = page.getByRole('alert').filter({ hasText: 'needs a web server' });
+      await words.waitFor();
+      assert.match((await words.textContent()) ?? '', /python3 -m http\.server/);
+      assert.equal(await page.locator('#foot').isVisible(), false);
+      await context.close();
+    });
+  });
+
+  test('modules of a wrong type are said in words', async () => {
+    const context = await browser.newContext();
+    const page = await context.newPage();
+    await page.route('**/*.js', async (route) => {
+      const response = await route.fetch();
+      await route.fulfill({ response, headers: { ...response.headers(), 'content-type': 'text/plain' } });
+    });
+    await page.goto(`${server.url}?src=/files/blob.isv`);
+    await page.getByRole('alert').filter({ hasText: 'needs a web server' }).waitFor();
+    await context.close();
+  });
+
   test('a browser without WebGL is said in words', async () => {
     const context = await browser.newContext();
     const page = await context.newPage();
@@ -320,6 +495,24 @@ function damaged(stream) {
   const packet = packetsOf(long)[FRAMES + 3];
   packet[packet.length - 5] ^= 16;
   return long;
+}
+
+/** The colour in the middle of the picture. @param {import('playwright-core').Page} page @returns {Promise<number[]>} red, green, blue */
+async function middle(page) {
+  const box = await page.locator('#canvas').boundingBox();
+  const { x, y } = await page.evaluate(() => {
+    const { camera, controls } = /** @type {any} */ (globalThis).isv.stage;
+    const { x, y } = controls.target.clone().project(camera);
+    return { x: (x + 1) / 2, y: (1 - y) / 2 };
+  });
+  assert.ok(box);
+  const clip = { x: Math.round(box.x + x * box.width), y: Math.round(box.y + y * box.height), width: 1, height: 1 };
+  return Array.from(parsePng(await page.screenshot({ clip })).rgba.subarray(0, 3));
+}
+
+/** @param {number[]} colour */
+function isReddish([red, , blue]) {
+  return red - blue > 25;
 }
 
 /** The picture alone, from a camera. @param {import('playwright-core').Page} page @param {{ position: number[], target: number[], projection: number[] }} camera */

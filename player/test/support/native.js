@@ -7,6 +7,7 @@ import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { inflateSync } from 'node:zlib';
 import { writeBlob } from './blob.js';
+import { writeDepthTake } from './depth-take.js';
 
 /** The program: the environment's `ISV_BIN`, or none. */
 export const ISV_BIN = process.env.ISV_BIN && existsSync(process.env.ISV_BIN) ? process.env.ISV_BIN : null;
@@ -34,6 +35,35 @@ export function blobStream(frames) {
     isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--gop', String(frames), '--checksums'], folder);
     return readFileSync(join(folder, 'out.isv'));
   });
+}
+
+/** A frame of a ball of more than 131,072 blocks, as coarse as that allows. @returns {Uint8Array} */
+export function largeStream() {
+  return inFolder((folder) => {
+    writeBlob(folder, 1);
+    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1.1mm', '--backend', 'cpu'], folder);
+    return readFileSync(join(folder, 'out.isv'));
+  });
+}
+
+/** A stream of a depth camera's take. @returns {Uint8Array} */
+export function depthStream() {
+  return inFolder((folder) => {
+    writeDepthTake(folder);
+    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--backend', 'cpu'], folder);
+    return readFileSync(join(folder, 'out.isv'));
+  });
+}
+
+/** Exports the player with a stream; gone when `use` is done. @template T @param {Uint8Array} stream @param {(folder: string) => Promise<T>} use @returns {Promise<T>} */
+export async function exported(stream, use) {
+  const folder = mkdtempSync(join(tmpdir(), 'isv-export-'));
+  try {
+    isv(['export-player', 'site', fileOf(stream, folder), '--up=-y', '--max-memory', '1GiB'], folder);
+    return await use(join(folder, 'site'));
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
 }
 
 /**
@@ -165,11 +195,13 @@ export async function viewed(streams) {
 /**
  * Runs the program as a server.
  * @param {string[]} words
- * @returns {Promise<{ url: string, close: () => void }>} once it says where its page is; `close` kills it
+ * @returns {Promise<{ url: string, close: () => void, stdin: import('node:stream').Writable, status: Promise<number | null> }>} once it says
+ *   where its page is; `close` kills it, `status` is how it ended
  */
 export async function serving(words) {
   if (!ISV_BIN) throw new Error('ISV_BIN names no program');
   const server = spawn(ISV_BIN, words);
+  const status = new Promise((/** @type {(status: number | null) => void} */ ended) => server.on('exit', ended));
   const url = await new Promise((/** @type {(url: string) => void} */ found, reject) => {
     let said = '';
     const hear = (/** @type {Buffer} */ data) => {
@@ -181,5 +213,5 @@ export async function serving(words) {
     server.stderr.on('data', hear);
     server.on('exit', () => reject(new Error(`isv ${words[0]} ended: ${said}`)));
   });
-  return { url, close: () => server.kill('SIGKILL') };
+  return { url, close: () => server.kill('SIGKILL'), stdin: server.stdin, status };
 }
