@@ -10,7 +10,7 @@ use isv::format::Profile;
 use isv::gpu::AnyVolume;
 use isv::io::Format;
 use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
-use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
+use isv::volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
@@ -150,11 +150,21 @@ impl Recipe {
     }
 
     /// Makes the product of a volume, and its surface if that was extracted already.
-    pub(super) fn make(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
+    ///
+    /// `coded_blocks`: as [`stream::StreamFrame`] has them.
+    pub(super) fn make(
+        &self,
+        volume: AnyVolume,
+        coded_blocks: Option<&BlockSet>,
+        surface: Option<TriangleMesh>,
+    ) -> Result<Product> {
         let Some(options) = self.surface() else {
             let volume = volume.into_sparse()?;
             return Ok(Product::Volume(match self.profile {
-                Profile::Main => stream::with_distances(&volume)?,
+                Profile::Main => match stream::full_band(&volume, coded_blocks) {
+                    Some(field) => field,
+                    None => stream::with_distances(&volume)?,
+                },
                 Profile::Paper(_) => volume,
             }));
         };
