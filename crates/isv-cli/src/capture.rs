@@ -9,7 +9,7 @@ use crate::memory;
 use crate::stream;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
-use isv::io::{Geometry, Unit};
+use isv::io::{DenseOptions, Geometry, Unit};
 use isv::surface::SurfaceOptions;
 use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
@@ -90,13 +90,23 @@ pub(crate) struct Hints {
     pub(crate) origin_m: [f64; 3],
     /// Whether frames of one shape may be of different scales.
     pub(crate) mixed_scales: bool,
+    /// How dense fields are read.
+    pub(crate) dense: DenseOptions,
 }
 
 impl Hints {
     /// Those of a capture in a unit, with nothing else said.
     pub(crate) fn in_unit(unit: Unit) -> Self {
         let frame_rate = FrameRate { numerator: 30, denominator: 1 };
-        Self { unit, voxel_size: None, truncation: None, frame_rate, origin_m: [0.0; 3], mixed_scales: false }
+        Self {
+            unit,
+            voxel_size: None,
+            truncation: None,
+            frame_rate,
+            origin_m: [0.0; 3],
+            mixed_scales: false,
+            dense: DenseOptions::default(),
+        }
     }
 
     /// With a place in the capture's unit as the origin.
@@ -159,6 +169,11 @@ impl Capture {
     /// What a user should know before the first frame.
     pub(crate) fn remarks(&self) -> Vec<String> {
         self.kind.remarks().into_iter().map(|remark| format!("{}: {remark}", self.name)).collect()
+    }
+
+    /// Whether the frames are dense fields.
+    pub(crate) fn is_dense(&self) -> bool {
+        self.kind.is_dense()
     }
 
     /// Whether a frame can be read after one that cannot.

@@ -95,7 +95,8 @@ impl Args {
         let usual = Hints::in_unit(self.units).with_origin(self.origin);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
-        Ok(Hints { voxel_size, truncation, frame_rate, mixed_scales: self.mixed_scales, ..usual })
+        let dense = self.ingest.dense();
+        Ok(Hints { voxel_size, truncation, frame_rate, mixed_scales: self.mixed_scales, dense, ..usual })
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
@@ -103,8 +104,10 @@ impl Args {
         let content = capture.content();
         let geometry = [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some())];
         let of_geometry = geometry.iter().filter(|(_, given)| *given && content != ContentKind::Geometry);
-        let flags: Vec<_> =
-            of_geometry.map(|(flag, _)| *flag).chain(self.ingest.without_effect(content)).collect();
+        let flags: Vec<_> = of_geometry
+            .map(|(flag, _)| *flag)
+            .chain(self.ingest.without_effect(content, capture.is_dense()))
+            .collect();
         let list = flags.join(", ");
         (!flags.is_empty())
             .then(|| format!("{}: without effect on {}: {list}", capture.name(), content.name()))
