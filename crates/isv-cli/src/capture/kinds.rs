@@ -15,7 +15,8 @@ use anyhow::{Result, bail};
 use isv::decode::Lod;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
-    Animation, DepthSequence, FrameSequence, SequenceError, VolumeError, VolumeSequence, is_depth_folder,
+    Animation, DepthSequence, FrameSequence, Saturation, SequenceError, VolumeError, VolumeSequence,
+    is_depth_folder,
 };
 use isv::volume::Grid;
 use std::ops::Range;
@@ -235,15 +236,27 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
         remarks.push("images are undistorted by the coefficients given".to_owned());
     }
     if let Some(unit) = depth.time_unit() {
-        remarks.push(format!("time stamps are taken as {unit}"));
+        let rate = depth.fps().map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
+        remarks.push(format!(
+            "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise"
+        ));
+    }
+    if let lost @ [first, ..] = &depth.frames_without_pose()[..] {
+        let (count, frames) = (lost.len(), depth.frames());
+        remarks.push(format!(
+            "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
+        ));
     }
     if let Some(saturation) = depth.saturation() {
-        let share = 100.0 * saturation.share;
-        remarks.push(if saturation.is_reading {
-            let depth = saturation.depth_m;
-            format!("65535 is {share:.1} % of the first image and counts as {depth:.1} m: add it to invalid_values")
-        } else {
-            format!("65535 is {share:.1} % of the first image and counts as no reading; invalid_values can say otherwise")
+        let Saturation { path, value, share, is_reading, depth_m } = saturation;
+        let (share, path) = (100.0 * share, path.display());
+        remarks.push(match is_reading {
+            true => format!(
+                "{value} is {share:.1} % of {path} and counts as {depth_m:.1} m: if it means no reading, add it to invalid_values"
+            ),
+            false => format!(
+                "{value} is {share:.1} % of {path} and counts as no reading: add it to invalid_values, or give [0] there to keep it"
+            ),
         });
     }
     remarks
