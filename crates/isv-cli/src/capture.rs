@@ -11,7 +11,7 @@ use crate::stream;
 use crate::up::Up;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
-use isv::io::{Geometry, Unit};
+use isv::io::{DenseOptions, Geometry, Unit};
 use isv::surface::SurfaceOptions;
 use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
@@ -112,6 +112,8 @@ pub(crate) struct Hints {
     pub(crate) mixed_scales: bool,
     /// The axis of meshes, points and depth cameras that points up.
     pub(crate) up: Up,
+    /// How dense fields are read.
+    pub(crate) dense: DenseOptions,
 }
 
 impl Hints {
@@ -127,6 +129,7 @@ impl Hints {
             drops_invalid_points: false,
             mixed_scales: false,
             up: Up::Y,
+            dense: DenseOptions::default(),
         }
     }
 
@@ -199,6 +202,11 @@ impl Capture {
     /// What a user should know before the first frame.
     pub(crate) fn remarks(&self) -> Vec<String> {
         self.kind.remarks().into_iter().map(|remark| format!("{}: {remark}", self.name)).collect()
+    }
+
+    /// Whether the frames are dense fields.
+    pub(crate) fn is_dense(&self) -> bool {
+        self.kind.is_dense()
     }
 
     /// Whether a frame can be read after one that cannot.

@@ -131,11 +131,18 @@ impl HeldFrames {
             };
             let number = self.next;
             self.next += 1;
-            if let Some((AnyFrame { volume, surface, .. }, decode_ms)) = frame
+            if let Some((AnyFrame { volume, coded_blocks, surface, .. }, decode_ms)) = frame
                 && self.range.is_none_or(|range| number >= range.start)
             {
                 let timestamp_ns = self.shown_ns;
-                return Ok(Some(StreamFrame { number, timestamp_ns, volume, surface, decode_ms }));
+                return Ok(Some(StreamFrame {
+                    number,
+                    timestamp_ns,
+                    volume,
+                    coded_blocks,
+                    surface,
+                    decode_ms,
+                }));
             }
         }
     }

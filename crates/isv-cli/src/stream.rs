@@ -10,9 +10,9 @@ use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{DecodeError, Lod};
 use isv::format::{FormatError, PacketReader, StreamHeader, StreamIndex};
 use isv::gpu::{AnyDecoder, AnyVolume};
-use isv::ingest::redistance;
+use isv::ingest::{coded_field, redistance};
 use isv::surface::SurfaceOptions;
-use isv::volume::{SparseVolume, TriangleMesh};
+use isv::volume::{BlockSet, SparseVolume, TriangleMesh};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -72,10 +72,17 @@ pub(crate) struct StreamFrame {
     pub(crate) timestamp_ns: u64,
     /// What was decoded.
     pub(crate) volume: AnyVolume,
+    /// The blocks of the full resolution that were coded, in profile `main`.
+    pub(crate) coded_blocks: Option<BlockSet>,
     /// Its surface, if that was extracted with it.
     pub(crate) surface: Option<TriangleMesh>,
     /// How long that took.
     pub(crate) decode_ms: f64,
+}
+
+/// The field of a decoded frame if its stream coded it away from the surface too: `--band full` in profile `main`.
+pub(crate) fn full_band(volume: &SparseVolume, coded_blocks: Option<&BlockSet>) -> Option<SparseVolume> {
+    coded_field(volume, coded_blocks?)
 }
 
 /// A frame that was decoded in profile `main` with distances wherever it has samples, and not at the surface alone.
@@ -178,6 +185,7 @@ impl StreamFrames {
                     number,
                     timestamp_ns: packet.header.timestamp_ns,
                     volume: decoded.volume,
+                    coded_blocks: decoded.coded_blocks,
                     surface: decoded.surface,
                     decode_ms,
                 }));

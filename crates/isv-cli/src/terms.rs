@@ -5,7 +5,7 @@ use isv::decode::Lod;
 use isv::encode::{MotionMode, Preset, Refresh};
 use isv::format::Prediction;
 use isv::ingest::SignMode;
-use isv::io::GlbEncoding;
+use isv::io::{DenseAxes, GlbEncoding, SampleAt};
 
 /// `--profile`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -136,6 +136,42 @@ pub(crate) enum NormalsName {
     Given,
     /// Planes through neighbouring points, turned to where the scanner was if the file says, or else outward
     Estimate,
+}
+
+/// `--axes`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AxesName {
+    /// field[z, y, x]
+    Zyx,
+    /// field[x, y, z]
+    Xyz,
+}
+
+impl From<AxesName> for DenseAxes {
+    fn from(name: AxesName) -> Self {
+        match name {
+            AxesName::Zyx => Self::Zyx,
+            AxesName::Xyz => Self::Xyz,
+        }
+    }
+}
+
+/// `--sample-at`
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SampleAtName {
+    /// In the middle of its voxel
+    Centre,
+    /// At the lowest corner of its voxel
+    Corner,
+}
+
+impl From<SampleAtName> for SampleAt {
+    fn from(name: SampleAtName) -> Self {
+        match name {
+            SampleAtName::Centre => Self::Centre,
+            SampleAtName::Corner => Self::Corner,
+        }
+    }
 }
 
 /// `--fusion`

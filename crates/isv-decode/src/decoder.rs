@@ -13,7 +13,7 @@ use crate::details::{BlockDetail, Details};
 use crate::main_profile::ExactBlocks;
 use crate::reduced::Lod;
 use isv_format::{Packet, Profile, StreamHeader};
-use isv_volume::{GridError, SparseVolume};
+use isv_volume::{BlockSet, GridError, SparseVolume};
 pub use limits::Limits;
 use main::MainDecoder;
 use paper::PaperDecoder;
@@ -138,6 +138,16 @@ impl<B: Backend> Decoder<B> {
     #[must_use]
     pub fn volume(&self) -> Option<&B::Volume> {
         self.profile.volume()
+    }
+
+    /// The blocks of the last frame's volume that were coded, in profile `main` at full resolution: the decoder made up the others. `None`
+    /// before the first frame and in profile `paper`, where all are coded.
+    #[must_use]
+    pub fn coded_blocks(&self) -> Option<&BlockSet> {
+        match &self.profile {
+            ProfileDecoder::Paper(_) => None,
+            ProfileDecoder::Main(decoder) => decoder.coded_blocks(),
+        }
     }
 
     /// Which blocks of the last frame are exact, unless all are: see [`Self::recover`].

@@ -4,7 +4,7 @@ use crate::{GpuBackend, GpuError, GpuSurfaceExtractor, GpuVolume, VolumeStore};
 use isv_decode::{BackendError, DecodeError, Decoder, Limits};
 use isv_format::{Packet, StreamHeader};
 use isv_surface::SurfaceOptions;
-use isv_volume::{SparseVolume, TriangleMesh};
+use isv_volume::{BlockSet, SparseVolume, TriangleMesh};
 
 /// Bytes of packets that are kept to begin again with on the CPU.
 const MOST_KEPT_BYTES: usize = 256 << 20;
@@ -36,6 +36,8 @@ impl AnyVolume {
 pub struct AnyFrame {
     /// The volume.
     pub volume: AnyVolume,
+    /// As [`Decoder::coded_blocks`].
+    pub coded_blocks: Option<BlockSet>,
     /// Its surface, if it was extracted on a GPU: see [`AnyDecoder::with_surfaces`].
     pub surface: Option<TriangleMesh>,
     /// Hash that the stream states, if any.
@@ -183,18 +185,17 @@ fn on_gpu(
     let extract = |extractor: &mut GpuSurfaceExtractor| extractor.extract(frame.volume)?.download();
     let surface = extractor.map(extract).transpose().map_err(BackendError::from)?;
     let volume = AnyVolume::Gpu(frame.volume.clone());
-    let inexact_blocks = frame.inexact_blocks;
-    Ok(AnyFrame { volume, surface, stated_hash: frame.stated_hash, inexact_blocks })
+    let (stated_hash, inexact_blocks) = (frame.stated_hash, frame.inexact_blocks);
+    let coded_blocks = decoder.coded_blocks().cloned();
+    Ok(AnyFrame { volume, coded_blocks, surface, stated_hash, inexact_blocks })
 }
 
 fn on_cpu(decoder: &mut Decoder, packet: &Packet, verify: bool) -> Result<AnyFrame, DecodeError> {
     let frame = if verify { decoder.decode_and_verify(packet) } else { decoder.decode(packet) }?;
-    Ok(AnyFrame {
-        volume: AnyVolume::Cpu(frame.volume.clone()),
-        surface: None,
-        stated_hash: frame.stated_hash,
-        inexact_blocks: frame.inexact_blocks,
-    })
+    let volume = AnyVolume::Cpu(frame.volume.clone());
+    let (stated_hash, inexact_blocks) = (frame.stated_hash, frame.inexact_blocks);
+    let coded_blocks = decoder.coded_blocks().cloned();
+    Ok(AnyFrame { volume, coded_blocks, surface: None, stated_hash, inexact_blocks })
 }
 
 /// The packets from a keyframe on.

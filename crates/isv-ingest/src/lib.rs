@@ -41,6 +41,7 @@ mod boundary;
 mod caps;
 mod cells;
 mod closure;
+mod coded_field;
 mod continuation;
 mod crossings;
 mod descent;
@@ -70,6 +71,7 @@ mod trim;
 #[cfg(test)]
 mod tests;
 
+pub use coded_field::coded_field;
 pub use error::IngestError;
 pub use ingester::MeshIngester;
 pub use job::MeshJob;

@@ -243,7 +243,7 @@ mod tests {
         let sound = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
         assert!(matches!(turn_faces(&sound, true), Cow::Borrowed(_)), "nothing to do");
         for which in [
-            |face: usize| face % 2 == 0,
+            |face: usize| face.is_multiple_of(2),
             |face: usize| face < 350,
             |face: usize| face % 10 == 3,
             |face: usize| face == 17,

@@ -13,13 +13,15 @@ mod distortion;
 mod error;
 mod exr_image;
 mod image;
+mod json;
 mod listing;
 mod png_image;
 mod rig;
+mod times;
 mod tum;
 
-pub(crate) use camera_json::median_rate;
 pub use error::DepthFileError;
+pub(crate) use times::median_rate;
 pub use tum::{TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S};
 
 use distortion::Distortion;
@@ -72,10 +74,17 @@ struct Optics {
     distortion: Option<Distortion>,
 }
 
-/// Pixels of value 65535, which most captures mean as "no reading".
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Most images that [`DepthSequence::saturation`] looks into.
+const MOST_LOOKED_INTO: usize = 64;
+
+/// Pixels of a value that most captures mean as "no reading", in an image.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Saturation {
-    /// Share of the first image's pixels.
+    /// The image.
+    pub path: PathBuf,
+    /// What the pixels hold.
+    pub value: u16,
+    /// Share of the image's pixels.
     pub share: f64,
     /// Whether they count as readings, as the capture's `invalid_values` leave them out.
     pub is_reading: bool,
@@ -91,8 +100,29 @@ enum Poses {
     Moving {
         /// The file that says so.
         file: PathBuf,
-        poses: Vec<Result<CameraPose, DepthError>>,
+        poses: Vec<Result<CameraPose, BadPose>>,
     },
+}
+
+/// Why a frame has no pose.
+#[derive(Clone, Debug, PartialEq)]
+enum BadPose {
+    /// A matrix that is no pose.
+    Matrix(DepthError),
+    /// A line of a list, counted from 1.
+    Line { line: usize, why: String },
+}
+
+impl BadPose {
+    /// Names the frame and the file that should have said where its camera stood.
+    fn at_frame(&self, file: &Path, frame: usize) -> DepthFileError {
+        match self {
+            Self::Matrix(cause) => at_frame(file, frame, *cause),
+            Self::Line { line, why } => {
+                DepthFileError::PoseLine { path: file.to_owned(), frame, line: *line, why: why.clone() }
+            }
+        }
+    }
 }
 
 impl DepthSequence {
@@ -167,24 +197,44 @@ impl DepthSequence {
         self.cameras.iter().any(|camera| camera.optics.distortion.is_some())
     }
 
-    /// The unit that time stamps were taken to have, where it is not seconds: `milliseconds` and so on.
+    /// The unit that time stamps were taken to have, where the folder does not say and it is not clear: other than seconds, or seconds
+    /// that make less than a frame a second.
     #[must_use]
     pub fn time_unit(&self) -> Option<&'static str> {
         self.time_unit
     }
 
-    /// Pixels of the first image that hold 65535, if there are any. Reads that image.
+    /// Frames of the selection without a usable pose, as their numbers in it. [`Self::read`] says what is wrong with each.
+    #[must_use]
+    pub fn frames_without_pose(&self) -> Vec<usize> {
+        let is_lost = |frame: &usize| {
+            let number = self.number(*frame);
+            self.cameras.iter().any(|camera| match &camera.poses {
+                Poses::Fixed(_) => false,
+                Poses::Moving { poses, .. } => poses[number].is_err(),
+            })
+        };
+        (0..self.frames()).filter(is_lost).collect()
+    }
+
+    /// The first image in which many pixels hold a value that may stand for "no reading", such as 65535, though the capture does not say
+    /// so. Looks into images of the first frame, the last and the one between.
     #[must_use]
     pub fn saturation(&self) -> Option<Saturation> {
-        let camera = self.cameras.first()?;
-        let share = image::saturated_share(&camera.file(self.selected.start))?;
-        let units = &camera.optics.units;
-        let is_reading = !units.invalid.contains(&image::SATURATED);
-        // What a capture has said itself needs no word.
-        (share > 0.0 && (is_reading || !units.invalid_is_given)).then(|| Saturation {
-            share,
-            is_reading,
-            depth_m: f64::from(image::SATURATED) * units.depth_scale_m,
+        let Range { start, end } = self.selected;
+        let frames = [start, start + (end - start) / 2, end - 1];
+        let images =
+            frames.into_iter().flat_map(|frame| self.cameras.iter().map(move |camera| (camera, frame)));
+        images.take(MOST_LOOKED_INTO).find_map(|(camera, frame)| {
+            let units = &camera.optics.units;
+            let (value, share) = image::suspect(&camera.file(frame), units)?;
+            Some(Saturation {
+                path: camera.paths[frame].clone(),
+                value,
+                share,
+                is_reading: !units.is_invalid(value),
+                depth_m: f64::from(value) * units.depth_scale_m,
+            })
         })
     }
 
@@ -250,7 +300,9 @@ impl Camera {
         let path = &self.paths[frame];
         let pose = match &self.poses {
             Poses::Fixed(pose) => *pose,
-            Poses::Moving { file, poses } => poses[frame].map_err(|cause| at_frame(file, frame, cause))?,
+            Poses::Moving { file, poses } => {
+                *poses[frame].as_ref().map_err(|why| why.at_frame(file, frame))?
+            }
         };
         let Optics { intrinsics, units, distortion } = &self.optics;
         let mut depths = image::read(&self.file(frame), units)?;

@@ -54,7 +54,8 @@ mod xyz;
 pub use acquisition::acquisition_time_s;
 pub use atomic::AtomicFile;
 pub use depth::{
-    DepthFileError, DepthSequence, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S, is_depth_folder,
+    DepthFileError, DepthSequence, Saturation, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S,
+    is_depth_folder,
 };
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use format::{Format, ParseFormatError};
@@ -73,6 +74,6 @@ pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{
-    ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_vdb,
-    write_vdb_placed, write_vdb_to, write_volume,
+    ArrayFlaw, DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence, is_volume_folder, read_volume,
+    volume_grid, write_vdb, write_vdb_placed, write_vdb_to, write_volume,
 };

@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn every_truncation_fails() {
         let mut binary = Vec::new();
-        write(&mut binary, &expected()).unwrap();
+        write(&mut binary, &expected(), &Placement::default()).unwrap();
         for length in 0..binary.len() {
             assert!(parse(&binary[..length]).is_err(), "binary cut at {length}");
         }

@@ -184,23 +184,42 @@ pub(crate) fn parse_float(word: &[u8]) -> Option<f64> {
     })
 }
 
-/// A decimal number in billionths, exactly as it is written: `1305031102.175304`, `-0.5`, `1e-1`.
-pub(crate) fn parse_billionths(word: &str) -> Option<i128> {
-    const MOST_DIGITS: usize = 24;
-    let (sign, digits) = word.strip_prefix('-').map_or((1, word), |digits| (-1, digits));
+/// A decimal number in billionths, rounded to the nearest: `1305031102.175304`, `-0.5`, `1e-1`; `None` if it is no number or beyond
+/// 1e20.
+pub(crate) fn parse_billionths(text: &str) -> Option<i128> {
+    // More digits would leave the range of `i128`.
+    const MOST_DIGITS: usize = 27;
+    const MOST: i128 = 10i128.pow(29);
+    let (digits, exponent) = match text.split_once(['e', 'E']) {
+        Some((digits, exponent)) => (digits, exponent.parse::<i32>().ok()?.clamp(-1_000, 1_000)),
+        None => (text, 0),
+    };
+    let (sign, digits) = match digits.strip_prefix('-') {
+        Some(digits) => (-1, digits),
+        None => (1, digits.strip_prefix('+').unwrap_or(digits)),
+    };
     let (whole, decimals) = digits.split_once('.').unwrap_or((digits, ""));
-    let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
-    if is_plain(whole)
-        && is_plain(decimals)
-        && !(whole.is_empty() && decimals.is_empty())
-        && whole.len() <= MOST_DIGITS
-    {
-        let number: i128 = format!("{whole}{:0<9}", decimals.get(..9).unwrap_or(decimals)).parse().ok()?;
-        return Some(sign * number);
+    if whole.is_empty() && decimals.is_empty() {
+        return None;
     }
-    // Exponents.
-    let value: f64 = word.parse().ok().filter(|value: &f64| value.abs() < 1e20)?;
-    Some((value * 1e9).round() as i128)
+    let (mut mantissa, mut counted, mut scale) = (0i128, 0, exponent + 9);
+    for (is_decimal, digit) in whole.bytes().map(|b| (false, b)).chain(decimals.bytes().map(|b| (true, b))) {
+        let digit = digit.is_ascii_digit().then(|| i128::from(digit - b'0'))?;
+        if counted < MOST_DIGITS {
+            mantissa = mantissa * 10 + digit;
+            counted += usize::from(mantissa > 0);
+            scale -= i32::from(is_decimal);
+        } else {
+            scale = scale.saturating_add(i32::from(!is_decimal));
+        }
+    }
+    let stamp = match (scale, 10i128.checked_pow(scale.unsigned_abs())) {
+        _ if mantissa == 0 => 0,
+        (0.., power) => mantissa.checked_mul(power?)?,
+        (_, Some(power)) => (mantissa + power / 2) / power,
+        (_, None) => 0,
+    };
+    (stamp <= MOST).then_some(sign * stamp)
 }
 
 /// The next three words as coordinates.
@@ -270,6 +289,36 @@ mod tests {
         }
         for text in ["", "nano", "1.#", "#", "-", "1,5", "x"] {
             assert_eq!(parse_float(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn decimals_are_exact_to_the_billionth() {
+        const NANO: i128 = 1_000_000_000;
+        for (text, expected) in [
+            ("0", 0),
+            ("-0.5", -500_000_000),
+            ("+2.", 2 * NANO),
+            (".25", 250_000_000),
+            ("1305031102.175304", 1_305_031_102_175_304_000),
+            ("1305031102175304123", 1_305_031_102_175_304_123 * NANO),
+            ("1.305031102175304123e+09", 1_305_031_102_175_304_123),
+            ("1.305031102175304123456789e9", 1_305_031_102_175_304_123),
+            ("0.0000000005", 1),
+            ("0.00000000049", 0),
+            ("1e-400", 0),
+            ("0e999", 0),
+            ("00000000000000000000000000000000000000001.5", 1_500_000_000),
+            ("1.00000000000000000000000000000000000000009", NANO),
+            ("1e20", 100_000_000_000_000_000_000 * NANO),
+        ] {
+            assert_eq!(parse_billionths(text), Some(expected), "{text}");
+        }
+        for text in [
+            "", ".", "-", "e5", "nan", "inf", "1,5", "1e", "1e2.5", "0x10", "1_0", "--1", "2e20", "1e999",
+            "٣",
+        ] {
+            assert_eq!(parse_billionths(text), None, "{text}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Volumes as files: a folder of NumPy arrays. `docs/formats/volume.md` describes it.
 
+mod dense;
 mod description;
 mod error;
 mod fill;
@@ -9,6 +10,7 @@ mod sequence;
 mod vdb;
 mod write;
 
+pub use dense::{DenseAxes, DenseOptions, SampleAt};
 pub use error::{ArrayFlaw, VolumeError};
 pub use read::{read_volume, volume_grid};
 pub use sequence::{VolumeSequence, is_volume_folder};

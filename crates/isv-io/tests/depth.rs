@@ -255,6 +255,17 @@ fn poses_between_time_stamps_are_interpolated() {
             "calibration.txt: fx fy cx cy and possibly width height are expected",
         ),
         ("groundtruth.txt", "x 0 0 0 0 0 0 1", "groundtruth.txt: `x` is not a time (line 1)"),
+        ("groundtruth.txt", "1 0 nan 0 0 0 0 1", "groundtruth.txt: a number is not finite (line 1)"),
+        (
+            "groundtruth.txt",
+            "#\n1 2 3",
+            "groundtruth.txt: a time stamp, tx ty tz and qx qy qz qw are expected (line 2)",
+        ),
+        (
+            "groundtruth.txt",
+            "1 0 0 0 0 0 0 2",
+            "groundtruth.txt: the quaternion has length 2, not 1 (line 1)",
+        ),
         ("calibration.txt", "-1 1 1 1", "calibration.txt: fx is -1: give 1 and turn"),
         (
             "groundtruth.txt",
@@ -274,45 +285,122 @@ fn poses_between_time_stamps_are_interpolated() {
     assert!(refused(&tum).starts_with("groundtruth.txt: No such file"));
 }
 
+/// What a frame without a pose says, after the name of its folder; the frames before and after it must be read.
+fn lost_frame(folder: &TempDir, lost: usize) -> String {
+    let sequence = open(folder).unwrap();
+    assert_eq!(sequence.frames_without_pose(), [lost]);
+    for frame in 0..sequence.frames() {
+        assert_eq!(sequence.read(frame).is_ok(), frame != lost, "frame {frame}");
+    }
+    message(folder, &sequence.read(lost).unwrap_err())
+}
+
 #[test]
-fn one_bad_pose_costs_its_frame_alone() {
-    let poses = |bad: &str| format!(r#"{{{CAMERA}, "poses": [{STANDING}, {bad}, {STANDING}]}}"#);
-    for bad in [
-        STANDING.replace("[1, 0, 0,", "[-Infinity, 0, 0,"),
-        STANDING.replace("[1, 0, 0,", "[NaN, 0, 0,"),
-        STANDING.replace("[1, 0, 0,", "[2, 0, 0,"),
-        "null".to_owned(),
-        "[]".to_owned(),
-        "\"lost\"".to_owned(),
+fn one_bad_matrix_costs_its_frame_alone() {
+    let with_x = |x: &str| STANDING.replace("[1, 0, 0,", &format!("[{x}, 0, 0,"));
+    for (bad, why) in [
+        (with_x("-Infinity"), "a number is not finite"),
+        (with_x("NaN"), "a number is not finite"),
+        (with_x("-nan"), "a number is not finite"),
+        (with_x("inf"), "a number is not finite"),
+        (with_x("-1.#IND"), "a number is not finite"),
+        (with_x("1e999"), "a number is not finite"),
+        (with_x("null"), "a number is not finite"),
+        (with_x("\"nan\""), "a number is not finite"),
+        (with_x("2"), "the axes are not of unit length and square to each other"),
+        (with_x("-1"), "it mirrors"),
+        (STANDING.replace("[0, 0, 0, 1]", "[0, 0, 0, 2]"), "the last row is not 0 0 0 1"),
+        (STANDING.replace(", [0, 0, 0, 1]", ""), "it is not 4 rows of 4 numbers"),
+        ("null".to_owned(), "it is not 4 rows of 4 numbers"),
+        ("NaN".to_owned(), "it is not 4 rows of 4 numbers"),
+        ("[]".to_owned(), "it is not 4 rows of 4 numbers"),
+        ("{}".to_owned(), "it is not 4 rows of 4 numbers"),
+        ("\"lost\"".to_owned(), "it is not 4 rows of 4 numbers"),
     ] {
-        let room = room(3);
-        write(room.path(), "camera.json", poses(&bad).as_bytes());
-        let sequence = open(&room).unwrap();
-        assert!(sequence.read(0).is_ok() && sequence.read(2).is_ok());
-        let message = sequence.read(1).unwrap_err().to_string();
-        assert!(
-            message.contains("camera.json: frame 1: the pose is no rotation and translation: "),
-            "{message}"
+        let room = room(4);
+        let json = format!(
+            r#"{{"NaN": "-Infinity", {CAMERA}, "poses": [{STANDING}, {STANDING}, {bad}, {STANDING}]}}"#
         );
+        write(room.path(), "camera.json", json.as_bytes());
+        let expected = format!("camera.json: frame 2: the pose is no rotation and translation: {why}");
+        assert_eq!(lost_frame(&room, 2), expected, "{bad}");
     }
-    for bad in ["1 0 nan 0 0 0 0 1", "1 0 0 0 0 0 0 0", "1 0 0 0 -inf 0 0 1", "1 0 0", "1 0 0 0 0 0 0 x"] {
-        let tum = folder(&[
-            ("depth.txt", "0 a.png\n1 b.png\n2 c.png\n"),
-            ("groundtruth.txt", &format!("0 0 0 0 0 0 0 1\n{bad}\n2 0 0 0 0 0 0 1\n")),
-            ("calibration.txt", "500 510 1.5 0.5 4 2\n"),
-        ]);
-        for name in ["a.png", "b.png", "c.png"] {
-            write(tum.path(), name, &png::depths(4, &[1000; 8]));
+    let rig = folder(&[("a/0.png", "")]);
+    let camera =
+        format!(r#"{{"name": "top", {CAMERA}, "camera_to_world": {}, "images": "a"}}"#, with_x("NaN"));
+    write(rig.path(), "rig.json", format!(r#"{{"cameras": [{camera}]}}"#).as_bytes());
+    let expected = "rig.json: camera top: the pose is no rotation and translation: a number is not finite";
+    assert_eq!(refused(&rig), expected);
+}
+
+/// A take of five images, one each hundred milliseconds, and lines of poses.
+fn tum_take(poses: &[&str]) -> TempDir {
+    let images: String = (0..5).map(|frame| format!("10.{frame} {frame}.png\n")).collect();
+    let tum = folder(&[
+        ("depth.txt", &images),
+        ("groundtruth.txt", &poses.join("\n")),
+        ("calibration.txt", "500 510 1.5 0.5 4 2\n"),
+    ]);
+    for frame in 0..5 {
+        write(tum.path(), &format!("{frame}.png"), &png::depths(4, &[1000; 8]));
+    }
+    tum
+}
+
+#[test]
+fn one_bad_line_costs_its_frame_alone() {
+    let line = |frame: usize| format!("10.{frame} {frame} 0 0 0 0 0 1");
+    for (bad, why) in [
+        ("10.F 0 nan 0 0 0 0 1", "a number is not finite"),
+        ("10.F -inf 0 0 0 0 0 1", "a number is not finite"),
+        ("10.F -1.#IND 0 0 0 0 0 1", "a number is not finite"),
+        ("10.F 0 0 0 0 0 0 0", "the quaternion has length 0, not 1"),
+        ("10.F 0 0", "a time stamp, tx ty tz and qx qy qz qw are expected"),
+        ("10.F 0 0 0 0 0 0 x", "`x` is not a number"),
+        ("10.F", "a time stamp, tx ty tz and qx qy qz qw are expected"),
+        // Without a time of its own, a line stands for the image between its neighbours', or beside the first or last.
+        ("nan 0 0 0 0 0 0 1", "`nan` is not a time"),
+        ("lost", "`lost` is not a time"),
+    ] {
+        for frame in 0..5 {
+            let bad = bad.replace('F', &frame.to_string());
+            let mut lines: Vec<String> = (0..5).map(line).collect();
+            lines[frame] = bad.clone();
+            let take = tum_take(&lines.iter().map(String::as_str).collect::<Vec<_>>());
+            let (found, number) = (lost_frame(&take, frame), frame + 1);
+            let start = format!("groundtruth.txt: frame {frame}: the pose is no rotation and translation: ");
+            assert_eq!(found, format!("{start}{why} (line {number})"), "{bad}");
+            assert_eq!(open(&take).unwrap().timestamp_ns(4), Some(400_000_000));
         }
-        let sequence = open(&tum).unwrap();
-        assert_eq!(sequence.frames(), 3, "{bad}");
-        assert!(sequence.read(0).is_ok() && sequence.read(2).is_ok());
-        let message = sequence.read(1).unwrap_err().to_string();
-        assert!(
-            message.contains("groundtruth.txt: frame 1: the pose is no rotation and translation: "),
-            "{message}"
-        );
     }
+}
+
+#[test]
+fn a_bad_line_between_good_ones_costs_no_frame_that_is_nearer_to_these() {
+    let lines: Vec<String> = (0..=40)
+        .map(|step| match step {
+            // Nearest to the image at 10.2 s only.
+            20 => "10.20 nan 0 0 0 0 0 1".to_owned(),
+            // Nearest to none.
+            5 | 33 => format!("10.{step:02} lost"),
+            _ => format!("10.{step:02} {step} 0 0 0 0 0 1"),
+        })
+        .collect();
+    let take = tum_take(&lines.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(lost_frame(&take, 2).contains("(line 21)"));
+    assert_eq!(open(&take).unwrap().read(3).unwrap()[0].pose().centre.x, 30.0);
+    // Headers without a comment sign, and an image beside a bad line.
+    let header = tum_take(&[
+        "time tx ty tz qx qy qz qw",
+        "10.0 0 0 0 0 0 0 1",
+        "10.1 1 0 0 0 0 0 1",
+        "10.4 4 0 0 0 0 0 1",
+    ]);
+    let sequence = open(&header).unwrap();
+    assert_eq!((sequence.frames(), sequence.skipped(), sequence.frames_without_pose()), (3, 2, vec![]));
+    assert_eq!(sequence.timestamp_ns(2), Some(400_000_000));
+    let all_lost = tum_take(&["10.0 lost", "10.1 lost"]);
+    assert_eq!(refused(&all_lost), "groundtruth.txt: `lost` is not a number (line 1)");
 }
 
 #[test]
@@ -371,24 +459,135 @@ fn time_stamps_are_kept_to_the_nanosecond_in_any_unit() {
 }
 
 #[test]
-fn a_saturated_pixel_is_no_reading_unless_the_capture_says_so() {
-    let with = |invalid: &str| {
-        let room = room(1);
-        write(
-            room.path(),
-            "camera.json",
-            format!(r#"{{{CAMERA}, {invalid} "poses": [{STANDING}]}}"#).as_bytes(),
-        );
-        write(room.path(), "depth/frame_0.png", &png::depths(4, &[65535, 1000, 1000, 1000, 0, 0, 0, 65535]));
-        let sequence = open(&room).unwrap();
-        (sequence.read(0).unwrap()[0].readings(), sequence.saturation())
+fn times_of_camera_json_are_exact_and_in_order() {
+    let with = |keys: &str| {
+        let room = room(3);
+        let json = format!(r#"{{{CAMERA}, {keys}, "poses": [{STANDING}, {STANDING}, {STANDING}]}}"#);
+        write(room.path(), "camera.json", json.as_bytes());
+        open(&room).map_err(|error| message(&room, &error)).map(|sequence| {
+            let times: Vec<_> = (0..3).filter_map(|frame| sequence.timestamp_ns(frame)).collect();
+            (times, sequence.fps(), sequence.time_unit())
+        })
     };
-    let (readings, saturation) = with("");
-    assert_eq!((readings, saturation.unwrap().share, saturation.unwrap().is_reading), (3, 0.25, false));
-    assert_eq!(with(r#""invalid_values": [0, 65535],"#), (3, None));
-    let (readings, saturation) = with(r#""invalid_values": [0],"#);
-    let saturation = saturation.unwrap();
-    assert_eq!((readings, saturation.is_reading, saturation.depth_m), (5, true, 65.535));
+    let times = |ns: [u64; 3]| ns.to_vec();
+    for (keys, expected) in [
+        (r#""fps": 30"#, (vec![], Some(30.0), None)),
+        (
+            r#""timestamps": [1305031102.175304, 1305031102.275304, 1305031102.375305]"#,
+            (times([0, 100_000_000, 200_001_000]), None, None),
+        ),
+        (
+            r#""timestamps": ["1305031102.175304001", "1305031102.275304", "1305031102.375304003"]"#,
+            (times([0, 99_999_999, 200_000_002]), None, None),
+        ),
+        (
+            r#""timestamps": [5, 38, 71], "fps": 25"#,
+            (times([0, 33_000_000, 66_000_000]), Some(25.0), Some("milliseconds")),
+        ),
+        (
+            r#""timestamps": [5, 38, 71], "fps": 25, "time_unit": "s""#,
+            (times([0, 33_000_000_000, 66_000_000_000]), Some(25.0), None),
+        ),
+        (
+            r#""timestamps": [0, 1.5, 3], "fps": 1"#,
+            (times([0, 1_500_000_000, 3_000_000_000]), Some(1.0), Some("seconds")),
+        ),
+    ] {
+        let (found, fps, unit) = with(keys).unwrap();
+        assert_eq!((found, unit), (expected.0, expected.2), "{keys}");
+        assert!(expected.1.is_none_or(|rate| fps == Some(rate)), "{keys}: {fps:?}");
+    }
+    for (keys, expected) in [
+        (r#""timestamps": [0, NaN, 2]"#, "camera.json: frame 1: its entry in timestamps is no number"),
+        (
+            r#""timestamps": [0, 2, 1]"#,
+            "camera.json: frame 2: its entry in timestamps is before that of the frame before it",
+        ),
+        (r#""timestamps": [0, 1]"#, "camera.json: 2 timestamps, but 3 images in "),
+        (r#""timestamps": [0, 1, 2], "time_unit": "min""#, "camera.json: unknown variant `min`"),
+        (r#""fps": NaN"#, "camera.json: fps is NaN; it must be above 0"),
+    ] {
+        let found = with(keys).unwrap_err();
+        assert!(found.starts_with(expected), "{found}");
+    }
+}
+
+#[test]
+fn time_unit_of_camera_json_holds_for_lists() {
+    let list = |what: &str| (0..3).map(|frame| format!("{} {what}\n", 10 * frame)).collect::<String>();
+    let files = [("depth.txt", list("a.png")), ("groundtruth.txt", list("0 0 0 0 0 0 1"))];
+    let take = folder(&files.each_ref().map(|(name, text)| (*name, text.as_str())));
+    assert_eq!(open(&take).unwrap().time_unit(), Some("milliseconds"));
+    write(take.path(), "camera.json", format!(r#"{{{CAMERA}, "time_unit": "s"}}"#).as_bytes());
+    let sequence = open(&take).unwrap();
+    assert_eq!(
+        (sequence.fps(), sequence.time_unit(), sequence.timestamp_ns(1)),
+        (Some(0.1), None, Some(10_000_000_000))
+    );
+}
+
+#[test]
+fn lists_of_windows_name_images_with_backslashes() {
+    for name in ["depth\\0.png", ".\\depth\\0.png", "depth/0.png"] {
+        let take = folder(&[
+            ("depth.txt", &format!("1 {name}\n")),
+            ("groundtruth.txt", "1 0 0 0 0 0 0 1\n"),
+            ("calibration.txt", "500 510 1.5 0.5 4 2\n"),
+        ]);
+        write(take.path(), "depth/0.png", &png::depths(4, &[1000; 8]));
+        assert!(open(&take).unwrap().read(0).is_ok(), "{name}");
+    }
+}
+
+/// Readings and what is said of values that may be none, of an image of a take whose camera has some keys.
+fn suspects(keys: &str, values: &[u16; 8]) -> (usize, Option<(u16, f64, bool)>) {
+    let room = room(3);
+    let json = format!(r#"{{{CAMERA}, {keys} "poses": [{STANDING}, {STANDING}, {STANDING}]}}"#);
+    write(room.path(), "camera.json", json.as_bytes());
+    for (frame, values) in [&[9; 8], &[9; 8], values].into_iter().enumerate() {
+        write(room.path(), &format!("depth/frame_{frame}.png"), &png::depths(4, values));
+    }
+    let sequence = open(&room).unwrap();
+    let suspect = sequence.saturation().map(|found| {
+        assert!(found.path.ends_with("depth/frame_2.png"));
+        assert_eq!(found.depth_m, f64::from(found.value) * 0.001);
+        (found.value, found.share, found.is_reading)
+    });
+    (sequence.read(2).unwrap()[0].readings(), suspect)
+}
+
+#[test]
+fn a_saturated_pixel_is_no_reading_unless_the_capture_says_so() {
+    let saturated = [65535, 1000, 1000, 1000, 0, 0, 0, 65535];
+    assert_eq!(suspects("", &saturated), (3, Some((65535, 0.25, false))));
+    assert_eq!(suspects(r#""invalid_values": null,"#, &saturated), (3, Some((65535, 0.25, false))));
+    assert_eq!(suspects(r#""invalid_values": [0, 65535],"#, &saturated), (3, None));
+    assert_eq!(suspects(r#""invalid_values": [0],"#, &saturated), (5, Some((65535, 0.25, true))));
+    assert_eq!(suspects(r#""invalid_values": [],"#, &saturated), (5, Some((65535, 0.25, true))));
+}
+
+#[test]
+fn other_largest_values_that_may_be_no_reading_are_named_and_kept() {
+    let values = |largest| [largest, 1000, 1000, 1000, 0, 0, 0, largest];
+    for largest in [2047, 4095, 10_000, 32_767, 65_534] {
+        assert_eq!(suspects("", &values(largest)), (5, Some((largest, 0.25, true))));
+        assert_eq!(suspects(&format!(r#""invalid_values": [0, {largest}],"#), &values(largest)), (3, None));
+    }
+    // A wall, and a value that is not the largest.
+    assert_eq!(suspects("", &values(3000)), (5, None));
+    assert_eq!(suspects("", &[4095, 4095, 4095, 5000, 0, 0, 0, 0]), (4, None));
+}
+
+#[test]
+fn the_background_of_renderers_is_no_reading() {
+    let metres = [65_504.0, 1e10, 65_503.0, 1.0, f32::MAX, 0.0, 0.0, 0.0];
+    let room = room(1);
+    fs::remove_file(room.path().join("depth/frame_0.png")).unwrap();
+    write(room.path(), "depth/0.exr", &exr::image([4, 2], vec![("Z", FlatSamples::F32(metres.to_vec()))]));
+    assert_eq!(
+        depths(&open(&room).unwrap().read(0).unwrap()),
+        [[0.0, 0.0, 65_503.0, 1.0, 0.0, 0.0, 0.0, 0.0]]
+    );
 }
 
 #[test]

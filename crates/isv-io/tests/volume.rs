@@ -219,9 +219,9 @@ fn sequences_are_folders_in_natural_order() {
     let order: Vec<i32> =
         (0..sequence.len()).map(|i| sequence.read(i, &grid).unwrap().coords()[0].x).collect();
     assert_eq!(order, [1, 2, 10]);
-    assert_eq!(sequence.select(1..3).unwrap().folders(), &sequence.folders()[1..]);
+    assert_eq!(sequence.select(1..3).unwrap().paths(), &sequence.paths()[1..]);
     assert!(sequence.select(1..4).is_none() && sequence.select(1..1).is_none());
-    let one = VolumeSequence::open(&sequence.folders()[2]).unwrap();
+    let one = VolumeSequence::open(&sequence.paths()[2]).unwrap();
     assert_eq!(one.len(), 1);
 }
 

@@ -15,7 +15,8 @@ use anyhow::{Result, bail};
 use isv::decode::Lod;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
-    Animation, DepthSequence, FrameSequence, SequenceError, VolumeError, VolumeSequence, is_depth_folder,
+    Animation, DepthSequence, FrameSequence, Saturation, SequenceError, VolumeError, VolumeSequence,
+    is_depth_folder,
 };
 use isv::volume::Grid;
 use std::ops::Range;
@@ -35,6 +36,8 @@ pub(super) enum Kind {
         grid: Grid,
         /// Whether anybody said how large a voxel is.
         size_is_known: bool,
+        /// What was taken for granted.
+        notes: Vec<String>,
     },
     /// An `.isv` file.
     Stream(PathBuf, StreamHeader),
@@ -67,11 +70,11 @@ impl Kind {
         }
         match FrameSequence::open(path) {
             Ok(sequence) => Self::files(sequence, hints),
-            Err(error) => match VolumeSequence::open(path) {
+            Err(error) => match VolumeSequence::open_with(path, hints.dense) {
                 Ok(volumes) => Self::volumes(volumes, hints),
                 Err(_) if matches!(error, SequenceError::NoFrames { .. }) => bail!(
                     "{error}; or a folder of depth images, with a camera.json, rig.json or depth.txt, or of volumes, with a \
-                     coords.npy and a tsdf.npy"
+                     coords.npy and a tsdf.npy, or dense fields as .npy or .npz"
                 ),
                 Err(_) => Err(error.into()),
             },
@@ -111,7 +114,9 @@ impl Kind {
             }
             grid => (grid, true),
         };
-        Ok((Some(volumes.len()), Self::Volumes { volumes, grid: grid?, size_is_known }))
+        let grid = grid?;
+        let notes = volumes.notes(0, &grid)?;
+        Ok((Some(volumes.len()), Self::Volumes { volumes, grid, size_is_known, notes }))
     }
 
     pub(super) fn frame_rate(&self) -> Option<FrameRate> {
@@ -136,6 +141,11 @@ impl Kind {
         }
     }
 
+    /// Whether its frames are dense fields.
+    pub(super) fn is_dense(&self) -> bool {
+        matches!(self, Self::Volumes { volumes, .. } if volumes.is_dense())
+    }
+
     /// What its frames are.
     pub(super) fn content(&self) -> ContentKind {
         match self {
@@ -150,9 +160,10 @@ impl Kind {
         match self {
             Self::Files(sequence, _) => sequence.notes().to_vec(),
             Self::Depth(depth) => depth_remarks(depth),
-            Self::Volumes { size_is_known: false, grid, .. } => {
+            Self::Volumes { size_is_known, grid, notes, .. } => {
                 let voxel = Length::from_metres(grid.voxel_size.metres());
-                vec![format!("does not say how large a voxel is: taken as {voxel}; --voxel is another")]
+                let size = format!("does not say how large a voxel is: taken as {voxel}; --voxel is another");
+                (!size_is_known).then_some(size).into_iter().chain(notes.iter().cloned()).collect()
             }
             Self::Animation(animation, _) if animation.names().len() > 1 => vec![format!(
                 "has {} animations, of which the first that moves anything is taken",
@@ -196,7 +207,7 @@ impl Kind {
             })),
             Self::Volumes { volumes, grid, .. } => Box::new(range.map(move |number| {
                 let content = Content::Volume(volumes.read(number, &grid)?);
-                let name = volumes.folders()[number].display().to_string();
+                let name = volumes.paths()[number].display().to_string();
                 Ok(CapturedFrame { number, name, timestamp_ns: None, content })
             })),
             Self::Stream(path, _) => {
@@ -225,29 +236,46 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
         remarks.push("images are undistorted by the coefficients given".to_owned());
     }
     if let Some(unit) = depth.time_unit() {
-        remarks.push(format!("time stamps are taken as {unit}"));
+        let rate = depth.fps().map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
+        remarks.push(format!(
+            "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise"
+        ));
+    }
+    if let lost @ [first, ..] = &depth.frames_without_pose()[..] {
+        let (count, frames) = (lost.len(), depth.frames());
+        remarks.push(format!(
+            "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
+        ));
     }
     if let Some(saturation) = depth.saturation() {
-        let share = 100.0 * saturation.share;
-        remarks.push(if saturation.is_reading {
-            let depth = saturation.depth_m;
-            format!("65535 is {share:.1} % of the first image and counts as {depth:.1} m: add it to invalid_values")
-        } else {
-            format!("65535 is {share:.1} % of the first image and counts as no reading; invalid_values can say otherwise")
+        let Saturation { path, value, share, is_reading, depth_m } = saturation;
+        let (share, path) = (100.0 * share, path.display());
+        remarks.push(match is_reading {
+            true => format!(
+                "{value} is {share:.1} % of {path} and counts as {depth_m:.1} m: if it means no reading, add it to invalid_values"
+            ),
+            false => format!(
+                "{value} is {share:.1} % of {path} and counts as no reading: add it to invalid_values, or give [0] there to keep it"
+            ),
         });
     }
     remarks
 }
 
 fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
-    let content = if frames.header().profile == Profile::Main { Content::Decoded } else { Content::Volume };
+    let is_main = frames.header().profile == Profile::Main;
     // Streams may be joined, and their clocks be set: what makes no sense is not handed on.
     let mut timeline = Timeline::new(frames.header().frame_rate);
     frames.map(move |frame| {
         let frame = frame?;
         let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));
         let timestamp_ns = Some((start_s * 1e9).round() as u64);
-        let content = content(frame.volume.into_sparse()?);
+        let volume = frame.volume.into_sparse()?;
+        let content = match stream::full_band(&volume, frame.coded_blocks.as_ref()) {
+            Some(field) => Content::Volume(field),
+            None if is_main => Content::Decoded(volume),
+            None => Content::Volume(volume),
+        };
         Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), timestamp_ns, content })
     })
 }

@@ -4,7 +4,7 @@ use super::kinds::Kind;
 use crate::stream::load_index;
 use std::fs;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Bytes of the files that hold a range of frames; none where that is not known. `whole`: the input, if the range is all of it.
 pub(super) fn bytes(kind: &Kind, range: &Range<usize>, whole: Option<&Path>) -> Option<u64> {
@@ -23,7 +23,8 @@ pub(super) fn bytes(kind: &Kind, range: &Range<usize>, whole: Option<&Path>) -> 
             .and_then(file_bytes),
         Kind::Depth(depth) => range.clone().flat_map(|frame| depth.image_paths(frame)).map(file_bytes).sum(),
         Kind::Volumes { volumes, .. } => {
-            volumes.folders().get(range.clone())?.iter().map(|folder| folder_bytes(folder)).sum()
+            let bytes = |path: &PathBuf| if path.is_dir() { folder_bytes(path) } else { file_bytes(path) };
+            volumes.paths().get(range.clone())?.iter().map(bytes).sum()
         }
         Kind::Stream(path, _) => {
             let bytes = file_bytes(path)?;

@@ -221,8 +221,8 @@ fn products(
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
     let make = move |frame: Result<StreamFrame>| {
-        let StreamFrame { number, timestamp_ns, volume, surface, decode_ms } = frame?;
-        let (made, surface_ms) = timed(|| recipe.make(volume, surface));
+        let StreamFrame { number, timestamp_ns, volume, coded_blocks, surface, decode_ms } = frame?;
+        let (made, surface_ms) = timed(|| recipe.make(volume, coded_blocks.as_ref(), surface));
         let (product, reduction) = made.with_context(|| format!("frame {number}"))?;
         Ok(DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
     };

@@ -105,6 +105,7 @@ impl Args {
         let usual = Hints::in_unit(self.units).with_origin(self.origin);
         let frame_rate = self.header.frame_rate().unwrap_or(usual.frame_rate);
         let (voxel_size, truncation) = (self.header.voxel_size()?, self.header.truncation()?);
+        let dense = self.ingest.dense();
         Ok(Hints {
             voxel_size,
             truncation,
@@ -112,6 +113,7 @@ impl Args {
             drops_invalid_points: self.drop_invalid_points,
             mixed_scales: self.mixed_scales,
             up: self.up,
+            dense,
             ..usual
         })
     }
@@ -122,8 +124,11 @@ impl Args {
         let geometry = [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some())];
         let of_geometry = geometry.iter().filter(|(_, given)| *given && content != ContentKind::Geometry);
         let up = (self.up != Up::Y && content == ContentKind::Volume).then_some("--up");
-        let flags: Vec<_> =
-            of_geometry.map(|(flag, _)| *flag).chain(up).chain(self.ingest.without_effect(content)).collect();
+        let flags: Vec<_> = of_geometry
+            .map(|(flag, _)| *flag)
+            .chain(up)
+            .chain(self.ingest.without_effect(content, capture.is_dense()))
+            .collect();
         let list = flags.join(", ");
         (!flags.is_empty())
             .then(|| format!("{}: without effect on {}: {list}", capture.name(), content.name()))
@@ -240,7 +245,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if args.header.band() == Some(BandName::Full) {
         progress.note(match profile {
             ProfileName::Paper => "the whole band is kept, by profile paper: main keeps what is near the surface",
-            ProfileName::Main => "profile main tells observed from unobserved near the surface alone: --profile paper does everywhere",
+            ProfileName::Main => "profile main keeps every observed voxel, but takes some that were not observed for such: --profile paper tells them apart",
         });
     }
     for remark in remarks {

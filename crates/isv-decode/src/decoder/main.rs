@@ -66,6 +66,11 @@ impl<B: Backend> MainDecoder<B> {
         self.sequence.frames()
     }
 
+    /// As [`super::Decoder::coded_blocks`].
+    pub(super) fn coded_blocks(&self) -> Option<&BlockSet> {
+        self.reference.as_ref().map(|frame| &B::main_blocks(frame).sets.coded)
+    }
+
     /// The last frame's volume, if it was decoded.
     pub(super) fn volume(&self) -> Option<&B::Volume> {
         self.reference.as_ref().map(B::main_volume)

@@ -1,13 +1,14 @@
 //! Which voxels of a decoded frame are masked.
 
 use super::debris::debris;
+use super::settings::Band;
 use super::target::Targets;
 use isv_decode::extension::Extended;
 use isv_volume::{BlockEdge, VoxelMask};
 use std::collections::BTreeMap;
 
-/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of debris: by
-/// index in the extended volume, for its unsettled blocks.
+/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of debris, of
+/// which the full band keeps what was observed: by index in the extended volume, for its unsettled blocks.
 ///
 /// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
 pub(crate) fn wanted_masks<'a>(
@@ -31,7 +32,19 @@ pub(crate) fn wanted_masks<'a>(
             (!mask.is_empty()).then_some((*block, mask))
         }));
     }
-    for (block, debris) in debris(extended, &wanted, targets) {
+    let debris = debris(extended, &wanted, targets);
+    let index = (targets.band() == Band::Full && !debris.is_empty()).then(|| source.index());
+    for (block, mut debris) in debris {
+        // Who wants the whole band wants every voxel of it, also where a coarse step left debris.
+        if let Some(place) = index.as_ref().and_then(|index| index.get(coords[block as usize])) {
+            match source.unobserved(place as usize) {
+                Some(unobserved) => debris = debris.intersection(unobserved),
+                None => continue,
+            }
+        }
+        if debris.is_empty() {
+            continue;
+        }
         wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&debris);
     }
     wanted

@@ -46,6 +46,7 @@ pub(crate) struct Targets<'a> {
     volume: &'a SparseVolume,
     coords: Vec<BlockCoord>,
     marks: Vec<Marks>,
+    band: Band,
     /// Weight of observed voxels that are not at the ends of crossed edges.
     elsewhere: f32,
     /// Whether those only have to keep their sign.
@@ -145,7 +146,7 @@ impl<'a> Targets<'a> {
             Band::Surface => FAR,
         };
         let only_sign = band == Band::Surface && tools.weights && tools.signs;
-        Self { volume, coords, marks, elsewhere, only_sign }
+        Self { volume, coords, marks, band, elsewhere, only_sign }
     }
 
     /// Where the blocks are.
@@ -156,6 +157,11 @@ impl<'a> Targets<'a> {
     /// The number of the one at a coordinate.
     pub(crate) fn find(&self, coord: BlockCoord) -> Option<usize> {
         self.coords.binary_search_by_key(&coord.morton(), |coord| coord.morton()).ok()
+    }
+
+    /// Which blocks of the volume they are.
+    pub(crate) fn band(&self) -> Band {
+        self.band
     }
 
     /// The volume that they are of.

@@ -35,7 +35,7 @@ pub enum DepthFileError {
         folder: PathBuf,
     },
     /// A JSON file that is none, lacks a key or has a wrong value.
-    #[error("{}: {why}", path.display())]
+    #[error("{}: {why}{}", path.display(), if why.to_string().starts_with("invalid escape") { ": write / in names of files" } else { "" })]
     Json {
         /// The file.
         path: PathBuf,
@@ -89,6 +89,28 @@ pub enum DepthFileError {
         frame: usize,
         /// What is wrong with it.
         cause: DepthError,
+    },
+    /// A line of a list of poses that holds none.
+    #[error("{}: frame {frame}: the pose is no rotation and translation: {why} (line {line})", path.display())]
+    PoseLine {
+        /// The list.
+        path: PathBuf,
+        /// The frame whose pose it is, counted from 0.
+        frame: usize,
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong.
+        why: String,
+    },
+    /// A time stamp that cannot be.
+    #[error("{}: frame {frame}: {why}", path.display())]
+    Time {
+        /// The file that holds it.
+        path: PathBuf,
+        /// Its frame, counted from 0.
+        frame: usize,
+        /// What is wrong.
+        why: &'static str,
     },
     /// A number beside the lens and the pose that cannot be.
     #[error("{}: {name} is {value}; it must be above 0 and at most 1000000", path.display())]
@@ -153,7 +175,9 @@ pub enum DepthFileError {
     },
     /// No depth image has a pose near it in time.
     #[error(
-        "{}: none of {images} depth images has a pose within {limit_s} s of its time stamp", path.display()
+        "{}: none of {images} depth images has a pose within {limit_s} s of its time stamp: look whether both lists have times of the same \
+         clock and unit",
+        path.display()
     )]
     NoPose {
         /// The file of poses.

@@ -20,6 +20,10 @@ const MOST_CHANNELS: usize = 64;
 /// Most pixels of a tile that is larger than its image: memory is taken for as much of it as the file says that there is.
 const MOST_TILE_PIXELS: usize = 1 << 20;
 
+/// Depths from here on are no reading, in metres: the largest number of a half, which renderers write for the background, as they write
+/// 1e10 where there is room.
+const FARTHEST_M: f32 = 65_504.0;
+
 /// The depth channel, in metres.
 pub(crate) fn read(
     bytes: impl Read + Seek,
@@ -66,6 +70,9 @@ fn read_unguarded(
         let block = UncompressedBlock::decompress_chunk(chunk, &meta, false);
         let block = block.map_err(|why| file.flaw(why))?;
         copy_block(&block, &channels, channel, file, &mut depths)?;
+    }
+    for depth in depths.iter_mut().filter(|depth| **depth >= FARTHEST_M) {
+        *depth = 0.0;
     }
     Ok(depths)
 }

@@ -33,18 +33,44 @@ impl Units {
         invalid.dedup();
         Self { depth_scale_m, invalid, invalid_is_given }
     }
+
+    /// Whether a value is no reading.
+    pub(crate) fn is_invalid(&self, value: u16) -> bool {
+        self.invalid.binary_search(&value).is_ok()
+    }
 }
 
-/// Share of an image's pixels that hold [`SATURATED`]; none for other images than PNG.
-pub(crate) fn saturated_share(file: &ImageFile) -> Option<f64> {
+/// Largest values that cameras and tools write for "no reading": of 11 to 15 bits, and round numbers.
+const SENTINELS: [u16; 9] = [2047, 4095, 8191, 10_000, 16_383, 32_767, 60_000, 65_000, 65_534];
+
+/// Share of an image from which on its largest value is said to be suspect, if it is one of [`SENTINELS`]: a wall would be no whole
+/// image at one distance, and at just this one.
+const SUSPECT_SHARE: f64 = 0.05;
+
+/// Share from which on [`SATURATED`] is suspect, where the capture lists other values that are no reading.
+const SATURATED_SHARE: f64 = 0.01;
+
+/// A value that may stand for "no reading" without the capture saying so, and the share of an image's pixels that hold it; nothing for
+/// other images than PNG and for those that cannot be read.
+pub(crate) fn suspect(file: &ImageFile, units: &Units) -> Option<(u16, f64)> {
     if ImageKind::of(file.path) != Some(ImageKind::Png) {
         return None;
     }
-    // Nothing but that value is a reading.
-    let units = Units::new(1.0, Some((0..SATURATED).collect()));
-    let depths = read(file, &units).ok()?;
-    let saturated = depths.iter().filter(|depth| **depth > 0.0).count();
-    Some(saturated as f64 / depths.len() as f64)
+    // Metres are values.
+    let values = read(file, &Units::new(1.0, Some(Vec::new()))).ok()?;
+    let share = |value: u16| {
+        let same = values.iter().filter(|other| **other == f32::from(value)).count();
+        same as f64 / values.len() as f64
+    };
+    let saturated = share(SATURATED);
+    let least = if units.invalid_is_given { SATURATED_SHARE } else { 0.0 };
+    // What a capture has said itself needs no word.
+    if saturated > least && !(units.invalid_is_given && units.is_invalid(SATURATED)) {
+        return Some((SATURATED, saturated));
+    }
+    let readings = values.iter().map(|value| *value as u16).filter(|value| !units.is_invalid(*value));
+    let largest = readings.max().filter(|largest| SENTINELS.contains(largest))?;
+    Some((largest, share(largest))).filter(|(_, share)| *share > SUSPECT_SHARE)
 }
 
 /// An image to be read, and what is expected of it.

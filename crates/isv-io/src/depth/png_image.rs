@@ -25,7 +25,7 @@ pub(crate) fn read(
     let depth = |sample: &[u8]| {
         let value = u16::from_be_bytes([sample[0], sample[1]]);
         let metres = (f64::from(value) * units.depth_scale_m) as f32;
-        if units.invalid.binary_search(&value).is_ok() { 0.0 } else { metres }
+        if units.is_invalid(value) { 0.0 } else { metres }
     };
     Ok(samples.chunks_exact(2).map(depth).collect())
 }

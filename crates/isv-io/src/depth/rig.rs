@@ -1,13 +1,13 @@
 //! The layout of several cameras that stand still: `rig.json`.
 
-use super::camera_json::{Lens, check_fps, pose, read_json};
+use super::camera_json::{Lens, check_fps};
 use super::error::DepthFileError;
+use super::json::{Number, WrittenPose, read_json};
 use super::listing::list_images;
 use super::{Camera, DepthSequence, Poses};
 use crate::inside::inside;
 use isv_volume::MAX_PIXELS;
 use serde::Deserialize;
-use serde_json::Value;
 use std::path::Path;
 
 /// Most cameras of a rig. The largest capture stages have about a hundred.
@@ -16,7 +16,7 @@ const MAX_CAMERAS: usize = 256;
 /// `rig.json`.
 #[derive(Debug, Deserialize)]
 struct RigFile {
-    fps: Option<f64>,
+    fps: Option<Number>,
     cameras: Vec<RigCamera>,
 }
 
@@ -25,7 +25,7 @@ struct RigCamera {
     name: String,
     #[serde(flatten)]
     lens: Lens,
-    camera_to_world: Value,
+    camera_to_world: WrittenPose,
     /// A folder or a pattern, from the folder of `rig.json`.
     images: String,
 }
@@ -50,7 +50,7 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
         if pixels > MAX_PIXELS {
             return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
         }
-        let pose = pose(&camera_to_world).map_err(|cause| DepthFileError::Camera {
+        let pose = camera_to_world.pose().map_err(|cause| DepthFileError::Camera {
             path: file.to_owned(),
             camera: Some(name.clone()),
             cause,

@@ -1,14 +1,17 @@
 //! The layout of the TUM RGB-D benchmark: `depth.txt` and `groundtruth.txt`.
 
-use super::camera_json::{Lens, median_rate, read_json};
+use super::camera_json::Lens;
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
-use super::{Camera, DepthSequence, Optics, Poses};
+use super::json::read_json;
+use super::times::{self, TimeUnit};
+use super::{BadPose, Camera, DepthSequence, Optics, Poses};
 use crate::inside::inside;
 use crate::regular_file;
 use crate::text::{self, parse_billionths, parse_float};
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use isv_volume::{CameraPose, DepthError, Intrinsics};
+use isv_volume::{CameraPose, Intrinsics};
+use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// The lens where the folder has neither `camera.json` nor `calibration.txt`: the benchmark's default.
@@ -25,14 +28,23 @@ pub const TUM_DEPTH_SCALE_M: f64 = 1.0 / 5000.0;
 /// How far, in seconds, the pose nearest in time may be from an image's time stamp; images without such a pose are left out.
 pub const TUM_TIME_LIMIT_S: f64 = 0.05;
 
+/// `camera.json` beside the lists.
+#[derive(Debug, Deserialize)]
+struct CameraFile {
+    #[serde(flatten)]
+    lens: Lens,
+    time_unit: Option<TimeUnit>,
+}
+
 /// Opens a folder by its `depth.txt`.
 pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFileError> {
     let images = read_images(folder, file)?;
-    let unit = TimeUnit::of(&images);
-    let trajectory = Trajectory::read(&folder.join("groundtruth.txt"), unit)?;
-    let optics = read_lens(folder)?;
+    let (optics, given_unit) = read_camera(folder)?;
+    let stamps: Vec<Time> = images.iter().map(|image| image.0).collect();
+    let unit = given_unit.unwrap_or_else(|| TimeUnit::of(&stamps));
+    let list = folder.join("groundtruth.txt");
+    let trajectory = Trajectory::read(&list, unit)?;
     let (mut times, mut poses, mut paths) = (Vec::new(), Vec::new(), Vec::new());
-    let listed = images.len();
     for (time, path) in images {
         let time_ns = unit.nanoseconds(time);
         if let Some(pose) = trajectory.at(time_ns) {
@@ -41,78 +53,24 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
             paths.push(path);
         }
     }
-    let Some(&first) = times.first() else {
+    if times.is_empty() {
         let limit_s = TUM_TIME_LIMIT_S;
-        return Err(DepthFileError::NoPose { path: folder.join("groundtruth.txt"), images: listed, limit_s });
-    };
-    let times_ns: Vec<u64> =
-        times.iter().map(|time| u64::try_from(time - first).unwrap_or(u64::MAX)).collect();
-    let fps = median_rate(&times_ns);
-    let poses = Poses::Moving { file: folder.join("groundtruth.txt"), poses };
+        return Err(DepthFileError::NoPose { path: list, images: stamps.len(), limit_s });
+    }
+    let times_ns = times::since_first(&times, file)?;
+    let fps = times::median_rate(&times_ns);
+    let poses = Poses::Moving { file: list, poses };
     let sequence = DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps);
     Ok(DepthSequence {
-        skipped: listed - times.len(),
+        skipped: stamps.len() - times.len(),
         times_ns: Some(times_ns),
-        time_unit: unit.name(),
+        time_unit: if given_unit.is_none() { unit.doubtful_name(&stamps) } else { None },
         ..sequence
     })
 }
 
 /// A time as a list has it, in billionths of its unit: exact, where a number of seconds since 1970 has no room for nanoseconds in `f64`.
 type Time = i128;
-
-/// What the time stamps of lists count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum TimeUnit {
-    Seconds,
-    Milliseconds,
-    Microseconds,
-    Nanoseconds,
-}
-
-impl TimeUnit {
-    /// The unit of a list's times: by their size, if they are times since 1970; else, if all are whole numbers and seconds would make
-    /// fewer than one frame in two seconds, the largest unit that makes one a second or more.
-    fn of(images: &[(Time, PathBuf)]) -> Self {
-        const UNIT: Time = 1_000_000_000;
-        let largest = images.last().map_or(0, |(time, _)| *time / UNIT);
-        match largest {
-            100_000_000_000..100_000_000_000_000 => return Self::Milliseconds,
-            100_000_000_000_000..100_000_000_000_000_000 => return Self::Microseconds,
-            100_000_000_000_000_000.. => return Self::Nanoseconds,
-            _ => {}
-        }
-        let mut steps: Vec<Time> = images.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-        steps.retain(|step| *step > 0);
-        steps.sort_unstable();
-        let Some(step) = steps.get(steps.len() / 2) else { return Self::Seconds };
-        let whole = images.iter().all(|(time, _)| time % UNIT == 0);
-        if !whole || *step <= 2 * UNIT {
-            return Self::Seconds;
-        }
-        let units = [Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
-        units.into_iter().find(|unit| unit.nanoseconds(*step) <= UNIT).unwrap_or(Self::Seconds)
-    }
-
-    /// A time in nanoseconds.
-    fn nanoseconds(self, time: Time) -> i128 {
-        time / match self {
-            Self::Seconds => 1,
-            Self::Milliseconds => 1_000,
-            Self::Microseconds => 1_000_000,
-            Self::Nanoseconds => 1_000_000_000,
-        }
-    }
-
-    fn name(self) -> Option<&'static str> {
-        match self {
-            Self::Seconds => None,
-            Self::Milliseconds => Some("milliseconds"),
-            Self::Microseconds => Some("microseconds"),
-            Self::Nanoseconds => Some("nanoseconds"),
-        }
-    }
-}
 
 /// A time stamp, exactly as it is written.
 fn time(word: &str) -> Result<Time, String> {
@@ -122,7 +80,7 @@ fn time(word: &str) -> Result<Time, String> {
 /// `depth.txt`: a time stamp and a file name a line.
 fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, DepthFileError> {
     let mut images = Vec::new();
-    for_each_line(file, |words| {
+    for_each_line(file, |_, words| {
         let [stamp, name] = words[..] else {
             return Err("a time stamp and a file name are expected".to_owned());
         };
@@ -138,14 +96,15 @@ fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, Depth
 }
 
 /// `camera.json` without poses, or `calibration.txt` with `fx fy cx cy` and possibly `width height`, or the defaults.
-fn read_lens(folder: &Path) -> Result<Optics, DepthFileError> {
+fn read_camera(folder: &Path) -> Result<(Optics, Option<TimeUnit>), DepthFileError> {
     let (json, text) = (folder.join("camera.json"), folder.join("calibration.txt"));
     if json.is_file() {
-        return read_json::<Lens>(&json)?.check(&json, None);
+        let CameraFile { lens, time_unit } = read_json(&json)?;
+        return Ok((lens.check(&json, None)?, time_unit));
     }
     let mut intrinsics = TUM_INTRINSICS;
     if text.is_file() {
-        for_each_line(&text, |words| {
+        for_each_line(&text, |_, words| {
             let numbers = words.iter().map(|word| number(word)).collect::<Result<Vec<_>, _>>()?;
             let (lens, size) = match numbers[..] {
                 [fx, fy, cx, cy] => ([fx, fy, cx, cy], None),
@@ -162,75 +121,122 @@ fn read_lens(folder: &Path) -> Result<Optics, DepthFileError> {
     }
     let cause = |cause| DepthFileError::Camera { path: text.clone(), camera: None, cause };
     intrinsics.validate().map_err(cause)?;
-    Ok(Optics { intrinsics, units: Units::new(TUM_DEPTH_SCALE_M, None), distortion: None })
+    Ok((Optics { intrinsics, units: Units::new(TUM_DEPTH_SCALE_M, None), distortion: None }, None))
 }
 
-/// Poses in order of time, in nanoseconds; of a bad one what is wrong with it.
-struct Trajectory(Vec<(i128, Result<Placed, DepthError>)>);
-
-/// A turn and a place.
-type Placed = (DQuat, DVec3);
+/// Poses in order of time, in nanoseconds.
+struct Trajectory {
+    poses: Vec<(i128, DQuat, DVec3)>,
+    /// Times of lines without a pose, in order, and what is wrong with each.
+    lost: Vec<(i128, BadPose)>,
+}
 
 impl Trajectory {
-    /// `groundtruth.txt`: time stamp, translation, and a quaternion whose last number is its real part, a line. A pose that is none
-    /// costs the images nearest to it, not the file.
+    /// `groundtruth.txt`: time stamp, translation, and a quaternion whose last number is its real part, a line. A line that holds no pose
+    /// costs the images nearest to it in time, not the file.
     fn read(file: &Path, unit: TimeUnit) -> Result<Self, DepthFileError> {
-        let mut poses = Vec::new();
-        for_each_line(file, |words| {
-            let [stamp, pose @ ..] = &words[..] else { return Ok(()) };
-            poses.push((unit.nanoseconds(time(stamp)?), pose_of(pose)));
+        let mut lines = Vec::new();
+        for_each_line(file, |line, words| {
+            let stamp =
+                words.first().ok_or("a time stamp is expected".to_owned()).and_then(|word| time(word));
+            let pose =
+                stamp.clone().and_then(|_| pose_of(&words[1..])).map_err(|why| BadPose::Line { line, why });
+            lines.push((stamp.ok().map(|stamp| unit.nanoseconds(stamp)), pose));
             Ok(())
         })?;
+        if let Some((_, Err(BadPose::Line { line, why }))) = lines.first()
+            && lines.iter().all(|(_, pose)| pose.is_err())
+        {
+            return Err(DepthFileError::Line { path: file.to_owned(), line: *line, why: why.clone() });
+        }
+        let times: Vec<Option<i128>> = lines.iter().map(|line| line.0).collect();
+        let (mut poses, mut lost) = (Vec::new(), Vec::new());
+        for (time_ns, (_, pose)) in filled_in(&times).into_iter().zip(lines) {
+            match pose {
+                Ok((turn, place)) => poses.push((time_ns, turn, place)),
+                Err(why) => lost.push((time_ns, why)),
+            }
+        }
         poses.sort_by_key(|pose| pose.0);
-        Ok(Self(poses))
+        lost.sort_by_key(|line| line.0);
+        Ok(Self { poses, lost })
     }
 
-    /// The pose at a time, on the way from the pose before to the pose after, if the nearer of them is near enough.
-    fn at(&self, time_ns: i128) -> Option<Result<CameraPose, DepthError>> {
-        let after = self.0.partition_point(|(t, _)| *t < time_ns);
-        let mut before = self.0[after.saturating_sub(1)..].first()?;
-        let mut after = self.0.get(after).unwrap_or(before);
-        let nearest = if (time_ns - before.0).abs() < (after.0 - time_ns).abs() { before } else { after };
-        if (time_ns - nearest.0).abs() as f64 > TUM_TIME_LIMIT_S * 1e9 {
+    /// The pose at a time, on the way from the pose before to the pose after, if the nearer of them is near enough; an error if a line
+    /// without a pose is nearer.
+    fn at(&self, time_ns: i128) -> Option<Result<CameraPose, BadPose>> {
+        let limit_ns = (TUM_TIME_LIMIT_S * 1e9) as i128;
+        let after = self.poses.partition_point(|(t, ..)| *t < time_ns);
+        let before = self.poses[after.saturating_sub(1)..].first()?;
+        let after = self.poses.get(after).unwrap_or(before);
+        let apart = (time_ns - before.0).abs().min((after.0 - time_ns).abs());
+        let next_lost = self.lost.partition_point(|(t, _)| *t < time_ns);
+        let lost = self.lost[next_lost.saturating_sub(1)..].iter().take(2);
+        if let Some((t, why)) = lost.min_by_key(|(t, _)| (t - time_ns).abs())
+            && (t - time_ns).abs() < apart.min(limit_ns + 1)
+        {
+            return Some(Err(why.clone()));
+        }
+        if apart > limit_ns {
             return None;
         }
-        if let Err(cause) = nearest.1 {
-            return Some(Err(cause));
-        }
-        // A bad pose on the farther side says nothing.
-        if before.1.is_err() || after.1.is_err() {
-            (before, after) = (nearest, nearest);
-        }
-        let (Ok(start), Ok(end)) = (before.1, after.1) else { return None };
         let span = (after.0 - before.0) as f64;
         let share = if span > 0.0 { ((time_ns - before.0) as f64 / span).clamp(0.0, 1.0) } else { 0.0 };
-        let rotation = DMat3::from_quat(start.0.slerp(end.0, share));
-        Some(Ok(CameraPose { rotation, centre: start.1.lerp(end.1, share) }))
+        let rotation = DMat3::from_quat(before.1.slerp(after.1, share));
+        Some(Ok(CameraPose { rotation, centre: before.2.lerp(after.2, share) }))
     }
+}
+
+/// Times of all lines: those that cannot be read lie evenly between their neighbours, or as far before the first and after the last as times
+/// mostly lie apart.
+fn filled_in(times: &[Option<i128>]) -> Vec<i128> {
+    let known: Vec<(usize, i128)> =
+        times.iter().enumerate().filter_map(|(line, time)| Some((line, (*time)?))).collect();
+    let mut steps: Vec<i128> =
+        known.windows(2).map(|pair| pair[1].1 - pair[0].1).filter(|step| *step > 0).collect();
+    steps.sort_unstable();
+    let step = steps.get(steps.len() / 2).copied().unwrap_or_default();
+    let mut next = 0;
+    let fill = |(line, time): (usize, &Option<i128>)| {
+        while known.get(next).is_some_and(|(at, _)| *at < line) {
+            next += 1;
+        }
+        let before = next.checked_sub(1).map(|last| known[last]);
+        time.unwrap_or_else(|| match (before, known.get(next)) {
+            (Some((from, start)), Some((to, end))) => {
+                start + (end - start) * (line - from) as i128 / (to - from) as i128
+            }
+            (Some((from, start)), None) => start + step * (line - from) as i128,
+            (None, Some((to, end))) => end - step * (to - line) as i128,
+            (None, None) => 0,
+        })
+    };
+    times.iter().enumerate().map(fill).collect()
 }
 
 /// The turn and the place that seven words say.
-fn pose_of(words: &[&str]) -> Result<Placed, DepthError> {
-    let fault = |why| Err(DepthError::Pose { why });
-    let numbers: Option<Vec<f64>> = words.iter().map(|word| parse_float(word.as_bytes())).collect();
-    let Some([tx, ty, tz, qx, qy, qz, qw]) = numbers.and_then(|numbers| <[f64; 7]>::try_from(numbers).ok())
-    else {
-        return fault("tx ty tz qx qy qz qw are expected");
+fn pose_of(words: &[&str]) -> Result<(DQuat, DVec3), String> {
+    let numbers: Vec<f64> = words
+        .iter()
+        .map(|word| parse_float(word.as_bytes()).ok_or_else(|| not_a_number(word)))
+        .collect::<Result<_, _>>()?;
+    let [tx, ty, tz, qx, qy, qz, qw] = numbers[..] else {
+        return Err("a time stamp, tx ty tz and qx qy qz qw are expected".to_owned());
     };
     let (turn, place) = (DQuat::from_xyzw(qx, qy, qz, qw), DVec3::new(tx, ty, tz));
     if !(turn.is_finite() && place.is_finite()) {
-        return fault("a number is not finite");
+        return Err("a number is not finite".to_owned());
     }
     if (turn.length() - 1.0).abs() > 0.01 {
-        return fault("the quaternion has not length 1");
+        return Err(format!("the quaternion has length {}, not 1", turn.length()));
     }
     Ok((turn.normalize(), place))
 }
 
-/// Hands the words of each line to a function; empty lines and those that start with `#` are passed over.
+/// Hands each line's number, counted from 1, and its words to a function; empty lines and those that start with `#` are passed over.
 fn for_each_line(
     file: &Path,
-    mut line: impl FnMut(Vec<&str>) -> Result<(), String>,
+    mut line: impl FnMut(usize, Vec<&str>) -> Result<(), String>,
 ) -> Result<(), DepthFileError> {
     let bytes = regular_file::read(file).map_err(io_error(file))?;
     let bytes = text::decode(&bytes);
@@ -242,7 +248,7 @@ fn for_each_line(
         let words: Vec<&str> = text.split_whitespace().collect();
         if !words.is_empty() {
             let named = |why| DepthFileError::Line { path: file.to_owned(), line: number + 1, why };
-            line(words).map_err(named)?;
+            line(number + 1, words).map_err(named)?;
         }
     }
     Ok(())
@@ -250,5 +256,9 @@ fn for_each_line(
 
 fn number(word: &str) -> Result<f64, String> {
     let value = word.parse().ok().filter(|value: &f64| value.is_finite());
-    value.ok_or_else(|| format!("`{}` is not a number", crate::error::quote(word.as_bytes())))
+    value.ok_or_else(|| not_a_number(word))
+}
+
+fn not_a_number(word: &str) -> String {
+    format!("`{}` is not a number", crate::error::quote(word.as_bytes()))
 }

@@ -19,7 +19,7 @@ pub enum VolumeError {
         cause: io::Error,
     },
     /// Neither a folder with the arrays of a volume nor a folder of such folders.
-    #[error("{}: no volume here: neither a coords.npy with a {TSDF} beside it nor folders that have them", path.display())]
+    #[error("{}: no volume here: neither a coords.npy with a {TSDF} beside it, nor folders that have them, nor dense fields as .npy or .npz", path.display())]
     NoVolumes {
         /// The folder.
         path: PathBuf,
@@ -66,6 +66,62 @@ pub enum VolumeError {
         /// What was asked for.
         asked: String,
     },
+    /// An array that is no dense field.
+    #[error("{}: {}shape {} is not a dense field of distances, which has three axes: {advice}", path.display(), of_member(member), tuple(shape))]
+    NotDense {
+        /// The file.
+        path: PathBuf,
+        /// Name of the array in an archive; empty for a file of one array.
+        member: String,
+        /// The array's shape.
+        shape: Vec<usize>,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// An archive of arrays that cannot be read.
+    #[error("{}: {why}", path.display())]
+    Archive {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// An archive of arrays without one that can be the distances.
+    #[error("{}: no array of distances here: save it as `tsdf`; there are {members}", path.display())]
+    NoField {
+        /// The file.
+        path: PathBuf,
+        /// Names and shapes of the arrays.
+        members: String,
+    },
+    /// An array of an archive that cannot be used.
+    #[error("{}: `{member}`: {why}", path.display())]
+    Member {
+        /// The file.
+        path: PathBuf,
+        /// Name of the array.
+        member: String,
+        /// What is wrong with it.
+        why: ArrayFlaw,
+    },
+    /// A number beside a dense field that makes no sense.
+    #[error("{}: `{member}` is {found}, it must be {wanted}", path.display())]
+    Number {
+        /// The file.
+        path: PathBuf,
+        /// Name of the array.
+        member: String,
+        /// What it holds.
+        found: String,
+        /// What is accepted.
+        wanted: &'static str,
+    },
+    /// Nobody says what the distances of a dense field count, and it cannot be told from them.
+    #[error("{}: cannot tell what the distances count: give --tsdf-scale, the length that a value of 1 stands for", path.display())]
+    NoScale {
+        /// The file.
+        path: PathBuf,
+    },
     /// A block too far from the origin.
     #[error("{}: block {row} lies at {coord:?}, the limit is {COORD_LIMIT} blocks along an axis", path.display())]
     OutOfRange {
@@ -86,6 +142,17 @@ pub enum VolumeError {
         /// Where they are.
         coord: [i32; 3],
     },
+}
+
+/// `array `name` of `, or nothing for a file of one array.
+fn of_member(name: &str) -> String {
+    if name.is_empty() { String::new() } else { format!("`{name}` of ") }
+}
+
+/// A shape as Python writes it.
+fn tuple(shape: &[usize]) -> String {
+    let extents: Vec<String> = shape.iter().map(usize::to_string).collect();
+    format!("({}{})", extents.join(", "), if shape.len() == 1 { "," } else { "" })
 }
 
 /// How bytes are no array that can be used. Texts quoted from the file are shortened.

@@ -20,6 +20,8 @@ pub(super) struct Array {
     data_at: usize,
     element: Element,
     pub(super) shape: Vec<usize>,
+    /// Whether the first axis runs fastest, and not the last.
+    fortran_order: bool,
 }
 
 /// Type of an element.
@@ -43,20 +45,25 @@ enum Kind {
 pub(super) enum Wanted {
     Integers,
     Floats,
+    /// Floats, or signed integers that count parts of the largest one.
+    Distances,
     Numbers,
 }
 
 impl Array {
     /// Understands the header and checks type, order and length.
     pub(super) fn parse(bytes: Vec<u8>, wanted: Wanted) -> Result<Self, ArrayFlaw> {
+        let array = Self::parse_in_any_order(bytes, wanted)?;
+        if array.fortran_order { Err(ArrayFlaw::FortranOrder) } else { Ok(array) }
+    }
+
+    /// Understands the header and checks type and length; the elements may be in Fortran order.
+    pub(super) fn parse_in_any_order(bytes: Vec<u8>, wanted: Wanted) -> Result<Self, ArrayFlaw> {
         let (header, data_at) = split_header(&bytes)?;
         let not_understood = || ArrayFlaw::Header { text: quote(header) };
         let text = std::str::from_utf8(header).map_err(|_| not_understood())?;
         let entries = Literal(text).dictionary().ok_or_else(not_understood)?;
         let element = Element::parse(entries.descr, wanted)?;
-        if entries.fortran_order {
-            return Err(ArrayFlaw::FortranOrder);
-        }
         let mut promised = element.bytes as u128;
         for extent in &entries.shape {
             promised = promised.saturating_mul(*extent as u128);
@@ -65,8 +72,46 @@ impl Array {
         if promised != found as u128 {
             return Err(ArrayFlaw::Length { promised, found });
         }
-        let shape = entries.shape;
-        Ok(Self { bytes, data_at, element, shape })
+        let Entries { shape, fortran_order, .. } = entries;
+        Ok(Self { bytes, data_at, element, shape, fortran_order })
+    }
+
+    /// How many elements lie between neighbours along each axis.
+    pub(super) fn strides(&self) -> Vec<usize> {
+        let mut strides = vec![1; self.shape.len()];
+        for axis in 1..self.shape.len() {
+            let (to, from) = if self.fortran_order {
+                (axis, axis - 1)
+            } else {
+                (self.shape.len() - 1 - axis, self.shape.len() - axis)
+            };
+            strides[to] = strides[from] * self.shape[from];
+        }
+        strides
+    }
+
+    /// The largest number of a signed integer type; 1 for floats.
+    pub(super) fn full_scale(&self) -> f64 {
+        match self.element.kind {
+            Kind::Signed => 2f64.powi(8 * self.element.bytes as i32 - 1) - 1.0,
+            _ => 1.0,
+        }
+    }
+
+    /// Whether elements are whole numbers.
+    pub(super) fn is_integer(&self) -> bool {
+        self.element.kind != Kind::Float
+    }
+
+    /// How many elements there are.
+    pub(super) fn count(&self) -> usize {
+        (self.bytes.len() - self.data_at) / self.element.bytes
+    }
+
+    /// An element by its place in memory, as a number; integers beyond `2^53` are rounded.
+    pub(super) fn at(&self, place: usize) -> f64 {
+        let size = self.element.bytes;
+        self.element.number(&self.bytes[self.data_at + place * size..][..size])
     }
 
     /// Elements `start .. start + out.len()` in C order, as numbers; integers beyond `2^53` are rounded.
@@ -77,6 +122,12 @@ impl Array {
             *value = self.element.number(bytes);
         }
     }
+}
+
+/// The shape that a header states, of which a prefix of the file may be given.
+pub(super) fn shape_of(bytes: &[u8]) -> Option<Vec<usize>> {
+    let (header, _) = split_header(bytes).ok()?;
+    Some(Literal(std::str::from_utf8(header).ok()?).dictionary()?.shape)
 }
 
 /// The text of the header, and where the elements begin.
@@ -99,6 +150,10 @@ impl Element {
         let (fits, names): (fn(Kind) -> bool, _) = match wanted {
             Wanted::Integers => (|k| matches!(k, Kind::Signed | Kind::Unsigned), "int32 or another integer"),
             Wanted::Floats => (|k| k == Kind::Float, "float16, float32 or float64"),
+            Wanted::Distances => (
+                |k| matches!(k, Kind::Float | Kind::Signed),
+                "float16, float32, float64 or a signed integer: distances have two signs",
+            ),
             Wanted::Numbers => (|_| true, "a boolean, an integer or a float"),
         };
         let other = || ArrayFlaw::Type { found: quote(descr.as_bytes()), wanted: names };

@@ -14,7 +14,7 @@ use isv::gpu::AnyVolume;
 use isv::io::Format;
 use isv::simplify::Budget;
 use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
-use isv::volume::{PointCloud, SparseVolume, TriangleMesh};
+use isv::volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
@@ -178,12 +178,15 @@ impl Recipe {
     }
 
     /// Makes the product of a volume, and its surface if that was extracted already.
+    ///
+    /// `coded_blocks`: as [`stream::StreamFrame`] has them.
     pub(super) fn make(
         &self,
         volume: AnyVolume,
+        coded_blocks: Option<&BlockSet>,
         surface: Option<TriangleMesh>,
     ) -> Result<(Product, Option<Reduction>)> {
-        let (product, reduction) = match (self.product(volume, surface)?, &self.budget) {
+        let (product, reduction) = match (self.product(volume, coded_blocks, surface)?, &self.budget) {
             (Product::Mesh(mesh), Some(budget)) => {
                 let (mesh, reduction) = Reduction::make(&mesh, budget, self.normals)?;
                 (Product::Mesh(mesh), Some(reduction))
@@ -194,11 +197,19 @@ impl Recipe {
     }
 
     /// The product as the stream has it: in metres, Y up.
-    fn product(&self, volume: AnyVolume, surface: Option<TriangleMesh>) -> Result<Product> {
+    fn product(
+        &self,
+        volume: AnyVolume,
+        coded_blocks: Option<&BlockSet>,
+        surface: Option<TriangleMesh>,
+    ) -> Result<Product> {
         let Some(options) = self.surface() else {
             let volume = volume.into_sparse()?;
             return Ok(Product::Volume(match self.profile {
-                Profile::Main => stream::with_distances(&volume)?,
+                Profile::Main => match stream::full_band(&volume, coded_blocks) {
+                    Some(field) => field,
+                    None => stream::with_distances(&volume)?,
+                },
                 Profile::Paper(_) => volume,
             }));
         };

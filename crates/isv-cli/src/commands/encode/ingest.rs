@@ -7,11 +7,12 @@ use crate::failure::usage;
 use crate::length::Length;
 use crate::origin;
 use crate::progress::Progress;
-use crate::terms::{BandName, FusionName, NormalsName, ProfileName, SignName};
+use crate::terms::{AxesName, BandName, FusionName, NormalsName, ProfileName, SampleAtName, SignName};
 use anyhow::Result;
 use glam::DVec3;
 use isv::fusion::FusionSettings;
 use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
+use isv::io::{DenseAxes, DenseOptions, SampleAt};
 use isv::volume::Grid;
 use std::sync::Arc;
 
@@ -44,14 +45,39 @@ pub(super) struct IngestArgs {
     /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
     #[arg(long, value_name = "LENGTH")]
     max_depth: Option<Length>,
+    /// Order of the axes of a dense field (.npy, .npz) [default: zyx]
+    #[arg(long, value_enum)]
+    axes: Option<AxesName>,
+    /// Where in its voxel a sample of a dense field lies [default: centre]
+    #[arg(long, value_enum)]
+    sample_at: Option<SampleAtName>,
+    /// Length that a value of 1 in a dense field stands for [default: auto]
+    ///
+    /// In fields of integers it is the length of the largest one: 127 or 32767. Without it, the file says, or the values do by how
+    /// fast they grow: metres, voxels or truncation distances.
+    #[arg(long, value_name = "LENGTH")]
+    tsdf_scale: Option<Length>,
     /// Refuse frames that need more blocks
     #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
 }
 
 impl IngestArgs {
+    /// How dense fields are read.
+    pub(super) fn dense(&self) -> DenseOptions {
+        DenseOptions {
+            axes: self.axes.map(DenseAxes::from).unwrap_or_default(),
+            sample_at: self.sample_at.map(SampleAt::from).unwrap_or_default(),
+            scale_m: self.tsdf_scale.map(Length::metres),
+        }
+    }
+
     /// What was asked for and has no effect on frames of a kind.
-    pub(super) fn without_effect(&self, content: ContentKind) -> impl Iterator<Item = &'static str> {
+    pub(super) fn without_effect(
+        &self,
+        content: ContentKind,
+        is_dense: bool,
+    ) -> impl Iterator<Item = &'static str> {
         let (points, depth) = (content == ContentKind::Geometry, content == ContentKind::Depth);
         let flags = [
             // A volume on another grid becomes a mesh in between.
@@ -61,6 +87,9 @@ impl IngestArgs {
             ("--viewpoint", points, self.viewpoint.is_some()),
             ("--fusion", depth, self.fusion != FusionName::PerFrame),
             ("--max-depth", depth, self.max_depth.is_some()),
+            ("--axes", is_dense, self.axes.is_some()),
+            ("--sample-at", is_dense, self.sample_at.is_some()),
+            ("--tsdf-scale", is_dense, self.tsdf_scale.is_some()),
         ];
         flags.into_iter().filter(|(_, has_effect, given)| *given && !has_effect).map(|(flag, ..)| flag)
     }

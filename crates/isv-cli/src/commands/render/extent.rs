@@ -60,7 +60,7 @@ impl Extent {
     /// The side that a surface faces if it is open and one-sided, else the front, +z.
     pub(super) fn opening_view(&self) -> View {
         let mean = self.facing / self.area;
-        if !(mean.length() >= ONE_SIDED) {
+        if mean.is_nan() || mean.length() < ONE_SIDED {
             return View { yaw_degrees: 0.0, pitch_degrees: 0.0 };
         }
         let towards = mean.normalize();
