@@ -1,5 +1,6 @@
 //! `--backend`: who does the arithmetic on samples.
 
+use crate::drivers;
 use crate::memory;
 use crate::output::say;
 use anyhow::Result;
@@ -51,7 +52,7 @@ impl BackendArgs {
     /// Opens it, with such a line.
     pub(crate) fn open(self) -> Result<Backend> {
         let name = env::var(GPU_VARIABLE).ok();
-        let store = match self.backend.open(name.as_deref())? {
+        let store = match drivers::quietly(|| self.backend.open(name.as_deref()))? {
             OpenedBackend::Cpu => None,
             OpenedBackend::FellBack(why) => {
                 notify(&why);

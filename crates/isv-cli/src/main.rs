@@ -13,6 +13,7 @@ mod capture;
 mod commands;
 mod continuity;
 mod count;
+mod drivers;
 mod failure;
 mod frame_range;
 mod frame_rate;
@@ -54,7 +55,8 @@ struct Cli {
     #[arg(long, value_name = "SET", global = true, env = simd::VARIABLE, hide_env_values = true, default_value_t)]
     simd: Instructions,
     /// Most memory for the frames of a stream, such as 500MB or 2GiB; a frame that needs more is refused before it takes any.
-    /// Without it, three thousand million voxels, and no more than what the stream's bytes make likely
+    /// Without it, 3 billion voxels, and no more than what the stream's bytes make likely. view, serve and export-player hand it to
+    /// the player, which otherwise takes half of the machine's memory
     #[arg(long, value_name = "SIZE", global = true)]
     max_memory: Option<MemorySize>,
     #[command(subcommand)]

@@ -83,6 +83,45 @@ fn view_serves_two_files_and_their_page_until_it_is_interrupted() {
     assert_eq!(view.interrupt(), "");
 }
 
+#[cfg(unix)]
+#[test]
+fn the_axis_and_the_memory_are_handed_to_the_page() {
+    let (work, _) = Workspace::with_stream(1);
+    let shown = ["--up", "-y", "--max-memory", "6GiB"];
+    let query = "?src=/files/0/take.isv&up=-y&max-memory=6442450944";
+    for begin in [&["view", "take.isv", "--no-open"][..], &["serve", "take.isv", "--bind", "127.0.0.1:0"]] {
+        let mut server = Serving::start(work.command(&[begin, &shown].concat()));
+        let (address, path) = server.url();
+        assert_eq!(path, format!("/{query}"));
+        let (head, _) = get(address, "/", "");
+        assert!(head.starts_with("HTTP/1.1 307 ") && head.contains(&format!("location: {query}")), "{head}");
+        server.interrupt();
+    }
+    work.isv(&[&["export-player", "site"][..], &shown].concat()).done();
+    let start = String::from_utf8(work.read("site/start.js")).unwrap();
+    assert!(start.contains("\"?up=-y&max-memory=6442450944\""), "{start}");
+    work.isv(&["view", "take.isv", "--no-open", "--up", "w"]).fails(2, &["--up"]);
+}
+
+#[test]
+fn standard_input_ends_a_live_stream_for_good() {
+    let (work, bytes) = Workspace::with_stream(2);
+    let serve = |more: &[&str]| {
+        let args = [&["serve", "--live", "-", "--bind", "127.0.0.1:0"], more].concat();
+        let mut command = work.command(&args);
+        command.stdin(Stdio::piped());
+        let mut serving = Serving::start(command);
+        serving.url();
+        serving.child.stdin.take().unwrap().write_all(&bytes).unwrap();
+        serving
+    };
+    assert!(serve(&[]).child.wait().unwrap().success());
+    // Files are there for as long as the user wants.
+    let mut with_file = serve(&["take.isv"]);
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    assert!(with_file.child.try_wait().unwrap().is_none());
+}
+
 #[test]
 fn what_cannot_be_served_is_refused() {
     let (work, _) = Workspace::with_stream(1);
@@ -174,8 +213,10 @@ fn an_encoder_on_a_pipe_is_watched_as_it_runs() {
         }
         drop(stdin);
         assert_eq!(next().await[..], [message::END]);
+        assert_eq!(next().await[..], [message::END, message::FOR_GOOD]);
     });
     assert!(encoder.wait().unwrap().success());
+    assert!(serve.child.wait().unwrap().success(), "it ends with its input");
 }
 
 fn unix_ns() -> u64 {

@@ -1,5 +1,6 @@
 //! `isv backends`: what this machine can compute with.
 
+use crate::drivers;
 use crate::output::print;
 use crate::table::table_of;
 use anyhow::Result;
@@ -76,7 +77,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         threads: thread::available_parallelism().map_or(1, usize::from),
         instruction_sets: Instructions::available().map(|set| set.to_string()).collect(),
     };
-    let backends = Backends { cpu, gpus: adapters().into_iter().map(GpuInfo::from).collect() };
+    let backends =
+        Backends { cpu, gpus: drivers::quietly(adapters).into_iter().map(GpuInfo::from).collect() };
     print(&if args.json { serde_json::to_string_pretty(&backends)? } else { backends.table() })
 }
 
