@@ -51,7 +51,7 @@ impl VolumeSequence {
             return Ok(fields(vec![input.to_owned()]));
         }
         let none = || VolumeError::NoVolumes { path: input.to_owned() };
-        let pattern = input.file_name().map(|name| name.as_encoded_bytes()).unwrap_or_default();
+        let pattern = input.file_name().map(std::ffi::OsStr::as_encoded_bytes).unwrap_or_default();
         if !input.exists() && has_wildcard(pattern) {
             let folder = input.parent().filter(|folder| !folder.as_os_str().is_empty());
             let paths = listed(folder.unwrap_or(Path::new(".")), |path| {
@@ -65,7 +65,7 @@ impl VolumeSequence {
         if is_volume_folder(input) {
             return Ok(blocks(vec![input.to_owned()]));
         }
-        let folders = listed(input, |path| is_volume_folder(path))?;
+        let folders = listed(input, is_volume_folder)?;
         if !folders.is_empty() {
             let is_dense = |folder: &PathBuf| is_dense_folder(folder);
             return Ok(match folders.iter().all(is_dense) {
