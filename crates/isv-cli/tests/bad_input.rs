@@ -162,7 +162,8 @@ fn captures_of_other_kinds() {
     // Points a metre apart are no surface at 5 mm a voxel.
     let sparse: String = (0..100).map(|i| format!("{} {} 0 0 0 1\n", i % 10, i / 10)).collect();
     work.write("sparse.xyz", sparse);
-    encode("sparse.xyz").fails(1, &["sparse.xyz: the points are about 1", "try --voxel "]);
+    work.isv(&["encode", "sparse.xyz", "-o", "out.isv", "--voxel", "5mm"])
+        .fails(1, &["sparse.xyz: the points are about 1", "try --voxel "]);
     assert!(!work.path("out.isv").exists());
 }
 

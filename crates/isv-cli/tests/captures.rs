@@ -441,5 +441,122 @@ fn a_real_depth_camera_goes_in_both_ways() {
         assert_eq!((&info["frames"], &info["fps"]), (&3.into(), &30.0.into()));
         area.push(info["packets"][2]["blocks"].as_u64().unwrap());
     }
+    let run = work.isv(&["encode", room, "-o", "fitting.isv", "--frames", "0..1"]).done();
+    assert!(
+        run.stderr().contains("voxels of 10mm, as a pixel covers 3.2 mm and depths are noisy by 5.0 mm"),
+        "{}",
+        run.stderr()
+    );
+    assert_eq!(work.isv(&["info", "fitting.isv", "--json"]).json()["voxel_size_m"], 0.01);
     assert!(area[1] > area[0], "what is accumulated is more than one frame: {area:?}");
+}
+
+/// Text of a PLY or XYZ file of a square lattice of points with normals up, `edge` apart, its corner at `x`.
+fn lattice(format: &str, count: usize, edge: f64, x: f64, normals: bool) -> String {
+    let mut text = String::new();
+    if format == "ply" {
+        let names: String =
+            ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property float {name}\n")).concat();
+        text = format!("ply\nformat ascii 1.0\nelement vertex {}\n{names}end_header\n", count * count);
+    }
+    for i in 0..count * count {
+        let (row, column) = (i / count, i % count);
+        text += &format!("{} {} 0", x + edge * column as f64, edge * row as f64);
+        text += if normals { " 0 0 1\n" } else { "\n" };
+    }
+    text
+}
+
+#[test]
+fn points_get_a_voxel_that_fits_their_spacing() {
+    let work = Workspace::new();
+    work.write("sparse.ply", lattice("ply", 40, 0.084, 0.0, true));
+    work.write("dense.ply", lattice("ply", 60, 0.003, 0.0, true));
+    let voxel = || work.isv(&["info", "out.isv", "--json"]).json()["voxel_size_m"].as_f64().unwrap();
+    let sparse = ["encode", "sparse.ply", "-o", "out.isv"];
+    for more in [&[][..], &["--voxel", "auto"], &["--profile", "paper"]] {
+        let run = work.isv(&[&sparse[..], more].concat()).done();
+        assert!(run.stderr().contains("voxels of 100mm, as points are 8"), "{}", run.stderr());
+        assert!(run.stderr().contains("--voxel overrules"), "{}", run.stderr());
+        assert_eq!(voxel(), 0.1, "{more:?}");
+    }
+    let bytes = work.read("sparse.ply");
+    let run =
+        work.isv_with_input(&["encode", "-", "-o", "out.isv"], &[&bytes[..], &bytes[..]].concat()).done();
+    assert!(run.stderr().contains("voxels of 100mm"), "{}", run.stderr());
+    assert_eq!((voxel(), frames_in(&work, "out.isv")), (0.1, 2), "a pipe loses no frame");
+    let run = work.isv(&[&sparse[..], &["--voxel", "60mm"]].concat()).done();
+    assert!(!run.stderr().contains("overrules"), "{}", run.stderr());
+    assert_eq!(voxel(), 0.06);
+    work.isv(&["encode", "dense.ply", "-o", "out.isv"]).done();
+    assert_eq!(voxel(), 0.005);
+    // Nor are there more blocks than allowed.
+    let run = work.isv(&[&sparse[..], &["--max-blocks", "40"]].concat()).done();
+    assert!(run.stderr().contains("need more blocks than --max-blocks"), "{}", run.stderr());
+    assert!(voxel() > 0.1);
+}
+
+#[test]
+fn a_capture_of_several_spacings_gets_the_middle_one() {
+    let work = Workspace::new();
+    fs::create_dir(work.path("take")).unwrap();
+    for (frame, edge) in [0.5, 0.02, 0.02, 0.02, 0.021].into_iter().enumerate() {
+        work.write(&format!("take/frame_{frame}.ply"), lattice("ply", 30, edge, 0.0, true));
+    }
+    let run = work.isv(&["encode", "take", "-o", "out.isv", "--mixed-scales"]).done();
+    assert!(run.stderr().contains("voxels of 25mm, as points are 21 mm apart"), "{}", run.stderr());
+}
+
+#[test]
+fn estimated_normals_face_the_viewpoint_in_the_inputs_coordinates() {
+    let work = Workspace::new();
+    work.write("floor.xyz", lattice("xyz", 40, 10.0, 5000.0, false));
+    for (height, side) in [("2000", 1.0), ("-2000", -1.0)] {
+        let viewpoint = format!("5200,200,{height}");
+        let place = ["--units", "mm", "--origin", "5000,0,0", "--viewpoint", &viewpoint];
+        let encode = ["encode", "floor.xyz", "-o", "out.isv"];
+        // Without normals of their own, points that were seen from somewhere get some.
+        for more in [&["--normals", "estimate"][..], &[]] {
+            let run = work.isv(&[&encode[..], &place, more].concat()).done();
+            assert!(
+                run.stderr().contains("100 % of the sides follow from where the scanner stood"),
+                "{}",
+                run.stderr()
+            );
+            work.isv(&["decode", "out.isv", "-o", "out.xyz", "--as", "points", "--points", "500"]).done();
+            let text = String::from_utf8(work.read("out.xyz")).unwrap();
+            let up: Vec<f64> =
+                text.lines().map(|line| line.split(' ').nth(5).unwrap().parse().unwrap()).collect();
+            let mean = up.iter().sum::<f64>() / up.len() as f64;
+            assert!(side * mean > 0.9, "{mean} from {height}");
+        }
+    }
+}
+
+#[test]
+fn sides_that_are_a_guess_are_said_to_be() {
+    let work = Workspace::new();
+    // Floors of different heights beside each other, which hang together nowhere.
+    let floors: String = (0..4)
+        .flat_map(|floor| {
+            let text = lattice("xyz", 25, 0.01, 0.4 * f64::from(floor), false);
+            text.lines()
+                .map(|line| format!("{}{}\n", line.strip_suffix('0').unwrap(), 0.1 * f64::from(floor)))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    work.write("floors.xyz", floors);
+    let encode = ["encode", "floors.xyz", "-o", "out.isv", "--normals", "estimate"];
+    let run = work.isv(&encode).done();
+    assert!(
+        run.stderr().contains("sides are a guess for 100 % of the points, in 4 patches: give --viewpoint"),
+        "{}",
+        run.stderr()
+    );
+    assert!(run.stderr().contains("offset shell"), "{}", run.stderr());
+    let run = work.isv(&[&encode[..], &["--viewpoint", "0.5,0.1,3"]].concat()).done();
+    assert!(!run.stderr().contains("guess") && run.stderr().contains("oriented points"), "{}", run.stderr());
+    work.write("given.xyz", lattice("xyz", 25, 0.01, 0.0, true));
+    let run = work.isv(&["encode", "given.xyz", "-o", "out.isv", "--viewpoint", "0,0,-9"]).done();
+    assert!(run.stderr().contains("--viewpoint is without effect"), "{}", run.stderr());
 }

@@ -3,9 +3,10 @@
 mod support;
 
 use glam::DVec3;
-use isv_ingest::{MeshIngest, Reach, SignDecision, SignMode, decide_sign, ingest_mesh};
+use isv_ingest::{MeshIngest, Reach, SignDecision, SignMode, decide_sign, ingest_mesh, turn_faces};
 use isv_spatial::{Bvh, WindingNumber, exact_winding_number};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use std::borrow::Cow;
 use std::time::Instant;
 
 const CLOSED: SignDecision = SignDecision::Closed { flipped: false };
@@ -276,4 +277,39 @@ fn sheets_and_buildings_become_shells() {
     check_sequence("flag", 5, 0.005, BlockEdge::E4, SignDecision::Offset);
     check_sequence("monastery", 0, 0.04, BlockEdge::E8, SignDecision::Offset);
     check_sequence("monastery", 0, 0.02, BlockEdge::E8, SignDecision::Offset);
+}
+
+#[test]
+fn captures_whose_faces_agree_are_left_alone() {
+    for (name, frame) in
+        [("dancer", 0), ("dancer", 9), ("thomas", 3), ("liam", 5), ("xbot", 2), ("collision", 4)]
+    {
+        let Some(mesh) = support::load(name, frame) else { return };
+        let start = Instant::now();
+        assert!(matches!(turn_faces(&mesh, true), Cow::Borrowed(_)), "{name} {frame}");
+        let close = start.elapsed();
+        let start = Instant::now();
+        assert!(matches!(turn_faces(&mesh, false), Cow::Borrowed(_)), "{name} {frame}");
+        println!("{name} {frame}: {close:.1?} at a close look, else {:.1?}", start.elapsed());
+    }
+}
+
+#[test]
+fn a_capture_with_turned_faces_gives_the_volume_that_it_gives_without() {
+    let Some(mesh) = support::load("thomas", 0) else { return };
+    let grid = Grid {
+        voxel_size: VoxelSize::from_metres(0.01).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(8).unwrap(),
+    };
+    let volume = |mesh: &TriangleMesh| {
+        let (sign, _) = decide_sign(mesh, SignMode::Auto);
+        ingest_mesh(mesh, &MeshIngest::new(grid), sign).unwrap()
+    };
+    let mut turned = mesh.clone();
+    for triangle in turned.triangles.iter_mut().step_by(7) {
+        triangle.swap(1, 2);
+    }
+    assert_eq!(decide_sign(&turned, SignMode::Auto).0, SignDecision::Offset);
+    assert!(volume(&turn_faces(&turned, false)) == volume(&mesh));
 }

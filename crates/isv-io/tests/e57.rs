@@ -3,7 +3,7 @@
 use glam::DVec3;
 use isv_io::{Geometry, ReadError, Unit, parse_geometry};
 use isv_testfiles::e57::{cartesian, file, of_all_types, quarter_turn, seal, spherical};
-use isv_volume::PointCloud;
+use isv_volume::{PointCloud, ScanPlace};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -40,6 +40,27 @@ fn several_scans_are_joined() {
     assert_eq!(points.viewpoint, None);
     let alone = parse(&file(vec![spherical()])).unwrap();
     assert_eq!((alone.normals.len(), alone.viewpoint), (0, None));
+}
+
+#[test]
+fn each_of_several_scans_is_seen_from_its_own_place() {
+    let place = |points, viewpoint| ScanPlace { points, viewpoint };
+    let points = parse(&file(vec![cartesian(Some(quarter_turn())), spherical(), cartesian(None)])).unwrap();
+    assert_eq!(points.viewpoint, None);
+    // The scans without a pose stand at the origin, as another one has a pose.
+    let places =
+        [place(0..2, DVec3::new(10.0, 0.0, 0.0)), place(2..5, DVec3::ZERO), place(5..7, DVec3::ZERO)];
+    assert_eq!(points.scans, places);
+    // Of scans without any pose, nobody knows where they were taken.
+    assert!(parse(&file(vec![cartesian(None), spherical()])).unwrap().scans.is_empty());
+    let bytes = file(vec![cartesian(Some(quarter_turn())), spherical()]);
+    let Ok(Geometry::Points(points)) = parse_geometry(Path::new("scan.e57"), &bytes, Unit::Millimetre) else {
+        panic!("no points");
+    };
+    let moved = Geometry::Points(points).relative_to([1.0, 0.0, 0.0]);
+    let Geometry::Points(points) = moved else { panic!("a mesh") };
+    let places: Vec<DVec3> = points.scans.iter().map(|scan| scan.viewpoint).collect();
+    assert_eq!(places, [DVec3::new(-0.99, 0.0, 0.0), DVec3::NEG_X], "in metres, from the new origin");
 }
 
 #[test]
