@@ -484,7 +484,8 @@ fn points_get_a_voxel_that_fits_their_spacing() {
     let run =
         work.isv_with_input(&["encode", "-", "-o", "out.isv"], &[&bytes[..], &bytes[..]].concat()).done();
     assert!(run.stderr().contains("voxels of 100mm"), "{}", run.stderr());
-    assert_eq!((voxel(), frames_in(&work, "out.isv")), (0.1, 2), "a pipe loses no frame");
+    assert_eq!(voxel(), 0.1);
+    assert_eq!(frames_in(&work, "out.isv"), 2, "a pipe loses no frame");
     let run = work.isv(&[&sparse[..], &["--voxel", "60mm"]].concat()).done();
     assert!(!run.stderr().contains("overrules"), "{}", run.stderr());
     assert_eq!(voxel(), 0.06);
@@ -503,7 +504,7 @@ fn a_capture_of_several_spacings_gets_the_middle_one() {
     for (frame, edge) in [0.5, 0.02, 0.02, 0.02, 0.021].into_iter().enumerate() {
         work.write(&format!("take/frame_{frame}.ply"), lattice("ply", 30, edge, 0.0, true));
     }
-    let run = work.isv(&["encode", "take", "-o", "out.isv", "--mixed-scales"]).done();
+    let run = work.isv(&["encode", "take", "-o", "out.isv", "--mixed-scales", "--skip-bad-frames"]).done();
     assert!(run.stderr().contains("voxels of 25mm, as points are 21 mm apart"), "{}", run.stderr());
 }
 

@@ -155,7 +155,7 @@ fn empty_sides_are_named() {
     work.write("good.obj", square(0.0));
     work.isv(&["eval", "good.obj", "flat.obj"])
         .fails(1, &["frame 0 of flat.obj", "the test mesh has no surface"]);
-    work.write("no_faces.obj", "v 0 0 0\nv 1 0 0\n");
+    work.write("no_faces.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n");
     work.isv(&["eval", "good.obj", "no_faces.obj"]).fails(1, &["no_faces.obj: "]);
     work.write("nothing.xyz", "");
     work.isv(&["eval", "good.obj", "nothing.xyz"]).fails(1, &["nothing.xyz: "]);

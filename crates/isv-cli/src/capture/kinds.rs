@@ -241,7 +241,9 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
             "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise"
         ));
     }
-    if let lost @ [first, ..] = &depth.frames_without_pose()[..] {
+    if let lost @ [first, ..] = &depth.frames_without_pose()[..]
+        && lost.len() < depth.frames()
+    {
         let (count, frames) = (lost.len(), depth.frames());
         remarks.push(format!(
             "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
