@@ -3,14 +3,14 @@
 import { execFileSync, spawn } from 'node:child_process';
 import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { inflateSync } from 'node:zlib';
 import { writeBlob } from './blob.js';
 import { writeDepthTake } from './depth-take.js';
 
 /** The program: the environment's `ISV_BIN`, or none. */
-export const ISV_BIN = process.env.ISV_BIN && existsSync(process.env.ISV_BIN) ? process.env.ISV_BIN : null;
+export const ISV_BIN = process.env.ISV_BIN && existsSync(process.env.ISV_BIN) ? resolve(process.env.ISV_BIN) : null;
 
 /** Runs the program in a folder that is gone afterwards. @template T @param {(folder: string) => T} use @returns {T} */
 function inFolder(use) {
