@@ -77,7 +77,7 @@ const PASSED_OVER: [&str; 19] = [
 impl File {
     /// Takes a line.
     fn record(&mut self, line: &[u8], number: usize) -> Result<(), Malformation> {
-        let line = line.split(|b| *b == b'#').next().unwrap_or_default();
+        let line = text::without_comment(line);
         let mut words = words(line);
         match words.next() {
             None => {}

@@ -194,7 +194,7 @@ impl<'a> Lines<'a> {
             let line = lines.next()?;
             self.rest = lines.rest();
             self.number += 1;
-            let said = line.split(|b| *b == b'#').next().unwrap_or_default().trim_ascii();
+            let said = text::without_comment(line).trim_ascii();
             if !said.is_empty() {
                 return Some(said);
             }

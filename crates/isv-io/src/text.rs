@@ -85,6 +85,12 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
+/// A line without its comment, which starts with `#`. In a number such as `1.#IND` it starts none.
+pub(crate) fn without_comment(line: &[u8]) -> &[u8] {
+    let starts = |at: &usize| line[*at] == b'#' && !line[..*at].ends_with(b"1.");
+    &line[..(0..line.len()).find(starts).unwrap_or(line.len())]
+}
+
 /// The words of a line, between white space.
 pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
@@ -145,8 +151,8 @@ impl<'a> Iterator for Words<'a> {
                 _ => break,
             }
         }
-        let ends = |b: &u8| is_space(*b) || (self.comments && *b == b'#');
-        let end = self.rest.iter().position(ends).unwrap_or(self.rest.len());
+        let end = self.rest.iter().position(|b| is_space(*b)).unwrap_or(self.rest.len());
+        let end = if self.comments { without_comment(&self.rest[..end]).len() } else { end };
         let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
         Some(word)

@@ -149,7 +149,8 @@ impl Columns {
 /// The lines that say something, without their comments, and their numbers from 1.
 fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> + Clone {
     let told = |line: &'_ [u8]| {
-        let comment = (0..line.len()).find(|at| line[*at] == b'#' || line[*at..].starts_with(b"//"));
+        let line = text::without_comment(line);
+        let comment = (0..line.len()).find(|at| line[*at..].starts_with(b"//"));
         comment.unwrap_or(line.len())
     };
     let lines = text::lines(bytes).enumerate();

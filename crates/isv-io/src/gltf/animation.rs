@@ -2,14 +2,16 @@
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
-use super::container::Container;
+use super::container::{Container, MAGIC};
 use super::fault::GltfFault;
 use super::limit::Limit;
 use super::scene::{Channel, Scene};
 use super::schema::Document;
 use crate::error::Flaw;
+use crate::text;
 use crate::{Geometry, ReadError, Unit};
 use isv_volume::{PointCloud, TriangleMesh};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Longest animation, in seconds: a day. Keyframes beyond it are damage, and would be sampled for ever.
@@ -157,6 +159,8 @@ impl Animation {
 }
 
 fn load(folder: Option<&Path>, bytes: &[u8]) -> Result<(Scene, Vec<Clip>), Flaw> {
+    let text = if bytes.starts_with(MAGIC) { Cow::Borrowed(bytes) } else { text::decode(bytes) };
+    let bytes = &*text;
     let container = Container::parse(bytes)?;
     let document = Document::parse(container.json, container.json_offset)?;
     let buffers = Buffers::load(&document.buffers, folder, container.binary)?;

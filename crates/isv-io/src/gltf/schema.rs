@@ -3,6 +3,7 @@
 use super::container::VERSION;
 use super::fault::GltfFault;
 use crate::error::{Flaw, quote};
+use crate::text;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
@@ -339,7 +340,7 @@ impl Buffer {
 impl Document {
     /// Parses the JSON of a file, which starts at `offset` in it. Zero bytes behind it are padding, as some programs write it.
     pub(super) fn parse(json: &[u8], offset: usize) -> Result<Self, Flaw> {
-        let json = json.trim_ascii_end();
+        let json = &text::decode(json);
         let padding = json.iter().rev().take_while(|b| **b == 0 || b.is_ascii_whitespace()).count();
         let json = &json[..json.len() - padding];
         check_version(json, offset)?;
