@@ -158,7 +158,7 @@ fn captures_of_other_kinds() {
     encode("scan.laz").fails(1, &["scan.laz: "]);
     work.isv(&["encode", "points.xyz", "-o", "out.isv", "--sign", "closed"]).fails(1, &["points.xyz: "]);
     work.write("bare.xyz", "0 0 0\n0 0 0.01\n");
-    work.isv(&["encode", "bare.xyz", "-o", "out.isv", "--sign", "closed"])
+    work.isv(&["encode", "bare.xyz", "-o", "out.isv", "--voxel=5mm", "--sign", "closed"])
         .fails(1, &["bare.xyz: no point has a normal", "--normals estimate"]);
     // Points a metre apart are no surface at 5 mm a voxel.
     let sparse: String = (0..100).map(|i| format!("{} {} 0 0 0 1\n", i % 10, i / 10)).collect();
