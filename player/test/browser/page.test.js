@@ -304,26 +304,6 @@ describe('the page', { skip }, () => {
     assert.doesNotMatch((await page.locator('#messages').textContent()) ?? '', /damaged/);
   });
 
-  test('a refusal in the middle stops the playhead there, and what is sound can still be seen', async () => {
-    const { page } = await open('?src=/files/long.isv&paused');
-    await isNative(page, 0);
-    await page.evaluate((frame) => {
-      const { ahead } = /** @type {any} */ (globalThis).isv.players[0];
-      for (let refused = frame; refused < frame + 12; refused++) {
-        ahead.lost.set(refused, 'frame 24 needs more than there is');
-        ahead.refused.add(refused);
-      }
-    }, 2 * FRAMES);
-    await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
-    const message = page.locator('#messages', { hasText: 'frame 24 needs' });
-    await message.waitFor();
-    const { playing, frame } = await state(page);
-    assert.deepEqual({ playing, frame }, { playing: false, frame: 2 * FRAMES });
-    await page.evaluate(() => /** @type {any} */ (globalThis).isv.seek(60));
-    await isNative(page, 60);
-    assert.equal(await message.count(), 0);
-  });
-
   test('an amount of memory that is none is said in words', async () => {
     const { page } = await open('?src=/files/blob.isv&max-memory=lots');
     await page.getByRole('alert').filter({ hasText: 'max-memory=lots is no amount of memory' }).waitFor();
