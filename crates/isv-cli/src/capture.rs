@@ -11,7 +11,7 @@ use crate::stream;
 use crate::up::Up;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
-use isv::io::{DenseOptions, Geometry, Unit};
+use isv::io::{DenseOptions, Geometry, InvalidPoints, Unit};
 use isv::surface::SurfaceOptions;
 use isv::volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
@@ -106,8 +106,8 @@ pub(crate) struct Hints {
     pub(crate) frame_rate: FrameRate,
     /// The place of meshes and points, in metres, that is to be the origin.
     pub(crate) origin_m: [f64; 3],
-    /// Whether points that are not finite or lie at (0, 0, 0) are left out.
-    pub(crate) drops_invalid_points: bool,
+    /// Treatment of points that are nowhere.
+    pub(crate) invalid_points: InvalidPoints,
     /// Whether frames of one shape may be of different scales.
     pub(crate) mixed_scales: bool,
     /// The axis of meshes, points and depth cameras that points up.
@@ -126,7 +126,7 @@ impl Hints {
             truncation: None,
             frame_rate,
             origin_m: [0.0; 3],
-            drops_invalid_points: false,
+            invalid_points: InvalidPoints::Refuse,
             mixed_scales: false,
             up: Up::Y,
             dense: DenseOptions::default(),
@@ -137,6 +137,11 @@ impl Hints {
     pub(crate) fn with_origin(self, origin: Option<[f64; 3]>) -> Self {
         Self { origin_m: origin.unwrap_or_default().map(|x| x * self.unit.metres()), ..self }
     }
+}
+
+/// Treatment of points that are nowhere, as `--drop-invalid-points` asks for it.
+pub(crate) fn invalid_points(drop: bool) -> InvalidPoints {
+    if drop { InvalidPoints::Drop } else { InvalidPoints::Refuse }
 }
 
 /// Edge of a voxel where neither the user nor the capture says.

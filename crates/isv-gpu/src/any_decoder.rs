@@ -36,7 +36,7 @@ impl AnyVolume {
 pub struct AnyFrame {
     /// The volume.
     pub volume: AnyVolume,
-    /// As [`Decoder::coded_blocks`].
+    /// Blocks that were coded, not extrapolated: see [`Decoder::coded_blocks`].
     pub coded_blocks: Option<BlockSet>,
     /// Its surface, if it was extracted on a GPU: see [`AnyDecoder::with_surfaces`].
     pub surface: Option<TriangleMesh>,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 /// A coded block whose samples are all farther from the surface than this (voxels) was not coded for the surface.
 const FAR_VOXELS: i32 = 3;
-/// The same in quarters of the truncation, where that is less.
+/// Distance in quarters of the truncation, used instead of [`FAR_VOXELS`] if it is less.
 const FAR_QUARTERS: i32 = 3;
 /// A stream of the full band has more than one such block in so many. One of the surface band has none but for what coarse
 /// steps erase.

@@ -21,7 +21,7 @@ mod times;
 mod tum;
 
 pub use error::DepthFileError;
-pub(crate) use times::median_rate;
+pub(crate) use times::{TimeUnit, median_rate};
 pub use tum::{TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S};
 
 use distortion::Distortion;

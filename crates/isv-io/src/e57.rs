@@ -44,6 +44,16 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     catch_panic(|| read(bytes)).unwrap_or_else(|| Err(damaged()))
 }
 
+/// Whether points of any scan have colours.
+pub(crate) fn has_colours(bytes: &[u8]) -> bool {
+    let any = || {
+        check_xml(bytes).ok()?;
+        let scans = Reader::new(Cursor::new(bytes)).ok()?.pointclouds();
+        Some(scans.iter().flat_map(|scan| &scan.prototype).any(|record| record.name == Name::ColorRed))
+    };
+    catch_panic(any).flatten().unwrap_or_default()
+}
+
 /// When the first scan began, in seconds of GPS time, where the file says.
 pub(crate) fn start_s(bytes: &[u8]) -> Option<f64> {
     let start = || {

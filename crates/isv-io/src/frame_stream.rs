@@ -3,8 +3,9 @@
 mod ply_files;
 mod tar_archive;
 
+use crate::geometry::parse_geometry_with;
 use crate::text::UTF8_MARK;
-use crate::{Format, Geometry, ReadError, Unit, parse_geometry};
+use crate::{Format, Geometry, InvalidPoints, ReadError, Unit};
 use ply_files::PlyFiles;
 use std::io::{self, Chain, Cursor, Read};
 use std::path::PathBuf;
@@ -45,6 +46,7 @@ type Joined<R> = Chain<Cursor<Vec<u8>>, R>;
 pub struct FrameStream<R> {
     frames: Frames<Joined<R>>,
     unit: Unit,
+    invalid: InvalidPoints,
     /// Whether the last item was given.
     ended: bool,
 }
@@ -141,7 +143,13 @@ impl<R: Read> FrameStream<R> {
         } else {
             return Err(FrameStreamError::NotFrames);
         };
-        Ok(Self { frames, unit, ended: false })
+        Ok(Self { frames, unit, invalid: InvalidPoints::Refuse, ended: false })
+    }
+
+    /// Says what becomes of points that are nowhere.
+    #[must_use]
+    pub fn with_invalid_points(self, invalid: InvalidPoints) -> Self {
+        Self { invalid, ..self }
     }
 }
 
@@ -155,12 +163,13 @@ impl<R: Read> Iterator for FrameStream<R> {
         let frame = match &mut self.frames {
             Frames::Ply(files) => files.next_frame().map(|frame| {
                 frame.map(|(path, geometry)| {
-                    geometry.checked(&path, self.unit).map(|geometry| (path, geometry))
+                    geometry.checked(&path, self.unit, self.invalid).map(|geometry| (path, geometry))
                 })
             }),
             Frames::Tar(archive) => archive.next_file().map(|file| {
                 file.map(|(path, bytes)| {
-                    parse_geometry(&path, &bytes, self.unit).map(|geometry| (path, geometry))
+                    parse_geometry_with(&path, &bytes, self.unit, self.invalid)
+                        .map(|geometry| (path, geometry))
                 })
             }),
         };

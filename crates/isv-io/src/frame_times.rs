@@ -1,6 +1,7 @@
 //! When frames were taken, as the names of their files say it.
 
 use crate::NameOrder;
+use crate::depth::TimeUnit;
 use crate::text::parse_billionths;
 
 /// The longest gap in a numbering that is one, in frames. Beyond it numbers count something else.
@@ -8,13 +9,6 @@ const LONGEST_GAP: u64 = 10_000;
 
 /// Rates that names may have as times, in frames a second.
 const RATES: std::ops::RangeInclusive<f64> = 0.5..=1000.0;
-
-/// Numbers from which on they are times since 1970 in milliseconds, microseconds and nanoseconds.
-const EPOCHS: [(i128, i128, &str); 3] = [
-    (100_000_000_000, 1_000_000, "milliseconds"),
-    (100_000_000_000_000, 1_000, "microseconds"),
-    (100_000_000_000_000_000, 1, "nanoseconds"),
-];
 
 /// When the frames of a sequence were taken.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -37,19 +31,16 @@ impl FrameTimes {
         let Some(words) = words.filter(|words| words.windows(2).all(|pair| pair[0] < pair[1])) else {
             return (Self::Even, None);
         };
-        const ONE: i128 = 1_000_000_000;
-        if order.decimals && numbers.iter().any(|number| number.contains('.')) {
-            return times(&words, "seconds");
+        let has_decimals = order.decimals && numbers.iter().any(|number| number.contains('.'));
+        let seconds = has_decimals.then_some(TimeUnit::Second);
+        if let Some(unit) = TimeUnit::of_clock(&words).or(seconds) {
+            return times(&words, unit);
         }
+        const ONE: i128 = 1_000_000_000;
         if words.iter().any(|word| word % ONE != 0) {
             return (Self::Even, None);
         }
         let whole: Vec<i128> = words.iter().map(|word| word / ONE).collect();
-        if let Some((_, nanoseconds, unit)) = EPOCHS.into_iter().rev().find(|(least, ..)| whole[0] >= *least)
-        {
-            let times_ns: Vec<i128> = whole.iter().map(|time| time * nanoseconds).collect();
-            return times(&times_ns, unit);
-        }
         numbered(&whole)
     }
 
@@ -73,14 +64,16 @@ impl FrameTimes {
     }
 }
 
-fn times(times_ns: &[i128], unit: &str) -> (FrameTimes, Option<String>) {
+fn times(stamps: &[i128], unit: TimeUnit) -> (FrameTimes, Option<String>) {
+    let times_ns: Vec<i128> = stamps.iter().map(|stamp| unit.nanoseconds(*stamp)).collect();
     let since_first: Option<Vec<u64>> =
         times_ns.iter().map(|time| u64::try_from(time - times_ns[0]).ok()).collect();
     let Some(since_first) = since_first else { return (FrameTimes::Even, None) };
     match crate::depth::median_rate(&since_first).filter(|rate| RATES.contains(rate)) {
         Some(rate) => {
             let note = format!(
-                "names are times in {unit}, about {rate:.4} frames a second; --timestamps rate ignores them"
+                "names are times in {}, about {rate:.4} frames a second; --timestamps rate ignores them",
+                unit.name()
             );
             (FrameTimes::Nanoseconds(since_first), Some(note))
         }

@@ -14,6 +14,16 @@ use std::path::Path;
 /// a micrometre apart. Beyond it lie damaged files and wrong units.
 pub const MAX_COORDINATE_M: f64 = 1e9;
 
+/// Treatment of points that are nowhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum InvalidPoints {
+    /// A point that is not finite refuses its file.
+    #[default]
+    Refuse,
+    /// Points that are not finite or lie exactly at (0, 0, 0) are dropped: many cameras write these for "no reading".
+    Drop,
+}
+
 /// What a file of geometry holds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry {
@@ -92,10 +102,14 @@ impl Geometry {
     }
 
     /// The same in metres, as [`read_geometry`] promises it.
-    pub(crate) fn checked(self, path: &Path, unit: Unit) -> Result<Self, ReadError> {
+    pub(crate) fn checked(self, path: &Path, unit: Unit, invalid: InvalidPoints) -> Result<Self, ReadError> {
         let mut geometry = self.in_metres(unit);
-        if let Self::Mesh(mesh) = &mut geometry {
-            drop_stray_vertices(mesh);
+        match (&mut geometry, invalid) {
+            (Self::Mesh(mesh), _) => drop_stray_vertices(mesh),
+            (Self::Points(points), InvalidPoints::Drop) => {
+                points.retain(|position| position.is_finite() && position != DVec3::ZERO);
+            }
+            (Self::Points(_), InvalidPoints::Refuse) => {}
         }
         geometry.validate(path)?;
         Ok(geometry)
@@ -159,33 +173,21 @@ fn drop_stray_vertices(mesh: &mut TriangleMesh) {
 /// # Errors
 /// See [`ReadError`]; each names the file.
 pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
+    read_geometry_with(path, unit, InvalidPoints::Refuse)
+}
+
+/// Reads a mesh or points as [`read_geometry`] does, and says what becomes of invalid points.
+///
+/// # Errors
+/// Those of [`read_geometry`].
+pub fn read_geometry_with(path: &Path, unit: Unit, invalid: InvalidPoints) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
     if let Some(Format::Glb | Format::Gltf) = Format::of_path(path) {
-        return gltf::Animation::open(path, unit)?.geometry_at(0.0);
+        return gltf::Animation::open(path, unit)?.with_invalid_points(invalid).geometry_at(0.0);
     }
     let bytes = regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
-    parse_geometry(path, &bytes, unit)
-}
-
-/// As [`read_geometry`], without points that are not finite or lie exactly at (0, 0, 0), which is how many cameras write "no reading".
-/// Meshes are as they are.
-///
-/// # Errors
-/// As [`read_geometry`].
-pub fn read_geometry_without_invalid_points(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
-    match Format::of_path(path) {
-        Some(format) if !format.may_be_animated() => {
-            let bytes =
-                regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
-            let mut geometry = parse_unchecked(path, &bytes)?;
-            if let Geometry::Points(points) = &mut geometry {
-                points.retain(|position| position.is_finite() && position != DVec3::ZERO);
-            }
-            geometry.checked(path, unit)
-        }
-        _ => read_geometry(path, unit),
-    }
+    parse_geometry_with(path, &bytes, unit, invalid)
 }
 
 /// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
@@ -194,13 +196,24 @@ pub fn read_geometry_without_invalid_points(path: &Path, unit: Unit) -> Result<G
 /// # Errors
 /// As [`read_geometry`], without [`ReadError::Io`].
 pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry, ReadError> {
+    parse_geometry_with(path, bytes, unit, InvalidPoints::Refuse)
+}
+
+pub(crate) fn parse_geometry_with(
+    path: &Path,
+    bytes: &[u8],
+    unit: Unit,
+    invalid: InvalidPoints,
+) -> Result<Geometry, ReadError> {
     match Format::of_path(path) {
-        Some(Format::Glb | Format::Gltf) => gltf::Animation::parse(path, bytes, unit)?.geometry_at(0.0),
-        _ => parse_unchecked(path, bytes)?.checked(path, unit),
+        Some(Format::Glb | Format::Gltf) => {
+            gltf::Animation::parse(path, bytes, unit)?.with_invalid_points(invalid).geometry_at(0.0)
+        }
+        _ => parse_unchecked(path, bytes)?.checked(path, unit, invalid),
     }
 }
 
-/// What a file that does not move holds, as it is in the file.
+/// Geometry of a file that does not move, in the file's unit.
 fn parse_unchecked(path: &Path, bytes: &[u8]) -> Result<Geometry, ReadError> {
     let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
         Some(Format::Ply) => ply::parse,

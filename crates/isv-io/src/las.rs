@@ -37,6 +37,12 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(points.cloud.finish(None))
 }
 
+/// Whether the point format has colours.
+pub(crate) fn has_colours(start: &[u8]) -> bool {
+    start.starts_with(b"LASF")
+        && start.get(104).is_some_and(|format| matches!(format & 0x3f, 2 | 3 | 5 | 7 | 8 | 10))
+}
+
 /// GPS time of the first point, in seconds, where the point format has one. A compressed point is written as it is where a chunk starts,
 /// behind the place of the table of chunks.
 pub(crate) fn first_time_s(bytes: &[u8]) -> Option<f64> {

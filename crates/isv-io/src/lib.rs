@@ -37,6 +37,7 @@ mod natural_order;
 mod obj;
 mod off;
 mod own;
+mod passed_over;
 mod pcd;
 mod placement;
 mod ply;
@@ -62,13 +63,14 @@ pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
 pub use geometry::{
-    Geometry, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry,
-    read_geometry_without_invalid_points, read_mesh, write_mesh, write_mesh_placed, write_mesh_to,
-    write_points, write_points_placed, write_points_to,
+    Geometry, InvalidPoints, MAX_COORDINATE_M, parse_geometry, parse_mesh, read_geometry, read_geometry_with,
+    read_mesh, write_mesh, write_mesh_placed, write_mesh_to, write_points, write_points_placed,
+    write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use own::was_made_by_isv;
+pub use passed_over::passed_over;
 pub use placement::Placement;
 pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};

@@ -1,9 +1,9 @@
-//! Where written coordinates are, and how exact they have to be.
+//! Place and precision of written coordinates.
 
 use glam::DVec3;
 use std::io::{self, Write};
 
-/// Where a mesh or points go when they are written, and how exact their coordinates stay.
+/// Place of a mesh or points when they are written, and how exact their coordinates stay.
 ///
 /// Most formats hold coordinates as `f32`, which is good for half a metre where a country's survey counts them. PLY, OBJ and
 /// PCD then get `f64`, and a GLB file moves its nodes in place of their vertices. STL has nothing but `f32`.

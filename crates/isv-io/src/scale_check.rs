@@ -62,7 +62,7 @@ struct Bulk {
 }
 
 impl Bulk {
-    /// Of a frame that has any extent.
+    /// Measures a frame; `None` if it has no extent.
     fn of(geometry: &Geometry) -> Option<Self> {
         let positions = match geometry {
             Geometry::Mesh(mesh) => &mesh.vertices,

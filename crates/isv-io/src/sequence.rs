@@ -1,7 +1,7 @@
 //! The frames that an input names.
 
 use crate::wildcard::{has_wildcard, matches};
-use crate::{Format, FrameTimes, NameOrder, OrderedNames};
+use crate::{Format, FrameTimes, NameOrder, OrderedNames, is_volume_folder};
 use std::ffi::{OsStr, OsString};
 use std::io;
 use std::ops::Range;
@@ -106,10 +106,7 @@ impl FrameSequence {
                 files => files,
             }
         } else if path.exists() {
-            Format::of_path(path)
-                .map(|_| File { name: OsString::new(), path: path.to_owned() })
-                .into_iter()
-                .collect()
+            Format::of_path(path).map(|_| File::new(OsString::new(), path.to_owned())).into_iter().collect()
         } else if has_wildcard(path.as_os_str().as_encoded_bytes()) {
             matching_files(path)?
         } else {
@@ -121,7 +118,7 @@ impl FrameSequence {
     /// Puts files in order. Refuses lists that are empty or mixed.
     fn of_one_format(input: String, files: Vec<File>) -> Result<Self, SequenceError> {
         let OrderedNames { names: files, order, note: order_note } = NameOrder::sort(files);
-        let names: Option<Vec<&str>> = files.iter().map(File::stem).collect();
+        let names: Option<Vec<&str>> = files.iter().map(|file| file.time_name.as_deref()).collect();
         let (times, note) =
             names.map_or_else(Default::default, |names| FrameTimes::from_names(&names, order));
         let notes = order_note.into_iter().chain(note).collect();
@@ -180,17 +177,25 @@ impl FrameSequence {
     }
 }
 
-/// A file, and what it is ordered by: its name, or its path from the first folder that is not the same for all.
+/// A file, and the name that puts it in order: its own, or with its folders where these differ.
 struct File {
     name: OsString,
+    /// Name that tells when the frame was taken, without an extension; `None` if it is no text.
+    time_name: Option<String>,
     path: PathBuf,
 }
 
 impl File {
-    /// The name without its extension.
-    fn stem(&self) -> Option<&str> {
-        let name = self.name.to_str()?;
-        Some(name.rsplit_once('.').map_or(name, |(stem, _)| stem))
+    /// A file of a folder, by its own name.
+    fn new(name: OsString, path: PathBuf) -> Self {
+        let time_name = path.file_stem().and_then(OsStr::to_str).map(str::to_owned);
+        Self { name, time_name, path }
+    }
+
+    /// A file that is the only one of its folder, which numbers it.
+    fn of_folder(folder: &OsStr, file: Self) -> Self {
+        let time_name = folder.to_str().map(str::to_owned);
+        Self { name: joined(folder, &file.name), time_name, path: file.path }
     }
 }
 
@@ -225,32 +230,53 @@ fn matching_files(path: &Path) -> Result<Vec<File>, SequenceError> {
         folders = inner;
         pattern = part.as_os_str().to_owned();
     }
+    let wanted = |name: &OsStr| matches(pattern.as_encoded_bytes(), name.as_encoded_bytes());
     let mut files = Vec::new();
     for (name, folder) in folders {
-        let wanted = |name: &OsStr| matches(pattern.as_encoded_bytes(), name.as_encoded_bytes());
-        let found = frame_files(&folder, wanted)?;
-        files.extend(found.into_iter().map(|file| File { name: joined(&name, &file.name), path: file.path }));
+        let mut found = frame_files(&folder, wanted)?;
+        if let (true, [_]) = (!name.is_empty(), &found[..]) {
+            files.extend(found.pop().map(|file| File::of_folder(&name, file)));
+        } else {
+            files.extend(found.into_iter().map(|file| File { name: joined(&name, &file.name), ..file }));
+        }
     }
     Ok(files)
 }
 
-/// The files of a folder's sub-folders, one in each; none where a sub-folder holds none.
+/// The files of a folder's sub-folders, one in each. They are a take if the sub-folders have numbers or hold files of one name; else
+/// there are none. A numbered sub-folder without its file is a frame that cannot be read; others without a file are passed over.
 fn files_of_sub_folders(folder: &Path) -> Result<Vec<File>, SequenceError> {
-    let mut files = Vec::new();
+    let (mut files, mut without) = (Vec::new(), Vec::new());
     for name in names_in(folder, |_| true)? {
         let inner = folder.join(&name);
-        if !inner.is_dir() {
+        if !inner.is_dir() || is_volume_folder(&inner) {
             continue;
         }
-        match &mut frame_files(&inner, |_| true)?[..] {
-            [] => return Ok(Vec::new()),
-            [file] => {
-                files.push(File { name: joined(&name, &file.name), path: std::mem::take(&mut file.path) });
-            }
-            many => return Err(SequenceError::ManyInFolder { folder: inner, files: many.len() }),
+        let mut found = frame_files(&inner, |_| true)?;
+        if found.len() > 1 {
+            return Err(SequenceError::ManyInFolder { folder: inner, files: found.len() });
+        }
+        match found.pop() {
+            Some(file) => files.push((name, file)),
+            None => without.push(name),
         }
     }
-    Ok(files)
+    let is_numbered = |name: &OsStr| name.as_encoded_bytes().iter().any(u8::is_ascii_digit);
+    let Some((_, first)) = files.first() else { return Ok(Vec::new()) };
+    let file_name = first.name.clone();
+    let same_name = files.iter().all(|(_, file)| file.name == file_name);
+    let all_numbered = files.iter().all(|(name, _)| is_numbered(name));
+    if !same_name && !all_numbered {
+        return Ok(Vec::new());
+    }
+    if all_numbered {
+        let lost = without.into_iter().filter(|name| is_numbered(name));
+        files.extend(lost.map(|name| {
+            let path = folder.join(&name).join(&file_name);
+            (name, File::new(file_name.clone(), path))
+        }));
+    }
+    Ok(files.into_iter().map(|(name, file)| File::of_folder(&name, file)).collect())
 }
 
 /// A path of two names, which sorts as one name.
@@ -279,7 +305,10 @@ fn names_in(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<OsStri
 
 /// The frames of a folder whose names are wanted.
 fn frame_files(folder: &Path, wanted: impl Fn(&OsStr) -> bool) -> Result<Vec<File>, SequenceError> {
-    let files = names_in(folder, wanted)?.into_iter().map(|name| File { path: folder.join(&name), name });
+    let files = names_in(folder, wanted)?.into_iter().map(|name| {
+        let path = folder.join(&name);
+        File::new(name, path)
+    });
     // A link to nothing is a frame that cannot be read, not one that was never there.
     Ok(files.filter(|file| Format::of_path(&file.path).is_some() && !file.path.is_dir()).collect())
 }

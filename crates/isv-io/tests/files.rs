@@ -183,10 +183,34 @@ fn a_take_may_have_a_folder_for_each_frame() {
         "{message}"
     );
     assert_eq!(open(&folder, "*/mesh.obj").unwrap().paths().len(), 3);
-    // A frame's folder without a file: no take of folders.
-    fs::create_dir(folder.path().join("11")).unwrap();
     fs::remove_file(folder.path().join("9/other.obj")).unwrap();
+    // Folders of other things are passed over; a numbered one without its file is a frame that was lost.
+    fs::create_dir(folder.path().join("textures")).unwrap();
+    fs::create_dir(folder.path().join("11")).unwrap();
+    let lost = folder.path().join("11/mesh.obj");
+    assert_eq!(open(&folder, "").unwrap().paths(), [&expected[..], &[lost]].concat());
+}
+
+#[test]
+fn folders_of_other_things_are_no_take() {
+    let folder = folder_of(&[]);
+    let add = |name: &str| {
+        fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+        fs::write(folder.path().join(name), "").unwrap();
+    };
+    add("bunny/bunny.ply");
+    add("dragon/dragon.ply");
     assert!(matches!(open(&folder, ""), Err(SequenceError::NoFrames { .. })));
+    // Folders may number files that are numbered themselves.
+    let folder = folder_of(&[]);
+    for frame in ["0001", "0002", "0004", "0005"] {
+        let inner = folder.path().join(frame);
+        fs::create_dir(&inner).unwrap();
+        fs::write(inner.join(format!("scan_{frame}.ply")), "").unwrap();
+    }
+    for sequence in [open(&folder, "").unwrap(), open(&folder, "*/*.ply").unwrap()] {
+        assert_eq!(sequence.times(), &isv_io::FrameTimes::Numbered(vec![0, 1, 3, 4]));
+    }
 }
 
 #[test]

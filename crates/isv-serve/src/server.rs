@@ -27,7 +27,7 @@ const SEND_BUFFER_BYTES: u32 = 256 << 10;
 const CONNECTIONS: usize = 400;
 /// Connections that may wait to be accepted.
 const BACKLOG: u32 = 256;
-/// Where the list of streams is.
+/// Path of the list of streams.
 const STREAMS: &str = "/streams.json";
 
 /// What is served, to whom.

@@ -317,7 +317,7 @@ fn what_cannot_come_is_refused() {
     assert!(Source::open(Path::new("not-there-yet.isv")).is_ok());
 }
 
-/// As with `<(command)` of a shell, or `/dev/stdin`: the path leads to a pipe that nobody else can open.
+/// Opens a pipe by a path that nobody else can open, as `<(command)` of a shell and `/dev/stdin` are.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn a_pipe_without_a_name_ends_for_good() {

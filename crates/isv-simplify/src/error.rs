@@ -9,7 +9,7 @@ use rayon::prelude::*;
 pub(crate) struct Errors {
     /// Distance of each vertex of the source to the simplified mesh, in metres.
     of_vertices: Vec<f64>,
-    /// Of places on the simplified mesh: the face, the closest triangle of the source, and the distance to it in metres.
+    /// Places on the simplified mesh: their face, the closest triangle of the source, and the distance to it in metres.
     of_places: Vec<(u32, u32, f64)>,
 }
 

@@ -40,7 +40,7 @@ pub struct PointCloud {
     pub scans: Vec<ScanPlace>,
 }
 
-/// Where a run of points was seen from.
+/// Viewpoint of a run of points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScanPlace {
     /// Indices of the points.
@@ -91,13 +91,13 @@ impl PointCloud {
         }
     }
 
-    /// Where the points were seen from, without the points.
+    /// Copies the viewpoints alone, without the points.
     #[must_use]
     pub fn without_points(&self) -> Self {
         Self { viewpoint: self.viewpoint, scans: self.scans.clone(), ..Self::default() }
     }
 
-    /// Where each point was seen from, in the order of the points, as far as the capture tells.
+    /// Viewpoint of each point, in their order; `None` if the capture does not give one.
     pub fn viewpoints(&self) -> impl Iterator<Item = Option<DVec3>> + '_ {
         let mut scans = self.scans.iter().peekable();
         (0..self.positions.len()).map(move |point| {

@@ -3,8 +3,8 @@
 use super::{CapturedFrame, Content, Hints};
 use anyhow::{Result, anyhow};
 use isv::io::{
-    FrameSequence, FrameTimes, ReadError, ScaleCheck, Unit, acquisition_time_s, read_geometry,
-    read_geometry_without_invalid_points,
+    FrameSequence, FrameTimes, InvalidPoints, ReadError, ScaleCheck, Unit, acquisition_time_s,
+    read_geometry_with,
 };
 use isv::volume::PointsError;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub(super) struct FileFrames {
     unit: Unit,
     /// When the frames that are left were taken, in nanoseconds, where their names say.
     times_ns: Option<IntoIter<u64>>,
-    drops_invalid_points: bool,
+    invalid_points: InvalidPoints,
     /// None if frames may differ in scale.
     scale: Option<ScaleCheck>,
 }
@@ -37,17 +37,13 @@ impl FileFrames {
         };
         let scale = (!hints.mixed_scales).then(ScaleCheck::new);
         let times_ns = times_ns.map(Vec::into_iter);
-        let drops_invalid_points = hints.drops_invalid_points;
-        Self { paths, number: first, unit: hints.unit, times_ns, drops_invalid_points, scale }
+        Self { paths, number: first, unit: hints.unit, times_ns, invalid_points: hints.invalid_points, scale }
     }
 
     fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame> {
         // Names say when each frame was taken, whether it can be read or not.
         let named_ns = self.times_ns.as_mut().and_then(Iterator::next);
-        let geometry = match self.drops_invalid_points {
-            true => read_geometry_without_invalid_points(path, self.unit)?,
-            false => read_geometry(path, self.unit).map_err(with_advice)?,
-        };
+        let geometry = read_geometry_with(path, self.unit, self.invalid_points).map_err(with_advice)?;
         if let Some(scale) = &mut self.scale {
             scale.check(path, &geometry)?;
         }

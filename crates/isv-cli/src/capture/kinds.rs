@@ -16,7 +16,7 @@ use isv::decode::Lod;
 use isv::format::{FrameRate, Profile, StreamHeader};
 use isv::io::{
     Animation, DepthSequence, FrameSequence, Saturation, SequenceError, VolumeError, VolumeSequence,
-    is_depth_folder,
+    is_depth_folder, passed_over,
 };
 use isv::volume::Grid;
 use std::ops::Range;
@@ -51,7 +51,7 @@ impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
     pub(super) fn open(path: &Path, hints: &Hints) -> Result<(Option<usize>, Self)> {
         if is_pipe(path) {
-            return Ok((None, pipe::open(hints.unit)?));
+            return Ok((None, pipe::open(hints)?));
         }
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
             // It is opened more than once.
@@ -88,7 +88,7 @@ impl Kind {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
-            let mut animation = Animation::open(path, hints.unit)?;
+            let mut animation = Animation::open(path, hints.unit)?.with_invalid_points(hints.invalid_points);
             let count = animation.names().len();
             // The first one that moves anything.
             for index in 0..count {
@@ -158,7 +158,12 @@ impl Kind {
     /// What a user should know of it.
     pub(super) fn remarks(&self) -> Vec<String> {
         match self {
-            Self::Files(sequence, _) => sequence.notes().to_vec(),
+            Self::Files(sequence, _) => {
+                let passed_over = sequence.paths().first().map(|path| passed_over(path)).unwrap_or_default();
+                let passed_over =
+                    (!passed_over.is_empty()).then(|| format!("{} are not kept", passed_over.join(", ")));
+                sequence.notes().iter().cloned().chain(passed_over).collect()
+            }
             Self::Depth(depth) => depth_remarks(depth),
             Self::Volumes { size_is_known, grid, notes, .. } => {
                 let voxel = Length::from_metres(grid.voxel_size.metres());

@@ -1,7 +1,7 @@
 //! Frames from standard input.
 
 use super::kinds::Kind;
-use super::{CapturedFrame, Content};
+use super::{CapturedFrame, Content, Hints};
 use crate::backend::BackendArgs;
 use crate::frame_range::FrameRange;
 use crate::output::say;
@@ -9,7 +9,7 @@ use crate::stream::StreamFrames;
 use anyhow::{Context, Result};
 use isv::decode::Lod;
 use isv::format::MAGIC;
-use isv::io::{FrameStream, Unit, natural_cmp};
+use isv::io::{FrameStream, natural_cmp};
 use std::io::{BufRead, Stdin, stdin};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,13 @@ use std::path::{Path, PathBuf};
 const NAME: &str = "standard input";
 
 /// Finds out what comes by its first bytes: an `.isv` stream, or files of geometry.
-pub(super) fn open(unit: Unit) -> Result<Kind> {
+pub(super) fn open(hints: &Hints) -> Result<Kind> {
     let is_stream = stdin().lock().fill_buf().context(NAME)?.starts_with(&MAGIC);
     Ok(if is_stream {
         Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full, BackendArgs::CPU)?))
     } else {
-        let frames = FrameStream::new(stdin(), unit).context(NAME)?;
+        let frames = FrameStream::new(stdin(), hints.unit).context(NAME)?;
+        let frames = frames.with_invalid_points(hints.invalid_points);
         Kind::PipedGeometry(Box::new(PipedGeometry { frames, last: None, number: 0, range: 0..usize::MAX }))
     })
 }

@@ -13,7 +13,7 @@ mod volumes;
 
 use crate::ahead::Ahead;
 use crate::backend::{self, BackendArgs};
-use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Hints};
+use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Hints, invalid_points};
 use crate::count;
 use crate::frame_range::FrameRange;
 use crate::interrupt;
@@ -110,7 +110,7 @@ impl Args {
             voxel_size,
             truncation,
             frame_rate,
-            drops_invalid_points: self.drop_invalid_points,
+            invalid_points: invalid_points(self.drop_invalid_points),
             mixed_scales: self.mixed_scales,
             up: self.up,
             dense,
@@ -121,7 +121,11 @@ impl Args {
     /// A sentence on what was asked for and has no effect on such a capture.
     fn without_effect(&self, capture: &Capture) -> Option<String> {
         let content = capture.content();
-        let geometry = [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some())];
+        let geometry = [
+            ("--units", self.units != Unit::Metre),
+            ("--origin", self.origin.is_some()),
+            ("--drop-invalid-points", self.drop_invalid_points),
+        ];
         let of_geometry = geometry.iter().filter(|(_, given)| *given && content != ContentKind::Geometry);
         let up = (self.up != Up::Y && content == ContentKind::Volume).then_some("--up");
         let flags: Vec<_> = of_geometry
@@ -302,7 +306,7 @@ struct Job {
     /// Whether frames are shown when they were in the capture, which is a stream of this rate.
     keeps_times: bool,
     timeline: Timeline,
-    /// Of the files that are read, if that is known.
+    /// Size of the input files in bytes, if it is known.
     input_bytes: Option<u64>,
     shell: Arc<Shell>,
     /// Number in the capture of the frame that the stream's time begins with.

@@ -1,7 +1,7 @@
 //! `isv eval`: how far frames are from a reference.
 
 use crate::ahead::Ahead;
-use crate::capture::{Capture, CapturedFrame, Content, Hints};
+use crate::capture::{Capture, CapturedFrame, Content, Hints, invalid_points};
 use crate::frame_range::FrameRange;
 use crate::frame_rate;
 use crate::length::Length;
@@ -55,6 +55,9 @@ pub(crate) struct Args {
     /// Axis of what is measured that points up: what isv decode was told
     #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
     test_up: Up,
+    /// Leave out points that are not finite or lie at exactly (0,0,0), as cameras write "no reading"
+    #[arg(long)]
+    drop_invalid_points: bool,
     /// Frames a second at which animated files are sampled
     #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
     fps: FrameRate,
@@ -76,8 +79,13 @@ struct Evaluation<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let hints =
-        |unit, origin, up| Hints { frame_rate: args.fps, up, ..Hints::in_unit(unit).with_origin(origin) };
+    let invalid_points = invalid_points(args.drop_invalid_points);
+    let hints = |unit, origin, up| Hints {
+        frame_rate: args.fps,
+        up,
+        invalid_points,
+        ..Hints::in_unit(unit).with_origin(origin)
+    };
     let reference = Capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
     let test = Capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;

@@ -66,7 +66,7 @@ impl<B: Backend> MainDecoder<B> {
         self.sequence.frames()
     }
 
-    /// As [`super::Decoder::coded_blocks`].
+    /// Blocks of the last frame that were coded, not extrapolated: see [`super::Decoder::coded_blocks`].
     pub(super) fn coded_blocks(&self) -> Option<&BlockSet> {
         self.reference.as_ref().map(|frame| &B::main_blocks(frame).sets.coded)
     }

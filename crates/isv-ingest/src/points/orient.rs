@@ -1,6 +1,6 @@
 //! Which way normals point.
 //!
-//! Where a point's scanner stood decides, if that is known and the surface was not seen at a grazing angle. From there sides spread
+//! The scanner's place decides, if it is known and the surface was not seen at a grazing angle. From there sides spread
 //! to neighbours, the most nearly parallel first (Hoppe et al. 1992). What no scanner reaches faces outward, which is a guess
 //! unless it is closed.
 

@@ -83,7 +83,7 @@ impl Distortion {
         (below > 0.0).then(|| (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / below)
     }
 
-    /// Where the lens shows what a pinhole would show at `p`; both at distance 1 from the centre.
+    /// Point at which the lens shows what a pinhole shows at `p`. Both lie on the plane at distance 1.
     fn distort(&self, p: DVec2) -> Option<DVec2> {
         let ([p1, p2], r2) = (self.tangential, p.length_squared());
         let both = 2.0 * p.x * p.y;

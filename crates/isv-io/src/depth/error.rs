@@ -23,7 +23,7 @@ pub enum DepthFileError {
     ImageIo {
         /// The image.
         path: PathBuf,
-        /// Its frame, counted from 0.
+        /// Frame, counted from 0.
         frame: usize,
         /// What the operating system said.
         cause: io::Error,
@@ -65,7 +65,7 @@ pub enum DepthFileError {
     Camera {
         /// The file that describes it.
         path: PathBuf,
-        /// Its name, if cameras have names.
+        /// Name of the camera, if cameras have names.
         camera: Option<String>,
         /// What is wrong with it.
         cause: DepthError,
@@ -75,9 +75,9 @@ pub enum DepthFileError {
     Distortion {
         /// The file that describes it.
         path: PathBuf,
-        /// Its name, if cameras have names.
+        /// Name of the camera, if cameras have names.
         camera: Option<String>,
-        /// What is wrong.
+        /// Reason, as the end of a sentence.
         why: String,
     },
     /// A pose of a moving camera that is none, or an image that does not fit its camera.
@@ -85,7 +85,7 @@ pub enum DepthFileError {
     Frame {
         /// The file that holds it.
         path: PathBuf,
-        /// Its frame, counted from 0.
+        /// Frame, counted from 0.
         frame: usize,
         /// What is wrong with it.
         cause: DepthError,
@@ -107,7 +107,7 @@ pub enum DepthFileError {
     Time {
         /// The file that holds it.
         path: PathBuf,
-        /// Its frame, counted from 0.
+        /// Frame, counted from 0.
         frame: usize,
         /// What is wrong.
         why: &'static str,
@@ -195,7 +195,7 @@ pub enum DepthFileError {
     ImageSize {
         /// The image.
         path: PathBuf,
-        /// Its frame, counted from 0.
+        /// Frame, counted from 0.
         frame: usize,
         /// Its columns and rows.
         found: [u64; 2],
@@ -207,7 +207,7 @@ pub enum DepthFileError {
     Image {
         /// The image.
         path: PathBuf,
-        /// Its frame, counted from 0.
+        /// Frame, counted from 0.
         frame: usize,
         /// What is wrong.
         why: String,

@@ -55,31 +55,42 @@ impl TimeUnit {
     /// the unit of which the rate is from 0.5 up to 500 frames a second. With decimals it is from 0.125 up to 125, as fractions of
     /// milliseconds are less common than slow takes. What fits no unit is in seconds.
     pub(crate) fn of(stamps: &[i128]) -> Self {
-        let has_decimals = stamps.iter().any(|stamp| stamp % NANO != 0);
-        let step = median_step(stamps);
-        let is_clock = |unit: &Self| {
-            let scale = unit.per_second_exact();
-            stamps.iter().all(|stamp| (YEARS.start * scale..YEARS.end * scale).contains(stamp))
-                && (*unit == Self::Second && has_decimals
-                    || step.is_none_or(|step| RATES_BY_THE_CLOCK.contains(&(unit.per_second() / step))))
-        };
-        if let Some(unit) = Self::ALL.into_iter().find(is_clock) {
+        if let Some(unit) = Self::of_clock(stamps) {
             return unit;
         }
+        let has_decimals = has_decimals(stamps);
+        let step = median_step(stamps);
         let least = if has_decimals { 0.125 } else { 0.5 };
         let Some(step) = step else { return Self::Second };
         let fits = |unit: &Self| (least..1000.0 * least).contains(&(unit.per_second() / step));
         Self::ALL.into_iter().find(fits).unwrap_or(Self::Second)
     }
 
+    /// The unit of time stamps that are times since 1970, if all of them are.
+    pub(crate) fn of_clock(stamps: &[i128]) -> Option<Self> {
+        let (has_decimals, step) = (has_decimals(stamps), median_step(stamps));
+        Self::ALL.into_iter().find(|unit| {
+            let scale = unit.per_second_exact();
+            stamps.iter().all(|stamp| (YEARS.start * scale..YEARS.end * scale).contains(stamp))
+                && (*unit == Self::Second && has_decimals
+                    || step.is_none_or(|step| RATES_BY_THE_CLOCK.contains(&(unit.per_second() / step))))
+        })
+    }
+
+    /// The unit's name.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Second => "seconds",
+            Self::Millisecond => "milliseconds",
+            Self::Microsecond => "microseconds",
+            Self::Nanosecond => "nanoseconds",
+        }
+    }
+
     /// The unit as it is said to the user, unless it is clear: seconds are, where they make a frame a second or more.
     pub(crate) fn doubtful_name(self, stamps: &[i128]) -> Option<&'static str> {
-        match self {
-            Self::Second => median_step(stamps).filter(|step| *step > 1.0).map(|_| "seconds"),
-            Self::Millisecond => Some("milliseconds"),
-            Self::Microsecond => Some("microseconds"),
-            Self::Nanosecond => Some("nanoseconds"),
-        }
+        let is_clear = self == Self::Second && median_step(stamps).is_none_or(|step| step <= 1.0);
+        (!is_clear).then(|| self.name())
     }
 
     /// A time stamp in nanoseconds, rounded to the nearest.
@@ -87,6 +98,10 @@ impl TimeUnit {
         let scale = self.per_second_exact();
         (stamp + scale / 2).div_euclid(scale)
     }
+}
+
+fn has_decimals(stamps: &[i128]) -> bool {
+    stamps.iter().any(|stamp| stamp % NANO != 0)
 }
 
 /// The median of the distances above 0 between neighbours, in units.

@@ -9,7 +9,7 @@ use super::scene::{Channel, Scene};
 use super::schema::Document;
 use crate::error::Flaw;
 use crate::text;
-use crate::{Geometry, ReadError, Unit};
+use crate::{Geometry, InvalidPoints, ReadError, Unit};
 use isv_volume::{PointCloud, TriangleMesh};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -41,6 +41,7 @@ pub struct Animation {
     clips: Vec<Clip>,
     /// The clip that plays.
     playing: usize,
+    invalid: InvalidPoints,
 }
 
 /// One of the animations of a file.
@@ -74,7 +75,13 @@ impl Animation {
     /// The same with buffers in the files of a folder, if there is one.
     fn parse_in(folder: Option<&Path>, path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
         let (scene, clips) = load(folder, bytes).map_err(|flaw| flaw.in_file(path))?;
-        Ok(Self { path: path.to_owned(), unit, scene, clips, playing: 0 })
+        Ok(Self { path: path.to_owned(), unit, scene, clips, playing: 0, invalid: InvalidPoints::Refuse })
+    }
+
+    /// Says what becomes of points that are nowhere.
+    #[must_use]
+    pub fn with_invalid_points(self, invalid: InvalidPoints) -> Self {
+        Self { invalid, ..self }
     }
 
     /// The names of the file's animations; many have none.
@@ -138,7 +145,7 @@ impl Animation {
             }),
             false => Geometry::Mesh(mesh),
         };
-        geometry.checked(&self.path, self.unit)
+        geometry.checked(&self.path, self.unit, self.invalid)
     }
 
     /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe. Empty while nothing is to be

@@ -33,7 +33,7 @@ pub struct GlbAnimationWriter {
     output: AtomicFile,
     document: Document<BufWriter<File>>,
     frames: Vec<Frame>,
-    /// Where all frames are moved.
+    /// Translation of all frames.
     translation: DVec3,
 }
 

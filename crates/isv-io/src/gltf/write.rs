@@ -169,7 +169,7 @@ impl<W: Write> Document<W> {
         Ok(Some(ShownMesh { index, placing: None }))
     }
 
-    /// As [`Self::push_mesh`], with integers.
+    /// Appends a mesh as [`Self::push_mesh`] does, with integers for its coordinates.
     fn push_quantized(&mut self, mesh: &TriangleMesh, normals: &[Vec3]) -> io::Result<ShownMesh> {
         let compresses = self.encoding == GlbEncoding::Meshopt;
         let quantized = Quantized::new(&mesh.vertices);

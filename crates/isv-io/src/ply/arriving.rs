@@ -46,10 +46,11 @@ struct Rows {
     row: u64,
     /// Where the last of them ends, in bytes from the start of the file.
     end: usize,
-    /// Of text: where to look for the end of the next word.
+    /// Offset in a text body at which to look for the end of the next word.
     searched: usize,
-    /// Of text: values of the row that are there, and how many more its current list has.
+    /// Property of a text row that comes next.
     property: usize,
+    /// Items of its list that are still to come.
     items: u64,
 }
 

@@ -22,7 +22,7 @@ pub enum DenseAxes {
     Xyz,
 }
 
-/// Where in its voxel a sample lies.
+/// Place of a sample in its voxel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleAt {
     /// In the middle: sample 0 is half a voxel from the origin.
@@ -37,7 +37,7 @@ pub enum SampleAt {
 pub struct DenseOptions {
     /// Order of the axes.
     pub axes: DenseAxes,
-    /// Where samples lie.
+    /// Place of samples in their voxels.
     pub sample_at: SampleAt,
     /// Metres that a value of 1 stands for, of integers the largest one; `None` finds out.
     pub scale_m: Option<f64>,
@@ -65,7 +65,7 @@ struct Part {
 
 /// What an array of weights beside `NAME.npy` is called: `NAME` and one of these.
 const WEIGHT_SUFFIXES: [&str; 4] = ["_weight", "_weights", ".weight", ".weights"];
-/// Of distances called `tsdf.npy`.
+/// Names of the weights beside `tsdf.npy`.
 const WEIGHT_NAMES: [&str; 2] = ["weight.npy", "weights.npy"];
 
 /// Whether a file's name is one of dense fields.

@@ -48,7 +48,7 @@ pub(super) struct IngestArgs {
     /// Order of the axes of a dense field (.npy, .npz) [default: zyx]
     #[arg(long, value_enum)]
     axes: Option<AxesName>,
-    /// Where in its voxel a sample of a dense field lies [default: centre]
+    /// Place of a dense field's samples in their voxels [default: centre]
     #[arg(long, value_enum)]
     sample_at: Option<SampleAtName>,
     /// Length that a value of 1 in a dense field stands for [default: auto]

@@ -59,7 +59,7 @@ pub(super) struct VolumeMaker {
     pub(super) normals: NormalsName,
     /// Unit of the input's coordinates.
     pub(super) unit: Unit,
-    /// Where points were seen from, in metres, if the user says.
+    /// Place that points were seen from, in metres, if the user gives it.
     pub(super) viewpoint_m: Option<DVec3>,
     /// The origin of the input's coordinates, in metres, where scanners often stand.
     pub(super) scan_origin_m: DVec3,

@@ -136,7 +136,7 @@ struct Window {
 }
 
 impl Window {
-    /// Of `n` samples from `first` on along each axis.
+    /// Copies `n` samples from `first` on along each axis.
     fn new(sampler: &Sampler, first: [i64; 3], n: usize) -> Self {
         let side = n + 3;
         let mut values = Vec::with_capacity(side * side * side);

@@ -201,7 +201,7 @@ impl Around {
         Self { states }
     }
 
-    /// Of a voxel counted from the leaf's first.
+    /// State of a voxel, counted from the leaf's first.
     fn state(&self, at: [i32; 3]) -> State {
         let [x, y, z] = at.map(|c| (c + PAD) as usize);
         self.states[(x * PADDED + y) * PADDED + z]
