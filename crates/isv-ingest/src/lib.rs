@@ -77,7 +77,7 @@ pub use ingester::MeshIngester;
 pub use job::MeshJob;
 pub use lattice::{LONGEST_EDGE, LatticeMesh};
 pub use lost::lost_share;
-pub use orientation::turn_faces;
+pub use orientation::{FaceTurner, turn_faces};
 pub use points::{
     NormalSides, PointEvidence, PointIngest, PointSign, PointSpacing, SideEvidence, check_points_fit,
     decide_point_sign, estimate_normals, estimate_normals_seen_from, ingest_points,

@@ -3,7 +3,9 @@
 mod support;
 
 use glam::DVec3;
-use isv_ingest::{MeshIngest, Reach, SignDecision, SignMode, decide_sign, ingest_mesh, turn_faces};
+use isv_ingest::{
+    FaceTurner, MeshIngest, Reach, SignDecision, SignMode, decide_sign, ingest_mesh, turn_faces,
+};
 use isv_spatial::{Bvh, WindingNumber, exact_winding_number};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use std::borrow::Cow;
@@ -285,11 +287,12 @@ fn captures_whose_faces_agree_are_left_alone() {
         [("dancer", 0), ("dancer", 9), ("thomas", 3), ("liam", 5), ("xbot", 2), ("collision", 4)]
     {
         let Some(mesh) = support::load(name, frame) else { return };
+        let mut turner = FaceTurner::default();
         let start = Instant::now();
-        assert!(matches!(turn_faces(&mesh, true), Cow::Borrowed(_)), "{name} {frame}");
+        assert!(matches!(turner.turn(&mesh), Cow::Borrowed(_)), "{name} {frame}");
         let close = start.elapsed();
         let start = Instant::now();
-        assert!(matches!(turn_faces(&mesh, false), Cow::Borrowed(_)), "{name} {frame}");
+        assert!(matches!(turner.turn(&mesh), Cow::Borrowed(_)), "{name} {frame}");
         println!("{name} {frame}: {close:.1?} at a close look, else {:.1?}", start.elapsed());
     }
 }
@@ -311,5 +314,5 @@ fn a_capture_with_turned_faces_gives_the_volume_that_it_gives_without() {
         triangle.swap(1, 2);
     }
     assert_eq!(decide_sign(&turned, SignMode::Auto).0, SignDecision::Offset);
-    assert!(volume(&turn_faces(&turned, false)) == volume(&mesh));
+    assert!(volume(&turn_faces(&turned)) == volume(&mesh));
 }

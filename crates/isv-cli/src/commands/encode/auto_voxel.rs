@@ -180,7 +180,7 @@ fn samples(args: &Args) -> Result<Vec<Sample>> {
     }
     let frame = |frame: CapturedFrame| match frame.content {
         Content::Geometry(Geometry::Mesh(mesh)) => {
-            Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh, true).into_owned() })
+            Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh).into_owned() })
         }
         _ => bail!("{}: --voxel auto needs meshes: give a length, as in --voxel 5mm", frame.name),
     };

@@ -11,7 +11,7 @@ use crate::terms::{AxesName, BandName, FusionName, NormalsName, ProfileName, Sam
 use anyhow::Result;
 use glam::DVec3;
 use isv::fusion::FusionSettings;
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, MeshIngest, PointIngest, Reach};
+use isv::ingest::{DEFAULT_BLOCK_LIMIT, FaceTurner, MeshIngest, PointIngest, Reach};
 use isv::io::{DenseAxes, DenseOptions, SampleAt};
 use isv::volume::Grid;
 use std::sync::Arc;
@@ -140,7 +140,8 @@ impl IngestArgs {
             mesh: MeshIngest { reach, ..self.of_meshes(grid) },
             mesh_ingester: None,
             mesh_sign: None,
-            turns_faces: false,
+            face_turner: FaceTurner::default(),
+            turning_said: false,
             loss_said: WORTH_A_WARNING / 2.0,
             points: self.of_points(grid),
             point_sign: None,

@@ -13,9 +13,9 @@ use glam::DVec3;
 use isv::fusion::{FusionError, FusionSettings};
 use isv::gpu::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
 use isv::ingest::{
-    IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SideEvidence, SignDecision,
-    SignEvidence, SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points,
-    lost_share, turn_faces,
+    FaceTurner, IngestError, MeshIngest, NormalSides, PointEvidence, PointIngest, PointSign, SideEvidence,
+    SignDecision, SignEvidence, SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from,
+    ingest_points, lost_share,
 };
 use isv::io::{Geometry, Unit};
 use isv::surface::{SurfaceOptions, surface_band};
@@ -50,8 +50,9 @@ pub(super) struct VolumeMaker {
     /// Opened for the first mesh.
     pub(super) mesh_ingester: Option<AnyMeshIngester>,
     pub(super) mesh_sign: Option<SignDecision>,
-    /// Whether faces of a frame so far disagreed on which side is outside.
-    pub(super) turns_faces: bool,
+    pub(super) face_turner: FaceTurner,
+    /// Whether it was said that faces disagree.
+    pub(super) turning_said: bool,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
     pub(super) points: PointIngest,
@@ -126,12 +127,10 @@ impl VolumeMaker {
         }
         let turned = match self.mesh.sign {
             SignMode::Offset => Cow::Borrowed(mesh),
-            SignMode::Auto | SignMode::Closed => {
-                turn_faces(mesh, self.mesh_sign.is_none() || self.turns_faces)
-            }
+            SignMode::Auto | SignMode::Closed => self.face_turner.turn(mesh),
         };
-        if let (Cow::Owned(_), false) = (&turned, self.turns_faces) {
-            self.turns_faces = true;
+        if let (Cow::Owned(_), false) = (&turned, self.turning_said) {
+            self.turning_said = true;
             self.progress
                 .note(&format!("{name}: faces disagree on which side is outside, and are made to agree"));
         }
