@@ -15,6 +15,9 @@ use std::collections::hash_map::Entry;
 /// positive.
 const MAJORITY: f64 = 0.75;
 
+/// Share of faces with a back of their own from which on a mesh is a two-sided one. Fewer are folds, whose sides cancel out by themselves.
+const DOUBLED: f64 = 0.05;
+
 /// A mesh whose faces were made to agree.
 struct Turned {
     mesh: TriangleMesh,
@@ -119,7 +122,7 @@ fn turn(mesh: &TriangleMesh) -> Option<Turned> {
         })
         .collect();
     let mut seen: PositionMap<[u32; 3]> = PositionMap::default();
-    let mut has_back = false;
+    let mut backs = 0;
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
     for triangle in &mesh.triangles {
         let mut corners = triangle.map(|vertex| welded[vertex as usize]);
@@ -132,7 +135,7 @@ fn turn(mesh: &TriangleMesh) -> Option<Turned> {
             continue;
         }
         match seen.entry(key.map(u64::from)) {
-            Entry::Occupied(first) => has_back |= *first.get() != corners,
+            Entry::Occupied(first) => backs += usize::from(*first.get() != corners),
             Entry::Vacant(place) => {
                 place.insert(corners);
                 triangles.push(*triangle);
@@ -159,7 +162,7 @@ fn turn(mesh: &TriangleMesh) -> Option<Turned> {
         neighbours[a.face as usize].push((b.face, disagrees));
         neighbours[b.face as usize].push((a.face, disagrees));
     }
-    if agree && !has_back {
+    if agree && (backs as f64) < DOUBLED * mesh.triangles.len() as f64 {
         return None;
     }
     let mut turned = Orientation { turned: vec![None; triangles.len()] };
