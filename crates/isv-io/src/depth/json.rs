@@ -4,7 +4,8 @@ use super::error::{DepthFileError, io_error};
 use crate::{regular_file, text};
 use glam::DMat4;
 use isv_volume::{CameraPose, DepthError};
-use serde::de::{Deserialize, DeserializeOwned, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserialize, DeserializeOwned, Deserializer, Visitor};
+use serde_json::Value;
 use std::fmt;
 use std::path::Path;
 
@@ -124,162 +125,19 @@ impl WrittenPose {
 
 impl<'de> Deserialize<'de> for WrittenPose {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let rows: Option<List<List<Cell>>> = deserializer.deserialize_any(ListVisitor::new())?;
-        let matrix = rows.and_then(|rows| {
-            let rows = rows.four()?;
+        let value = Value::deserialize(deserializer)?;
+        let four = |value: &Value| -> Option<[Value; 4]> { value.as_array()?.clone().try_into().ok() };
+        let matrix = || {
             let mut matrix = [[0.0; 4]; 4];
-            for (to, row) in matrix.iter_mut().zip(rows) {
-                *to = row.four()?.map(|cell| cell.0);
+            for (to, row) in matrix.iter_mut().zip(four(&value)?) {
+                // What is no number is a number that is not known.
+                *to = four(&row)?
+                    .map(|entry| serde_json::from_value(entry).map_or(f64::NAN, |Number(number)| number));
             }
             Some(matrix)
-        });
-        Ok(Self(matrix.ok_or(NO_MATRIX)))
+        };
+        Ok(Self(matrix().ok_or(NO_MATRIX)))
     }
-}
-
-/// One entry of a matrix; NaN for whatever is no number.
-#[derive(Clone, Copy, Debug)]
-struct Cell(f64);
-
-impl Default for Cell {
-    fn default() -> Self {
-        Self(f64::NAN)
-    }
-}
-
-/// The first entries of a list, and how many it has; without entries where there is no list.
-#[derive(Clone, Copy, Debug, Default)]
-struct List<T> {
-    first: [T; 4],
-    length: usize,
-}
-
-impl<T> List<T> {
-    /// The entries, if there are four.
-    fn four(self) -> Option<[T; 4]> {
-        (self.length == 4).then_some(self.first)
-    }
-}
-
-impl<'de> Deserialize<'de> for List<Cell> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Ok(deserializer.deserialize_any(ListVisitor::new())?.unwrap_or_default())
-    }
-}
-
-impl<'de> Deserialize<'de> for Cell {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(CellVisitor)
-    }
-}
-
-/// Takes any value: a list as one, everything else as `None`.
-struct ListVisitor<T>(std::marker::PhantomData<T>);
-
-impl<T> ListVisitor<T> {
-    fn new() -> Self {
-        Self(std::marker::PhantomData)
-    }
-}
-
-impl<'de, T: Deserialize<'de> + Default> Visitor<'de> for ListVisitor<T> {
-    type Value = Option<List<T>>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a list")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
-        let mut list = List { first: Default::default(), length: 0 };
-        while list.length < 4 {
-            let Some(entry) = entries.next_element()? else { return Ok(Some(list)) };
-            list.first[list.length] = entry;
-            list.length += 1;
-        }
-        while entries.next_element::<IgnoredAny>()?.is_some() {
-            list.length += 1;
-        }
-        Ok(Some(list))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-        skip_map(map)?;
-        Ok(None)
-    }
-
-    fn visit_f64<E>(self, _: f64) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_i64<E>(self, _: i64) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_u64<E>(self, _: u64) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_unit<E>(self) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_str<E>(self, _: &str) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-}
-
-/// Takes any value: a number as [`NumberVisitor`] does, everything else as NaN.
-struct CellVisitor;
-
-impl<'de> Visitor<'de> for CellVisitor {
-    type Value = Cell;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number")
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Cell, E> {
-        Ok(Cell(value))
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Cell, E> {
-        Ok(Cell(value as f64))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Cell, E> {
-        Ok(Cell(value as f64))
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Cell, E> {
-        Ok(Cell::default())
-    }
-
-    fn visit_unit<E>(self) -> Result<Cell, E> {
-        Ok(Cell::default())
-    }
-
-    fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Cell, E> {
-        NumberVisitor.visit_str(text).map(|number| Cell(number.0))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Cell, A::Error> {
-        while entries.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(Cell::default())
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Cell, A::Error> {
-        skip_map(map)?;
-        Ok(Cell::default())
-    }
-}
-
-fn skip_map<'de, A: MapAccess<'de>>(mut map: A) -> Result<(), A::Error> {
-    while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-    Ok(())
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use super::error::DepthFileError;
 use crate::text::parse_billionths;
-use serde::de::{Deserialize, Deserializer, Visitor};
-use std::fmt;
+use serde::de::{Deserialize, Deserializer};
+use serde_json::Value;
 use std::path::Path;
 
 /// Billionths to a unit: a number `x` is kept as `x * 1e9`.
@@ -141,38 +141,12 @@ pub(crate) struct WrittenStamp(pub(crate) Option<i128>);
 
 impl<'de> Deserialize<'de> for WrittenStamp {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(StampVisitor)
-    }
-}
-
-struct StampVisitor;
-
-impl Visitor<'_> for StampVisitor {
-    type Value = WrittenStamp;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a time stamp")
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<WrittenStamp, E> {
-        // The shortest decimals that make this number are those that were written.
-        Ok(WrittenStamp(parse_billionths(&value.to_string())))
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<WrittenStamp, E> {
-        Ok(WrittenStamp(Some(i128::from(value) * NANO)))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<WrittenStamp, E> {
-        Ok(WrittenStamp(Some(i128::from(value) * NANO)))
-    }
-
-    fn visit_unit<E>(self) -> Result<WrittenStamp, E> {
-        Ok(WrittenStamp(None))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<WrittenStamp, E> {
-        Ok(WrittenStamp(parse_billionths(text.trim())))
+        Ok(Self(match Value::deserialize(deserializer)? {
+            // The shortest decimals that make a number are those that were written.
+            Value::Number(number) => parse_billionths(&number.to_string()),
+            Value::String(text) => parse_billionths(text.trim()),
+            _ => None,
+        }))
     }
 }
 
