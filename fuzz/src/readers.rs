@@ -4,11 +4,15 @@ use crate::sealing::{with_header_checksums, with_page_checksums};
 use glam::DVec3;
 use isv::ingest::{
     MeshIngest, PointIngest, SignMode, decide_point_sign, decide_sign, estimate_normals, ingest_mesh,
-    ingest_points,
+    ingest_points, turn_faces,
 };
-use isv::io::{Animation, DepthSequence, FrameStream, Unit, VolumeSequence, parse_geometry};
+use isv::io::{
+    Animation, DenseAxes, DenseOptions, DepthSequence, FrameStream, InvalidPoints, SampleAt, Unit,
+    VolumeError, VolumeSequence, parse_geometry_with,
+};
 use isv::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
 use isv_testfiles::{exr, png};
+use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::fs;
 use std::path::Path;
@@ -25,10 +29,15 @@ const DEPTH_FRAMES: usize = 2;
 /// Most blocks of a volume that is made.
 const MAX_BLOCKS: usize = 1000;
 
-/// Reads a file of meshes or points; the name tells its format. What is read passes its own checks.
+/// Reads a file of meshes or points, as it is and without invalid points; the name tells its format. What is read has finite places,
+/// and no place at all where there is no surface.
 pub fn read_geometry(name: &str, bytes: &[u8]) {
-    if let Ok(geometry) = parse_geometry(Path::new(name), bytes, Unit::Metre) {
-        assert!(geometry.bounds().is_some());
+    for invalid in [InvalidPoints::Refuse, InvalidPoints::Drop] {
+        if let Ok(geometry) = parse_geometry_with(Path::new(name), bytes, Unit::Metre, invalid) {
+            let bounds = geometry.bounds();
+            assert_eq!(bounds.is_none(), geometry.is_empty());
+            assert!(bounds.is_none_or(|(lo, hi)| lo.is_finite() && hi.is_finite()));
+        }
     }
 }
 
@@ -90,13 +99,24 @@ fn read_frames_of_depth(folder: &Path) {
 
 /// Reads the first frame of a folder of arrays. Where nothing says how large a voxel is, it has 5 mm.
 pub fn read_arrays(files: &[(&str, &[u8])]) {
-    in_folder(Vec::new, files, |folder| {
-        let voxel = VoxelSize::from_metres(0.005).ok();
-        let Ok(volumes) = VolumeSequence::open(folder) else { return };
-        if let Ok(grid) = volumes.grid(0, None, None).or_else(|_| volumes.grid(0, voxel, None)) {
-            let _ = volumes.read(0, &grid);
-        }
+    in_folder(Vec::new, files, |folder| read_volume(VolumeSequence::open(folder)));
+}
+
+/// Reads a dense field: an array, or an archive of arrays. Its axes and places of samples are as the options say.
+pub fn read_dense(bytes: &[u8], axes: DenseAxes, sample_at: SampleAt) {
+    let name = if bytes.starts_with(b"PK") { "frame.npz" } else { "frame.npy" };
+    in_folder(Vec::new, &[(name, bytes)], |folder| {
+        let options = DenseOptions { axes, sample_at, scale_m: None };
+        read_volume(VolumeSequence::open_with(&folder.join(name), options));
     });
+}
+
+fn read_volume(volumes: Result<VolumeSequence, VolumeError>) {
+    let Ok(volumes) = volumes else { return };
+    let voxel = VoxelSize::from_metres(0.005).ok();
+    if let Ok(grid) = volumes.grid(0, None, None).or_else(|_| volumes.grid(0, voxel, None)) {
+        let _ = volumes.read(0, &grid);
+    }
 }
 
 /// Makes volumes of whatever mesh and points the bytes give.
@@ -114,7 +134,9 @@ pub fn ingest(bytes: &[u8]) {
         truncation: Truncation::from_voxels(8).expect("in range"),
     };
     let settings = MeshIngest { max_blocks: MAX_BLOCKS, ..MeshIngest::new(grid) };
-    let _ = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0);
+    for mesh in [turn_faces(&mesh), Cow::Borrowed(&mesh)] {
+        let _ = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0);
+    }
     let settings = PointIngest { max_blocks: MAX_BLOCKS, ..PointIngest::new(grid) };
     if let Ok(cloud) = estimate_normals(&PointCloud { positions, ..PointCloud::default() }) {
         let _ = ingest_points(&cloud, &settings, decide_point_sign(&cloud, SignMode::Auto).0);

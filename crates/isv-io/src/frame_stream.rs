@@ -3,9 +3,8 @@
 mod ply_files;
 mod tar_archive;
 
-use crate::geometry::parse_geometry_with;
 use crate::text::UTF8_MARK;
-use crate::{Format, Geometry, InvalidPoints, ReadError, Unit};
+use crate::{Format, Geometry, InvalidPoints, ReadError, Unit, parse_geometry_with};
 use ply_files::PlyFiles;
 use std::io::{self, Chain, Cursor, Read};
 use std::path::PathBuf;

@@ -176,7 +176,7 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
     read_geometry_with(path, unit, InvalidPoints::Refuse)
 }
 
-/// Reads a mesh or points as [`read_geometry`] does, and says what becomes of invalid points.
+/// Reads a mesh or points as [`read_geometry`] does, and drops or refuses invalid points.
 ///
 /// # Errors
 /// Those of [`read_geometry`].
@@ -190,7 +190,7 @@ pub fn read_geometry_with(path: &Path, unit: Unit, invalid: InvalidPoints) -> Re
     parse_geometry_with(path, &bytes, unit, invalid)
 }
 
-/// As [`read_geometry`], from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
+/// Reads a mesh or points from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
 /// names buffers in other files is refused.
 ///
 /// # Errors
@@ -199,7 +199,11 @@ pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry,
     parse_geometry_with(path, bytes, unit, InvalidPoints::Refuse)
 }
 
-pub(crate) fn parse_geometry_with(
+/// Reads a mesh or points from bytes as [`parse_geometry`] does, and drops or refuses invalid points.
+///
+/// # Errors
+/// Those of [`parse_geometry`].
+pub fn parse_geometry_with(
     path: &Path,
     bytes: &[u8],
     unit: Unit,

@@ -1,11 +1,10 @@
 //! Dense fields as `.npy` and `.npz`: against the sphere that they are of.
 
 use isv_io::{DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence};
-use isv_testfiles::npy::{bytes_of, file};
+use isv_testfiles::npy::{archive as npz, bytes_of, file};
 use isv_volume::{CODES_PER_VOXEL, SparseVolume, Truncation, VoxelSize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use zip::write::SimpleFileOptions;
 
 const VOXEL: f64 = 0.02;
 /// In voxels.
@@ -66,17 +65,6 @@ impl Folder {
     fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
-}
-
-/// Arrays in a zip archive.
-fn npz(arrays: &[(&str, &[u8])], method: zip::CompressionMethod) -> Vec<u8> {
-    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    for (name, bytes) in arrays {
-        let options = SimpleFileOptions::default().compression_method(method);
-        archive.start_file(format!("{name}.npy"), options).unwrap();
-        archive.write_all(bytes).unwrap();
-    }
-    archive.finish().unwrap().into_inner()
 }
 
 fn voxel() -> VoxelSize {
@@ -198,7 +186,7 @@ fn an_archive_says_voxel_size_place_and_truncation() {
     let origin = file("<f4", "(3,)", &bytes_of([-0.4_f32, 0.12, 0.2], f32::to_le_bytes));
     let metres = zyx("<f4", |v| ((v * VOXEL) as f32).to_le_bytes().to_vec());
     let moved = [-20.0, 6.0, 10.0];
-    for method in [zip::CompressionMethod::Stored, zip::CompressionMethod::Deflated] {
+    for packed in [false, true] {
         for (field, size, truncation, bytes) in [
             ("tsdf", "voxel_size", "sdf_trunc", &normalised()),
             ("TSDF_volume", "voxel_length", "trunc_margin", &metres),
@@ -212,7 +200,7 @@ fn an_archive_says_voxel_size_place_and_truncation() {
                     (size, &file("<f4", "(1,)", &0.02_f32.to_le_bytes())),
                     (truncation, &number(TRUNCATION * VOXEL)),
                 ],
-                method,
+                packed,
             );
             let folder = Folder::new(&[("map.npz", &archive)]);
             let volume = read_with(&folder.path("map.npz"), DenseOptions::default()).unwrap();
@@ -226,7 +214,7 @@ fn an_archive_says_voxel_size_place_and_truncation() {
 #[test]
 fn a_place_between_voxels_is_kept_by_interpolation() {
     let origin = file("<f8", "(3,)", &bytes_of([0.005, 0.0, -0.013], f64::to_le_bytes));
-    let archive = npz(&[("tsdf", &normalised()), ("origin", &origin)], zip::CompressionMethod::Stored);
+    let archive = npz(&[("tsdf", &normalised()), ("origin", &origin)], false);
     let folder = Folder::new(&[("map.npz", &archive)]);
     let volume = read_with(&folder.path("map.npz"), DenseOptions::default()).unwrap();
     let (worst, count) = error(&volume, [0.25, 0.0, -0.65]);
@@ -254,7 +242,7 @@ fn weights_say_what_was_observed() {
         })
         .collect();
     let weights = file("<f4", ZYX_SHAPE, &bytes_of(weights, f32::to_le_bytes));
-    let archive = npz(&[("tsdf", &normalised()), ("weights", &weights)], zip::CompressionMethod::Stored);
+    let archive = npz(&[("tsdf", &normalised()), ("weights", &weights)], false);
     for (files, name) in [
         (&[("map.npy", &normalised()[..]), ("map_weights.npy", &weights)][..], "map.npy"),
         (&[("map.npy", &normalised()[..]), ("map_weight.npy", &weights)], ""),
@@ -367,7 +355,6 @@ fn what_is_no_field_is_refused_by_name() {
 
 #[test]
 fn archives_are_refused_by_what_is_wrong_in_them() {
-    let stored = zip::CompressionMethod::Stored;
     let points = file("<f4", "(4, 3)", &[0; 48]);
     let field = normalised();
     let weights = file("|u1", "(2, 2, 2)", &[1; 8]);
@@ -388,7 +375,7 @@ fn archives_are_refused_by_what_is_wrong_in_them() {
         ),
         (&[("tsdf", &field[..]), ("origin", &zero)], "`origin` is [0.0], it must be three numbers"),
     ] {
-        let folder = Folder::new(&[("map.npz", &npz(arrays, stored))]);
+        let folder = Folder::new(&[("map.npz", &npz(arrays, false))]);
         let found = read_with(&folder.path("map.npz"), DenseOptions::default()).unwrap_err().to_string();
         assert!(found.contains("map.npz: ") && found.contains(said), "{found}");
     }
@@ -402,7 +389,7 @@ fn an_archive_that_unpacks_to_far_more_is_refused() {
     // 300 MB of zeros in 300 KB, of which no more than 256 MiB are unpacked.
     let header = file("<f4", "(4096, 4096, 20)", &[]);
     let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
+    let options = zip::write::SimpleFileOptions::default();
     archive.start_file("tsdf.npy", options).unwrap();
     archive.write_all(&header).unwrap();
     let zeros = vec![0; 1 << 20];
@@ -418,7 +405,7 @@ fn an_archive_that_unpacks_to_far_more_is_refused() {
 fn a_field_too_far_away_is_refused() {
     for far in [1e6, -1e300] {
         let origin = file("<f8", "(3,)", &bytes_of([far, 0.0, 0.0], f64::to_le_bytes));
-        let archive = npz(&[("tsdf", &normalised()), ("origin", &origin)], zip::CompressionMethod::Stored);
+        let archive = npz(&[("tsdf", &normalised()), ("origin", &origin)], false);
         let folder = Folder::new(&[("map.npz", &archive)]);
         let found = read_with(&folder.path("map.npz"), DenseOptions::default()).unwrap_err();
         assert!(matches!(found, VolumeError::OutOfRange { .. }), "{found}");
@@ -431,8 +418,7 @@ fn damaged_files_are_read_or_refused() {
         file("<f4", "(4, 3, 2)", &bytes_of((0..24).map(|i| (i - 11) as f32 / 11.0), f32::to_le_bytes));
     let huge = file("<f8", "(9223372036854775808, 4, 0)", &[]);
     let number = file("<f8", "()", &0.02_f64.to_le_bytes());
-    let deflated = zip::CompressionMethod::Deflated;
-    let archive = npz(&[("tsdf", &small), ("voxel_size", &number), ("weight", &small)], deflated);
+    let archive = npz(&[("tsdf", &small), ("voxel_size", &number), ("weight", &small)], true);
     let mut state = 7_u64;
     let mut random = |below: usize| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -441,8 +427,8 @@ fn damaged_files_are_read_or_refused() {
     for (name, sound) in [
         ("map.npy", &small),
         ("map.npz", &archive),
-        ("map.npz", &npz(&[("tsdf", &small), ("origin", &huge)], deflated)),
-        ("map.npz", &npz(&[("tsdf", &huge)], deflated)),
+        ("map.npz", &npz(&[("tsdf", &small), ("origin", &huge)], true)),
+        ("map.npz", &npz(&[("tsdf", &huge)], true)),
     ] {
         for _ in 0..400 {
             let mut bytes = sound.clone();

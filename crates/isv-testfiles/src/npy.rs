@@ -1,5 +1,9 @@
 //! Arrays as NumPy writes them.
 
+use std::io::{Cursor, Write};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
 /// A file of NumPy's format 1.0. `descr` is NumPy's name of the type, `shape` a Python tuple.
 #[must_use]
 pub fn file(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
@@ -36,4 +40,18 @@ pub fn ramp(n: usize) -> Vec<f32> {
 pub fn tsdf(values: &[f32]) -> Vec<u8> {
     let shape = format!("({}, 4, 4, 4)", values.len() / 64);
     file("<f4", &shape, &bytes_of(values.iter().copied(), f32::to_le_bytes))
+}
+
+/// An archive of arrays by name, as `numpy.savez` writes it, or packed as `numpy.savez_compressed` does.
+#[must_use]
+pub fn archive(arrays: &[(&str, &[u8])], packed: bool) -> Vec<u8> {
+    let method = if packed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, bytes) in arrays {
+        archive
+            .start_file(format!("{name}.npy"), SimpleFileOptions::default().compression_method(method))
+            .unwrap();
+        archive.write_all(bytes).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
 }

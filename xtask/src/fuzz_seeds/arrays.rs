@@ -5,7 +5,7 @@ use super::streams::volume;
 use anyhow::Result;
 use isv::io::write_volume;
 use isv::volume::BlockEdge;
-use isv_testfiles::npy::{bytes_of, coords, file, ramp, tsdf};
+use isv_testfiles::npy::{archive, bytes_of, coords, file, ramp, tsdf};
 use std::fs;
 
 /// The shape of one block.
@@ -48,6 +48,39 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
         file(">f4", shape, &bytes_of(with_holes, f32::to_be_bytes)),
     ] {
         seeds.save("arrays", &[&two[..], &weights].concat())?;
+    }
+    dense(seeds)
+}
+
+/// Dense fields behind a byte of options: single arrays of each type, and archives.
+fn dense(seeds: &mut Seeds) -> Result<()> {
+    let shape = "(8, 8, 8)";
+    let field: Vec<f32> = (0..512).map(|i| (i / 64) as f32 - 3.2).collect();
+    let plain = file("<f4", shape, &bytes_of(field.iter().copied(), f32::to_le_bytes));
+    let arrays = [
+        plain.clone(),
+        file("<f2", "(8, 8, 8, 1)", &bytes_of((0..512).map(|i| 0x3000 + 16 * i), u16::to_le_bytes)),
+        file("|i1", shape, &(0..512).map(|i| i as u8).collect::<Vec<_>>()),
+        file(">f8", shape, &bytes_of(field.into_iter().map(f64::from), f64::to_be_bytes)),
+    ];
+    let number = |metres: f64| file("<f8", "()", &metres.to_le_bytes());
+    let (voxel, truncation) = (number(0.02), number(0.08));
+    let origin = file("<f8", "(3,)", &bytes_of([0.005, 0.0, -0.013], f64::to_le_bytes));
+    let weights = file("|u1", shape, &[1; 512]);
+    let members: [(&str, &[u8]); 5] = [
+        ("tsdf", &plain),
+        ("weight", &weights),
+        ("voxel_size", &voxel),
+        ("truncation", &truncation),
+        ("origin", &origin),
+    ];
+    for (options, array) in (0..).zip(arrays) {
+        seeds.save("dense", &[&[options], &array[..]].concat())?;
+    }
+    for packed in [false, true] {
+        for members in [&members[..], &members[..1]] {
+            seeds.save("dense", &[&[0], &archive(members, packed)[..]].concat())?;
+        }
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use super::{Seeds, tetrahedron};
 use anyhow::Result;
 use isv::io::GlbAnimationWriter;
+use isv_testfiles::compressed;
 use isv_testfiles::gltf::{
     Data, MORPH_SPLINE, NO_TURN, QUARTER, SQUARE, below_ancestors, embedded, morphed, of_all_primitives,
     of_several_animations, skinned, strided_and_sparse,
@@ -11,8 +12,15 @@ use serde_json::{Value, json};
 use std::fs;
 
 pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
-    let still =
-        [below_ancestors(), of_all_primitives(), strided_and_sparse(), long_indices(), sparse_over_values()];
+    let mut still = vec![
+        below_ancestors(),
+        of_all_primitives(),
+        strided_and_sparse(),
+        long_indices(),
+        sparse_over_values(),
+    ];
+    still.extend(compressed::DRACO_STREAMS.map(|(_, stream)| compressed::draco(stream)));
+    still.extend(compressed::meshopt().map(|(_, glb)| glb));
     let moving = [
         frame_by_frame()?,
         skinned(1),
