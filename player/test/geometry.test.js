@@ -1,9 +1,10 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { skipUnless } from './support/need.js';
 
 /** @type {typeof import('../src/moving-geometry.js') | null} */
 const moving = await import('../src/moving-geometry.js').catch(() => null);
-const skip = moving ? false : 'three is not installed';
+const skip = skipUnless(moving !== null, 'browser', 'three is not installed', 'geometry.test.js');
 const { EdgeGeometry } = moving ? await import('../src/edge-geometry.js') : { EdgeGeometry: null };
 const { VertexBits } = moving ? await import('../src/vertex-bits.js') : { VertexBits: null };
 

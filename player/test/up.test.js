@@ -1,10 +1,11 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
+import { skipUnless } from './support/need.js';
 
 /** @type {typeof import('../src/up.js') | null} */
 const module = await import('../src/up.js').catch(() => null);
-const skip = module ? false : 'three is not installed';
+const skip = skipUnless(module !== null, 'browser', 'three is not installed', 'up.test.js');
 
 test('each axis turns to y, and nothing is mirrored', { skip }, async () => {
   const { UPS, isUp, toYUp } = /** @type {typeof import('../src/up.js')} */ (module);

@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { existsSync, readFileSync } from 'node:fs';
 import { test } from 'node:test';
+import { skipUnless } from './support/need.js';
 import { PLAYER } from './support/server.js';
 
 const PACKAGE = `${PLAYER}node_modules/three`;
@@ -12,7 +13,9 @@ const FILES = {
   LICENSE: 'LICENSE',
 };
 
-test('the vendored three.js is that of the package', { skip: existsSync(PACKAGE) ? false : 'three is not installed' }, () => {
+const skip = skipUnless(existsSync(PACKAGE), 'browser', 'three is not installed', 'the vendored three.js');
+
+test('the vendored three.js is that of the package', { skip }, () => {
   for (const [vendored, packaged] of Object.entries(FILES)) {
     const [ours, theirs] = [`${PLAYER}vendor/three/${vendored}`, `${PACKAGE}/${packaged}`].map((path) => readFileSync(path));
     assert.ok(ours.equals(theirs), vendored);

@@ -6,6 +6,7 @@ use isv::ingest::MeshIngest;
 use isv::metrics::CompareOptions;
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{Codec, Metric, OperatingPoint, StudySettings, Subject, Take};
+use isv_testkit::{Need, skip};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -93,7 +94,7 @@ pub(crate) fn run(data: &Path, table: &Path, update: bool) -> Result<()> {
             "figure" => Box::new(Figure::new(frames)?),
             _ if folder.is_dir() => Box::new(Sequence::open(&folder, frames)?),
             _ => {
-                println!("skipped: no data at {}", folder.display());
+                skip(Need::Captures, format_args!("no data at {}", folder.display()));
                 rows.extend(before.iter().filter(|row| row.clip == clip).cloned());
                 continue;
             }

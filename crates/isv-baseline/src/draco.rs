@@ -125,10 +125,11 @@ fn without_normals(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
 mod tests {
     use super::*;
     use crate::support;
+    use isv_testkit::{Need, skip};
 
     #[test]
     fn the_highest_level_gives_the_smallest_files() {
-        let Some(draco) = Draco::find() else { return println!("skipped: draco_encoder is not installed") };
+        let Some(draco) = Draco::find() else { return skip(Need::Draco, "draco_encoder is not installed") };
         let Some(mesh) = support::load("dancer", 0) else { return };
         for mesh in [crate::simplify(&mesh, 0.25).unwrap(), mesh] {
             let runs = [0, 5, 7, COMPRESSION_LEVEL].map(|level| {

@@ -88,6 +88,7 @@ mod tests {
     use super::*;
     use crate::support;
     use isv_metrics::{CompareOptions, compare, connected_components};
+    use isv_testkit::{Need, skip};
 
     const METHODS: [(&str, Method); 7] = {
         const fn method(options: SimplifyOptions, moves_vertices: bool) -> Method {
@@ -117,7 +118,7 @@ mod tests {
     fn table(share: f64) -> Option<[Outcome; 7]> {
         let mesh = support::load("dancer", 0)?;
         let Some(draco) = crate::Draco::find() else {
-            println!("skipped: draco_encoder is not installed");
+            skip(Need::Draco, "draco_encoder is not installed");
             return None;
         };
         Some(METHODS.map(|(name, method)| {

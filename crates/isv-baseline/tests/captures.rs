@@ -6,6 +6,7 @@ use isv_format::{FrameRate, PaperParameters, Profile, StreamHeader};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_kernels::quant::StepSize;
 use isv_metrics::{CompareOptions, compare};
+use isv_testkit::{Need, skip};
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 
 mod support;
@@ -120,7 +121,7 @@ fn models_that_are_kept_save_bytes() {
 /// The anchors: simplification and 10-bit Draco at 30 frames a second.
 #[test]
 fn simplified_draco_is_as_strong_as_it_was_measured_before() {
-    let Some(draco) = Draco::find() else { return println!("skipped: draco_encoder is not installed") };
+    let Some(draco) = Draco::find() else { return skip(Need::Draco, "draco_encoder is not installed") };
     for (share, bits, most_mbps, most_mm) in [
         (1.0, 10, f64::MAX, 0.4),
         (0.5, 10, f64::MAX, 0.45),

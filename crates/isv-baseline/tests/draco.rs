@@ -2,6 +2,7 @@
 
 use isv_baseline::{Draco, DracoError, ProgramError};
 use isv_spatial::PointTree;
+use isv_testkit::{Need, skip};
 use isv_volume::{MeshError, TriangleMesh};
 
 mod support;
@@ -10,7 +11,7 @@ mod support;
 fn installed() -> Option<Draco> {
     let found = Draco::find();
     if found.is_none() {
-        println!("skipped: draco_encoder is not installed");
+        skip(Need::Draco, "draco_encoder is not installed");
     }
     found
 }

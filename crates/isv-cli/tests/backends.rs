@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv_testkit::capture;
+use isv_testkit::{Need, capture, skip};
 use serde_json::Value;
 use support::Workspace;
 
@@ -19,7 +19,7 @@ fn usable_gpus(work: &Workspace) -> Vec<Value> {
 fn a_gpu_decodes_what_the_cpu_does() {
     let (work, _) = Workspace::with_stream(4);
     if usable_gpus(&work).is_empty() {
-        println!("skipped: a_gpu_decodes_what_the_cpu_does: no GPU");
+        skip(Need::Gpu, "no GPU");
         return;
     }
     let verified = work.isv(&["verify", "take.isv", "--backend", "gpu"]).done();
@@ -48,7 +48,7 @@ fn a_gpu_decodes_what_the_cpu_does() {
 fn a_gpu_encodes_for_every_decoder() {
     let work = Workspace::with_figure(3);
     if usable_gpus(&work).is_empty() {
-        println!("skipped: a_gpu_encodes_for_every_decoder: no GPU");
+        skip(Need::Gpu, "no GPU");
         return;
     }
     for profile in ["paper", "main"] {
@@ -75,7 +75,7 @@ fn a_gpu_fuses_depth_images() {
     let Some(room) = capture("room_rgbd") else { return };
     let work = Workspace::new();
     if usable_gpus(&work).is_empty() {
-        println!("skipped: a_gpu_fuses_depth_images: no GPU");
+        skip(Need::Gpu, "no GPU");
         return;
     }
     let options =

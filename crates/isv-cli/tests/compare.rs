@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv_testkit::capture;
+use isv_testkit::{Need, capture, skip};
 use std::fs;
 use support::Workspace;
 
@@ -166,7 +166,7 @@ fn a_perfect_copy_is_a_result_like_any_other() {
         "--codecs=draco",
     ]);
     if run.stderr().contains("not both installed") {
-        return println!("skipped: draco_encoder is not installed");
+        return skip(Need::Draco, "draco_encoder is not installed");
     }
     run.done();
     assert!(!workspace.names("study/charts").contains(&"kinds.svg".to_owned()));

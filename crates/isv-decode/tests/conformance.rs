@@ -5,6 +5,7 @@ use isv_decode::main_profile::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_format::{PacketReader, RefusalClass};
 use isv_kernels::simd::{self, Instructions};
+use isv_testkit::{Need, skip};
 use isv_volume::{SparseVolume, VolumeBuilder};
 use std::collections::BTreeMap;
 use std::env::consts::ARCH;
@@ -68,7 +69,7 @@ fn streams_decode_to_their_hashes_with_every_instruction_set() {
     for name in wanted {
         let set: Instructions = name.parse().unwrap();
         if !Instructions::available().any(|available| available == set) {
-            println!("skipped: {name}, which this machine does not have");
+            skip(Need::Instructions, format_args!("{name}, which this machine does not have"));
         }
     }
 }

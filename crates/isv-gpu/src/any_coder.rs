@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe() {
         for profile in [PAPER, Profile::Main] {
-            let Some(gpu) = gpu_alone("a_lost_gpu_hands_over_to_the_cpu_at_a_keyframe") else { return };
+            let Some(gpu) = gpu_alone() else { return };
             lose_the_gpu(&header(profile), &gpu);
         }
     }
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn a_lost_gpu_is_an_error_where_a_gpu_was_asked_for() {
         for profile in [PAPER, Profile::Main] {
-            let Some(gpu) = gpu_alone("a_lost_gpu_is_an_error_where_a_gpu_was_asked_for") else { return };
+            let Some(gpu) = gpu_alone() else { return };
             let (header, store) = (header(profile), VolumeStore::new(&gpu).unwrap());
             let settings = EncoderSettings::default();
             let mut coder = AnyCoder::on_gpu(&header, settings, &store, false).unwrap();
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn what_is_not_on_a_gpu_is_said() {
-        let Some(gpu) = gpu_for_tests("what_is_not_on_a_gpu_is_said") else { return };
+        let Some(gpu) = gpu_for_tests() else { return };
         let store = VolumeStore::new(&gpu).unwrap();
         let wide =
             StreamHeader { grid: isv_volume::Grid { edge: BlockEdge::E16, ..grid() }, ..header(PAPER) };

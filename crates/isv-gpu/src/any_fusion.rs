@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu_within_a_frame() {
-        let Some(gpu) = gpu_alone("a_lost_gpu_hands_over_to_the_cpu_within_a_frame") else { return };
+        let Some(gpu) = gpu_alone() else { return };
         let (wall, settings) = ([wall()], FusionSettings::new(grid()));
         let mut fusion = AnyFusion::on_gpu(&gpu, true).unwrap();
         let mut strict = AnyFusion::on_gpu(&gpu, false).unwrap();
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn an_accumulator_is_the_same_on_both() {
-        let Some(gpu) = gpu_for_tests("an_accumulator_is_the_same_on_both") else { return };
+        let Some(gpu) = gpu_for_tests() else { return };
         let settings = FusionSettings::new(grid());
         let both = [AnyAccumulator::on_cpu(settings), AnyAccumulator::on_gpu(&gpu, settings).unwrap()];
         let [cpus, ours] = both.map(|mut accumulator| {

@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn a_lost_gpu_hands_over_to_the_cpu() {
-        let Some(gpu) = gpu_alone("a_lost_gpu_hands_over_to_the_cpu") else { return };
+        let Some(gpu) = gpu_alone() else { return };
         let (store, settings) = (VolumeStore::new(&gpu).unwrap(), MeshIngest::new(grid()));
         let mesh = sphere(0.03, 12);
         let expected = ingest_mesh(&mesh, &settings, CLOSED).unwrap();

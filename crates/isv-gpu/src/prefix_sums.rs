@@ -80,6 +80,7 @@ mod tests {
     use super::*;
     use crate::GpuChoice;
     use crate::storage::{Usage, write};
+    use isv_testkit::{Need, skip};
 
     /// What the kernels leave of a list.
     fn summed(gpu: &Gpu, values: &[[u32; 2]]) -> Vec<[u32; 2]> {
@@ -98,7 +99,7 @@ mod tests {
     fn lists_of_all_lengths_are_summed() {
         let gpu = match Gpu::open(&GpuChoice { software: true, ..GpuChoice::default() }) {
             Ok(gpu) => gpu,
-            Err(error) => return println!("skipped: lists_of_all_lengths_are_summed: {error}"),
+            Err(error) => return skip(Need::Gpu, error),
         };
         // The last one needs totals of totals.
         for count in [1, 4, 1023, 1024, 1025, 70_001, 1 << 20, (1 << 20) + 1] {

@@ -2,7 +2,7 @@
 
 use super::*;
 use isv_io::{Unit, read_mesh};
-use isv_testkit::capture;
+use isv_testkit::{Need, capture, skip};
 use isv_volume::{BlockCoord, BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
 use naga::back::{hlsl, msl, spv};
 use naga::front::wgsl;
@@ -13,35 +13,35 @@ use std::sync::{Mutex, PoisonError};
 /// Bytes of a segment: 1024 blocks.
 const SEGMENT_BYTES: u64 = 1 << 20;
 
-/// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split; nothing, and a line that
-/// says so, where there is none. Tests share it, and what it has compiled: [`gpu_alone`] is for those that lose it or count its memory.
-pub(crate) fn gpu_for_tests(test: &str) -> Option<Gpu> {
-    gpu_with_segments(test, SEGMENT_BYTES)
+/// The GPU that tests run on, software or not, with segments of a few blocks so that pools are split. Where there is none the
+/// test is [skipped](skip). Tests share it, and what it has compiled: [`gpu_alone`] is for those that lose it or count its memory.
+pub(crate) fn gpu_for_tests() -> Option<Gpu> {
+    gpu_with_segments(SEGMENT_BYTES)
 }
 
-/// The same with segments of so many bytes.
-pub(crate) fn gpu_with_segments(test: &str, binding_bytes: u64) -> Option<Gpu> {
+/// [`gpu_for_tests`] with segments of so many bytes.
+pub(crate) fn gpu_with_segments(binding_bytes: u64) -> Option<Gpu> {
     static SHARED: Mutex<BTreeMap<u64, Gpu>> = Mutex::new(BTreeMap::new());
     let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(gpu) = shared.get(&binding_bytes) {
         return Some(gpu.clone());
     }
-    let gpu = open(test, binding_bytes)?;
+    let gpu = open(binding_bytes)?;
     shared.insert(binding_bytes, gpu.clone());
     Some(gpu)
 }
 
 /// [`gpu_for_tests`], but for one test alone.
-pub(crate) fn gpu_alone(test: &str) -> Option<Gpu> {
-    open(test, SEGMENT_BYTES)
+pub(crate) fn gpu_alone() -> Option<Gpu> {
+    open(SEGMENT_BYTES)
 }
 
-fn open(test: &str, binding_bytes: u64) -> Option<Gpu> {
+fn open(binding_bytes: u64) -> Option<Gpu> {
     let choice = GpuChoice { software: true, binding_bytes, ..GpuChoice::default() };
     match Gpu::open(&choice) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
-            println!("skipped: {test}: {error}");
+            skip(Need::Gpu, error);
             None
         }
     }
@@ -110,7 +110,7 @@ fn all_shaders_are_translated_for_every_interface() {
 
 #[test]
 fn volumes_come_back_as_they_were() {
-    let Some(gpu) = gpu_alone("volumes_come_back_as_they_were") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     // A segment holds 1024 blocks: these take one, two and three, and grow the pool twice.
     let volumes = [noise(0, 1), noise(700, 2), noise(1500, 3), noise(40, 4)];
@@ -131,7 +131,7 @@ fn volumes_come_back_as_they_were() {
 /// So that they are copied back in few pieces.
 #[test]
 fn slots_are_taken_in_order() {
-    let Some(gpu) = gpu_for_tests("slots_are_taken_in_order") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let mut pool = store.pool();
     for _ in 0..2 {
@@ -143,7 +143,7 @@ fn slots_are_taken_in_order() {
 
 #[test]
 fn too_many_blocks_are_an_error() {
-    let Some(gpu) = gpu_for_tests("too_many_blocks_are_an_error") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let error = GpuVolume::upload(&store, &noise(4097, 1)).unwrap_err();
     assert!(matches!(error, GpuError::TooLarge { what: "samples", .. }), "{error}");
@@ -154,7 +154,7 @@ fn too_many_blocks_are_an_error() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let volume = GpuVolume::upload(&store, &noise(50, 1)).unwrap();
     gpu.lose();

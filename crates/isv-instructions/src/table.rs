@@ -3,6 +3,7 @@
 use crate::callgrind::{self, Count};
 use anyhow::{Context, Result, bail};
 use isv_kernels::simd::Instructions;
+use isv_testkit::{Need, skip};
 use std::path::Path;
 use std::process::Command;
 
@@ -122,16 +123,19 @@ fn compiler() -> Result<String> {
 /// Counts all kernels and compares them with the table, or writes them into it.
 pub(super) fn run(path: &Path, update: bool) -> Result<()> {
     let missing = if !callgrind::is_installed() {
-        Some("valgrind is not installed".to_owned())
+        Some((Need::Valgrind, "valgrind is not installed".to_owned()))
     } else {
         let lacks = |set: &Instructions| !Instructions::available().any(|there| there == *set);
-        COLUMNS.iter().find(|set| lacks(set)).map(|set| format!("this machine has no {set}"))
+        COLUMNS
+            .iter()
+            .find(|set| lacks(set))
+            .map(|set| (Need::Instructions, format!("this machine has no {set}")))
     };
-    if let Some(missing) = missing {
+    if let Some((need, missing)) = missing {
         if update {
             bail!("instructions cannot be counted: {missing}");
         }
-        println!("skipped: instructions are not counted, as {missing}");
+        skip(need, format_args!("instructions are not counted, as {missing}"));
         return Ok(());
     }
     let table = Table::measure()?;

@@ -1,6 +1,7 @@
 //! OpenVDB files, read back by a parser of what the format documents, and by OpenVDB where Python has it.
 
 use isv_io::{write_vdb, write_volume};
+use isv_testkit::{Need, skip};
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize};
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -265,11 +266,9 @@ fn openvdb_agrees() {
     let python = std::env::var_os("ISV_PYTHON_OPENVDB").unwrap_or_else(|| "python3".into());
     let has = |module| Command::new(&python).args(["-c", module]).output().is_ok_and(|o| o.status.success());
     if !has("import numpy, pyopenvdb") {
-        println!(
-            "skipped: {} has no numpy and pyopenvdb; ISV_PYTHON_OPENVDB names another",
-            python.display()
-        );
-        return;
+        let python = python.display();
+        let why = format_args!("{python} has no numpy and pyopenvdb; ISV_PYTHON_OPENVDB names another");
+        return skip(Need::OpenVdb, why);
     }
     for edge in [4, 8, 16] {
         let folder = tempfile::tempdir().unwrap();

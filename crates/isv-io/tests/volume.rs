@@ -4,6 +4,7 @@ use isv_io::{
     ArrayFlaw, VolumeError, VolumeSequence, is_volume_folder, read_volume, volume_grid, write_volume,
 };
 use isv_testfiles::npy::{self, bytes_of, coords, ramp, tsdf};
+use isv_testkit::{Need, skip};
 use isv_volume::{
     BlockCoord, BlockEdge, Grid, SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
@@ -230,8 +231,8 @@ fn sequences_are_folders_in_natural_order() {
 fn the_documented_example_agrees_with_numpy() {
     let python = std::env::var_os("ISV_PYTHON").unwrap_or_else(|| "python3".into());
     if !Command::new(&python).args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success()) {
-        println!("skipped: {} has no numpy; ISV_PYTHON names another", python.display());
-        return;
+        let why = format_args!("{} has no numpy; ISV_PYTHON names another", python.display());
+        return skip(Need::Python, why);
     }
     let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/formats/volume.md");
     let page = std::fs::read_to_string(page).unwrap();

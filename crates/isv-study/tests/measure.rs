@@ -8,6 +8,7 @@ use isv_figure::figure_mesh;
 use isv_study::{
     Codec, Measured, Metric, OperatingPoint, StudyError, StudySettings, Subject, Take, TakeError, TakeFrames,
 };
+use isv_testkit::{Need, skip};
 
 /// Voxels are coarse, for speed.
 const VOXEL_M: f64 = 0.02;
@@ -58,7 +59,7 @@ fn codec(name: &str) -> Codec {
 fn measure_points(name: &str, take: &Meshes, count: usize) -> Option<Vec<Measured>> {
     let (training, settings) = (Meshes::figure(1), settings());
     let Some(subject) = Subject::prepare(codec(name), take, &[&training], &settings).unwrap() else {
-        println!("skipped: draco_encoder is not installed");
+        skip(Need::Draco, "draco_encoder is not installed");
         return None;
     };
     let points = subject.points(count);

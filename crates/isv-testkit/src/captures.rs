@@ -1,9 +1,10 @@
 //! Real captures, which are not in the repository.
 
+use crate::{Need, skip};
 use std::path::{Path, PathBuf};
 
 /// A file or folder of the captures, by its path among them: in the folder that `ISV_DATA` names, else in `../shared/data` beside the
-/// checkout. Where it is not, prints that what needs it is skipped.
+/// checkout. Where it is not, what needs it is [skipped](skip).
 #[must_use]
 pub fn capture(name: &str) -> Option<PathBuf> {
     let data = std::env::var_os("ISV_DATA")
@@ -12,6 +13,6 @@ pub fn capture(name: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    println!("skipped: no data at {}", path.display());
+    skip(Need::Captures, format_args!("no data at {}", path.display()));
     None
 }

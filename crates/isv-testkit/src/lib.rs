@@ -3,6 +3,7 @@
 mod captures;
 mod depth_camera;
 mod meshes;
+mod needs;
 mod random;
 mod scenes;
 mod volumes;
@@ -10,6 +11,7 @@ mod volumes;
 pub use captures::capture;
 pub use depth_camera::{camera_ring, look_at, render_depth};
 pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
+pub use needs::{Need, skip};
 pub use random::Random;
 pub use scenes::{street, waves};
 pub use volumes::{ball, still_and_moving_ball, volume_of};

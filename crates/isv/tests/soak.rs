@@ -9,7 +9,7 @@ use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profil
 use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
 use isv::io::{FrameSequence, Unit, read_mesh};
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
-use isv_testkit::{capture, still_and_moving_ball};
+use isv_testkit::{Need, capture, skip, still_and_moving_ball};
 use std::fs::File;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -134,7 +134,7 @@ fn soak(name: &str, profile: Profile, gop: u32, take: impl FnOnce() -> Option<Ve
         seconds * 1e3 / frames as f64,
     );
     match memory_mb() {
-        None => println!("skipped: this system does not say how much memory a process has"),
+        None => skip(Need::MemoryUse, "this system does not say how much memory a process has"),
         Some(_) => {
             let allowed = 1.05 * first_loop + 8.0;
             assert!(after <= allowed, "{name}: {first_loop:.1} MB in the first loop, {after:.1} MB after it");

@@ -9,6 +9,7 @@ import { after, before, describe, test } from 'node:test';
 import { hasBrowser, launch } from '../support/browser.js';
 import { serveLive } from '../support/live-server.js';
 import { ISV_BIN, serving } from '../support/native.js';
+import { skipUnless } from '../support/need.js';
 import { opened } from '../support/page.js';
 import { serve } from '../support/server.js';
 import { packetsOf, repeated } from '../support/stream.js';
@@ -31,7 +32,9 @@ class GrowingFile {
   }
 }
 
-describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chromium' }, () => {
+const skip = skipUnless(hasBrowser, 'browser', 'there is no /usr/bin/chromium', 'a live stream');
+
+describe('a live stream', { skip }, () => {
   /** @type {import('playwright-core').Browser} */
   let browser;
   /** @type {import('../support/server.js').Served} */
@@ -78,7 +81,7 @@ describe('a live stream', { skip: hasBrowser ? false : 'there is no /usr/bin/chr
     }
   });
 
-  const skip = ISV_BIN ? false : 'ISV_BIN names no program';
+  const skip = skipUnless(Boolean(ISV_BIN), 'browser', 'ISV_BIN names no program', 'a live stream of the program');
   test('ends for good when standard input does, and so does the program', { skip }, async () => {
     const live = await serving(['serve', '--live', '-', '--bind', '127.0.0.1:0']);
     try {

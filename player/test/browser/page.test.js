@@ -17,12 +17,14 @@ import {
   serving,
   viewed,
 } from '../support/native.js';
+import { skipUnless } from '../support/need.js';
 import { opened, shows, state } from '../support/page.js';
 import { serve } from '../support/server.js';
 import { packetsOf, repeated } from '../support/stream.js';
 import { nativeCamera } from '../support/native-camera.js';
 
-const skip = !hasBrowser ? 'there is no /usr/bin/chromium' : !ISV_BIN ? 'ISV_BIN names no program' : false;
+const missing = !hasBrowser ? 'there is no /usr/bin/chromium' : 'ISV_BIN names no program';
+const skip = skipUnless(hasBrowser && Boolean(ISV_BIN), 'browser', missing, 'the page');
 
 /** Frames of the take, and of each GOP of the long stream. */
 const FRAMES = 12;
@@ -127,7 +129,8 @@ describe('the page', { skip }, () => {
   test('plays a capture, and shows it as the native picture does', async (context) => {
     const frames = 6;
     const capture = captureStream('dancer', frames);
-    if (!capture) return context.skip('there are no captures: ISV_DATA names no folder that has dancer');
+    const why = skipUnless(Boolean(capture), 'captures', 'ISV_DATA names no folder that has dancer', context.name);
+    if (!capture) return context.skip(why || '');
     const natives = decodedMeshes(capture);
     server.files.set('dancer.isv', capture);
     const size = 480;

@@ -138,7 +138,7 @@ fn open(path: &Path) -> PacketReader<BufReader<File>> {
 
 #[test]
 fn all_streams_decode_to_the_same_bits() {
-    let Some(gpu) = gpu_for_tests("all_streams_decode_to_the_same_bits") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut decoded = 0;
     for path in streams() {
         let mut packets = open(&path);
@@ -173,7 +173,7 @@ fn all_streams_decode_to_the_same_bits() {
 
 /// Decodes a stream whose GPU is lost before frame 2.
 fn decode_with_a_loss(name: &str, falls_back: bool) -> Option<Result<usize, DecodeError>> {
-    let gpu = gpu_alone("a_lost_gpu")?;
+    let gpu = gpu_alone()?;
     let path = streams().into_iter().find(|path| path.ends_with(name)).unwrap();
     let (mut packets, store) = (open(&path), VolumeStore::new(&gpu).unwrap());
     let header = *packets.header().unwrap();
@@ -215,7 +215,7 @@ fn a_lost_gpu_is_an_error_where_it_was_asked_for() {
 /// A keyframe of blocks in a row, each predicted from the one before: as many waves, more than are handed over together.
 #[test]
 fn long_chains_of_blocks_are_decoded() {
-    let Some(gpu) = gpu_for_tests("long_chains_of_blocks_are_decoded") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let coords: Vec<_> = (0..300).map(|x| BlockCoord::from([x, 0, 0])).collect();
     let sample = |voxel: usize| {
         let [x, y, z] = [voxel / 512 * 8 + voxel % 8, voxel / 8 % 8, voxel / 64 % 8].map(|c| c as f64);

@@ -15,7 +15,7 @@ use isv_volume::SparseVolume;
 
 #[test]
 fn blocks_are_found_as_well_as_on_the_cpu() {
-    let Some(gpu) = gpu_with_segments("blocks_are_found_as_well_as_on_the_cpu", PERSON_BYTES) else { return };
+    let Some(gpu) = gpu_with_segments(PERSON_BYTES) else { return };
     let mut search = GpuMotionSearch::new(&VolumeStore::new(&gpu).unwrap()).unwrap();
     for (name, volumes) in sequences(2) {
         let found = probe::shifts(&volumes[0], &volumes[1], &mut search).unwrap();
@@ -34,7 +34,7 @@ fn blocks_are_found_as_well_as_on_the_cpu() {
 
 #[test]
 fn streams_decode_on_the_cpu_and_are_as_good() {
-    let Some(gpu) = gpu_with_segments("streams_decode_on_the_cpu_and_are_as_good", PERSON_BYTES) else {
+    let Some(gpu) = gpu_with_segments(PERSON_BYTES) else {
         return;
     };
     let frame_rate = FrameRate { numerator: 30, denominator: 1 };
@@ -104,7 +104,7 @@ fn checked_encoder(gpu: &crate::Gpu, settings: EncoderSettings) -> MainEncoder<C
 /// Some of each frame stays as it is, and is not copied again.
 #[test]
 fn the_frame_before_is_the_cpus() {
-    let Some(gpu) = gpu_with_segments("the_frame_before_is_the_cpus", PERSON_BYTES) else { return };
+    let Some(gpu) = gpu_with_segments(PERSON_BYTES) else { return };
     let settings = EncoderSettings { gop: 3, ..EncoderSettings::default() };
     let mut encoder = checked_encoder(&gpu, settings);
     let frames: Vec<SparseVolume> = (0..6).map(|t| still_and_moving_ball(grid(), f64::from(t))).collect();
@@ -115,7 +115,7 @@ fn the_frame_before_is_the_cpus() {
 
 #[test]
 fn a_lost_device_leaves_the_encoder_as_it_was() {
-    let Some(gpu) = gpu_alone("a_lost_device_leaves_the_encoder_as_it_was") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let mut encoder = checked_encoder(&gpu, EncoderSettings::default());
     encoder.encode(&ball(grid(), 0.0)).unwrap();
     let before = encoder.reconstruction().cloned();

@@ -99,7 +99,7 @@ fn compare_code(gpu: &Gpu, paper: PaperParameters, volumes: [&SparseVolume; 2]) 
 
 #[test]
 fn levels_and_frames_are_the_cpus() {
-    let Some(gpu) = gpu_for_tests("levels_and_frames_are_the_cpus") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let of = |coefficients, dc_step, ac_step| PaperParameters { coefficients, dc_step, ac_step };
     // A kernel writes the levels of 512 blocks of 512 coefficients at most here: those of noise take several dispatches.
     for paper in [of(512, 1, 1), of(512, 16, 333), PAPER, of(1, 819, 2048), of(20, 1 << 20, 5)] {
@@ -121,7 +121,7 @@ fn squared_error(volume: &SparseVolume, prediction: &[i16]) -> f64 {
 
 #[test]
 fn vectors_predict_as_well_as_the_cpus() {
-    let Some(gpu) = gpu_with_segments("vectors_predict_as_well_as_the_cpus", PERSON_BYTES) else { return };
+    let Some(gpu) = gpu_with_segments(PERSON_BYTES) else { return };
     let parameters = CodingParameters::new(grid(), &PAPER);
     for (name, volumes) in sequences(2) {
         let (mut cpu, mut gpu) = (Cpu::default(), backend(&gpu));
@@ -181,7 +181,7 @@ impl Stream {
 
 #[test]
 fn streams_decode_on_the_cpu_and_are_as_good() {
-    let Some(gpu) = gpu_with_segments("streams_decode_on_the_cpu_and_are_as_good", PERSON_BYTES) else {
+    let Some(gpu) = gpu_with_segments(PERSON_BYTES) else {
         return;
     };
     let frame_rate = FrameRate { numerator: 30, denominator: 1 };
@@ -227,7 +227,7 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
 
 #[test]
 fn an_empty_frame_and_a_frame_after_it_are_coded() {
-    let Some(gpu) = gpu_for_tests("an_empty_frame_and_a_frame_after_it_are_coded") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut coder = PaperCoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
     for volume in [ball(grid(), 0.0), noise(0, 1), ball(grid(), 1.0)] {
         coder.code(&volume).unwrap();
@@ -238,7 +238,7 @@ fn an_empty_frame_and_a_frame_after_it_are_coded() {
 
 #[test]
 fn other_blocks_are_not_supported() {
-    let Some(gpu) = gpu_for_tests("other_blocks_are_not_supported") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let grid = Grid { edge: BlockEdge::E4, ..grid() };
     let mut coder = PaperCoder::new(grid, &PAPER, EncoderSettings::default(), backend(&gpu));
     let error = coder.code(&ball(grid, 0.0)).unwrap_err();
@@ -247,7 +247,7 @@ fn other_blocks_are_not_supported() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let mut coder = PaperCoder::new(grid(), &PAPER, EncoderSettings::default(), backend(&gpu));
     coder.code(&ball(grid(), 0.0)).unwrap();
     gpu.lose();

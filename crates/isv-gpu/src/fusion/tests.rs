@@ -108,7 +108,7 @@ fn compare_steps(gpu: &Gpu, images: &[DepthImage], settings: &FusionSettings, wh
 
 #[test]
 fn blocks_and_samples_are_the_cpus() {
-    let Some(gpu) = gpu_for_tests("blocks_and_samples_are_the_cpus") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let ball = ball();
     for (edge, truncation) in [(BlockEdge::E4, 4), (BlockEdge::E8, 8), (BlockEdge::E16, 16)] {
         compare_steps(&gpu, &ball, &settings(0.02, edge, truncation), &format!("ball, {edge:?}"));
@@ -133,7 +133,7 @@ fn blocks_and_samples_are_the_cpus() {
 /// Readings without rhyme or reason, of which most are alone.
 #[test]
 fn noise_is_fused_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("noise_is_fused_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut random = Random::new(7);
     let depth = |_| if random.signed() < -0.5 { 0.0 } else { 1.0 + 0.1 * random.signed() as f32 };
     let depths = (0..LENS.pixels()).map(depth).collect();
@@ -150,7 +150,7 @@ fn noise_is_fused_as_on_the_cpu() {
 /// A real camera's images; strips of a few rows, as segments are small.
 #[test]
 fn a_real_room_is_fused_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("a_real_room_is_fused_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let Some(folder) = capture("room_rgbd") else { return };
     let images = DepthSequence::open(&folder).unwrap().read(20).unwrap();
     compare_steps(&gpu, &images, &settings(0.02, BlockEdge::E8, 8), "room");
@@ -159,8 +159,7 @@ fn a_real_room_is_fused_as_on_the_cpu() {
 /// Into how many parts images, blocks and tables are split changes nothing, and neither does chance.
 #[test]
 fn results_do_not_depend_on_the_parts() {
-    let test = "results_do_not_depend_on_the_parts";
-    let (Some(small), Some(large)) = (gpu_for_tests(test), gpu_with_segments(test, 1 << 27)) else { return };
+    let (Some(small), Some(large)) = (gpu_for_tests(), gpu_with_segments(1 << 27)) else { return };
     let (images, settings) = (ball(), settings(0.02, BlockEdge::E8, 8));
     let volumes = [&small, &small, &large]
         .map(|gpu| fuse_on(&mut GpuFusion::new(gpu).unwrap(), &images, &settings).unwrap());
@@ -173,7 +172,7 @@ fn results_do_not_depend_on_the_parts() {
 
 #[test]
 fn accumulated_volumes_are_the_cpus() {
-    let Some(gpu) = gpu_for_tests("accumulated_volumes_are_the_cpus") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let settings = settings(0.02, BlockEdge::E8, 8);
     let ours_and_cpus = |images: &[&[DepthImage]]| {
         let (mut ours, mut cpu) = (GpuFusion::new(&gpu).unwrap(), Cpu);
@@ -208,7 +207,7 @@ fn accumulated_volumes_are_the_cpus() {
 
 #[test]
 fn what_cannot_be_done_is_refused_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("what_cannot_be_done_is_refused_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut ours = GpuFusion::new(&gpu).unwrap();
     let one = [wall(2.0)];
     let fine = FusionSettings { max_blocks: 100, ..settings(0.005, BlockEdge::E8, 8) };
@@ -237,7 +236,7 @@ fn what_cannot_be_done_is_refused_as_on_the_cpu() {
         ours.touched_blocks(&views, &many.grid, 1.0, many.max_blocks)
     };
     assert!(matches!(blocks(&gpu), Err(FusionError::Backend(_))));
-    let large = gpu_with_segments("what_cannot_be_done_is_refused_as_on_the_cpu", 1 << 27).unwrap();
+    let large = gpu_with_segments(1 << 27).unwrap();
     let found = blocks(&large).unwrap().unwrap();
     let views = Cpu.views(&one, &many).unwrap();
     let truth = Cpu.touched_blocks(&views, &many.grid, 1.0, many.max_blocks).unwrap().unwrap();
@@ -251,7 +250,7 @@ fn what_cannot_be_done_is_refused_as_on_the_cpu() {
 
 #[test]
 fn any_depths_give_a_volume_or_an_error() {
-    let Some(gpu) = gpu_for_tests("any_depths_give_a_volume_or_an_error") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let (mut random, mut ours) = (Random::new(5), GpuFusion::new(&gpu).unwrap());
     for round in 0..8 {
         let spread = f64::from(round) * 5.0;
@@ -277,7 +276,7 @@ fn any_depths_give_a_volume_or_an_error() {
 
 #[test]
 fn a_lost_gpu_is_an_error() {
-    let Some(gpu) = gpu_alone("a_lost_gpu_is_an_error") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let settings = settings(0.02, BlockEdge::E8, 8);
     let sheet = render_depth(&sheet(1.0), &LENS, &look_at(DVec3::Z * 2.0, DVec3::ZERO));
     let mut ours = GpuFusion::new(&gpu).unwrap();

@@ -84,7 +84,7 @@ fn check(
 
 #[test]
 fn closed_open_and_holed_meshes_become_the_volumes_of_the_cpu() {
-    let Some(gpu) = gpu_for_tests("closed_open_and_holed_meshes_become_the_volumes_of_the_cpu") else {
+    let Some(gpu) = gpu_for_tests() else {
         return;
     };
     let store = VolumeStore::new(&gpu).unwrap();
@@ -117,8 +117,8 @@ fn closed_open_and_holed_meshes_become_the_volumes_of_the_cpu() {
 /// Large enough to need more than one table, and buffers so small that lists are made in parts.
 #[test]
 fn what_does_not_fit_a_buffer_is_split() {
-    let Some(small) = gpu_with_segments("what_does_not_fit_a_buffer_is_split", 1 << 20) else { return };
-    let Some(large) = gpu_with_segments("what_does_not_fit_a_buffer_is_split", 1 << 27) else { return };
+    let Some(small) = gpu_with_segments(1 << 20) else { return };
+    let Some(large) = gpu_with_segments(1 << 27) else { return };
     let mesh = sphere(0.3, 120);
     let volumes = [small, large].map(|gpu| {
         let store = VolumeStore::new(&gpu).unwrap();
@@ -133,7 +133,7 @@ fn what_does_not_fit_a_buffer_is_split() {
 
 #[test]
 fn what_cannot_be_done_is_said() {
-    let Some(gpu) = gpu_alone("what_cannot_be_done_is_said") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let mesh = sphere(0.3, 20);
     let few = MeshIngest { max_blocks: 100, ..settings(0.01, Reach::Surface) };
@@ -158,7 +158,7 @@ fn what_cannot_be_done_is_said() {
 /// A captured person, closed but for seams and with open soles.
 #[test]
 fn captures_become_the_volumes_of_the_cpu() {
-    let Some(gpu) = gpu_with_segments("captures_become_the_volumes_of_the_cpu", 1 << 27) else { return };
+    let Some(gpu) = gpu_with_segments(1 << 27) else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     for take in ["dancer", "thomas"] {
         let Some(mesh) = captured_mesh(take) else { continue };

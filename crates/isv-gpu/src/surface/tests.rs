@@ -5,7 +5,7 @@ use crate::GpuChoice;
 use crate::tests::{captured_mesh, gpu_alone, gpu_for_tests, grid, noise};
 use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv_surface::extract_surface;
-use isv_testkit::{ball, volume_of};
+use isv_testkit::{Need, ball, skip, volume_of};
 use isv_volume::{BlockCoord, SparseVolume, TriangleMesh};
 
 /// Extractors with and without normals.
@@ -56,7 +56,7 @@ fn with_holes(volume: &SparseVolume, every: usize) -> SparseVolume {
 
 #[test]
 fn noise_is_meshed_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("noise_is_meshed_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut extractors = Extractors::new(&gpu);
     // Masks, holes, and four segments of the pool; one extractor for all sizes.
     for (volume, parts) in [
@@ -75,7 +75,7 @@ fn noise_is_meshed_as_on_the_cpu() {
 /// Codes -1, 0 and 1: many edges with a gradient of zero, and vertices in the middle of all.
 #[test]
 fn the_lowest_codes_are_meshed_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("the_lowest_codes_are_meshed_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let volume = noise(60, 5);
     let samples = volume.samples().map(|code| code.rem_euclid(3) - 1).collect();
     let (coords, masks) = (volume.coords().to_vec(), volume.unobserved_masks().clone());
@@ -84,7 +84,7 @@ fn the_lowest_codes_are_meshed_as_on_the_cpu() {
 
 #[test]
 fn smooth_shapes_are_meshed_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("smooth_shapes_are_meshed_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut extractors = Extractors::new(&gpu);
     let torus = |[x, y, z]: [f64; 3]| (x.hypot(y) - 40.3).hypot(z) - 14.9;
     let sphere = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt() - 30.7;
@@ -105,7 +105,7 @@ fn smooth_shapes_are_meshed_as_on_the_cpu() {
 /// Far from the origin, and at the ends of what coordinates can be.
 #[test]
 fn far_blocks_are_meshed_as_on_the_cpu() {
-    let Some(gpu) = gpu_for_tests("far_blocks_are_meshed_as_on_the_cpu") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let volume = noise(27, 6);
     let far = |block: BlockCoord| block.offset([-1_000_000, 900_000, 1_000_000]);
     let mut coords: Vec<_> = volume.coords().iter().copied().map(far).collect();
@@ -117,7 +117,7 @@ fn far_blocks_are_meshed_as_on_the_cpu() {
 
 #[test]
 fn volumes_without_a_surface_have_none() {
-    let Some(gpu) = gpu_for_tests("volumes_without_a_surface_have_none") else { return };
+    let Some(gpu) = gpu_for_tests() else { return };
     let mut extractors = Extractors::new(&gpu);
     let one_sign = volume_of(grid(), 3, |_| 3.0, |_| false);
     let nothing_seen = volume_of(grid(), 2, |[x, ..]| x, |_| true);
@@ -129,7 +129,7 @@ fn volumes_without_a_surface_have_none() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu_alone("a_lost_device_is_an_error") else { return };
+    let Some(gpu) = gpu_alone() else { return };
     let store = VolumeStore::new(&gpu).unwrap();
     let volume = GpuVolume::upload(&store, &noise(50, 1)).unwrap();
     let mut extractor = GpuSurfaceExtractor::new(&store, SurfaceOptions::default()).unwrap();
@@ -144,7 +144,7 @@ fn captures_are_meshed_as_on_the_cpu() {
     let choice = GpuChoice { software: true, ..GpuChoice::default() };
     let gpu = match Gpu::open(&choice) {
         Ok(gpu) => gpu,
-        Err(error) => return println!("skipped: captures_are_meshed_as_on_the_cpu: {error}"),
+        Err(error) => return skip(Need::Gpu, error),
     };
     let mut extractors = Extractors::new(&gpu);
     for name in ["dancer", "flag", "xbot"] {
