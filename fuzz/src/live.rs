@@ -1,10 +1,10 @@
 //! What a server reads of a live source and of requests. Its modules are compiled in by themselves: the server around them is no reader.
 
-#[path = "../../crates/isv-serve/src/source/packets.rs"]
+#[path = "../../crates/apps/isv-serve/src/source/packets.rs"]
 mod packets;
-#[path = "../../crates/isv-serve/src/range.rs"]
+#[path = "../../crates/apps/isv-serve/src/range.rs"]
 mod range;
-#[path = "../../crates/isv-serve/src/source/replay.rs"]
+#[path = "../../crates/apps/isv-serve/src/source/replay.rs"]
 mod replay;
 
 use crate::differential::Trickle;

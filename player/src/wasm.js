@@ -1,7 +1,7 @@
-// The decoder: what `crates/isv-wasm` exports, as a class. Works in a page, in a worker and in node.
+// The decoder: what `crates/apps/isv-wasm` exports, as a class. Works in a page, in a worker and in node.
 
 /**
- * What the module exports: see `crates/isv-wasm/src/exports.rs`.
+ * What the module exports: see `crates/apps/isv-wasm/src/exports.rs`.
  * @typedef {Record<string, (...values: number[]) => number> & { memory: WebAssembly.Memory }} Exports
  */
 

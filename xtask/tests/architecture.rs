@@ -1,7 +1,7 @@
 //! `ARCHITECTURE.md` says which crate imports which: as the manifests do.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Which crates each crate imports, by the names of `ARCHITECTURE.md`.
 type Imports = BTreeMap<String, BTreeSet<String>>;
@@ -17,7 +17,8 @@ fn short(name: &str) -> String {
 
 /// Imports of the programs and libraries, and those of their tests alone.
 fn of_manifests() -> (Imports, Imports) {
-    let crates = std::fs::read_dir(root().join("crates")).unwrap().map(|entry| entry.unwrap().path());
+    let folders = |path: PathBuf| std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
+    let crates = folders(root().join("crates")).flat_map(folders);
     let (mut all, mut only_tests) = (Imports::new(), Imports::new());
     for folder in crates.chain([root().join("xtask")]) {
         let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();

@@ -1,4 +1,4 @@
-// The camera of `isv render` (crates/isv-render/src/camera.rs), as three.js takes it.
+// The camera of `isv render` (crates/apps/isv-render/src/camera.rs), as three.js takes it.
 
 /** Part of the picture left free on every side. */
 const MARGIN = 0.04;

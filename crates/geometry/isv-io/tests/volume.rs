@@ -234,7 +234,7 @@ fn the_documented_example_agrees_with_numpy() {
         let why = format_args!("{} has no numpy; ISV_PYTHON names another", python.display());
         return skip(Need::Python, why);
     }
-    let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/formats/volume.md");
+    let page = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../docs/formats/volume.md");
     let page = std::fs::read_to_string(page).unwrap();
     let script = page.split("```python\n").nth(1).unwrap().split("```").next().unwrap();
     let root = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@ const FOLDERS: [&str; 2] = ["src", "vendor"];
 const KINDS: [&str; 6] = ["html", "css", "js", "svg", "png", "ico"];
 
 fn main() -> io::Result<()> {
-    let root = Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("../../player");
+    let root = Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("../../../player");
     let mut files = Vec::new();
     for path in entries(&root)? {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();

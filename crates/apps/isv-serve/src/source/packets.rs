@@ -202,7 +202,7 @@ mod tests {
 
     /// A stream of three packets, with where its packets begin and where the index does.
     fn stream() -> (Vec<u8>, Vec<usize>) {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance");
         let bytes = fs::read(root.join("main_inter.isv")).unwrap();
         let mut reader = PacketReader::new(&bytes[..]).unwrap();
         let mut places = Vec::new();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[must_use]
 pub fn capture(name: &str) -> Option<PathBuf> {
     let data = std::env::var_os("ISV_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data"), PathBuf::from);
     let path = data.join(name);
     if path.exists() {
         return Some(path);

@@ -158,7 +158,7 @@ pub(crate) fn hub() -> Arc<Hub> {
 }
 
 pub(crate) fn conformance(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance").join(name)
 }
 
 pub(crate) fn stream_header() -> [u8; StreamHeader::BYTES] {

@@ -174,7 +174,7 @@ fn every_compression_gives_the_same_depths() {
 
 #[test]
 fn damaged_pixels_of_any_compression_never_panic() {
-    let image = include_bytes!("../../../fuzz/regressions/depth_exr/b44_differences_below_nothing");
+    let image = include_bytes!("../../../../fuzz/regressions/depth_exr/b44_differences_below_nothing");
     let _ = open(&one_image("0.exr", image)).unwrap().read(0);
     for (_, image) in exr::all_kinds([8, 6]) {
         let folder = one_image("0.exr", &image);
@@ -190,7 +190,7 @@ fn damaged_pixels_of_any_compression_never_panic() {
 
 #[test]
 fn memory_is_not_taken_for_what_a_block_claims() {
-    let image = include_bytes!("../../../fuzz/regressions/depth_exr/dwa_count_of_33_petabytes");
+    let image = include_bytes!("../../../../fuzz/regressions/depth_exr/dwa_count_of_33_petabytes");
     let refusal = open(&one_image("0.exr", image)).unwrap().read(0).unwrap_err().to_string();
     assert!(refusal.ends_with("a block claims more than its pixels"), "{refusal}");
 }
@@ -608,7 +608,7 @@ fn a_lens_that_distorts_is_undone_as_the_image_is_read() {
 /// The examples of `docs/formats/depth.md`, with empty files for images.
 #[test]
 fn documented_examples_are_read() {
-    let page = include_str!("../../../docs/formats/depth.md");
+    let page = include_str!("../../../../docs/formats/depth.md");
     let examples: Vec<&str> =
         page.split("```json\n").skip(1).map(|part| part.split("```").next().unwrap()).collect();
     let camera = folder(&[("camera.json", examples[0]), ("depth/0.png", "")]);

@@ -12,7 +12,7 @@ use std::env::consts::ARCH;
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance")
 }
 
 /// The streams of a folder, by name.

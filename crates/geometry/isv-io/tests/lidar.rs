@@ -82,7 +82,7 @@ fn every_truncation_fails_or_gives_all_points() {
 
 #[test]
 fn times_that_switch_without_end_are_damage() {
-    let file = include_bytes!("../../../fuzz/regressions/laz/times_that_switch_sequences_without_end");
+    let file = include_bytes!("../../../../fuzz/regressions/laz/times_that_switch_sequences_without_end");
     let message = parse(file).unwrap_err().to_string();
     assert!(
         message.ends_with("its times switch from sequence to sequence without end (byte 347)"),

@@ -125,7 +125,7 @@ impl Backend for Both {
 
 /// The streams of the conformance suite, in order.
 fn streams() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance");
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut streams: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "isv")).collect();
     streams.sort();

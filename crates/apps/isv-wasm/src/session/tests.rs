@@ -4,7 +4,7 @@ use super::*;
 use std::path::{Path, PathBuf};
 
 fn conformance() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance")
 }
 
 fn stream(name: &str) -> Vec<u8> {

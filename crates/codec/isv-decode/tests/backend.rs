@@ -124,7 +124,7 @@ impl Backend for Failing {
 
 /// A committed stream, and the hashes of its frames.
 fn stream(name: &str) -> (StreamHeader, Vec<Packet>, Vec<u64>) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance");
     let bytes = std::fs::read(folder.join(name)).unwrap();
     let mut reader = PacketReader::new(&bytes[..]).unwrap();
     let header = *reader.header().unwrap();
