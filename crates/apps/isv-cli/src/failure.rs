@@ -1,8 +1,10 @@
 //! How failures leave the program: one sentence on stderr and an exit status.
 
 use crate::output::say;
+use crate::words;
 use isv::format::FormatError;
 use isv::io::WriteError;
+use isv::take::encode::EncodeError;
 use std::fmt;
 use std::io;
 use std::path::Path;
@@ -33,8 +35,9 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         return ExitCode::from(JOB_FAILED);
     }
-    say(format_args!("isv: {}", one_line(&format!("{error:#}"))));
-    ExitCode::from(if error.is::<UsageError>() { COMMAND_LINE_WRONG } else { JOB_FAILED })
+    let (sentence, is_usage) = words::error(error);
+    say(format_args!("isv: {}", one_line(&sentence)));
+    ExitCode::from(if is_usage || error.is::<UsageError>() { COMMAND_LINE_WRONG } else { JOB_FAILED })
 }
 
 /// Prints help or the version where they were asked for, otherwise the first paragraph of what clap has to say.
@@ -72,6 +75,8 @@ pub(crate) fn one_line(text: &str) -> String {
 
 fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
     let io_error = if let Some(FormatError::Io(error)) = cause.downcast_ref() {
+        Some(error)
+    } else if let Some(EncodeError::Write(FormatError::Io(error))) = cause.downcast_ref() {
         Some(error)
     } else if let Some(WriteError { cause, .. }) = cause.downcast_ref() {
         Some(cause)

@@ -1,6 +1,7 @@
 //! Ctrl-C: work in progress is brought to a good end, not cut off.
 
 use anyhow::{Context, Result};
+use isv::take::Cancellation;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,7 @@ const TOGETHER: Duration = Duration::from_millis(500);
 /// half a second later or more.
 pub(crate) fn listen() -> Result<()> {
     let note = || {
+        cancellation().cancel();
         if REQUESTED.get_or_init(Instant::now).elapsed() > TOGETHER {
             // The status that shells give to what Ctrl-C ended.
             std::process::exit(130);
@@ -22,7 +24,13 @@ pub(crate) fn listen() -> Result<()> {
     ctrlc::set_handler(note).context("cannot listen for Ctrl-C")
 }
 
+/// The request that Ctrl-C makes.
+pub(crate) fn cancellation() -> &'static Cancellation {
+    static CANCELLATION: OnceLock<Cancellation> = OnceLock::new();
+    CANCELLATION.get_or_init(Cancellation::new)
+}
+
 /// Whether the user wants the work to end.
 pub(crate) fn requested() -> bool {
-    REQUESTED.get().is_some()
+    cancellation().is_cancelled()
 }

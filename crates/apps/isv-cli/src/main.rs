@@ -6,20 +6,13 @@
 // `output::say` and `output::print` do it where nobody may hear it.
 #![warn(clippy::print_stderr, clippy::print_stdout)]
 
-mod ahead;
 mod backend;
-mod bit_rate;
 mod capture;
 mod commands;
-mod continuity;
 mod count;
 mod drivers;
 mod failure;
-mod frame_range;
-mod frame_rate;
-mod held_frames;
 mod interrupt;
-mod length;
 mod matching;
 mod memory;
 mod origin;
@@ -32,8 +25,7 @@ mod stream;
 mod table;
 mod terms;
 mod threads;
-mod timeline;
-mod up;
+mod words;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};

@@ -1,16 +1,9 @@
 //! `--max-memory`: how much a frame of a stream may ask for.
 
-use anyhow::{Result, anyhow};
-use isv::decode::Limits;
-use isv::surface::{SurfaceExtractor, SurfaceOptions};
-use isv::volume::{BlockSet, SparseVolume, TriangleMesh};
+use isv::take::MemoryLimit;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;
-
-/// Bytes that decoding takes at its peak for each voxel of a frame, rounded up: two samples of two bytes, of the frame and of the one
-/// before, and as much for levels, tables and what is made of the volume (`docs/design/031-hostile-files.md`).
-const BYTES_PER_VOXEL: u64 = 8;
 
 static CHOSEN: OnceLock<MemorySize> = OnceLock::new();
 
@@ -25,56 +18,9 @@ pub(crate) fn chosen() -> Option<MemorySize> {
     CHOSEN.get().copied()
 }
 
-/// Bounds on what a stream may ask of its decoder. Who says how much memory there is trusts the stream to use it.
-pub(crate) fn limits() -> Limits {
-    chosen().map_or_else(Limits::default, |MemorySize(bytes)| Limits {
-        frame_voxels: usize::try_from(bytes / BYTES_PER_VOXEL).unwrap_or(usize::MAX),
-        voxels_per_byte: usize::MAX,
-    })
-}
-
-/// The surface of a volume of a stream, of as many vertices as there is memory for: each takes, with its normal and its triangles, what
-/// eight voxels do.
-pub(crate) fn surface(volume: &SparseVolume, options: SurfaceOptions) -> Result<TriangleMesh> {
-    let limit = (limits().frame_voxels / 8).min(u32::MAX as usize);
-    let mut extractor = SurfaceExtractor::new(options);
-    match extractor.extract_within(volume, limit) {
-        Ok(_) => Ok(extractor.into_mesh()),
-        Err(error) => Err(match chosen() {
-            Some(size) => anyhow!("{error}: that is what --max-memory {size} has room for"),
-            None => anyhow!("{error}: --max-memory with a larger amount allows it"),
-        }),
-    }
-}
-
-/// Refuses a volume whose decoded frame would be refused. `extended`: whether decoders make up the blocks around it, as they do in
-/// profile `main`.
-pub(crate) fn check_frame(volume: &SparseVolume, extended: bool) -> Result<()> {
-    let limit = limits().frame_voxels / volume.grid().edge.block_voxels();
-    let with_neighbours = || BlockSet::of(volume.coords()).dilated().count();
-    let blocks = match extended {
-        // Mostly there is room for all neighbours that so many blocks can have.
-        true if volume.block_count() > limit / 27 => with_neighbours(),
-        _ => volume.block_count(),
-    };
-    if blocks <= limit {
-        return Ok(());
-    }
-    let why = format!("the decoded frame would have {blocks} blocks, above the limit of {limit}");
-    Err(match chosen() {
-        Some(size) => {
-            anyhow!("{why}: that is what --max-memory {size} has room for; larger voxels need less")
-        }
-        None => anyhow!(
-            "{why} that decoders have: try larger voxels, or --max-memory with a larger amount, which then decoders need too"
-        ),
-    })
-}
-
-/// Largest payload of a packet worth reading: a frame that is larger than its samples was not compressed.
-pub(crate) fn largest_payload() -> u32 {
-    let bytes = chosen().map_or(u64::MAX, |MemorySize(bytes)| bytes / 4);
-    u32::try_from(bytes).unwrap_or(u32::MAX)
+/// Memory for the frames of streams.
+pub(crate) fn limit() -> MemoryLimit {
+    MemoryLimit { bytes: chosen().map(MemorySize::bytes) }
 }
 
 impl MemorySize {

@@ -8,7 +8,6 @@ use std::io::{IsTerminal, stderr};
 #[derive(Debug)]
 pub(crate) struct Progress {
     bar: ProgressBar,
-    silent: bool,
 }
 
 impl Progress {
@@ -17,19 +16,24 @@ impl Progress {
         let target =
             if stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(total.map(|n| n as u64), target).with_message(label);
-        let template = match total {
-            Some(_) => "{msg} {wide_bar} {pos}/{len} {eta}",
-            None => "{msg} {pos} {elapsed}",
-        };
-        bar.set_style(ProgressStyle::with_template(template).expect("the templates above are well-formed"));
-        Self { bar, silent: false }
+        let progress = Self { bar };
+        progress.show_share(total.is_some());
+        progress
     }
 
-    /// The same with nothing to say: for a pass over frames that are looked at again.
-    pub(crate) fn silent(total: Option<usize>, label: &'static str) -> Self {
-        let mut progress = Self::new(total, label);
-        progress.silent = true;
-        progress
+    /// The number of steps becomes known.
+    pub(crate) fn expect(&self, total: usize) {
+        self.bar.set_length(total as u64);
+        self.show_share(true);
+    }
+
+    fn show_share(&self, is_known: bool) {
+        let template = match is_known {
+            true => "{msg} {wide_bar} {pos}/{len} {eta}",
+            false => "{msg} {pos} {elapsed}",
+        };
+        self.bar
+            .set_style(ProgressStyle::with_template(template).expect("the templates above are well-formed"));
     }
 
     /// One step is done.
@@ -37,17 +41,19 @@ impl Progress {
         self.bar.inc(1);
     }
 
+    /// Takes the bar away.
+    pub(crate) fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+
     /// Says something on stderr, above the bar.
     pub(crate) fn note(&self, sentence: &str) {
-        if self.silent {
-            return;
-        }
         self.bar.suspend(|| say(sentence));
     }
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.bar.finish_and_clear();
+        self.clear();
     }
 }

@@ -3,9 +3,10 @@
 use crate::failure::usage;
 use crate::interrupt;
 use crate::output::is_pipe;
-use crate::up::Up;
+use crate::terms::UpName;
 use crate::{memory, stream};
 use anyhow::{Context, Result};
+use isv::take::Up;
 use isv_serve::{PageOptions, Server, Settings};
 use std::fs;
 use std::path::PathBuf;
@@ -21,13 +22,16 @@ const PATIENCE: Duration = Duration::from_millis(50);
 pub(crate) struct ShowArgs {
     /// The axis that points up in the player [default: y]
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
-    up: Option<Up>,
+    up: Option<UpName>,
 }
 
 impl ShowArgs {
     /// What the page is told; the memory is that of `--max-memory`.
     pub(crate) fn page_options(self) -> PageOptions {
-        PageOptions { up: self.up.map(Up::name), max_memory: memory::chosen().map(memory::MemorySize::bytes) }
+        PageOptions {
+            up: self.up.map(|up| Up::from(up).name()),
+            max_memory: memory::chosen().map(memory::MemorySize::bytes),
+        }
     }
 }
 

@@ -2,10 +2,12 @@
 
 use clap::ValueEnum;
 use isv::decode::Lod;
-use isv::encode::{MotionMode, Preset, Refresh};
+use isv::encode::{Band, MotionMode, Preset, Refresh};
 use isv::format::Prediction;
 use isv::ingest::SignMode;
 use isv::io::{DenseAxes, GlbEncoding, SampleAt};
+use isv::take::Up;
+use isv::take::encode::{FusionMode, Normals, ProfileChoice, TimestampSource};
 
 /// `--profile`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -267,5 +269,101 @@ pub(crate) fn prediction(prediction: Prediction) -> &'static str {
         Prediction::ZeroMotion => "zero",
         Prediction::ThreeDof => "3dof",
         Prediction::SixDof => "6dof",
+    }
+}
+
+/// `--up`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpName {
+    /// Y, as in most meshes and in glTF
+    #[default]
+    #[value(name = "y")]
+    Y,
+    /// Z, as in Blender, CAD, surveys and ROS
+    #[value(name = "z")]
+    Z,
+    /// X
+    #[value(name = "x")]
+    X,
+    /// Down is Y, as in the frame of a depth camera
+    #[value(name = "-y")]
+    MinusY,
+    /// Down is Z
+    #[value(name = "-z")]
+    MinusZ,
+    /// Down is X
+    #[value(name = "-x")]
+    MinusX,
+}
+
+impl From<UpName> for Up {
+    fn from(name: UpName) -> Self {
+        match name {
+            UpName::Y => Self::Y,
+            UpName::Z => Self::Z,
+            UpName::X => Self::X,
+            UpName::MinusY => Self::MinusY,
+            UpName::MinusZ => Self::MinusZ,
+            UpName::MinusX => Self::MinusX,
+        }
+    }
+}
+
+impl From<ProfileName> for ProfileChoice {
+    fn from(name: ProfileName) -> Self {
+        match name {
+            ProfileName::Paper => Self::Paper,
+            ProfileName::Main => Self::Main,
+        }
+    }
+}
+
+impl From<BandName> for Band {
+    fn from(name: BandName) -> Self {
+        match name {
+            BandName::Surface => Self::Surface,
+            BandName::Full => Self::Full,
+        }
+    }
+}
+
+impl From<NormalsName> for Normals {
+    fn from(name: NormalsName) -> Self {
+        match name {
+            NormalsName::Given => Self::Given,
+            NormalsName::Estimate => Self::Estimate,
+        }
+    }
+}
+
+impl From<FusionName> for FusionMode {
+    fn from(name: FusionName) -> Self {
+        match name {
+            FusionName::PerFrame => Self::PerFrame,
+            FusionName::Accumulate => Self::Accumulate,
+        }
+    }
+}
+
+impl From<TimestampsName> for TimestampSource {
+    fn from(name: TimestampsName) -> Self {
+        match name {
+            TimestampsName::Source => Self::Source,
+            TimestampsName::Rate => Self::Rate,
+            TimestampsName::Clock => Self::Clock,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_have_the_names_of_the_library() {
+        for name in UpName::value_variants() {
+            let shown = name.to_possible_value().unwrap();
+            assert_eq!(shown.get_name(), Up::from(*name).name());
+        }
     }
 }

@@ -52,4 +52,5 @@ pub use isv_kernels as kernels;
 pub use isv_metrics as metrics;
 pub use isv_simplify as simplify;
 pub use isv_surface as surface;
+pub use isv_take as take;
 pub use isv_volume as volume;

@@ -1,6 +1,7 @@
 //! The stream header: what holds for every frame.
 
 use crate::FormatError;
+use crate::FrameRate;
 use crate::bytes::ByteReader;
 use crate::reader::read_up_to;
 use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
@@ -61,29 +62,6 @@ impl PaperParameters {
             require((1..=STEP_LIMIT).contains(&step), at, || format!("quantizer step {step}"))?;
         }
         Ok(())
-    }
-}
-
-/// Frames a second as a fraction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameRate {
-    /// Frames in `denominator` seconds; not 0.
-    pub numerator: u32,
-    /// Seconds; not 0.
-    pub denominator: u32,
-}
-
-impl FrameRate {
-    /// Frames a second.
-    #[must_use]
-    pub fn per_second(self) -> f64 {
-        f64::from(self.numerator) / f64::from(self.denominator)
-    }
-
-    /// Start of a frame in nanoseconds, rounded down.
-    #[must_use]
-    pub fn timestamp_ns(self, frame: u64) -> u64 {
-        (u128::from(frame) * u128::from(self.denominator) * 1_000_000_000 / u128::from(self.numerator)) as u64
     }
 }
 

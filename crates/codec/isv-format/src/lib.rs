@@ -12,6 +12,7 @@
 mod bytes;
 mod error;
 mod frame;
+mod frame_rate;
 mod header;
 mod index;
 mod packet;
@@ -24,7 +25,8 @@ pub use error::FormatError;
 pub use frame::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
 };
-pub use header::{FORMAT_VERSION, FrameRate, MAGIC, PaperParameters, Profile, StreamHeader};
+pub use frame_rate::{FrameRate, ParseFrameRateError};
+pub use header::{FORMAT_VERSION, MAGIC, PaperParameters, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;

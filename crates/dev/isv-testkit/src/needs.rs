@@ -5,9 +5,9 @@ use std::fs::OpenOptions;
 use std::io::Write;
 
 /// The environment variable that lists needs by name, separated by commas. A test that would be skipped for one of them fails.
-pub const REQUIRE_VARIABLE: &str = "ISV_REQUIRE";
+pub(crate) const REQUIRE_VARIABLE: &str = "ISV_REQUIRE";
 /// The environment variable with the file to which each skip adds a line: the need and the test.
-pub const SKIPS_VARIABLE: &str = "ISV_SKIPS";
+pub(crate) const SKIPS_VARIABLE: &str = "ISV_SKIPS";
 
 /// A thing outside the repository that a test may need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ impl Need {
         Self::MemoryUse,
     ];
 
-    /// Name in [`REQUIRE_VARIABLE`].
+    /// Name in `ISV_REQUIRE`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -62,7 +62,7 @@ impl Need {
         }
     }
 
-    /// Whether [`REQUIRE_VARIABLE`] lists this need.
+    /// Whether `ISV_REQUIRE` lists this need.
     ///
     /// # Panics
     /// If the variable lists a name that is none: a test that it was to require would be skipped in silence.
@@ -78,10 +78,10 @@ impl Need {
     }
 }
 
-/// Skips the test that calls it: says why, and adds a line to the file of [`SKIPS_VARIABLE`].
+/// Skips the test that calls it: says why, and adds a line to the file of `ISV_SKIPS`.
 ///
 /// # Panics
-/// If [`REQUIRE_VARIABLE`] lists the need.
+/// If `ISV_REQUIRE` lists the need.
 pub fn skip(need: Need, why: impl Display) {
     assert!(!need.is_required(), "{REQUIRE_VARIABLE} lists {}: {why}", need.name());
     println!("skipped: {why}");

@@ -7,12 +7,9 @@ mod store;
 mod take;
 mod worker;
 
-use crate::capture::Hints;
+use crate::capture;
 use crate::count;
 use crate::failure::usage;
-use crate::frame_range::FrameRange;
-use crate::frame_rate;
-use crate::length::Length;
 use crate::origin;
 use crate::output::print;
 use crate::output_name;
@@ -25,6 +22,9 @@ use isv::format::FrameRate;
 use isv::ingest::{MeshIngest, SignDecision, decide_sign};
 use isv::io::{Unit, read_mesh};
 use isv::metrics::CompareOptions;
+use isv::take::FrameRange;
+use isv::take::Length;
+use isv::take::capture::Hints;
 use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{
     Codec, Exhibition, Metric, OperatingPoint, Record, Report, Scale, StudySettings, Take, Training,
@@ -88,7 +88,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
     /// Frames a second
-    #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
+    #[arg(long, default_value = "30")]
     fps: FrameRate,
     /// Threads that each codec may use; all cores without it
     #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
@@ -187,15 +187,15 @@ impl Study {
     fn new(args: &Args) -> Result<Self> {
         let voxel_size = VoxelSize::from_metres(args.voxel.metres())
             .map_err(|error| usage(format!("--voxel {}: {error}", args.voxel)))?;
-        let hints = Hints { frame_rate: args.fps, ..Hints::in_unit(args.units) }.with_origin(args.origin);
-        let take = CapturedTake::open(&args.input, hints, args.frames)?;
+        let hints = Hints { frame_rate: args.fps, ..capture::hints(args.units) }.with_origin(args.origin);
+        let take = CapturedTake::open(&args.input, hints.clone(), args.frames)?;
         if args.train.contains(&args.input) {
             return Err(usage(format!(
                 "--train {}: a transform trained on the take itself is tang-scene",
                 args.input.display()
             )));
         }
-        let training = args.train.iter().map(|input| CapturedTake::open(input, hints, None));
+        let training = args.train.iter().map(|input| CapturedTake::open(input, hints.clone(), None));
         let training = training.collect::<Result<Vec<_>>>()?;
         let picture = args.picture.unwrap_or(take.range().start + take.frames() / 2);
         if !take.range().contains(&picture) {

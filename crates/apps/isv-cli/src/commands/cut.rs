@@ -1,11 +1,11 @@
 //! `isv cut`: some frames of a stream, as they are.
 
-use crate::continuity::Continuity;
-use crate::frame_range::FrameRange;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::format::{PacketReader, PacketWriter, StreamIndex};
+use isv::take::stream::Continuity;
+use isv::take::{FrameRange, StreamFault};
 use std::io::{Seek, SeekFrom};
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
     check_stream_output(&[&args.input], &args.output)?;
     let index = stream::load_index(&args.input)?;
-    let range = args.frames.within(index.frames.len(), &name)?;
+    let range = args.frames.within(index.frames.len()).map_err(|error| StreamFault::from(error).of(&name))?;
     if !index.frames[range.start].keyframe {
         bail!("{name}: frame {} is no keyframe: {}", range.start, advice(&index, range.start));
     }
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut writer = None;
     let (mut first_ns, mut continuity) = (0, Continuity::default());
     for frame in range.clone() {
-        let Some(packet) = packets.next_frame().with_context(|| name.clone())? else {
+        let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? else {
             bail!("{name}: ends before frame {frame}");
         };
         if frame == range.start && !packet.is_keyframe() {

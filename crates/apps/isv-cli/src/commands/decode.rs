@@ -5,26 +5,28 @@ mod product;
 mod sink;
 mod target_frame;
 
-use crate::ahead::Ahead;
 use crate::backend::BackendArgs;
 use crate::count;
 use crate::failure::usage;
-use crate::frame_range::FrameRange;
-use crate::held_frames::HeldFrames;
 use crate::interrupt;
-use crate::length::Length;
 use crate::output::{frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile, timed};
-use crate::stream::{self, StreamFrame, StreamFrames};
+use crate::stream;
 use crate::terms::{AfterLossName, FormName, GlbName, LodName};
 use crate::threads::use_threads;
+use crate::words;
 use anyhow::{Context, Result, anyhow, bail};
 use budget::{BudgetArgs, Reduction, Reductions};
 use isv::decode::Lod;
 use isv::format::StreamHeader;
 use isv::io::Format;
 use isv::surface::SurfaceOptions;
+use isv::take::FrameRange;
+use isv::take::Length;
+use isv::take::Prefetch;
+use isv::take::stream::{ConcealingFrames, StreamFrame, StreamFrames};
+use isv::take::{Input, StreamError};
 use product::{OutputFormat, Product, Recipe};
 use rayon::prelude::*;
 use sink::Sink;
@@ -131,8 +133,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     });
     drop(progress);
     done.map_err(|error| {
-        let is_loss = stream::is_loss(&error) && !stream::is_cut(&error);
-        let error = sink.account_for(error);
+        let is_loss = stream::fault(&error).is_some_and(|fault| fault.is_loss() && !fault.is_cut());
+        let error = sink.account_for(anyhow!("{}", words::error(&error).0));
         if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
     })?;
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
@@ -169,17 +171,16 @@ enum Source {
     /// A stream that is to be whole.
     Whole(Box<StreamFrames>),
     /// One that may have losses.
-    Lossy(Box<HeldFrames>),
+    Lossy(Box<ConcealingFrames>),
 }
 
 impl Source {
     fn open(args: &Args) -> Result<Self> {
-        let (input, range, lod) = (&args.input, args.frames, args.lod.into());
+        let input = Input::from_argument(&args.input);
+        let settings = args.backend.decode_settings(args.frames, args.lod.into())?;
         Ok(match args.after_loss {
-            AfterLossName::Stop => {
-                Self::Whole(Box::new(StreamFrames::open(input, range, lod, args.backend)?))
-            }
-            AfterLossName::Hold => Self::Lossy(Box::new(HeldFrames::open(input, range, lod, args.backend)?)),
+            AfterLossName::Stop => Self::Whole(Box::new(StreamFrames::open(&input, &settings)?)),
+            AfterLossName::Hold => Self::Lossy(Box::new(ConcealingFrames::open(&input, &settings)?)),
         })
     }
 
@@ -201,7 +202,7 @@ impl Source {
     }
 }
 
-type StreamFrameIterator = Box<dyn Iterator<Item = Result<StreamFrame>> + Send>;
+type StreamFrameIterator = Box<dyn Iterator<Item = Result<StreamFrame, StreamError>> + Send>;
 
 /// A frame ready to be written.
 struct DecodedFrame {
@@ -220,22 +221,22 @@ fn products(
     recipe: Recipe,
     taking_turns: bool,
 ) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
-    let make = move |frame: Result<StreamFrame>| {
+    let make = move |frame: Result<StreamFrame, StreamError>| {
         let StreamFrame { number, timestamp_ns, volume, coded_blocks, surface, decode_ms } = frame?;
         let (made, surface_ms) = timed(|| recipe.make(volume, coded_blocks.as_ref(), surface));
         let (product, reduction) = made.with_context(|| format!("frame {number}"))?;
         Ok(DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
     };
+    let stop = interrupt::cancellation();
     if taking_turns {
         Box::new(frames.take_while(|_| !interrupt::requested()).map(make))
     } else if recipe.budget.is_some() {
         // A mesh is simplified on one core: as many frames are at it as there are cores.
-        let batches = Batches { frames: Ahead::new(frames), size: rayon::current_num_threads() };
-        Box::new(Ahead::new(
-            batches.flat_map(move |batch| batch.into_par_iter().map(&make).collect::<Vec<_>>()),
-        ))
+        let batches = Batches { frames: Prefetch::new(frames, stop), size: rayon::current_num_threads() };
+        let made = batches.flat_map(move |batch| batch.into_par_iter().map(&make).collect::<Vec<_>>());
+        Box::new(Prefetch::new(made, stop))
     } else {
-        Box::new(Ahead::new(Ahead::new(frames).map(make)))
+        Box::new(Prefetch::new(Prefetch::new(frames, stop).map(make), stop))
     }
 }
 

@@ -4,7 +4,6 @@ use crate::output::{Output, check_frame_output, check_stream_output, frames_in_w
 use crate::output_name;
 use crate::progress::Progress;
 use crate::stats::{megabits_per_second, timed};
-use crate::stream;
 use crate::table::table_of;
 use anyhow::{Context, Result};
 use isv::decode::{Decoder, Limits};
@@ -16,6 +15,7 @@ use isv::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
 use isv::io::{Format, write_mesh};
 use isv::metrics::{CompareOptions, compare};
 use isv::surface::{SurfaceOptions, extract_surface};
+use isv::take::StreamFault;
 use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::{BOUNDS_M, figure_mesh};
 use isv_render::{Camera, ErrorScale, Picture, Style, colour_bar, contact_sheet, render, render_errors};
@@ -228,7 +228,7 @@ impl Take {
         let mut frame = 0;
         while let Some(packet) = packets.next_frame()? {
             let (result, ms) = timed(|| decoder.decode_and_verify(&packet));
-            let volume = result.map_err(|error| stream::fault("the figure's stream", 0, error))?.volume;
+            let volume = result.map_err(|error| StreamFault::from(error).of("the figure's stream"))?.volume;
             if self.picks.contains(&frame) {
                 decoded.shown.push(extract_surface(volume, &SurfaceOptions { normals: true }));
             }

@@ -1,23 +1,24 @@
 //! `isv eval`: how far frames are from a reference.
 
-use crate::ahead::Ahead;
-use crate::capture::{Capture, CapturedFrame, Content, Hints, invalid_points};
-use crate::frame_range::FrameRange;
-use crate::frame_rate;
-use crate::length::Length;
+use crate::capture::{self, invalid_points};
+use crate::interrupt;
 use crate::matching::matching_ranges;
 use crate::memory;
 use crate::origin;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
-use crate::up::Up;
+use crate::terms::UpName;
 use anyhow::{Context, Result, bail};
 use comfy_table::Table;
 use isv::format::FrameRate;
 use isv::io::{Geometry, Unit};
 use isv::metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
 use isv::surface::SurfaceOptions;
+use isv::take::FrameRange;
+use isv::take::Length;
+use isv::take::Prefetch;
+use isv::take::capture::{Capture, CapturedFrame, Content, Hints};
 use isv::volume::TriangleMesh;
 use serde::Serialize;
 use std::ops::Range;
@@ -48,18 +49,18 @@ pub(crate) struct Args {
     origin: Option<[f64; 3]>,
     /// Axis of the reference that points up: what isv encode was told
     #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
-    up: Up,
+    up: UpName,
     /// The place of the measured meshes and points, in their unit, that is the origin: what isv decode was told
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     test_origin: Option<[f64; 3]>,
     /// Axis of what is measured that points up: what isv decode was told
     #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
-    test_up: Up,
+    test_up: UpName,
     /// Leave out points that are not finite or lie at exactly (0,0,0), as cameras write "no reading"
     #[arg(long)]
     drop_invalid_points: bool,
     /// Frames a second at which animated files are sampled
-    #[arg(long, value_parser = frame_rate::parse, default_value = "30")]
+    #[arg(long, default_value = "30")]
     fps: FrameRate,
     /// Only these frames of REFERENCE, and of TEST unless it has just as many
     #[arg(long, value_name = "A..B")]
@@ -80,14 +81,14 @@ struct Evaluation<'a> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let invalid_points = invalid_points(args.drop_invalid_points);
-    let hints = |unit, origin, up| Hints {
+    let hints = |unit, origin, up: UpName| Hints {
         frame_rate: args.fps,
-        up,
+        up: up.into(),
         invalid_points,
-        ..Hints::in_unit(unit).with_origin(origin)
+        ..capture::hints(unit).with_origin(origin)
     };
-    let reference = Capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
-    let test = Capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
+    let reference = capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
+    let test = capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
     let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
     let first = reference_range.start;
     let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);
@@ -105,20 +106,21 @@ pub(crate) fn run(args: &Args) -> Result<()> {
 
 /// The frames of a capture as they are measured: what is a volume by its zero crossing, all else as it is. They are read
 /// and decoded ahead of their use.
-fn geometries(capture: Capture, range: Range<usize>) -> Result<Ahead<Result<Geometry>>> {
+fn geometries(capture: Capture, range: Range<usize>) -> Result<Prefetch<Result<Geometry>>> {
     let geometry = |frame: CapturedFrame| match frame.content {
         // A file of points without points is a frame without surface, whatever the other side holds.
         Content::Geometry(geometry) if geometry.is_empty() => Ok(Geometry::Mesh(TriangleMesh::default())),
         Content::Geometry(geometry) => Ok(geometry),
         Content::Volume(volume) | Content::Decoded(volume) => {
-            let surface = memory::surface(&volume, SurfaceOptions { normals: false });
+            let surface = memory::limit().surface(&volume, SurfaceOptions { normals: false });
             Ok(Geometry::Mesh(surface.context(frame.name)?))
         }
         Content::Depth(_) => {
             bail!("{}: depth images have no surface to measure: isv encode makes one of them", frame.name)
         }
     };
-    Ok(Ahead::new(capture.read(range)?.map(move |frame| geometry(frame?))))
+    let geometries = capture.read(range)?.map(move |frame| geometry(frame?));
+    Ok(Prefetch::new(geometries, interrupt::cancellation()))
 }
 
 /// Compares pairs of reference and test; `first` is the number of the first.

@@ -1,12 +1,10 @@
 //! `isv info`: what a stream says about itself.
 
 use crate::failure::one_line;
-use crate::length::Length;
 use crate::output::{frames_in_words, print, say};
 use crate::stats::megabits_per_second;
 use crate::stream;
 use crate::terms;
-use crate::timeline::Timeline;
 use anyhow::{Context, Result, bail};
 use comfy_table::{Table, presets};
 use isv::format::{
@@ -14,6 +12,8 @@ use isv::format::{
     PaperParameters, Profile, StreamHeader,
 };
 use isv::kernels::quant::STEP_FRACTION_BITS;
+use isv::take::Length;
+use isv::take::timeline::Timeline;
 use isv::volume::CODES_PER_VOXEL;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

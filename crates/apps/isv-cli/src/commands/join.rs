@@ -1,12 +1,13 @@
 //! `isv join`: streams one after the other, as one.
 
-use crate::continuity::Continuity;
 use crate::failure::usage;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
-use crate::timeline::frame_at;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use isv::format::{PacketWriter, StreamHeader};
+use isv::take::StreamFault;
+use isv::take::stream::Continuity;
+use isv::take::timeline::frame_at;
 use std::fs;
 use std::path::PathBuf;
 
@@ -46,7 +47,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             bail!("{name}: has changed while streams were joined");
         }
         let (mut first_ns, begin_ns, mut continuity) = (None, next_ns, Continuity::default());
-        while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
+        while let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? {
             if first_ns.is_none() && !packet.is_keyframe() {
                 bail!("{name}: does not begin with a keyframe: isv repair makes a stream that does");
             }

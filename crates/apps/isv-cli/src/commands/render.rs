@@ -6,18 +6,15 @@ mod format;
 mod sink;
 mod studio;
 
-use crate::capture::{Capture, Hints};
+use crate::capture;
 use crate::count;
 use crate::failure::usage;
-use crate::frame_range::FrameRange;
-use crate::frame_rate;
 use crate::interrupt;
-use crate::length::Length;
 use crate::origin;
 use crate::output::{Output, is_pipe, is_same_file, say};
 use crate::output_name;
 use crate::progress::Progress;
-use crate::up::Up;
+use crate::terms::UpName;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use extent::{Extent, View};
@@ -25,6 +22,9 @@ use footage::Footage;
 use format::PictureFormat;
 use isv::format::FrameRate;
 use isv::io::Unit;
+use isv::take::FrameRange;
+use isv::take::Length;
+use isv::take::capture::{Capture, DEFAULT_FRAME_RATE, Hints};
 use isv_render::{Background, Camera, ErrorScale, PictureRate, SeenErrors, Shading, Style};
 use sink::PictureSink;
 use std::num::NonZero;
@@ -43,9 +43,6 @@ const MAX_PIXELS: usize = 1 << 28;
 
 /// Most pictures of a turn.
 const MAX_TURN: u64 = 36_000;
-
-/// Where neither the user nor the input says how many frames a second there are.
-const DEFAULT_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 
 /// Draw frames, shaded by normal or coloured by error: a picture, a contact sheet or an animation
 #[derive(Debug, clap::Args)]
@@ -85,7 +82,7 @@ pub(crate) struct Args {
     pitch: Option<f64>,
     /// Axis of the input that points up: -y for streams of a depth camera that nobody turned
     #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
-    up: Up,
+    up: UpName,
     /// Which normals faces are shaded by
     #[arg(long, value_enum, default_value = "smooth")]
     shade: ShadeName,
@@ -109,7 +106,7 @@ pub(crate) struct Args {
     captions: bool,
     /// Pictures a second of an animation, and frames a second at which an animated file is sampled; without it, those of
     /// the input, or 30
-    #[arg(long, value_parser = frame_rate::parse)]
+    #[arg(long)]
     fps: Option<FrameRate>,
     /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
     #[arg(long, default_value_t = Unit::Metre)]
@@ -128,7 +125,7 @@ pub(crate) struct Args {
     against_origin: Option<[f64; 3]>,
     /// Axis of --against that points up; without it, that of the input
     #[arg(long, value_enum, requires = "against", allow_hyphen_values = true)]
-    against_up: Option<Up>,
+    against_up: Option<UpName>,
 }
 
 /// `--shade`
@@ -228,11 +225,12 @@ impl Shots {
 impl Args {
     /// Opens the input.
     fn capture(&self) -> Result<Capture> {
-        Capture::open(&self.input, &Hints { frame_rate: self.sampling_rate(), ..Hints::in_unit(self.units) })
+        let hints = Hints { frame_rate: self.sampling_rate(), ..capture::hints(self.units) };
+        Ok(capture::open(&self.input, &hints)?)
     }
 
     fn sampling_rate(&self) -> FrameRate {
-        self.fps.unwrap_or(DEFAULT_RATE)
+        self.fps.unwrap_or(DEFAULT_FRAME_RATE)
     }
 
     fn shots(&self, frames: usize) -> Shots {
@@ -268,7 +266,7 @@ impl Args {
 
     /// How fast pictures follow each other, if the format can say so.
     fn picture_rate(&self, format: PictureFormat, of_input: Option<FrameRate>) -> Result<PictureRate> {
-        let rate = self.fps.or(of_input).unwrap_or(DEFAULT_RATE);
+        let rate = self.fps.or(of_input).unwrap_or(DEFAULT_FRAME_RATE);
         let rate = PictureRate { pictures: rate.numerator, seconds: rate.denominator };
         if format == PictureFormat::Gif && !rate.fits_gif() {
             return Err(usage(format!(

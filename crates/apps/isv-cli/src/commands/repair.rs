@@ -1,12 +1,12 @@
 //! `isv repair`: what is sound of a damaged stream, as a stream.
 
-use crate::continuity::is_doubled;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
-use crate::stream::ByteSource;
 use crate::{memory, stream};
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::{Decoder, Limits};
 use isv::format::{Packet, PacketWriter, RefusalClass, SalvageReader, Salvaged, StreamHeader};
+use isv::take::stream::ByteSource;
+use isv::take::stream::is_doubled;
 use std::iter;
 use std::path::{Path, PathBuf};
 
@@ -66,7 +66,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut packets = args.packets()?;
     // Nothing is written before there is something to write.
     let mut writer = None;
-    let (mut chain, mut report) = (Chain::new(packets.header(), memory::limits()), Report::default());
+    let (mut chain, mut report) =
+        (Chain::new(packets.header(), memory::limit().decoder_limits()), Report::default());
     let (mut damaged, mut last) = (0, None);
     while let Some(found) = packets.next_frame().with_context(|| name.clone())? {
         let packet = match found {

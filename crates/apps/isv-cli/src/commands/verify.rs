@@ -1,13 +1,15 @@
 //! `isv verify`: is a stream whole and sound?
 
-use crate::backend::{self, BackendArgs};
+use crate::backend::BackendArgs;
 use crate::failure::{one_line, usage};
 use crate::output::{frames_in_words, is_pipe, print, say};
 use crate::progress::Progress;
 use crate::stream;
+use crate::words;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::decode::Lod;
 use isv::format::{IndexEntry, StreamIndex};
+use isv::take::{DeviceError, Event, StreamFault};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let mut verified = Verified::default();
         let checked = verify(input, args.backend, &mut verified).map_err(stream::advise_repair);
         let checked = checked.map_err(|error| with_sound(error, verified));
-        let error = checked.err().map(|error| one_line(&format!("{error:#}")));
+        let error = checked.err().map(|error| one_line(&words::error(&error).0));
         if !args.json {
             match &error {
                 None => print(&sound(input, verified))?,
@@ -97,10 +99,11 @@ fn verify_in_words(input: &Path, backend: BackendArgs) -> Result<()> {
 fn with_sound(error: anyhow::Error, verified: Verified) -> anyhow::Error {
     match verified.frames {
         0 => error,
-        1 => anyhow!("{error:#}: the frame before is sound, and --frames 0..1 decodes it"),
-        frames => {
-            anyhow!("{error:#}: the {frames} frames before are sound, and --frames 0..{frames} decodes them")
-        }
+        1 => anyhow!("{}: the frame before is sound, and --frames 0..1 decodes it", words::error(&error).0),
+        frames => anyhow!(
+            "{}: the {frames} frames before are sound, and --frames 0..{frames} decodes them",
+            words::error(&error).0
+        ),
     }
 }
 
@@ -112,13 +115,16 @@ fn sound(input: &Path, Verified { frames, hashed }: Verified) -> String {
 fn verify(input: &Path, used: BackendArgs, verified: &mut Verified) -> Result<()> {
     let name = stream::name(input);
     let (mut packets, header) = stream::open(input)?;
-    let decoder = used.decoder(&header, Lod::Full);
-    let mut decoder = decoder.with_context(|| name.clone())?;
+    let settings = used.decode_settings(None, Lod::Full)?;
+    let (limits, observer) = (settings.memory.decoder_limits(), &*settings.observer);
+    let decoder = settings.device.decoder(&header, limits, Lod::Full, observer);
+    let mut decoder = decoder.map_err(|fault| fault.of(&name))?;
     let (progress, mut found) = (Progress::new(None, "verifying"), StreamIndex::default());
-    while let Some(packet) = packets.next_frame().with_context(|| name.clone())? {
-        let decoded = decoder.decode_and_verify(&packet).map_err(|error| stream::fault(&name, 0, error))?;
+    while let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? {
+        let decoded = decoder.decode_and_verify(&packet);
+        let decoded = decoded.map_err(|error| StreamFault::from(error).of(&name))?;
         if let Some(why) = decoder.take_notice() {
-            backend::notify(&why);
+            observer.event(&Event::FellBack(DeviceError::new(why)));
         }
         found.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
         verified.frames += 1;

@@ -1,10 +1,11 @@
 //! A capture as a study reads it: again and again, as meshes.
 
-use crate::capture::{Capture, Hints};
-use crate::frame_range::FrameRange;
+use crate::capture;
 use anyhow::{Context, Result};
 use isv::format::FrameRate;
 use isv::io::FrameSequence;
+use isv::take::FrameRange;
+use isv::take::capture::Hints;
 use isv::volume::TriangleMesh;
 use isv_study::{Take, TakeError, TakeFrames};
 use std::fmt::Write;
@@ -25,7 +26,7 @@ pub(super) struct CapturedTake {
 impl CapturedTake {
     /// Counts the frames.
     pub(super) fn open(input: &Path, hints: Hints, frames: Option<FrameRange>) -> Result<Self> {
-        let capture = Capture::open(input, &hints)?;
+        let capture = capture::open(input, &hints)?;
         capture.counted()?;
         let range = capture.range(frames)?;
         let frame_rate = capture.frame_rate().unwrap_or(hints.frame_rate);
@@ -40,8 +41,8 @@ impl CapturedTake {
     /// One frame, counted from the first of the take.
     pub(super) fn mesh(&self, frame: usize) -> Result<TriangleMesh> {
         let at = self.range.start + frame;
-        let mut frames = Capture::open(&self.input, &self.hints)?.meshes(at..at + 1)?;
-        frames.next().with_context(|| format!("{}: frame {at} is gone", self.name))?
+        let mut frames = capture::open(&self.input, &self.hints)?.meshes(at..at + 1)?;
+        Ok(frames.next().with_context(|| format!("{}: frame {at} is gone", self.name))??)
     }
 
     /// What changes when the files do: their names, sizes and times.
@@ -84,7 +85,7 @@ impl Take for CapturedTake {
     }
 
     fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
-        let frames = Capture::open(&self.input, &self.hints)?.meshes(self.range.clone())?;
+        let frames = capture::open(&self.input, &self.hints)?.meshes(self.range.clone())?;
         Ok(Box::new(frames.map(|mesh| mesh.map_err(Into::into))))
     }
 }

@@ -2,11 +2,11 @@
 
 use crate::count;
 use crate::failure::usage;
-use crate::length::Length;
 use crate::output::{frames_in_words, say};
 use crate::terms::FormName;
 use anyhow::Result;
 use isv::simplify::{Budget, simplify};
+use isv::take::Length;
 use isv::volume::TriangleMesh;
 use std::num::NonZero;
 

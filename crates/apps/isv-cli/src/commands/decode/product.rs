@@ -3,17 +3,18 @@
 use super::budget::Reduction;
 use super::target_frame::TargetFrame;
 use crate::failure::usage;
-use crate::length::Length;
 use crate::memory;
 use crate::output_name;
-use crate::stream;
 use crate::terms::FormName;
 use anyhow::Result;
 use isv::format::Profile;
-use isv::gpu::AnyVolume;
+use isv::ingest::coded_field;
 use isv::io::Format;
 use isv::simplify::Budget;
 use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
+use isv::take::AnyVolume;
+use isv::take::Length;
+use isv::take::encode::with_distances;
 use isv::volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
@@ -179,7 +180,7 @@ impl Recipe {
 
     /// Makes the product of a volume, and its surface if that was extracted already.
     ///
-    /// `coded_blocks`: as [`stream::StreamFrame`] has them.
+    /// `coded_blocks`: as [`StreamFrame`](isv::take::stream::StreamFrame) has them.
     pub(super) fn make(
         &self,
         volume: AnyVolume,
@@ -206,16 +207,17 @@ impl Recipe {
         let Some(options) = self.surface() else {
             let volume = volume.into_sparse()?;
             return Ok(Product::Volume(match self.profile {
-                Profile::Main => match stream::full_band(&volume, coded_blocks) {
+                // Distances may be coded away from the surface too: --band full.
+                Profile::Main => match coded_blocks.and_then(|coded| coded_field(&volume, coded)) {
                     Some(field) => field,
-                    None => stream::with_distances(&volume)?,
+                    None => with_distances(&volume, memory::limit())?,
                 },
                 Profile::Paper(_) => volume,
             }));
         };
         let mesh = match surface {
             Some(mesh) => mesh,
-            None => memory::surface(&volume.into_sparse()?, options)?,
+            None => memory::limit().surface(&volume.into_sparse()?, options)?,
         };
         Ok(match self.form {
             FormName::Points => Product::Points(sample_evenly(&mesh, self.density)?),

@@ -6,13 +6,13 @@ use crate::failure::usage;
 use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
 use crate::terms::GlbName;
-use crate::timeline::Timeline;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::format::FrameRate;
 use isv::io::{
     Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_placed, write_points_placed,
     write_vdb_placed, write_volume,
 };
+use isv::take::timeline::Timeline;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;

@@ -2,15 +2,15 @@
 
 use super::product::{OutputFormat, Product};
 use crate::failure::usage;
-use crate::length::Length;
 use crate::origin;
 use crate::output::say;
 use crate::terms::FormName;
-use crate::up::Up;
+use crate::terms::UpName;
 use anyhow::Result;
-use clap::ValueEnum;
 use glam::DVec3;
 use isv::io::{Format, Geometry, Placement, Unit};
+use isv::take::Length;
+use isv::take::Up;
 use isv::volume::{PointCloud, TriangleMesh};
 
 /// Rounding of coordinates that nobody minds, in metres, where voxels are large.
@@ -34,7 +34,7 @@ pub(super) struct TargetFrameArgs {
     origin: Option<[f64; 3]>,
     /// Axis of the output that points up; streams are Y up
     #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
-    up: Up,
+    up: UpName,
 }
 
 impl TargetFrameArgs {
@@ -46,7 +46,7 @@ impl TargetFrameArgs {
         voxel_m: f64,
     ) -> Result<TargetFrame> {
         let moved = DVec3::from(self.origin.unwrap_or_default());
-        let turned = self.up != Up::Y;
+        let turned = self.up != UpName::Y;
         let given =
             [("--units", self.units != Unit::Metre), ("--origin", self.origin.is_some()), ("--up", turned)];
         let kept = |flag: &str| form != FormName::Volume || (format == OutputFormat::Vdb && flag != "--up");
@@ -61,17 +61,16 @@ impl TargetFrameArgs {
             }));
         }
         if matches!(format, OutputFormat::Geometry(Format::Glb)) && (self.units != Unit::Metre || turned) {
-            let up = self.up.to_possible_value().expect("no variant is skipped");
+            let up = Up::from(self.up).name();
             say(format_args!(
                 "glTF means metres and Y up: other programs will take {} and {} up for these",
-                self.units,
-                up.get_name()
+                self.units, up
             ));
         }
         let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / self.units.metres();
         Ok(TargetFrame {
             unit: self.units,
-            up: self.up,
+            up: self.up.into(),
             placement: Placement { translation: moved, tolerance },
             is_rounded: matches!(format, OutputFormat::Geometry(Format::Stl)),
         })

@@ -2,26 +2,11 @@
 
 use super::paper::PaperArgs;
 use super::target::TargetArgs;
-use crate::capture::{Capture, default_voxel_size};
-use crate::failure::usage;
-use crate::frame_rate;
-use crate::length::Length;
 use crate::terms::{BandName, ProfileName};
-use anyhow::Result;
-use isv::encode::MotionMode;
-use isv::format::{FrameRate, Profile, StreamHeader};
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::format::FrameRate;
+use isv::take::Length;
+use isv::take::encode::{EncodeOptions, VoxelChoice};
 use std::str::FromStr;
-
-const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
-/// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
-fn default_grid() -> Grid {
-    Grid {
-        voxel_size: default_voxel_size(),
-        edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).expect("8 is in range"),
-    }
-}
 
 /// `--voxel`
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +29,7 @@ pub(super) struct HeaderArgs {
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
     /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
-    #[arg(long, value_parser = frame_rate::parse)]
+    #[arg(long)]
     fps: Option<FrameRate>,
     /// Edge of a voxel, with a unit [default: what fits the input]
     ///
@@ -72,130 +57,34 @@ pub(super) struct HeaderArgs {
 }
 
 impl HeaderArgs {
-    /// The header, every field checked; the capture has a say in what was not asked for.
-    pub(super) fn header(&self, capture: &Capture) -> Result<StreamHeader> {
-        let grid = self.grid(capture.grid())?;
-        Ok(StreamHeader {
-            profile: self.profile(&grid)?,
-            grid,
-            frame_rate: self.fps.or(capture.frame_rate()).unwrap_or(DEFAULT_FRAME_RATE),
-        })
-    }
-
-    /// The flags of profile `main`.
-    pub(super) fn target(&self) -> &TargetArgs {
-        &self.target
-    }
-
-    /// The profile asked for, or the default: main, but for the whole band, of which it has no place for the unobserved voxels.
-    pub(super) fn profile_name(&self) -> ProfileName {
-        let wants_main = self.target.first_given().is_some() || self.voxel_is_auto();
-        self.profile.unwrap_or(match self.band {
-            Some(BandName::Full) if !wants_main => ProfileName::Paper,
-            _ => ProfileName::Main,
-        })
-    }
-
-    /// How much of the volume to code, if that was asked for.
-    pub(super) fn band(&self) -> Option<BandName> {
-        self.band
-    }
-
-    /// How frames between keyframes are predicted in profile `paper`.
-    pub(super) fn motion(&self) -> MotionMode {
-        self.paper.motion()
-    }
-
-    /// The frame rate asked for, if any.
-    pub(super) fn frame_rate(&self) -> Option<FrameRate> {
-        self.fps
-    }
-
-    /// The voxel size asked for, if any.
-    pub(super) fn voxel_size(&self) -> Result<Option<VoxelSize>> {
-        let checked = |voxel: Length| {
-            VoxelSize::from_metres(voxel.metres()).map_err(|error| usage(format!("--voxel {voxel}: {error}")))
-        };
-        match self.voxel {
-            Some(VoxelArg::Edge(edge)) => checked(edge).map(Some),
-            Some(VoxelArg::Auto) | None => Ok(None),
-        }
-    }
-
-    /// Whether the voxel size is to be found out.
-    pub(super) fn voxel_is_auto(&self) -> bool {
-        self.voxel == Some(VoxelArg::Auto)
-    }
-
-    /// Whether the capture may choose the voxel size: nobody has, or asked for that.
-    pub(super) fn voxel_is_open(&self, capture: &Capture) -> bool {
-        capture.grid().is_none() && !matches!(self.voxel, Some(VoxelArg::Edge(_)))
-    }
-
-    /// The truncation asked for, if any.
-    pub(super) fn truncation(&self) -> Result<Option<Truncation>> {
-        let checked = self.truncation.map(Truncation::from_voxels).transpose();
-        checked.map_err(|error| usage(format!("--truncation: {error}")))
-    }
-
-    /// The grid: what was asked for, else what the capture has, else the defaults.
-    fn grid(&self, captured: Option<Grid>) -> Result<Grid> {
-        let default = captured.unwrap_or(default_grid());
-        Ok(Grid {
-            voxel_size: self.voxel_size()?.unwrap_or(default.voxel_size),
-            edge: self.edge(default.edge)?,
-            truncation: self.truncation()?.unwrap_or(default.truncation),
-        })
-    }
-
-    /// The edge of a block: what was asked for, else `default`; in profile `main` always 8.
-    fn edge(&self, default: BlockEdge) -> Result<BlockEdge> {
-        match (self.profile_name(), self.block) {
-            (ProfileName::Main, None | Some(8)) => Ok(BlockEdge::E8),
-            (ProfileName::Main, Some(other)) => {
-                Err(usage(format!("--block {other}: profile main has blocks of 8^3 voxels{}", self.advice())))
-            }
-            (ProfileName::Paper, None) => Ok(default),
-            (ProfileName::Paper, Some(edge)) => {
-                BlockEdge::from_voxels(edge).map_err(|error| usage(format!("--block: {error}")))
-            }
-        }
-    }
-
-    /// The profile; a setting of another one is refused.
-    pub(super) fn profile(&self, grid: &Grid) -> Result<Profile> {
-        self.target.check()?;
-        if self.voxel_is_auto() && self.profile_name() == ProfileName::Paper {
-            return Err(usage("--voxel auto: this is for profile main, not for profile paper"));
-        }
-        match self.profile_name() {
-            ProfileName::Paper => match self.target.first_given() {
-                None => Ok(Profile::Paper(self.paper.parameters(grid)?)),
-                Some(flag) => {
-                    Err(usage(format!("{flag}: this is a setting of profile main, not of profile paper")))
-                }
+    /// These choices, beside others.
+    pub(super) fn options(&self, others: EncodeOptions) -> EncodeOptions {
+        EncodeOptions {
+            profile: self.profile.map(Into::into),
+            frame_rate: self.fps,
+            voxel: match self.voxel {
+                None => VoxelChoice::Fit,
+                Some(VoxelArg::Edge(edge)) => VoxelChoice::Edge(edge),
+                Some(VoxelArg::Auto) => VoxelChoice::Auto,
             },
-            ProfileName::Main => match self.paper.first_given() {
-                None => Ok(Profile::Main),
-                Some(flag) => Err(usage(format!(
-                    "{flag}: this is a setting of profile paper, not of profile main{}",
-                    self.advice()
-                ))),
-            },
+            block: self.block,
+            truncation: self.truncation,
+            band: self.band.map(Into::into),
+            paper: self.paper.options(),
+            main: self.target.options(),
+            ..others
         }
-    }
-
-    /// What to do about a setting of profile `paper`, for those who never asked for `main`.
-    fn advice(&self) -> &'static str {
-        if self.profile.is_none() { ": add --profile paper" } else { "" }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::words;
     use clap::Parser;
-    use isv::format::PaperParameters;
+    use isv::format::{PaperParameters, Profile};
+    use isv::take::encode::default_grid;
+    use isv::volume::{BlockEdge, Grid};
 
     #[derive(Debug, Parser)]
     struct CommandLine {
@@ -206,9 +95,9 @@ mod tests {
     /// The grid and the profile of a command line, or its sentence.
     fn parse(flags: &[&str], captured: Option<Grid>) -> Result<(Grid, Profile), String> {
         let CommandLine { header } = CommandLine::parse_from([&["encode"], flags].concat());
-        let grid = header.grid(captured).map_err(|error| error.to_string())?;
-        let profile = header.profile(&grid).map_err(|error| error.to_string())?;
-        Ok((grid, profile))
+        let options = header.options(EncodeOptions::default());
+        let header = options.header(captured, None).map_err(|error| words::options(&error))?;
+        Ok((header.grid, header.profile))
     }
 
     #[test]

@@ -1,26 +1,12 @@
 //! The part of the command line that says how captures become volumes.
 
-use super::volumes::{DepthFusion, VolumeMaker};
-use crate::backend::Backend;
-use crate::capture::{ContentKind, Hints};
-use crate::failure::usage;
-use crate::length::Length;
 use crate::origin;
-use crate::progress::Progress;
-use crate::terms::{AxesName, BandName, FusionName, NormalsName, ProfileName, SampleAtName, SignName};
-use anyhow::Result;
-use glam::DVec3;
-use isv::fusion::FusionSettings;
-use isv::ingest::{DEFAULT_BLOCK_LIMIT, FaceTurner, MeshIngest, PointIngest, Reach};
+use crate::terms::{AxesName, FusionName, NormalsName, SampleAtName, SignName};
+use isv::ingest::DEFAULT_BLOCK_LIMIT;
 use isv::io::{DenseAxes, DenseOptions, SampleAt};
-use isv::volume::Grid;
-use std::sync::Arc;
-
-/// Share of a frame's surface that may be lost without a word.
-const WORTH_A_WARNING: f64 = 0.005;
-
-/// Half the thickness of a shell, unless told.
-const OFFSET_VOXELS: f64 = 1.5;
+use isv::take::Length;
+use isv::take::capture::ContentKind;
+use isv::take::encode::{DEFAULT_OFFSET_VOXELS, FieldOptions};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct IngestArgs {
@@ -28,7 +14,7 @@ pub(super) struct IngestArgs {
     #[arg(long, value_enum, default_value = "auto")]
     sign: SignName,
     /// Half the thickness of the shell around a surface without inside, in voxels
-    #[arg(long, value_name = "VOXELS", default_value_t = OFFSET_VOXELS)]
+    #[arg(long, value_name = "VOXELS", default_value_t = DEFAULT_OFFSET_VOXELS)]
     offset: f64,
     /// Normals of points
     #[arg(long, value_enum, default_value = "given")]
@@ -82,7 +68,7 @@ impl IngestArgs {
         let flags = [
             // A volume on another grid becomes a mesh in between.
             ("--sign", !depth, self.sign != SignName::Auto),
-            ("--offset", !depth, self.offset != OFFSET_VOXELS),
+            ("--offset", !depth, self.offset != DEFAULT_OFFSET_VOXELS),
             ("--normals", points, self.normals != NormalsName::Given),
             ("--viewpoint", points, self.viewpoint.is_some()),
             ("--fusion", depth, self.fusion != FusionName::PerFrame),
@@ -94,70 +80,16 @@ impl IngestArgs {
         flags.into_iter().filter(|(_, has_effect, given)| *given && !has_effect).map(|(flag, ..)| flag)
     }
 
-    /// How meshes become volumes on a grid, of the whole band.
-    pub(super) fn of_meshes(&self, grid: Grid) -> MeshIngest {
-        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
-        MeshIngest { sign, offset_voxels, max_blocks, ..MeshIngest::new(grid) }
-    }
-
-    /// How points become volumes on a grid.
-    pub(super) fn of_points(&self, grid: Grid) -> PointIngest {
-        let (sign, offset_voxels, max_blocks) = (self.sign.into(), self.offset, self.max_blocks);
-        PointIngest { grid, sign, offset_voxels, max_blocks }
-    }
-
-    /// Depth up to which readings count, in metres; infinite unless it was given.
-    pub(super) fn max_depth_m(&self) -> f64 {
-        self.max_depth.map_or(f64::INFINITY, Length::metres)
-    }
-
-    /// What makes volumes on a grid, as far from the surface as is coded. `backend`: who does it, as far as it can.
-    pub(super) fn volume_maker(
-        &self,
-        grid: Grid,
-        profile: ProfileName,
-        band: Option<BandName>,
-        backend: Backend,
-        progress: Arc<Progress>,
-        hints: &Hints,
-    ) -> Result<VolumeMaker> {
-        let (unit, origin_m) = (hints.unit, DVec3::from(hints.origin_m));
-        let (offset_voxels, max_blocks) = (self.offset, self.max_blocks);
-        let truncation = grid.truncation.voxels();
-        if !(offset_voxels > 0.0 && offset_voxels <= f64::from(truncation)) {
-            return Err(usage(format!(
-                "--offset {offset_voxels}: it must be above 0 and at most the truncation of {truncation} voxels"
-            )));
+    /// How captures become volumes.
+    pub(super) fn options(&self) -> FieldOptions {
+        FieldOptions {
+            sign: self.sign.into(),
+            offset_voxels: self.offset,
+            normals: self.normals.into(),
+            viewpoint: self.viewpoint,
+            fusion: self.fusion.into(),
+            max_depth: self.max_depth,
+            max_blocks: self.max_blocks,
         }
-        let reach = match (profile, band) {
-            (ProfileName::Main, None | Some(BandName::Surface)) => Reach::Surface,
-            _ => Reach::Band,
-        };
-        let max_depth_m = self.max_depth_m();
-        let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
-        Ok(VolumeMaker {
-            backend,
-            mesh: MeshIngest { reach, ..self.of_meshes(grid) },
-            mesh_ingester: None,
-            mesh_sign: None,
-            face_turner: FaceTurner::default(),
-            turning_said: false,
-            loss_said: WORTH_A_WARNING / 2.0,
-            points: self.of_points(grid),
-            point_sign: None,
-            normals: self.normals,
-            unit,
-            viewpoint_m: self.viewpoint.map(|place| DVec3::from(place) * unit.metres() - origin_m),
-            scan_origin_m: -origin_m,
-            sides_said: false,
-            depth: DepthFusion { mode: self.fusion, settings, fuser: None },
-            band: match profile {
-                ProfileName::Main => BandName::Full,
-                ProfileName::Paper => band.unwrap_or(BandName::Full),
-            },
-            extended: profile == ProfileName::Main,
-            progress,
-            shell: Arc::default(),
-        })
     }
 }

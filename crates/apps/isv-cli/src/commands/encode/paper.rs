@@ -1,18 +1,8 @@
 //! The settings that only profile `paper` has.
 
-use crate::failure::usage;
-use crate::length::Length;
 use crate::terms::MotionName;
-use anyhow::Result;
-use isv::encode::MotionMode;
-use isv::format::PaperParameters;
-use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
-use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, VoxelSize};
-
-const DEFAULT_MOTION: MotionName = MotionName::ThreeDof;
-const DEFAULT_COEFFICIENTS: u16 = 64;
-const DEFAULT_DC_STEP_M: f64 = 0.001;
-const DEFAULT_AC_STEP_M: f64 = 0.01;
+use isv::take::Length;
+use isv::take::encode::PaperOptions;
 
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]
@@ -32,69 +22,12 @@ pub(super) struct PaperArgs {
 }
 
 impl PaperArgs {
-    /// What the stream's header states, every field checked.
-    pub(super) fn parameters(&self, grid: &Grid) -> Result<PaperParameters> {
-        let dc_step = self.dc_step.unwrap_or(Length::from_metres(DEFAULT_DC_STEP_M));
-        let ac_step = self.ac_step.unwrap_or(Length::from_metres(DEFAULT_AC_STEP_M));
-        Ok(PaperParameters {
-            coefficients: self.coefficients(grid.edge)?,
-            dc_step: step("--dc-step", dc_step, grid.voxel_size)?,
-            ac_step: step("--ac-step", ac_step, grid.voxel_size)?,
-        })
-    }
-
-    /// How frames between keyframes are predicted.
-    pub(super) fn motion(&self) -> MotionMode {
-        self.motion.unwrap_or(DEFAULT_MOTION).into()
-    }
-
-    /// The first of these flags that was given.
-    pub(super) fn first_given(&self) -> Option<&'static str> {
-        let flags = [
-            (self.motion.is_some(), "--motion"),
-            (self.coefficients.is_some(), "--coefficients"),
-            (self.dc_step.is_some(), "--dc-step"),
-            (self.ac_step.is_some(), "--ac-step"),
-        ];
-        flags.into_iter().find_map(|(given, flag)| given.then_some(flag))
-    }
-
-    fn coefficients(&self, edge: BlockEdge) -> Result<u16> {
-        let (asked, most) = (self.coefficients.unwrap_or(DEFAULT_COEFFICIENTS), edge.block_voxels());
-        if !(1..=most).contains(&usize::from(asked)) {
-            let edge = edge.voxels();
-            return Err(usage(format!(
-                "--coefficients {asked}: a block of {edge}^3 voxels has 1 to {most} of them"
-            )));
+    pub(super) fn options(&self) -> PaperOptions {
+        PaperOptions {
+            motion: self.motion.map(Into::into),
+            coefficients: self.coefficients,
+            dc_step: self.dc_step,
+            ac_step: self.ac_step,
         }
-        Ok(asked)
-    }
-}
-
-/// A quantizer step as a stream states it: in sixteenths of a code. `flag` is its name in messages.
-fn step(flag: &str, length: Length, voxel: VoxelSize) -> Result<u32> {
-    let per_metre = f64::from(CODES_PER_VOXEL << STEP_FRACTION_BITS) / voxel.metres();
-    let step = (length.metres() * per_metre).round();
-    let ends = [*StepSize::RANGE.start(), *StepSize::RANGE.end()].map(f64::from);
-    if (ends[0]..=ends[1]).contains(&step) {
-        return Ok(step as u32);
-    }
-    let [least, most] = ends.map(|step| Length::from_metres(step / per_metre));
-    let voxel = Length::from_metres(voxel.metres());
-    Err(usage(format!("{flag} {length}: at voxels of {voxel} a step is between {least} and {most}")))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_are_sixteenths_of_a_code() {
-        let voxel = VoxelSize::from_metres(0.005).unwrap();
-        let step = |text: &str| step("--ac-step", text.parse().unwrap(), voxel);
-        assert_eq!(step("10mm").unwrap(), 8192);
-        assert_eq!(step("1mm").unwrap(), 819);
-        let sentence = step("2m").unwrap_err().to_string();
-        assert_eq!(sentence, "--ac-step 2000mm: at voxels of 5mm a step is between 0.001221mm and 1280mm");
     }
 }

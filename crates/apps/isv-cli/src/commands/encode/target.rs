@@ -1,14 +1,9 @@
 //! The settings that only profile `main` has: how good, how small, how slow.
 
-use crate::bit_rate::BitRate;
-use crate::failure::usage;
-use crate::length::Length;
-use crate::terms::{BandName, PresetName, RefreshName};
-use anyhow::Result;
-use isv::encode::{Band, Bitrate, FrameQuality, MainSettings, Preset, RateTarget, Refresh, Tools};
-use isv::format::StreamHeader;
-
-const DEFAULT_QUALITY: f32 = 50.0;
+use crate::terms::{PresetName, RefreshName};
+use isv::encode::Tools;
+use isv::take::encode::MainOptions;
+use isv::take::{BitRate, Length};
 
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]
@@ -39,72 +34,16 @@ pub(super) struct TargetArgs {
 }
 
 impl TargetArgs {
-    /// Refuses flags that contradict each other.
-    pub(super) fn check(&self) -> Result<()> {
-        let given: Vec<_> = self.targets().into_iter().filter(|(given, _)| *given).collect();
-        if let [(_, first), (_, second), ..] = given[..] {
-            return Err(usage(format!("{first} and {second}: only one of them can be met")));
+    pub(super) fn options(&self) -> MainOptions {
+        MainOptions {
+            quality: self.quality,
+            bitrate: self.bitrate,
+            max_error: self.max_error,
+            passes: self.passes,
+            preset: self.preset.map(Into::into),
+            refresh: self.refresh.map(Into::into),
+            tools: self.without,
         }
-        if self.passes.is_some() && self.bitrate.is_none() {
-            return Err(usage("--passes needs --bitrate"));
-        }
-        Ok(())
-    }
-
-    /// The first of these flags that was given.
-    pub(super) fn first_given(&self) -> Option<&'static str> {
-        let others = [
-            (self.passes.is_some(), "--passes"),
-            (self.preset.is_some(), "--preset"),
-            (self.refresh.is_some(), "--refresh"),
-            (self.without.is_some(), "--without"),
-        ];
-        let flags = self.targets().into_iter().chain(others);
-        flags.filter(|(given, _)| *given).map(|(_, flag)| flag).next()
-    }
-
-    /// Whether the rate is to be met by coding everything more than once, and which.
-    pub(super) fn two_pass_rate(&self) -> Option<f64> {
-        self.bitrate.filter(|_| self.passes == Some(2)).map(BitRate::bits_per_second)
-    }
-
-    /// The rate that was asked for, and the most bits that a stream of so many seconds may have to meet it.
-    pub(super) fn most_bits(&self, seconds: f64) -> Option<(BitRate, f64)> {
-        // What comes in one pass may fill the buffer of a second. The one step of all is found to a percent.
-        let allowed = if self.passes == Some(2) { 1.02 * seconds } else { 1.01 * (seconds + 1.0) };
-        self.bitrate.map(|rate| (rate, rate.bits_per_second() * allowed))
-    }
-
-    /// What the encoder is told.
-    pub(super) fn settings(&self, header: &StreamHeader, band: Option<BandName>) -> MainSettings {
-        let preset = self.preset.map_or(Preset::Balanced, Preset::from);
-        let voxel_m = header.grid.voxel_size.metres();
-        let target = match (self.bitrate, self.max_error) {
-            (Some(rate), _) if self.passes != Some(2) => {
-                RateTarget::Bitrate(Bitrate::new(rate.bits_per_second(), header.frame_rate.per_second()))
-            }
-            (_, Some(error)) => RateTarget::MaxError(error.metres() / voxel_m),
-            _ => RateTarget::Constant,
-        };
-        MainSettings {
-            quality: FrameQuality::of_quality(self.quality.unwrap_or(DEFAULT_QUALITY)),
-            target,
-            band: match band {
-                Some(BandName::Full) => Band::Full,
-                Some(BandName::Surface) | None => Band::Surface,
-            },
-            tools: self.without.unwrap_or(Tools::ALL),
-            refresh: self.refresh.map_or(Refresh::Keyframes, Refresh::from),
-            ..preset.settings()
-        }
-    }
-
-    fn targets(&self) -> [(bool, &'static str); 3] {
-        [
-            (self.quality.is_some(), "--quality"),
-            (self.bitrate.is_some(), "--bitrate"),
-            (self.max_error.is_some(), "--max-error"),
-        ]
     }
 }
 

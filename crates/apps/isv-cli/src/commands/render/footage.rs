@@ -2,16 +2,17 @@
 
 use super::Args;
 use super::extent::Extent;
-use crate::ahead::Ahead;
-use crate::capture::{Capture, Frames, Hints};
-use crate::frame_range::FrameRange;
+use crate::capture;
 use crate::interrupt;
 use crate::matching::matching_ranges;
 use crate::progress::Progress;
-use crate::up::Up;
 use anyhow::{Result, bail};
 use isv::format::FrameRate;
 use isv::io::Geometry;
+use isv::take::FrameRange;
+use isv::take::Prefetch;
+use isv::take::Up;
+use isv::take::capture::{Capture, Frames, Hints};
 use isv::volume::TriangleMesh;
 use isv_spatial::Bvh;
 use std::ops::Range;
@@ -44,8 +45,8 @@ impl Footage {
             let range = input.range(asked.or((!all).then_some(FrameRange { start: 0, end: 1 })))?;
             return Ok(Self { input, range, reference: None });
         };
-        let hints = Hints { frame_rate: args.sampling_rate(), ..Hints::in_unit(args.against_units) };
-        let reference = Capture::open(against, &hints.with_origin(args.against_origin))?;
+        let hints = Hints { frame_rate: args.sampling_rate(), ..capture::hints(args.against_units) };
+        let reference = capture::open(against, &hints.with_origin(args.against_origin))?;
         // The same length is asked for even if only the first frames are drawn: they may not belong together otherwise.
         let ranges = matching_ranges(&reference, &input, asked)?;
         let [in_reference, range] =
@@ -70,16 +71,16 @@ impl Footage {
 
     /// Reads the frames, once for the box around them and once more for whoever draws them, so that few are held at a
     /// time; those of a pipe, which cannot be read again, are all held.
-    pub(super) fn read(self, args: &Args) -> Result<(Extent, Frames<Scene>)> {
+    pub(super) fn read(self, args: &Args) -> Result<(Extent, Scenes)> {
         let name = self.input.name().to_owned();
         let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
-        let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up);
+        let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up.into());
         let extent = if can_read_again {
             let extent = extent_of(meshes, self.range.len())?;
-            meshes = turned(args.capture()?.meshes(self.range)?, args.up);
+            meshes = turned(args.capture()?.meshes(self.range)?, args.up.into());
             extent
         } else {
-            let held = Ahead::new(meshes).collect::<Result<Vec<_>>>()?;
+            let held = Prefetch::new(meshes, interrupt::cancellation()).collect::<Result<Vec<_>, _>>()?;
             if interrupt::requested() {
                 bail!("interrupted");
             }
@@ -92,8 +93,9 @@ impl Footage {
             return Ok((extent, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
         };
         let name = reference.name().to_owned();
-        let pairs = meshes
-            .zip(range.clone().zip(turned(reference.meshes(range)?, args.against_up.unwrap_or(args.up))));
+        let pairs = meshes.zip(
+            range.clone().zip(turned(reference.meshes(range)?, args.against_up.unwrap_or(args.up).into())),
+        );
         let scenes = pairs.map(move |(mesh, (number, reference))| {
             let reference = reference?;
             if reference.triangles.is_empty() {
@@ -105,9 +107,12 @@ impl Footage {
     }
 }
 
+/// Frames to draw, or what is wrong with them.
+type Scenes = Box<dyn Iterator<Item = Result<Scene>> + Send>;
+
 /// The next frame is read while one is drawn. When the user interrupts the program, this ends.
-fn ahead(scenes: impl Iterator<Item = Result<Scene>> + Send + 'static) -> Frames<Scene> {
-    Box::new(Ahead::new(scenes))
+fn ahead(scenes: impl Iterator<Item = Result<Scene>> + Send + 'static) -> Scenes {
+    Box::new(Prefetch::new(scenes, interrupt::cancellation()))
 }
 
 /// Meshes turned from an axis that points up to Y up.

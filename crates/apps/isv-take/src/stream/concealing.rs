@@ -1,43 +1,25 @@
 //! What can be seen of a stream with losses: frames in time, and where one is lost, the last one.
 
-use crate::backend::{self, BackendArgs};
-use crate::continuity::is_doubled;
-use crate::frame_range::FrameRange;
-use crate::memory;
-use crate::output::say;
-use crate::stats::timed;
-use crate::stream::{self, ByteSource, StreamFrame};
+use super::{ByteSource, DecodeSettings, StreamError, StreamFault, StreamFrame, is_doubled, source, timed};
+use crate::device::{AnyDecoder, AnyFrame};
 use crate::timeline::{is_on_time, seconds_between};
-use anyhow::{Context, Result};
-use isv::decode::{DecodeError, Lod};
-use isv::format::{Packet, PacketHeader, RefusalClass, SalvageReader, Salvaged, StreamHeader};
-use isv::gpu::{AnyDecoder, AnyFrame};
-use isv::surface::SurfaceOptions;
-use std::path::Path;
+use crate::{DeviceError, Event, FrameRange, Health, Input, Observer};
+use isv_decode::DecodeError;
+use isv_format::{Packet, PacketHeader, RefusalClass, SalvageReader, Salvaged, StreamHeader};
+use isv_surface::SurfaceOptions;
+use std::sync::Arc;
 
 /// A frame is never held in place of so many: ten seconds of the fastest cameras. A header may state a frame rate of thousands of millions.
 const MOST_HELD: usize = 10_000;
 
-/// How what is shown relates to what was encoded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Health {
-    /// It is the same.
-    Exact,
-    /// Nothing was decoded, as packets are missing or what they hold is wrong: the last frame is held.
-    Held,
-    /// The same, as more is asked of this decoder than is allowed.
-    BeyondLimit,
-    /// It is near.
-    Inexact,
-}
-
 /// Decodes what there is of a stream, in order. Each packet's count and time say which frame it is; frames that are not there or cannot be
-/// decoded are the last one that could. Says on stderr where that begins and ends.
-pub(crate) struct HeldFrames {
+/// decoded are the last one that could. The observer is told where that begins and ends.
+pub struct ConcealingFrames {
     name: String,
     header: StreamHeader,
     packets: SalvageReader<ByteSource>,
     decoder: AnyDecoder,
+    observer: Arc<dyn Observer>,
     range: Option<FrameRange>,
     health: Health,
     /// Of the last packet that was in its place.
@@ -60,26 +42,28 @@ struct AtHand {
     decoded: Option<(AnyFrame, f64)>,
 }
 
-impl HeldFrames {
-    /// Opens a stream, to be decoded from its start at a level of detail by a backend.
-    pub(crate) fn open(
-        path: &Path,
-        range: Option<FrameRange>,
-        lod: Lod,
-        backend: BackendArgs,
-    ) -> Result<Self> {
-        let name = stream::name(path);
-        let packets = SalvageReader::new(stream::source(path)?).with_context(|| name.clone())?;
-        let packets = packets.with_largest_payload(memory::largest_payload());
+impl ConcealingFrames {
+    /// Opens a stream, to be decoded from its start.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn open(input: &Input, settings: &DecodeSettings) -> Result<Self, StreamError> {
+        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
+        let name = input.name();
+        let packets = SalvageReader::new(source(input)?);
+        let packets = packets.map_err(|error| StreamFault::from(error).of(&name))?;
+        let packets = packets.with_largest_payload(memory.largest_payload());
         let header = *packets.header();
-        let mut decoder = backend.decoder(&header, lod).with_context(|| name.clone())?;
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
+        let mut decoder = decoder.map_err(|fault| fault.of(&name))?;
         decoder.recover(true);
         Ok(Self {
             name,
             header,
             packets,
             decoder,
-            range,
+            observer: Arc::clone(observer),
+            range: *range,
             health: Health::Exact,
             last_header: None,
             last: None,
@@ -90,17 +74,22 @@ impl HeldFrames {
     }
 
     /// The header of the stream.
-    pub(crate) fn header(&self) -> &StreamHeader {
+    #[must_use]
+    pub fn header(&self) -> &StreamHeader {
         &self.header
     }
 
     /// The frames with their surfaces, where they are decoded on a GPU.
-    pub(crate) fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self> {
-        self.decoder = self.decoder.with_surfaces(options)?;
+    ///
+    /// # Errors
+    /// [`StreamError`] if the GPU fails.
+    pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
+        let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
+        self.decoder = decoder.map_err(|error| StreamFault::from(error).of(&self.name))?;
         Ok(self)
     }
 
-    fn advance(&mut self) -> Result<Option<StreamFrame>> {
+    fn advance(&mut self) -> Result<Option<StreamFrame>, StreamFault> {
         loop {
             if self.range.is_some_and(|range| self.next >= range.end) {
                 return Ok(None);
@@ -148,16 +137,16 @@ impl HeldFrames {
     }
 
     /// The next packet that is sound.
-    fn next_packet(&mut self) -> Result<Option<Packet>> {
+    fn next_packet(&mut self) -> Result<Option<Packet>, StreamFault> {
         let mut damaged = 0;
         loop {
-            match self.packets.next_frame().with_context(|| self.name.clone())? {
+            match self.packets.next_frame()? {
                 Some(Salvaged::Damage { at, bytes }) => {
-                    say(format_args!("{}: {bytes} bytes are damaged from byte {at} on", self.name));
+                    self.observer.event(&Event::Damage { name: self.name.clone(), at, bytes });
                     damaged += bytes;
                 }
                 Some(Salvaged::OtherStream { at }) => {
-                    say(format_args!("{}: another stream begins at byte {at} and is left out", self.name));
+                    self.observer.event(&Event::OtherStream { name: self.name.clone(), at });
                 }
                 Some(Salvaged::Frame(packet)) => {
                     if damaged > 0 && packet.may_lack_keyframe(damaged) {
@@ -171,7 +160,7 @@ impl HeldFrames {
     }
 
     /// Decodes a packet, if that can be done and it is not one of a frame that was given already.
-    fn take(&mut self, packet: &Packet) -> Result<()> {
+    fn take(&mut self, packet: &Packet) -> Result<(), StreamFault> {
         let Some(missing) = self.missing_before(packet) else { return Ok(()) };
         if missing > 0 {
             self.is_now(Health::Held, self.next, "no packet is there for it");
@@ -180,7 +169,7 @@ impl HeldFrames {
         self.last_header = Some(packet.header);
         let (decoded, decode_ms) = timed(|| self.decoder.decode(packet));
         if let Some(why) = self.decoder.take_notice() {
-            backend::notify(&why);
+            self.observer.event(&Event::FellBack(DeviceError::new(why)));
         }
         let decoded = match decoded {
             Ok(frame) => {
@@ -190,7 +179,7 @@ impl HeldFrames {
             }
             // Not the stream's fault.
             Err(DecodeError::Backend(error)) => {
-                return Err(stream::fault(&self.name, 0, error.into()));
+                return Err(DecodeError::Backend(error).into());
             }
             Err(error) => {
                 let health = match error.class() {
@@ -239,35 +228,30 @@ impl HeldFrames {
 
     /// At the end of the packets: frames that the stream had by its index and that have not come are the last one, too. Then there may be
     /// too few for the range.
-    fn end(&mut self) -> Result<()> {
+    fn end(&mut self) -> Result<(), StreamFault> {
         let there = self.packets.indexed_frames().unwrap_or(0);
         if self.next < there && there - self.next <= MOST_HELD && self.last.is_some() {
             self.is_now(Health::Held, self.next, "no packet is there for it");
             self.at_hand = Some(AtHand { number: there - 1, timestamp_ns: None, decoded: None });
             return Ok(());
         }
-        self.range.map_or(Ok(0..0), |range| range.within(self.next, &self.name)).map(drop)
+        self.range.map_or(Ok(0..0), |range| range.within(self.next))?;
+        Ok(())
     }
 
-    /// Says so where it changes.
+    /// Tells the observer where it changes.
     fn is_now(&mut self, health: Health, frame: usize, why: &str) {
         if std::mem::replace(&mut self.health, health) != health {
-            let name = &self.name;
-            match health {
-                Health::Exact => say(format_args!("{name}: exact again from frame {frame} on")),
-                Health::Held | Health::BeyondLimit => {
-                    say(format_args!("{name}: frame {frame} is lost, the last one is held: {why}"));
-                }
-                Health::Inexact => say(format_args!("{name}: near what was encoded from frame {frame} on")),
-            }
+            let (name, why) = (self.name.clone(), why.to_owned());
+            self.observer.event(&Event::Health { name, frame, health, why });
         }
     }
 }
 
-impl Iterator for HeldFrames {
-    type Item = Result<StreamFrame>;
+impl Iterator for ConcealingFrames {
+    type Item = Result<StreamFrame, StreamError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.advance().transpose()
+        self.advance().map_err(|fault| fault.of(&self.name)).transpose()
     }
 }

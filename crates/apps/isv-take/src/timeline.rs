@@ -1,6 +1,6 @@
 //! When frames are shown: by their timestamps, which nobody promises to make sense.
 
-use isv::format::FrameRate;
+use isv_format::FrameRate;
 
 /// A frame is shown for so many seconds at most, or as long as so many frames where that is longer: timestamps that jump further are
 /// those of another clock. A capture may pause for minutes.
@@ -8,7 +8,8 @@ const LONGEST_S: f64 = 600.0;
 const LONGEST_FRAMES: f64 = 10.0;
 
 /// Seconds between two timestamps; nothing if time goes back or jumps.
-pub(crate) fn seconds_between(rate: FrameRate, last_ns: u64, now_ns: u64) -> Option<f64> {
+#[must_use]
+pub fn seconds_between(rate: FrameRate, last_ns: u64, now_ns: u64) -> Option<f64> {
     let seconds = now_ns.checked_sub(last_ns)? as f64 / 1e9;
     let jumps = seconds > LONGEST_S && (seconds * rate.per_second()).round() > LONGEST_FRAMES;
     (!jumps).then_some(seconds)
@@ -16,7 +17,8 @@ pub(crate) fn seconds_between(rate: FrameRate, last_ns: u64, now_ns: u64) -> Opt
 
 /// The number of the frame that is shown at a time, if frames come at the rate. Times are rounded to nanoseconds, and what is rounded twice
 /// may be one away: a nanosecond a piece is enough to be another time.
-pub(crate) fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
+#[must_use]
+pub fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
     let [numerator, denominator] = [rate.numerator, rate.denominator].map(u128::from);
     let nearest =
         (u128::from(time_ns) * numerator + denominator * 500_000_000) / (denominator * 1_000_000_000);
@@ -25,14 +27,15 @@ pub(crate) fn frame_at(rate: FrameRate, time_ns: u64) -> Option<u64> {
 }
 
 /// Whether a frame is shown at a time if frames come at the rate.
-pub(crate) fn is_on_time(rate: FrameRate, time_ns: u64) -> bool {
+#[must_use]
+pub fn is_on_time(rate: FrameRate, time_ns: u64) -> bool {
     frame_at(rate, time_ns).is_some()
 }
 
 /// The times of frames in order, from 0 on. Each follows the last by what their timestamps are apart, or by one frame where that is no
 /// time to show a frame for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Timeline {
+pub struct Timeline {
     rate: FrameRate,
     /// The last frame.
     last: Option<Place>,
@@ -49,12 +52,13 @@ struct Place {
 
 impl Timeline {
     /// Without a frame yet, of a stream with a nominal rate.
-    pub(crate) fn new(rate: FrameRate) -> Self {
+    #[must_use]
+    pub fn new(rate: FrameRate) -> Self {
         Self { rate, last: None, origin: Place::default() }
     }
 
     /// When the next frame is shown, in seconds after the first.
-    pub(crate) fn place(&mut self, timestamp_ns: u64) -> f64 {
+    pub fn place(&mut self, timestamp_ns: u64) -> f64 {
         let follows = |last: Place| {
             seconds_between(self.rate, last.timestamp_ns, timestamp_ns).is_some_and(|seconds| seconds > 0.0)
         };
@@ -68,7 +72,8 @@ impl Timeline {
     }
 
     /// When the last frame has been shown for as long as the rate says; 0 without a frame.
-    pub(crate) fn end_s(&self) -> f64 {
+    #[must_use]
+    pub fn end_s(&self) -> f64 {
         self.last.map_or(0.0, |last| last.start_s + self.frame_s())
     }
 

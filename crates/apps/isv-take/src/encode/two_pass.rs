@@ -1,15 +1,11 @@
 //! The one step that meets a rate, found by coding everything with others.
 
-use super::{Args, ingested};
-use crate::ahead::Ahead;
-use crate::backend::Backend;
+use super::job::ingested;
+use super::{EncodeError, EncodeOptions};
 use crate::capture::Capture;
-use crate::interrupt;
-use crate::progress::Progress;
-use crate::stream;
-use anyhow::{Result, bail};
-use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
-use isv::format::{PacketWriter, StreamHeader};
+use crate::{Cancellation, Input, OpenDevice, Prefetch};
+use isv_encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
+use isv_format::{PacketWriter, StreamHeader};
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -26,11 +22,13 @@ const EXPONENTS: std::ops::RangeInclusive<f64> = 0.3..=1.5;
 
 /// The settings with the step at which the stream has about `rate` bits a second.
 pub(super) fn settings_for_rate(
-    args: &Args,
+    input: &Input,
+    options: &EncodeOptions,
     header: &StreamHeader,
     settings: EncoderSettings,
     rate: f64,
-) -> Result<EncoderSettings> {
+    watch: &mut dyn Watch,
+) -> Result<EncoderSettings, EncodeError> {
     let with_step = |step: f64| {
         let mut settings = settings;
         settings.main.quality = FrameQuality { step: step as f32, ..settings.main.quality };
@@ -41,7 +39,7 @@ pub(super) fn settings_for_rate(
     let mut best = (f64::INFINITY, step);
     let mut last: Option<(f64, f64)> = None;
     for _ in 0..PASSES {
-        let excess = (measure_rate(args, header, with_step(step))? / rate).ln();
+        let excess = (measure_rate(input, options, header, with_step(step), watch)? / rate).ln();
         // What is too large is taken if nothing else is there.
         let badness = if excess > MOST_EXCESS { 1.0 / TOLERANCE + excess } else { excess.abs() };
         if badness < best.0 {
@@ -64,25 +62,36 @@ pub(super) fn settings_for_rate(
     Ok(with_step(best.1))
 }
 
+/// Follows passes over the input, frame by frame.
+pub trait Watch {
+    /// A pass over so many frames begins.
+    fn begin(&mut self, frames: usize);
+    /// A frame was coded.
+    fn step(&mut self);
+    /// The request to stop early.
+    fn cancellation(&self) -> &Cancellation;
+}
+
 /// Bits a second of the stream under settings.
-fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -> Result<f64> {
-    let capture = Capture::open(&args.input, &args.hints()?)?;
-    let skip_bad_frames = args.skip_bad_frames && capture.frames_stand_alone();
-    let range = capture.range(args.frames)?;
-    let progress = Arc::new(Progress::silent(Some(range.len()), "measuring"));
-    let profile = args.header.profile_name();
-    let maker = args.ingest.volume_maker(
-        header.grid,
-        profile,
-        args.header.band(),
-        Backend::CPU,
-        Arc::clone(&progress),
-        &args.hints()?,
-    )?;
+fn measure_rate(
+    input: &Input,
+    options: &EncodeOptions,
+    header: &StreamHeader,
+    settings: EncoderSettings,
+    watch: &mut dyn Watch,
+) -> Result<f64, EncodeError> {
+    // What is to be said of the frames is said when they are coded for good.
+    let silent: Arc<dyn crate::Observer> = Arc::new(|_: &crate::Event| {});
+    let cancellation = watch.cancellation().clone();
+    let capture = Capture::open(input, &options.hints(&silent)?)?;
+    let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
+    let range = capture.range(options.frames)?;
+    watch.begin(range.len());
+    let maker = options.volume_maker(header.grid, OpenDevice::CPU, &silent);
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;
-    for frame in Ahead::new(ingested(capture.read(range)?, maker)) {
+    for frame in Prefetch::new(ingested(capture.read(range)?, maker, &cancellation), &cancellation) {
         match frame {
             Ok(frame) => {
                 let coded = encoder.encode(&frame.volume);
@@ -92,13 +101,13 @@ fn measure_rate(args: &Args, header: &StreamHeader, settings: EncoderSettings) -
             Err(_) if skip_bad_frames => {}
             Err(error) => return Err(error),
         }
-        progress.step();
+        watch.step();
     }
-    if interrupt::requested() {
-        bail!("interrupted before the last pass");
+    if cancellation.is_cancelled() {
+        return Err(EncodeError::CancelledBeforeLastPass);
     }
     if frames == 0 {
-        bail!("{}: no frame could be used", stream::name(&args.input));
+        return Err(EncodeError::NoFrames { name: input.name(), skipped: None });
     }
     let seconds = f64::from(frames) / header.frame_rate.per_second();
     Ok(writer.finish()?.0 as f64 * 8.0 / seconds)

@@ -1,25 +1,28 @@
 //! Work ahead of its use: the stages of a pipeline.
 
-use crate::interrupt;
+use crate::Cancellation;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often a stage that waits looks whether the user wants to stop.
+/// How often a stage that waits looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What an iterator yields, fetched on a thread of its own while what it yielded before is used.
 ///
 /// One item waits and one is being made, so memory does not grow with the number of items. A panic of the thread goes
-/// on here. When the user interrupts the program, this ends, even while the thread waits for input.
-pub(crate) struct Ahead<T> {
+/// on here. When the work is cancelled, this ends, even while the thread waits for input.
+#[derive(Debug)]
+pub struct Prefetch<T> {
     items: Receiver<T>,
     thread: Option<JoinHandle<()>>,
+    cancellation: Cancellation,
 }
 
-impl<T: Send + 'static> Ahead<T> {
+impl<T: Send + 'static> Prefetch<T> {
     /// Starts fetching.
-    pub(crate) fn new(items: impl Iterator<Item = T> + Send + 'static) -> Self {
+    #[must_use]
+    pub fn new(items: impl Iterator<Item = T> + Send + 'static, cancellation: &Cancellation) -> Self {
         let (sender, receiver) = sync_channel(0);
         let thread = std::thread::spawn(move || {
             for item in items {
@@ -29,17 +32,17 @@ impl<T: Send + 'static> Ahead<T> {
                 }
             }
         });
-        Self { items: receiver, thread: Some(thread) }
+        Self { items: receiver, thread: Some(thread), cancellation: cancellation.clone() }
     }
 }
 
-impl<T> Iterator for Ahead<T> {
+impl<T> Iterator for Prefetch<T> {
     type Item = T;
 
     fn next(&mut self) -> Option<T> {
         loop {
             match self.items.recv_timeout(PATIENCE) {
-                _ if interrupt::requested() => return None,
+                _ if self.cancellation.is_cancelled() => return None,
                 Ok(item) => return Some(item),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
@@ -63,7 +66,8 @@ mod tests {
     fn items_come_in_order_and_only_one_is_made_too_early() {
         let made = Arc::new(AtomicUsize::new(0));
         let counter = Arc::clone(&made);
-        let items = Ahead::new((0..100).inspect(move |_| _ = counter.fetch_add(1, Ordering::SeqCst)));
+        let counted = (0..100).inspect(move |_| _ = counter.fetch_add(1, Ordering::SeqCst));
+        let items = Prefetch::new(counted, &Cancellation::new());
         for (used, item) in items.enumerate() {
             assert_eq!(item, used);
             assert!(made.load(Ordering::SeqCst) <= used + 2);
@@ -73,7 +77,15 @@ mod tests {
     #[test]
     #[should_panic(expected = "the third item")]
     fn a_panic_is_not_taken_for_the_end() {
-        let items = Ahead::new((0..9).inspect(|i| assert!(*i < 2, "the third item")));
-        items.for_each(drop);
+        let items = (0..9).inspect(|i| assert!(*i < 2, "the third item"));
+        Prefetch::new(items, &Cancellation::new()).for_each(drop);
+    }
+
+    #[test]
+    fn cancelled_work_ends_while_it_waits() {
+        let (cancellation, (_sender, receiver)) = (Cancellation::new(), sync_channel::<()>(0));
+        let mut items = Prefetch::new(receiver.into_iter(), &cancellation);
+        cancellation.cancel();
+        assert!(items.next().is_none());
     }
 }

@@ -1,30 +1,32 @@
 //! Frames from standard input.
 
 use super::kinds::Kind;
-use super::{CapturedFrame, Content, Hints};
-use crate::backend::BackendArgs;
-use crate::frame_range::FrameRange;
-use crate::output::say;
+use super::{CapturedFrame, Content, Hints, stream_settings};
+use crate::encode::{CaptureError, EncodeEvent, FrameError};
 use crate::stream::StreamFrames;
-use anyhow::{Context, Result};
-use isv::decode::Lod;
-use isv::format::MAGIC;
-use isv::io::{FrameStream, natural_cmp};
+use crate::{Event, FrameRange, Input, Observer};
+use isv_format::MAGIC;
+use isv_io::{FrameStream, natural_cmp};
 use std::io::{BufRead, Stdin, stdin};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-const NAME: &str = "standard input";
+use std::sync::Arc;
 
 /// Finds out what comes by its first bytes: an `.isv` stream, or files of geometry.
-pub(super) fn open(hints: &Hints) -> Result<Kind> {
-    let is_stream = stdin().lock().fill_buf().context(NAME)?.starts_with(&MAGIC);
+pub(super) fn open(hints: &Hints) -> Result<Kind, CaptureError> {
+    let name = || Input::StandardInput.name();
+    let start = |mut pipe: std::io::StdinLock<'_>| Ok(pipe.fill_buf()?.starts_with(&MAGIC));
+    let is_stream = start(stdin().lock()).map_err(|cause| CaptureError::Io { name: name(), cause })?;
     Ok(if is_stream {
-        Kind::PipedStream(Box::new(StreamFrames::open(Path::new("-"), None, Lod::Full, BackendArgs::CPU)?))
+        let settings = stream_settings(hints, None);
+        Kind::PipedStream(Box::new(StreamFrames::open(&Input::StandardInput, &settings)?))
     } else {
-        let frames = FrameStream::new(stdin(), hints.unit).context(NAME)?;
+        let frames = FrameStream::new(stdin(), hints.unit);
+        let frames = frames.map_err(|cause| CaptureError::Pipe { name: name(), cause })?;
         let frames = frames.with_invalid_points(hints.invalid_points);
-        Kind::PipedGeometry(Box::new(PipedGeometry { frames, last: None, number: 0, range: 0..usize::MAX }))
+        let observer = Arc::clone(&hints.observer);
+        let (last, number, range) = (None, 0, 0..usize::MAX);
+        Kind::PipedGeometry(Box::new(PipedGeometry { frames, last, number, range, observer }))
     })
 }
 
@@ -36,6 +38,7 @@ pub(super) struct PipedGeometry {
     /// Number of the next frame.
     number: usize,
     range: Range<usize>,
+    observer: Arc<dyn Observer>,
 }
 
 impl PipedGeometry {
@@ -45,20 +48,24 @@ impl PipedGeometry {
         self
     }
 
-    fn advance(&mut self) -> Result<Option<CapturedFrame>> {
+    fn advance(&mut self) -> Result<Option<CapturedFrame>, FrameError> {
+        let pipe = Input::StandardInput.name();
         while self.number < self.range.end {
             let Some(frame) = self.frames.next() else {
                 if self.range.end < usize::MAX {
-                    FrameRange { start: self.range.start, end: self.range.end }.within(self.number, NAME)?;
+                    let range = FrameRange { start: self.range.start, end: self.range.end };
+                    let checked = range.within(self.number);
+                    checked.map_err(|cause| FrameError::Range { name: pipe, cause })?;
                 }
                 return Ok(None);
             };
             let number = self.number;
             self.number += 1;
             if number >= self.range.start {
-                let (path, geometry) = frame.context(NAME)?;
+                let frame = frame.map_err(|cause| FrameError::Pipe { name: pipe.clone(), cause });
+                let (path, geometry) = frame?;
                 self.check_order(&path);
-                let name = format!("{NAME}: {}", path.display());
+                let name = format!("{pipe}: {}", path.display());
                 return Ok(Some(CapturedFrame {
                     number,
                     name,
@@ -82,18 +89,15 @@ impl PipedGeometry {
                 && natural_cmp(&name(&last), &name(path)).is_gt()
             {
                 self.last = None;
-                say(format_args!(
-                    "{NAME}: {} comes after {}: frames are taken as they come, not by name (tar has --sort=name)",
-                    path.display(),
-                    last.display()
-                ));
+                let disorder = EncodeEvent::OutOfOrder { path: path.to_owned(), after: last };
+                self.observer.event(&Event::Encode(disorder));
             }
         }
     }
 }
 
 impl Iterator for PipedGeometry {
-    type Item = Result<CapturedFrame>;
+    type Item = Result<CapturedFrame, FrameError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.advance().transpose()

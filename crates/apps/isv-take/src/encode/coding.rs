@@ -1,11 +1,12 @@
 //! Volumes to symbols: the part of encoding between ingest and the bytes.
 
+use super::EncodeError;
 use super::volumes::IngestedFrame;
-use crate::backend;
-use crate::stats::timed;
-use anyhow::Result;
-use isv::encode::{UnwrittenFrame, surface_rms_voxels};
-use isv::gpu::AnyCoder;
+use crate::device::AnyCoder;
+use crate::stream::timed;
+use crate::{DeviceError, Event, Observer};
+use isv_encode::{UnwrittenFrame, surface_rms_voxels};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 /// A frame ready to be written.
@@ -31,27 +32,29 @@ pub(super) struct Coding {
     pub(super) coder: AnyCoder,
     /// Whether statistics are wanted of what coding has done to the surface.
     pub(super) measures_change: bool,
+    pub(super) observer: Arc<dyn Observer>,
 }
 
 impl Coding {
     /// Codes one frame after the other.
     pub(super) fn code_all(
         mut self,
-        frames: impl Iterator<Item = Result<IngestedFrame>>,
-    ) -> impl Iterator<Item = Result<CodedFrame>> {
+        frames: impl Iterator<Item = Result<IngestedFrame, EncodeError>>,
+    ) -> impl Iterator<Item = Result<CodedFrame, EncodeError>> {
         frames.map(move |frame| self.code(frame?))
     }
 
-    fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame> {
+    pub(super) fn code(&mut self, frame: IngestedFrame) -> Result<CodedFrame, EncodeError> {
         let IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms } = frame;
         let (coded, coding_ms) = timed(|| self.coder.code(&volume));
         let frame = coded?;
         if let Some(why) = self.coder.take_notice() {
-            backend::notify(&why);
+            self.observer.event(&Event::FellBack(DeviceError::new(why)));
         }
         let surface_rms_voxels = match self.measures_change {
             true => {
-                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
+                let decoded =
+                    self.coder.reconstruction().map_err(DeviceError::from)?.expect("a frame was just coded");
                 Some(surface_rms_voxels(&volume, &decoded))
             }
             false => None,

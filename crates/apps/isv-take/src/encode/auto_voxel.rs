@@ -1,18 +1,18 @@
 //! `--voxel auto`: the voxel size that serves the target best, by coding samples of the capture with several.
 
-use super::Args;
+use super::{EncodeError, EncodeEvent, EncodeOptions, FrameError};
 use crate::capture::{Capture, CapturedFrame, Content};
-use crate::length::Length;
-use crate::output::say;
-use crate::stream;
-use anyhow::{Context, Result, bail};
-use isv::encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, Preset, RateTarget};
-use isv::format::{PacketHeader, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh, turn_faces};
-use isv::io::Geometry;
-use isv::metrics::{CompareOptions, compare};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{Grid, TriangleMesh, VoxelSize};
+use crate::{Event, Input, Length, Observer};
+use isv_encode::{
+    COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality, MainSettings, Preset, RateTarget,
+};
+use isv_format::{PacketHeader, StreamHeader};
+use isv_ingest::{MeshIngest, decide_sign, ingest_mesh, turn_faces};
+use isv_io::{Geometry, Unit};
+use isv_metrics::{CompareOptions, compare};
+use isv_surface::{SurfaceOptions, extract_surface};
+use isv_volume::{Grid, TriangleMesh, VoxelSize};
+use std::sync::Arc;
 
 /// Voxels that are tried on something of a person's size, in metres, and that size.
 const CANDIDATES_M: [f64; 4] = [0.005, 0.0065, 0.008, 0.01];
@@ -73,44 +73,56 @@ impl Curve {
     }
 }
 
-/// Chooses a voxel size; says which and why on stderr.
-pub(super) fn choose(args: &Args, header: &StreamHeader, settings: &EncoderSettings) -> Result<Choice> {
-    let samples = samples(args)?;
+/// Chooses a voxel size; tells which and why.
+pub(super) fn choose(
+    input: &Input,
+    options: &EncodeOptions,
+    header: &StreamHeader,
+    settings: &EncoderSettings,
+    observer: &Arc<dyn Observer>,
+) -> Result<Choice, EncodeError> {
+    let samples = samples(input, options, observer)?;
     let first = samples.first().and_then(|sample| sample.first()).map(|frame| &frame.mesh);
     let extent_m = first.and_then(TriangleMesh::bounds).map_or(0.0, |(low, high)| (high - low).max_element());
     if extent_m == 0.0 {
-        bail!(
-            "{}: --voxel auto needs frames with a surface to choose by: give a length",
-            stream::name(&args.input)
-        );
+        return Err(EncodeError::NoSample { name: input.name() });
     }
     // By powers of two, so that a person is one whether she stoops or reaches up.
     let scale = (extent_m / PERSON_M).log2().round().exp2();
     let mut curves = Vec::new();
     for candidate_m in CANDIDATES_M {
-        let voxel = VoxelSize::from_metres(scale * candidate_m)?;
-        let ingest = args.ingest.of_meshes(Grid { voxel_size: voxel, ..header.grid });
-        let point = |over: f64| measure(&samples, ingest, header, settings, over * scale * CANDIDATES_M[0]);
+        // What is smaller or larger than any voxel may be is no candidate.
+        let Ok(voxel) = VoxelSize::from_metres(scale * candidate_m) else { continue };
+        let ingest = options.fields.of_meshes(Grid { voxel_size: voxel, ..header.grid });
+        let point = |over: f64| {
+            let step_m = over * scale * CANDIDATES_M[0];
+            measure(&samples, (ingest, options.unit), header, settings, step_m)
+        };
         curves.push(Curve::through(voxel, [point(STEPS[0])?, point(STEPS[1])?]));
     }
     let wanted = match settings.main.target {
         RateTarget::Bitrate(bitrate) => Wanted::Rate(bitrate.bits_per_second),
         RateTarget::MaxError(voxels) => Wanted::Error(voxels * header.grid.voxel_size.metres()),
-        RateTarget::Constant => match args.header.target().two_pass_rate() {
+        RateTarget::Constant => match options.main.two_pass_rate() {
             Some(rate) => Wanted::Rate(rate),
-            None => Wanted::ErrorOfStep(f64::from(settings.main.quality.step) * curves[0].voxel.metres()),
+            None => Wanted::ErrorOfStep(
+                f64::from(settings.main.quality.step)
+                    * curves.first().map_or(0.0, |curve| curve.voxel.metres()),
+            ),
         },
     };
+    let [Some(smallest), Some(largest)] = [curves.first(), curves.last()] else {
+        return Err(EncodeError::NoSample { name: input.name() });
+    };
     let (choice, point) = best(&curves, wanted);
-    say(format_args!(
-        "voxels of {}: about {:.2} mm at {:.2} Mbps by {} sample frames, the best of {} to {}",
-        Length::from_metres(choice.voxel.metres()),
-        1e3 * point.error,
-        point.rate / 1e6,
-        samples.iter().map(Vec::len).sum::<usize>(),
-        Length::from_metres(curves[0].voxel.metres()),
-        Length::from_metres(curves[curves.len() - 1].voxel.metres()),
-    ));
+    let length = |curve: &Curve| Length::from_metres(curve.voxel.metres());
+    observer.event(&Event::Encode(EncodeEvent::VoxelChosen {
+        voxel: length(&choice),
+        error_mm: 1e3 * point.error,
+        mbps: point.rate / 1e6,
+        samples: samples.iter().map(Vec::len).sum(),
+        tried: [length(smallest), length(largest)],
+    }));
     let quality = matches!(wanted, Wanted::ErrorOfStep(_))
         .then(|| FrameQuality::of_step((point.step / choice.voxel.metres()) as f32));
     Ok(Choice { voxel: choice.voxel, quality })
@@ -164,15 +176,16 @@ struct SampleFrame {
 type Sample = Vec<SampleFrame>;
 
 /// The first frames, and as many from the middle on, without those that have no triangle.
-fn samples(args: &Args) -> Result<Vec<Sample>> {
-    let open = || Capture::open(&args.input, &args.hints()?);
-    let capture = open()?;
-    let range = capture.range(args.frames)?;
+fn samples(
+    input: &Input,
+    options: &EncodeOptions,
+    observer: &Arc<dyn Observer>,
+) -> Result<Vec<Sample>, EncodeError> {
+    let open = || Ok(Capture::open(input, &options.hints(observer)?)?);
+    let capture: Capture = open()?;
+    let range = capture.range(options.frames)?;
     if range.is_empty() {
-        bail!(
-            "{}: no frames to choose a voxel size by: give a length, as in --voxel 5mm",
-            stream::name(&args.input)
-        );
+        return Err(EncodeError::NoFramesToChooseBy { name: input.name() });
     }
     let mut starts = vec![range.start];
     if range.len() >= 4 * SAMPLE_FRAMES {
@@ -182,33 +195,34 @@ fn samples(args: &Args) -> Result<Vec<Sample>> {
         Content::Geometry(Geometry::Mesh(mesh)) => {
             Ok(SampleFrame { name: frame.name, mesh: turn_faces(&mesh).into_owned() })
         }
-        _ => bail!("{}: --voxel auto needs meshes: give a length, as in --voxel 5mm", frame.name),
+        _ => Err(EncodeError::NoMesh { name: frame.name }),
     };
-    let skips = args.skip_bad_frames && capture.frames_stand_alone();
-    let sample = |start: usize| -> Result<Sample> {
+    let skips = options.skip_bad_frames && capture.frames_stand_alone();
+    let sample = |start: usize| -> Result<Sample, EncodeError> {
         let end = range.end.min(start + SAMPLE_FRAMES);
-        let frames = open()?.read(start..end)?;
+        let opened: Result<Capture, EncodeError> = open();
+        let frames = opened?.read(start..end)?;
         // What is skipped then is no reason to stop now.
         let frames = frames.filter(|frame| !skips || frame.is_ok());
-        let frames = frames.map(|read| frame(read?)).collect::<Result<Vec<_>>>()?;
+        let frames = frames.map(|read| frame(read?)).collect::<Result<Vec<_>, EncodeError>>()?;
         Ok(frames.into_iter().filter(|frame| !frame.mesh.triangles.is_empty()).collect())
     };
-    let samples = starts.into_iter().map(sample).collect::<Result<Vec<_>>>()?;
+    let samples = starts.into_iter().map(sample).collect::<Result<Vec<_>, EncodeError>>()?;
     Ok(samples.into_iter().filter(|sample| !sample.is_empty()).collect())
 }
 
 /// Step in metres, bits a second of a whole GOP and mean error in metres of the samples.
 fn measure(
     samples: &[Sample],
-    ingest: MeshIngest,
+    (ingest, unit): (MeshIngest, Unit),
     header: &StreamHeader,
     settings: &EncoderSettings,
     step_m: f64,
-) -> Result<(f64, f64, f64)> {
+) -> Result<(f64, f64, f64), EncodeError> {
     let (header, voxel) = (StreamHeader { grid: ingest.grid, ..*header }, ingest.grid.voxel_size);
     let sign = decide_sign(&samples[0][0].mesh, ingest.sign).0;
     let mut settings = *settings;
-    settings.main = isv::encode::MainSettings {
+    settings.main = MainSettings {
         quality: FrameQuality::of_step((step_m / voxel.metres()) as f32),
         band: settings.main.band,
         ..Preset::Realtime.settings()
@@ -217,7 +231,11 @@ fn measure(
     for sample in samples {
         let mut encoder = Encoder::new(&header, settings);
         for SampleFrame { name, mesh } in sample {
-            let volume = ingest_mesh(mesh, &ingest, sign).with_context(|| name.clone())?;
+            let volume = ingest_mesh(mesh, &ingest, sign);
+            let volume = volume.map_err(|cause| {
+                let extent_m = mesh.bounds().map(|(low, high)| (high - low).to_array());
+                FrameError::Ingest { name: name.clone(), cause, extent_m, unit }
+            })?;
             let frame = encoder.encode(&volume);
             let bytes = PacketHeader::BYTES + frame.payload().to_bytes().len();
             bits[usize::from(!frame.keyframe)].push(8.0 * bytes as f64);
@@ -227,7 +245,8 @@ fn measure(
         let options = CompareOptions { spacing_m: voxel.metres(), seed: 0 };
         let last = sample.last().expect("a sample has frames");
         // The mean, as a root mean square is ruled by what no voxel size reaches: surfaces inside others, rims of sheets.
-        let distances = compare(&last.mesh, &surface, &options).with_context(|| last.name.clone())?;
+        let distances = compare(&last.mesh, &surface, &options);
+        let distances = distances.map_err(|cause| EncodeError::Compare { name: last.name.clone(), cause })?;
         errors.push(distances.p2s_mean_mm.unwrap_or(f64::NAN) / 1e3);
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;

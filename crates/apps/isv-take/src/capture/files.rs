@@ -1,12 +1,10 @@
 //! Frames from files.
 
 use super::{CapturedFrame, Content, Hints};
-use anyhow::{Result, anyhow};
-use isv::io::{
-    FrameSequence, FrameTimes, InvalidPoints, ReadError, ScaleCheck, Unit, acquisition_time_s,
-    read_geometry_with,
+use crate::encode::FrameError;
+use isv_io::{
+    FrameSequence, FrameTimes, InvalidPoints, ScaleCheck, Unit, acquisition_time_s, read_geometry_with,
 };
-use isv::volume::PointsError;
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
@@ -40,10 +38,10 @@ impl FileFrames {
         Self { paths, number: first, unit: hints.unit, times_ns, invalid_points: hints.invalid_points, scale }
     }
 
-    fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame> {
+    fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame, FrameError> {
         // Names say when each frame was taken, whether it can be read or not.
         let named_ns = self.times_ns.as_mut().and_then(Iterator::next);
-        let geometry = read_geometry_with(path, self.unit, self.invalid_points).map_err(with_advice)?;
+        let geometry = read_geometry_with(path, self.unit, self.invalid_points)?;
         if let Some(scale) = &mut self.scale {
             scale.check(path, &geometry)?;
         }
@@ -57,18 +55,8 @@ impl FileFrames {
     }
 }
 
-/// Names the option that helps against points that are nowhere.
-fn with_advice(error: ReadError) -> anyhow::Error {
-    match error {
-        ReadError::Points { cause: PointsError::NotFinite { .. }, .. } => {
-            anyhow!("{error}: --drop-invalid-points leaves such points out")
-        }
-        other => other.into(),
-    }
-}
-
 impl Iterator for FileFrames {
-    type Item = Result<CapturedFrame>;
+    type Item = Result<CapturedFrame, FrameError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let path = self.paths.next()?;

@@ -1,15 +1,14 @@
 //! The voxel size of points and depth images where nobody gives one: what their spacing and noise allow.
 
-use super::Args;
-use crate::capture::{Capture, CapturedFrame, Content};
-use crate::length::Length;
-use crate::output::say;
-use anyhow::Result;
-use isv::fusion::{DepthResolution, sample_readings};
-use isv::ingest::{IngestError, PointIngest, PointSpacing, check_points_fit};
-use isv::io::Geometry;
-use isv::volume::{Grid, PointCloud, VoxelSize};
+use super::{EncodeError, EncodeEvent, EncodeOptions};
+use crate::capture::{Capture, CapturedFrame, Content, default_voxel_size};
+use crate::{Event, Input, Length, Observer};
+use isv_fusion::{DepthResolution, sample_readings};
+use isv_ingest::{IngestError, PointIngest, PointSpacing, check_points_fit};
+use isv_io::Geometry;
+use isv_volume::{Grid, PointCloud, VoxelSize};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Mantissas of round lengths.
 const ROUND: [f64; 10] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0];
@@ -30,15 +29,21 @@ pub(super) struct Need {
 
 /// The need of the frames of a range, by the first, the middle and the last one; `None` of meshes and volumes. Frames that cannot be
 /// read have no say: encoding reports them.
-pub(super) fn of_frames(args: &Args, range: &Range<usize>, grid: Grid) -> Result<Option<Need>> {
+pub(super) fn of_frames(
+    input: &Input,
+    options: &EncodeOptions,
+    range: &Range<usize>,
+    grid: Grid,
+    observer: &Arc<dyn Observer>,
+) -> Result<Option<Need>, EncodeError> {
     let mut numbers = vec![range.start, range.start + range.len() / 2, range.end.saturating_sub(1)];
     numbers.retain(|number| range.contains(number));
     numbers.dedup();
     let mut needs = Vec::new();
     for number in numbers {
-        let capture = Capture::open(&args.input, &args.hints()?)?;
+        let capture = Capture::open(input, &options.hints(observer)?)?;
         for frame in capture.read(number..number + 1)?.flatten() {
-            match of_frame(args, &frame, grid) {
+            match of_frame(options, &frame, grid) {
                 Some(need) => needs.push(need),
                 None if is_of_faces(&frame.content) => return Ok(None),
                 None => {}
@@ -60,8 +65,8 @@ fn is_of_faces(content: &Content) -> bool {
 }
 
 /// The need of one frame; `None` of a mesh, of a volume and where nothing was captured.
-pub(super) fn of_frame(args: &Args, frame: &CapturedFrame, grid: Grid) -> Option<Need> {
-    let settings = |voxel_size| args.ingest.of_points(Grid { voxel_size, ..grid });
+pub(super) fn of_frame(options: &EncodeOptions, frame: &CapturedFrame, grid: Grid) -> Option<Need> {
+    let settings = |voxel_size| options.fields.of_points(Grid { voxel_size, ..grid });
     match &frame.content {
         Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
             let spacing = PointSpacing::of(cloud);
@@ -69,7 +74,7 @@ pub(super) fn of_frame(args: &Args, frame: &CapturedFrame, grid: Grid) -> Option
             Some(with_room(cloud, spacing.voxel_m(), why, settings))
         }
         Content::Depth(images) => {
-            let max_depth_m = args.ingest.max_depth_m();
+            let max_depth_m = options.fields.max_depth_m();
             let DepthResolution { footprint_m, noise_m } = DepthResolution::of(images, max_depth_m)?;
             let why = format!(
                 "a pixel covers {} and depths are noisy by {}",
@@ -91,7 +96,7 @@ fn with_room(
     why: String,
     settings: impl Fn(VoxelSize) -> PointIngest,
 ) -> Need {
-    let least_m = crate::capture::default_voxel_size().metres();
+    let least_m = default_voxel_size().metres();
     let voxel_m = round_up(wanted_m.max(least_m));
     let Ok(size) = VoxelSize::from_metres(voxel_m) else { return Need { voxel_m: least_m, why } };
     match check_points_fit(cloud, &settings(size)) {
@@ -103,12 +108,12 @@ fn with_room(
     }
 }
 
-/// Says what was chosen, and why.
-pub(super) fn announce(need: &Need) -> Result<VoxelSize> {
-    let voxel = VoxelSize::from_metres(need.voxel_m)?;
+/// Tells what was chosen, and why.
+pub(super) fn announce(need: Need, observer: &dyn Observer) -> VoxelSize {
+    let voxel = VoxelSize::from_metres(need.voxel_m).unwrap_or(default_voxel_size());
     let length = Length::from_metres(voxel.metres());
-    say(format_args!("voxels of {length}, as {}; --voxel overrules", need.why));
-    Ok(voxel)
+    observer.event(&Event::Encode(EncodeEvent::VoxelFits { voxel: length, why: need.why }));
+    voxel
 }
 
 /// The next round length from one on.

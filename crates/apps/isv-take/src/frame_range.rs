@@ -1,36 +1,51 @@
-//! Frame ranges on the command line: `A..B`, from A up to but not including B, counted from 0. Without A from the first, without B to
+//! Frame ranges: `A..B`, from A up to but not including B, counted from 0. Without A from the first, without B to
 //! the last.
 
 use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
+use thiserror::Error;
 
 /// A range of at least one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct FrameRange {
+pub struct FrameRange {
     /// First frame.
-    pub(crate) start: usize,
+    pub start: usize,
     /// One past the last frame; above `start`. [`Self::OPEN`] if that is the end of what there is.
-    pub(crate) end: usize,
+    pub end: usize,
 }
 
 impl FrameRange {
-    /// The end of a range that has none.
-    const OPEN: usize = usize::MAX;
+    /// The end of a range up to the last frame.
+    pub const OPEN: usize = usize::MAX;
 
     /// How many frames, if it has an end.
-    pub(crate) fn count(self) -> Option<usize> {
+    #[must_use]
+    pub fn count(self) -> Option<usize> {
         (self.end != Self::OPEN).then(|| self.end - self.start)
     }
 
-    /// The frames of the range among those that there are; `name` is the input.
-    pub(crate) fn within(self, frames: usize, name: &str) -> anyhow::Result<Range<usize>> {
+    /// The frames of the range among those that there are.
+    ///
+    /// # Errors
+    /// [`FrameRangeError`] if some of them are not there.
+    pub fn within(self, frames: usize) -> Result<Range<usize>, FrameRangeError> {
         let end = if self.end == Self::OPEN { frames } else { self.end };
         if end > frames || self.start >= end {
-            anyhow::bail!("{name}: frames {self} asked for, but there are {frames} (0..{frames})");
+            return Err(FrameRangeError { range: self, frames });
         }
         Ok(self.start..end)
     }
+}
+
+/// A range of frames some of which are not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("frames {range} asked for, but there are {frames} (0..{frames})")]
+pub struct FrameRangeError {
+    /// The frames asked for.
+    pub range: FrameRange,
+    /// Number of frames that there are.
+    pub frames: usize,
 }
 
 impl fmt::Display for FrameRange {
@@ -78,14 +93,14 @@ mod tests {
     }
 
     #[test]
-    fn ranges_past_the_end_are_refused_by_name() {
+    fn ranges_past_the_end_are_refused() {
         let range = FrameRange { start: 2, end: 5 };
-        assert_eq!(range.within(5, "a.isv").unwrap(), 2..5);
-        let sentence = range.within(4, "a.isv").unwrap_err().to_string();
-        assert_eq!(sentence, "a.isv: frames 2..5 asked for, but there are 4 (0..4)");
+        assert_eq!(range.within(5).unwrap(), 2..5);
+        let sentence = range.within(4).unwrap_err().to_string();
+        assert_eq!(sentence, "frames 2..5 asked for, but there are 4 (0..4)");
         let open: FrameRange = "2..".parse().unwrap();
-        assert_eq!(open.within(5, "a.isv").unwrap(), 2..5);
-        let sentence = open.within(2, "a.isv").unwrap_err().to_string();
-        assert_eq!(sentence, "a.isv: frames 2.. asked for, but there are 2 (0..2)");
+        assert_eq!(open.within(5).unwrap(), 2..5);
+        let sentence = open.within(2).unwrap_err().to_string();
+        assert_eq!(sentence, "frames 2.. asked for, but there are 2 (0..2)");
     }
 }

@@ -1,6 +1,7 @@
 //! How many bytes a capture takes.
 
 use super::kinds::Kind;
+use crate::Input;
 use crate::stream::load_index;
 use std::fs;
 use std::ops::Range;
@@ -26,12 +27,12 @@ pub(super) fn bytes(kind: &Kind, range: &Range<usize>, whole: Option<&Path>) -> 
             let bytes = |path: &PathBuf| if path.is_dir() { folder_bytes(path) } else { file_bytes(path) };
             volumes.paths().get(range.clone())?.iter().map(bytes).sum()
         }
-        Kind::Stream(path, _) => {
+        Kind::Stream(path, ..) => {
             let bytes = file_bytes(path)?;
             if whole.is_some() {
                 return Some(bytes);
             }
-            let frames = load_index(path).ok()?.frames;
+            let frames = load_index(&Input::from(path)).ok()?.frames;
             let end = frames.get(range.end).map_or(bytes, |frame| frame.at);
             end.checked_sub(frames.get(range.start)?.at)
         }

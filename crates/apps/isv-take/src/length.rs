@@ -1,23 +1,25 @@
-//! Lengths on the command line: a number and its unit.
+//! Lengths: a number and its unit.
 
-use isv::io::Unit;
+use isv_io::Unit;
 use std::fmt;
 use std::str::FromStr;
 
 /// A length above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Length {
+pub struct Length {
     metres: f64,
 }
 
 impl Length {
     /// From metres.
-    pub(crate) fn from_metres(metres: f64) -> Self {
+    #[must_use]
+    pub fn from_metres(metres: f64) -> Self {
         Self { metres }
     }
 
     /// In metres.
-    pub(crate) fn metres(self) -> f64 {
+    #[must_use]
+    pub fn metres(self) -> f64 {
         self.metres
     }
 }

@@ -1,17 +1,24 @@
-//! Bit rates on the command line: `2M`, `800k`.
+//! Bit rates: `2M`, `800k`.
 
 use std::fmt;
 use std::str::FromStr;
 
 /// A bit rate above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct BitRate {
+pub struct BitRate {
     bits_per_second: f64,
 }
 
 impl BitRate {
+    /// From bits a second.
+    #[must_use]
+    pub fn from_bits_per_second(bits_per_second: f64) -> Self {
+        Self { bits_per_second }
+    }
+
     /// In bits a second.
-    pub(crate) fn bits_per_second(self) -> f64 {
+    #[must_use]
+    pub fn bits_per_second(self) -> f64 {
         self.bits_per_second
     }
 }

@@ -2,25 +2,20 @@
 
 use super::files::FileFrames;
 use super::pipe::{self, PipedGeometry};
-use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size};
-use crate::backend::BackendArgs;
-use crate::failure::usage;
-use crate::frame_range::FrameRange;
-use crate::frame_rate;
-use crate::length::Length;
-use crate::output::is_pipe;
+use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size, stream_settings};
+use crate::encode::{CaptureError, FrameError};
 use crate::stream::{self, StreamFrames, load_index};
 use crate::timeline::Timeline;
-use anyhow::{Result, bail};
-use isv::decode::Lod;
-use isv::format::{FrameRate, Profile, StreamHeader};
-use isv::io::{
+use crate::{DeviceError, FrameRange, Input, Length, StreamFault};
+use isv_format::{FrameRate, Profile, StreamHeader};
+use isv_ingest::coded_field;
+use isv_io::{
     Animation, DepthSequence, FrameSequence, Saturation, SequenceError, VolumeError, VolumeSequence,
     is_depth_folder, passed_over,
 };
-use isv::volume::Grid;
+use isv_volume::Grid;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What frames come from.
 pub(super) enum Kind {
@@ -40,7 +35,7 @@ pub(super) enum Kind {
         notes: Vec<String>,
     },
     /// An `.isv` file.
-    Stream(PathBuf, StreamHeader),
+    Stream(PathBuf, StreamHeader, Hints),
     /// An `.isv` stream on standard input.
     PipedStream(Box<StreamFrames>),
     /// Meshes or points on standard input.
@@ -49,20 +44,16 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
-    pub(super) fn open(path: &Path, hints: &Hints) -> Result<(Option<usize>, Self)> {
-        if is_pipe(path) {
-            return Ok((None, pipe::open(hints)?));
-        }
+    pub(super) fn open(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
+        let Input::Path(path) = input else { return Ok((None, pipe::open(hints)?)) };
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
             // It is opened more than once.
             if path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
-                return Err(usage(format!(
-                    "{}: no regular file: give - a stream from a pipe",
-                    path.display()
-                )));
+                return Err(CaptureError::NoRegularFile { name: input.name() });
             }
-            let (_, header) = stream::open(path)?;
-            return Ok((Some(load_index(path)?.frames.len()), Self::Stream(path.to_owned(), header)));
+            let (_, header) = stream::open(input, hints.memory)?;
+            let frames = load_index(input)?.frames.len();
+            return Ok((Some(frames), Self::Stream(path.clone(), header, hints.clone())));
         }
         if is_depth_folder(path) {
             let depth = DepthSequence::open(path)?;
@@ -72,17 +63,16 @@ impl Kind {
             Ok(sequence) => Self::files(sequence, hints),
             Err(error) => match VolumeSequence::open_with(path, hints.dense) {
                 Ok(volumes) => Self::volumes(volumes, hints),
-                Err(_) if matches!(error, SequenceError::NoFrames { .. }) => bail!(
-                    "{error}; or a folder of depth images, with a camera.json, rig.json or depth.txt, or of volumes, with a \
-                     coords.npy and a tsdf.npy, or dense fields as .npy or .npz"
-                ),
+                Err(_) if matches!(error, SequenceError::NoFrames { .. }) => {
+                    Err(CaptureError::NoFrames(error))
+                }
                 Err(_) => Err(error.into()),
             },
         }
     }
 
     /// Files of geometry, one a frame; but one glTF file that moves is as many frames as it lasts.
-    fn files(sequence: FrameSequence, hints: &Hints) -> Result<(Option<usize>, Self)> {
+    fn files(sequence: FrameSequence, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         if let [path] = sequence.paths()
             && path
                 .extension()
@@ -102,11 +92,11 @@ impl Kind {
                 return Ok((Some(frames), Self::Animation(Box::new(animation), hints.frame_rate)));
             }
         }
-        Ok((Some(sequence.paths().len()), Self::Files(sequence, *hints)))
+        Ok((Some(sequence.paths().len()), Self::Files(sequence, hints.clone())))
     }
 
     /// Volumes on their own grid.
-    fn volumes(volumes: VolumeSequence, hints: &Hints) -> Result<(Option<usize>, Self)> {
+    fn volumes(volumes: VolumeSequence, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         let (grid, size_is_known) = match volumes.grid(0, None, hints.truncation) {
             Err(VolumeError::NoVoxelSize { .. }) => {
                 let voxel_size = hints.voxel_size.unwrap_or(default_voxel_size());
@@ -123,11 +113,11 @@ impl Kind {
         match self {
             Self::Volumes { .. } | Self::PipedGeometry(_) => None,
             Self::Files(sequence, hints) => {
-                Some(sequence.times().rate().and_then(frame_rate::nearest).unwrap_or(hints.frame_rate))
+                Some(sequence.times().rate().and_then(FrameRate::nearest).unwrap_or(hints.frame_rate))
             }
             Self::Animation(_, rate) => Some(*rate),
-            Self::Depth(depth) => depth.fps().and_then(frame_rate::nearest),
-            Self::Stream(_, header) => Some(header.frame_rate),
+            Self::Depth(depth) => depth.fps().and_then(FrameRate::nearest),
+            Self::Stream(_, header, _) => Some(header.frame_rate),
             Self::PipedStream(frames) => Some(frames.header().frame_rate),
         }
     }
@@ -136,7 +126,7 @@ impl Kind {
         match self {
             Self::Files(..) | Self::Animation(..) | Self::Depth(_) | Self::PipedGeometry(_) => None,
             Self::Volumes { grid, .. } => Some(*grid),
-            Self::Stream(_, header) => Some(header.grid),
+            Self::Stream(_, header, _) => Some(header.grid),
             Self::PipedStream(frames) => Some(frames.header().grid),
         }
     }
@@ -156,24 +146,24 @@ impl Kind {
     }
 
     /// What a user should know of it.
-    pub(super) fn remarks(&self) -> Vec<String> {
+    pub(super) fn remarks(&self) -> Vec<Remark> {
         match self {
             Self::Files(sequence, _) => {
                 let passed_over = sequence.paths().first().map(|path| passed_over(path)).unwrap_or_default();
-                let passed_over =
-                    (!passed_over.is_empty()).then(|| format!("{} are not kept", passed_over.join(", ")));
-                sequence.notes().iter().cloned().chain(passed_over).collect()
+                let notes = sequence.notes().iter().cloned().map(Remark::Note);
+                let lost = (!passed_over.is_empty())
+                    .then(|| Remark::NotKept(passed_over.iter().map(ToString::to_string).collect()));
+                notes.chain(lost).collect()
             }
             Self::Depth(depth) => depth_remarks(depth),
             Self::Volumes { size_is_known, grid, notes, .. } => {
-                let voxel = Length::from_metres(grid.voxel_size.metres());
-                let size = format!("does not say how large a voxel is: taken as {voxel}; --voxel is another");
-                (!size_is_known).then_some(size).into_iter().chain(notes.iter().cloned()).collect()
+                let taken = Remark::VoxelTaken(Length::from_metres(grid.voxel_size.metres()));
+                let taken = (!size_is_known).then_some(taken);
+                taken.into_iter().chain(notes.iter().cloned().map(Remark::Note)).collect()
             }
-            Self::Animation(animation, _) if animation.names().len() > 1 => vec![format!(
-                "has {} animations, of which the first that moves anything is taken",
-                animation.names().len()
-            )],
+            Self::Animation(animation, _) if animation.names().len() > 1 => {
+                vec![Remark::Animations(animation.names().len())]
+            }
             _ => Vec::new(),
         }
     }
@@ -190,7 +180,11 @@ impl Kind {
     }
 
     /// Reads a range of frames of the capture called `name`.
-    pub(super) fn read(self, name: String, range: Range<usize>) -> Result<Frames<CapturedFrame>> {
+    pub(super) fn read(
+        self,
+        name: String,
+        range: Range<usize>,
+    ) -> Result<Frames<CapturedFrame>, CaptureError> {
         Ok(match self {
             Self::Files(sequence, hints) => {
                 Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, &hints))
@@ -215,12 +209,13 @@ impl Kind {
                 let name = volumes.paths()[number].display().to_string();
                 Ok(CapturedFrame { number, name, timestamp_ns: None, content })
             })),
-            Self::Stream(path, _) => {
+            Self::Stream(path, _, hints) => {
+                let input = Input::from(path);
                 // All of a stream is read to its very end, where it may turn out to be cut off.
-                let is_all = range == (0..load_index(&path)?.frames.len());
+                let is_all = range == (0..load_index(&input)?.frames.len());
                 let range = FrameRange { start: range.start, end: range.end };
-                let frames =
-                    StreamFrames::open(&path, (!is_all).then_some(range), Lod::Full, BackendArgs::CPU)?;
+                let settings = stream_settings(&hints, (!is_all).then_some(range));
+                let frames = StreamFrames::open(&input, &settings)?;
                 Box::new(volumes_of(frames, name))
             }
             Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),
@@ -229,47 +224,63 @@ impl Kind {
     }
 }
 
-fn depth_remarks(depth: &DepthSequence) -> Vec<String> {
+/// A thing about a capture that its user should know.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Remark {
+    /// What the reader took for granted, in a sentence.
+    Note(String),
+    /// Parts of the files that a stream does not keep.
+    NotKept(Vec<String>),
+    /// The voxel size that was taken, as the volumes do not say.
+    VoxelTaken(Length),
+    /// Number of animations in a file, of which one is taken.
+    Animations(usize),
+    /// Number of depth images without a pose close in time.
+    DepthSkipped(usize),
+    /// Images are undistorted.
+    Undistorted,
+    /// The unit that time stamps are taken in, and the frame rate that follows.
+    TimeUnit {
+        /// Name of the unit.
+        unit: &'static str,
+        /// Frames a second.
+        fps: Option<f64>,
+    },
+    /// Frames without a usable pose.
+    WithoutPose {
+        /// Number of such frames.
+        count: usize,
+        /// Number of all frames.
+        frames: usize,
+        /// The first such frame.
+        first: usize,
+    },
+    /// A depth that may stand for no reading.
+    Saturation(Saturation),
+}
+
+fn depth_remarks(depth: &DepthSequence) -> Vec<Remark> {
     let mut remarks = Vec::new();
     if depth.skipped() > 0 {
-        remarks.push(format!(
-            "{} depth images have no pose close in time and are left out; the others keep their times",
-            depth.skipped()
-        ));
+        remarks.push(Remark::DepthSkipped(depth.skipped()));
     }
     if depth.is_undistorted() {
-        remarks.push("images are undistorted by the coefficients given".to_owned());
+        remarks.push(Remark::Undistorted);
     }
     if let Some(unit) = depth.time_unit() {
-        let rate = depth.fps().map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
-        remarks.push(format!(
-            "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise"
-        ));
+        remarks.push(Remark::TimeUnit { unit, fps: depth.fps() });
     }
     if let lost @ [first, ..] = &depth.frames_without_pose()[..]
         && lost.len() < depth.frames()
     {
-        let (count, frames) = (lost.len(), depth.frames());
-        remarks.push(format!(
-            "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
-        ));
+        remarks.push(Remark::WithoutPose { count: lost.len(), frames: depth.frames(), first: *first });
     }
-    if let Some(saturation) = depth.saturation() {
-        let Saturation { path, value, share, is_reading, depth_m } = saturation;
-        let (share, path) = (100.0 * share, path.display());
-        remarks.push(match is_reading {
-            true => format!(
-                "{value} is {share:.1} % of {path} and counts as {depth_m:.1} m: if it means no reading, add it to invalid_values"
-            ),
-            false => format!(
-                "{value} is {share:.1} % of {path} and counts as no reading: add it to invalid_values, or give [0] there to keep it"
-            ),
-        });
-    }
+    remarks.extend(depth.saturation().map(Remark::Saturation));
     remarks
 }
 
-fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame>> {
+fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame, FrameError>> {
     let is_main = frames.header().profile == Profile::Main;
     // Streams may be joined, and their clocks be set: what makes no sense is not handed on.
     let mut timeline = Timeline::new(frames.header().frame_rate);
@@ -277,8 +288,11 @@ fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result
         let frame = frame?;
         let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));
         let timestamp_ns = Some((start_s * 1e9).round() as u64);
-        let volume = frame.volume.into_sparse()?;
-        let content = match stream::full_band(&volume, frame.coded_blocks.as_ref()) {
+        let volume = frame.volume.into_sparse().map_err(DeviceError::from);
+        let volume = volume.map_err(|error| StreamFault::from(error).of(&name))?;
+        // Distances that were coded away from the surface too: `--band full` in profile `main`.
+        let field = frame.coded_blocks.as_ref().and_then(|coded| coded_field(&volume, coded));
+        let content = match field {
             Some(field) => Content::Volume(field),
             None if is_main => Content::Decoded(volume),
             None => Content::Volume(volume),

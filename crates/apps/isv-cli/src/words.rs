@@ -1,0 +1,269 @@
+//! What libraries report, in words: with the flags that help.
+
+use crate::memory;
+use crate::output::say;
+use crate::progress::Progress;
+use isv::fusion::FusionError;
+use isv::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
+use isv::io::{ReadError, Saturation, Unit};
+use isv::take::capture::Remark;
+use isv::take::encode::{CaptureError, EncodeError, EncodeEvent, FrameError, OptionsError};
+use isv::take::{Event, Length, MemoryError, Observer, StreamError, StreamFault};
+use isv::volume::{FitError, PointsError};
+use std::sync::Arc;
+
+/// Share of the points whose side is a guess, above which that is said.
+const WORTH_A_WORD: f64 = 0.05;
+
+/// Says events on standard error.
+pub(crate) fn observer() -> Arc<dyn Observer> {
+    Arc::new(|event: &Event| say(event_in_words(event)))
+}
+
+/// Says events on standard error, above a progress bar.
+pub(crate) fn observer_above(progress: &Arc<Progress>) -> Arc<dyn Observer> {
+    let progress = Arc::clone(progress);
+    Arc::new(move |event: &Event| progress.note(&event_in_words(event)))
+}
+
+fn event_in_words(event: &Event) -> String {
+    let Event::Encode(event) = event else { return event.to_string() };
+    let advice = match event {
+        EncodeEvent::Sign { mode, .. } | EncodeEvent::PointSign { mode, .. } if *mode != SignMode::Auto => {
+            return event.to_string().replacen("(as asked for", "(as --sign asks", 1);
+        }
+        EncodeEvent::Skipped { why } => return format!("skipped: {}", encoding(why)),
+        EncodeEvent::VoxelFits { .. } => "; --voxel overrules",
+        EncodeEvent::Sides { sides, .. } => advice_on_sides(*sides),
+        EncodeEvent::ViewpointUnused { .. } => ": --normals estimate makes new ones",
+        EncodeEvent::SurfaceLost { .. } => ": --sign offset keeps it",
+        EncodeEvent::Tiny { .. } => ": check --units",
+        EncodeEvent::ErrorMissed { .. } => ": smaller voxels reach it",
+        _ => "",
+    };
+    format!("{event}{advice}")
+}
+
+fn advice_on_sides(sides: SideEvidence) -> &'static str {
+    match sides.basis {
+        NormalSides::Guessed(_) => {
+            ": points look scanned from the origin; --viewpoint X,Y,Z is another place"
+        }
+        NormalSides::Outward if sides.guessed > WORTH_A_WORD => {
+            ": give --viewpoint X,Y,Z, the scanner's place"
+        }
+        NormalSides::Viewpoint | NormalSides::Outward => "",
+    }
+}
+
+/// What a user should know of a capture.
+pub(crate) fn remark(remark: &Remark) -> String {
+    match remark {
+        Remark::Note(note) => note.clone(),
+        Remark::NotKept(parts) => format!("{} are not kept", parts.join(", ")),
+        Remark::VoxelTaken(voxel) => {
+            format!("does not say how large a voxel is: taken as {voxel}; --voxel is another")
+        }
+        Remark::Animations(count) => {
+            format!("has {count} animations, of which the first that moves anything is taken")
+        }
+        Remark::DepthSkipped(count) => {
+            format!(
+                "{count} depth images have no pose close in time and are left out; the others keep their times"
+            )
+        }
+        Remark::Undistorted => "images are undistorted by the coefficients given".to_owned(),
+        Remark::TimeUnit { unit, fps } => {
+            let rate = fps.map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
+            format!("time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise")
+        }
+        Remark::WithoutPose { count, frames, first } => format!(
+            "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
+        ),
+        Remark::Saturation(Saturation { path, value, share, is_reading, depth_m }) => {
+            let (share, path) = (100.0 * share, path.display());
+            match is_reading {
+                true => format!(
+                    "{value} is {share:.1} % of {path} and counts as {depth_m:.1} m: if it means no reading, add it to invalid_values"
+                ),
+                false => format!(
+                    "{value} is {share:.1} % of {path} and counts as no reading: add it to invalid_values, or give [0] there to keep it"
+                ),
+            }
+        }
+        other => format!("{other:?}"),
+    }
+}
+
+/// An error in one sentence, with the flags that help. Whether the command line is to blame.
+pub(crate) fn error(error: &anyhow::Error) -> (String, bool) {
+    let mut parts = Vec::new();
+    for cause in error.chain() {
+        if let Some(error) = cause.downcast_ref::<EncodeError>() {
+            parts.push(encoding(error));
+        } else if let Some(error) = cause.downcast_ref::<FrameError>() {
+            parts.push(frame(error));
+        } else if let Some(error) = cause.downcast_ref::<CaptureError>() {
+            parts.push(capture(error));
+        } else if let Some(error) = cause.downcast_ref::<StreamError>() {
+            parts.push(stream(error));
+        } else if let Some(error) = cause.downcast_ref::<MemoryError>() {
+            parts.push(memory_error(error));
+        } else if let Some(error) = cause.downcast_ref::<OptionsError>() {
+            parts.push(options(error));
+        } else {
+            parts.push(cause.to_string());
+            continue;
+        }
+        // What lies behind is in the sentence.
+        break;
+    }
+    (parts.join(": "), error.chain().any(blames_command_line))
+}
+
+fn blames_command_line(cause: &(dyn std::error::Error + 'static)) -> bool {
+    let of_capture = |error: &CaptureError| matches!(error, CaptureError::NoRegularFile { .. });
+    let of_stream = |error: &StreamError| matches!(error.fault, StreamFault::NoFile);
+    match cause.downcast_ref::<EncodeError>() {
+        Some(EncodeError::Options(_)) => true,
+        Some(EncodeError::Capture(CaptureError::Stream(error))) => of_stream(error),
+        Some(EncodeError::Capture(error)) => of_capture(error),
+        _ => {
+            cause.is::<OptionsError>()
+                || cause.downcast_ref().is_some_and(of_capture)
+                || cause.downcast_ref().is_some_and(of_stream)
+        }
+    }
+}
+
+fn encoding(error: &EncodeError) -> String {
+    match error {
+        EncodeError::Options(error) => options(error),
+        EncodeError::Capture(error) => capture(error),
+        EncodeError::Frame(error) => frame(error),
+        EncodeError::NoSample { name } => {
+            format!("{name}: --voxel auto needs frames with a surface to choose by: give a length")
+        }
+        EncodeError::NoFramesToChooseBy { .. } => format!("{error}: give a length, as in --voxel 5mm"),
+        EncodeError::NoMesh { name } => {
+            format!("{name}: --voxel auto needs meshes: give a length, as in --voxel 5mm")
+        }
+        EncodeError::NoSurface { .. } => format!("{error}: check --units and --voxel"),
+        other => other.to_string(),
+    }
+}
+
+/// Options by the names of their flags.
+pub(crate) fn options(error: &OptionsError) -> String {
+    let advice = |chosen: bool| if chosen { "" } else { ": add --profile paper" };
+    match error {
+        OptionsError::Conflict(first, second) => {
+            format!("--{first} and --{second}: only one of them can be met")
+        }
+        OptionsError::NotInMain { chosen, .. } | OptionsError::BlockInMain { chosen, .. } => {
+            format!("--{error}{}", advice(*chosen))
+        }
+        OptionsError::Needs(option, other) => format!("--{option} needs --{other}"),
+        other => format!("--{other}"),
+    }
+}
+
+fn capture(error: &CaptureError) -> String {
+    match error {
+        CaptureError::NoRegularFile { .. } => format!("{error}: give - a stream from a pipe"),
+        CaptureError::Read(error) => read(error),
+        CaptureError::Stream(error) => stream(error),
+        other => other.to_string(),
+    }
+}
+
+/// Names the option that helps against points that are nowhere.
+fn read(error: &ReadError) -> String {
+    match error {
+        ReadError::Points { cause: PointsError::NotFinite { .. }, .. } => {
+            format!("{error}: --drop-invalid-points leaves such points out")
+        }
+        other => other.to_string(),
+    }
+}
+
+fn frame(error: &FrameError) -> String {
+    match error {
+        FrameError::Read(error) => read(error),
+        FrameError::Stream(error) => stream(error),
+        FrameError::Ingest { name, cause, extent_m, unit } => {
+            let is_too_large = matches!(cause, IngestError::Fit(_));
+            let question =
+                extent_m.filter(|_| is_too_large).and_then(|extent_m| unit_question(extent_m, *unit));
+            let question = question.map(|question| format!("{question} ")).unwrap_or_default();
+            format!("{name}: {question}{}", ingest(cause))
+        }
+        FrameError::Fusion { cause: FusionError::Fit(cause), .. } => {
+            let fits = Length::from_metres(cause.voxel_that_fits_m());
+            format!("{error}: try --voxel {fits}, or --max-depth to leave out what is far away")
+        }
+        FrameError::Memory { name, cause } => format!("{name}: {}", memory_error(cause)),
+        FrameError::NoSurfaceYet { name } => {
+            format!("{name}: no surface yet: isv encode makes one of points and depth images")
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Names the options to change.
+fn ingest(error: &IngestError) -> String {
+    match error {
+        IngestError::Fit(cause @ FitError::TooManyBlocks { .. }) => {
+            let fits = Length::from_metres(cause.voxel_that_fits_m());
+            format!("{error}: try --voxel {fits}, or check --units")
+        }
+        IngestError::Fit(FitError::OutOfRange { .. }) => {
+            format!("{error}: move it with --origin, or check --units")
+        }
+        IngestError::TooSparse { voxel_that_fits_m, .. } => {
+            let fits = Length::from_metres(*voxel_that_fits_m);
+            format!("{error}: try --voxel {fits}, or --sign offset for the points themselves")
+        }
+        IngestError::NoNormals => format!("{error}: try --normals estimate or --sign offset"),
+        other => other.to_string(),
+    }
+}
+
+/// Asks for another unit, where a frame of such an extent, in metres, would be of a person's size with it.
+fn unit_question(extent_m: [f64; 3], unit: Unit) -> Option<String> {
+    /// Sizes of what is captured most often: from a bust to a person with raised arms.
+    const USUAL_M: std::ops::RangeInclusive<f64> = 0.4..=3.0;
+    let size = extent_m.into_iter().fold(0.0, f64::max) / unit.metres();
+    let usual = |other: &Unit| *other != unit && USUAL_M.contains(&(size * other.metres()));
+    let other = [Unit::Centimetre, Unit::Millimetre, Unit::Inch].into_iter().find(usual)?;
+    let [x, y, z] =
+        extent_m.map(|metres| if metres < 10.0 { format!("{metres:.1}") } else { format!("{metres:.0}") });
+    Some(format!("the frame is {x} x {y} x {z} m: is it --units {other}?"))
+}
+
+fn stream(error: &StreamError) -> String {
+    match &error.fault {
+        StreamFault::Memory(cause) => format!("{}: {}", error.name, memory_error(cause)),
+        _ if error.is_beyond_memory() => format!("{error}: {}", more_memory()),
+        _ => error.to_string(),
+    }
+}
+
+fn memory_error(error: &MemoryError) -> String {
+    match (error, memory::chosen()) {
+        (MemoryError::Frame { .. }, None) => format!(
+            "{error} that decoders have: try larger voxels, or --max-memory with a larger amount, which then decoders need too"
+        ),
+        (MemoryError::Frame { .. }, Some(_)) => {
+            format!("{error}: {}; larger voxels need less", more_memory())
+        }
+        _ => format!("{error}: {}", more_memory()),
+    }
+}
+
+fn more_memory() -> String {
+    match memory::chosen() {
+        Some(size) => format!("that is what --max-memory {size} has room for"),
+        None => "--max-memory with a larger amount allows it".to_owned(),
+    }
+}

@@ -1,0 +1,321 @@
+//! Inputs: everything that frames can come from.
+
+mod files;
+mod kinds;
+mod pipe;
+mod size;
+
+use crate::encode::{CaptureError, FrameError};
+use crate::stream::DecodeSettings;
+use crate::{FrameRange, Input, MemoryLimit, Observer, OpenDevice, Up};
+use isv_decode::Lod;
+use isv_format::FrameRate;
+use isv_io::{DenseOptions, Geometry, InvalidPoints, Unit};
+use isv_surface::SurfaceOptions;
+use isv_volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use kinds::Kind;
+use std::ops::Range;
+use std::sync::Arc;
+
+pub use kinds::Remark;
+
+/// Frames, one after the other, each of them or what is wrong with it.
+pub type Frames<T> = Box<dyn Iterator<Item = Result<T, FrameError>> + Send>;
+
+/// What a frame is before it becomes a volume.
+#[derive(Debug)]
+pub enum Content {
+    /// A mesh or points.
+    Geometry(Geometry),
+    /// What depth cameras saw at one time.
+    Depth(Vec<DepthImage>),
+    /// A volume already.
+    Volume(SparseVolume),
+    /// A volume that was decoded in profile `main`, which is one at its surface alone.
+    Decoded(SparseVolume),
+}
+
+/// What all frames of a capture are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ContentKind {
+    /// [`Content::Geometry`]
+    Geometry,
+    /// [`Content::Depth`]
+    Depth,
+    /// [`Content::Volume`]
+    Volume,
+}
+
+impl ContentKind {
+    /// The frames in a sentence.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Geometry => "meshes and points",
+            Self::Depth => "depth images",
+            Self::Volume => "volumes",
+        }
+    }
+}
+
+/// A frame of a capture.
+#[derive(Debug)]
+pub struct CapturedFrame {
+    /// Its number in the capture.
+    pub number: usize,
+    /// The file it came from, or the capture and its number; for messages.
+    pub name: String,
+    /// When it is shown, if the capture is a stream, which says so.
+    pub timestamp_ns: Option<u64>,
+    /// What it is.
+    pub content: Content,
+}
+
+impl CapturedFrame {
+    /// The frame with another origin, where it is one of meshes or points.
+    fn relative_to(self, origin_m: [f64; 3]) -> Self {
+        let content = match self.content {
+            Content::Geometry(geometry) => Content::Geometry(geometry.relative_to(origin_m)),
+            other => other,
+        };
+        Self { content, ..self }
+    }
+
+    /// The frame turned from an axis that points up to Y up, unless it is a volume: those are Y up already.
+    fn with_y_up(self, up: Up) -> Self {
+        if up == Up::Y {
+            return self;
+        }
+        let content = match self.content {
+            Content::Geometry(geometry) => Content::Geometry(geometry.turned(up.to_y_up())),
+            Content::Depth(images) => {
+                let turned = images.into_iter().map(|image| image.turned(up.to_y_up()));
+                Content::Depth(turned.collect())
+            }
+            volume @ (Content::Volume(_) | Content::Decoded(_)) => volume,
+        };
+        Self { content, ..self }
+    }
+}
+
+/// What a user says of a capture that does not say so itself.
+#[derive(Clone)]
+pub struct Hints {
+    /// Unit of coordinates.
+    pub unit: Unit,
+    /// Edge of a voxel.
+    pub voxel_size: Option<VoxelSize>,
+    /// Distance from the surface up to which a volume has distances.
+    pub truncation: Option<Truncation>,
+    /// Frames a second, at which an animation is sampled.
+    pub frame_rate: FrameRate,
+    /// The place of meshes and points, in metres, that is to be the origin.
+    pub origin_m: [f64; 3],
+    /// Treatment of points that are nowhere.
+    pub invalid_points: InvalidPoints,
+    /// Whether frames of one shape may be of different scales.
+    pub mixed_scales: bool,
+    /// The axis of meshes, points and depth cameras that points up.
+    pub up: Up,
+    /// How dense fields are read.
+    pub dense: DenseOptions,
+    /// Memory for the frames of streams.
+    pub memory: MemoryLimit,
+    /// Who is told what happens while frames are read.
+    pub observer: Arc<dyn Observer>,
+}
+
+impl Hints {
+    /// Those of a capture in a unit, with nothing else said.
+    #[must_use]
+    pub fn in_unit(unit: Unit, memory: MemoryLimit, observer: Arc<dyn Observer>) -> Self {
+        Self {
+            unit,
+            voxel_size: None,
+            truncation: None,
+            frame_rate: DEFAULT_FRAME_RATE,
+            origin_m: [0.0; 3],
+            invalid_points: InvalidPoints::Refuse,
+            mixed_scales: false,
+            up: Up::Y,
+            dense: DenseOptions::default(),
+            memory,
+            observer,
+        }
+    }
+
+    /// With a place in the capture's unit as the origin.
+    #[must_use]
+    pub fn with_origin(self, origin: Option<[f64; 3]>) -> Self {
+        Self { origin_m: origin.unwrap_or_default().map(|x| x * self.unit.metres()), ..self }
+    }
+}
+
+/// Decodes streams among the captures on the CPU, at full resolution.
+fn stream_settings(hints: &Hints, frames: Option<FrameRange>) -> DecodeSettings {
+    let (memory, observer) = (hints.memory, Arc::clone(&hints.observer));
+    DecodeSettings { frames, lod: Lod::Full, device: OpenDevice::CPU, memory, observer }
+}
+
+/// Frame rate where neither the user nor the capture says.
+pub const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+
+/// Edge of a voxel where neither the user nor the capture says.
+#[must_use]
+pub fn default_voxel_size() -> VoxelSize {
+    VoxelSize::from_nanometres(5_000_000).expect("5 mm is in range")
+}
+
+/// An input of frames.
+pub struct Capture {
+    input: Input,
+    name: String,
+    /// How many, if that is known before they came.
+    frames: Option<usize>,
+    kind: Kind,
+    origin_m: [f64; 3],
+    up: Up,
+    memory: MemoryLimit,
+}
+
+impl Capture {
+    /// Finds the frames of a folder, a pattern, a file or standard input.
+    ///
+    /// # Errors
+    /// See [`CaptureError`].
+    pub fn open(input: &Input, hints: &Hints) -> Result<Self, CaptureError> {
+        let (frames, kind) = Kind::open(input, hints)?;
+        Ok(Self {
+            input: input.clone(),
+            name: input.name(),
+            frames,
+            kind,
+            origin_m: hints.origin_m,
+            up: hints.up,
+            memory: hints.memory,
+        })
+    }
+
+    /// The input.
+    #[must_use]
+    pub fn input(&self) -> &Input {
+        &self.input
+    }
+
+    /// How many frames there are, unless they come from a pipe.
+    #[must_use]
+    pub fn frames(&self) -> Option<usize> {
+        self.frames
+    }
+
+    /// How many frames there are, where that must be known.
+    ///
+    /// # Errors
+    /// [`CaptureError::Uncounted`].
+    pub fn counted(&self) -> Result<usize, CaptureError> {
+        self.frames.ok_or_else(|| CaptureError::Uncounted { name: self.name.clone() })
+    }
+
+    /// The input as given.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Frames a second, where the capture says.
+    #[must_use]
+    pub fn frame_rate(&self) -> Option<FrameRate> {
+        self.kind.frame_rate()
+    }
+
+    /// The grid that the frames are on already, if they are volumes.
+    #[must_use]
+    pub fn grid(&self) -> Option<Grid> {
+        self.kind.grid()
+    }
+
+    /// What its frames are.
+    #[must_use]
+    pub fn content(&self) -> ContentKind {
+        self.kind.content()
+    }
+
+    /// What a user should know before the first frame.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<Remark> {
+        self.kind.remarks()
+    }
+
+    /// Whether the frames are dense fields.
+    #[must_use]
+    pub fn is_dense(&self) -> bool {
+        self.kind.is_dense()
+    }
+
+    /// Whether a frame can be read after one that cannot.
+    #[must_use]
+    pub fn frames_stand_alone(&self) -> bool {
+        self.kind.frames_stand_alone()
+    }
+
+    /// The frames of a range, or all, counted from 0. Of a pipe, which may hold fewer, no more is known here.
+    ///
+    /// # Errors
+    /// [`CaptureError::Range`] if some of them are not there.
+    pub fn range(&self, range: Option<FrameRange>) -> Result<Range<usize>, CaptureError> {
+        match (range, self.frames) {
+            (Some(range), Some(frames)) => {
+                range.within(frames).map_err(|cause| CaptureError::Range { name: self.name.clone(), cause })
+            }
+            (Some(range), None) => Ok(range.start..range.end),
+            (None, frames) => Ok(0..frames.unwrap_or(usize::MAX)),
+        }
+    }
+
+    /// Bytes of the files that hold the frames of a range; none where that is not known, as of a pipe.
+    #[must_use]
+    pub fn bytes(&self, range: &Range<usize>) -> Option<u64> {
+        let is_all = self.frames == Some(range.len());
+        size::bytes(&self.kind, range, self.input.path().filter(|_| is_all))
+    }
+
+    /// Reads the frames of a range that [`Self::range`] gave.
+    ///
+    /// # Errors
+    /// See [`CaptureError`].
+    pub fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>, CaptureError> {
+        let (origin_m, up) = (self.origin_m, self.up);
+        let frames = self.kind.read(self.name, range)?;
+        if origin_m == [0.0; 3] && up == Up::Y {
+            return Ok(frames);
+        }
+        Ok(Box::new(frames.map(move |frame| Ok(frame?.relative_to(origin_m).with_y_up(up)))))
+    }
+
+    /// Reads the surfaces of such frames: meshes as they are, volumes by their zero crossing.
+    ///
+    /// # Errors
+    /// See [`CaptureError`].
+    pub fn meshes(self, range: Range<usize>) -> Result<Frames<TriangleMesh>, CaptureError> {
+        let memory = self.memory;
+        Ok(Box::new(self.read(range)?.map(move |frame| surface_of(frame?, memory))))
+    }
+}
+
+impl std::fmt::Debug for Capture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Capture").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+fn surface_of(frame: CapturedFrame, memory: MemoryLimit) -> Result<TriangleMesh, FrameError> {
+    match frame.content {
+        Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
+        Content::Volume(volume) | Content::Decoded(volume) => memory
+            .surface(&volume, SurfaceOptions { normals: true })
+            .map_err(|cause| FrameError::Memory { name: frame.name, cause }),
+        Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => {
+            Err(FrameError::NoSurfaceYet { name: frame.name })
+        }
+    }
+}

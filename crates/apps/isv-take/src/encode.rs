@@ -1,0 +1,25 @@
+//! Captures to streams.
+
+mod auto_voxel;
+mod coding;
+mod error;
+mod event;
+mod frames;
+mod job;
+mod options;
+mod spacing;
+mod timestamps;
+mod two_pass;
+mod volumes;
+
+pub use error::{CaptureError, EncodeError, FrameError, OptionName, OptionsError};
+pub use event::EncodeEvent;
+pub use frames::FrameEncoder;
+pub use job::{FrameReport, Job, Report, Unfinished, UnfinishedStream};
+pub use options::{
+    DEFAULT_OFFSET_VOXELS, EncodeOptions, FieldOptions, FusionMode, MainOptions, Normals, PaperOptions,
+    ProfileChoice, VoxelChoice, default_grid,
+};
+pub use timestamps::TimestampSource;
+pub use two_pass::Watch;
+pub use volumes::{DistancesError, with_distances};

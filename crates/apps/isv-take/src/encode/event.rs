@@ -1,0 +1,164 @@
+//! What is decided and found while a take is encoded.
+
+use super::EncodeError;
+use crate::Length;
+use isv_ingest::{PointEvidence, PointSign, SideEvidence, SignDecision, SignEvidence, SignMode};
+use std::fmt;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A decision or a finding. Its text is a sentence for people, without the names of flags.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum EncodeEvent {
+    /// A frame on a pipe comes after one whose name follows its own.
+    OutOfOrder {
+        /// Name of the frame's file.
+        path: PathBuf,
+        /// Name of the file before.
+        after: PathBuf,
+    },
+    /// The voxel size that fits points or depth images.
+    VoxelFits {
+        /// The size.
+        voxel: Length,
+        /// What it follows from, behind "as".
+        why: String,
+    },
+    /// The voxel size that serves the target best, by trial.
+    VoxelChosen {
+        /// The size.
+        voxel: Length,
+        /// Mean error to be expected (mm).
+        error_mm: f64,
+        /// Rate to be expected (Mbps).
+        mbps: f64,
+        /// Sample frames that it was tried on.
+        samples: usize,
+        /// The smallest and the largest size tried.
+        tried: [Length; 2],
+    },
+    /// How meshes' inside is told from outside.
+    Sign {
+        /// What was decided.
+        decision: SignDecision,
+        /// What was seen of the first frame.
+        evidence: SignEvidence,
+        /// What was asked for.
+        mode: SignMode,
+    },
+    /// How points' inside is told from outside.
+    PointSign {
+        /// What was decided.
+        decision: PointSign,
+        /// What was seen of the first frame.
+        evidence: PointEvidence,
+        /// What was asked for.
+        mode: SignMode,
+    },
+    /// What the sides of estimated normals rest on.
+    Sides {
+        /// Name of the frame.
+        name: String,
+        /// The evidence.
+        sides: SideEvidence,
+    },
+    /// A viewpoint was given for points that have normals.
+    ViewpointUnused {
+        /// Name of the frame.
+        name: String,
+    },
+    /// Faces disagreed on which side is outside, and were made to agree.
+    FacesTurned {
+        /// Name of the frame.
+        name: String,
+    },
+    /// A part of a frame's surface cannot be kept.
+    SurfaceLost {
+        /// Name of the frame.
+        name: String,
+        /// Share of the surface.
+        share: f64,
+    },
+    /// A frame is smaller than a block.
+    Tiny {
+        /// Name of the frame.
+        name: String,
+        /// Diagonal of its bounding box.
+        diagonal: Length,
+    },
+    /// A frame has no surface.
+    NoSurface {
+        /// Name of the frame.
+        name: String,
+    },
+    /// A frame was left out.
+    Skipped {
+        /// What was wrong with it.
+        why: Arc<EncodeError>,
+    },
+    /// A frame could not be brought within the error asked for.
+    ErrorMissed {
+        /// Number of the frame.
+        frame: usize,
+        /// Error that it has.
+        error: Length,
+        /// Error asked for.
+        bound: Length,
+    },
+}
+
+impl fmt::Display for EncodeEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfOrder { path, after } => write!(
+                f,
+                "standard input: {} comes after {}: frames are taken as they come, not by name (tar has --sort=name)",
+                path.display(),
+                after.display()
+            ),
+            Self::VoxelFits { voxel, why } => write!(f, "voxels of {voxel}, as {why}"),
+            Self::VoxelChosen { voxel, error_mm, mbps, samples, tried: [least, most] } => write!(
+                f,
+                "voxels of {voxel}: about {error_mm:.2} mm at {mbps:.2} Mbps by {samples} sample frames, the best of {least} \
+                 to {most}"
+            ),
+            Self::Sign { decision, evidence, mode: SignMode::Auto } => {
+                write!(
+                    f,
+                    "{decision} ({:.0} % of the first frame looks closed)",
+                    100.0 * evidence.closed_share
+                )
+            }
+            Self::Sign { decision, .. } => write!(f, "{decision} (as asked for)"),
+            Self::PointSign { decision, evidence, mode } => match (mode, decision) {
+                (SignMode::Auto, _) => write!(f, "{decision} ({evidence})"),
+                (_, PointSign::Oriented) => write!(f, "{decision} (as asked for; {evidence})"),
+                (_, PointSign::Offset) => {
+                    write!(f, "offset shell around the points (as asked for; {evidence})")
+                }
+            },
+            Self::Sides { name, sides } => write!(f, "{name}: {sides}"),
+            Self::ViewpointUnused { name } => {
+                write!(f, "{name}: the viewpoint is without effect, as the points have normals")
+            }
+            Self::FacesTurned { name } => {
+                write!(f, "{name}: faces disagree on which side is outside, and are made to agree")
+            }
+            Self::SurfaceLost { name, share } => write!(
+                f,
+                "{name}: {:.1} % of the surface is open, or thinner than a voxel, and is lost",
+                100.0 * share
+            ),
+            Self::Tiny { name, diagonal } => {
+                write!(f, "{name}: only {diagonal} across, less than a block")
+            }
+            Self::NoSurface { name } => write!(f, "{name}: no surface in this frame"),
+            Self::Skipped { why } => write!(f, "skipped: {why}"),
+            Self::ErrorMissed { frame, error, bound } => write!(
+                f,
+                "frame {frame}: {error} from what was captured even with the finest step, not {bound}"
+            ),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Frames to a stream, one by one as they come.
+
+use super::coding::Coding;
+use super::job::StreamSink;
+use super::volumes::VolumeMaker;
+use super::{
+    EncodeError, EncodeOptions, FrameReport, OptionName, OptionsError, Report, VoxelChoice, spacing,
+};
+use crate::capture::{CapturedFrame, Content};
+use crate::{Observer, OpenDevice};
+use isv_format::PacketWriter;
+use isv_volume::SparseVolume;
+use std::io::Write;
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Encodes frames one by one. What options leave open is decided by the first frame, which writes the header.
+pub struct FrameEncoder<W: Write> {
+    options: EncodeOptions,
+    device: OpenDevice,
+    observer: Arc<dyn Observer>,
+    stage: Stage<W>,
+    /// Frames pushed so far.
+    pushed: usize,
+}
+
+enum Stage<W: Write> {
+    /// No frame has come yet.
+    Waiting(W),
+    /// The header is written.
+    Running(Box<Running<W>>),
+    /// The sink failed: nothing can follow.
+    Failed,
+}
+
+struct Running<W: Write> {
+    maker: VolumeMaker,
+    coding: Coding,
+    stream: StreamSink<W>,
+}
+
+impl<W: Write> FrameEncoder<W> {
+    /// Makes an encoder that writes to a sink. Nothing is written before the first frame.
+    ///
+    /// # Errors
+    /// [`OptionsError`] for options that contradict each other, are out of range or need the whole take at once.
+    pub fn new(
+        sink: W,
+        options: &EncodeOptions,
+        device: OpenDevice,
+        observer: &Arc<dyn Observer>,
+    ) -> Result<Self, OptionsError> {
+        options.header(None, None)?;
+        if options.voxel == VoxelChoice::Auto {
+            return Err(OptionsError::NeedsTake(OptionName::AutoVoxel));
+        }
+        if options.main.two_pass_rate().is_some() {
+            return Err(OptionsError::NeedsTake(OptionName::Passes));
+        }
+        let (options, observer) = (options.clone(), Arc::clone(observer));
+        Ok(Self { options, device, observer, stage: Stage::Waiting(sink), pushed: 0 })
+    }
+
+    /// Encodes the next frame. `timestamp_ns`: when it was taken, in nanoseconds from any start; without it, frames come at the
+    /// frame rate. Later frames may follow one that was refused.
+    ///
+    /// # Errors
+    /// [`EncodeError::Frame`] for a frame that cannot be used, other variants for what ends the stream.
+    pub fn push(&mut self, content: Content, timestamp_ns: Option<u64>) -> Result<FrameReport, EncodeError> {
+        let number = self.pushed;
+        let frame = CapturedFrame { number, name: format!("frame {number}"), timestamp_ns, content };
+        self.pushed += 1;
+        let read = SystemTime::now();
+        self.start(&frame)?;
+        let Stage::Running(running) = &mut self.stage else { return Err(EncodeError::Ended) };
+        let Running { maker, coding, stream } = &mut **running;
+        let volume = maker.ingest(frame, read)?;
+        let coded = coding.code(volume)?;
+        let written = stream.write(coded, &*self.observer);
+        if written.is_err() {
+            // Part of a packet may be out.
+            self.stage = Stage::Failed;
+        }
+        written
+    }
+
+    /// Completes the stream; one without a frame has the header of its options.
+    ///
+    /// # Errors
+    /// [`EncodeError::Write`] if the sink fails, and [`EncodeError::Ended`] if it has before.
+    pub fn finish(mut self) -> Result<(W, Report), EncodeError> {
+        if let Stage::Waiting(_) = self.stage {
+            let header = self.options.header(None, None)?;
+            let empty = SparseVolume::empty(header.grid);
+            let frame = CapturedFrame {
+                number: 0,
+                name: String::new(),
+                timestamp_ns: None,
+                content: Content::Volume(empty),
+            };
+            self.start(&frame)?;
+        }
+        let Stage::Running(running) = self.stage else { return Err(EncodeError::Ended) };
+        let Running { maker, stream, .. } = *running;
+        let report = stream.report(None, maker.shell.get().copied(), false);
+        Ok((PacketWriter::finish(stream.packets)?, report))
+    }
+
+    /// Decides what is open by the first frame, and writes the header.
+    fn start(&mut self, first: &CapturedFrame) -> Result<(), EncodeError> {
+        if let Stage::Waiting(_) = self.stage {
+            let (options, observer) = (&self.options, &self.observer);
+            let grid = match &first.content {
+                Content::Volume(volume) | Content::Decoded(volume) => Some(*volume.grid()),
+                Content::Geometry(_) | Content::Depth(_) => None,
+            };
+            let mut header = options.header(grid, None)?;
+            if options.voxel == VoxelChoice::Fit
+                && grid.is_none()
+                && let Some(need) = spacing::of_frame(options, first, header.grid)
+            {
+                header.grid.voxel_size = spacing::announce(need, &**observer);
+                header.profile = options.profile(&header.grid)?;
+            }
+            let settings = options.encoder_settings(&header);
+            let coding = Coding {
+                measures_change: options.measures_change,
+                coder: self.device.coder(&header, settings, &**observer)?,
+                observer: Arc::clone(observer),
+            };
+            let maker = options.volume_maker(header.grid, self.device.clone(), observer);
+            let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
+                return Err(EncodeError::Ended);
+            };
+            let stream = StreamSink::new(sink, &header, settings.main.target, options)?;
+            self.stage = Stage::Running(Box::new(Running { maker, coding, stream }));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,339 @@
+//! Captured frames to volumes: the part of encoding before the codec.
+
+use super::options::{FusionMode, Normals};
+use super::{EncodeError, EncodeEvent, FrameError};
+use crate::capture::{CapturedFrame, Content};
+use crate::device::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
+use crate::stream::timed;
+use crate::{DeviceError, Event, Length, MemoryError, MemoryLimit, Observer, OpenDevice};
+use glam::DVec3;
+use isv_encode::Band;
+use isv_fusion::{FusionError, FusionSettings};
+use isv_ingest::{
+    FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
+    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share, redistance,
+};
+use isv_io::{Geometry, Unit};
+use isv_surface::{SurfaceOptions, surface_band};
+use isv_volume::{DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
+use std::time::SystemTime;
+use thiserror::Error;
+
+/// A frame ready to be encoded.
+pub(super) struct IngestedFrame {
+    /// Its number in the capture.
+    pub(super) number: usize,
+    /// When it had been read.
+    pub(super) read: SystemTime,
+    /// Of [`CapturedFrame`].
+    pub(super) timestamp_ns: Option<u64>,
+    pub(super) volume: SparseVolume,
+    /// Whether any of it lies inside.
+    pub(super) has_surface: bool,
+    /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
+    pub(super) blocks_band: usize,
+    pub(super) ingest_ms: f64,
+}
+
+/// Makes volumes; what is decided on the first frame holds for all.
+pub(super) struct VolumeMaker {
+    pub(super) device: OpenDevice,
+    pub(super) mesh: MeshIngest,
+    /// Opened for the first mesh.
+    pub(super) mesh_ingester: Option<AnyMeshIngester>,
+    pub(super) mesh_sign: Option<SignDecision>,
+    pub(super) face_turner: FaceTurner,
+    /// Whether it was said that faces disagree.
+    pub(super) turning_said: bool,
+    /// Share of a frame's surface up to half of what is worth a warning.
+    pub(super) loss_said: f64,
+    pub(super) points: PointIngest,
+    pub(super) point_sign: Option<PointSign>,
+    pub(super) normals: Normals,
+    /// Unit of the input's coordinates.
+    pub(super) unit: Unit,
+    /// Place that points were seen from, in metres, if the user gives it.
+    pub(super) viewpoint_m: Option<DVec3>,
+    /// The origin of the input's coordinates, in metres, where scanners often stand.
+    pub(super) scan_origin_m: DVec3,
+    /// Whether a word was said on the sides of normals.
+    pub(super) sides_said: bool,
+    pub(super) depth: DepthFusion,
+    pub(super) band: Band,
+    /// Whether decoders extend the frames: profile `main`.
+    pub(super) extended: bool,
+    pub(super) memory: MemoryLimit,
+    pub(super) observer: Arc<dyn Observer>,
+    pub(super) shell: Arc<Shell>,
+}
+
+/// Thickness of the shell around surfaces without inside (mm), once one was made.
+pub(super) type Shell = OnceLock<f64>;
+
+/// What becomes of depth images.
+pub(super) struct DepthFusion {
+    pub(super) mode: FusionMode,
+    pub(super) settings: FusionSettings,
+    /// Opened for the first images.
+    pub(super) fuser: Option<Fuser>,
+}
+
+/// Who fuses depth images.
+pub(super) enum Fuser {
+    /// Each frame's make that frame's volume.
+    PerFrame(AnyFusion),
+    /// Each frame's extend the volume of all frames before.
+    Accumulate(AnyAccumulator),
+}
+
+impl VolumeMaker {
+    /// The volume of a frame that had been read at a time.
+    pub(super) fn ingest(
+        &mut self,
+        frame: CapturedFrame,
+        read: SystemTime,
+    ) -> Result<IngestedFrame, EncodeError> {
+        let CapturedFrame { number, name, timestamp_ns, content } = frame;
+        let (volume, ingest_ms) = timed(|| match content {
+            Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
+            Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
+            Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
+            Content::Depth(images) => self.depth.volume(&name, &images, &self.device, &*self.observer),
+            Content::Volume(volume) => self.volume_to_volume(&name, volume),
+            Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
+            Content::Decoded(volume) => self.volume_to_volume(&name, volume),
+        });
+        let volume = volume?;
+        let blocks_band = volume.block_count();
+        let volume = match self.band {
+            Band::Full => volume,
+            Band::Surface => surface_band(&volume),
+        };
+        // Of what was seen once it is near the surface alone: no block is where nothing was seen on both sides.
+        let has_surface = volume.samples().any(|sample| sample < 0);
+        if !has_surface {
+            self.tell(EncodeEvent::NoSurface { name: name.clone() });
+        }
+        let fits = self.memory.check_frame(&volume, self.extended);
+        fits.map_err(|cause| FrameError::Memory { name, cause })?;
+        Ok(IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms })
+    }
+
+    fn ingest_error(&self, name: &str, cause: IngestError, bounds: Option<(DVec3, DVec3)>) -> FrameError {
+        let extent_m = bounds.map(|(low, high)| (high - low).to_array());
+        FrameError::Ingest { name: name.to_owned(), cause, extent_m, unit: self.unit }
+    }
+
+    fn tell(&self, event: EncodeEvent) {
+        self.observer.event(&Event::Encode(event));
+    }
+
+    fn mesh_to_volume(&mut self, name: &str, mesh: &TriangleMesh) -> Result<SparseVolume, FrameError> {
+        if self.point_sign.is_some() {
+            return Err(FrameError::MeshAmongPoints { name: name.to_owned() });
+        }
+        let turned = match self.mesh.sign {
+            SignMode::Offset => Cow::Borrowed(mesh),
+            SignMode::Auto | SignMode::Closed => self.face_turner.turn(mesh),
+        };
+        if let (Cow::Owned(_), false) = (&turned, self.turning_said) {
+            self.turning_said = true;
+            self.tell(EncodeEvent::FacesTurned { name: name.to_owned() });
+        }
+        let mesh = &*turned;
+        let (sign, evidence) = match self.mesh_sign {
+            Some(sign) => (sign, None),
+            None => {
+                let (sign, evidence) = decide_sign(mesh, self.mesh.sign);
+                (sign, Some(evidence))
+            }
+        };
+        let ingester = match self.mesh_ingester.take() {
+            Some(ingester) => ingester,
+            None => {
+                let opened = self.device.mesh_ingester(self.mesh, &*self.observer);
+                opened.map_err(|cause| FrameError::Device { name: name.to_owned(), cause })?
+            }
+        };
+        let ingester = self.mesh_ingester.insert(ingester);
+        let volume = ingester.ingest(mesh, sign);
+        if let Some(why) = ingester.take_notice() {
+            self.observer.event(&Event::FellBack(why.into()));
+        }
+        let volume = volume.map_err(|error| match error {
+            GpuIngestError::Ingest(cause) => self.ingest_error(name, cause, mesh.bounds()),
+            other => FrameError::Device { name: name.to_owned(), cause: DeviceError::new(other) },
+        })?;
+        if let Some(evidence) = evidence {
+            self.mesh_sign = Some(sign);
+            self.tell_shell(sign == SignDecision::Offset);
+            self.tell(EncodeEvent::Sign { decision: sign, evidence, mode: self.mesh.sign });
+            self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
+        }
+        if let SignDecision::Closed { .. } = sign {
+            self.warn_of_loss(name, mesh, &volume);
+        }
+        Ok(volume)
+    }
+
+    /// Keeps the thickness of a shell for the last line.
+    fn tell_shell(&self, is_shell: bool) {
+        if is_shell {
+            let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
+            // What was decided on the first frame holds for all.
+            let _ = self.shell.set((thickness_mm * 1e3).round() / 1e3);
+        }
+    }
+
+    /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
+    fn warn_of_loss(&mut self, name: &str, mesh: &TriangleMesh, volume: &SparseVolume) {
+        let share = lost_share(mesh, volume);
+        if share > 2.0 * self.loss_said {
+            self.loss_said = share;
+            self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share });
+        }
+    }
+
+    fn points_to_volume(&mut self, name: &str, cloud: PointCloud) -> Result<SparseVolume, FrameError> {
+        if self.mesh_sign.is_some() {
+            return Err(FrameError::PointsAmongMeshes { name: name.to_owned() });
+        }
+        let (cloud, sides) = self.with_normals(name, cloud)?;
+        if let Some(sign) = self.point_sign {
+            let volume = ingest_points(&cloud, &self.points, sign);
+            return volume.map_err(|cause| self.ingest_error(name, cause, cloud.bounds()));
+        }
+        let (mut sign, evidence) = decide_point_sign(&cloud, self.points.sign);
+        if self.points.sign == SignMode::Auto && sides.is_some_and(|sides| !sides.is_usable()) {
+            sign = PointSign::Offset;
+        }
+        let volume = ingest_points(&cloud, &self.points, sign);
+        let volume = volume.map_err(|cause| self.ingest_error(name, cause, cloud.bounds()))?;
+        self.point_sign = Some(sign);
+        self.tell_shell(sign == PointSign::Offset);
+        self.tell(EncodeEvent::PointSign { decision: sign, evidence, mode: self.points.sign });
+        self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
+        Ok(volume)
+    }
+
+    /// The cloud with the normals to use, and what their sides rest on if they were estimated.
+    fn with_normals(
+        &mut self,
+        name: &str,
+        mut cloud: PointCloud,
+    ) -> Result<(PointCloud, Option<SideEvidence>), FrameError> {
+        let has_normals = cloud.normals.iter().any(|normal| normal.length_squared() > 0.0);
+        let estimates = match self.normals {
+            Normals::Estimate => true,
+            Normals::Given => self.viewpoint_m.is_some() && !has_normals,
+        };
+        let is_first = !std::mem::replace(&mut self.sides_said, true);
+        if !estimates {
+            if is_first && self.viewpoint_m.is_some() {
+                self.tell(EncodeEvent::ViewpointUnused { name: name.to_owned() });
+            }
+            return Ok((cloud, None));
+        }
+        if let Some(viewpoint) = self.viewpoint_m {
+            cloud.viewpoint = Some(viewpoint);
+            cloud.scans.clear();
+        }
+        let estimated = estimate_normals_seen_from(&cloud, Some(self.scan_origin_m));
+        let (cloud, sides) =
+            estimated.map_err(|error| self.ingest_error(name, error.into(), cloud.bounds()))?;
+        if is_first {
+            self.tell(EncodeEvent::Sides { name: name.to_owned(), sides });
+        }
+        Ok((cloud, Some(sides)))
+    }
+
+    /// A volume on another grid is sampled anew, from its surface.
+    fn volume_to_volume(&mut self, name: &str, volume: SparseVolume) -> Result<SparseVolume, FrameError> {
+        if *volume.grid() == self.mesh.grid {
+            return Ok(volume);
+        }
+        let surface = self.memory.surface(&volume, SurfaceOptions::default());
+        let surface = surface.map_err(|cause| FrameError::Memory { name: name.to_owned(), cause })?;
+        self.mesh_to_volume(name, &surface)
+    }
+
+    fn redistanced(&self, name: &str, volume: &SparseVolume) -> Result<SparseVolume, FrameError> {
+        with_distances(volume, self.memory).map_err(|error| match error {
+            DistancesError::Memory(cause) => FrameError::Memory { name: name.to_owned(), cause },
+            DistancesError::Ingest(cause) => self.ingest_error(name, cause, None),
+        })
+    }
+
+    /// A wrong unit that makes the surface small is no error, but leaves little of it.
+    fn warn_if_tiny(&self, name: &str, diagonal_m: Option<f64>) {
+        let Grid { voxel_size, edge, .. } = self.mesh.grid;
+        let diagonal_m = diagonal_m.unwrap_or(0.0);
+        if diagonal_m < voxel_size.metres() * edge.voxels() as f64 {
+            let diagonal = Length::from_metres(diagonal_m);
+            self.tell(EncodeEvent::Tiny { name: name.to_owned(), diagonal });
+        }
+    }
+}
+
+impl DepthFusion {
+    fn volume(
+        &mut self,
+        name: &str,
+        images: &[DepthImage],
+        device: &OpenDevice,
+        observer: &dyn Observer,
+    ) -> Result<SparseVolume, FrameError> {
+        let fusion_error = |cause: FusionError| FrameError::Fusion { name: name.to_owned(), cause };
+        let fuser = match self.fuser.take() {
+            Some(fuser) => fuser,
+            None => {
+                let opened = self.open(device, observer);
+                opened.map_err(|cause| FrameError::Device { name: name.to_owned(), cause })?
+            }
+        };
+        match self.fuser.insert(fuser) {
+            Fuser::PerFrame(fusion) => {
+                let volume = fusion.fuse(images, &self.settings).map_err(fusion_error);
+                if let Some(why) = fusion.take_notice() {
+                    observer.event(&Event::FellBack(DeviceError::new(why)));
+                }
+                volume
+            }
+            Fuser::Accumulate(accumulator) => {
+                accumulator.integrate(images).map_err(fusion_error)?;
+                accumulator.volume().map_err(fusion_error)
+            }
+        }
+    }
+
+    fn open(&self, device: &OpenDevice, observer: &dyn Observer) -> Result<Fuser, DeviceError> {
+        Ok(match self.mode {
+            FusionMode::PerFrame => Fuser::PerFrame(device.fusion(observer)?),
+            FusionMode::Accumulate => Fuser::Accumulate(device.accumulator(self.settings, observer)?),
+        })
+    }
+}
+
+/// A decoded frame that cannot be given distances.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DistancesError {
+    /// Its surface takes too much memory.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// Its surface cannot become a volume.
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
+}
+
+/// A frame that was decoded in profile `main` with distances wherever it has samples, and not at the surface alone.
+///
+/// # Errors
+/// See [`DistancesError`].
+pub fn with_distances(volume: &SparseVolume, memory: MemoryLimit) -> Result<SparseVolume, DistancesError> {
+    let surface = memory.surface(volume, SurfaceOptions::default())?;
+    let max_blocks = memory.decoder_limits().frame_voxels / volume.grid().edge.block_voxels();
+    Ok(redistance(volume, &surface, max_blocks)?)
+}

@@ -1,0 +1,114 @@
+//! What happens during a job that its caller may want to know.
+
+use crate::DeviceError;
+use std::fmt;
+
+#[cfg(feature = "encode")]
+use crate::encode::EncodeEvent;
+
+/// A thing that happened, or was decided. Its text is a sentence for people.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Event {
+    /// The CPU does what a GPU was to do, and why.
+    FellBack(DeviceError),
+    /// The CPU does what no GPU does; what.
+    OnCpu(&'static str),
+    /// A stream ends without its index.
+    Cut {
+        /// Name of the stream.
+        name: String,
+    },
+    /// Bytes follow the end of a stream.
+    BytesBehindEnd {
+        /// Name of the stream.
+        name: String,
+        /// Number of bytes.
+        bytes: u64,
+    },
+    /// Bytes of a stream are damaged.
+    Damage {
+        /// Name of the stream.
+        name: String,
+        /// Place of the first one, in bytes from the stream's start.
+        at: u64,
+        /// Number of bytes.
+        bytes: u64,
+    },
+    /// Another stream begins inside a stream.
+    OtherStream {
+        /// Name of the stream.
+        name: String,
+        /// Place of the other stream, in bytes from the stream's start.
+        at: u64,
+    },
+    /// Decoded frames relate to what was encoded in another way than before.
+    Health {
+        /// Name of the stream.
+        name: String,
+        /// Number of the first frame.
+        frame: usize,
+        /// The relation.
+        health: Health,
+        /// Why, if that is not plain.
+        why: String,
+    },
+    /// Something about encoding.
+    #[cfg(feature = "encode")]
+    Encode(EncodeEvent),
+}
+
+/// How a frame that is shown relates to what was encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Health {
+    /// It is the same.
+    Exact,
+    /// Nothing was decoded, as packets are missing or what they hold is wrong: the last frame is held.
+    Held,
+    /// The last frame is held, as more is asked of the decoder than is allowed.
+    BeyondLimit,
+    /// It is near.
+    Inexact,
+}
+
+/// Who is told of events, from whatever thread.
+pub trait Observer: Send + Sync {
+    /// Takes note of an event.
+    fn event(&self, event: &Event);
+}
+
+impl<F: Fn(&Event) + Send + Sync> Observer for F {
+    fn event(&self, event: &Event) {
+        self(event);
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FellBack(why) => write!(f, "{why}: working on the CPU"),
+            Self::OnCpu(what) => write!(f, "{what} on the CPU"),
+            Self::Cut { name } => {
+                write!(f, "{name}: ends without an index: it may have been cut after its last whole frame")
+            }
+            Self::BytesBehindEnd { name, bytes } => {
+                write!(f, "{name}: {bytes} bytes follow the end of the stream and are left out")
+            }
+            Self::Damage { name, at, bytes } => {
+                write!(f, "{name}: {bytes} bytes are damaged from byte {at} on")
+            }
+            Self::OtherStream { name, at } => {
+                write!(f, "{name}: another stream begins at byte {at} and is left out")
+            }
+            Self::Health { name, frame, health, why } => match health {
+                Health::Exact => write!(f, "{name}: exact again from frame {frame} on"),
+                Health::Held | Health::BeyondLimit => {
+                    write!(f, "{name}: frame {frame} is lost, the last one is held: {why}")
+                }
+                Health::Inexact => write!(f, "{name}: near what was encoded from frame {frame} on"),
+            },
+            #[cfg(feature = "encode")]
+            Self::Encode(event) => event.fmt(f),
+        }
+    }
+}

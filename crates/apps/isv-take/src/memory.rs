@@ -1,0 +1,84 @@
+//! How much memory a frame may ask for.
+
+use isv_decode::Limits;
+use isv_surface::{SurfaceExtractor, SurfaceOptions, TooManyVertices};
+use isv_volume::{BlockSet, SparseVolume, TriangleMesh};
+use thiserror::Error;
+
+/// Bytes that decoding takes at its peak for each voxel of a frame, rounded up: two samples of two bytes, of the frame and of the one
+/// before, and as much for levels, tables and what is made of the volume (`docs/design/031-hostile-files.md`).
+const BYTES_PER_VOXEL: u64 = 8;
+
+/// Memory for the frames of a stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryLimit {
+    /// Bytes; `None` for 3 billion voxels, and no more than what the stream's bytes make likely.
+    pub bytes: Option<u64>,
+}
+
+/// A frame that needs more memory than there is.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum MemoryError {
+    /// A surface with too many vertices.
+    #[error(transparent)]
+    Surface(#[from] TooManyVertices),
+    /// A volume whose decoded frame would be refused.
+    #[error("the decoded frame would have {blocks} blocks, above the limit of {limit}")]
+    Frame {
+        /// Blocks of the decoded frame.
+        blocks: usize,
+        /// Blocks that there is memory for.
+        limit: usize,
+    },
+}
+
+impl MemoryLimit {
+    /// Bounds on what a stream may ask of its decoder. Who says how much memory there is trusts the stream to use it.
+    #[must_use]
+    pub fn decoder_limits(self) -> Limits {
+        self.bytes.map_or_else(Limits::default, |bytes| Limits {
+            frame_voxels: usize::try_from(bytes / BYTES_PER_VOXEL).unwrap_or(usize::MAX),
+            voxels_per_byte: usize::MAX,
+        })
+    }
+
+    /// Largest payload (bytes) of a packet worth reading: a frame that is larger than its samples was not compressed.
+    #[must_use]
+    pub fn largest_payload(self) -> u32 {
+        let bytes = self.bytes.map_or(u64::MAX, |bytes| bytes / 4);
+        u32::try_from(bytes).unwrap_or(u32::MAX)
+    }
+
+    /// Extracts the surface of a volume, of as many vertices as there is memory for: each takes, with its normal and its triangles,
+    /// what eight voxels do.
+    ///
+    /// # Errors
+    /// [`MemoryError::Surface`].
+    pub fn surface(
+        self,
+        volume: &SparseVolume,
+        options: SurfaceOptions,
+    ) -> Result<TriangleMesh, MemoryError> {
+        let limit = (self.decoder_limits().frame_voxels / 8).min(u32::MAX as usize);
+        let mut extractor = SurfaceExtractor::new(options);
+        extractor.extract_within(volume, limit)?;
+        Ok(extractor.into_mesh())
+    }
+
+    /// Refuses a volume whose decoded frame would be refused. `extended`: whether decoders make up the blocks around it, as they do
+    /// in profile `main`.
+    ///
+    /// # Errors
+    /// [`MemoryError::Frame`].
+    pub fn check_frame(self, volume: &SparseVolume, extended: bool) -> Result<(), MemoryError> {
+        let limit = self.decoder_limits().frame_voxels / volume.grid().edge.block_voxels();
+        let with_neighbours = || BlockSet::of(volume.coords()).dilated().count();
+        let blocks = match extended {
+            // Mostly there is room for all neighbours that so many blocks can have.
+            true if volume.block_count() > limit / 27 => with_neighbours(),
+            _ => volume.block_count(),
+        };
+        if blocks <= limit { Ok(()) } else { Err(MemoryError::Frame { blocks, limit }) }
+    }
+}

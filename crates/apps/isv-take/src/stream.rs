@@ -1,0 +1,264 @@
+//! `.isv` streams from files and pipes, decoded frame by frame.
+
+mod concealing;
+mod continuity;
+mod error;
+
+pub use concealing::ConcealingFrames;
+pub use continuity::{Continuity, is_doubled};
+pub use error::{StreamError, StreamFault};
+
+use crate::device::{AnyDecoder, AnyVolume};
+use crate::{DeviceError, Event, FrameRange, Input, MemoryLimit, Observer, OpenDevice};
+use isv_decode::Lod;
+use isv_format::{PacketReader, StreamHeader, StreamIndex};
+use isv_surface::SurfaceOptions;
+use isv_volume::{BlockSet, TriangleMesh};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Bytes from a file or a pipe.
+pub type ByteSource = Box<dyn Read + Send>;
+
+/// Opens a file that can be sought in.
+///
+/// # Errors
+/// [`StreamError`], which names it.
+pub fn open_file(input: &Input) -> Result<BufReader<File>, StreamError> {
+    let open = || {
+        let file = File::open(input.path().ok_or(StreamFault::NoFile)?)?;
+        if file.metadata().is_ok_and(|m| m.is_dir()) {
+            return Err(StreamFault::Folder);
+        }
+        Ok(BufReader::with_capacity(1 << 16, file))
+    };
+    open().map_err(|fault: StreamFault| fault.of(&input.name()))
+}
+
+/// Opens the bytes of a stream.
+///
+/// # Errors
+/// [`StreamError`], which names it.
+pub fn source(input: &Input) -> Result<ByteSource, StreamError> {
+    Ok(match input {
+        Input::StandardInput => Box::new(io::stdin()),
+        Input::Path(_) => Box::new(open_file(input)?),
+    })
+}
+
+/// Opens a stream and reads its header.
+///
+/// # Errors
+/// [`StreamError`], which names it.
+pub fn open(
+    input: &Input,
+    memory: MemoryLimit,
+) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
+    let packets = PacketReader::new(source(input)?);
+    let packets = packets.map_err(|error| StreamFault::from(error).of(&input.name()))?;
+    let packets = packets.with_largest_payload(memory.largest_payload());
+    let header = *packets.header().expect("a reader that began at the header has it");
+    Ok((packets, header))
+}
+
+/// Finds the frames of a stream in a file; what follows a cut is not there.
+///
+/// # Errors
+/// [`StreamError`], which names it.
+pub fn load_index(input: &Input) -> Result<StreamIndex, StreamError> {
+    StreamIndex::load(&mut open_file(input)?).map_err(|error| StreamFault::from(error).of(&input.name()))
+}
+
+/// A frame of a stream.
+#[derive(Debug)]
+pub struct StreamFrame {
+    /// Number in the stream.
+    pub number: usize,
+    /// Time at which it is shown, in nanoseconds.
+    pub timestamp_ns: u64,
+    /// What was decoded.
+    pub volume: AnyVolume,
+    /// Blocks of the full resolution that were coded, in profile `main`.
+    pub coded_blocks: Option<BlockSet>,
+    /// Surface, if it was extracted with the frame.
+    pub surface: Option<TriangleMesh>,
+    /// Time that decoding took (ms).
+    pub decode_ms: f64,
+}
+
+/// How a stream is decoded.
+#[derive(Clone)]
+pub struct DecodeSettings {
+    /// Frames to decode; `None` for all.
+    pub frames: Option<FrameRange>,
+    /// Level of detail.
+    pub lod: Lod,
+    /// The device that does the arithmetic.
+    pub device: OpenDevice,
+    /// Memory for frames.
+    pub memory: MemoryLimit,
+    /// Who is told what happens.
+    pub observer: Arc<dyn Observer>,
+}
+
+/// Decodes the frames of a stream in order, all of them or a range.
+pub struct StreamFrames {
+    name: String,
+    header: StreamHeader,
+    packets: PacketReader<ByteSource>,
+    decoder: AnyDecoder,
+    observer: Arc<dyn Observer>,
+    /// Bytes of the file, if it is one.
+    length: Option<u64>,
+    /// Number of the frame that the decoder began with.
+    first: usize,
+    /// Number of the next frame to decode.
+    next: usize,
+    range: Option<FrameRange>,
+    /// Whether there was an error, after which nothing can be decoded.
+    failed: bool,
+}
+
+impl StreamFrames {
+    /// Opens a stream. In a file, decoding begins at the last keyframe before the range; on a pipe, at the start.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn open(input: &Input, settings: &DecodeSettings) -> Result<Self, StreamError> {
+        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
+        let name = input.name();
+        let (mut packets, header) = open(input, *memory)?;
+        let mut first = 0;
+        let path = input.path().filter(|path| path.is_file());
+        if let (Some(range), true) = (range, path.is_some()) {
+            (packets, first) = seek(input, *range, *memory)?;
+        }
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
+        let decoder = decoder.map_err(|fault| fault.of(&name))?;
+        let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
+        let observer = Arc::clone(observer);
+        Ok(Self {
+            name,
+            header,
+            packets,
+            decoder,
+            observer,
+            length,
+            first,
+            next: first,
+            range: *range,
+            failed: false,
+        })
+    }
+
+    /// The header of the stream.
+    #[must_use]
+    pub fn header(&self) -> &StreamHeader {
+        &self.header
+    }
+
+    /// Limits a stream that was opened without a range to some frames.
+    #[must_use]
+    pub fn limited_to(mut self, range: Range<usize>) -> Self {
+        self.range = (range != (0..usize::MAX)).then_some(FrameRange { start: range.start, end: range.end });
+        self
+    }
+
+    /// The frames with their surfaces, where they are decoded on a GPU.
+    ///
+    /// # Errors
+    /// [`StreamError`] if the GPU fails.
+    pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
+        let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
+        self.decoder = decoder.map_err(|error| StreamFault::from(error).of(&self.name))?;
+        Ok(self)
+    }
+
+    /// Decodes up to the next frame inside the range.
+    fn advance(&mut self) -> Result<Option<StreamFrame>, StreamFault> {
+        loop {
+            if self.range.is_some_and(|range| self.next >= range.end) {
+                return Ok(None);
+            }
+            let Some(packet) = self.packets.next_frame()? else {
+                self.range.map_or(Ok(0..0), |range| range.within(self.next))?;
+                tell_if_cut(&self.name, &self.packets, &*self.observer);
+                if self.packets.complete()
+                    && let Some(behind) = self.length.map(|length| length.saturating_sub(self.packets.at()))
+                    && behind > 0
+                {
+                    self.observer.event(&Event::BytesBehindEnd { name: self.name.clone(), bytes: behind });
+                }
+                return Ok(None);
+            };
+            let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
+            let decoded = decoded.map_err(|error| StreamFault::decoding(self.first, error))?;
+            if let Some(why) = self.decoder.take_notice() {
+                self.observer.event(&Event::FellBack(DeviceError::new(why)));
+            }
+            let number = self.next;
+            self.next += 1;
+            if self.range.is_none_or(|range| number >= range.start) {
+                return Ok(Some(StreamFrame {
+                    number,
+                    timestamp_ns: packet.header.timestamp_ns,
+                    volume: decoded.volume,
+                    coded_blocks: decoded.coded_blocks,
+                    surface: decoded.surface,
+                    decode_ms,
+                }));
+            }
+        }
+    }
+}
+
+impl Iterator for StreamFrames {
+    type Item = Result<StreamFrame, StreamError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.failed {
+            return None;
+        }
+        let frame = self.advance().map_err(|fault| fault.of(&self.name)).transpose();
+        self.failed = matches!(frame, Some(Err(_)));
+        frame
+    }
+}
+
+/// A reader at the last keyframe before a range, and the number of that frame.
+fn seek(
+    input: &Input,
+    range: FrameRange,
+    memory: MemoryLimit,
+) -> Result<(PacketReader<ByteSource>, usize), StreamError> {
+    let index = load_index(input)?;
+    let mut file = open_file(input)?;
+    let mut find = || {
+        let range = range.within(index.frames.len())?;
+        let no_keyframe = StreamFault::NoKeyframe { frame: range.start };
+        let keyframe = index.keyframe_before(range.start).ok_or(no_keyframe)?;
+        let at = index.frames[keyframe].at;
+        file.seek(SeekFrom::Start(at))?;
+        Ok((at, keyframe))
+    };
+    let (at, keyframe) = find().map_err(|fault: StreamFault| fault.of(&input.name()))?;
+    let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at);
+    Ok((packets.with_largest_payload(memory.largest_payload()), keyframe))
+}
+
+/// Tells that a stream that was read to its end ends without one.
+pub fn tell_if_cut(name: &str, packets: &PacketReader<impl Read>, observer: &dyn Observer) {
+    if !packets.complete() {
+        observer.event(&Event::Cut { name: name.to_owned() });
+    }
+}
+
+/// Runs a step and measures it in milliseconds.
+pub(crate) fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = step();
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
