@@ -1,7 +1,7 @@
 //! A dense field: a byte of options, then an array of NumPy or an archive of arrays.
 #![no_main]
 
-use isv::io::{DenseAxes, SampleAt};
+use isv::raw::io::{DenseAxes, SampleAt};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Some((options, file)) = bytes.split_first() else { return };

@@ -2,7 +2,7 @@
 //! left of a damaged one.
 
 use crate::sealing::with_checksums;
-use isv::format::{
+use isv::raw::format::{
     FormatError, FramePayload, MAGIC, Packet, PacketHeader, PacketKind, PacketReader, SalvageReader,
     Salvaged, StreamHeader, StreamIndex,
 };

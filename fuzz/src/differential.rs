@@ -2,9 +2,9 @@
 
 use crate::sealing::with_checksums;
 use crate::stream::{FRAMES, LIMITS};
-use isv::decode::{Decoder, volume_hash};
-use isv::format::PacketReader;
-use isv::kernels::simd::{self, Instructions};
+use isv::raw::decode::{Decoder, volume_hash};
+use isv::raw::format::PacketReader;
+use isv::raw::kernels::simd::{self, Instructions};
 use rayon::ThreadPool;
 use std::io::{self, Read};
 use std::sync::LazyLock;

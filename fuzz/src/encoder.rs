@@ -2,16 +2,16 @@
 //! what they must not, and after a loss blocks that are said to be exact are.
 
 use crate::differential::TWO_THREADS;
-use isv::decode::{Decoder, volume_hash};
-use isv::encode::{
+use isv::raw::decode::{Decoder, volume_hash};
+use isv::raw::encode::{
     Band, Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset, Refresh, SearchEffort,
     Tools,
 };
-use isv::format::{
+use isv::raw::format::{
     FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
-use isv::kernels::simd::{self, Instructions};
-use isv::volume::{
+use isv::raw::kernels::simd::{self, Instructions};
+use isv::raw::volume::{
     BlockCoord, BlockEdge, COORD_LIMIT, Grid, SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
 use std::collections::BTreeMap;

@@ -2,9 +2,9 @@
 
 use crate::sealing::with_checksums;
 use crate::stream::{LIMITS, check, open};
-use isv::decode::{DecodeError, Decoder};
-use isv::format::{Packet, StreamHeader};
-use isv::volume::SparseVolume;
+use isv::raw::decode::{DecodeError, Decoder};
+use isv::raw::format::{Packet, StreamHeader};
+use isv::raw::volume::SparseVolume;
 
 /// Decodes the first frames of a stream, whose checksums are made to fit first, with and without some of its packets. Which are lost is
 /// for the bytes to say; keyframes are not, as a decoder cannot notice the loss of a whole GOP.

@@ -3,8 +3,8 @@
 
 use crate::sealing::{payloads, replace_payload, with_checksums};
 use crate::stream::{LIMITS, open};
-use isv::decode::Decoder;
-use isv::format::{
+use isv::raw::decode::Decoder;
+use isv::raw::format::{
     FrameCoding, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile, SlicePayload,
 };
 use libfuzzer_sys::fuzzer_mutate;

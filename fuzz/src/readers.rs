@@ -2,15 +2,15 @@
 
 use crate::sealing::{with_header_checksums, with_page_checksums};
 use glam::DVec3;
-use isv::ingest::{
+use isv::raw::ingest::{
     MeshIngest, PointIngest, SignMode, decide_point_sign, decide_sign, estimate_normals, ingest_mesh,
     ingest_points, turn_faces,
 };
-use isv::io::{
+use isv::raw::io::{
     Animation, DenseAxes, DenseOptions, DepthSequence, FrameStream, InvalidPoints, SampleAt, Unit,
     VolumeError, VolumeSequence, parse_geometry_with,
 };
-use isv::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
 use isv_testfiles::{exr, png};
 use std::borrow::Cow;
 use std::cell::OnceCell;

@@ -1,6 +1,6 @@
 //! Streams and files whose checksums are made to fit: nothing that a fuzzer changes would get past them.
 
-use isv::format::{PacketHeader, StreamHeader, StreamIndex};
+use isv::raw::format::{PacketHeader, StreamHeader, StreamIndex};
 use std::ops::Range;
 
 /// Bytes of a checksum of a stream, which are the last of whatever has one.

@@ -1,10 +1,10 @@
 //! Decoding a stream as a player would: at full and at reduced resolution, with details and surfaces.
 
 use crate::sealing::with_checksums;
-use isv::decode::{Decoder, Limits, Lod};
-use isv::format::{Packet, PacketReader, StreamHeader};
-use isv::surface::{SurfaceExtractor, SurfaceOptions};
-use isv::volume::SparseVolume;
+use isv::raw::decode::{Decoder, Limits, Lod};
+use isv::raw::format::{Packet, PacketReader, StreamHeader};
+use isv::raw::surface::{SurfaceExtractor, SurfaceOptions};
+use isv::raw::volume::SparseVolume;
 
 /// Fewer voxels than a decoder allows by itself, for speed: 8,192 blocks of 8.
 pub(crate) const LIMITS: Limits = Limits { frame_voxels: 1 << 22, voxels_per_byte: usize::MAX };

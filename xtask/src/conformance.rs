@@ -7,10 +7,10 @@ mod raw;
 mod refused;
 
 use anyhow::{Context, Result};
-use isv::decode::volume_hash;
-use isv::encode::{Encoder, EncoderSettings, MotionMode};
-use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
-use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+use isv::raw::decode::volume_hash;
+use isv::raw::encode::{Encoder, EncoderSettings, MotionMode};
+use isv::raw::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_testkit::ball;
 use std::fmt::Write as _;
 use std::io::Write as _;

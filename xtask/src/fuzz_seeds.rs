@@ -10,7 +10,7 @@ mod streams;
 
 use anyhow::Result;
 use glam::DVec3;
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! What ingest costs: time a frame, and a block, which stays the same where cost grows with the area of the surface.
 
 use anyhow::{Context, Result};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use std::time::Instant;
 
 /// Rounds over all frames; the fastest of each frame counts, as other work on the machine only ever adds.

@@ -1,14 +1,14 @@
 //! Decoding at reduced resolution: what it saves, and how far it drifts from a full decode that is averaged down.
 
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits, Lod};
-use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{Packet, PacketReader, PacketWriter, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::metrics::{CompareOptions, compare};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{Grid, SparseVolume, TriangleMesh, VolumeBuilder, VoxelMask};
+use isv::raw::decode::{Decoder, Limits, Lod};
+use isv::raw::encode::{Encoder, EncoderSettings};
+use isv::raw::format::{Packet, PacketReader, PacketWriter, StreamHeader};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::metrics::{CompareOptions, compare};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{Grid, SparseVolume, TriangleMesh, VolumeBuilder, VoxelMask};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 

@@ -2,11 +2,11 @@
 
 use crate::takes::{FRAME_RATE, Sequence};
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits, volume_hash};
-use isv::encode::{Encoder, EncoderSettings, MainSettings, Preset, Refresh};
-use isv::format::{Packet, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits, volume_hash};
+use isv::raw::encode::{Encoder, EncoderSettings, MainSettings, Preset, Refresh};
+use isv::raw::format::{Packet, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::volume::{BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_study::{Axis, Chart, Series, Take};
 use isv_testkit::Random;
 use std::fmt::Write as _;

@@ -14,7 +14,7 @@ mod takes;
 
 use anyhow::Result;
 use clap::Parser;
-use isv::kernels::simd;
+use isv::raw::kernels::simd;
 use std::path::PathBuf;
 
 /// Measured tables, conformance streams and fuzz seeds of isv.

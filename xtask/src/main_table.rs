@@ -2,14 +2,14 @@
 
 use crate::takes::{Sequence, decode_stream};
 use anyhow::{Context, Result, bail, ensure};
-use isv::encode::{
+use isv::raw::encode::{
     Band, Bitrate, EncodedFrame, Encoder, EncoderSettings, FrameQuality, MainSettings, Preset, RateTarget,
 };
-use isv::format::{FrameRate, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::metrics::{CompareOptions, GeometryError, compare};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::format::{FrameRate, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::metrics::{CompareOptions, GeometryError, compare};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_study::Take;
 use std::path::Path;
 use std::time::Instant;

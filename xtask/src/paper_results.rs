@@ -6,9 +6,9 @@ mod steps;
 mod transforms;
 
 use anyhow::{Context, Result};
-use isv::ingest::MeshIngest;
-use isv::metrics::CompareOptions;
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::ingest::MeshIngest;
+use isv::raw::metrics::CompareOptions;
+use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{Chart, Codec, OperatingPoint, Record, StudySettings, Subject, Take};
 use std::fs;
 use std::path::Path;

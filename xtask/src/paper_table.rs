@@ -2,13 +2,13 @@
 
 use crate::takes::decode_stream;
 use anyhow::{Result, ensure};
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
-use isv::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::metrics::{CompareOptions, compare};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
+use isv::raw::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
+use isv::raw::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::metrics::{CompareOptions, compare};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelMask, VoxelSize};
 use std::time::Instant;
 
 /// The settings of the paper's Fig. 12: 5 mm voxels, K = 64, DC step 1 mm, AC step 10 mm.

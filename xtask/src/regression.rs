@@ -2,9 +2,9 @@
 
 use crate::takes::{Figure, Sequence};
 use anyhow::{Context, Result, bail};
-use isv::ingest::MeshIngest;
-use isv::metrics::CompareOptions;
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::ingest::MeshIngest;
+use isv::raw::metrics::CompareOptions;
+use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{Codec, Metric, OperatingPoint, StudySettings, Subject, Take};
 use isv_testkit::{Need, skip};
 use std::fmt::Write;

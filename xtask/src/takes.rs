@@ -1,10 +1,10 @@
 //! What is measured: the project's own figure, and captures.
 
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits};
-use isv::format::{FrameRate, PacketReader};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::volume::{SparseVolume, TriangleMesh, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::format::{FrameRate, PacketReader};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::volume::{SparseVolume, TriangleMesh, VoxelSize};
 use isv_figure::figure_mesh;
 use isv_study::{Take, TakeError, TakeFrames};
 use std::path::Path;

@@ -6,10 +6,10 @@ mod paper;
 use super::Stream;
 use super::raw::{RawFrame, RawStream, judge, octree, stream_of};
 use anyhow::{Result, ensure};
-use isv::format::{
+use isv::raw::format::{
     FrameCoding, FrameHeader, FrameRate, MainFrameHeader, PaperParameters, Prediction, Profile, StreamHeader,
 };
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 
 /// All of them, by name.
 pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {

@@ -2,13 +2,13 @@
 
 use super::{Stream, encode, header};
 use anyhow::{Context, Result, ensure};
-use isv::decode::{DecodeError, Decoder, Limits, volume_hash};
-use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh, Tools};
-use isv::format::{
+use isv::raw::decode::{DecodeError, Decoder, Limits, volume_hash};
+use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh, Tools};
+use isv::raw::format::{
     FormatError, FrameCoding, FrameHeader, FramePayload, MainFrameHeader, PacketReader, PacketWriter,
     Prediction, Profile, SlicePayload, StreamHeader,
 };
-use isv::volume::{BlockCoord, Grid, SparseVolume, VolumeBuilder};
+use isv::raw::volume::{BlockCoord, Grid, SparseVolume, VolumeBuilder};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
 use isv_testkit::{Random, ball, still_and_moving_ball, volume_of};
 

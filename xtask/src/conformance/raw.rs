@@ -2,13 +2,13 @@
 
 use super::Stream;
 use anyhow::{Result, ensure};
-use isv::decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
-use isv::decode::{DecodeError, Decoder, Limits, volume_hash};
-use isv::format::{
+use isv::raw::decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
+use isv::raw::decode::{DecodeError, Decoder, Limits, volume_hash};
+use isv::raw::format::{
     FrameHeader, FramePayload, IndexEntry, PacketHeader, PacketKind, PacketReader, SlicePayload,
     StreamHeader, StreamIndex,
 };
-use isv::volume::BlockCoord;
+use isv::raw::volume::BlockCoord;
 use isv_entropy::RangeEncoder;
 
 /// A frame's payload, owned.

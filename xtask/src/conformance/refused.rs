@@ -3,12 +3,12 @@
 use super::extremes::{MAIN, frame_of_ones, keyframe, small_main, small_paper};
 use super::raw::{RawFrame, RawStream, judge, octree, segment};
 use anyhow::{Context, Result, bail, ensure};
-use isv::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
-use isv::encode::{Encoder, EncoderSettings, MotionMode};
-use isv::format::{
+use isv::raw::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
+use isv::raw::encode::{Encoder, EncoderSettings, MotionMode};
+use isv::raw::format::{
     FrameCoding, MainFrameHeader, PacketKind, PaperParameters, Prediction, Profile, StreamHeader, StreamIndex,
 };
-use isv::volume::{BlockEdge, Grid};
+use isv::raw::volume::{BlockEdge, Grid};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
 use isv_testkit::{Random, ball};
 

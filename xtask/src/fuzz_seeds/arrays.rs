@@ -3,8 +3,8 @@
 use super::Seeds;
 use super::streams::volume;
 use anyhow::Result;
-use isv::io::write_volume;
-use isv::volume::BlockEdge;
+use isv::raw::io::write_volume;
+use isv::raw::volume::BlockEdge;
 use isv_testfiles::npy::{archive, bytes_of, coords, file, ramp, tsdf};
 use std::fs;
 

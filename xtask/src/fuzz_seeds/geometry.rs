@@ -3,8 +3,8 @@
 use super::{Seeds, tetrahedron};
 use anyhow::Result;
 use glam::DVec3;
-use isv::io::{Format, write_mesh_to, write_points_to};
-use isv::volume::PointCloud;
+use isv::raw::io::{Format, write_mesh_to, write_points_to};
+use isv::raw::volume::PointCloud;
 use isv_testfiles::{e57, lidar, pcd, ply, tar, text};
 
 pub(super) fn save(seeds: &mut Seeds) -> Result<()> {

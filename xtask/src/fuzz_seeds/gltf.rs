@@ -2,7 +2,7 @@
 
 use super::{Seeds, tetrahedron};
 use anyhow::Result;
-use isv::io::GlbAnimationWriter;
+use isv::raw::io::GlbAnimationWriter;
 use isv_testfiles::compressed;
 use isv_testfiles::gltf::{
     Data, MORPH_SPLINE, NO_TURN, QUARTER, SQUARE, below_ancestors, embedded, morphed, of_all_primitives,

@@ -2,10 +2,10 @@
 
 use super::{Seeds, grid, tetrahedron};
 use anyhow::{Context, Result};
-use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, SignDecision, ingest_mesh};
-use isv::volume::{BlockEdge, SparseVolume};
+use isv::raw::encode::{Encoder, EncoderSettings};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, SignDecision, ingest_mesh};
+use isv::raw::volume::{BlockEdge, SparseVolume};
 use std::fs;
 use std::path::Path;
 

@@ -3,10 +3,10 @@
 use super::{markdown, mean_and_deviation, settings, write, write_chart};
 use crate::takes::Sequence;
 use anyhow::{Context, Result};
-use isv::ingest::{decide_sign, ingest_mesh};
-use isv::metrics::compare;
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{SparseVolume, TriangleMesh};
+use isv::raw::ingest::{decide_sign, ingest_mesh};
+use isv::raw::metrics::compare;
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{SparseVolume, TriangleMesh};
 use isv_baseline::{BlockBasis, BlockMoments};
 use isv_study::{Axis, Chart, Series, StudySettings, Take};
 use std::path::Path;

@@ -72,12 +72,16 @@ fn take(scratch: &Path) -> Result<(&'static str, String, &'static str)> {
     if let Some(dancer) = isv_testkit::capture("dancer") {
         return Ok(("dancer, 5 mm", dancer.to_str().context("a path that is text")?.to_owned(), "5mm"));
     }
-    let voxel = isv::volume::VoxelSize::from_metres(0.006)?;
+    let voxel = isv::raw::volume::VoxelSize::from_metres(0.006)?;
     let folder = scratch.join("figure");
     std::fs::create_dir(&folder)?;
     for n in 0..MANY {
         let mesh = isv_figure::figure_mesh(n as f64 / 30.0, voxel);
-        isv::io::write_mesh(&folder.join(format!("frame_{n:04}.ply")), &mesh, isv::io::Format::Ply)?;
+        isv::raw::io::write_mesh(
+            &folder.join(format!("frame_{n:04}.ply")),
+            &mesh,
+            isv::raw::io::Format::Ply,
+        )?;
     }
     Ok(("figure, 6 mm", folder.to_str().context("a path that is text")?.to_owned(), "6mm"))
 }

@@ -2,9 +2,9 @@
 
 use crate::{drivers, memory, words};
 use anyhow::Result;
-use isv::decode::Lod;
-use isv::take::stream::DecodeSettings;
-use isv::take::{Device, DeviceError, Event, FrameRange, Observer, OpenDevice};
+use isv::raw::decode::Lod;
+use isv::raw::take::stream::DecodeSettings;
+use isv::raw::take::{Device, DeviceError, Event, FrameRange, Observer, OpenDevice};
 use std::env;
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! Inputs as the command line opens them.
 
 use crate::{memory, words};
-use isv::io::{InvalidPoints, Unit};
-use isv::take::Input;
-use isv::take::capture::{Capture, Hints};
-use isv::take::encode::CaptureError;
+use isv::raw::io::{InvalidPoints, Unit};
+use isv::raw::take::Input;
+use isv::raw::take::capture::{Capture, Hints};
+use isv::raw::take::encode::CaptureError;
 use std::path::Path;
 
 /// Opens a folder, a pattern, a file or (`-`) standard input.

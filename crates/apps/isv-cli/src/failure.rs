@@ -2,9 +2,9 @@
 
 use crate::output::say;
 use crate::words;
-use isv::format::FormatError;
-use isv::io::WriteError;
-use isv::take::encode::EncodeError;
+use isv::raw::format::FormatError;
+use isv::raw::io::WriteError;
+use isv::raw::take::encode::EncodeError;
 use std::fmt;
 use std::io;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Ctrl-C: work in progress is brought to a good end, not cut off.
 
 use anyhow::{Context, Result};
-use isv::take::Cancellation;
+use isv::raw::take::Cancellation;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 

@@ -34,7 +34,7 @@ use commands::{
     verify, view,
 };
 use failure::usage;
-use isv::kernels::simd::{self, Instructions};
+use isv::raw::kernels::simd::{self, Instructions};
 use memory::MemorySize;
 use std::process::ExitCode;
 

@@ -1,8 +1,8 @@
 //! Which frames of two inputs belong together.
 
 use anyhow::{Result, bail};
-use isv::take::FrameRange;
-use isv::take::capture::Capture;
+use isv::raw::take::FrameRange;
+use isv::raw::take::capture::Capture;
 use std::ops::Range;
 
 /// Which frames of the two are compared with each other; `frames` are those of the reference, or all.

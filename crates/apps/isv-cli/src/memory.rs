@@ -1,6 +1,6 @@
 //! `--max-memory`: how much a frame of a stream may ask for.
 
-use isv::take::MemoryLimit;
+use isv::raw::take::MemoryLimit;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::OnceLock;

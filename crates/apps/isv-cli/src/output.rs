@@ -3,8 +3,8 @@
 use crate::failure::usage;
 use crate::output_name;
 use anyhow::Context;
-use isv::format::MAGIC;
-use isv::io::{AtomicFile, WriteError, is_volume_folder, was_made_by_isv};
+use isv::raw::format::MAGIC;
+use isv::raw::io::{AtomicFile, WriteError, is_volume_folder, was_made_by_isv};
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Stdout, Write};

@@ -6,7 +6,7 @@ use crate::output::is_pipe;
 use crate::terms::UpName;
 use crate::{memory, stream};
 use anyhow::{Context, Result};
-use isv::take::Up;
+use isv::raw::take::Up;
 use isv_serve::{PageOptions, Server, Settings};
 use std::fs;
 use std::path::PathBuf;

@@ -3,8 +3,8 @@
 use crate::failure::usage;
 use crate::output::{check_output, is_pipe, is_same_file};
 use anyhow::Result;
-use isv::io::AtomicFile;
-use isv::kernels::simd;
+use isv::raw::io::AtomicFile;
+use isv::raw::kernels::simd;
 use isv_stages::Stages;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -2,9 +2,9 @@
 
 use crate::{memory, words};
 use anyhow::anyhow;
-use isv::format::{PacketReader, StreamHeader, StreamIndex};
-use isv::take::stream::{self, ByteSource};
-use isv::take::{Input, StreamError};
+use isv::raw::format::{PacketReader, StreamHeader, StreamIndex};
+use isv::raw::take::stream::{self, ByteSource};
+use isv::raw::take::{Input, StreamError};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;

@@ -1,13 +1,13 @@
 //! Names that users write and read for the codec's choices.
 
 use clap::ValueEnum;
-use isv::decode::Lod;
-use isv::encode::{Band, MotionMode, Preset, Refresh};
-use isv::format::Prediction;
-use isv::ingest::SignMode;
-use isv::io::{DenseAxes, GlbEncoding, SampleAt};
-use isv::take::Up;
-use isv::take::encode::{FusionMode, Normals, ProfileChoice, TimestampSource};
+use isv::raw::decode::Lod;
+use isv::raw::encode::{Band, MotionMode, Preset, Refresh};
+use isv::raw::format::Prediction;
+use isv::raw::ingest::SignMode;
+use isv::raw::io::{DenseAxes, GlbEncoding, SampleAt};
+use isv::raw::take::Up;
+use isv::raw::take::encode::{FusionMode, Normals, ProfileChoice, TimestampSource};
 
 /// `--profile`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -3,13 +3,13 @@
 use crate::memory;
 use crate::output::say;
 use crate::progress::Progress;
-use isv::fusion::FusionError;
-use isv::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
-use isv::io::{ReadError, Saturation, Unit};
-use isv::take::capture::Remark;
-use isv::take::encode::{CaptureError, EncodeError, EncodeEvent, FrameError, OptionsError};
-use isv::take::{Event, Length, MemoryError, Observer, StreamError, StreamFault};
-use isv::volume::{FitError, PointsError};
+use isv::raw::fusion::FusionError;
+use isv::raw::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
+use isv::raw::io::{ReadError, Saturation, Unit};
+use isv::raw::take::capture::Remark;
+use isv::raw::take::encode::{CaptureError, EncodeError, EncodeEvent, FrameError, OptionsError};
+use isv::raw::take::{Event, Length, MemoryError, Observer, StreamError, StreamFault};
+use isv::raw::volume::{FitError, PointsError};
 use std::sync::Arc;
 
 /// Share of the points whose side is a guess, above which that is said.

@@ -2,9 +2,9 @@
 
 mod support;
 
-use isv::encode::{Encoder, EncoderSettings, FrameQuality, Preset};
-use isv::format::{FramePayload, FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::encode::{Encoder, EncoderSettings, FrameQuality, Preset};
+use isv::raw::format::{FramePayload, FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_testkit::volume_of;
 use std::fs;
 use support::{ENCODE, Run, Workspace};

@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv::io::{Animation, Unit};
+use isv::raw::io::{Animation, Unit};
 use isv_testkit::capture;
 use serde_json::Value;
 use std::fs;
@@ -211,7 +211,7 @@ fn a_packet_leaves_before_the_next_frame_comes() {
         work.names("frames").iter().map(|name| work.read(&format!("frames/{name}"))).collect();
     // Each read would wait for ever if the encoder waited for the frame after.
     stdin.write_all(&frames[0]).unwrap();
-    let mut packets = isv::format::PacketReader::new(stdout).unwrap();
+    let mut packets = isv::raw::format::PacketReader::new(stdout).unwrap();
     assert!(packets.next_frame().unwrap().unwrap().is_keyframe());
     stdin.write_all(&frames[1]).unwrap();
     assert!(!packets.next_frame().unwrap().unwrap().is_keyframe());
@@ -223,7 +223,8 @@ fn a_packet_leaves_before_the_next_frame_comes() {
 #[test]
 fn what_is_open_beside_a_body_is_lost_but_not_without_a_word() {
     let work = Workspace::with_figure(1);
-    let mut mesh = isv::io::read_mesh(&work.path("frames/frame_0.ply"), isv::io::Unit::Metre).unwrap();
+    let mut mesh =
+        isv::raw::io::read_mesh(&work.path("frames/frame_0.ply"), isv::raw::io::Unit::Metre).unwrap();
     let first = mesh.vertices.len() as u32;
     // A sheet of a square metre, 2 m beside the figure and 500 km from the origin, as surveys have it.
     for corner in [[2.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 1.0, 0.0], [2.0, 1.0, 0.0]] {

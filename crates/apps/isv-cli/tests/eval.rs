@@ -2,9 +2,9 @@
 
 mod support;
 
-use isv::encode::{Encoder, EncoderSettings};
-use isv::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
-use isv::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
+use isv::raw::encode::{Encoder, EncoderSettings};
+use isv::raw::format::{FrameRate, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_testkit::ball;
 use serde_json::Value;
 use std::fs;

@@ -3,7 +3,7 @@
 
 mod support;
 
-use isv::format::StreamHeader;
+use isv::raw::format::StreamHeader;
 use isv_testkit::Random;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;

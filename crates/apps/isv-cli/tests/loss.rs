@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv::format::{
+use isv::raw::format::{
     FrameRate, PacketHeader, PacketKind, PacketReader, PacketWriter, StreamHeader, StreamIndex,
 };
 use support::{ENCODE, Workspace};

@@ -3,8 +3,8 @@
 mod support;
 
 use gif::{ColorOutput, DecodeOptions};
-use isv::io::{Format, write_mesh};
-use isv::volume::TriangleMesh;
+use isv::raw::io::{Format, write_mesh};
+use isv::raw::volume::TriangleMesh;
 use isv_testkit::capture;
 use std::fs;
 use std::io::Cursor;

@@ -3,7 +3,7 @@
 mod support;
 
 use futures_util::StreamExt;
-use isv::format::PacketReader;
+use isv::raw::format::PacketReader;
 use isv_serve::{Page, message};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};

@@ -2,8 +2,8 @@
 
 mod support;
 
-use isv::io::{Format, Geometry, Unit, read_geometry, read_mesh, write_mesh};
-use isv::volume::TriangleMesh;
+use isv::raw::io::{Format, Geometry, Unit, read_geometry, read_mesh, write_mesh};
+use isv::raw::volume::TriangleMesh;
 use serde_json::Value;
 use std::fs;
 use support::{ENCODE, Workspace};

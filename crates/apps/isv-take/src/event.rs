@@ -83,6 +83,24 @@ impl<F: Fn(&Event) + Send + Sync> Observer for F {
     }
 }
 
+impl Event {
+    /// Whether the result may not be what its user wants.
+    #[must_use]
+    pub fn is_warning(&self) -> bool {
+        match self {
+            Self::FellBack(_)
+            | Self::Cut { .. }
+            | Self::BytesBehindEnd { .. }
+            | Self::Damage { .. }
+            | Self::OtherStream { .. } => true,
+            Self::OnCpu(_) => false,
+            Self::Health { health, .. } => *health != Health::Exact,
+            #[cfg(feature = "encode")]
+            Self::Encode(event) => event.is_warning(),
+        }
+    }
+}
+
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -57,8 +57,15 @@ pub fn open(
     input: &Input,
     memory: MemoryLimit,
 ) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
-    let packets = PacketReader::new(source(input)?);
-    let packets = packets.map_err(|error| StreamFault::from(error).of(&input.name()))?;
+    begin(&input.name(), source(input)?, memory)
+}
+
+fn begin(
+    name: &str,
+    source: ByteSource,
+    memory: MemoryLimit,
+) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
+    let packets = PacketReader::new(source).map_err(|error| StreamFault::from(error).of(name))?;
     let packets = packets.with_largest_payload(memory.largest_payload());
     let header = *packets.header().expect("a reader that began at the header has it");
     Ok((packets, header))
@@ -128,30 +135,41 @@ impl StreamFrames {
     /// # Errors
     /// [`StreamError`], which names it.
     pub fn open(input: &Input, settings: &DecodeSettings) -> Result<Self, StreamError> {
-        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
-        let name = input.name();
-        let (mut packets, header) = open(input, *memory)?;
+        let (mut packets, header) = open(input, settings.memory)?;
         let mut first = 0;
         let path = input.path().filter(|path| path.is_file());
-        if let (Some(range), true) = (range, path.is_some()) {
-            (packets, first) = seek(input, *range, *memory)?;
+        if let (Some(range), true) = (settings.frames, path.is_some()) {
+            (packets, first) = seek(input, range, settings.memory)?;
         }
+        let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
+        Ok(Self { length, first, next: first, ..Self::new(input.name(), header, packets, settings)? })
+    }
+
+    /// Reads a stream from bytes as they come; `name` is theirs in messages.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn from_source(
+        name: &str,
+        source: ByteSource,
+        settings: &DecodeSettings,
+    ) -> Result<Self, StreamError> {
+        let (packets, header) = begin(name, source, settings.memory)?;
+        Self::new(name.to_owned(), header, packets, settings)
+    }
+
+    fn new(
+        name: String,
+        header: StreamHeader,
+        packets: PacketReader<ByteSource>,
+        settings: &DecodeSettings,
+    ) -> Result<Self, StreamError> {
+        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
         let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
         let decoder = decoder.map_err(|fault| fault.of(&name))?;
-        let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
-        let observer = Arc::clone(observer);
-        Ok(Self {
-            name,
-            header,
-            packets,
-            decoder,
-            observer,
-            length,
-            first,
-            next: first,
-            range: *range,
-            failed: false,
-        })
+        let (range, observer) = (*range, Arc::clone(observer));
+        let (length, first, next, failed) = (None, 0, 0, false);
+        Ok(Self { name, header, packets, decoder, observer, length, first, next, range, failed })
     }
 
     /// The header of the stream.

@@ -7,19 +7,19 @@
 //! their own; the least that they must read and write is set against the rate at which the GPU copies.
 
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, FrameWriter, MotionMode, Preset};
-use isv::format::{
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{EncodedFrame, Encoder, EncoderSettings, FrameWriter, MotionMode, Preset};
+use isv::raw::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
-use isv::gpu::{
+use isv::raw::gpu::{
     AnyCoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime,
     VolumeStore,
 };
-use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_testkit::capture;
 use std::collections::BTreeMap;
 use std::time::Instant;

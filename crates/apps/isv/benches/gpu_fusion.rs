@@ -5,11 +5,11 @@
 //! finishing, on the CPU for both. The first frame is not counted.
 
 use anyhow::{Context, Result};
-use isv::fusion::backend::{Cpu, FusionBackend};
-use isv::fusion::{FusionSettings, fuse_on};
-use isv::gpu::{Gpu, GpuChoice, GpuFusion};
-use isv::io::{DepthSequence, FrameSequence, Unit, read_mesh};
-use isv::volume::{BlockEdge, DepthImage, Grid, Intrinsics, Truncation, VoxelSize};
+use isv::raw::fusion::backend::{Cpu, FusionBackend};
+use isv::raw::fusion::{FusionSettings, fuse_on};
+use isv::raw::gpu::{Gpu, GpuChoice, GpuFusion};
+use isv::raw::io::{DepthSequence, FrameSequence, Unit, read_mesh};
+use isv::raw::volume::{BlockEdge, DepthImage, Grid, Intrinsics, Truncation, VoxelSize};
 use isv_testkit::{camera_ring, capture, render_depth};
 use std::path::Path;
 use std::time::Instant;

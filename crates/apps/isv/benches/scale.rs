@@ -8,12 +8,12 @@
 //! only that one is.
 
 use anyhow::{Context, Result, ensure};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, Preset};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Encoder, EncoderSettings, Preset};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_testkit::capture;
 use std::process::Command;
 use std::time::Instant;

@@ -5,14 +5,14 @@
 //! and count in full where they run side by side; wholes are medians.
 
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, Preset};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::kernels::simd::{self, vectorized};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Encoder, EncoderSettings, Preset};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, decide_sign};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::kernels::simd::{self, vectorized};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_baseline::Draco;
 use isv_stages::Stages;
 use isv_testkit::capture;

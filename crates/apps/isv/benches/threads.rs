@@ -4,13 +4,13 @@
 //! `dancer` where it is (`ISV_DATA`, else `../shared/data`), else the project's own figure. Medians of the frames after the first.
 
 use anyhow::{Context, Result, ensure};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{EncodedFrame, Encoder, EncoderSettings, Preset};
-use isv::format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{EncodedFrame, Encoder, EncoderSettings, Preset};
+use isv::raw::format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_testkit::capture;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::time::Instant;

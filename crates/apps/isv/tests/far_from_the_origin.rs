@@ -2,12 +2,12 @@
 //! volume, the same decoded volume and the same surface.
 
 use glam::DVec3;
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, Preset};
-use isv::format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, Reach, SignDecision, ingest_mesh};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Encoder, EncoderSettings, Preset};
+use isv::raw::format::{FrameRate, Packet, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, Reach, SignDecision, ingest_mesh};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 
 /// A voxel is 1/256 m, so that whole blocks are exact in binary, and 64 of them 2 m.
 const VOXEL_NM: u64 = 3_906_250;

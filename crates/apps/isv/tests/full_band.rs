@@ -1,12 +1,12 @@
 //! The full band in profile `main`: a map with free space comes back whole, and other streams are not taken for one.
 
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, Reach, coded_field, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::surface::{SurfaceOptions, extract_surface, surface_band};
-use isv::volume::{BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, Reach, coded_field, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::surface::{SurfaceOptions, extract_surface, surface_band};
+use isv::raw::volume::{BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncation, VoxelSize};
 use isv_testkit::{capture, volume_of};
 
 fn header(truncation: u32) -> StreamHeader {

@@ -1,15 +1,15 @@
 //! From capture to bytes and back, everything is the same bit for bit with every instruction set that the machine has.
 
 use glam::DVec2;
-use isv::decode::{Decoder, Limits, volume_hash};
-use isv::encode::{Encoder, EncoderSettings, MotionMode, Preset};
-use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
-use isv::fusion::{FusionSettings, fuse};
-use isv::ingest::{MeshIngest, PointIngest, decide_point_sign, decide_sign, ingest_mesh, ingest_points};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::kernels::simd;
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{
+use isv::raw::decode::{Decoder, Limits, volume_hash};
+use isv::raw::encode::{Encoder, EncoderSettings, MotionMode, Preset};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::fusion::{FusionSettings, fuse};
+use isv::raw::ingest::{MeshIngest, PointIngest, decide_point_sign, decide_sign, ingest_mesh, ingest_points};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::kernels::simd;
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{
     BlockEdge, Grid, Intrinsics, PointCloud, SparseVolume, TriangleMesh, Truncation, VoxelSize,
 };
 use isv_testkit::{camera_ring, capture, render_depth, soup};

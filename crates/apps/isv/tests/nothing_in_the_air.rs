@@ -1,12 +1,12 @@
 //! Whatever is decoded of a real capture with open soles lies near what was captured, at every resolution.
 
-use isv::decode::{Decoder, Limits, Lod};
-use isv::encode::{Encoder, EncoderSettings, FrameQuality, MainSettings};
-use isv::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits, Lod};
+use isv::raw::encode::{Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_spatial::Bvh;
 use isv_testkit::capture;
 

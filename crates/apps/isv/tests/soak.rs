@@ -3,12 +3,12 @@
 //!
 //! Three loops of 30 frames a run, or as many as `ISV_SOAK_FRAMES` says; `docs/results/soak.md` has those of 10,000.
 
-use isv::decode::{Decoder, Limits, volume_hash};
-use isv::encode::{Encoder, EncoderSettings, Preset};
-use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::io::{FrameSequence, Unit, read_mesh};
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::decode::{Decoder, Limits, volume_hash};
+use isv::raw::encode::{Encoder, EncoderSettings, Preset};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::io::{FrameSequence, Unit, read_mesh};
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_testkit::{Need, capture, skip, still_and_moving_ball};
 use std::fs::File;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! The codecs of a study and the points at which they are measured.
 
-use isv::encode::{MotionMode, Preset};
-use isv::format::Prediction;
-use isv::volume::{Grid, TriangleMesh};
+use isv::raw::encode::{MotionMode, Preset};
+use isv::raw::format::Prediction;
+use isv::raw::volume::{Grid, TriangleMesh};
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;

@@ -1,9 +1,9 @@
 //! What can go wrong in a study.
 
-use isv::decode::DecodeError;
-use isv::format::FormatError;
-use isv::ingest::IngestError;
-use isv::metrics::CompareError;
+use isv::raw::decode::DecodeError;
+use isv::raw::format::FormatError;
+use isv::raw::ingest::IngestError;
+use isv::raw::metrics::CompareError;
 use isv_baseline::{DracoError, ProgramError, SimplifyError, TangError, TrainingError};
 use std::io;
 use thiserror::Error;

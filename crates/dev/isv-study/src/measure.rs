@@ -4,10 +4,10 @@ use crate::memory::{peak_bytes, reset_peak};
 use crate::record::Timing;
 use crate::session::{DracoEncoding, Encoding, IsvEncoding, Memory, Stream, TangEncoding};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
-use isv::format::FrameRate;
-use isv::ingest::{MeshIngest, decide_sign, ingest_mesh};
-use isv::metrics::{CompareOptions, GeometryError, compare, summary};
-use isv::volume::TriangleMesh;
+use isv::raw::format::FrameRate;
+use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::metrics::{CompareOptions, GeometryError, compare, summary};
+use isv::raw::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, BlockMoments, Draco};
 
 /// An error of whoever provides a take.

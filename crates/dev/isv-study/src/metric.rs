@@ -1,6 +1,6 @@
 //! The measures of error that a study draws.
 
-use isv::metrics::GeometryError;
+use isv::raw::metrics::GeometryError;
 
 /// A measure of the error of decoded frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

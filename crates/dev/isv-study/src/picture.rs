@@ -2,7 +2,7 @@
 
 use crate::{Metric, Record, StudyError};
 use glam::DVec3;
-use isv::volume::TriangleMesh;
+use isv::raw::volume::TriangleMesh;
 use isv_render::{Background, Camera, ErrorScale, Picture, Style, colour_bar, render, render_errors};
 use isv_spatial::Bvh;
 

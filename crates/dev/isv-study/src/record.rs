@@ -1,7 +1,7 @@
 //! What a study knows of one codec at one point.
 
 use crate::Metric;
-use isv::metrics::GeometryError;
+use isv::raw::metrics::GeometryError;
 use serde::{Deserialize, Serialize};
 
 /// A codec at an operating point on a take. Every byte that a decoder needs is counted, except a trained transform.

@@ -4,7 +4,7 @@ use crate::bjontegaard::{Delta, RatePoint, delta};
 use crate::chart::{Axis, Chart, Series};
 use crate::picture::Exhibition;
 use crate::{Metric, Record, StudyError, page, table};
-use isv::io::AtomicFile;
+use isv::raw::io::AtomicFile;
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -11,7 +11,7 @@ pub(crate) use tang::TangEncoding;
 
 use crate::StudyError;
 use crate::record::BytesByKind;
-use ::isv::volume::TriangleMesh;
+use ::isv::raw::volume::TriangleMesh;
 use std::time::Instant;
 
 /// The encoding side.

@@ -1,9 +1,9 @@
 //! Codecs measured on the project's own figure.
 
-use isv::format::FrameRate;
-use isv::ingest::MeshIngest;
-use isv::metrics::CompareOptions;
-use isv::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::format::FrameRate;
+use isv::raw::ingest::MeshIngest;
+use isv::raw::metrics::CompareOptions;
+use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::figure_mesh;
 use isv_study::{
     Codec, Measured, Metric, OperatingPoint, StudyError, StudySettings, Subject, Take, TakeError, TakeFrames,

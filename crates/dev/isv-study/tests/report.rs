@@ -1,6 +1,6 @@
 //! Tables, charts and the page of made-up records.
 
-use isv::metrics::GeometryError;
+use isv::raw::metrics::GeometryError;
 use isv_study::{BytesByKind, Metric, Record, Report, Timing};
 
 fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {

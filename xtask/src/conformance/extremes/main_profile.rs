@@ -4,9 +4,9 @@ use super::super::Stream;
 use super::super::raw::{RawFrame, RawStream, judge, segment, stream_of};
 use super::{FIRST, LAST, MAIN, frame_of_ones, header, keyframe, small_main};
 use anyhow::{Result, bail};
-use isv::decode::DecodeError;
-use isv::format::{FrameCoding, MainFrameHeader, Prediction, Profile, StreamHeader};
-use isv::volume::BlockEdge;
+use isv::raw::decode::DecodeError;
+use isv::raw::format::{FrameCoding, MainFrameHeader, Prediction, Profile, StreamHeader};
+use isv::raw::volume::BlockEdge;
 use isv_entropy::{BitModel, IntegerModel};
 use isv_testkit::Random;
 

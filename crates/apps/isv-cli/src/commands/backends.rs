@@ -4,8 +4,8 @@ use crate::drivers;
 use crate::output::print;
 use crate::table::table_of;
 use anyhow::Result;
-use isv::gpu::{AdapterReport, adapters};
-use isv::kernels::simd::Instructions;
+use isv::raw::gpu::{AdapterReport, adapters};
+use isv::raw::kernels::simd::Instructions;
 use serde::Serialize;
 use std::thread;
 

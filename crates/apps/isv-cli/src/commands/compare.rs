@@ -18,14 +18,14 @@ use crate::table::table_of;
 use crate::terms::SignName;
 use crate::threads::use_threads;
 use anyhow::{Result, bail};
-use isv::format::FrameRate;
-use isv::ingest::{MeshIngest, SignDecision, decide_sign};
-use isv::io::{Unit, read_mesh};
-use isv::metrics::CompareOptions;
-use isv::take::FrameRange;
-use isv::take::Length;
-use isv::take::capture::Hints;
-use isv::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::format::FrameRate;
+use isv::raw::ingest::{MeshIngest, SignDecision, decide_sign};
+use isv::raw::io::{Unit, read_mesh};
+use isv::raw::metrics::CompareOptions;
+use isv::raw::take::FrameRange;
+use isv::raw::take::Length;
+use isv::raw::take::capture::Hints;
+use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{
     Codec, Exhibition, Metric, OperatingPoint, Record, Report, Scale, StudySettings, Take, Training,
 };

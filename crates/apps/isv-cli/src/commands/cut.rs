@@ -3,9 +3,9 @@
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
 use anyhow::{Context, Result, bail};
-use isv::format::{PacketReader, PacketWriter, StreamIndex};
-use isv::take::stream::Continuity;
-use isv::take::{FrameRange, StreamFault};
+use isv::raw::format::{PacketReader, PacketWriter, StreamIndex};
+use isv::raw::take::stream::Continuity;
+use isv::raw::take::{FrameRange, StreamFault};
 use std::io::{Seek, SeekFrom};
 use std::path::PathBuf;
 

@@ -6,17 +6,17 @@ use crate::progress::Progress;
 use crate::stats::{megabits_per_second, timed};
 use crate::table::table_of;
 use anyhow::{Context, Result};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Encoder, EncoderSettings, MotionMode, Preset, surface_rms_voxels};
-use isv::format::{
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Encoder, EncoderSettings, MotionMode, Preset, surface_rms_voxels};
+use isv::raw::format::{
     FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
-use isv::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
-use isv::io::{Format, write_mesh};
-use isv::metrics::{CompareOptions, compare};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::take::StreamFault;
-use isv::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv::raw::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
+use isv::raw::io::{Format, write_mesh};
+use isv::raw::metrics::{CompareOptions, compare};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::take::StreamFault;
+use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::{BOUNDS_M, figure_mesh};
 use isv_render::{Camera, ErrorScale, Picture, Style, colour_bar, contact_sheet, render, render_errors};
 use isv_spatial::Bvh;

@@ -19,13 +19,13 @@ use crate::{memory, words};
 use anyhow::{Result, bail};
 use header::HeaderArgs;
 use ingest::IngestArgs;
-use isv::encode::Band;
-use isv::io::Unit;
-use isv::take::capture::{Capture, ContentKind};
-use isv::take::encode::{
+use isv::raw::encode::Band;
+use isv::raw::io::Unit;
+use isv::raw::take::capture::{Capture, ContentKind};
+use isv::raw::take::encode::{
     EncodeOptions, FrameReport, Job, ProfileChoice, Report, Unfinished, UnfinishedStream, Watch,
 };
-use isv::take::{Cancellation, FrameRange, Input, Length};
+use isv::raw::take::{Cancellation, FrameRange, Input, Length};
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -7,14 +7,14 @@ use crate::stream;
 use crate::terms;
 use anyhow::{Context, Result, bail};
 use comfy_table::{Table, presets};
-use isv::format::{
+use isv::raw::format::{
     FORMAT_VERSION, FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader,
     PaperParameters, Profile, StreamHeader,
 };
-use isv::kernels::quant::STEP_FRACTION_BITS;
-use isv::take::Length;
-use isv::take::timeline::Timeline;
-use isv::volume::CODES_PER_VOXEL;
+use isv::raw::kernels::quant::STEP_FRACTION_BITS;
+use isv::raw::take::Length;
+use isv::raw::take::timeline::Timeline;
+use isv::raw::volume::CODES_PER_VOXEL;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -4,10 +4,10 @@ use crate::failure::usage;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::stream;
 use anyhow::{Result, bail};
-use isv::format::{PacketWriter, StreamHeader};
-use isv::take::StreamFault;
-use isv::take::stream::Continuity;
-use isv::take::timeline::frame_at;
+use isv::raw::format::{PacketWriter, StreamHeader};
+use isv::raw::take::StreamFault;
+use isv::raw::take::stream::Continuity;
+use isv::raw::take::timeline::frame_at;
 use std::fs;
 use std::path::PathBuf;
 

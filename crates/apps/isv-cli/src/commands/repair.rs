@@ -3,10 +3,10 @@
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::{Decoder, Limits};
-use isv::format::{Packet, PacketWriter, RefusalClass, SalvageReader, Salvaged, StreamHeader};
-use isv::take::stream::ByteSource;
-use isv::take::stream::is_doubled;
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::format::{Packet, PacketWriter, RefusalClass, SalvageReader, Salvaged, StreamHeader};
+use isv::raw::take::stream::ByteSource;
+use isv::raw::take::stream::is_doubled;
 use std::iter;
 use std::path::{Path, PathBuf};
 
@@ -228,9 +228,9 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use isv::encode::{Encoder, EncoderSettings, MainSettings, Refresh};
-    use isv::format::{FrameRate, PacketReader, Profile};
-    use isv::volume::{BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
+    use isv::raw::encode::{Encoder, EncoderSettings, MainSettings, Refresh};
+    use isv::raw::format::{FrameRate, PacketReader, Profile};
+    use isv::raw::volume::{BlockEdge, Grid, Truncation, VolumeBuilder, VoxelSize};
 
     /// A floor, whose keyframe has most of the bytes; what decoders allow a frame depends on those.
     #[test]

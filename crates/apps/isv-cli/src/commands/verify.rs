@@ -7,9 +7,9 @@ use crate::progress::Progress;
 use crate::stream;
 use crate::words;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::decode::Lod;
-use isv::format::{IndexEntry, StreamIndex};
-use isv::take::{DeviceError, Event, StreamFault};
+use isv::raw::decode::Lod;
+use isv::raw::format::{IndexEntry, StreamIndex};
+use isv::raw::take::{DeviceError, Event, StreamFault};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

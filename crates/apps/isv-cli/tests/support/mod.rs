@@ -1,8 +1,8 @@
 //! Running the program on small inputs of its own.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use isv::io::{Format, write_mesh};
-use isv::volume::VoxelSize;
+use isv::raw::io::{Format, write_mesh};
+use isv::raw::volume::VoxelSize;
 use isv_figure::figure_mesh;
 use std::fs;
 use std::io::Write;

@@ -108,6 +108,21 @@ pub enum EncodeEvent {
     },
 }
 
+impl EncodeEvent {
+    /// Whether the result may not be what its user wants.
+    #[must_use]
+    pub fn is_warning(&self) -> bool {
+        match self {
+            Self::VoxelFits { .. }
+            | Self::VoxelChosen { .. }
+            | Self::Sign { .. }
+            | Self::PointSign { .. } => false,
+            Self::Sides { sides, .. } => !sides.is_usable(),
+            _ => true,
+        }
+    }
+}
+
 impl fmt::Display for EncodeEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

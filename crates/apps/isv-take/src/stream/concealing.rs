@@ -48,9 +48,21 @@ impl ConcealingFrames {
     /// # Errors
     /// [`StreamError`], which names it.
     pub fn open(input: &Input, settings: &DecodeSettings) -> Result<Self, StreamError> {
+        Self::from_source(&input.name(), source(input)?, settings)
+    }
+
+    /// Reads a stream from bytes as they come; `name` is theirs in messages.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn from_source(
+        name: &str,
+        source: ByteSource,
+        settings: &DecodeSettings,
+    ) -> Result<Self, StreamError> {
         let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
-        let name = input.name();
-        let packets = SalvageReader::new(source(input)?);
+        let name = name.to_owned();
+        let packets = SalvageReader::new(source);
         let packets = packets.map_err(|error| StreamFault::from(error).of(&name))?;
         let packets = packets.with_largest_payload(memory.largest_payload());
         let header = *packets.header();

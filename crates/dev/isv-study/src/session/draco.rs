@@ -3,7 +3,7 @@
 use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::StudyError;
 use crate::record::BytesByKind;
-use isv::volume::TriangleMesh;
+use isv::raw::volume::TriangleMesh;
 use isv_baseline::{Draco, simplify};
 
 pub(crate) struct DracoEncoding {

@@ -4,10 +4,10 @@ use super::volumes::{VolumeMaker, step_size, surface};
 use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
-use isv::decode::{Decoder, Limits};
-use isv::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
-use isv::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
-use isv::volume::TriangleMesh;
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::volume::TriangleMesh;
 
 pub(crate) struct IsvEncoding {
     header: StreamHeader,

@@ -4,8 +4,8 @@ use super::volumes::{VolumeMaker, step_size, surface};
 use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
-use isv::decode::Limits;
-use isv::volume::TriangleMesh;
+use isv::raw::decode::Limits;
+use isv::raw::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, TangDecoder, TangEncoder, TangSettings};
 
 /// Bytes in front of each frame, which say how long it is.

@@ -2,10 +2,10 @@
 
 use super::timed;
 use crate::{StudyError, StudySettings};
-use isv::ingest::{MeshIngest, Reach, SignDecision, decide_sign, ingest_mesh};
-use isv::kernels::quant::{STEP_FRACTION_BITS, StepSize};
-use isv::surface::{SurfaceOptions, extract_surface};
-use isv::volume::{CODES_PER_VOXEL, SparseVolume, TriangleMesh};
+use isv::raw::ingest::{MeshIngest, Reach, SignDecision, decide_sign, ingest_mesh};
+use isv::raw::kernels::quant::{STEP_FRACTION_BITS, StepSize};
+use isv::raw::surface::{SurfaceOptions, extract_surface};
+use isv::raw::volume::{CODES_PER_VOXEL, SparseVolume, TriangleMesh};
 
 /// Makes volumes; the sign is decided on the first frame.
 pub(super) struct VolumeMaker {

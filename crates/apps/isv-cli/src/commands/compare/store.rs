@@ -3,7 +3,7 @@
 use super::take::{CapturedTake, file_state};
 use crate::output::check_output;
 use anyhow::{Context, Result};
-use isv::io::{AtomicFile, Format, write_mesh};
+use isv::raw::io::{AtomicFile, Format, write_mesh};
 use isv_study::{Codec, Draco, Measured, OperatingPoint, Record, StudySettings};
 use std::fs;
 use std::io::Write;

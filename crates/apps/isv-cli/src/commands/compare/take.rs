@@ -2,11 +2,11 @@
 
 use crate::capture;
 use anyhow::{Context, Result};
-use isv::format::FrameRate;
-use isv::io::FrameSequence;
-use isv::take::FrameRange;
-use isv::take::capture::Hints;
-use isv::volume::TriangleMesh;
+use isv::raw::format::FrameRate;
+use isv::raw::io::FrameSequence;
+use isv::raw::take::FrameRange;
+use isv::raw::take::capture::Hints;
+use isv::raw::volume::TriangleMesh;
 use isv_study::{Take, TakeError, TakeFrames};
 use std::fmt::Write;
 use std::fs;

@@ -5,9 +5,9 @@ use crate::failure::usage;
 use crate::output::{frames_in_words, say};
 use crate::terms::FormName;
 use anyhow::Result;
-use isv::simplify::{Budget, simplify};
-use isv::take::Length;
-use isv::volume::TriangleMesh;
+use isv::raw::simplify::{Budget, simplify};
+use isv::raw::take::Length;
+use isv::raw::volume::TriangleMesh;
 use std::num::NonZero;
 
 #[derive(Clone, Copy, Debug, clap::Args)]

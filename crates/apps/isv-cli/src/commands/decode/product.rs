@@ -7,15 +7,15 @@ use crate::memory;
 use crate::output_name;
 use crate::terms::FormName;
 use anyhow::Result;
-use isv::format::Profile;
-use isv::ingest::coded_field;
-use isv::io::Format;
-use isv::simplify::Budget;
-use isv::surface::{PointDensity, SurfaceOptions, sample_evenly};
-use isv::take::AnyVolume;
-use isv::take::Length;
-use isv::take::encode::with_distances;
-use isv::volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
+use isv::raw::format::Profile;
+use isv::raw::ingest::coded_field;
+use isv::raw::io::Format;
+use isv::raw::simplify::Budget;
+use isv::raw::surface::{PointDensity, SurfaceOptions, sample_evenly};
+use isv::raw::take::AnyVolume;
+use isv::raw::take::Length;
+use isv::raw::take::encode::with_distances;
+use isv::raw::volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
 use std::fmt;
 use std::num::NonZero;
 use std::path::Path;
@@ -180,7 +180,7 @@ impl Recipe {
 
     /// Makes the product of a volume, and its surface if that was extracted already.
     ///
-    /// `coded_blocks`: as [`StreamFrame`](isv::take::stream::StreamFrame) has them.
+    /// `coded_blocks`: as [`StreamFrame`](isv::raw::take::stream::StreamFrame) has them.
     pub(super) fn make(
         &self,
         volume: AnyVolume,

@@ -7,12 +7,12 @@ use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
 use crate::terms::GlbName;
 use anyhow::{Context, Result, anyhow, bail};
-use isv::format::FrameRate;
-use isv::io::{
+use isv::raw::format::FrameRate;
+use isv::raw::io::{
     Format, GlbAnimationWriter, GlbEncoding, write_glb_to, write_mesh_placed, write_points_placed,
     write_vdb_placed, write_volume,
 };
-use isv::take::timeline::Timeline;
+use isv::raw::take::timeline::Timeline;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;

@@ -8,10 +8,10 @@ use crate::terms::FormName;
 use crate::terms::UpName;
 use anyhow::Result;
 use glam::DVec3;
-use isv::io::{Format, Geometry, Placement, Unit};
-use isv::take::Length;
-use isv::take::Up;
-use isv::volume::{PointCloud, TriangleMesh};
+use isv::raw::io::{Format, Geometry, Placement, Unit};
+use isv::raw::take::Length;
+use isv::raw::take::Up;
+use isv::raw::volume::{PointCloud, TriangleMesh};
 
 /// Rounding of coordinates that nobody minds, in metres, where voxels are large.
 const ROUNDING_M: f64 = 1e-4;

@@ -3,9 +3,9 @@
 use super::paper::PaperArgs;
 use super::target::TargetArgs;
 use crate::terms::{BandName, ProfileName};
-use isv::format::FrameRate;
-use isv::take::Length;
-use isv::take::encode::{EncodeOptions, VoxelChoice};
+use isv::raw::format::FrameRate;
+use isv::raw::take::Length;
+use isv::raw::take::encode::{EncodeOptions, VoxelChoice};
 use std::str::FromStr;
 
 /// `--voxel`
@@ -82,9 +82,9 @@ mod tests {
     use super::*;
     use crate::words;
     use clap::Parser;
-    use isv::format::{PaperParameters, Profile};
-    use isv::take::encode::default_grid;
-    use isv::volume::{BlockEdge, Grid};
+    use isv::raw::format::{PaperParameters, Profile};
+    use isv::raw::take::encode::default_grid;
+    use isv::raw::volume::{BlockEdge, Grid};
 
     #[derive(Debug, Parser)]
     struct CommandLine {

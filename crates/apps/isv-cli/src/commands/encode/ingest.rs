@@ -2,11 +2,11 @@
 
 use crate::origin;
 use crate::terms::{AxesName, FusionName, NormalsName, SampleAtName, SignName};
-use isv::ingest::DEFAULT_BLOCK_LIMIT;
-use isv::io::{DenseAxes, DenseOptions, SampleAt};
-use isv::take::Length;
-use isv::take::capture::ContentKind;
-use isv::take::encode::{DEFAULT_OFFSET_VOXELS, FieldOptions};
+use isv::raw::ingest::DEFAULT_BLOCK_LIMIT;
+use isv::raw::io::{DenseAxes, DenseOptions, SampleAt};
+use isv::raw::take::Length;
+use isv::raw::take::capture::ContentKind;
+use isv::raw::take::encode::{DEFAULT_OFFSET_VOXELS, FieldOptions};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct IngestArgs {

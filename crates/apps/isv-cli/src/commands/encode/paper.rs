@@ -1,8 +1,8 @@
 //! The settings that only profile `paper` has.
 
 use crate::terms::MotionName;
-use isv::take::Length;
-use isv::take::encode::PaperOptions;
+use isv::raw::take::Length;
+use isv::raw::take::encode::PaperOptions;
 
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]

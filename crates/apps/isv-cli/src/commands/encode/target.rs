@@ -1,9 +1,9 @@
 //! The settings that only profile `main` has: how good, how small, how slow.
 
 use crate::terms::{PresetName, RefreshName};
-use isv::encode::Tools;
-use isv::take::encode::MainOptions;
-use isv::take::{BitRate, Length};
+use isv::raw::encode::Tools;
+use isv::raw::take::encode::MainOptions;
+use isv::raw::take::{BitRate, Length};
 
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]

@@ -1,7 +1,7 @@
 //! How far the surfaces of all frames reach, and which side they show.
 
 use glam::DVec3;
-use isv::volume::TriangleMesh;
+use isv::raw::volume::TriangleMesh;
 
 /// How much of a surface must face one way before that side is the one to look from: 0 for a closed surface, 1 for a plane.
 ///

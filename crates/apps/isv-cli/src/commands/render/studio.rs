@@ -1,7 +1,7 @@
 //! How one picture is made: drawn, captioned, with the legend of its colours.
 
 use super::footage::Scene;
-use isv::volume::TriangleMesh;
+use isv::raw::volume::TriangleMesh;
 use isv_render::{
     Background, Camera, ErrorPicture, ErrorScale, Picture, SeenErrors, Style, colour_bar, contact_sheet,
     render, render_errors, text_fits, text_line,

@@ -1,0 +1,38 @@
+//! What happens during a job.
+
+use isv_take::Observer;
+use std::fmt;
+use std::sync::Arc;
+
+/// A thing that happened or was decided, in one sentence.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Event {
+    /// The sentence.
+    pub text: String,
+    /// Whether the result may not be what its user wants.
+    pub is_warning: bool,
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// Who takes events.
+pub(crate) type EventHandler = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// Hands events to `tracing`, and to a handler if there is one.
+pub(crate) fn observer(handler: Option<EventHandler>) -> Arc<dyn Observer> {
+    Arc::new(move |event: &isv_take::Event| {
+        let event = Event { text: event.to_string(), is_warning: event.is_warning() };
+        match event.is_warning {
+            true => tracing::warn!("{event}"),
+            false => tracing::info!("{event}"),
+        }
+        if let Some(handler) = &handler {
+            handler(&event);
+        }
+    })
+}

@@ -1,0 +1,127 @@
+//! Decoded frames.
+
+use crate::{Error, Mesh};
+use isv_format::{Profile, StreamHeader};
+use isv_surface::SurfaceOptions;
+use isv_take::MemoryLimit;
+use isv_take::stream::StreamFrame;
+use isv_volume::{BlockSet, CODES_PER_VOXEL, SparseVolume};
+use std::time::Duration;
+
+/// A decoded frame. Its surface and its field are made when they are asked for.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    number: usize,
+    timestamp: Duration,
+    volume: SparseVolume,
+    /// Blocks that were coded, in profile `main`.
+    coded_blocks: Option<BlockSet>,
+    profile: Profile,
+    memory: MemoryLimit,
+}
+
+/// A sparse signed distance field. Blocks that are not there are outside, or were not observed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    /// Edge of a voxel (m).
+    pub voxel_m: f64,
+    /// Edge of a block (voxels): 4, 8 or 16.
+    pub edge: u32,
+    /// Distance from the surface at which distances are cut off (voxels).
+    pub truncation_voxels: u32,
+    /// The blocks, each of them once.
+    pub blocks: Vec<Block>,
+}
+
+/// A block of a [`Volume`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Place of the block, in blocks: its lowest corner is at `coord * edge * voxel_m`.
+    pub coord: [i32; 3],
+    /// Distances at the centres of the voxels (m), negative inside, x fastest, then y, then z; NaN where a voxel was not observed.
+    pub distances_m: Vec<f32>,
+}
+
+impl Frame {
+    pub(crate) fn new(frame: StreamFrame, header: &StreamHeader, memory: MemoryLimit) -> Result<Self, Error> {
+        let StreamFrame { number, timestamp_ns, volume, coded_blocks, .. } = frame;
+        let volume = volume.into_sparse().map_err(isv_take::DeviceError::from)?;
+        let timestamp = Duration::from_nanos(timestamp_ns);
+        Ok(Self { number, timestamp, volume, coded_blocks, profile: header.profile, memory })
+    }
+
+    /// Number in the stream, from 0.
+    #[must_use]
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
+    /// Time at which it is shown, from the stream's start or, in a live stream, from 1970.
+    #[must_use]
+    pub fn timestamp(&self) -> Duration {
+        self.timestamp
+    }
+
+    /// Extracts the surface, with normals.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface that there is no memory for.
+    pub fn mesh(&self) -> Result<Mesh, Error> {
+        Ok(Mesh::from_raw(self.memory.surface(&self.volume, SurfaceOptions { normals: true })?))
+    }
+
+    /// Returns the field. Streams of profile `main` keep distances near the surface alone; without the feature `encode` the others of
+    /// their field are extrapolations.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a field that there is no memory for.
+    pub fn volume(&self) -> Result<Volume, Error> {
+        Ok(volume_of(&*self.field()?))
+    }
+
+    #[cfg(feature = "encode")]
+    fn field(&self) -> Result<std::borrow::Cow<'_, SparseVolume>, Error> {
+        use isv_take::encode::DistancesError;
+        use std::borrow::Cow;
+        if self.profile != Profile::Main {
+            return Ok(Cow::Borrowed(&self.volume));
+        }
+        let coded = self.coded_blocks.as_ref();
+        if let Some(field) = coded.and_then(|coded| isv_ingest::coded_field(&self.volume, coded)) {
+            return Ok(Cow::Owned(field));
+        }
+        let field = isv_take::encode::with_distances(&self.volume, self.memory);
+        field.map(Cow::Owned).map_err(|error| match error {
+            DistancesError::Memory(error) => error.into(),
+            other => Error::new(crate::ErrorKind::Frame, other),
+        })
+    }
+
+    #[cfg(not(feature = "encode"))]
+    fn field(&self) -> Result<&SparseVolume, Error> {
+        let _ = (&self.coded_blocks, &self.profile);
+        Ok(&self.volume)
+    }
+}
+
+fn volume_of(volume: &SparseVolume) -> Volume {
+    let grid = volume.grid();
+    let metres_per_code = (grid.voxel_size.metres() / f64::from(CODES_PER_VOXEL)) as f32;
+    let block = |index: usize| {
+        let unobserved = volume.unobserved(index);
+        let distance = |(voxel, code): (usize, &i16)| match unobserved {
+            Some(mask) if mask.contains(voxel) => f32::NAN,
+            _ => f32::from(*code) * metres_per_code,
+        };
+        Block {
+            coord: volume.coords()[index].to_array(),
+            distances_m: volume.block(index).iter().enumerate().map(distance).collect(),
+        }
+    };
+    Volume {
+        voxel_m: grid.voxel_size.metres(),
+        edge: grid.edge.voxels() as u32,
+        truncation_voxels: grid.truncation.voxels(),
+        blocks: (0..volume.block_count()).map(block).collect(),
+    }
+}
