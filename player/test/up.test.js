@@ -20,10 +20,10 @@ test('each axis turns to y, and nothing is mirrored', { skip }, async () => {
   assert.ok(!isUp('w') && !isUp(null) && !isUp('toString'));
 });
 
-test('the table is that of the command line', { skip }, async () => {
+test('the table is that of the library', { skip }, async () => {
   const { UPS, toYUp } = /** @type {typeof import('../src/up.js')} */ (module);
   const { Vector3 } = await import('three');
-  const source = readFileSync(new URL('../../crates/apps/isv-cli/src/up.rs', import.meta.url), 'utf8');
+  const source = readFileSync(new URL('../../crates/apps/isv-take/src/up.rs', import.meta.url), 'utf8');
   const names = { y: 'Y', z: 'Z', x: 'X', '-y': 'MinusY', '-z': 'MinusZ', '-x': 'MinusX' };
   for (const up of UPS) {
     const rows = new RegExp(`Self::${names[up]} => \\[\\[(.*)\\]\\],`).exec(source);

@@ -63,6 +63,7 @@ impl From<isv_take::StreamError> for Error {
         use isv_take::StreamFault;
         let kind = match &error.fault {
             _ if error.is_beyond_memory() => ErrorKind::Memory,
+            StreamFault::Format(isv_format::FormatError::LimitExceeded { .. }) => ErrorKind::Memory,
             StreamFault::Io(_) | StreamFault::Folder | StreamFault::NoFile => ErrorKind::Input,
             StreamFault::Range(_) | StreamFault::Lod(_) => ErrorKind::Options,
             StreamFault::Device(_) => ErrorKind::Device,

@@ -1,0 +1,363 @@
+//! The library as its users see it: every way in and out, and every wrong value an error.
+#![cfg(feature = "encode")]
+
+use isv::{
+    AfterLoss, Block, Cancellation, DepthView, EncodeOptions, Error, ErrorKind, Lod, Mesh, Points, Preset,
+    Quantity, Reader, TimestampSource, Unit, Volume, Writer,
+};
+use std::io::Cursor;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A box of some metres along x, 0.4 m along y and z, whose lowest corner is at `x`.
+fn cuboid(x: f32, length: f32) -> Mesh {
+    let corner = |i: u32| {
+        [
+            x + if i & 1 == 0 { 0.0 } else { length },
+            if i & 2 == 0 { 0.0 } else { 0.4 },
+            if i & 4 == 0 { 0.0 } else { 0.4 },
+        ]
+    };
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+    Mesh { positions: (0..8).map(corner).collect(), triangles: triangles.collect(), ..Mesh::default() }
+}
+
+fn options() -> EncodeOptions {
+    EncodeOptions::quality(60.0).voxel(20.mm())
+}
+
+/// A stream of boxes that move 1 cm a frame.
+fn stream(options: &EncodeOptions, frames: usize) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new(), options).unwrap();
+    for frame in 0..frames {
+        writer.push_mesh(&cuboid(0.01 * frame as f32, 0.5)).unwrap();
+    }
+    let (bytes, report) = writer.into_inner().unwrap();
+    assert_eq!((report.frames, report.bytes), (frames, bytes.len() as u64));
+    bytes
+}
+
+fn reader(bytes: &[u8]) -> Reader {
+    Reader::from_read("test", Cursor::new(bytes.to_vec())).unwrap()
+}
+
+/// Smallest and largest corner (m).
+fn bounds(positions: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let fold = |start: f32, pick: fn(f32, f32) -> f32| {
+        positions.iter().fold([start; 3], |at, p| std::array::from_fn(|axis| pick(at[axis], p[axis])))
+    };
+    [fold(f32::MAX, f32::min), fold(f32::MIN, f32::max)]
+}
+
+#[track_caller]
+fn assert_near(found: [[f32; 3]; 2], expected: [[f32; 3]; 2], tolerance: f32) {
+    let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+    assert!(pairs.clone().all(|(a, b)| (a - b).abs() < tolerance), "{found:?}, not {expected:?}");
+}
+
+#[track_caller]
+fn kind<T>(result: Result<T, Error>) -> ErrorKind {
+    match result {
+        Ok(_) => panic!("no error"),
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            error.kind()
+        }
+    }
+}
+
+#[test]
+fn meshes_come_back_where_they_were() {
+    let bytes = stream(&options().fps(25), 5);
+    let frames: Vec<_> = reader(&bytes).map(Result::unwrap).collect();
+    assert_eq!(frames.len(), 5);
+    for (number, frame) in frames.iter().enumerate() {
+        let mesh = frame.mesh().unwrap();
+        let x = 0.01 * number as f32;
+        assert_near(bounds(&mesh.positions), [[x, 0.0, 0.0], [x + 0.5, 0.4, 0.4]], 0.01);
+        assert_eq!((frame.number(), frame.timestamp()), (number, Duration::from_millis(40 * number as u64)));
+        assert_eq!(mesh.normals.len(), mesh.positions.len());
+        let is_unit = |n: &[f32; 3]| (n.iter().map(|c| c * c).sum::<f32>() - 1.0).abs() < 1e-3;
+        assert!(mesh.normals.iter().all(is_unit));
+    }
+}
+
+#[test]
+fn points_depth_and_fields_become_streams_too() {
+    let corner = |i: usize, j: usize| [0.01 * i as f32, 0.01 * j as f32, 0.0];
+    let positions: Vec<_> = (0..40 * 40).map(|k| corner(k % 40, k / 40)).collect();
+    let points = Points { normals: vec![[0.0, 0.0, 1.0]; positions.len()], positions, viewpoint: None };
+    let mut writer = Writer::new(Vec::new(), &options()).unwrap();
+    writer.push_points(&points).unwrap();
+    let (bytes, _) = writer.into_inner().unwrap();
+    let mesh = reader(&bytes).next_frame().unwrap().unwrap().mesh().unwrap();
+    assert_near(bounds(&mesh.positions), [[0.0, 0.0, 0.0], [0.39, 0.39, 0.0]], 0.05);
+
+    let view = DepthView {
+        width: 64,
+        height: 48,
+        focal: [60.0, 60.0],
+        principal: [31.5, 23.5],
+        camera_to_world: [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.], [0., 0., 0., 1.]],
+        depths_m: vec![1.0; 64 * 48],
+    };
+    // No voxel is chosen: it fits the pixels.
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
+    writer.push_depth(&[view.clone()]).unwrap();
+    assert_eq!(kind(writer.push_depth(&[DepthView { depths_m: vec![1.0; 7], ..view }])), ErrorKind::Frame);
+    let (bytes, report) = writer.into_inner().unwrap();
+    assert!(report.voxel.metres() >= 0.01, "{}", report.voxel);
+    let mesh = reader(&bytes).next_frame().unwrap().unwrap().mesh().unwrap();
+    assert!(mesh.positions.iter().all(|p| (p[2] - 1.0).abs() < 0.02));
+}
+
+/// A field goes in, and comes back as it was where profile `paper` keeps all of it.
+#[test]
+fn a_field_comes_back_with_what_was_observed() {
+    let distance = |voxel: usize| match (voxel % 8, voxel / 64) {
+        (7, _) => f32::NAN,
+        (_, z) => 0.02 * (z as f32 - 3.5),
+    };
+    let block = |x: i32| Block { coord: [x, 0, 0], distances_m: (0..512).map(distance).collect() };
+    let volume = Volume { voxel_m: 0.02, edge: 8, truncation_voxels: 8, blocks: vec![block(0), block(1)] };
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new().full_band()).unwrap();
+    writer.push_volume(&volume).unwrap();
+    let (bytes, _) = writer.into_inner().unwrap();
+    let found = reader(&bytes).next_frame().unwrap().unwrap().volume().unwrap();
+    assert_eq!((found.voxel_m, found.edge, found.truncation_voxels), (0.02, 8, 8));
+    let mut errors = Vec::new();
+    for (block, expected) in found.blocks.iter().zip(&volume.blocks) {
+        assert_eq!(block.coord, expected.coord);
+        for (found, expected) in block.distances_m.iter().zip(&expected.distances_m) {
+            assert_eq!(found.is_nan(), expected.is_nan());
+            errors.extend((!found.is_nan()).then_some((found - expected).abs()));
+        }
+    }
+    // Quantizer steps of the paper are 1 mm and 10 mm.
+    assert!(errors.iter().sum::<f32>() / (errors.len() as f32) < 0.005);
+    let wrong = [
+        Volume { edge: 5, ..volume.clone() },
+        Volume { voxel_m: -1.0, ..volume.clone() },
+        Volume { truncation_voxels: 99, ..volume.clone() },
+        Volume { blocks: vec![block(0), block(0)], ..volume.clone() },
+        Volume { blocks: vec![block(i32::MAX)], ..volume.clone() },
+        Volume { blocks: vec![Block { coord: [0; 3], distances_m: vec![0.0; 3] }], ..volume },
+    ];
+    for volume in wrong {
+        let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
+        assert_eq!(kind(writer.push_volume(&volume)), ErrorKind::Frame);
+    }
+}
+
+#[test]
+fn wrong_options_are_errors_and_never_panic() {
+    let wrong = [
+        EncodeOptions::quality(-1.0),
+        EncodeOptions::quality(f32::NAN),
+        EncodeOptions::bitrate(0.mbps()),
+        EncodeOptions::bitrate(f64::INFINITY.kbps()),
+        EncodeOptions::max_error((-1).mm()),
+        EncodeOptions::new().voxel(0.mm()),
+        EncodeOptions::new().voxel(1e9.m()),
+        EncodeOptions::new().voxel(f64::NAN.m()),
+        EncodeOptions::new().fps(0),
+        EncodeOptions::new().fps(f64::NAN),
+        EncodeOptions::new().gop(0),
+        EncodeOptions::new().two_passes(),
+        EncodeOptions::new().shell_offset(0.0),
+        EncodeOptions::new().shell_offset(f64::NAN),
+        EncodeOptions::new().shell_offset(1e9),
+        EncodeOptions::new().as_in_paper().preset(Preset::Archive),
+        EncodeOptions::quality(50.0).as_in_paper(),
+        #[expect(clippy::reversed_empty_ranges, reason = "it is wrong on purpose")]
+        EncodeOptions::new().frames(5..3),
+    ];
+    for options in wrong {
+        assert_eq!(kind(options.check()), ErrorKind::Options, "{options:?}");
+        assert_eq!(kind(Writer::new(Vec::new(), &options)), ErrorKind::Options);
+        assert_eq!(kind(isv::take::encode("no such folder", "out.isv", &options)), ErrorKind::Options);
+    }
+    for options in [EncodeOptions::bitrate(1.mbps()).two_passes(), EncodeOptions::new().voxel_by_trial()] {
+        options.check().unwrap();
+        assert_eq!(kind(Writer::new(Vec::new(), &options)), ErrorKind::Options, "they need the whole take");
+    }
+}
+
+#[test]
+fn a_frame_that_cannot_be_used_costs_itself_alone() {
+    let mut writer = Writer::new(Vec::new(), &options()).unwrap();
+    writer.push_mesh(&cuboid(0.0, 0.5)).unwrap();
+    let broken = [
+        Mesh { triangles: vec![[0, 1, 99]], ..cuboid(0.0, 0.5) },
+        cuboid(f32::NAN, 0.5),
+        cuboid(1e30, 0.5),
+        cuboid(0.0, 1e7),
+    ];
+    for mesh in broken {
+        assert_eq!(kind(writer.push_mesh(&mesh)), ErrorKind::Frame);
+    }
+    assert_eq!(
+        kind(writer.push_points(&Points { positions: vec![[0.0; 3]], ..Points::default() })),
+        ErrorKind::Frame
+    );
+    writer.push_mesh(&Mesh::default()).unwrap();
+    writer.push_mesh(&cuboid(0.1, 0.5)).unwrap();
+    let (bytes, report) = writer.into_inner().unwrap();
+    assert_eq!((report.frames, report.empty), (3, 1));
+    let triangles: Vec<_> =
+        reader(&bytes).map(|frame| frame.unwrap().mesh().unwrap().triangles.len()).collect();
+    assert!(triangles[0] > 0 && triangles[1] == 0 && triangles[2] > 0);
+}
+
+#[test]
+fn a_stream_without_a_frame_is_a_stream() {
+    let (bytes, report) = Writer::new(Vec::new(), &options()).unwrap().into_inner().unwrap();
+    assert_eq!(report.frames, 0);
+    assert!(reader(&bytes).next_frame().unwrap().is_none());
+}
+
+#[test]
+fn a_file_appears_whole_and_can_be_sought_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.isv");
+    let mut writer = Writer::create(&path, &options().gop(4)).unwrap();
+    for frame in 0..10 {
+        assert!(!path.exists());
+        writer.push_mesh(&cuboid(0.01 * frame as f32, 0.5)).unwrap();
+    }
+    let report = writer.finish().unwrap();
+    assert_eq!(report.bytes, path.metadata().unwrap().len());
+    assert!((report.duration.as_secs_f64() - 10.0 / 30.0).abs() < 1e-6 && report.megabits_per_second() > 0.0);
+
+    let mut reader = Reader::open(&path).unwrap();
+    assert_eq!((reader.frames(), reader.voxel_m()), (Some(10), Some(0.02)));
+    let all: Vec<_> = Reader::open(&path).unwrap().map(|frame| frame.unwrap().mesh().unwrap()).collect();
+    for number in [6, 0, 9, 3] {
+        reader.seek(number).unwrap();
+        let frame = reader.next_frame().unwrap().unwrap();
+        assert_eq!((frame.number(), frame.mesh().unwrap() == all[number]), (number, true));
+    }
+    assert_eq!(kind(reader.seek(10)), ErrorKind::Options);
+    assert_eq!(reader.next_frame().unwrap().unwrap().number(), 4);
+
+    let half = Reader::open(&path).unwrap().lod(Lod::Half).next_frame().unwrap().unwrap().mesh().unwrap();
+    assert!(half.triangles.len() * 2 < all[0].triangles.len());
+    assert_near(bounds(&half.positions), bounds(&all[0].positions), 0.03);
+    // One that is not finished leaves nothing.
+    drop(Writer::create(folder.path().join("other.isv"), &options()).unwrap());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn what_cannot_be_read_is_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.isv");
+    assert_eq!(kind(Reader::open(&path)), ErrorKind::Input);
+    assert_eq!(kind(Reader::open(folder.path())), ErrorKind::Input);
+    std::fs::write(&path, b"no stream at all, but long enough to be one's header, is it not?").unwrap();
+    assert_eq!(kind(Reader::open(&path)), ErrorKind::Stream);
+    assert_eq!(kind(isv::take::encode(folder.path().join("none"), &path, &options())), ErrorKind::Input);
+    assert_eq!(kind(Writer::create(folder.path().join("no/such/folder.isv"), &options())), ErrorKind::Output);
+    let bytes = stream(&options(), 3);
+    assert_eq!(kind(reader(&bytes).seek(1)), ErrorKind::Options);
+    let mut small = reader(&bytes).memory_limit(1000);
+    assert_eq!(kind(small.next_frame()), ErrorKind::Memory);
+    assert!(small.next_frame().unwrap().is_none(), "nothing follows an error");
+}
+
+#[test]
+fn losses_are_told_or_concealed() {
+    let mut bytes = stream(&options().gop(3), 8);
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x55;
+    let outcomes: Vec<_> = reader(&bytes).collect();
+    assert_eq!(kind(outcomes.into_iter().next_back().unwrap()), ErrorKind::Stream);
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let events = Arc::clone(&heard);
+    let concealing = reader(&bytes)
+        .after_loss(AfterLoss::Hold)
+        .on_event(move |event| events.lock().unwrap().push((event.to_string(), event.is_warning)));
+    assert_eq!(concealing.map(Result::unwrap).count(), 8);
+    let heard = heard.lock().unwrap();
+    assert!(heard.iter().any(|(text, is_warning)| *is_warning && text.contains("lost")), "{heard:?}");
+}
+
+/// Writes meshes as OBJ files, in centimetres.
+fn folder_of_meshes(frames: usize) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for frame in 0..frames {
+        let Mesh { positions, triangles, .. } = cuboid(0.01 * frame as f32, 0.5);
+        let vertices =
+            positions.iter().map(|p| p.map(|c| 100.0 * c)).map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+        let faces = triangles.iter().map(|t| t.map(|i| i + 1)).map(|[a, b, c]| format!("f {a} {b} {c}\n"));
+        let text: String = vertices.chain(faces).collect();
+        std::fs::write(folder.path().join(format!("frame_{frame:04}.obj")), text).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn a_folder_becomes_a_stream() {
+    let folder = folder_of_meshes(6);
+    let output = folder.path().join("take.isv");
+    let steps = Arc::new(Mutex::new(Vec::new()));
+    let seen = Arc::clone(&steps);
+    let options = options()
+        .units(Unit::Centimetre)
+        .frames(1..5)
+        .timestamps(TimestampSource::Rate)
+        .on_progress(move |done, total| seen.lock().unwrap().push((done, total)));
+    let report = isv::take::encode(folder.path(), &output, &options).unwrap();
+    assert_eq!((report.frames, report.skipped, report.is_cancelled), (4, 0, false));
+    assert_eq!(*steps.lock().unwrap(), (1..=4).map(|done| (done, Some(4))).collect::<Vec<_>>());
+    let first = Reader::open(&output).unwrap().next_frame().unwrap().unwrap().mesh().unwrap();
+    assert_near(bounds(&first.positions), [[0.01, 0.0, 0.0], [0.51, 0.4, 0.4]], 0.01);
+
+    // The same frame by frame gives the same bytes.
+    let mut writer = Writer::new(Vec::new(), &self::options()).unwrap();
+    (1..5).for_each(|frame| writer.push_mesh(&cuboid(0.01 * frame as f32, 0.5)).unwrap());
+    assert_eq!(writer.into_inner().unwrap().0, std::fs::read(&output).unwrap());
+
+    let two = EncodeOptions::bitrate(300.kbps()).two_passes().voxel(20.mm()).units(Unit::Centimetre);
+    let report = isv::take::encode(folder.path().join("*.obj"), &output, &two).unwrap();
+    assert!(report.megabits_per_second() < 0.31, "{}", report.megabits_per_second());
+
+    std::fs::write(folder.path().join("frame_0003.obj"), "v 1 2").unwrap();
+    let strict = self::options().units(Unit::Centimetre);
+    assert_eq!(kind(isv::take::encode(folder.path().join("*.obj"), &output, &strict)), ErrorKind::Frame);
+    let skipping = self::options().units(Unit::Centimetre).skip_bad_frames(true);
+    let report = isv::take::encode(folder.path().join("*.obj"), &output, &skipping).unwrap();
+    assert_eq!((report.frames, report.skipped), (5, 1));
+}
+
+#[test]
+fn a_cancelled_take_is_a_shorter_stream_or_none() {
+    let folder = folder_of_meshes(40);
+    let output = folder.path().join("take.isv");
+    let cancellation = Cancellation::new();
+    let request = cancellation.clone();
+    let options =
+        options().units(Unit::Centimetre).cancellation(&cancellation).on_progress(move |done, _| {
+            if done == 3 {
+                request.cancel();
+            }
+        });
+    let report = isv::take::encode(folder.path(), &output, &options).unwrap();
+    assert!(report.is_cancelled && (3..40).contains(&report.frames), "{}", report.frames);
+    assert_eq!(Reader::open(&output).unwrap().map(Result::unwrap).count(), report.frames);
+    std::fs::remove_file(&output).unwrap();
+    assert_eq!(kind(isv::take::encode(folder.path(), &output, &options)), ErrorKind::Cancelled);
+    assert!(!output.exists());
+}
+
+#[test]
+fn times_are_kept() {
+    let mut writer = Writer::new(Vec::new(), &options()).unwrap();
+    let times = [5.0, 5.1, 7.0].map(Duration::from_secs_f64);
+    times.iter().for_each(|time| writer.push_mesh_at(&cuboid(0.0, 0.5), *time).unwrap());
+    assert_eq!(kind(writer.push_mesh_at(&cuboid(0.0, 0.5), Duration::MAX)), ErrorKind::Frame);
+    let found: Vec<_> =
+        reader(&writer.into_inner().unwrap().0).map(|frame| frame.unwrap().timestamp()).collect();
+    assert_eq!(found, times.map(|time| time - times[0]));
+}
