@@ -14,9 +14,12 @@ pub(crate) const GPU_VARIABLE: &str = "ISV_GPU";
 /// The choice of a backend.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct BackendArgs {
-    /// Who does the arithmetic: cpu; gpu, which is an error where there is none; or auto, a real GPU if there is one that can,
-    /// else the CPU. What is decoded is the same. ISV_GPU in the environment names one of several, see `isv backends`
-    #[arg(long, value_name = "auto|cpu|gpu", default_value_t)]
+    /// Device that does the arithmetic; `auto` falls back from a GPU to the CPU
+    ///
+    /// `gpu` is an error where there is no GPU. `auto` takes a real GPU, not one in software, and goes on on the
+    /// CPU if it fails. What is decoded is the same on all of them. ISV_GPU in the environment holds a part of the
+    /// name of the GPU to use: `isv backends` lists them.
+    #[arg(help_heading = "Running", long, value_name = "auto|cpu|gpu", default_value_t)]
     backend: Device,
 }
 

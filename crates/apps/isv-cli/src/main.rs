@@ -42,14 +42,17 @@ use std::process::ExitCode;
 #[derive(Debug, Parser)]
 #[command(name = "isv", version, max_term_width = 110)]
 struct Cli {
-    /// The vector instructions to work with, for finding faults: auto, scalar, sse2, sse4.2, avx2, avx512, neon or simd128, if
-    /// the machine has them; results are the same with all of them
-    #[arg(long, value_name = "SET", global = true, env = simd::VARIABLE, hide_env_values = true, default_value_t)]
+    /// Vector instructions to use, for finding faults; results are the same
+    ///
+    /// One of auto, scalar, sse2, sse4.2, avx2, avx512, neon and simd128, if the machine has it.
+    #[arg(help_heading = "Global options", long, value_name = "SET", global = true, env = simd::VARIABLE, hide_env_values = true, default_value_t)]
     simd: Instructions,
-    /// Most memory for the frames of a stream, such as 500MB or 2GiB; a frame that needs more is refused before it takes any.
-    /// Without it, 3 billion voxels, and no more than what the stream's bytes make likely. view, serve and export-player hand it to
-    /// the player, which otherwise takes half of the machine's memory
-    #[arg(long, value_name = "SIZE", global = true)]
+    /// Most memory for the frames of a stream, such as 500MB or 2GiB
+    ///
+    /// A frame that needs more is refused before it takes any. Without it, a frame has 3 billion voxels at most,
+    /// and no more than what the stream's bytes make likely. `view`, `serve` and `export-player` hand it to the
+    /// player, which otherwise takes half of the machine's memory.
+    #[arg(help_heading = "Global options", long, value_name = "SIZE", global = true)]
     max_memory: Option<MemorySize>,
     #[command(subcommand)]
     command: Command,
@@ -108,5 +111,32 @@ fn run(command: &Command) -> Result<()> {
         Command::Serve(args) => serve::run(args),
         Command::ExportPlayer(args) => export_player::run(args),
         Command::Backends(args) => backends::run(args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{CommandFactory, builder::StyledStr};
+
+    /// Options that a command may have before they are put into groups.
+    const UNGROUPED: usize = 10;
+
+    #[test]
+    fn help_is_one_line_an_option_and_in_groups() {
+        for command in Cli::command().get_subcommands() {
+            let name = command.get_name();
+            let options = || command.get_opts().filter(|option| !option.is_hide_set());
+            for option in command.get_arguments().filter(|option| !option.is_hide_set()) {
+                let help = option.get_help().map(StyledStr::to_string).unwrap_or_default();
+                let length = help.chars().count();
+                assert!((1..=80).contains(&length), "{name}: {}: {length}: {help}", option.get_id());
+            }
+            if options().count() > UNGROUPED {
+                let without = options().filter(|option| option.get_help_heading().is_none());
+                let names: Vec<_> = without.map(|option| option.get_id().to_string()).collect();
+                assert!(names.len() <= UNGROUPED, "{name}: without a group: {names:?}");
+            }
+        }
     }
 }

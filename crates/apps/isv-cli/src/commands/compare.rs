@@ -52,9 +52,11 @@ pub(crate) struct Args {
     /// Folder for the results; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Codecs to study, separated by commas, the first of which the others are summed up against; without it all but those
-    /// that lack what they need: paper-intra, paper-zero, paper-3dof,
-    /// paper-6dof, paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25, draco-10, draco-5
+    /// Codecs to study, separated by commas [default: all that can run]
+    ///
+    /// Savings are summed up against the first. The codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
+    /// paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25,
+    /// draco-10 and draco-5.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
     /// Operating points of each codec, from 5
@@ -66,7 +68,7 @@ pub(crate) struct Args {
     /// Only these frames, without frame B
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// Number in the capture of the frame that is drawn; without it, the one in the middle
+    /// Number of the frame that is drawn [default: the one in the middle]
     #[arg(long, value_name = "N")]
     picture: Option<usize>,
     /// Edge of a voxel of the codecs of volumes
@@ -78,22 +80,26 @@ pub(crate) struct Args {
     /// How to tell inside from outside
     #[arg(long, value_enum, default_value = "auto")]
     sign: SignName,
-    /// Surfaces are sampled once a square of this edge where errors are measured
+    /// Edge of the square of surface that each sample stands for
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     spacing: Length,
-    /// Unit of coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
-    #[arg(long, default_value_t = Unit::Metre)]
+    /// Unit of coordinates: m, dm, cm, mm, in, ft or us-ft
+    #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     units: Unit,
-    /// The place of the meshes, in their unit, that becomes the origin, as of isv encode; of those of --train too
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    /// Place of the meshes, in their unit, that becomes the origin
+    ///
+    /// It holds for the meshes of --train too.
+    #[arg(help_heading = "Coordinates of the input", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
     /// Frames a second
     #[arg(long, default_value = "30")]
     fps: FrameRate,
-    /// Threads that each codec may use; all cores without it
-    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    /// Threads that each codec may use [default: one a core]
+    #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
-    /// Measure this point of this codec in this process, and say each step on standard output
+    /// Measure one point of one codec in this process
+    ///
+    /// Each step is said on standard output. For `isv compare` itself.
     #[arg(long, value_name = "CODEC:POINT", hide = true, value_parser = worker_parser)]
     worker: Option<(Codec, usize)>,
 }

@@ -15,7 +15,9 @@ pub(crate) struct Args {
     /// The stream: a file
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
-    /// The frames, counted from 0, without frame B; frame A is a keyframe. Without A from the first, without B to the last
+    /// Frames A to B-1, counted from 0; either end may be left out
+    ///
+    /// Frame A is a keyframe.
     #[arg(value_name = "A..B")]
     frames: FrameRange,
     /// The stream to write; - for standard output

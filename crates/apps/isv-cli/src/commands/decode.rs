@@ -40,52 +40,57 @@ pub(crate) struct Args {
     /// The stream; - for standard input
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
-    /// A folder for frame_0000.ply and so on; or a file for one frame, or a .glb file for an animation of all; - for
-    /// standard output: one frame, or any number as PLY
+    /// Folder or file to write; - for standard output
+    ///
+    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb an animation of all. Standard
+    /// output takes one frame, or any number as PLY.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// What to make of each frame; without it, what the format is for, or else a mesh
-    #[arg(long = "as", value_enum)]
+    /// What to make of each frame [default: what the format is for, else mesh]
+    #[arg(help_heading = "Output", long = "as", value_enum)]
     form: Option<FormName>,
-    /// File format: ply, obj, stl or glb of meshes; ply, pcd or xyz of points; npy or vdb of volumes. Without it, that of
-    /// the output's name, or else ply or npy
-    #[arg(long)]
+    /// File format [default: that of the output's name, else ply or npy]
+    ///
+    /// Meshes are written as ply, obj, stl or glb, points as ply, pcd or xyz, volumes as npy or vdb.
+    #[arg(help_heading = "Output", long)]
     format: Option<OutputFormat>,
-    /// Write vertex normals with meshes: .glb files and points always have theirs
-    #[arg(long)]
+    /// Write vertex normals with meshes
+    ///
+    /// GLB files and points always have theirs.
+    #[arg(help_heading = "Meshes", long)]
     normals: bool,
-    /// How GLB files hold their meshes [default: plain]
-    #[arg(long, value_enum, value_name = "ENCODING")]
+    /// Encoding of meshes in GLB files [default: plain]
+    #[arg(help_heading = "Meshes", long, value_enum, value_name = "ENCODING")]
     glb: Option<GlbName>,
-    /// Leave vertex normals out of .glb files
-    #[arg(long, conflicts_with = "normals")]
+    /// Leave vertex normals out of GLB files
+    #[arg(help_heading = "Meshes", long, conflicts_with = "normals")]
     no_normals: bool,
     #[command(flatten)]
     budget: BudgetArgs,
     #[command(flatten)]
     target_frame: TargetFrameArgs,
-    /// Points a frame
-    #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
+    /// Number of points a frame
+    #[arg(help_heading = "Points", long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
     points: Option<NonZero<usize>>,
-    /// Edge of the square of surface that each point stands for, with a unit; without it, a voxel
-    #[arg(long, value_name = "LENGTH")]
+    /// Edge of the square of surface that each point stands for [default: a voxel]
+    #[arg(help_heading = "Points", long, value_name = "LENGTH")]
     spacing: Option<Length>,
-    /// Level of detail: 2 or 4 decode at half or a quarter of the resolution, faster and smaller
-    #[arg(long, value_enum, default_value = "1")]
+    /// Level of detail: 2 and 4 decode at half and a quarter of the resolution
+    #[arg(help_heading = "Output", long, value_enum, default_value = "1")]
     lod: LodName,
-    /// Only these frames, counted from 0, without frame B; A.. and ..B are to the last and from the first
-    #[arg(long, value_name = "A..B")]
+    /// Frames A to B-1, counted from 0; either end may be left out
+    #[arg(help_heading = "Output", long, value_name = "A..B")]
     frames: Option<FrameRange>,
     /// What to do where packets are damaged or missing
-    #[arg(long, value_enum, default_value = "stop")]
+    #[arg(help_heading = "Running", long, value_enum, default_value = "stop")]
     after_loss: AfterLossName,
-    /// Threads to work with; without it, one a core
-    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    /// Number of threads [default: one a core]
+    #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
     backend: BackendArgs,
-    /// Write times of every frame to this file
-    #[arg(long, value_name = "FILE.json")]
+    /// Write the times of every frame to this file
+    #[arg(help_heading = "Running", long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 }
 

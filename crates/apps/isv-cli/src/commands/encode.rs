@@ -33,56 +33,78 @@ use std::sync::Arc;
 /// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A folder of frames, a pattern such as 'take/*.obj' or one file, in natural order of their names; a folder of depth
-    /// images and calibration; an .isv file; - for frames on a pipe
+    /// Capture: a folder, a pattern such as 'take/*.obj', a file, or - for a pipe
+    ///
+    /// Frames are meshes, points, volumes, or depth images with their calibration, in natural order of their names; or an .isv file.
     input: PathBuf,
-    /// The stream to write; - for standard output. Until it is whole its name is OUT.isv.part, which opens up to its last whole
-    /// frame
+    /// Stream to write; - for standard output
+    ///
+    /// While encoding, the file is called OUT.isv.part. If the encoder is killed, that file still plays up to its
+    /// last complete frame.
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
     /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
-    #[arg(long, default_value_t = Unit::Metre)]
+    #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     units: Unit,
-    /// The place of meshes and points, in their unit, that becomes the origin: for coordinates of a country's survey
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    /// Place of meshes and points, in their unit, that becomes the origin
+    ///
+    /// For coordinates of a survey, which lie far from the origin.
+    #[arg(help_heading = "Coordinates of the input", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
-    /// Axis of the input that points up, which streams call Y. After --units and --origin, which are along the input's axes
-    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    /// Axis of the input that points up; streams are Y up
+    ///
+    /// --units and --origin are along the axes of the input, before it is turned.
+    #[arg(
+        help_heading = "Coordinates of the input",
+        long,
+        value_enum,
+        default_value = "y",
+        allow_hyphen_values = true
+    )]
     up: UpName,
-    /// Only these frames, counted from 0, without frame B; A.. and ..B are to the last and from the first
-    #[arg(long, value_name = "A..B")]
+    /// Frames A to B-1, counted from 0; either end may be left out
+    #[arg(help_heading = "Input", long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// A keyframe at least every this many frames; with --refresh gradual, all is refreshed in so many
-    #[arg(long, value_name = "FRAMES", default_value = "30", value_parser = count::parse::<NonZero<u32>>)]
+    /// Most frames from a keyframe to the next
+    ///
+    /// With --refresh gradual, all of a frame is refreshed within so many frames.
+    #[arg(help_heading = "Stream", long, value_name = "FRAMES", default_value = "30", value_parser = count::parse::<NonZero<u32>>)]
     gop: NonZero<u32>,
     #[command(flatten)]
     header: HeaderArgs,
     #[command(flatten)]
     ingest: IngestArgs,
-    /// Go on after a frame that cannot be read or used, and say at the end how many there were; the others keep their
-    /// time. Frames of an .isv file, which need each other, cannot be skipped
-    #[arg(long)]
+    /// Leave out frames that cannot be read or used
+    ///
+    /// The others keep their times, and isv says at the end how many were left out. Frames of an .isv file need
+    /// each other and cannot be left out.
+    #[arg(help_heading = "Input", long)]
     skip_bad_frames: bool,
     /// What packets are stamped with
-    #[arg(long, value_enum, default_value = "source")]
+    #[arg(help_heading = "Stream", long, value_enum, default_value = "source")]
     timestamps: TimestampsName,
-    /// Leave out points that are not finite or lie at exactly (0,0,0), as cameras write "no reading"
-    #[arg(long)]
+    /// Leave out points that are not finite or lie at (0,0,0)
+    ///
+    /// Cameras write such points for "no reading".
+    #[arg(help_heading = "Input", long)]
     drop_invalid_points: bool,
-    /// Take frames of one shape and different scales as they are; without it, they are refused as being in different units
-    #[arg(long)]
+    /// Take frames of one shape and different scales as they are
+    ///
+    /// Without it, they are refused as being in different units.
+    #[arg(help_heading = "Input", long)]
     mixed_scales: bool,
     /// Put a hash of every decoded frame into the stream, for isv verify
-    #[arg(long)]
+    #[arg(help_heading = "Stream", long)]
     checksums: bool,
-    /// Threads to work with; without it, one a core
-    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    /// Number of threads [default: one a core]
+    #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
     backend: BackendArgs,
-    /// Write times and sizes of every frame to this file; ingest and encoding then take turns, so that the time of one
-    /// is not also that of the other
-    #[arg(long, value_name = "FILE.json")]
+    /// Write times and sizes of every frame to this file
+    ///
+    /// Stages then take turns, so that the time of one is not also that of another.
+    #[arg(help_heading = "Running", long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 }
 

@@ -34,35 +34,56 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Surfaces are sampled once a square of this edge
+    /// Edge of the square of surface that each sample stands for
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     spacing: Length,
-    /// Unit of the reference's coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
-    #[arg(long, default_value_t = Unit::Metre)]
+    /// Unit of the reference: m, dm, cm, mm, in, ft or us-ft
+    ///
+    /// Streams know theirs.
+    #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     units: Unit,
-    /// Unit of the measured coordinates
-    #[arg(long, default_value_t = Unit::Metre)]
+    /// Unit of what is measured
+    #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     test_units: Unit,
-    /// The place of the reference's meshes and points, in their unit, that is the origin of what is measured: what isv encode was
-    /// told
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    /// Place of the reference, in its unit, that is the origin of what is measured
+    ///
+    /// What isv encode was told.
+    #[arg(help_heading = "Coordinates of the input", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
     /// Axis of the reference that points up: what isv encode was told
-    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    #[arg(
+        help_heading = "Coordinates of the input",
+        long,
+        value_enum,
+        default_value = "y",
+        allow_hyphen_values = true
+    )]
     up: UpName,
-    /// The place of the measured meshes and points, in their unit, that is the origin: what isv decode was told
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    /// Place of what is measured, in its unit, that is the origin
+    ///
+    /// What isv decode was told.
+    #[arg(help_heading = "Coordinates of the input", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     test_origin: Option<[f64; 3]>,
     /// Axis of what is measured that points up: what isv decode was told
-    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    #[arg(
+        help_heading = "Coordinates of the input",
+        long,
+        value_enum,
+        default_value = "y",
+        allow_hyphen_values = true
+    )]
     test_up: UpName,
-    /// Leave out points that are not finite or lie at exactly (0,0,0), as cameras write "no reading"
+    /// Leave out points that are not finite or lie at (0,0,0)
+    ///
+    /// Cameras write such points for "no reading".
     #[arg(long)]
     drop_invalid_points: bool,
     /// Frames a second at which animated files are sampled
     #[arg(long, default_value = "30")]
     fps: FrameRate,
-    /// Only these frames of REFERENCE, and of TEST unless it has just as many
+    /// Frames A to B-1 of REFERENCE, counted from 0
+    ///
+    /// They are those of TEST too, unless it has just as many frames.
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
 }

@@ -15,10 +15,12 @@ use std::path::PathBuf;
 /// index.html?src=FILE.isv&compare=OTHER.isv
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The folder to write: a new one, an empty one, or that of an earlier export, which is replaced
+    /// Folder to write: new, empty, or that of an earlier export
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Streams to copy into it; the page opens the first, beside the second if there is one, when its address names none
+    /// Streams to copy into it
+    ///
+    /// The page opens the first, beside the second if there is one, when its address names none.
     #[arg(value_name = "FILE.isv")]
     files: Vec<PathBuf>,
     #[command(flatten)]

@@ -24,7 +24,9 @@ pub(crate) struct Args {
     /// The files. After one that cannot be read, the others are described too
     #[arg(value_name = "IN.isv", required = true)]
     inputs: Vec<PathBuf>,
-    /// Print JSON, with every packet: an object, or a list of objects for several files
+    /// Print JSON, with every packet
+    ///
+    /// An object, or a list of objects for several files.
     #[arg(long)]
     json: bool,
 }

@@ -49,51 +49,64 @@ const MAX_TURN: u64 = 36_000;
 pub(crate) struct Args {
     /// A folder, a pattern, a mesh file or an .isv file
     input: PathBuf,
-    /// The picture to write: .png for a still, .gif or .apng for an animation; - for standard output
+    /// Picture to write: .png, or .gif or .apng for an animation; - for stdout
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Kind of file; without it, that of the output's name, or png for standard output
-    #[arg(long, value_enum)]
+    /// Kind of file [default: that of the output's name, png for stdout]
+    #[arg(help_heading = "Pictures", long, value_enum)]
     format: Option<PictureFormat>,
-    /// Draw this frame, counted from 0; without it and --frames, all in an animation, else the first
-    #[arg(long, value_name = "N", conflicts_with = "frames")]
+    /// Draw this frame, counted from 0
+    ///
+    /// Without it and --frames, an animation has all frames and a still the first.
+    #[arg(help_heading = "Pictures", long, value_name = "N", conflicts_with = "frames")]
     frame: Option<usize>,
-    /// Draw these frames, without frame B: a .png becomes a contact sheet
-    #[arg(long, value_name = "A..B")]
+    /// Draw frames A to B-1; a .png becomes a contact sheet
+    #[arg(help_heading = "Pictures", long, value_name = "A..B")]
     frames: Option<FrameRange>,
-    /// Draw N pictures from all around, of one frame or, with --frames, of frames that go by during the turn
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_TURN))]
+    /// Draw N pictures from all around
+    ///
+    /// They are of one frame or, with --frames, of frames that go by during the turn.
+    #[arg(help_heading = "Pictures", long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_TURN))]
     turntable: Option<u64>,
-    /// Columns of a contact sheet; without it, about as many as rows
-    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    /// Columns of a contact sheet [default: about as many as rows]
+    #[arg(help_heading = "Pictures", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     columns: Option<NonZero<usize>>,
-    /// Edge of each drawing in pixels; without it, 1024, or 512 in an animation, or 384 in a contact sheet
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]
+    /// Edge of each drawing in pixels [default: 1024]
+    ///
+    /// In an animation the default is 512, in a contact sheet 384.
+    #[arg(help_heading = "Pictures", long, value_name = "PIXELS", value_parser = clap::value_parser!(u64).range(1..=MAX_SIZE))]
     size: Option<u64>,
     /// Turn of the camera about the up axis: 0 looks from +z, 90 from +x
     ///
-    /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen from that
-    /// side, and all others from +z. Backs of faces are grey: the inside of an open surface, or faces that are turned inside
-    /// out.
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
+    /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen
+    /// from that side, and all others from +z. Backs of faces are grey: the inside of an open surface, or faces
+    /// that are turned inside out.
+    #[arg(help_heading = "Camera and look", long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
     yaw: Option<f64>,
     /// Height of the camera above the horizon
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
+    #[arg(help_heading = "Camera and look", long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
     pitch: Option<f64>,
-    /// Axis of the input that points up: -y for streams of a depth camera that nobody turned
-    #[arg(long, value_enum, default_value = "y", allow_hyphen_values = true)]
+    /// Axis of the input that points up; -y for depth cameras
+    #[arg(
+        help_heading = "Coordinates of the input",
+        long,
+        value_enum,
+        default_value = "y",
+        allow_hyphen_values = true
+    )]
     up: UpName,
     /// Which normals faces are shaded by
-    #[arg(long, value_enum, default_value = "smooth")]
+    #[arg(help_heading = "Camera and look", long, value_enum, default_value = "smooth")]
     shade: ShadeName,
     /// What lies behind the surface
-    #[arg(long, value_enum, default_value = "light")]
+    #[arg(help_heading = "Camera and look", long, value_enum, default_value = "light")]
     background: BackgroundName,
-    /// Colour by distance to the surface of this input, which has matching frames
-    #[arg(long, value_name = "REFERENCE")]
+    /// Colour by distance to the surface of this input, frame by frame
+    #[arg(help_heading = "Comparison", long, value_name = "REFERENCE")]
     against: Option<PathBuf>,
-    /// Distance at which the colours of --against end, with a unit; what is farther is blue
+    /// Distance at which the colours of --against end, with a unit
     #[arg(
+        help_heading = "Comparison",
         long,
         value_name = "LENGTH",
         default_value = "2mm",
@@ -101,21 +114,29 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     range: Length,
-    /// Write the number of each frame under its picture, with --against its errors too
-    #[arg(long)]
+    /// Write the number of each frame under its picture
+    ///
+    /// With --against its errors too.
+    #[arg(help_heading = "Camera and look", long)]
     captions: bool,
-    /// Pictures a second of an animation, and frames a second at which an animated file is sampled; without it, those of
-    /// the input, or 30
-    #[arg(long)]
+    /// Pictures a second of an animation [default: the input's, else 30]
+    ///
+    /// An animated file is sampled at this rate.
+    #[arg(help_heading = "Pictures", long)]
     fps: Option<FrameRate>,
-    /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft; .isv files know theirs
-    #[arg(long, default_value_t = Unit::Metre)]
+    /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
+    ///
+    /// Streams know theirs.
+    #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     units: Unit,
     /// Unit of the coordinates of --against
-    #[arg(long, default_value_t = Unit::Metre, requires = "against")]
+    #[arg(help_heading = "Comparison", long, default_value_t = Unit::Metre, requires = "against")]
     against_units: Unit,
-    /// The place of the meshes of --against, in their unit, that is the input's origin: what isv encode was told
+    /// Place of the meshes of --against that is the input's origin
+    ///
+    /// In their unit: what isv encode was told.
     #[arg(
+        help_heading = "Comparison",
         long,
         value_name = "X,Y,Z",
         value_parser = origin::parse,
@@ -123,8 +144,8 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     against_origin: Option<[f64; 3]>,
-    /// Axis of --against that points up; without it, that of the input
-    #[arg(long, value_enum, requires = "against", allow_hyphen_values = true)]
+    /// Axis of --against that points up [default: that of the input]
+    #[arg(help_heading = "Comparison", long, value_enum, requires = "against", allow_hyphen_values = true)]
     against_up: Option<UpName>,
 }
 

@@ -20,8 +20,9 @@ pub(crate) struct Args {
     /// The stream to write; - for standard output
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
-    /// Take the header of this stream where that of IN.isv is damaged or lost: another stream of the take, or one that was
-    /// encoded with the same settings
+    /// Take the header of this stream where that of IN.isv is damaged
+    ///
+    /// It is another stream of the take, or one that was encoded with the same settings.
     #[arg(long, value_name = "OTHER.isv")]
     header_from: Option<PathBuf>,
 }

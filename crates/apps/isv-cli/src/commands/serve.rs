@@ -24,18 +24,22 @@ pub(crate) struct Args {
     /// The files
     #[arg(value_name = "FILE.isv", required_unless_present = "live")]
     files: Vec<PathBuf>,
-    /// Send packets to viewers as they come: from - for standard input, a FIFO, a file that is being written, as by
-    /// isv encode -o - > FILE.isv, or the newest such file of a folder. When it ends and begins anew, so do the viewers. Standard
-    /// input ends once: viewers are told, and the command ends too, unless it serves files
+    /// Send packets to viewers as they come
+    ///
+    /// The source is - for standard input, a FIFO, a file that is being written, as by isv encode -o - > FILE.isv,
+    /// or the newest such file of a folder. When it ends and begins anew, so do the viewers. Standard input ends
+    /// once: viewers are told, and the command ends too, unless it serves files.
     #[arg(long, value_name = "SOURCE")]
     live: Option<PathBuf>,
-    /// Where to listen; 0.0.0.0 is all networks that this machine is in, port 0 any port that is free
+    /// Address to listen at; 0.0.0.0 is all networks, port 0 any that is free
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8047")]
     bind: SocketAddr,
-    /// Let pages of another site watch and read, such as https://show.example; may be given several times
+    /// Let pages of another site watch and read, such as https://show.example
+    ///
+    /// May be given several times.
     #[arg(long, value_name = "ORIGIN")]
     allow_origin: Vec<Origin>,
-    /// Viewers of the live stream at a time; without it, 100
+    /// Most viewers of the live stream at a time [default: 100]
     #[arg(long, value_name = "N", requires = "live", value_parser = count::parse::<NonZero<usize>>)]
     viewers: Option<NonZero<usize>>,
     #[command(flatten)]

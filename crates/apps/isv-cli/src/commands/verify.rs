@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
 /// Decode whole streams and check them: packet checksums, frame hashes where they have them, index and end
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The streams; - for standard input. After one that fails, the others are checked too
+    /// Streams; - for standard input
+    ///
+    /// After one that fails, the others are checked too.
     #[arg(value_name = "IN.isv", required = true)]
     inputs: Vec<PathBuf>,
     /// Print JSON: a list with an object for each stream

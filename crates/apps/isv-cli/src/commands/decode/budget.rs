@@ -15,13 +15,15 @@ use std::num::NonZero;
 pub(super) struct BudgetArgs {
     /// Most faces of each mesh
     ///
-    /// Edges are collapsed where that changes the surface least. Isv says how far the result is from the decoded surface,
-    /// and whether a mesh kept more faces because its parts cannot have fewer. With --simplify too, the first of both
-    /// limits that is reached counts.
-    #[arg(long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    /// Edges are collapsed where that changes the surface least. isv says how far the result is from the decoded
+    /// surface, and whether a mesh kept more faces because its parts cannot have fewer. With --simplify too, the
+    /// first limit that is reached counts.
+    #[arg(help_heading = "Meshes", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     target_faces: Option<NonZero<usize>>,
-    /// Collapse edges as long as the surface stays within this distance of the decoded one, with a unit
-    #[arg(long, value_name = "LENGTH")]
+    /// Collapse edges as long as the surface stays within this distance
+    ///
+    /// The distance is measured both ways from the decoded surface.
+    #[arg(help_heading = "Meshes", long, value_name = "LENGTH")]
     simplify: Option<Length>,
 }
 

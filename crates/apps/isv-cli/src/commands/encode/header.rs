@@ -25,30 +25,34 @@ impl FromStr for VoxelArg {
 
 #[derive(Debug, clap::Args)]
 pub(super) struct HeaderArgs {
-    /// The codec's set of tools; without it, main
-    #[arg(long, value_enum)]
+    /// Set of the codec's tools [default: main]
+    #[arg(help_heading = "Stream", long, value_enum)]
     profile: Option<ProfileName>,
-    /// Frames a second, such as 30, 29.97 or 30000/1001; without it, as the input says, or else 30
-    #[arg(long)]
+    /// Frames a second: 30, 29.97 or 30000/1001 [default: the input's, else 30]
+    #[arg(help_heading = "Stream", long)]
     fps: Option<FrameRate>,
-    /// Edge of a voxel, with a unit [default: what fits the input]
+    /// Edge of a voxel, with a unit, or auto [default: what fits the input]
     ///
-    /// Without it, volumes keep their own and meshes get 5mm. Points and depth images get one that fits how far points are apart, how
-    /// large a pixel is and how noisy depths are, but never less than 5mm. With auto, meshes in profile main get whichever of a few
-    /// sizes serves the quality, rate or error best, and points and depth images the one that fits.
-    #[arg(long, value_name = "LENGTH|auto")]
+    /// Without it, volumes keep their own and meshes get 5mm. Points and depth images get one that fits the
+    /// distance of points, the size of a pixel and the noise of depths, but never less than 5mm. With auto, meshes
+    /// in profile main get whichever of a few sizes serves the quality, rate or error best.
+    #[arg(help_heading = "Stream", long, value_name = "LENGTH|auto")]
     voxel: Option<VoxelArg>,
-    /// Edge of a block in voxels, 4, 8 or 16; without it, that of the input if it is volumes, or else 8. Profile
-    /// main has blocks of 8
-    #[arg(long, value_name = "VOXELS")]
+    /// Edge of a block in voxels: 4, 8 or 16 [default: the input's, else 8]
+    ///
+    /// Profile main has blocks of 8.
+    #[arg(help_heading = "Stream", long, value_name = "VOXELS")]
     block: Option<u32>,
-    /// How far from the surface distances are kept, in voxels, 2 to 16; without it, as the input if it is volumes, or
-    /// else 8
-    #[arg(long, value_name = "VOXELS")]
+    /// Distance up to which distances are kept, 2 to 16 voxels [default: 8]
+    ///
+    /// Volumes keep their own unless it is given.
+    #[arg(help_heading = "Stream", long, value_name = "VOXELS")]
     truncation: Option<u32>,
-    /// How much of the volume to code; without it, surface in profile main and full in profile paper. full takes profile paper, unless
-    /// main or a setting of it is asked for: main tells observed from unobserved near the surface alone
-    #[arg(long, value_enum)]
+    /// Part of the volume to code [default: surface]
+    ///
+    /// In profile paper the default is full. full takes profile paper, unless main or a setting of it is asked for:
+    /// main tells observed from unobserved voxels near the surface alone.
+    #[arg(help_heading = "Stream", long, value_enum)]
     band: Option<BandName>,
     #[command(flatten)]
     paper: PaperArgs,

@@ -11,40 +11,40 @@ use isv::raw::take::encode::{DEFAULT_OFFSET_VOXELS, FieldOptions};
 #[derive(Debug, clap::Args)]
 pub(super) struct IngestArgs {
     /// How to tell inside from outside of meshes and points
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(help_heading = "Surface", long, value_enum, default_value = "auto")]
     sign: SignName,
-    /// Half the thickness of the shell around a surface without inside, in voxels
-    #[arg(long, value_name = "VOXELS", default_value_t = DEFAULT_OFFSET_VOXELS)]
+    /// Half the thickness of the shell around an open surface, in voxels
+    #[arg(help_heading = "Surface", long, value_name = "VOXELS", default_value_t = DEFAULT_OFFSET_VOXELS)]
     offset: f64,
     /// Normals of points
-    #[arg(long, value_enum, default_value = "given")]
+    #[arg(help_heading = "Points, depth images and fields", long, value_enum, default_value = "given")]
     normals: NormalsName,
     /// Place that points were seen from, in their unit and coordinates
     ///
-    /// Estimated normals face it, and points without normals get estimated ones. Without it, they face the place that the file
-    /// says, else the origin if the points look scanned from there, else outward.
-    #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    /// Estimated normals face it, and points without normals get estimated ones. Without it, they face the place
+    /// that the file says, else the origin if the points look scanned from there, else outward.
+    #[arg(help_heading = "Points, depth images and fields", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     viewpoint: Option<[f64; 3]>,
     /// What a frame of depth images stands for
-    #[arg(long, value_enum, default_value = "per-frame")]
+    #[arg(help_heading = "Points, depth images and fields", long, value_enum, default_value = "per-frame")]
     fusion: FusionName,
-    /// Leave out what depth cameras saw farther away, with a unit; without it, nothing
-    #[arg(long, value_name = "LENGTH")]
+    /// Leave out what depth cameras saw farther away [default: nothing]
+    #[arg(help_heading = "Points, depth images and fields", long, value_name = "LENGTH")]
     max_depth: Option<Length>,
     /// Order of the axes of a dense field (.npy, .npz) [default: zyx]
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Points, depth images and fields", long, value_enum)]
     axes: Option<AxesName>,
     /// Place of a dense field's samples in their voxels [default: centre]
-    #[arg(long, value_enum)]
+    #[arg(help_heading = "Points, depth images and fields", long, value_enum)]
     sample_at: Option<SampleAtName>,
     /// Length that a value of 1 in a dense field stands for [default: auto]
     ///
-    /// In fields of integers it is the length of the largest one: 127 or 32767. Without it, the file says, or the values do by how
-    /// fast they grow: metres, voxels or truncation distances.
-    #[arg(long, value_name = "LENGTH")]
+    /// In fields of integers it is the length of the largest one: 127 or 32767. Without it, the file says, or the
+    /// values do by how fast they grow: metres, voxels or truncation distances.
+    #[arg(help_heading = "Points, depth images and fields", long, value_name = "LENGTH")]
     tsdf_scale: Option<Length>,
     /// Refuse frames that need more blocks
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
+    #[arg(help_heading = "Running", long, value_name = "N", default_value_t = DEFAULT_BLOCK_LIMIT)]
     max_blocks: usize,
 }
 

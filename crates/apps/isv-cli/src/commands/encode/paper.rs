@@ -7,17 +7,17 @@ use isv::raw::take::encode::PaperOptions;
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]
 pub(super) struct PaperArgs {
-    /// Profile paper: how frames between keyframes are predicted; without it, 3dof
-    #[arg(long, value_enum)]
+    /// Prediction of frames between keyframes [default: 3dof]
+    #[arg(help_heading = "Profile paper", long, value_enum)]
     motion: Option<MotionName>,
-    /// Profile paper: transform coefficients coded of each block; without it, 64
-    #[arg(long, value_name = "K")]
+    /// Transform coefficients coded of each block [default: 64]
+    #[arg(help_heading = "Profile paper", long, value_name = "K")]
     coefficients: Option<u16>,
-    /// Profile paper: quantizer step of a block's mean, with a unit; without it, 1mm
-    #[arg(long, value_name = "LENGTH")]
+    /// Quantizer step of a block's mean, with a unit [default: 1mm]
+    #[arg(help_heading = "Profile paper", long, value_name = "LENGTH")]
     dc_step: Option<Length>,
-    /// Profile paper: quantizer step of all other coefficients, with a unit; without it, 10mm
-    #[arg(long, value_name = "LENGTH")]
+    /// Quantizer step of all other coefficients, with a unit [default: 10mm]
+    #[arg(help_heading = "Profile paper", long, value_name = "LENGTH")]
     ac_step: Option<Length>,
 }
 

@@ -8,25 +8,31 @@ use isv::raw::take::{BitRate, Length};
 /// Nothing has a default here, so that it can be told what was given.
 #[derive(Debug, clap::Args)]
 pub(super) struct TargetArgs {
-    /// How good the surface is to be, 0 to 100: the same in all frames, and equal steps look equally different. Without
-    /// this and the next two, 50
-    #[arg(long, value_name = "0..100", value_parser = quality)]
+    /// Quality, 0 to 100, the same in all frames [default: 50]
+    ///
+    /// Equal steps look equally different. Only one of --quality, --bitrate and --max-error can be met.
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_name = "0..100", value_parser = quality)]
     quality: Option<f32>,
-    /// Bits a second, such as 800k or 2M, every byte counted: what a channel of that rate carries with a buffer of one second
-    #[arg(long, value_name = "RATE")]
+    /// Bits a second, such as 800k or 2M, every byte counted
+    ///
+    /// A channel of that rate carries the stream with a buffer of one second.
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_name = "RATE")]
     bitrate: Option<BitRate>,
-    /// Root mean square that the surface of no frame may be away from what was captured as a volume, with a unit
-    #[arg(long, value_name = "LENGTH")]
+    /// RMS surface error that every frame stays below, with a unit
+    ///
+    /// The error is measured against the volume that was made of the capture.
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_name = "LENGTH")]
     max_error: Option<Length>,
-    /// With --bitrate: 1 to keep to the rate as frames come, 2 to read everything more than once and find the one step that
-    /// meets it
-    #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
+    /// Passes over the input to meet a --bitrate [default: 1]
+    ///
+    /// 1 keeps to the rate as frames come. 2 reads everything more than once and finds the one step that meets it.
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
     passes: Option<u8>,
-    /// How much work to take on; without it, balanced
-    #[arg(long, value_enum)]
+    /// Work to take on [default: balanced]
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
     preset: Option<PresetName>,
-    /// How who lost a packet comes to have all again; without it, at keyframes
-    #[arg(long, value_enum)]
+    /// How decoders recover from lost packets [default: keyframes]
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
     refresh: Option<RefreshName>,
     /// For studies: tools to leave out, separated by commas
     #[arg(long, value_name = "TOOL,..", hide = true)]
