@@ -104,7 +104,7 @@ fn points_depth_and_fields_become_streams_too() {
     };
     // No voxel is chosen: it fits the pixels.
     let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
-    writer.push_depth(&[view.clone()]).unwrap();
+    writer.push_depth(std::slice::from_ref(&view)).unwrap();
     assert_eq!(kind(writer.push_depth(&[DepthView { depths_m: vec![1.0; 7], ..view }])), ErrorKind::Frame);
     let (bytes, report) = writer.into_inner().unwrap();
     assert!(report.voxel.metres() >= 0.01, "{}", report.voxel);

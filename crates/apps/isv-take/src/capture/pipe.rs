@@ -22,7 +22,7 @@ pub(super) fn open(hints: &Hints) -> Result<Kind, CaptureError> {
         Kind::PipedStream(Box::new(StreamFrames::open(&Input::StandardInput, &settings)?))
     } else {
         let frames = FrameStream::new(stdin(), hints.unit);
-        let frames = frames.map_err(|cause| CaptureError::Pipe { name: name(), cause })?;
+        let frames = frames.map_err(|cause| CaptureError::Pipe { name: name(), cause: cause.into() })?;
         let frames = frames.with_invalid_points(hints.invalid_points);
         let observer = Arc::clone(&hints.observer);
         let (last, number, range) = (None, 0, 0..usize::MAX);
@@ -62,7 +62,8 @@ impl PipedGeometry {
             let number = self.number;
             self.number += 1;
             if number >= self.range.start {
-                let frame = frame.map_err(|cause| FrameError::Pipe { name: pipe.clone(), cause });
+                let frame =
+                    frame.map_err(|cause| FrameError::Pipe { name: pipe.clone(), cause: cause.into() });
                 let (path, geometry) = frame?;
                 self.check_order(&path);
                 let name = format!("{pipe}: {}", path.display());

@@ -48,7 +48,7 @@ pub enum CaptureError {
         /// Name of the input.
         name: String,
         /// What is wrong.
-        cause: FrameStreamError,
+        cause: Box<FrameStreamError>,
     },
     /// A pipe that cannot be read.
     #[error("{name}: {cause}")]
@@ -99,7 +99,7 @@ pub enum FrameError {
         /// Name of the input.
         name: String,
         /// What is wrong.
-        cause: FrameStreamError,
+        cause: Box<FrameStreamError>,
     },
     /// A pipe that ended before the frames asked for.
     #[error("{name}: {cause}")]

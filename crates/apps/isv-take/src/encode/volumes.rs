@@ -241,8 +241,7 @@ impl VolumeMaker {
             cloud.scans.clear();
         }
         let estimated = estimate_normals_seen_from(&cloud, Some(self.scan_origin_m));
-        let (cloud, sides) =
-            estimated.map_err(|error| self.ingest_error(name, error.into(), cloud.bounds()))?;
+        let (cloud, sides) = estimated.map_err(|error| self.ingest_error(name, error, cloud.bounds()))?;
         if is_first {
             self.tell(EncodeEvent::Sides { name: name.to_owned(), sides });
         }
