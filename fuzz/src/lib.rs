@@ -6,6 +6,7 @@
 pub mod container;
 pub mod differential;
 pub mod encoder;
+pub mod library;
 pub mod live;
 pub mod loss;
 pub mod mutators;
