@@ -76,7 +76,8 @@ impl Frame {
     /// # Errors
     /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a field that there is no memory for.
     pub fn volume(&self) -> Result<Volume, Error> {
-        Ok(volume_of(&*self.field()?))
+        let field = self.field()?;
+        Ok(volume_of(&field))
     }
 
     #[cfg(feature = "encode")]
@@ -98,9 +99,9 @@ impl Frame {
     }
 
     #[cfg(not(feature = "encode"))]
-    fn field(&self) -> Result<&SparseVolume, Error> {
+    fn field(&self) -> Result<SparseVolume, Error> {
         let _ = (&self.coded_blocks, &self.profile);
-        Ok(&self.volume)
+        Ok(self.volume.clone())
     }
 }
 

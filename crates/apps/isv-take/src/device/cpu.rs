@@ -15,7 +15,7 @@ impl From<Infallible> for DeviceError {
 }
 
 /// A device ready to work.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct OpenDevice(());
 
 impl OpenDevice {
@@ -98,7 +98,7 @@ impl AnyDecoder {
     ///
     /// # Errors
     /// None without a GPU.
-    pub fn with_surfaces(self, _options: SurfaceOptions) -> Result<Self, DeviceError> {
+    pub fn with_surfaces(self, _options: SurfaceOptions) -> Result<Self, Infallible> {
         Ok(self)
     }
 
@@ -231,7 +231,7 @@ mod encode {
             self.0.ingest(mesh, sign).map_err(GpuIngestError::Ingest)
         }
 
-        pub(crate) fn take_notice(&mut self) -> Option<DeviceError> {
+        pub(crate) fn take_notice(&mut self) -> Option<Infallible> {
             None
         }
     }
@@ -248,7 +248,7 @@ mod encode {
             fuse(images, settings)
         }
 
-        pub(crate) fn take_notice(&mut self) -> Option<DeviceError> {
+        pub(crate) fn take_notice(&mut self) -> Option<Infallible> {
             None
         }
     }
