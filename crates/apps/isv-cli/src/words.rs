@@ -7,7 +7,9 @@ use isv::raw::fusion::FusionError;
 use isv::raw::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
 use isv::raw::io::{ReadError, Saturation, Unit};
 use isv::raw::take::capture::Remark;
-use isv::raw::take::encode::{CaptureError, EncodeError, EncodeEvent, FrameError, OptionsError};
+use isv::raw::take::encode::{
+    CaptureError, DistancesError, EncodeError, EncodeEvent, FrameError, OptionsError,
+};
 use isv::raw::take::{Event, Length, MemoryError, Observer, StreamError, StreamFault};
 use isv::raw::volume::{FitError, PointsError};
 use std::sync::Arc;
@@ -35,7 +37,11 @@ fn event_in_words(event: &Event) -> String {
         EncodeEvent::Skipped { why } => return format!("skipped: {}", encoding(why)),
         EncodeEvent::VoxelFits { .. } => "; --voxel overrules",
         EncodeEvent::Sides { sides, .. } => advice_on_sides(*sides),
-        EncodeEvent::ViewpointUnused { .. } => ": --normals estimate makes new ones",
+        EncodeEvent::ViewpointUnused { name } => {
+            return format!(
+                "{name}: --viewpoint is without effect, as the points have normals: --normals estimate makes new ones"
+            );
+        }
         EncodeEvent::SurfaceLost { .. } => ": --sign offset keeps it",
         EncodeEvent::Tiny { .. } => ": check --units",
         EncodeEvent::ErrorMissed { .. } => ": smaller voxels reach it",
@@ -108,6 +114,8 @@ pub(crate) fn error(error: &anyhow::Error) -> (String, bool) {
         } else if let Some(error) = cause.downcast_ref::<StreamError>() {
             parts.push(stream(error));
         } else if let Some(error) = cause.downcast_ref::<MemoryError>() {
+            parts.push(memory_error(error));
+        } else if let Some(DistancesError::Memory(error)) = cause.downcast_ref() {
             parts.push(memory_error(error));
         } else if let Some(error) = cause.downcast_ref::<OptionsError>() {
             parts.push(options(error));

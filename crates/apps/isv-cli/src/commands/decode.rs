@@ -139,8 +139,11 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     drop(progress);
     done.map_err(|error| {
         let is_loss = stream::fault(&error).is_some_and(|fault| fault.is_loss() && !fault.is_cut());
-        let error = sink.account_for(anyhow!("{}", words::error(&error).0));
-        if is_loss { anyhow!("{error:#}: --after-loss hold goes on behind it") } else { error }
+        let error = sink.account_for(error);
+        match is_loss {
+            true => anyhow!("{}: --after-loss hold goes on behind it", words::error(&error).0),
+            false => error,
+        }
     })?;
     let count = sink.finish().with_context(|| stream::name(&args.input))?;
     if let Some(budget) = &budget {

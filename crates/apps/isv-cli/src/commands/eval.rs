@@ -27,7 +27,7 @@ use std::path::PathBuf;
 /// Measure the geometric error of frames against a reference
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// What is right: a folder or a pattern of meshes or points, one such file, or an .isv file
+    /// Reference: a folder or pattern of meshes or points, one file, or an .isv file
     reference: PathBuf,
     /// What is measured, of the same kinds
     test: PathBuf,

@@ -5,15 +5,15 @@ use crate::output::{frames_in_words, print, say};
 use crate::stats::megabits_per_second;
 use crate::stream;
 use crate::terms;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
 use isv::raw::format::{
     FORMAT_VERSION, FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader,
     PaperParameters, Profile, StreamHeader,
 };
 use isv::raw::kernels::quant::STEP_FRACTION_BITS;
-use isv::raw::take::Length;
 use isv::raw::take::timeline::Timeline;
+use isv::raw::take::{Length, StreamFault};
 use isv::raw::volume::CODES_PER_VOXEL;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -133,10 +133,10 @@ impl StreamInfo {
     fn read(path: &Path) -> Result<Self> {
         let source = stream::open_file(path)?;
         let file = source.get_ref().metadata()?;
-        let name = || stream::name(path);
-        let mut reader = PacketReader::new(source).with_context(name)?;
+        let fault = |error: FormatError| StreamFault::from(error).of(&stream::name(path));
+        let mut reader = PacketReader::new(source).map_err(fault)?;
         let header = *reader.header().expect("a reader that began at the header has it");
-        let packets = read_packets(&mut reader, &header.profile).with_context(name)?;
+        let packets = read_packets(&mut reader, &header.profile).map_err(fault)?;
         // A pipe has no length but what was read of it.
         let bytes = if file.is_file() { file.len() } else { reader.at() };
         let behind = if reader.complete() { bytes.saturating_sub(reader.at()) } else { 0 };
@@ -221,13 +221,16 @@ impl StreamInfo {
 }
 
 /// Describes the packets up to the end, or up to a cut.
-fn read_packets(reader: &mut PacketReader<impl std::io::Read>, profile: &Profile) -> Result<Vec<PacketInfo>> {
+fn read_packets(
+    reader: &mut PacketReader<impl std::io::Read>,
+    profile: &Profile,
+) -> Result<Vec<PacketInfo>, FormatError> {
     let mut packets = Vec::new();
     loop {
         match reader.next_frame() {
             Ok(Some(packet)) => packets.push(PacketInfo::of(&packet, profile)?),
             Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(packets),
-            Err(error) => return Err(error.into()),
+            Err(error) => return Err(error),
         }
     }
 }
@@ -243,7 +246,7 @@ impl PaperInfo {
 }
 
 impl PacketInfo {
-    fn of(packet: &Packet, profile: &Profile) -> Result<Self> {
+    fn of(packet: &Packet, profile: &Profile) -> Result<Self, FormatError> {
         let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
         let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, profile)?.header;
         Ok(Self {

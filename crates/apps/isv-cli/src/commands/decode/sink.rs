@@ -6,6 +6,7 @@ use crate::failure::usage;
 use crate::interrupt;
 use crate::output::{Output, check_frame_output, check_volume_output, frames_in_words, is_pipe, say};
 use crate::terms::GlbName;
+use crate::words;
 use anyhow::{Context, Result, anyhow, bail};
 use isv::raw::format::FrameRate;
 use isv::raw::io::{
@@ -183,7 +184,8 @@ impl Sink {
             return error;
         }
         let before = frames_in_words(self.taken);
-        anyhow!("{error:#}: {before} before this went to {}", self.path.display())
+        let error = words::error(&error).0;
+        anyhow!("{error}: {before} before this went to {}", self.path.display())
     }
 }
 

@@ -26,9 +26,9 @@ pub(super) struct TargetFrameArgs {
     /// Unit of the output's coordinates: m, dm, cm, mm, in, ft or us-ft
     #[arg(long, default_value_t = Unit::Metre)]
     units: Unit,
-    /// Place of the stream's origin in the output, in its unit: what isv encode was told
+    /// Place of the stream's origin in the output: what isv encode was told
     ///
-    /// Restores survey coordinates. PLY, OBJ and PCD files hold them in double precision where single precision would lose
+    /// It is in the unit of the output. Restores survey coordinates. PLY, OBJ and PCD files hold them in double precision where single precision would lose
     /// more than 0.1 mm or a tenth of a voxel; a GLB file moves its nodes; STL files cannot, and isv says so.
     #[arg(long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
     origin: Option<[f64; 3]>,
