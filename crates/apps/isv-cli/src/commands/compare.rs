@@ -57,28 +57,28 @@ pub(crate) struct Args {
     /// Savings are summed up against the first. The codecs are paper-intra, paper-zero, paper-3dof, paper-6dof,
     /// paper-auto, main-realtime, main-balanced, main-archive, tang-scene, tang-cross, draco, draco-50, draco-25,
     /// draco-10 and draco-5.
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    #[arg(help_heading = "Codecs", long, value_name = "NAME,..", value_delimiter = ',')]
     codecs: Vec<Codec>,
     /// Operating points of each codec, from 5
-    #[arg(long, value_name = "N", default_value_t = POINTS, value_parser = clap::value_parser!(u8).range(1..=POINTS as i64))]
+    #[arg(help_heading = "Codecs", long, value_name = "N", default_value_t = POINTS, value_parser = clap::value_parser!(u8).range(1..=POINTS as i64))]
     points: u8,
     /// Another take for tang-cross to be trained on; may be given several times
-    #[arg(long, value_name = "INPUT")]
+    #[arg(help_heading = "Codecs", long, value_name = "INPUT")]
     train: Vec<PathBuf>,
     /// Only these frames, without frame B
-    #[arg(long, value_name = "A..B")]
+    #[arg(help_heading = "Input", long, value_name = "A..B")]
     frames: Option<FrameRange>,
     /// Number of the frame that is drawn [default: the one in the middle]
-    #[arg(long, value_name = "N")]
+    #[arg(help_heading = "Input", long, value_name = "N")]
     picture: Option<usize>,
     /// Edge of a voxel of the codecs of volumes
-    #[arg(long, value_name = "LENGTH", default_value = "5mm")]
+    #[arg(help_heading = "Codecs", long, value_name = "LENGTH", default_value = "5mm")]
     voxel: Length,
     /// A keyframe at least every N frames
-    #[arg(long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(help_heading = "Codecs", long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
     gop: u32,
     /// How to tell inside from outside
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(help_heading = "Codecs", long, value_enum, default_value = "auto")]
     sign: SignName,
     /// Edge of the square of surface that each sample stands for
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
