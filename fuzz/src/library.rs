@@ -71,7 +71,7 @@ pub fn call_library(bytes: &[u8]) {
         1 => (Lod::Half, AfterLoss::Stop),
         _ => (Lod::Full, AfterLoss::Hold),
     };
-    let reader = Reader::from_read("stream", Cursor::new(stream)).expect("nothing is read yet");
+    let reader = Reader::from_read("stream", Cursor::new(stream));
     let mut frames = 0;
     for frame in reader.lod(lod).after_loss(after_loss) {
         // Voxels of half the resolution may be too large.

@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         writer.into_inner().map(drop)
     });
     let (connection, _) = listener.accept()?;
-    for frame in Reader::from_read("camera 1", connection)? {
+    for frame in Reader::from_read("camera 1", connection) {
         let frame = frame?;
         println!("{:?}: {} triangles", frame.timestamp(), frame.mesh()?.triangles.len());
     }

@@ -2,6 +2,7 @@
 
 use crate::{Error, ErrorKind, Volume};
 use glam::{DMat4, DVec2, DVec3};
+use isv_io::fill_unobserved;
 use isv_volume::{
     BlockCoord, BlockEdge, CODES_PER_VOXEL, CameraPose, DepthImage, Grid, Intrinsics, PointCloud,
     SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
@@ -95,7 +96,8 @@ impl Volume {
                 }
                 (f64::from(*distance) * codes_per_metre).round().clamp(-limit, limit) as i16
             };
-            let samples = block.distances_m.iter().enumerate().map(code).collect();
+            let mut samples: Vec<i16> = block.distances_m.iter().enumerate().map(code).collect();
+            fill_unobserved(edge, &mut samples, &unobserved);
             builder.push(coord, samples, (!unobserved.is_empty()).then_some(unobserved));
         }
         Ok(builder.finish())

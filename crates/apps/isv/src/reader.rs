@@ -62,11 +62,9 @@ impl Reader {
 
     /// Reads a stream from bytes as they come, such as a socket's. `name` is theirs in errors. No byte is read before the first frame
     /// is asked for.
-    ///
-    /// # Errors
-    /// None yet: what is wrong with the bytes shows when they are read.
-    pub fn from_read(name: &str, source: impl Read + Send + 'static) -> Result<Self, Error> {
-        Ok(Self::of(name.to_owned(), Input::StandardInput, Some(Box::new(source))))
+    #[must_use]
+    pub fn from_read(name: &str, source: impl Read + Send + 'static) -> Self {
+        Self::of(name.to_owned(), Input::StandardInput, Some(Box::new(source)))
     }
 
     fn of(name: String, input: Input, source: Option<ByteSource>) -> Self {

@@ -39,7 +39,7 @@ fn stream(options: &EncodeOptions, frames: usize) -> Vec<u8> {
 }
 
 fn reader(bytes: &[u8]) -> Reader {
-    Reader::from_read("test", Cursor::new(bytes.to_vec())).unwrap()
+    Reader::from_read("test", Cursor::new(bytes.to_vec()))
 }
 
 /// Smallest and largest corner (m).
@@ -136,7 +136,7 @@ fn a_field_comes_back_with_what_was_observed() {
     }
     // Quantizer steps of the paper are 1 mm and 10 mm.
     let mean_m = errors.iter().sum::<f32>() / errors.len() as f32;
-    assert!(mean_m < 0.01, "{mean_m}");
+    assert!(mean_m < 0.005, "{mean_m}");
     let wrong = [
         Volume { edge: 5, ..volume.clone() },
         Volume { voxel_m: -1.0, ..volume.clone() },

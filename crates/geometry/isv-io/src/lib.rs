@@ -76,6 +76,6 @@ pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
 pub use volume::{
-    ArrayFlaw, DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence, is_volume_folder, read_volume,
-    volume_grid, write_vdb, write_vdb_placed, write_vdb_to, write_volume,
+    ArrayFlaw, DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence, fill_unobserved,
+    is_volume_folder, read_volume, volume_grid, write_vdb, write_vdb_placed, write_vdb_to, write_volume,
 };

@@ -12,6 +12,7 @@ mod write;
 
 pub use dense::{DenseAxes, DenseOptions, SampleAt};
 pub use error::{ArrayFlaw, VolumeError};
+pub use fill::fill_unobserved;
 pub use read::{read_volume, volume_grid};
 pub use sequence::{VolumeSequence, is_volume_folder};
 pub use vdb::{write_vdb, write_vdb_placed, write_vdb_to};
