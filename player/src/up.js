@@ -5,7 +5,7 @@ import { Matrix4, Quaternion } from 'three';
 /** @typedef {'y' | 'z' | 'x' | '-y' | '-z' | '-x'} Up */
 
 /**
- * Rotations that take an axis to Y, row by row: the table of `isv --up` (`crates/apps/isv-cli/src/up.rs`).
+ * Rotations that take an axis to Y, row by row: the table of `isv --up` (`crates/apps/isv-take/src/up.rs`).
  * @type {Record<Up, number[]>}
  */
 const ROWS = {

@@ -4,9 +4,8 @@ use crate::{drivers, memory, words};
 use anyhow::Result;
 use isv::raw::decode::Lod;
 use isv::raw::take::stream::DecodeSettings;
-use isv::raw::take::{Device, DeviceError, Event, FrameRange, Observer, OpenDevice};
+use isv::raw::take::{Device, DeviceError, FrameRange, Observer, OpenDevice};
 use std::env;
-use std::sync::Arc;
 
 /// The environment variable with a part of the name of the GPU to use.
 pub(crate) const GPU_VARIABLE: &str = "ISV_GPU";
@@ -24,28 +23,20 @@ pub(crate) struct BackendArgs {
 }
 
 impl BackendArgs {
-    /// Opens it. The observer is told if another one is used than might be.
+    /// Opens it to encode. The observer is told if another one is used than might be.
     pub(crate) fn open(self, observer: &dyn Observer) -> Result<OpenDevice, DeviceError> {
+        self.open_for(Lod::Full, observer)
+    }
+
+    fn open_for(self, lod: Lod, observer: &dyn Observer) -> Result<OpenDevice, DeviceError> {
         let name = env::var(GPU_VARIABLE).ok();
-        let (device, why) = drivers::quietly(|| OpenDevice::open(self.backend, name.as_deref()))?;
-        if let Some(why) = why {
-            observer.event(&Event::FellBack(why));
-        }
-        Ok(device)
+        drivers::quietly(|| OpenDevice::open_for(self.backend, name.as_deref(), lod, observer))
     }
 
     /// How a stream is decoded there.
     pub(crate) fn decode_settings(self, frames: Option<FrameRange>, lod: Lod) -> Result<DecodeSettings> {
         let observer = words::observer();
-        let device = match lod {
-            Lod::Full => self.open(&*observer)?,
-            // No GPU decodes these, so none is opened.
-            _ if self.backend == Device::Cpu => OpenDevice::CPU,
-            _ => {
-                observer.event(&Event::OnCpu("reduced resolution is decoded"));
-                OpenDevice::CPU
-            }
-        };
-        Ok(DecodeSettings { frames, lod, device, memory: memory::limit(), observer: Arc::clone(&observer) })
+        let device = self.open_for(lod, &*observer)?;
+        Ok(DecodeSettings { frames, lod, device, memory: memory::limit(), observer })
     }
 }

@@ -45,7 +45,7 @@ const UNITS: [(&str, u64); 7] = [
     ("kB", 1000),
 ];
 
-/// As it may be given on a command line.
+/// Text as a command line takes it.
 impl fmt::Display for MemorySize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let fits = |(_, unit): &&(&str, u64)| self.0.is_multiple_of(*unit);

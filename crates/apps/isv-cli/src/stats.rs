@@ -127,13 +127,6 @@ pub(crate) fn milliseconds(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1e3
 }
 
-/// Runs a step and measures it in milliseconds.
-pub(crate) fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
-    let start = Instant::now();
-    let result = step();
-    (result, milliseconds(start.elapsed()))
-}
-
 /// Peak resident memory of this process; Linux only.
 fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -5,7 +5,7 @@ use crate::output::say;
 use crate::progress::Progress;
 use isv::raw::fusion::FusionError;
 use isv::raw::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
-use isv::raw::io::{ReadError, Saturation, Unit};
+use isv::raw::io::{ReadError, Unit};
 use isv::raw::take::capture::Remark;
 use isv::raw::take::encode::{
     CaptureError, DistancesError, EncodeError, EncodeEvent, FrameError, OptionsError,
@@ -35,6 +35,10 @@ fn event_in_words(event: &Event) -> String {
             return event.to_string().replacen("(as asked for", "(as --sign asks", 1);
         }
         EncodeEvent::Skipped { why } => return format!("skipped: {}", encoding(why)),
+        EncodeEvent::Capture { remark: Remark::VoxelTaken(_), .. } => "; --voxel is another",
+        EncodeEvent::Capture { remark: Remark::WithoutPose { .. }, .. } => {
+            "; --skip-bad-frames leaves them out"
+        }
         EncodeEvent::VoxelFits { .. } => "; --voxel overrules",
         EncodeEvent::Sides { sides, .. } => advice_on_sides(*sides),
         EncodeEvent::ViewpointUnused { name } => {
@@ -59,45 +63,6 @@ fn advice_on_sides(sides: SideEvidence) -> &'static str {
             ": give --viewpoint X,Y,Z, the scanner's place"
         }
         NormalSides::Viewpoint | NormalSides::Outward => "",
-    }
-}
-
-/// What a user should know of a capture.
-pub(crate) fn remark(remark: &Remark) -> String {
-    match remark {
-        Remark::Note(note) => note.clone(),
-        Remark::NotKept(parts) => format!("{} are not kept", parts.join(", ")),
-        Remark::VoxelTaken(voxel) => {
-            format!("does not say how large a voxel is: taken as {voxel}; --voxel is another")
-        }
-        Remark::Animations(count) => {
-            format!("has {count} animations, of which the first that moves anything is taken")
-        }
-        Remark::DepthSkipped(count) => {
-            format!(
-                "{count} depth images have no pose close in time and are left out; the others keep their times"
-            )
-        }
-        Remark::Undistorted => "images are undistorted by the coefficients given".to_owned(),
-        Remark::TimeUnit { unit, fps } => {
-            let rate = fps.map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
-            format!("time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise")
-        }
-        Remark::WithoutPose { count, frames, first } => format!(
-            "{count} of {frames} frames have no usable pose, the first is frame {first}; --skip-bad-frames leaves them out"
-        ),
-        Remark::Saturation(Saturation { path, value, share, is_reading, depth_m }) => {
-            let (share, path) = (100.0 * share, path.display());
-            match is_reading {
-                true => format!(
-                    "{value} is {share:.1} % of {path} and counts as {depth_m:.1} m: if it means no reading, add it to invalid_values"
-                ),
-                false => format!(
-                    "{value} is {share:.1} % of {path} and counts as no reading: add it to invalid_values, or give [0] there to keep it"
-                ),
-            }
-        }
-        other => format!("{other:?}"),
     }
 }
 

@@ -23,7 +23,7 @@ impl BitRate {
     }
 }
 
-/// As it may be given on a command line.
+/// Text as a command line takes it.
 impl fmt::Display for BitRate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.bits_per_second {

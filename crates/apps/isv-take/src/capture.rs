@@ -121,7 +121,7 @@ pub struct Hints {
     pub dense: DenseOptions,
     /// Memory for the frames of streams.
     pub memory: MemoryLimit,
-    /// Who is told what happens while frames are read.
+    /// Observer of what happens while frames are read.
     pub observer: Arc<dyn Observer>,
 }
 

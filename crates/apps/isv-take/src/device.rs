@@ -1,4 +1,4 @@
-//! Where arithmetic on samples is done: on the CPU, or on a GPU with the CPU to fall back on.
+//! Devices that do the arithmetic on samples: the CPU, or a GPU with the CPU to fall back on.
 
 #[cfg(not(feature = "gpu"))]
 mod cpu;
@@ -10,6 +10,8 @@ use cpu as used;
 #[cfg(feature = "gpu")]
 use gpu as used;
 
+use crate::{Event, Observer};
+use isv_decode::Lod;
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -49,6 +51,25 @@ impl FromStr for Device {
     fn from_str(name: &str) -> Result<Self, String> {
         let known = Self::NAMES.into_iter().find(|(own, _)| *own == name).map(|(_, device)| device);
         known.ok_or_else(|| format!("`{name}` is not one of auto, cpu, gpu"))
+    }
+}
+
+impl OpenDevice {
+    /// Opens a device to decode at a level of detail. No GPU is opened for reduced resolution, which is decoded on the CPU.
+    ///
+    /// # Errors
+    /// See [`Self::open`].
+    pub fn open_for(
+        device: Device,
+        name: Option<&str>,
+        lod: Lod,
+        observer: &dyn Observer,
+    ) -> Result<Self, DeviceError> {
+        if lod == Lod::Full || device == Device::Cpu {
+            return Self::open(device, name, observer);
+        }
+        observer.event(&Event::OnCpu("reduced resolution is decoded"));
+        Ok(Self::CPU)
     }
 }
 

@@ -71,7 +71,7 @@ pub enum Health {
     Inexact,
 }
 
-/// Who is told of events, from whatever thread.
+/// Observer of events, which come from any thread.
 pub trait Observer: Send + Sync {
     /// Takes note of an event.
     fn event(&self, event: &Event);

@@ -24,7 +24,7 @@ impl Length {
     }
 }
 
-/// As it may be given on a command line, in millimetres.
+/// Text as a command line takes it, in millimetres.
 impl fmt::Display for Length {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Nanometres are as fine as a stream can say; further digits come from the conversion.

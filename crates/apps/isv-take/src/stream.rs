@@ -35,7 +35,7 @@ pub fn open_file(input: &Input) -> Result<BufReader<File>, StreamError> {
         }
         Ok(BufReader::with_capacity(1 << 16, file))
     };
-    open().map_err(|fault: StreamFault| fault.of(&input.name()))
+    open().map_err(|fault: StreamFault| fault.in_stream(&input.name()))
 }
 
 /// Opens the bytes of a stream.
@@ -65,7 +65,7 @@ fn begin(
     source: ByteSource,
     memory: MemoryLimit,
 ) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
-    let packets = PacketReader::new(source).map_err(|error| StreamFault::from(error).of(name))?;
+    let packets = PacketReader::new(source).map_err(|error| StreamFault::from(error).in_stream(name))?;
     let packets = packets.with_largest_payload(memory.largest_payload());
     let header = *packets.header().expect("a reader that began at the header has it");
     Ok((packets, header))
@@ -76,7 +76,8 @@ fn begin(
 /// # Errors
 /// [`StreamError`], which names it.
 pub fn load_index(input: &Input) -> Result<StreamIndex, StreamError> {
-    StreamIndex::load(&mut open_file(input)?).map_err(|error| StreamFault::from(error).of(&input.name()))
+    StreamIndex::load(&mut open_file(input)?)
+        .map_err(|error| StreamFault::from(error).in_stream(&input.name()))
 }
 
 /// A frame of a stream.
@@ -107,7 +108,7 @@ pub struct DecodeSettings {
     pub device: OpenDevice,
     /// Memory for frames.
     pub memory: MemoryLimit,
-    /// Who is told what happens.
+    /// Observer of what happens.
     pub observer: Arc<dyn Observer>,
 }
 
@@ -166,7 +167,7 @@ impl StreamFrames {
     ) -> Result<Self, StreamError> {
         let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
         let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
-        let decoder = decoder.map_err(|fault| fault.of(&name))?;
+        let decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         let (range, observer) = (*range, Arc::clone(observer));
         let (length, first, next, failed) = (None, 0, 0, false);
         Ok(Self { name, header, packets, decoder, observer, length, first, next, range, failed })
@@ -191,7 +192,7 @@ impl StreamFrames {
     /// [`StreamError`] if the GPU fails.
     pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
         let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
-        self.decoder = decoder.map_err(|error| StreamFault::from(error).of(&self.name))?;
+        self.decoder = decoder.map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
         Ok(self)
     }
 
@@ -240,7 +241,7 @@ impl Iterator for StreamFrames {
         if self.failed {
             return None;
         }
-        let frame = self.advance().map_err(|fault| fault.of(&self.name)).transpose();
+        let frame = self.advance().map_err(|fault| fault.in_stream(&self.name)).transpose();
         self.failed = matches!(frame, Some(Err(_)));
         frame
     }
@@ -262,7 +263,7 @@ fn seek(
         file.seek(SeekFrom::Start(at))?;
         Ok((at, keyframe))
     };
-    let (at, keyframe) = find().map_err(|fault: StreamFault| fault.of(&input.name()))?;
+    let (at, keyframe) = find().map_err(|fault: StreamFault| fault.in_stream(&input.name()))?;
     let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at);
     Ok((packets.with_largest_payload(memory.largest_payload()), keyframe))
 }
@@ -275,7 +276,7 @@ pub fn tell_if_cut(name: &str, packets: &PacketReader<impl Read>, observer: &dyn
 }
 
 /// Runs a step and measures it in milliseconds.
-pub(crate) fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
+pub fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = step();
     (result, start.elapsed().as_secs_f64() * 1e3)

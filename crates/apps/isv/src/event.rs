@@ -20,7 +20,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// Who takes events.
+/// Handler of events.
 pub(crate) type EventHandler = Arc<dyn Fn(&Event) + Send + Sync>;
 
 /// Hands events to `tracing`, and to a handler if there is one.

@@ -12,7 +12,7 @@ use std::num::NonZero;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Who takes the number of frames done and of all frames, if that is known.
+/// Handler of the number of frames done, and of all frames if that is known.
 pub(crate) type ProgressHandler = Arc<dyn Fn(usize, Option<usize>) + Send + Sync>;
 
 /// Options of encoding. What is not chosen is decided by the capture, or has the default of the command line.
@@ -286,18 +286,14 @@ impl EncodeOptions {
         Ok(())
     }
 
-    /// Who is told of events.
+    /// Observer of a job: `tracing`, and the user's handler.
     pub(crate) fn observer(&self) -> Arc<dyn Observer> {
         observer(self.events.clone())
     }
 
-    /// The device, opened; the observer is told if it is not the one that was to be.
+    /// Opens the device; the observer is told if it is not the one that was to be.
     pub(crate) fn open_device(&self, observer: &dyn Observer) -> Result<OpenDevice, isv_take::DeviceError> {
-        let (device, why) = OpenDevice::open(self.device, None)?;
-        if let Some(why) = why {
-            observer.event(&isv_take::Event::FellBack(why));
-        }
-        Ok(device)
+        OpenDevice::open(self.device, None, observer)
     }
 
     fn refuse(&mut self, why: String) {

@@ -182,10 +182,7 @@ impl Reader {
 
     fn begin(&mut self) -> Result<Running, Error> {
         let observer = observer(self.events.clone());
-        let (device, why) = OpenDevice::open(self.device, None)?;
-        if let Some(why) = why {
-            observer.event(&isv_take::Event::FellBack(why));
-        }
+        let device = OpenDevice::open_for(self.device, None, self.lod, &*observer)?;
         let frames = (self.start > 0).then_some(FrameRange { start: self.start, end: FrameRange::OPEN });
         let settings = DecodeSettings { frames, lod: self.lod, device, memory: self.memory, observer };
         let source = match (self.source.take(), self.input.path()) {

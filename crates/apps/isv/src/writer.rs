@@ -120,7 +120,7 @@ impl<W: Write> Writer<W> {
     /// Encodes points; none at all are a frame without surface.
     ///
     /// # Errors
-    /// Those of [`Self::push_mesh`].
+    /// See [`Self::push_mesh`].
     pub fn push_points(&mut self, points: &Points) -> Result<(), Error> {
         self.push(Content::Geometry(Geometry::Points(points.to_raw())), None)
     }
@@ -128,7 +128,7 @@ impl<W: Write> Writer<W> {
     /// Encodes what depth cameras saw at one instant.
     ///
     /// # Errors
-    /// Those of [`Self::push_mesh`].
+    /// See [`Self::push_mesh`].
     pub fn push_depth(&mut self, views: &[DepthView]) -> Result<(), Error> {
         let images = views.iter().map(DepthView::to_raw).collect::<Result<_, _>>()?;
         self.push(Content::Depth(images), None)
@@ -137,7 +137,7 @@ impl<W: Write> Writer<W> {
     /// Encodes a field.
     ///
     /// # Errors
-    /// Those of [`Self::push_mesh`].
+    /// See [`Self::push_mesh`].
     pub fn push_volume(&mut self, volume: &Volume) -> Result<(), Error> {
         self.push(Content::Volume(volume.to_raw()?), None)
     }
@@ -145,7 +145,7 @@ impl<W: Write> Writer<W> {
     /// Encodes a mesh that was taken at a time, from any start. Later frames have later times.
     ///
     /// # Errors
-    /// Those of [`Self::push_mesh`].
+    /// See [`Self::push_mesh`].
     pub fn push_mesh_at(&mut self, mesh: &Mesh, time: Duration) -> Result<(), Error> {
         let nanoseconds = u64::try_from(time.as_nanos())
             .map_err(|_| Error::new(ErrorKind::Frame, "a time is at most 584 years"))?;

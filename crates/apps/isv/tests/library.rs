@@ -302,14 +302,18 @@ fn folder_of_meshes(frames: usize) -> tempfile::TempDir {
 fn a_folder_becomes_a_stream() {
     let folder = folder_of_meshes(6);
     let output = folder.path().join("take.isv");
+    std::fs::write(folder.path().join("music.mp3"), "ID3").unwrap();
     let steps = Arc::new(Mutex::new(Vec::new()));
-    let seen = Arc::clone(&steps);
+    let heard = Arc::new(Mutex::new(String::new()));
+    let (seen, text) = (Arc::clone(&steps), Arc::clone(&heard));
     let options = options()
         .units(Unit::Centimetre)
         .frames(1..5)
         .timestamps(TimestampSource::Rate)
+        .on_event(move |event| *text.lock().unwrap() += &event.text)
         .on_progress(move |done, total| seen.lock().unwrap().push((done, total)));
     let report = isv::take::encode(folder.path(), &output, &options).unwrap();
+    assert!(heard.lock().unwrap().contains("music.mp3) are not kept"), "{heard:?}");
     assert_eq!((report.frames, report.skipped, report.is_cancelled), (4, 0, false));
     assert_eq!(*steps.lock().unwrap(), (1..=4).map(|done| (done, Some(4))).collect::<Vec<_>>());
     let first = Reader::open(&output).unwrap().next_frame().unwrap().unwrap().mesh().unwrap();

@@ -202,7 +202,7 @@ pub fn parse_geometry(path: &Path, bytes: &[u8], unit: Unit) -> Result<Geometry,
 /// Reads a mesh or points from bytes as [`parse_geometry`] does, and drops or refuses invalid points.
 ///
 /// # Errors
-/// Those of [`parse_geometry`].
+/// See [`parse_geometry`].
 pub fn parse_geometry_with(
     path: &Path,
     bytes: &[u8],

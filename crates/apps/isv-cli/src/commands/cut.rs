@@ -30,7 +30,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let name = stream::name(&args.input);
     check_stream_output(&[&args.input], &args.output)?;
     let index = stream::load_index(&args.input)?;
-    let range = args.frames.within(index.frames.len()).map_err(|error| StreamFault::from(error).of(&name))?;
+    let range =
+        args.frames.within(index.frames.len()).map_err(|error| StreamFault::from(error).in_stream(&name))?;
     if !index.frames[range.start].keyframe {
         bail!("{name}: frame {} is no keyframe: {}", range.start, advice(&index, range.start));
     }
@@ -42,7 +43,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let mut writer = None;
     let (mut first_ns, mut continuity) = (0, Continuity::default());
     for frame in range.clone() {
-        let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? else {
+        let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).in_stream(&name))?
+        else {
             bail!("{name}: ends before frame {frame}");
         };
         if frame == range.start && !packet.is_keyframe() {

@@ -3,7 +3,7 @@
 use crate::output::{Output, check_frame_output, check_stream_output, frames_in_words, print};
 use crate::output_name;
 use crate::progress::Progress;
-use crate::stats::{megabits_per_second, timed};
+use crate::stats::megabits_per_second;
 use crate::table::table_of;
 use anyhow::{Context, Result};
 use isv::raw::decode::{Decoder, Limits};
@@ -16,6 +16,7 @@ use isv::raw::io::{Format, write_mesh};
 use isv::raw::metrics::{CompareOptions, compare};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
 use isv::raw::take::StreamFault;
+use isv::raw::take::stream::timed;
 use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_figure::{BOUNDS_M, figure_mesh};
 use isv_render::{Camera, ErrorScale, Picture, Style, colour_bar, contact_sheet, render, render_errors};
@@ -228,7 +229,8 @@ impl Take {
         let mut frame = 0;
         while let Some(packet) = packets.next_frame()? {
             let (result, ms) = timed(|| decoder.decode_and_verify(&packet));
-            let volume = result.map_err(|error| StreamFault::from(error).of("the figure's stream"))?.volume;
+            let volume =
+                result.map_err(|error| StreamFault::from(error).in_stream("the figure's stream"))?.volume;
             if self.picks.contains(&frame) {
                 decoded.shown.push(extract_surface(volume, &SurfaceOptions { normals: true }));
             }

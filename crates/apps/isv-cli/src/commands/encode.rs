@@ -180,9 +180,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     capture.range(args.frames)?;
     use_threads(args.threads)?;
     interrupt::listen()?;
-    let remarks =
-        capture.remarks().into_iter().map(|remark| format!("{}: {}", capture.name(), words::remark(&remark)));
-    let remarks: Vec<String> = remarks.chain(args.without_effect(&capture)).collect();
+    let without_effect = args.without_effect(&capture);
     let job =
         Job::prepare(capture, &options, || args.backend.open(&*observer), &observer, &mut Passes(None))?;
     if let Some(frames) = job.frames() {
@@ -197,16 +195,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             ProfileChoice::Main => "profile main keeps every observed voxel, but takes some that were not observed for such: --profile paper tells them apart",
         });
     }
-    for remark in remarks {
-        progress.note(&remark);
+    if let Some(sentence) = without_effect {
+        progress.note(&sentence);
     }
     let done = job.run(output, |report| {
-        if let Some(report) = report {
-            if stats.is_wanted() {
-                stats.push(frame_stats(&report));
-            }
-            progress.step();
+        if let Some(report) = report.filter(|_| stats.is_wanted()) {
+            stats.push(frame_stats(&report));
         }
+        progress.step();
     });
     progress.clear();
     let (writer, report) = match done {

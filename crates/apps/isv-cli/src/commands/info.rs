@@ -133,7 +133,7 @@ impl StreamInfo {
     fn read(path: &Path) -> Result<Self> {
         let source = stream::open_file(path)?;
         let file = source.get_ref().metadata()?;
-        let fault = |error: FormatError| StreamFault::from(error).of(&stream::name(path));
+        let fault = |error: FormatError| StreamFault::from(error).in_stream(&stream::name(path));
         let mut reader = PacketReader::new(source).map_err(fault)?;
         let header = *reader.header().expect("a reader that began at the header has it");
         let packets = read_packets(&mut reader, &header.profile).map_err(fault)?;

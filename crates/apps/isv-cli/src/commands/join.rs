@@ -47,7 +47,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             bail!("{name}: has changed while streams were joined");
         }
         let (mut first_ns, begin_ns, mut continuity) = (None, next_ns, Continuity::default());
-        while let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? {
+        while let Some(packet) =
+            packets.next_frame().map_err(|error| StreamFault::from(error).in_stream(&name))?
+        {
             if first_ns.is_none() && !packet.is_keyframe() {
                 bail!("{name}: does not begin with a keyframe: isv repair makes a stream that does");
             }

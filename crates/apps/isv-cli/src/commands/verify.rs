@@ -120,11 +120,13 @@ fn verify(input: &Path, used: BackendArgs, verified: &mut Verified) -> Result<()
     let settings = used.decode_settings(None, Lod::Full)?;
     let (limits, observer) = (settings.memory.decoder_limits(), &*settings.observer);
     let decoder = settings.device.decoder(&header, limits, Lod::Full, observer);
-    let mut decoder = decoder.map_err(|fault| fault.of(&name))?;
+    let mut decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
     let (progress, mut found) = (Progress::new(None, "verifying"), StreamIndex::default());
-    while let Some(packet) = packets.next_frame().map_err(|error| StreamFault::from(error).of(&name))? {
+    while let Some(packet) =
+        packets.next_frame().map_err(|error| StreamFault::from(error).in_stream(&name))?
+    {
         let decoded = decoder.decode_and_verify(&packet);
-        let decoded = decoded.map_err(|error| StreamFault::from(error).of(&name))?;
+        let decoded = decoded.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         if let Some(why) = decoder.take_notice() {
             observer.event(&Event::FellBack(DeviceError::new(why)));
         }

@@ -14,6 +14,7 @@ use isv_io::{
     is_depth_folder, passed_over,
 };
 use isv_volume::Grid;
+use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -260,6 +261,41 @@ pub enum Remark {
     Saturation(Saturation),
 }
 
+/// A sentence without the names of flags.
+impl fmt::Display for Remark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Note(note) => f.write_str(note),
+            Self::NotKept(parts) => write!(f, "{} are not kept", parts.join(", ")),
+            Self::VoxelTaken(voxel) => write!(f, "does not say how large a voxel is: taken as {voxel}"),
+            Self::Animations(count) => {
+                write!(f, "has {count} animations, of which the first that moves anything is taken")
+            }
+            Self::DepthSkipped(count) => write!(
+                f,
+                "{count} depth images have no pose close in time and are left out; the others keep their times"
+            ),
+            Self::Undistorted => f.write_str("images are undistorted by the coefficients given"),
+            Self::TimeUnit { unit, fps } => {
+                let rate = fps.map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
+                write!(f, "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise")
+            }
+            Self::WithoutPose { count, frames, first } => {
+                write!(f, "{count} of {frames} frames have no usable pose, the first is frame {first}")
+            }
+            Self::Saturation(Saturation { path, value, share, is_reading, depth_m }) => {
+                write!(f, "{value} is {:.1} % of {} and counts as ", 100.0 * share, path.display())?;
+                match is_reading {
+                    true => write!(f, "{depth_m:.1} m: if it means no reading, add it to invalid_values"),
+                    false => {
+                        f.write_str("no reading: add it to invalid_values, or give [0] there to keep it")
+                    }
+                }
+            }
+        }
+    }
+}
+
 fn depth_remarks(depth: &DepthSequence) -> Vec<Remark> {
     let mut remarks = Vec::new();
     if depth.skipped() > 0 {
@@ -289,7 +325,7 @@ fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result
         let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));
         let timestamp_ns = Some((start_s * 1e9).round() as u64);
         let volume = frame.volume.into_sparse().map_err(DeviceError::from);
-        let volume = volume.map_err(|error| StreamFault::from(error).of(&name))?;
+        let volume = volume.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         // Distances that were coded away from the surface too: `--band full` in profile `main`.
         let field = frame.coded_blocks.as_ref().and_then(|coded| coded_field(&volume, coded));
         let content = match field {

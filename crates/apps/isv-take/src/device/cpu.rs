@@ -1,7 +1,7 @@
 //! The CPU, in a build without GPUs. Names and signatures are those of `gpu.rs`.
 
 use super::{Device, DeviceError};
-use crate::{Observer, StreamFault};
+use crate::{Event, Observer, StreamFault};
 use isv_decode::{BackendError, DecodeError, Decoder, Limits, Lod};
 use isv_format::{Packet, StreamHeader};
 use isv_surface::SurfaceOptions;
@@ -22,23 +22,18 @@ impl OpenDevice {
     /// The CPU.
     pub const CPU: Self = Self(());
 
-    /// Opens a device. Also returns why the CPU is used where a GPU was to be.
+    /// Opens a device. The observer is told why the CPU is used where a GPU was to be.
     ///
     /// # Errors
     /// [`DeviceError`] for [`Device::Gpu`].
-    pub fn open(device: Device, _name: Option<&str>) -> Result<(Self, Option<DeviceError>), DeviceError> {
+    pub fn open(device: Device, _name: Option<&str>, observer: &dyn Observer) -> Result<Self, DeviceError> {
         let missing = DeviceError::new("no GPU: this build of isv has no code for one");
         match device {
-            Device::Auto => Ok((Self::CPU, Some(missing))),
-            Device::Cpu => Ok((Self::CPU, None)),
-            Device::Gpu => Err(missing),
+            Device::Cpu => {}
+            Device::Auto => observer.event(&Event::FellBack(missing)),
+            Device::Gpu => return Err(missing),
         }
-    }
-
-    /// Whether it is a GPU.
-    #[must_use]
-    pub fn is_gpu(&self) -> bool {
-        false
+        Ok(Self::CPU)
     }
 
     /// Makes a decoder.
@@ -81,7 +76,7 @@ pub struct AnyFrame {
     pub volume: AnyVolume,
     /// Blocks that were coded, not extrapolated: see [`Decoder::coded_blocks`].
     pub coded_blocks: Option<BlockSet>,
-    /// Its surface, if it was extracted on a GPU.
+    /// Surface of the frame, if it was extracted on a GPU.
     pub surface: Option<TriangleMesh>,
     /// Hash that the stream states, if any.
     pub stated_hash: Option<u64>,
@@ -115,7 +110,7 @@ impl AnyDecoder {
     /// Decodes a frame packet.
     ///
     /// # Errors
-    /// Those of [`Decoder::decode`].
+    /// See [`Decoder::decode`].
     pub fn decode(&mut self, packet: &Packet) -> Result<AnyFrame, DecodeError> {
         let frame = self.0.decode(packet)?;
         let (volume, stated_hash, inexact_blocks) =
@@ -126,7 +121,7 @@ impl AnyDecoder {
     /// Decodes a frame packet and compares the hash that it states, if it states one.
     ///
     /// # Errors
-    /// Those of [`Decoder::decode_and_verify`].
+    /// See [`Decoder::decode_and_verify`].
     pub fn decode_and_verify(&mut self, packet: &Packet) -> Result<AnyFrame, DecodeError> {
         let frame = self.0.decode_and_verify(packet)?;
         let (volume, stated_hash, inexact_blocks) =

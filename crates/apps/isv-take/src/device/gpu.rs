@@ -6,7 +6,7 @@ use isv_decode::{Decoder, Limits, Lod};
 use isv_encode::EncoderSettings;
 use isv_format::StreamHeader;
 use isv_fusion::FusionSettings;
-use isv_gpu::{BackendChoice, GpuError, OpenedBackend, VolumeStore};
+use isv_gpu::{Gpu, GpuChoice, GpuError, VolumeStore};
 use isv_ingest::MeshIngest;
 
 pub(crate) use isv_gpu::{AnyAccumulator, AnyCoder, AnyFusion, AnyMeshIngester, GpuIngestError};
@@ -30,29 +30,24 @@ impl OpenDevice {
     /// The CPU.
     pub const CPU: Self = Self { store: None, falls_back: false };
 
-    /// Opens a device. `name`: a part of the name of the GPU to use, where there are several. Also returns why the CPU is used where a
-    /// GPU was to be.
+    /// Opens a device. `name`: a part of the name of the GPU to use, where there are several. The observer is told why the CPU is used
+    /// where a GPU was to be.
     ///
     /// # Errors
     /// [`DeviceError`] for [`Device::Gpu`] where no GPU can do the work.
-    pub fn open(device: Device, name: Option<&str>) -> Result<(Self, Option<DeviceError>), DeviceError> {
-        let choice = match device {
-            Device::Auto => BackendChoice::Auto,
-            Device::Cpu => BackendChoice::Cpu,
-            Device::Gpu => BackendChoice::Gpu,
+    pub fn open(device: Device, name: Option<&str>, observer: &dyn Observer) -> Result<Self, DeviceError> {
+        let open = |software: bool| {
+            let name = name.map(str::to_owned);
+            let gpu = Gpu::open(&GpuChoice { name, software, ..GpuChoice::default() })?;
+            VolumeStore::new(&gpu)
         };
-        let (store, why) = match choice.open(name)? {
-            OpenedBackend::Cpu => (None, None),
-            OpenedBackend::FellBack(why) => (None, Some(why.into())),
-            OpenedBackend::Gpu(store) => (Some(store), None),
+        let store = match device {
+            Device::Cpu => None,
+            Device::Gpu => Some(open(true)?),
+            // A GPU in software would be slower than the CPU.
+            Device::Auto => open(false).map_err(|why| observer.event(&Event::FellBack(why.into()))).ok(),
         };
-        Ok((Self { store, falls_back: device == Device::Auto }, why))
-    }
-
-    /// Whether it is a GPU.
-    #[must_use]
-    pub fn is_gpu(&self) -> bool {
-        self.store.is_some()
+        Ok(Self { store, falls_back: device == Device::Auto })
     }
 
     /// Makes a decoder. `observer` is told why the CPU is used where a GPU was to be.
@@ -66,10 +61,9 @@ impl OpenDevice {
         lod: Lod,
         observer: &dyn Observer,
     ) -> Result<AnyDecoder, StreamFault> {
-        if lod != Lod::Full && self.is_gpu() {
-            observer.event(&Event::OnCpu("reduced resolution is decoded"));
-        } else if let Some(decoder) =
-            self.on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back), observer)?
+        if lod == Lod::Full
+            && let Some(decoder) = self
+                .on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back), observer)?
         {
             return Ok(decoder);
         }

@@ -78,16 +78,16 @@ pub enum CaptureError {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// Its file.
+    /// File of the frame.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// Its scale, which is that of another unit.
+    /// Scale of the frame, which is that of another unit.
     #[error(transparent)]
     Scale(#[from] ScaleError),
-    /// Its depth images.
+    /// Depth images of the frame.
     #[error(transparent)]
     Depth(#[from] DepthFileError),
-    /// Its arrays.
+    /// Arrays of the frame.
     #[error(transparent)]
     Volume(#[from] VolumeError),
     /// The stream that it is of.
@@ -109,7 +109,7 @@ pub enum FrameError {
         /// What is wrong.
         cause: FrameRangeError,
     },
-    /// Its surface, which cannot become a volume.
+    /// Surface of the frame, which cannot become a volume.
     #[error("{name}: {cause}")]
     Ingest {
         /// Name of the frame.
@@ -121,7 +121,7 @@ pub enum FrameError {
         /// Unit that its coordinates were taken in.
         unit: Unit,
     },
-    /// Its depth images, which cannot become a volume.
+    /// Depth images, which cannot become a volume.
     #[error("{name}: {cause}")]
     Fusion {
         /// Name of the frame.

@@ -2,6 +2,7 @@
 
 use super::EncodeError;
 use crate::Length;
+use crate::capture::Remark;
 use isv_ingest::{PointEvidence, PointSign, SideEvidence, SignDecision, SignEvidence, SignMode};
 use std::fmt;
 use std::path::PathBuf;
@@ -11,6 +12,13 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum EncodeEvent {
+    /// A thing about the capture.
+    Capture {
+        /// Name of the input.
+        name: String,
+        /// The thing.
+        remark: Remark,
+    },
     /// A frame on a pipe comes after one whose name follows its own.
     OutOfOrder {
         /// Name of the frame's file.
@@ -118,6 +126,10 @@ impl EncodeEvent {
             | Self::Sign { .. }
             | Self::PointSign { .. } => false,
             Self::Sides { sides, .. } => !sides.is_usable(),
+            Self::Capture { remark, .. } => !matches!(
+                remark,
+                Remark::Note(_) | Remark::Animations(_) | Remark::Undistorted | Remark::TimeUnit { .. }
+            ),
             _ => true,
         }
     }
@@ -126,6 +138,7 @@ impl EncodeEvent {
 impl fmt::Display for EncodeEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Capture { name, remark } => write!(f, "{name}: {remark}"),
             Self::OutOfOrder { path, after } => write!(
                 f,
                 "standard input: {} comes after {}: frames are taken as they come, not by name (tar has --sort=name)",

@@ -6,7 +6,7 @@ use super::timestamps::Timestamps;
 use super::two_pass::Watch;
 use super::volumes::{IngestedFrame, VolumeMaker};
 use super::{EncodeError, EncodeEvent, EncodeOptions, FrameError, VoxelChoice, auto_voxel, two_pass};
-use crate::capture::{Capture, CapturedFrame, ContentKind, Frames};
+use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Remark};
 use crate::stream::timed;
 use crate::timeline::Timeline;
 use crate::{Cancellation, Event, Input, Length, Observer, OpenDevice, Prefetch};
@@ -27,6 +27,7 @@ pub struct Job {
     range: Range<usize>,
     maker: VolumeMaker,
     coding: Coding,
+    remarks: Vec<Remark>,
     facts: Facts,
     cancellation: Cancellation,
     observer: Arc<dyn Observer>,
@@ -129,7 +130,7 @@ impl Job {
             options: options.clone(),
         };
         let cancellation = watch.cancellation().clone();
-        let grid = header.grid;
+        let (grid, remarks) = (header.grid, capture.remarks());
         let (frames, need) =
             frames_and_need(input, options, capture, range.clone(), grid, observer, &cancellation)?;
         let fits = need.is_some();
@@ -147,7 +148,19 @@ impl Job {
             observer: Arc::clone(observer),
         };
         let (input, observer) = (input.clone(), Arc::clone(observer));
-        Ok(Self { input, header, settings, frames, range, maker, coding, facts, cancellation, observer })
+        Ok(Self {
+            input,
+            header,
+            settings,
+            frames,
+            range,
+            maker,
+            coding,
+            remarks,
+            facts,
+            cancellation,
+            observer,
+        })
     }
 
     /// What the stream will state for all frames.
@@ -173,8 +186,22 @@ impl Job {
         sink: W,
         mut on_frame: impl FnMut(Option<FrameReport>),
     ) -> Result<(PacketWriter<W>, Report), Box<Unfinished<W>>> {
-        let Self { input, header, settings, frames, range, maker, coding, facts, cancellation, observer } =
-            self;
+        let Self {
+            input,
+            header,
+            settings,
+            frames,
+            range,
+            maker,
+            coding,
+            remarks,
+            facts,
+            cancellation,
+            observer,
+        } = self;
+        for remark in remarks {
+            observer.event(&Event::Encode(EncodeEvent::Capture { name: input.name(), remark }));
+        }
         let shell = Arc::clone(&maker.shell);
         let failed = |error| Box::new(Unfinished { error, stream: None });
         let target = settings.main.target;

@@ -62,7 +62,7 @@ pub enum VoxelChoice {
 /// Normals of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
-    /// Those of the points, if they have any.
+    /// Normals of the points, if they have any.
     #[default]
     Given,
     /// Planes through neighbouring points, turned to where the scanner was if that is known, or else outward.
@@ -147,14 +147,14 @@ impl Default for FieldOptions {
 impl FieldOptions {
     /// How meshes become volumes on a grid, of the whole band.
     #[must_use]
-    pub fn of_meshes(&self, grid: Grid) -> MeshIngest {
+    pub fn mesh_ingest(&self, grid: Grid) -> MeshIngest {
         let Self { sign, offset_voxels, max_blocks, .. } = *self;
         MeshIngest { sign, offset_voxels, max_blocks, ..MeshIngest::new(grid) }
     }
 
     /// How points become volumes on a grid.
     #[must_use]
-    pub fn of_points(&self, grid: Grid) -> PointIngest {
+    pub fn point_ingest(&self, grid: Grid) -> PointIngest {
         let Self { sign, offset_voxels, max_blocks, .. } = *self;
         PointIngest { grid, sign, offset_voxels, max_blocks }
     }
@@ -358,13 +358,13 @@ impl EncodeOptions {
         let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         VolumeMaker {
             device,
-            mesh: MeshIngest { reach, ..fields.of_meshes(grid) },
+            mesh: MeshIngest { reach, ..fields.mesh_ingest(grid) },
             mesh_ingester: None,
             mesh_sign: None,
             face_turner: FaceTurner::default(),
             turning_said: false,
             loss_said: WORTH_A_WARNING / 2.0,
-            points: fields.of_points(grid),
+            points: fields.point_ingest(grid),
             point_sign: None,
             normals: fields.normals,
             unit: self.unit,

@@ -66,7 +66,7 @@ fn is_of_faces(content: &Content) -> bool {
 
 /// The need of one frame; `None` of a mesh, of a volume and where nothing was captured.
 pub(super) fn of_frame(options: &EncodeOptions, frame: &CapturedFrame, grid: Grid) -> Option<Need> {
-    let settings = |voxel_size| options.fields.of_points(Grid { voxel_size, ..grid });
+    let settings = |voxel_size| options.fields.point_ingest(Grid { voxel_size, ..grid });
     match &frame.content {
         Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
             let spacing = PointSpacing::of(cloud);

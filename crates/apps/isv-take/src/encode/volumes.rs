@@ -23,11 +23,11 @@ use thiserror::Error;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
-    /// Its number in the capture.
+    /// Number in the capture.
     pub(super) number: usize,
     /// When it had been read.
     pub(super) read: SystemTime,
-    /// Of [`CapturedFrame`].
+    /// Time of [`CapturedFrame`], in nanoseconds.
     pub(super) timestamp_ns: Option<u64>,
     pub(super) volume: SparseVolume,
     /// Whether any of it lies inside.
@@ -80,7 +80,7 @@ pub(super) struct DepthFusion {
     pub(super) fuser: Option<Fuser>,
 }
 
-/// Who fuses depth images.
+/// Fusion of depth images, frame by frame or over all frames.
 pub(super) enum Fuser {
     /// Each frame's make that frame's volume.
     PerFrame(AnyFusion),
@@ -319,10 +319,10 @@ impl DepthFusion {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DistancesError {
-    /// Its surface takes too much memory.
+    /// The surface takes too much memory.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// Its surface cannot become a volume.
+    /// The surface cannot become a volume.
     #[error(transparent)]
     Ingest(#[from] IngestError),
 }

@@ -63,11 +63,11 @@ impl ConcealingFrames {
         let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
         let name = name.to_owned();
         let packets = SalvageReader::new(source);
-        let packets = packets.map_err(|error| StreamFault::from(error).of(&name))?;
+        let packets = packets.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         let packets = packets.with_largest_payload(memory.largest_payload());
         let header = *packets.header();
         let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
-        let mut decoder = decoder.map_err(|fault| fault.of(&name))?;
+        let mut decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         decoder.recover(true);
         Ok(Self {
             name,
@@ -97,7 +97,7 @@ impl ConcealingFrames {
     /// [`StreamError`] if the GPU fails.
     pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
         let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
-        self.decoder = decoder.map_err(|error| StreamFault::from(error).of(&self.name))?;
+        self.decoder = decoder.map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
         Ok(self)
     }
 
@@ -264,6 +264,6 @@ impl Iterator for ConcealingFrames {
     type Item = Result<StreamFrame, StreamError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.advance().map_err(|fault| fault.of(&self.name)).transpose()
+        self.advance().map_err(|fault| fault.in_stream(&self.name)).transpose()
     }
 }

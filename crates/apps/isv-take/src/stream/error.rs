@@ -30,7 +30,7 @@ pub enum StreamFault {
     /// A pipe in place of a file.
     #[error("this command needs a file, which it can seek in")]
     NoFile,
-    /// Its packets.
+    /// Packets of the stream.
     #[error(transparent)]
     Format(#[from] FormatError),
     /// A frame. Frames in the error are counted from the stream's start.
@@ -59,7 +59,7 @@ pub enum StreamFault {
 impl StreamFault {
     /// The error of a stream by this name.
     #[must_use]
-    pub fn of(self, name: &str) -> StreamError {
+    pub fn in_stream(self, name: &str) -> StreamError {
         StreamError { name: name.to_owned(), fault: self }
     }
 
