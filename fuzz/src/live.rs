@@ -4,8 +4,6 @@
 mod packets;
 #[path = "../../crates/apps/isv-serve/src/range.rs"]
 mod range;
-#[path = "../../crates/apps/isv-serve/src/source/replay.rs"]
-mod replay;
 
 use crate::differential::Trickle;
 use isv_format::{PacketReader, StreamHeader};
@@ -13,8 +11,8 @@ use packets::{Packets, Piece};
 use range::Selected;
 use std::io::Read;
 
-/// Largest packet that is taken.
-const LARGEST_PACKET: usize = 1 << 16;
+/// Largest payload that is taken.
+const LARGEST_PAYLOAD: u32 = 1 << 16;
 
 /// Reads streams that may be damaged, cut and followed by others, all at once and a byte at a time.
 pub fn read_packets(bytes: &[u8]) {
@@ -27,19 +25,21 @@ pub fn read_packets(bytes: &[u8]) {
 
 /// All pieces in words. Each is whole in itself.
 fn pieces(source: impl Read) -> Vec<String> {
-    let mut packets = Packets::new(source, 0, LARGEST_PACKET);
+    let mut packets = Packets::new(source, 0, LARGEST_PAYLOAD);
     let (mut found, mut profile) = (Vec::new(), None);
     while let Some(piece) = packets.next().expect("memory can be read") {
         match &piece {
             Piece::Header(header) => {
-                profile = Some(StreamHeader::parse(header).expect("a stream header").profile)
+                let read = StreamHeader::parse(&header.to_bytes()).expect("a stream header");
+                assert_eq!(read, *header);
+                profile = Some(read.profile);
             }
             Piece::Frame { packet, entry } => {
                 let profile = profile.as_ref().expect("packets come after a stream header");
-                let read = PacketReader::at_packet(*packet, 0).next_packet();
+                let read = PacketReader::at_packet(&packet[..], 0).next_packet();
                 let read = read.expect("a packet").expect("a packet");
                 assert_eq!((read.total_bytes(), read.is_entry(profile)), (packet.len(), *entry));
-                assert!(packet.len() <= LARGEST_PACKET);
+                assert!(read.payload.len() <= LARGEST_PAYLOAD as usize);
             }
             Piece::End | Piece::Damage(_) => {}
         }

@@ -6,6 +6,8 @@ const HEADER = 0;
 const PACKET = 1;
 const ENDED = 2;
 const CLOCK = 3;
+/** A packet at which decoding can begin, or begin to recover. */
+const ENTRY = 4;
 
 /** Waits in ms before connecting again, the last one over and over. */
 const BACKOFF = [250, 500, 1000, 2000, 4000];
@@ -23,7 +25,8 @@ const CLOCK_ANSWERS = 8;
  * @typedef {object} LiveEvents
  * @property {(state: LiveState) => void} state
  * @property {(header: Uint8Array) => void} header a stream begins; what came before is over
- * @property {(packet: Uint8Array, serverMs: number) => void} packet when the server had it, in unix ms by its clock
+ * @property {(packet: Uint8Array, serverMs: number, entry: boolean) => void} packet when the server had it, in unix ms by its
+ *   clock, and whether decoding can begin there
  *
  * @typedef {Pick<WebSocket, 'send' | 'close' | 'readyState'> & { binaryType: string, onopen: unknown, onmessage: unknown, onclose: unknown }} Socket
  */
@@ -122,12 +125,12 @@ export class LiveConnection {
       this.#failures = 0;
       this.#on.header(bytes.slice(1));
       this.#become('live');
-    } else if (bytes[0] === PACKET && bytes.length > 9) {
+    } else if ((bytes[0] === PACKET || bytes[0] === ENTRY) && bytes.length > 9) {
       const serverMs = view.getFloat64(1, true);
       const latest = this.#answers[this.#answers.length - 1];
       latest.leastOffsetMs = Math.max(latest.leastOffsetMs, serverMs - unixNow());
       this.#estimateOffset();
-      this.#on.packet(bytes.slice(9), serverMs);
+      this.#on.packet(bytes.slice(9), serverMs, bytes[0] === ENTRY);
     } else if (bytes[0] === ENDED) {
       this.#become(bytes[1] === 1 ? 'over' : 'ended');
       if (this.state === 'over') this.close();

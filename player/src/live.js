@@ -47,8 +47,6 @@ export class LiveSource {
   #serverMs = new Map();
   #number = 0;
   #needsEntry = true;
-  /** As in the stream's header. */
-  #profile = 0;
   #feeding = false;
   /** How many streams have begun. */
   #streams = 0;
@@ -74,7 +72,7 @@ export class LiveSource {
       on: {
         state: (state) => this.onevent('state', { state }),
         header: (header) => this.#begin(header),
-        packet: (packet, serverMs) => this.#take(packet, serverMs),
+        packet: (packet, serverMs, entry) => this.#take({ packet, serverMs, entry }),
       },
     });
     module.catch((error) => this.onevent('error', { error }));
@@ -114,7 +112,6 @@ export class LiveSource {
   /** A stream begins, perhaps not the first: all that was is over. @param {Uint8Array} header */
   async #begin(header) {
     const stream = ++this.#streams;
-    this.#profile = header[12];
     this.#drop();
     this.#lane?.close();
     this.#lane = null;
@@ -142,13 +139,12 @@ export class LiveSource {
     }
   }
 
-  /** @param {Uint8Array} packet @param {number} serverMs */
-  #take(packet, serverMs) {
-    const entry = isEntry(packet, this.#profile);
-    this.#measure(packet.length);
-    if (this.#needsEntry && !entry) return;
+  /** @param {Waiting} next */
+  #take(next) {
+    this.#measure(next.packet.length);
+    if (this.#needsEntry && !next.entry) return;
     this.#needsEntry = false;
-    this.#waiting.push({ packet, serverMs, entry });
+    this.#waiting.push(next);
     this.#keepUp();
     this.#feed();
   }
@@ -212,13 +208,6 @@ export class LiveSource {
     this.#sizes.push({ at, bytes });
     while (this.#sizes[0].at < at - 3000) this.#sizes.shift();
   }
-}
-
-/** Whether decoding can begin at a packet: docs/spec/format.md, 6.2, 6.4 and 7.13. @param {Uint8Array} packet @param {number} profile */
-function isEntry(packet, profile) {
-  const keyframe = (packet[5] & 1) === 1;
-  const resilient = profile === 1 && packet[24] === 10;
-  return keyframe || resilient;
 }
 
 /** A WebSocket's address from one that may be relative to the page. @param {string} url */

@@ -118,7 +118,7 @@ async fn watch(address: SocketAddr) -> Result<JoinHandle<Vec<f64>>, Failure> {
         while let Some(Ok(received)) = socket.next().await {
             let received = received.into_data();
             match received.first() {
-                Some(&message::PACKET) => {
+                _ if message::is_packet(&received) => {
                     let stamp = received[9 + 12..9 + 20].try_into().expect("eight bytes");
                     latencies_ms.push((unix_ns() as f64 - u64::from_le_bytes(stamp) as f64) / 1e6);
                 }

@@ -148,8 +148,8 @@ impl Hub {
     /// A frame's packet, header and payload, has arrived. Those that follow a gap are dropped until an entry: a keyframe, or
     /// another frame whose symbols need none before it.
     pub fn publish(&self, packet: &[u8], entry: bool) {
-        let slot =
-            Slot { message: message::packet(packet, message::unix_ms()), entry, arrived: Instant::now() };
+        let message = message::packet(packet, entry, message::unix_ms());
+        let slot = Slot { message, entry, arrived: Instant::now() };
         let limit = self.limits.ring_bytes;
         self.update(|ring| {
             ring.broken &= !entry;
@@ -363,7 +363,7 @@ mod tests {
 
     fn drain_at(viewer: &mut Viewer, now: Instant) -> Vec<String> {
         let describe = |message: Bytes| match message[0] {
-            message::PACKET => message[9].to_string(),
+            message::PACKET | message::ENTRY => message[9].to_string(),
             message::HEADER => "header".to_owned(),
             kind => format!("kind {kind}"),
         };

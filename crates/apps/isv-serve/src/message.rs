@@ -3,7 +3,8 @@
 //! | kind | what follows | when |
 //! |---|---|---|
 //! | [`HEADER`] | the 48 bytes of a stream header | first, and whenever the source starts anew |
-//! | [`PACKET`] | unix time in ms when the server had it (`f64`), the packet as in a file | after a header or a gap: a keyframe |
+//! | [`ENTRY`] | unix time in ms when the server had it (`f64`), the packet as in a file | first after a header or a gap: decoding can begin or recover here |
+//! | [`PACKET`] | the same | any other packet |
 //! | [`END`] | nothing | the source ended; a header may follow |
 //! | [`END`] | a byte, [`FOR_GOOD`] | the source has ended for good; the connection closes |
 //! | [`CLOCK`] | unix time in ms of the server (`f64`), the 8 bytes that the viewer sent | answer to a message of 8 bytes |
@@ -16,7 +17,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A stream begins.
 pub const HEADER: u8 = 0;
-/// A frame.
+/// A frame that needs the ones before it.
 pub const PACKET: u8 = 1;
 /// The source ended.
 pub const END: u8 = 2;
@@ -25,6 +26,15 @@ pub const FOR_GOOD: u8 = 1;
 /// The server's time.
 pub const CLOCK: u8 = 3;
 
+/// A frame at which decoding can begin, or begin to recover.
+pub const ENTRY: u8 = 4;
+
+/// Whether a message is a frame's packet, of either kind.
+#[must_use]
+pub fn is_packet(message: &[u8]) -> bool {
+    matches!(message.first(), Some(&(PACKET | ENTRY)))
+}
+
 /// Bytes of a viewer's question for the time.
 pub const CLOCK_QUESTION_BYTES: usize = 8;
 
@@ -32,9 +42,9 @@ pub(crate) fn header(header: &[u8; StreamHeader::BYTES]) -> Bytes {
     joined(HEADER, &[header])
 }
 
-/// `packet` is header and payload; `arrived_ms` in milliseconds since 1970.
-pub(crate) fn packet(packet: &[u8], arrived_ms: f64) -> Bytes {
-    joined(PACKET, &[&arrived_ms.to_le_bytes(), packet])
+/// `packet` is header and payload; `entry` whether decoding can begin or recover there; `arrived_ms` in milliseconds since 1970.
+pub(crate) fn packet(packet: &[u8], entry: bool, arrived_ms: f64) -> Bytes {
+    joined(if entry { ENTRY } else { PACKET }, &[&arrived_ms.to_le_bytes(), packet])
 }
 
 pub(crate) fn end() -> Bytes {

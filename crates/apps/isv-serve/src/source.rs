@@ -2,11 +2,11 @@
 
 mod follow;
 mod packets;
-mod replay;
 
 use crate::ServeError;
 use crate::hub::Hub;
 use follow::Followed;
+use isv_format::PacketHeader;
 use packets::{Packets, Piece};
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -179,14 +179,15 @@ impl<N: FnMut(&str)> Feeder<N> {
 
     /// Reads what one writer gives.
     fn read(&mut self, opened: Opened, kind: &mut Kind) -> io::Result<()> {
-        let mut packets = Packets::new(opened.bytes, opened.skipped, self.hub.largest_packet());
+        let largest = u32::try_from(self.hub.largest_packet().saturating_sub(PacketHeader::BYTES));
+        let mut packets = Packets::new(opened.bytes, opened.skipped, largest.unwrap_or(u32::MAX));
         while let Some(piece) = packets.next()? {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
             match piece {
-                Piece::Header(header) => self.hub.start(&header),
-                Piece::Frame { packet, entry } => self.hub.publish(packet, entry),
+                Piece::Header(header) => self.hub.start(&header.to_bytes()),
+                Piece::Frame { packet, entry } => self.hub.publish(&packet, entry),
                 Piece::Damage(what) => {
                     self.hub.gap();
                     self.tell(&format!("{what}: passed over, up to the next keyframe"));

@@ -33,7 +33,7 @@ async fn a_viewer_gets_header_packets_and_end() {
     assert_eq!(watcher.expect(message::HEADER).await[1..], stream_header());
     let before = unix_ms();
     publish(&hub, 5..12, 100);
-    let first = watcher.expect(message::PACKET).await;
+    let first = watcher.expect(message::ENTRY).await;
     assert_eq!(first[9..], packet(10, 100), "joined in the middle: the next keyframe comes first");
     let arrived = f64_at(&first[1..]);
     assert!((before - 1.0..=unix_ms() + 1.0).contains(&arrived), "{arrived}");

@@ -10,6 +10,7 @@
 //! which only saves a reader that can seek from walking the packets.
 
 mod bytes;
+mod chain;
 mod error;
 mod frame;
 mod frame_rate;
@@ -18,9 +19,11 @@ mod index;
 mod packet;
 mod reader;
 mod refusal;
+mod resynchroniser;
 mod salvage;
 mod writer;
 
+pub use chain::{Link, PacketChain};
 pub use error::FormatError;
 pub use frame::{
     FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
@@ -31,5 +34,6 @@ pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use reader::PacketReader;
 pub use refusal::RefusalClass;
+pub use resynchroniser::{Piece, Resynchroniser};
 pub use salvage::{SalvageReader, Salvaged};
 pub use writer::PacketWriter;

@@ -61,7 +61,16 @@ impl PacketHeader {
         payload: &[u8],
     ) -> [u8; Self::BYTES] {
         assert!(payload.len() <= MAX_PAYLOAD as usize, "packet of {} bytes", payload.len());
-        let (code, flags) = match kind {
+        let payload_bytes = payload.len() as u32;
+        let mut header = Self { kind, since_keyframe, payload_bytes, timestamp_ns, checksum: 0 };
+        header.checksum = checksum(&header.to_bytes()[..Self::BYTES - 4], payload);
+        header.to_bytes()
+    }
+
+    /// The header as it stands in a stream.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; Self::BYTES] {
+        let (code, flags) = match self.kind {
             PacketKind::Frame { keyframe, hashed } => {
                 (TYPE_FRAME, (u8::from(keyframe) * FLAG_KEYFRAME) | (u8::from(hashed) * FLAG_HASHED))
             }
@@ -70,10 +79,10 @@ impl PacketHeader {
         let mut out = Vec::with_capacity(Self::BYTES);
         out.extend(MAGIC);
         out.extend([code, flags]);
-        out.extend(since_keyframe.to_le_bytes());
-        out.extend((payload.len() as u32).to_le_bytes());
-        out.extend(timestamp_ns.to_le_bytes());
-        out.extend(checksum(&out, payload).to_le_bytes());
+        out.extend(self.since_keyframe.to_le_bytes());
+        out.extend(self.payload_bytes.to_le_bytes());
+        out.extend(self.timestamp_ns.to_le_bytes());
+        out.extend(self.checksum.to_le_bytes());
         out.try_into().expect("the fields above fill the header")
     }
 
@@ -165,7 +174,13 @@ impl Packet {
         self.at + PacketHeader::BYTES as u64
     }
 
-    /// Header and payload together.
+    /// Header and payload as they stand in a stream.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        [&self.header.to_bytes()[..], &self.payload].concat()
+    }
+
+    /// Size of header and payload (bytes).
     #[must_use]
     pub fn total_bytes(&self) -> usize {
         PacketHeader::BYTES + self.payload.len()

@@ -1,20 +1,8 @@
 //! Packets of a damaged stream: what is sound, and where something is missing.
 
-use crate::packet::checksum;
-use crate::{FormatError, MAGIC, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::resynchroniser::{Piece, Resynchroniser};
+use crate::{FormatError, Packet, StreamHeader};
 use std::io::Read;
-
-/// Bytes asked of the source at a time.
-const CHUNK: usize = 1 << 16;
-/// Places that look like packets and are not may cost so many bytes of checksums for each byte of the stream, and so many in
-/// all beside; then only short packets are believed. Otherwise a stream of false packets, each said to reach to its end,
-/// would take the square of its length.
-const PATIENCE: u64 = 16;
-const PATIENCE_AT_FIRST: u64 = 1 << 26;
-/// What counts as short then.
-const SHORT: usize = 1 << 12;
-/// Bytes of the longer of the two magics, of packets and of streams.
-const LONGEST_MAGIC: usize = MAGIC.len();
 
 /// What is found in a damaged stream, in order.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,27 +24,17 @@ pub enum Salvaged {
 }
 
 /// Reads what is sound of a stream whose bytes are damaged, lost or cut off: where no packet begins, the next one is looked for.
-/// Never seeks.
-///
-/// It takes memory for the packet at hand, and where a false header says so, for as many bytes as that says and the source has.
+/// Never seeks. Memory: see [`Resynchroniser`].
 #[derive(Debug)]
 pub struct SalvageReader<R> {
-    source: R,
+    pieces: Resynchroniser<R>,
     header: StreamHeader,
-    /// Bytes read. Those before `start` are passed; the one there is byte `at` of the stream.
-    buffer: Vec<u8>,
-    start: usize,
-    at: u64,
-    source_ended: bool,
     /// Where the damage that is being passed over began.
     damaged_since: Option<u64>,
     /// What was found behind damage, which is told first.
     found: Option<Salvaged>,
     /// Whether another stream begins here.
     other_stream: bool,
-    largest_payload: u32,
-    /// Bytes whose checksums were taken in vain.
-    wasted: u64,
     saw_trailer: bool,
     /// How many frames the last sound index has.
     indexed: Option<usize>,
@@ -69,24 +47,22 @@ impl<R: Read> SalvageReader<R> {
     /// Bytes that are not a stream header of this version, or a damaged one.
     pub fn new(mut source: R) -> Result<Self, FormatError> {
         let header = StreamHeader::read(&mut source)?;
-        Ok(Self { at: StreamHeader::BYTES as u64, ..Self::with_header(source, header) })
+        Ok(Self::from_place(source, StreamHeader::BYTES as u64, header))
     }
 
     /// Reads a stream whose own header is damaged or lost, and was this one. What is left of it is damage like any other; a sound
     /// header that is not this one is, there too, that of another stream.
     pub fn with_header(source: R, header: StreamHeader) -> Self {
+        Self::from_place(source, 0, header)
+    }
+
+    fn from_place(source: R, at: u64, header: StreamHeader) -> Self {
         Self {
-            source,
+            pieces: Resynchroniser::inside(source, at),
             header,
-            buffer: Vec::new(),
-            start: 0,
-            at: 0,
-            source_ended: false,
             damaged_since: None,
             found: None,
             other_stream: false,
-            largest_payload: MAX_PAYLOAD,
-            wasted: 0,
             saw_trailer: false,
             indexed: None,
         }
@@ -95,7 +71,7 @@ impl<R: Read> SalvageReader<R> {
     /// Takes packets whose payload is larger than this for damage.
     #[must_use]
     pub fn with_largest_payload(self, bytes: u32) -> Self {
-        Self { largest_payload: bytes, ..self }
+        Self { pieces: self.pieces.with_largest_payload(bytes), ..self }
     }
 
     /// The stream header.
@@ -123,33 +99,27 @@ impl<R: Read> SalvageReader<R> {
             return Ok(Some(found));
         }
         while !self.other_stream {
-            if self.window().is_empty() && !self.fill(1)? {
-                return Ok(self.damage_until(self.at));
-            }
-            let at = self.at;
-            let found = if let Some(packet) = self.packet_here()? {
-                self.pass(packet.total_bytes());
-                match packet.header.kind {
-                    PacketKind::Frame { .. } => {
-                        self.saw_trailer = false;
-                        Some(Salvaged::Frame(packet))
-                    }
-                    PacketKind::Index => {
-                        self.indexed = Some(packet.payload.len() / StreamIndex::ENTRY_BYTES);
-                        self.pass_trailer()?;
-                        None
-                    }
+            let Some((at, piece)) = self.pieces.next_piece()? else {
+                return Ok(self.damage_until(self.pieces.at()));
+            };
+            let found = match piece {
+                Piece::Damage(_) => {
+                    self.damaged_since = Some(at);
+                    continue;
                 }
-            } else if let Some(header) = self.stream_header_here()? {
-                self.other_stream = header != self.header;
-                if !self.other_stream {
-                    self.pass(StreamHeader::BYTES);
+                Piece::Frame(packet) => {
+                    self.saw_trailer = false;
+                    Some(Salvaged::Frame(packet))
                 }
-                self.other_stream.then_some(Salvaged::OtherStream { at })
-            } else {
-                self.damaged_since.get_or_insert(at);
-                self.pass_to_magic()?;
-                continue;
+                Piece::Index { frames, is_end } => {
+                    self.indexed = Some(frames);
+                    self.saw_trailer |= is_end;
+                    None
+                }
+                Piece::Header(header) => {
+                    self.other_stream = header != self.header;
+                    self.other_stream.then_some(Salvaged::OtherStream { at })
+                }
             };
             match self.damage_until(at) {
                 Some(damage) => {
@@ -163,114 +133,10 @@ impl<R: Read> SalvageReader<R> {
         Ok(None)
     }
 
-    /// The packet that begins where the window does, if one does.
-    fn packet_here(&mut self) -> Result<Option<Packet>, FormatError> {
-        if !self.fill(PacketHeader::BYTES)? {
-            return Ok(None);
-        }
-        let fields: [u8; PacketHeader::BYTES] =
-            self.window()[..PacketHeader::BYTES].try_into().expect("as many as were asked for");
-        let Ok(header) = PacketHeader::parse(&fields, self.at) else { return Ok(None) };
-        if header.payload_bytes > self.largest_payload {
-            return Ok(None);
-        }
-        let payload = header.payload_bytes as usize;
-        let read = self.at + self.window().len() as u64;
-        if self.wasted > PATIENCE_AT_FIRST + PATIENCE * read && payload > SHORT {
-            return Ok(None);
-        }
-        if !self.fill(PacketHeader::BYTES + payload)? {
-            return Ok(None);
-        }
-        let payload = &self.window()[PacketHeader::BYTES..][..payload];
-        if checksum(&fields[..PacketHeader::BYTES - 4], payload) != header.checksum {
-            self.wasted += u64::from(header.payload_bytes);
-            return Ok(None);
-        }
-        Ok(Some(Packet { header, at: self.at, payload: payload.to_vec() }))
-    }
-
-    /// The stream header that begins where the window does, if one does.
-    fn stream_header_here(&mut self) -> Result<Option<StreamHeader>, FormatError> {
-        if !self.window().starts_with(&MAGIC[..1]) || !self.fill(StreamHeader::BYTES)? {
-            return Ok(None);
-        }
-        let bytes = self.window().first_chunk().expect("as many as were asked for");
-        Ok(StreamHeader::parse(bytes).ok())
-    }
-
-    /// Passes over at least a byte, up to what looks like the begin of a packet or of a stream.
-    fn pass_to_magic(&mut self) -> Result<(), FormatError> {
-        self.pass(1);
-        loop {
-            let is_whole = self.fill(LONGEST_MAGIC)?;
-            let magic_at = |at: &usize| {
-                let rest = &self.window()[*at..];
-                rest.starts_with(&PacketHeader::MAGIC) || rest.starts_with(&MAGIC)
-            };
-            // What may be the begin of a magic stays.
-            let looked_at =
-                (self.window().len() + 1).saturating_sub(if is_whole { LONGEST_MAGIC } else { 1 });
-            let found = (0..looked_at).find(magic_at);
-            self.pass(found.unwrap_or(looked_at));
-            if found.is_some() || !is_whole {
-                return Ok(());
-            }
-        }
-    }
-
-    fn pass_trailer(&mut self) -> Result<(), FormatError> {
-        // Where bytes are lost before it, it says where the index was.
-        if self.fill(StreamIndex::TRAILER_BYTES)?
-            && let Some(bytes) = self.window().first_chunk()
-            && StreamIndex::parse_trailer(bytes).is_some()
-        {
-            self.saw_trailer = true;
-            self.pass(StreamIndex::TRAILER_BYTES);
-        }
-        Ok(())
-    }
-
     /// The damage that ends at a byte of the stream, if there is any.
     fn damage_until(&mut self, end: u64) -> Option<Salvaged> {
         let at = self.damaged_since.take()?;
         Some(Salvaged::Damage { at, bytes: end - at })
-    }
-
-    /// Bytes that were read and not passed yet.
-    fn window(&self) -> &[u8] {
-        &self.buffer[self.start..]
-    }
-
-    fn pass(&mut self, bytes: usize) {
-        self.start += bytes;
-        self.at += bytes as u64;
-        if self.start > CHUNK.max(self.buffer.len() / 2) {
-            self.buffer.drain(..self.start);
-            self.start = 0;
-        }
-    }
-
-    /// Reads until the window has this many bytes, and no longer than that. Whether it has them.
-    fn fill(&mut self, bytes: usize) -> Result<bool, FormatError> {
-        while self.window().len() < bytes && !self.source_ended {
-            let before = self.buffer.len();
-            self.buffer.resize(before + CHUNK, 0);
-            let read = read_some(&mut self.source, &mut self.buffer[before..]);
-            self.buffer.truncate(before + *read.as_ref().unwrap_or(&0));
-            self.source_ended = read? == 0;
-        }
-        Ok(self.window().len() >= bytes)
-    }
-}
-
-/// What the source has now, 0 at its end.
-fn read_some(source: &mut impl Read, buffer: &mut [u8]) -> std::io::Result<usize> {
-    loop {
-        match source.read(buffer) {
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            read => return read,
-        }
     }
 }
 
@@ -279,10 +145,9 @@ mod tests {
     use super::*;
     use crate::header::tests::header;
     use crate::{
-        FrameCoding, FrameHeader, FramePayload, FrameRate, PacketReader, PacketWriter, Prediction,
-        SlicePayload,
+        FrameCoding, FrameHeader, FramePayload, FrameRate, MAGIC, PacketHeader, PacketKind, PacketReader,
+        PacketWriter, Prediction, SlicePayload,
     };
-    use std::time::Instant;
 
     const FRAMES: usize = 4;
 
@@ -453,7 +318,6 @@ mod tests {
             fields[8..12].copy_from_slice(&(rest as u32).to_le_bytes());
             bytes.extend(fields);
         }
-        let start = Instant::now();
         let mut reader = SalvageReader::new(&bytes[..]).unwrap();
         while let Some(found) = reader.next_frame().unwrap() {
             // The last one says that nothing follows, which is true.
@@ -461,7 +325,5 @@ mod tests {
                 assert_eq!(bytes as usize, (count - 1) * PacketHeader::BYTES);
             }
         }
-        println!("{:?}, {} MiB of checksums in vain", start.elapsed(), reader.wasted >> 20);
-        assert!(reader.wasted < 2 * (PATIENCE_AT_FIRST + PATIENCE * bytes.len() as u64));
     }
 }

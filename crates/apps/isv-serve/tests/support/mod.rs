@@ -139,7 +139,7 @@ impl Watcher {
     /// The next message, which must be a packet: its number, see [`packet`].
     pub(crate) async fn next_packet(&mut self) -> u64 {
         let bytes = self.next_bytes().await;
-        assert_eq!(bytes[0], message::PACKET, "{bytes:?}");
+        assert!(message::is_packet(&bytes), "{bytes:?}");
         number_of(&bytes[9..])
     }
 

@@ -1,13 +1,13 @@
 //! Where in its stream a decoder is.
 
 use crate::DecodeError;
-use isv_format::Packet;
+use isv_format::{Link, Packet, PacketChain};
 
 /// Frames decoded so far, and since the last keyframe.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sequence {
-    /// Frames between the last keyframe and the reference, modulo `2^16`.
-    since_keyframe: u16,
+    /// Packets of the frames decoded.
+    chain: PacketChain,
     frames: u64,
     /// Bytes of the packets from the last keyframe on, refused ones too.
     bytes: u64,
@@ -23,7 +23,7 @@ impl Sequence {
     pub(super) fn advance(&mut self, packet: &Packet) {
         self.bytes = self.gop_bytes(packet);
         self.frames += 1;
-        self.since_keyframe = packet.header.since_keyframe;
+        self.chain.push(packet);
     }
 
     /// Counts a frame that was refused or is not wanted, whose bytes are there all the same: who begins between keyframes may have too
@@ -43,11 +43,13 @@ impl Sequence {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
     }
 
-    /// How many frames are missing between the last one decoded and a packet of its GOP; 0 where the packet's count is before that
-    /// one's: another GOP's, as counts wrap around.
+    /// Number of frames missing between the last one decoded and a packet of its GOP; 0 where the packet's count is before that
+    /// one's.
     pub(super) fn missing_before(self, packet: &Packet) -> u16 {
-        let missing = packet.header.since_keyframe.wrapping_sub(self.since_keyframe).wrapping_sub(1);
-        if missing < 1 << 15 { missing } else { 0 }
+        match self.chain.link(packet) {
+            Link::Gap { missing } => missing,
+            _ => 0,
+        }
     }
 
     /// Whether a frame that predicts follows the frame that it predicts from.
@@ -55,32 +57,13 @@ impl Sequence {
         if !has_reference {
             return Err(DecodeError::NoReference { at: packet.at });
         }
-        let (expected, found) = (self.since_keyframe.wrapping_add(1), packet.header.since_keyframe);
-        if expected != found {
-            return Err(DecodeError::MissingFrame { at: packet.at, expected, found });
+        match self.chain.link(packet) {
+            Link::Next => Ok(()),
+            _ => Err(DecodeError::MissingFrame {
+                at: packet.at,
+                expected: self.chain.expected(),
+                found: packet.header.since_keyframe,
+            }),
         }
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use isv_format::{PacketHeader, PacketKind};
-
-    #[test]
-    fn counts_wrap_around_in_a_long_gop() {
-        let packet = |since_keyframe| {
-            let kind = PacketKind::Frame { keyframe: false, hashed: false };
-            let header = PacketHeader::seal(kind, since_keyframe, 0, &[]);
-            Packet { header: PacketHeader::parse(&header, 0).unwrap(), at: 0, payload: Vec::new() }
-        };
-        let mut sequence = Sequence::default();
-        sequence.advance(&packet(u16::MAX));
-        sequence.check(&packet(0), true).unwrap();
-        assert_eq!(sequence.missing_before(&packet(0)), 0);
-        let missing = sequence.check(&packet(2), true);
-        assert!(matches!(missing, Err(DecodeError::MissingFrame { expected: 0, found: 2, .. })));
-        assert_eq!(sequence.missing_before(&packet(2)), 2);
     }
 }
