@@ -28,7 +28,8 @@ impl BackendArgs {
         self.open_for(Lod::Full, observer)
     }
 
-    fn open_for(self, lod: Lod, observer: &dyn Observer) -> Result<OpenDevice, DeviceError> {
+    /// Opens it to decode at a level of detail.
+    pub(crate) fn open_for(self, lod: Lod, observer: &dyn Observer) -> Result<OpenDevice, DeviceError> {
         let name = env::var(GPU_VARIABLE).ok();
         drivers::quietly(|| OpenDevice::open_for(self.backend, name.as_deref(), lod, observer))
     }

@@ -4,6 +4,7 @@ use crate::output::say;
 use crate::words;
 use isv::raw::format::FormatError;
 use isv::raw::io::WriteError;
+use isv::raw::take::decode::DecodeTakeError;
 use isv::raw::take::encode::EncodeError;
 use std::fmt;
 use std::io;
@@ -80,6 +81,10 @@ fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
         Some(error)
     } else if let Some(WriteError { cause, .. }) = cause.downcast_ref() {
         Some(cause)
+    } else if let Some(DecodeTakeError::Io(error) | DecodeTakeError::Write(WriteError { cause: error, .. })) =
+        cause.downcast_ref()
+    {
+        Some(error)
     } else {
         cause.downcast_ref::<io::Error>()
     };

@@ -8,22 +8,20 @@
 
 mod backend;
 mod capture;
+mod cli_enums;
 mod commands;
 mod count;
 mod drivers;
 mod failure;
 mod interrupt;
-mod matching;
 mod memory;
 mod origin;
 mod output;
-mod output_name;
 mod progress;
 mod serving;
 mod stats;
 mod stream;
 mod table;
-mod terms;
 mod threads;
 mod words;
 
@@ -35,7 +33,7 @@ use commands::{
 };
 use failure::usage;
 use isv::raw::kernels::simd::{self, Instructions};
-use memory::MemorySize;
+use isv::raw::take::MemorySize;
 use std::process::ExitCode;
 
 /// Compress moving 3-D geometry: mesh sequences become sparse distance fields, coded like video.

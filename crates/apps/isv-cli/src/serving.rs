@@ -1,12 +1,12 @@
 //! What `isv view` and `isv serve` share: a server that runs until Ctrl-C.
 
+use crate::cli_enums::UpName;
 use crate::failure::usage;
 use crate::interrupt;
 use crate::output::is_pipe;
-use crate::terms::UpName;
 use crate::{memory, stream};
 use anyhow::{Context, Result};
-use isv::raw::take::Up;
+use isv::raw::take::{MemorySize, Up};
 use isv_serve::{PageOptions, Server, Settings};
 use std::fs;
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ impl ShowArgs {
     pub(crate) fn page_options(self) -> PageOptions {
         PageOptions {
             up: self.up.map(|up| Up::from(up).name()),
-            max_memory: memory::chosen().map(memory::MemorySize::bytes),
+            max_memory: memory::chosen().map(MemorySize::bytes),
         }
     }
 }
@@ -44,7 +44,7 @@ pub(crate) fn check_streams(paths: &[PathBuf]) -> Result<()> {
                 "{name}: files are wanted here: isv serve --live {name} takes a stream from a pipe"
             )));
         }
-        stream::open(path)?;
+        stream::check(path)?;
     }
     Ok(())
 }

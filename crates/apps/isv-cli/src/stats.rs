@@ -1,11 +1,11 @@
 //! What `--stats` writes. The names of the fields are the keys of the JSON file.
 
 use crate::failure::usage;
-use crate::output::{check_output, is_pipe, is_same_file};
+use crate::output::{is_pipe, is_same_file};
 use anyhow::Result;
-use isv::raw::io::AtomicFile;
+use isv::raw::io::{AtomicFile, check_overwriting};
 use isv::raw::kernels::simd;
-use isv_stages::Stages;
+use isv_study::Stages;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -85,7 +85,9 @@ impl<F: Serialize> StatsFile<F> {
                     path.display()
                 )));
             }
-            check_output(path, "holds no statistics", |start| start.starts_with(STATS_START.as_bytes()))?;
+            check_overwriting(path, "holds no statistics", |start| {
+                start.starts_with(STATS_START.as_bytes())
+            })?;
         }
         let file = path.map(AtomicFile::create).transpose()?.map(|file| (file, Stages::listen()));
         Ok(Self { file, frames: Vec::new(), started: Instant::now() })
@@ -114,7 +116,7 @@ impl<F: Serialize> StatsFile<F> {
             frames: &self.frames,
             simd: simd::in_use().to_string(),
             stages_ms: stages.take_milliseconds(),
-            peak_memory_bytes: peak_memory_bytes(),
+            peak_memory_bytes: isv_study::peak_bytes(),
             wall_ms,
         };
         file.write_all((serde_json::to_string_pretty(&run)? + "\n").as_bytes())?;
@@ -125,13 +127,6 @@ impl<F: Serialize> StatsFile<F> {
 /// A duration in milliseconds.
 pub(crate) fn milliseconds(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1e3
-}
-
-/// Peak resident memory of this process; Linux only.
-fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
 /// Megabits a second of what is shown for so long; 0 if that is no time.

@@ -1,12 +1,12 @@
-//! `.isv` streams as the command line opens them.
+//! `.isv` streams as the command line reads and writes them.
 
+use crate::output::{Output, frames_in_words, is_pipe, print};
 use crate::{memory, words};
-use anyhow::anyhow;
-use isv::raw::format::{PacketReader, StreamHeader, StreamIndex};
-use isv::raw::take::stream::{self, ByteSource};
+use anyhow::{Result, anyhow};
+use isv::raw::take::decode::DecodeTakeError;
+use isv::raw::take::stream::{self, EditError};
 use isv::raw::take::{Input, StreamError};
-use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io;
 use std::path::Path;
 
 /// The name of an input in messages.
@@ -14,34 +14,41 @@ pub(crate) fn name(path: &Path) -> String {
     Input::from_argument(path).name()
 }
 
-/// Opens a file.
-pub(crate) fn open_file(path: &Path) -> Result<BufReader<File>, StreamError> {
-    stream::open_file(&Input::from_argument(path))
+/// Refuses what is no stream.
+pub(crate) fn check(path: &Path) -> Result<(), StreamError> {
+    stream::open(&Input::from_argument(path), memory::limit()).map(drop)
 }
 
-/// Opens the bytes of a stream, `-` being standard input.
-pub(crate) fn source(path: &Path) -> Result<ByteSource, StreamError> {
-    stream::source(&Input::from_argument(path))
+/// Opens the file of a stream that is copied.
+pub(crate) fn create(path: &Path) -> io::Result<Output> {
+    Ok(Output::create(path)?)
 }
 
-/// Opens a stream, `-` being standard input, and reads its header.
-pub(crate) fn open(path: &Path) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
-    stream::open(&Input::from_argument(path), memory::limit())
+/// Gives a copied stream its name, and says what is in it.
+pub(crate) fn commit(output: Output, path: &Path, frames: usize) -> Result<()> {
+    let bytes = output.commit()?;
+    if is_pipe(path) {
+        return Ok(());
+    }
+    print(&format!("{}: {}, {bytes} bytes", path.display(), frames_in_words(frames)))
 }
 
-/// Finds the frames of a stream in a file; what follows a cut is not there.
-pub(crate) fn load_index(path: &Path) -> Result<StreamIndex, StreamError> {
-    stream::load_index(&Input::from_argument(path))
-}
-
-/// Says that a stream that was read to its end ends without one.
-pub(crate) fn say_if_cut(name: &str, packets: &PacketReader<impl Read>) {
-    stream::tell_if_cut(name, packets, &*words::observer());
+/// The error behind that of a copy.
+pub(crate) fn edit_error(error: EditError) -> anyhow::Error {
+    match error {
+        EditError::Stream(error) => error.into(),
+        EditError::Write(error) => error.into(),
+        EditError::Create(error) => error.into(),
+        other => other.into(),
+    }
 }
 
 /// The error of a stream behind an error, if there is one.
 pub(crate) fn fault(error: &anyhow::Error) -> Option<&StreamError> {
-    error.chain().find_map(|cause| cause.downcast_ref())
+    error.chain().find_map(|cause| match cause.downcast_ref() {
+        Some(DecodeTakeError::Stream(error)) => Some(error),
+        _ => cause.downcast_ref(),
+    })
 }
 
 /// An error, with what helps against it where bytes were damaged or lost. A repaired stream can still miss frames, where others make whole again

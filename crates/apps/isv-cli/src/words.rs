@@ -5,12 +5,13 @@ use crate::output::say;
 use crate::progress::Progress;
 use isv::raw::fusion::FusionError;
 use isv::raw::ingest::{IngestError, NormalSides, SideEvidence, SignMode};
-use isv::raw::io::{ReadError, Unit};
+use isv::raw::io::{OutputError, ReadError, Unit};
 use isv::raw::take::capture::Remark;
-use isv::raw::take::encode::{
-    CaptureError, DistancesError, EncodeError, EncodeEvent, FrameError, OptionsError,
+use isv::raw::take::decode::{DecodeOptionsError, DecodeTakeError, ProductError};
+use isv::raw::take::encode::{CaptureError, EncodeError, EncodeEvent, FrameError, OptionsError};
+use isv::raw::take::{
+    DistancesError, EvaluateError, Event, Length, MemoryError, Observer, StreamError, StreamFault,
 };
-use isv::raw::take::{Event, Length, MemoryError, Observer, StreamError, StreamFault};
 use isv::raw::volume::{FitError, PointsError};
 use std::sync::Arc;
 
@@ -80,8 +81,10 @@ pub(crate) fn error(error: &anyhow::Error) -> (String, bool) {
             parts.push(stream(error));
         } else if let Some(error) = cause.downcast_ref::<MemoryError>() {
             parts.push(memory_error(error));
-        } else if let Some(DistancesError::Memory(error)) = cause.downcast_ref() {
-            parts.push(memory_error(error));
+        } else if let Some(error) = cause.downcast_ref::<DecodeTakeError>() {
+            parts.push(decoding(error));
+        } else if let Some(error) = cause.downcast_ref::<EvaluateError>() {
+            parts.push(evaluating(error));
         } else if let Some(error) = cause.downcast_ref::<OptionsError>() {
             parts.push(options(error));
         } else {
@@ -94,8 +97,55 @@ pub(crate) fn error(error: &anyhow::Error) -> (String, bool) {
     (parts.join(": "), error.chain().any(blames_command_line))
 }
 
+fn decoding(error: &DecodeTakeError) -> String {
+    match error {
+        DecodeTakeError::Stream(error) => stream(error),
+        DecodeTakeError::Frame {
+            frame,
+            cause: ProductError::Memory(cause) | ProductError::Distances(DistancesError::Memory(cause)),
+        } => format!("frame {frame}: {}", memory_error(cause)),
+        DecodeTakeError::Options(DecodeOptionsError::NoPoints) => {
+            "--points and --spacing need --as points".to_owned()
+        }
+        DecodeTakeError::Options(DecodeOptionsError::NoGlb) => {
+            "--glb needs an output of GLB files: -o NAME.glb or --format glb".to_owned()
+        }
+        DecodeTakeError::Options(DecodeOptionsError::NoMeshNormals) => {
+            "--no-normals is for meshes".to_owned()
+        }
+        DecodeTakeError::Options(DecodeOptionsError::NoMeshFaces) => {
+            "--target-faces and --simplify are for meshes".to_owned()
+        }
+        DecodeTakeError::Options(
+            DecodeOptionsError::FormatAndName { .. }
+            | DecodeOptionsError::VolumePlaced { .. }
+            | DecodeOptionsError::ArraysPlaced { .. },
+        ) => format!("--{error}"),
+        other => other.to_string(),
+    }
+}
+
+fn evaluating(error: &EvaluateError) -> String {
+    match error {
+        EvaluateError::Capture(error) => capture(error),
+        EvaluateError::Frame(error) => frame(error),
+        EvaluateError::Memory { name, cause } => format!("{name}: {}", memory_error(cause)),
+        other => other.to_string(),
+    }
+}
+
 fn blames_command_line(cause: &(dyn std::error::Error + 'static)) -> bool {
+    let of_output = |error: &OutputError| !matches!(error, OutputError::Io { .. });
+    match cause.downcast_ref() {
+        Some(DecodeTakeError::Options(_)) => return true,
+        Some(DecodeTakeError::Output(error)) => return of_output(error),
+        Some(DecodeTakeError::Stream(error)) => return matches!(error.fault, StreamFault::NoFile),
+        _ => {}
+    }
     let of_capture = |error: &CaptureError| matches!(error, CaptureError::NoRegularFile { .. });
+    if let Some(EvaluateError::Capture(error)) = cause.downcast_ref() {
+        return of_capture(error);
+    }
     let of_stream = |error: &StreamError| matches!(error.fault, StreamFault::NoFile);
     match cause.downcast_ref::<EncodeError>() {
         Some(EncodeError::Options(_)) => true,
@@ -103,6 +153,7 @@ fn blames_command_line(cause: &(dyn std::error::Error + 'static)) -> bool {
         Some(EncodeError::Capture(error)) => of_capture(error),
         _ => {
             cause.is::<OptionsError>()
+                || cause.downcast_ref().is_some_and(of_output)
                 || cause.downcast_ref().is_some_and(of_capture)
                 || cause.downcast_ref().is_some_and(of_stream)
         }
@@ -146,6 +197,9 @@ fn capture(error: &CaptureError) -> String {
         CaptureError::NoRegularFile { .. } => format!("{error}: give - a stream from a pipe"),
         CaptureError::Read(error) => read(error),
         CaptureError::Stream(error) => stream(error),
+        CaptureError::Unequal { .. } => {
+            format!("{error}: name the ones to compare with --frames, or the --fps of an animated file")
+        }
         other => other.to_string(),
     }
 }
@@ -218,7 +272,24 @@ fn stream(error: &StreamError) -> String {
     match &error.fault {
         StreamFault::Memory(cause) => format!("{}: {}", error.name, memory_error(cause)),
         _ if error.is_beyond_memory() => format!("{error}: {}", more_memory()),
-        _ => error.to_string(),
+        StreamFault::OtherHeader => {
+            format!("{}: its own header is sound, and not that of --header-from", error.name)
+        }
+        fault => format!("{error}{}", advice_on_stream(fault)),
+    }
+}
+
+fn advice_on_stream(fault: &StreamFault) -> &'static str {
+    match fault {
+        StreamFault::NotAKeyframe { .. } => ", or code the frames anew with isv encode --frames",
+        StreamFault::FalseKeyframe { .. } => ": isv repair makes an index that is right",
+        StreamFault::FalseIndex => ": isv repair makes one that does",
+        StreamFault::NoFirstKeyframe => ": isv repair makes a stream that does",
+        StreamFault::Differs { .. } => ": code one of them anew with isv encode",
+        StreamFault::Header(_) => {
+            ": if a damaged header is all that is wrong, --header-from takes that of another stream"
+        }
+        _ => "",
     }
 }
 

@@ -324,9 +324,9 @@ fn streams_are_cut_at_keyframes_and_joined() {
     work.isv(&["cut", "take.isv", "3..10", "-o", "c.isv"]).fails(1, &["there are 9"]);
     work.isv(&["encode", "frames", "-o", "other.isv", "--voxel=25mm"]).done();
     work.isv(&["join", "a.isv", "other.isv", "-o", "c.isv"]).fails(1, &["other.isv", "voxel size"]);
-    work.isv(&["join", "-", "-o", "c.isv"]).fails(2, &["from files"]);
+    work.isv(&["join", "-", "-o", "c.isv"]).fails(2, &["needs a file"]);
     #[cfg(unix)]
-    work.isv(&["join", "a.isv", "/dev/null", "-o", "c.isv"]).fails(2, &["/dev/null: ", "from files"]);
+    work.isv(&["join", "a.isv", "/dev/null", "-o", "c.isv"]).fails(2, &["/dev/null: ", "needs a file"]);
     assert!(!work.path("c.isv").exists());
 }
 

@@ -20,6 +20,7 @@
 mod accept;
 mod allowance;
 mod error;
+mod export;
 mod files;
 mod guard;
 mod hub;
@@ -34,6 +35,7 @@ mod stall;
 mod url;
 
 pub use error::ServeError;
+pub use export::{ExportError, ExportFolder};
 pub use files::StreamFiles;
 pub use guard::{Origin, ParseOriginError};
 pub use hub::{Held, Hub, HubLimits, Viewer};

@@ -2,6 +2,7 @@
 
 mod files;
 mod kinds;
+mod matching;
 mod pipe;
 mod size;
 
@@ -18,6 +19,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub use kinds::Remark;
+pub use matching::matching_ranges;
 
 /// Frames, one after the other, each of them or what is wrong with it.
 pub type Frames<T> = Box<dyn Iterator<Item = Result<T, FrameError>> + Send>;

@@ -22,4 +22,3 @@ pub use options::{
 };
 pub use timestamps::TimestampSource;
 pub use two_pass::Watch;
-pub use volumes::{DistancesError, with_distances};

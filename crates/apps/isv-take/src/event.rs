@@ -3,6 +3,8 @@
 use crate::DeviceError;
 use std::fmt;
 
+#[cfg(feature = "io")]
+use crate::decode::DecodeEvent;
 #[cfg(feature = "encode")]
 use crate::encode::EncodeEvent;
 
@@ -42,6 +44,22 @@ pub enum Event {
         /// Place of the other stream, in bytes from the stream's start.
         at: u64,
     },
+    /// Packets of a stream are missing, doubled or out of order before one of them.
+    Gap {
+        /// Name of the stream.
+        name: String,
+        /// Number of the packet's frame, if it is known.
+        frame: Option<usize>,
+        /// Place of the packet, in bytes from the stream's start.
+        at: u64,
+    },
+    /// What lies behind the last sound frame of a stream cannot be read.
+    EndsInDamage {
+        /// Name of the stream.
+        name: String,
+        /// What is wrong.
+        why: String,
+    },
     /// Decoded frames relate to what was encoded in another way than before.
     Health {
         /// Name of the stream.
@@ -53,6 +71,9 @@ pub enum Event {
         /// Why, if that is not plain.
         why: String,
     },
+    /// Something about decoding to files.
+    #[cfg(feature = "io")]
+    Decode(DecodeEvent),
     /// Something about encoding.
     #[cfg(feature = "encode")]
     Encode(EncodeEvent),
@@ -92,9 +113,13 @@ impl Event {
             | Self::Cut { .. }
             | Self::BytesBehindEnd { .. }
             | Self::Damage { .. }
-            | Self::OtherStream { .. } => true,
+            | Self::OtherStream { .. }
+            | Self::Gap { .. }
+            | Self::EndsInDamage { .. } => true,
             Self::OnCpu(_) => false,
             Self::Health { health, .. } => *health != Health::Exact,
+            #[cfg(feature = "io")]
+            Self::Decode(_) => true,
             #[cfg(feature = "encode")]
             Self::Encode(event) => event.is_warning(),
         }
@@ -118,6 +143,14 @@ impl fmt::Display for Event {
             Self::OtherStream { name, at } => {
                 write!(f, "{name}: another stream begins at byte {at} and is left out")
             }
+            Self::Gap { name, frame, at } => {
+                write!(f, "{name}: packets are missing or out of order ")?;
+                match frame {
+                    Some(frame) => write!(f, "before frame {frame}"),
+                    None => write!(f, "at byte {at}"),
+                }
+            }
+            Self::EndsInDamage { name, why } => write!(f, "{name}: {why}: what is before that was copied"),
             Self::Health { name, frame, health, why } => match health {
                 Health::Exact => write!(f, "{name}: exact again from frame {frame} on"),
                 Health::Held | Health::BeyondLimit => {
@@ -125,6 +158,8 @@ impl fmt::Display for Event {
                 }
                 Health::Inexact => write!(f, "{name}: near what was encoded from frame {frame} on"),
             },
+            #[cfg(feature = "io")]
+            Self::Decode(event) => event.fmt(f),
             #[cfg(feature = "encode")]
             Self::Encode(event) => event.fmt(f),
         }

@@ -14,33 +14,47 @@ mod event;
 mod frame_range;
 mod input;
 mod memory;
+mod memory_size;
 mod prefetch;
 pub mod stream;
 pub mod timeline;
 
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 mod bit_rate;
+#[cfg(feature = "io")]
+pub mod decode;
+#[cfg(feature = "io")]
+mod distances;
+#[cfg(feature = "io")]
+mod length;
+#[cfg(feature = "io")]
+mod up;
+
 #[cfg(feature = "encode")]
 pub mod capture;
 #[cfg(feature = "encode")]
 pub mod encode;
 #[cfg(feature = "encode")]
-mod length;
-#[cfg(feature = "encode")]
-mod up;
+mod evaluate;
 
 pub use cancel::Cancellation;
-pub use device::{AnyDecoder, AnyFrame, AnyVolume, Device, DeviceError, OpenDevice};
+pub use device::{Decoded, DecodedVolume, Device, DeviceError, DeviceVolume, OpenDevice, StreamDecoder};
 pub use event::{Event, Health, Observer};
 pub use frame_range::{FrameRange, FrameRangeError};
 pub use input::Input;
 pub use memory::{MemoryError, MemoryLimit};
+pub use memory_size::MemorySize;
 pub use prefetch::Prefetch;
 pub use stream::{StreamError, StreamFault};
 
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 pub use bit_rate::BitRate;
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
+pub use distances::{DistancesError, with_distances};
+#[cfg(feature = "io")]
 pub use length::Length;
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 pub use up::Up;
+
+#[cfg(feature = "encode")]
+pub use evaluate::{EvaluateError, Evaluation, evaluate};

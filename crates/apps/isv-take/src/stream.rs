@@ -1,15 +1,23 @@
-//! `.isv` streams from files and pipes, decoded frame by frame.
+//! `.isv` streams from files and pipes: decoded frame by frame, checked, repaired, cut and joined.
 
 mod concealing;
-mod continuity;
+mod cut;
 mod error;
+mod join;
+mod repair;
+mod summary;
+mod verify;
 
 pub use concealing::ConcealingFrames;
-pub use continuity::{Continuity, is_doubled};
-pub use error::{StreamError, StreamFault};
+pub use cut::cut;
+pub use error::{EditError, StreamError, StreamFault, damage_in_words};
+pub use join::join;
+pub use repair::{Repaired, repair};
+pub use summary::{PacketSummary, StreamSummary};
+pub use verify::{Verified, verify};
 
-use crate::device::{AnyDecoder, AnyVolume};
-use crate::{DeviceError, Event, FrameRange, Input, MemoryLimit, Observer, OpenDevice};
+use crate::device::{DecodedVolume, StreamDecoder};
+use crate::{Event, FrameRange, Input, MemoryLimit, Observer, OpenDevice};
 use isv_decode::Lod;
 use isv_format::{PacketReader, StreamHeader, StreamIndex};
 use isv_surface::SurfaceOptions;
@@ -80,6 +88,17 @@ pub fn load_index(input: &Input) -> Result<StreamIndex, StreamError> {
         .map_err(|error| StreamFault::from(error).in_stream(&input.name()))
 }
 
+/// What a reader does where packets are damaged or missing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AfterLoss {
+    /// Ends with an error.
+    #[default]
+    Stop,
+    /// Holds the last frame in place of each lost one, and goes on where that can be.
+    Hold,
+}
+
 /// A frame of a stream.
 #[derive(Debug)]
 pub struct StreamFrame {
@@ -88,7 +107,7 @@ pub struct StreamFrame {
     /// Time at which it is shown, in nanoseconds.
     pub timestamp_ns: u64,
     /// What was decoded.
-    pub volume: AnyVolume,
+    pub volume: DecodedVolume,
     /// Blocks of the full resolution that were coded, in profile `main`.
     pub coded_blocks: Option<BlockSet>,
     /// Surface, if it was extracted with the frame.
@@ -117,7 +136,7 @@ pub struct StreamFrames {
     name: String,
     header: StreamHeader,
     packets: PacketReader<ByteSource>,
-    decoder: AnyDecoder,
+    decoder: StreamDecoder,
     observer: Arc<dyn Observer>,
     /// Bytes of the file, if it is one.
     length: Option<u64>,
@@ -166,7 +185,7 @@ impl StreamFrames {
         settings: &DecodeSettings,
     ) -> Result<Self, StreamError> {
         let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
-        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, observer);
         let decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         let (range, observer) = (*range, Arc::clone(observer));
         let (length, first, next, failed) = (None, 0, 0, false);
@@ -191,8 +210,10 @@ impl StreamFrames {
     /// # Errors
     /// [`StreamError`] if the GPU fails.
     pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
-        let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
-        self.decoder = decoder.map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
+        self.decoder = self
+            .decoder
+            .with_surfaces(options)
+            .map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
         Ok(self)
     }
 
@@ -215,9 +236,6 @@ impl StreamFrames {
             };
             let (decoded, decode_ms) = timed(|| self.decoder.decode(&packet));
             let decoded = decoded.map_err(|error| StreamFault::decoding(self.first, error))?;
-            if let Some(why) = self.decoder.take_notice() {
-                self.observer.event(&Event::FellBack(DeviceError::new(why)));
-            }
             let number = self.next;
             self.next += 1;
             if self.range.is_none_or(|range| number >= range.start) {

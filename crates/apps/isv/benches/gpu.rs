@@ -13,8 +13,8 @@ use isv::raw::format::{
     FrameRate, Packet, PacketReader, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader,
 };
 use isv::raw::gpu::{
-    AnyCoder, Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime,
-    VolumeStore,
+    Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime, VolumeStore,
+    frame_coder,
 };
 use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};
@@ -100,7 +100,7 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
         let encode_on_gpu = || {
             let store = VolumeStore::new(gpu)?;
             let encoder = |settings| {
-                let mut coder = AnyCoder::on_gpu(&header, settings, &store, false)?;
+                let mut coder = frame_coder(&header, settings, &store)?;
                 let mut writer = FrameWriter::default();
                 anyhow::Ok(move |volume: &SparseVolume| Ok(writer.write(coder.code(volume)?)))
             };
@@ -180,7 +180,7 @@ fn settings() -> EncoderSettings {
 
 /// The mean time of a frame where one thread codes and another writes.
 fn overlapped(header: &StreamHeader, volumes: &[SparseVolume], gpu: &Gpu) -> Result<f64> {
-    let mut coder = AnyCoder::on_gpu(header, settings(), &VolumeStore::new(gpu)?, false)?;
+    let mut coder = frame_coder(header, settings(), &VolumeStore::new(gpu)?)?;
     let (sender, frames) = std::sync::mpsc::sync_channel(1);
     let (coded, ms) = timed(|| {
         std::thread::scope(|scope| {

@@ -14,7 +14,7 @@ use isv::raw::kernels::simd::{self, vectorized};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
 use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use isv_baseline::Draco;
-use isv_stages::Stages;
+use isv_study::Stages;
 use isv_testkit::capture;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -85,6 +85,30 @@ impl From<isv_take::DeviceError> for Error {
     }
 }
 
+#[cfg(feature = "io")]
+impl From<isv_take::decode::DecodeTakeError> for Error {
+    fn from(error: isv_take::decode::DecodeTakeError) -> Self {
+        use isv_take::decode::{DecodeTakeError, ProductError};
+        let kind = match error {
+            DecodeTakeError::Stream(error) => return error.into(),
+            DecodeTakeError::Options(_) | DecodeTakeError::Output(_) | DecodeTakeError::OneFrame { .. } => {
+                ErrorKind::Options
+            }
+            DecodeTakeError::Device(_) | DecodeTakeError::Frame { cause: ProductError::Device(_), .. } => {
+                ErrorKind::Device
+            }
+            DecodeTakeError::Frame {
+                cause: ProductError::Memory(_) | ProductError::Distances(_), ..
+            } => ErrorKind::Memory,
+            DecodeTakeError::Frame { .. } => ErrorKind::Frame,
+            DecodeTakeError::NoFrames { .. } => ErrorKind::Stream,
+            DecodeTakeError::CancelledBeforeFirstFrame { .. } => ErrorKind::Cancelled,
+            _ => ErrorKind::Output,
+        };
+        Self::new(kind, error)
+    }
+}
+
 #[cfg(feature = "encode")]
 impl From<isv_take::encode::OptionsError> for Error {
     fn from(error: isv_take::encode::OptionsError) -> Self {

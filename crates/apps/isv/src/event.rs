@@ -23,6 +23,10 @@ impl fmt::Display for Event {
 /// Handler of events.
 pub(crate) type EventHandler = Arc<dyn Fn(&Event) + Send + Sync>;
 
+/// Handler of the number of frames done, and of all frames if that is known.
+#[cfg(feature = "io")]
+pub(crate) type ProgressHandler = Arc<dyn Fn(usize, Option<usize>) + Send + Sync>;
+
 /// Hands events to `tracing`, and to a handler if there is one.
 pub(crate) fn observer(handler: Option<EventHandler>) -> Arc<dyn Observer> {
     Arc::new(move |event: &isv_take::Event| {

@@ -45,7 +45,7 @@ pub struct Block {
 impl Frame {
     pub(crate) fn new(frame: StreamFrame, header: &StreamHeader, memory: MemoryLimit) -> Result<Self, Error> {
         let StreamFrame { number, timestamp_ns, volume, coded_blocks, .. } = frame;
-        let volume = volume.into_sparse().map_err(isv_take::DeviceError::from)?;
+        let volume = volume.into_sparse()?;
         let timestamp = Duration::from_nanos(timestamp_ns);
         Ok(Self { number, timestamp, volume, coded_blocks, profile: header.profile, memory })
     }
@@ -70,7 +70,7 @@ impl Frame {
         Ok(Mesh::from_raw(self.memory.surface(&self.volume, SurfaceOptions { normals: true })?))
     }
 
-    /// Returns the field. Streams of profile `main` keep distances near the surface alone; without the feature `encode` the others of
+    /// Returns the field. Streams of profile `main` keep distances near the surface alone; without the feature `io` the others of
     /// their field are extrapolations.
     ///
     /// # Errors
@@ -80,9 +80,9 @@ impl Frame {
         Ok(volume_of(&field))
     }
 
-    #[cfg(feature = "encode")]
+    #[cfg(feature = "io")]
     fn field(&self) -> Result<std::borrow::Cow<'_, SparseVolume>, Error> {
-        use isv_take::encode::DistancesError;
+        use isv_take::DistancesError;
         use std::borrow::Cow;
         if self.profile != Profile::Main {
             return Ok(Cow::Borrowed(&self.volume));
@@ -91,14 +91,14 @@ impl Frame {
         if let Some(field) = coded.and_then(|coded| isv_ingest::coded_field(&self.volume, coded)) {
             return Ok(Cow::Owned(field));
         }
-        let field = isv_take::encode::with_distances(&self.volume, self.memory);
+        let field = isv_take::with_distances(&self.volume, self.memory);
         field.map(Cow::Owned).map_err(|error| match error {
             DistancesError::Memory(error) => error.into(),
             other => Error::new(crate::ErrorKind::Frame, other),
         })
     }
 
-    #[cfg(not(feature = "encode"))]
+    #[cfg(not(feature = "io"))]
     fn field(&self) -> Result<SparseVolume, Error> {
         let _ = (&self.coded_blocks, &self.profile);
         Ok(self.volume.clone())

@@ -17,7 +17,8 @@
 //!
 //! # Features
 //!
-//! - `encode` (default): [`Writer`], [`take`] and the readers of captures. Without it this crate decodes alone, and compiles about
+//! - `encode` (default): [`Writer`], [`take::encode`] and the readers of captures. Takes `io` with it.
+//! - `io`: [`take::decode`] to files of meshes, points and fields. Without it this crate decodes to arrays alone, and compiles about
 //!   what a decoder needs.
 //! - `gpu`: GPUs by Vulkan, Metal and DX12, chosen with [`Device`].
 //!
@@ -33,14 +34,17 @@ mod mesh;
 pub mod raw;
 mod reader;
 
+#[cfg(feature = "io")]
+mod decode_options;
+#[cfg(feature = "io")]
+mod quantity;
+#[cfg(feature = "io")]
+pub mod take;
+
+#[cfg(feature = "encode")]
+mod encode_options;
 #[cfg(feature = "encode")]
 mod field;
-#[cfg(feature = "encode")]
-mod options;
-#[cfg(feature = "encode")]
-mod quantity;
-#[cfg(feature = "encode")]
-pub mod take;
 #[cfg(feature = "encode")]
 mod writer;
 
@@ -48,10 +52,22 @@ pub use error::{Error, ErrorKind};
 pub use event::Event;
 pub use frame::{Block, Frame, Volume};
 pub use isv_decode::Lod;
+pub use isv_take::stream::AfterLoss;
 pub use isv_take::{Cancellation, Device};
 pub use mesh::Mesh;
-pub use reader::{AfterLoss, Reader};
+pub use reader::Reader;
 
+#[cfg(feature = "io")]
+pub use decode_options::DecodeOptions;
+#[cfg(feature = "io")]
+pub use isv_io::Unit;
+#[cfg(feature = "io")]
+pub use isv_take::{BitRate, Length, Up};
+#[cfg(feature = "io")]
+pub use quantity::Quantity;
+
+#[cfg(feature = "encode")]
+pub use encode_options::EncodeOptions;
 #[cfg(feature = "encode")]
 pub use field::{DepthView, Points};
 #[cfg(feature = "encode")]
@@ -59,14 +75,6 @@ pub use isv_encode::{Preset, Refresh};
 #[cfg(feature = "encode")]
 pub use isv_ingest::SignMode;
 #[cfg(feature = "encode")]
-pub use isv_io::Unit;
-#[cfg(feature = "encode")]
 pub use isv_take::encode::TimestampSource;
-#[cfg(feature = "encode")]
-pub use isv_take::{BitRate, Length, Up};
-#[cfg(feature = "encode")]
-pub use options::EncodeOptions;
-#[cfg(feature = "encode")]
-pub use quantity::Quantity;
 #[cfg(feature = "encode")]
 pub use writer::{FileSink, Report, Writer};

@@ -10,14 +10,14 @@ pub use isv_format as format;
 pub use isv_fusion as fusion;
 #[cfg(feature = "gpu")]
 pub use isv_gpu as gpu;
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 pub use isv_ingest as ingest;
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 pub use isv_io as io;
 pub use isv_kernels as kernels;
 #[cfg(feature = "encode")]
 pub use isv_metrics as metrics;
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 pub use isv_simplify as simplify;
 pub use isv_surface as surface;
 pub use isv_take as take;

@@ -5,24 +5,13 @@ use crate::{Error, ErrorKind, Event, Frame};
 use isv_decode::Lod;
 use isv_format::StreamHeader;
 use isv_take::stream::{
-    self, ByteSource, ConcealingFrames, DecodeSettings, StreamError, StreamFrame, StreamFrames,
+    self, AfterLoss, ByteSource, ConcealingFrames, DecodeSettings, StreamError, StreamFrame, StreamFrames,
 };
 use isv_take::{Device, FrameRange, Input, MemoryLimit, OpenDevice};
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// What a reader does where packets are damaged or missing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum AfterLoss {
-    /// Ends with an error.
-    #[default]
-    Stop,
-    /// Holds the last frame in place of each lost one, and goes on where that can be.
-    Hold,
-}
 
 /// Reads the frames of a stream in order, or from any frame on. An iterator over frames, too.
 pub struct Reader {
@@ -195,8 +184,8 @@ impl Reader {
             (AfterLoss::Stop, Some(source)) => {
                 Running::of(StreamFrames::from_source(&self.name, source, &settings)?)
             }
-            (AfterLoss::Hold, None) => Running::concealing(ConcealingFrames::open(&self.input, &settings)?),
-            (AfterLoss::Hold, Some(source)) => {
+            (_, None) => Running::concealing(ConcealingFrames::open(&self.input, &settings)?),
+            (_, Some(source)) => {
                 Running::concealing(ConcealingFrames::from_source(&self.name, source, &settings)?)
             }
         })

@@ -1,12 +1,62 @@
-//! Whole takes: a capture in, a stream out.
+//! Whole takes: a capture in and a stream out, or a stream in and files out.
 
-use crate::writer::Counted;
-use crate::{EncodeOptions, Error, ErrorKind, Report};
-use isv_io::AtomicFile;
-use isv_take::capture::Capture;
-use isv_take::encode::{Job, Watch};
-use isv_take::{Cancellation, Input};
+use crate::{DecodeOptions, Error};
+use isv_take::{FrameRange, Input};
 use std::path::Path;
+
+#[cfg(feature = "encode")]
+use crate::{EncodeOptions, ErrorKind, Report, writer::Counted};
+#[cfg(feature = "encode")]
+use isv_io::AtomicFile;
+#[cfg(feature = "encode")]
+use isv_take::{
+    Cancellation,
+    capture::Capture,
+    encode::{Job, Watch},
+};
+
+/// What became of a stream that was decoded to files.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct DecodeReport {
+    /// Frames written.
+    pub frames: usize,
+    /// Largest distance found (m) between a mesh with fewer faces and the decoded surface; 0 where no faces were taken away.
+    pub simplify_error_m: f64,
+    /// Whether the job was cancelled, so that the first frames alone were written.
+    pub is_cancelled: bool,
+}
+
+/// Decodes a stream to files.
+///
+/// `output` is a folder, which gets `frame_0000.ply` and so on, or a file of one frame, or a `.glb` file of all. Files there that isv did
+/// not write are not replaced.
+///
+/// # Errors
+/// See [`Error::kind`]. Files of a folder from before the error stay, each of them whole.
+pub fn decode(
+    input: impl AsRef<Path>,
+    output: impl AsRef<Path>,
+    options: &DecodeOptions,
+) -> Result<DecodeReport, Error> {
+    let output = output.as_ref();
+    options.check(output)?;
+    let observer = options.observer();
+    let open_device = || options.open_device(&*observer);
+    let (raw, cancellation) = (&options.raw, &options.cancellation);
+    let input = Input::from(input);
+    let job = isv_take::decode::Job::prepare(&input, output, raw, open_device, &observer, cancellation)?;
+    let (total, mut done) = (raw.frames.and_then(FrameRange::count), 0);
+    let report = job.run(|_| {
+        done += 1;
+        if let Some(progress) = &options.progress {
+            progress(done, total);
+        }
+    });
+    let report = report.map_err(|unfinished| unfinished.error)?;
+    let simplify_error_m = report.reductions.worst.0;
+    Ok(DecodeReport { frames: report.frames, simplify_error_m, is_cancelled: report.is_cancelled })
+}
 
 /// Encodes a capture into a stream.
 ///
@@ -15,6 +65,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// See [`Error::kind`]. Nothing is left of an output that is not whole.
+#[cfg(feature = "encode")]
 pub fn encode(
     input: impl AsRef<Path>,
     output: impl AsRef<Path>,
@@ -42,8 +93,10 @@ pub fn encode(
 }
 
 /// Passes that look for settings: nobody follows them, but they can be cancelled.
+#[cfg(feature = "encode")]
 struct Passes<'a>(&'a Cancellation);
 
+#[cfg(feature = "encode")]
 impl Watch for Passes<'_> {
     fn begin(&mut self, _frames: usize) {}
 

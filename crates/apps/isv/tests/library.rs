@@ -2,8 +2,8 @@
 #![cfg(feature = "encode")]
 
 use isv::{
-    AfterLoss, Block, Cancellation, DepthView, EncodeOptions, Error, ErrorKind, Lod, Mesh, Points, Preset,
-    Quantity, Reader, TimestampSource, Unit, Volume, Writer,
+    AfterLoss, Block, Cancellation, DecodeOptions, DepthView, EncodeOptions, Error, ErrorKind, Lod, Mesh,
+    Points, Preset, Quantity, Reader, TimestampSource, Unit, Volume, Writer, take,
 };
 use std::io::Cursor;
 use std::sync::{Arc, Mutex};
@@ -365,4 +365,66 @@ fn times_are_kept() {
     let found: Vec<_> =
         reader(&writer.into_inner().unwrap().0).map(|frame| frame.unwrap().timestamp()).collect();
     assert_eq!(found, times.map(|time| time - times[0]));
+}
+
+/// Files of a stream, one frame each, or one of all.
+#[test]
+fn streams_decode_to_files() {
+    let work = tempfile::tempdir().unwrap();
+    let path = |name: &str| work.path().join(name);
+    std::fs::write(path("take.isv"), stream(&options(), 3)).unwrap();
+    let frames = |folder: &str| {
+        let names = path(folder).read_dir().unwrap().map(|entry| entry.unwrap().file_name());
+        let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    let decode = |name: &str, options: &DecodeOptions| take::decode(path("take.isv"), path(name), options);
+
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let told = Arc::clone(&heard);
+    let meshes =
+        DecodeOptions::new().on_progress(move |done, total| told.lock().unwrap().push((done, total)));
+    assert_eq!(decode("meshes", &meshes).unwrap().frames, 3);
+    assert_eq!(frames("meshes"), ["frame_0000.ply", "frame_0001.ply", "frame_0002.ply"]);
+    assert_eq!(*heard.lock().unwrap(), [(1, None), (2, None), (3, None)]);
+
+    let few = DecodeOptions::new().frames(1..3).target_faces(20).format("obj");
+    let report = decode("few", &few).unwrap();
+    assert!(report.frames == 2 && report.simplify_error_m > 0.0);
+    assert_eq!(frames("few"), ["frame_0001.obj", "frame_0002.obj"]);
+    assert_eq!(decode("points", &DecodeOptions::new().point_count(100).format("xyz")).unwrap().frames, 3);
+    let text = std::fs::read_to_string(path("points/frame_0000.xyz")).unwrap();
+    assert_eq!(text.lines().filter(|line| !line.starts_with('#')).count(), 100);
+    assert_eq!(decode("all.glb", &DecodeOptions::new().meshopt()).unwrap().frames, 3);
+    assert_eq!(decode("fields", &DecodeOptions::new().fields()).unwrap().frames, 3);
+
+    // What isv did not write stays.
+    std::fs::create_dir(path("mine")).unwrap();
+    std::fs::write(path("mine/frame_0000.ply"), "a capture").unwrap();
+    assert_eq!(kind(decode("mine", &DecodeOptions::new())), ErrorKind::Options);
+    assert_eq!(std::fs::read_to_string(path("mine/frame_0000.ply")).unwrap(), "a capture");
+    // One file holds one mesh, and is not there if there are more.
+    assert_eq!(kind(decode("one.ply", &DecodeOptions::new())), ErrorKind::Options);
+    assert!(!path("one.ply").exists());
+    for wrong in [
+        DecodeOptions::new().format("usd"),
+        DecodeOptions::new().format("npy").points(5.mm()),
+        DecodeOptions::new().point_count(0),
+        DecodeOptions::new().target_faces(0),
+        DecodeOptions::new().fields().target_faces(9),
+        DecodeOptions::new().fields().units(Unit::Inch),
+        DecodeOptions::new().origin([0.0, f64::NAN, 0.0]),
+        DecodeOptions::new().frames(2..2),
+        DecodeOptions::new().frames(2..9),
+        DecodeOptions::new().meshopt(),
+    ] {
+        assert_eq!(kind(decode("wrong", &wrong)), ErrorKind::Options, "{wrong:?}");
+    }
+    assert_eq!(kind(take::decode(path("none.isv"), path("wrong"), &DecodeOptions::new())), ErrorKind::Input);
+    let cancelled = Cancellation::new();
+    cancelled.cancel();
+    let options = DecodeOptions::new().cancellation(&cancelled);
+    assert_eq!(kind(decode("wrong", &options)), ErrorKind::Cancelled);
+    assert!(!path("wrong").exists());
 }

@@ -18,15 +18,43 @@ mod tests;
 mod tools;
 
 use crate::decode::check_edge;
-use crate::{GpuBackend, GpuPaperFrame, GpuVolume};
+use crate::{GpuBackend, GpuError, GpuPaperFrame, GpuVolume, VolumeStore};
 use isv_decode::{BackendError, CodingParameters, FrameSymbols};
-use isv_encode::EncodeBackend;
-use isv_format::Prediction;
+use isv_encode::{EncodeBackend, EncoderSettings, FrameCoder, MainEncoder, PaperCoder};
+use isv_format::{Prediction, Profile, StreamHeader};
 use isv_kernels::warp::MotionVector;
-use isv_volume::SparseVolume;
+use isv_volume::{BlockEdge, SparseVolume};
 
 pub use shifts::GpuMotionSearch;
 pub(crate) use tools::EncodeTools;
+
+/// A coder of frames on a GPU, where in profile `main` motion is searched for.
+///
+/// # Errors
+/// [`GpuError::Unsupported`] for blocks of another edge than 8 voxels, and [`GpuError::Refused`] if the driver does not take a
+/// kernel.
+///
+/// # Panics
+/// If `settings.gop` is 0.
+pub fn frame_coder(
+    header: &StreamHeader,
+    settings: EncoderSettings,
+    store: &VolumeStore,
+) -> Result<FrameCoder<GpuBackend, GpuMotionSearch>, GpuError> {
+    if header.grid.edge != BlockEdge::E8 {
+        return Err(GpuError::Unsupported("blocks of another edge than 8 voxels"));
+    }
+    Ok(match &header.profile {
+        Profile::Paper(paper) => {
+            let backend = GpuBackend::new(store)?;
+            FrameCoder::Paper(Box::new(PaperCoder::new(header.grid, paper, settings, backend)))
+        }
+        Profile::Main => {
+            let search = GpuMotionSearch::new(store)?;
+            FrameCoder::Main(Box::new(MainEncoder::new(header.grid, settings, search)))
+        }
+    })
+}
 
 impl EncodeBackend for GpuBackend {
     type Source = GpuVolume;

@@ -44,10 +44,6 @@
 //! - Buffers are never larger than what a kernel may bind: the pool is split, lists are worked on in parts.
 
 mod adapter;
-mod any_coder;
-mod any_decoder;
-mod any_fusion;
-mod any_mesh_ingester;
 mod blocks;
 mod commands;
 mod decode;
@@ -66,13 +62,9 @@ mod surface;
 mod volume;
 
 pub use adapter::{AdapterKind, AdapterReport, adapters};
-pub use any_coder::AnyCoder;
-pub use any_decoder::{AnyDecoder, AnyFrame, AnyVolume};
-pub use any_fusion::{AnyAccumulator, AnyFusion};
-pub use any_mesh_ingester::AnyMeshIngester;
 pub use decode::{GpuBackend, GpuMainFrame, GpuPaperFrame};
 pub use device::{Gpu, GpuChoice, Memory};
-pub use encode::GpuMotionSearch;
+pub use encode::{GpuMotionSearch, frame_coder};
 pub use error::GpuError;
 pub use fusion::{GpuFusion, GpuSums, GpuViews};
 pub use ingest::{GpuIngestError, GpuMeshIngester};

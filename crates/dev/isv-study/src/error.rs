@@ -3,6 +3,7 @@
 use isv::raw::decode::DecodeError;
 use isv::raw::format::FormatError;
 use isv::raw::ingest::IngestError;
+use isv::raw::io::OutputError;
 use isv::raw::metrics::CompareError;
 use isv_baseline::{DracoError, ProgramError, SimplifyError, TangError, TrainingError};
 use std::io;
@@ -89,6 +90,9 @@ pub enum StudyError {
         /// Frames that came out.
         decoded: usize,
     },
+    /// A folder in which something else is.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// A file of the report; the cause names it.
     #[error(transparent)]
     File(#[from] io::Error),

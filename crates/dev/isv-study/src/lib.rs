@@ -20,12 +20,15 @@
 //! assert!((saved.mean + 50.0).abs() < 1e-9);
 //! ```
 //!
-//! This crate runs no programs but those of the opponents and reads no captures: a [`Take`] gives it meshes.
+//! Each point of each codec runs in a process of its own ([`worker`]), so that its peak memory is its own and one that fails takes nothing
+//! with it. What was measured lies in a folder ([`Store`]); a study that was interrupted goes on where it stopped.
 
 mod bjontegaard;
+mod captured_take;
 mod chart;
 mod codec;
 mod error;
+mod figure_take;
 mod measure;
 mod memory;
 mod metric;
@@ -34,15 +37,23 @@ mod picture;
 mod record;
 mod report;
 mod session;
+mod stages;
+mod store;
 mod table;
+pub mod worker;
 
 pub use bjontegaard::{Delta, MeanDifference, RatePoint, delta, useful_points};
+pub use captured_take::CapturedTake;
 pub use chart::{Axis, Chart, Series};
 pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;
+pub use figure_take::{CodedFigure, DecodedFigure, FigureTake};
 pub use isv_baseline::Draco;
 pub use measure::{Measured, StudySettings, Subject, Take, TakeError, TakeFrames};
+pub use memory::peak_bytes;
 pub use metric::Metric;
-pub use picture::{Exhibit, Exhibition, View};
+pub use picture::{CodecPicture, CodecPictures, View};
 pub use record::{BytesByKind, Record, Timing};
 pub use report::{DeltaRow, Report};
+pub use stages::Stages;
+pub use store::Store;

@@ -4,7 +4,8 @@ use std::fs;
 
 /// The most memory that was resident since the process began or [`reset_peak`] was called, in bytes; `None` where the
 /// system does not say.
-pub(crate) fn peak_bytes() -> Option<u64> {
+#[must_use]
+pub fn peak_bytes() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)

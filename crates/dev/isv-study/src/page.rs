@@ -3,7 +3,7 @@
 use crate::bjontegaard::Delta;
 use crate::chart::Chart;
 use crate::codec::Codec;
-use crate::picture::{Exhibit, Exhibition, View};
+use crate::picture::{CodecPicture, CodecPictures, View};
 use crate::report::{DeltaRow, colour};
 use crate::{Metric, Record, Report};
 use base64::Engine;
@@ -17,13 +17,13 @@ pub(crate) fn html(
     report: &Report,
     deltas: &[DeltaRow],
     charts: &[(&'static str, Chart)],
-    exhibition: Option<&Exhibition>,
+    pictures: Option<&CodecPictures>,
 ) -> String {
     let take = escape(&report.take);
     let sections = [
-        head(report, exhibition.is_some()),
+        head(report, pictures.is_some()),
         charts_section("rates", "Rate and error", RATES, charts.iter().take(Metric::ALL.len())),
-        exhibition.map_or(String::new(), pictures_section),
+        pictures.map_or(String::new(), pictures_section),
         deltas_section(report, deltas),
         charts_section("costs", "Time, and what the bits say", COSTS, charts.iter().skip(Metric::ALL.len())),
         results_section(report),
@@ -103,15 +103,14 @@ fn inline(name: &str, chart: &Chart) -> String {
     format!("<figure class=\"chart\">{svg}</figure>\n")
 }
 
-fn pictures_section(exhibition: &Exhibition) -> String {
-    let words = format!("Frame {}, near {:.2} Mbps. {PICTURES}", exhibition.frame, exhibition.mbps);
-    let legend = picture(&exhibition.legend, "Scale of distances in millimetres")
+fn pictures_section(pictures: &CodecPictures) -> String {
+    let words = format!("Frame {}, near {:.2} Mbps. {PICTURES}", pictures.frame, pictures.mbps);
+    let legend = picture(&pictures.legend, "Scale of distances in millimetres")
         .replace("<img", "<img class=\"legend\"");
-    let panel = |id: &str, view: fn(&Exhibit) -> &View| {
-        let figures: String =
-            exhibition.exhibits.iter().map(|exhibit| figure(exhibit, view(exhibit))).collect();
+    let panel = |id: &str, view: fn(&CodecPicture) -> &View| {
+        let figures: String = pictures.codecs.iter().map(|picture| figure(picture, view(picture))).collect();
         format!(
-            "<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"exhibits\">\n{figures}</div></div>\n"
+            "<div role=\"tabpanel\" id=\"{id}\" class=\"panel\"><div class=\"codecs\">\n{figures}</div></div>\n"
         )
     };
     let tabs = tabs(&[("whole".to_owned(), "Whole"), ("close-up".to_owned(), "Close-up")]);
@@ -119,19 +118,19 @@ fn pictures_section(exhibition: &Exhibition) -> String {
     section("pictures", "The same frame at the same rate", &words, &format!("{legend}{tabs}{panels}"))
 }
 
-fn figure(exhibit: &Exhibit, view: &View) -> String {
-    let name = exhibit.codec.as_deref().unwrap_or("original");
-    let swatch = exhibit.codec.as_deref().map_or(String::new(), swatch);
+fn figure(shown: &CodecPicture, view: &View) -> String {
+    let name = shown.codec.as_deref().unwrap_or("original");
+    let swatch = shown.codec.as_deref().map_or(String::new(), swatch);
     let errors = view
         .errors
         .as_ref()
         .map_or(String::new(), |errors| picture(errors, &format!("{name}, distance from the original")));
     format!(
-        "<figure class=\"exhibit\"><div class=\"pair\">{}{errors}</div><figcaption><b>{swatch}{}</b><span>{}</span>\
+        "<figure class=\"picture\"><div class=\"pair\">{}{errors}</div><figcaption><b>{swatch}{}</b><span>{}</span>\
          </figcaption></figure>\n",
         picture(&view.normals, &format!("{name}, by normal")),
         escape(name),
-        escape(&exhibit.caption),
+        escape(&shown.caption),
     )
 }
 

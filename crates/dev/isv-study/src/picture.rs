@@ -23,7 +23,7 @@ const LEGEND_WIDTH: usize = 480;
 
 /// A codec's picture frame, drawn.
 #[derive(Clone, Debug)]
-pub struct Exhibit {
+pub struct CodecPicture {
     /// Name of the codec; none for what went in.
     pub codec: Option<String>,
     /// Under the pictures.
@@ -45,9 +45,9 @@ pub struct View {
 
 /// All pictures of a study.
 #[derive(Clone, Debug)]
-pub struct Exhibition {
+pub struct CodecPictures {
     /// What went in first, then each codec.
-    pub exhibits: Vec<Exhibit>,
+    pub codecs: Vec<CodecPicture>,
     /// The colours of errors and what they mean, as a PNG file.
     pub legend: Vec<u8>,
     /// Number of the frame in the take.
@@ -56,7 +56,7 @@ pub struct Exhibition {
     pub mbps: f64,
 }
 
-impl Exhibition {
+impl CodecPictures {
     /// Draws a frame as it was and as each codec gives it back, all through one camera. The scale of errors ends at
     /// `range_m` metres.
     ///
@@ -74,20 +74,20 @@ impl Exhibition {
         let mut top = bounds;
         top.0.y = high.y - CLOSE_UP_SHARE * (high.y - low.y);
         let view = |bounds, size| Camera::fitting(bounds, size).from_direction(VIEW[0], VIEW[1]);
-        let studio = Studio {
+        let setup = PictureSetup {
             whole: view(bounds, WHOLE),
             close_up: view(crop(original, top), CLOSE_UP),
             scale: ErrorScale::new(range_m)
                 .ok_or_else(|| StudyError::Chart("no range of errors".to_owned()))?,
         };
-        let mut exhibits = vec![studio.original(original)?];
+        let mut codecs = vec![setup.original(original)?];
         // A decoded frame was compared with the original, which therefore has faces.
         let surface = (!decoded.is_empty()).then(|| Bvh::new(original));
         for ((record, mesh), surface) in decoded.iter().zip(surface.iter().cycle()) {
-            exhibits.push(studio.decoded(record, mesh, surface)?);
+            codecs.push(setup.decoded(record, mesh, surface)?);
         }
-        let legend = png(&colour_bar(&studio.scale, LEGEND_WIDTH, Background::Light))?;
-        Ok(Self { exhibits, legend, frame, mbps })
+        let legend = png(&colour_bar(&setup.scale, LEGEND_WIDTH, Background::Light))?;
+        Ok(Self { codecs, legend, frame, mbps })
     }
 }
 
@@ -105,15 +105,15 @@ fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
 type Bounds = (DVec3, DVec3);
 
 /// The cameras, and the colours of errors.
-struct Studio {
+struct PictureSetup {
     whole: Camera,
     close_up: Camera,
     scale: ErrorScale,
 }
 
-impl Studio {
-    fn original(&self, mesh: &TriangleMesh) -> Result<Exhibit, StudyError> {
-        Ok(Exhibit {
+impl PictureSetup {
+    fn original(&self, mesh: &TriangleMesh) -> Result<CodecPicture, StudyError> {
+        Ok(CodecPicture {
             codec: None,
             caption: format!("as captured, {} faces", mesh.triangles.len()),
             whole: self.view(mesh, None, &self.whole)?,
@@ -121,10 +121,15 @@ impl Studio {
         })
     }
 
-    fn decoded(&self, record: &Record, mesh: &TriangleMesh, original: &Bvh) -> Result<Exhibit, StudyError> {
+    fn decoded(
+        &self,
+        record: &Record,
+        mesh: &TriangleMesh,
+        original: &Bvh,
+    ) -> Result<CodecPicture, StudyError> {
         let distance = record.value(Metric::PointToSurface);
         let distance = distance.map_or(String::new(), |mm| format!(", {mm:.2} mm"));
-        Ok(Exhibit {
+        Ok(CodecPicture {
             codec: Some(record.codec.clone()),
             caption: format!("{}: {:.2} Mbps{distance}", record.point, record.mbps()),
             whole: self.view(mesh, Some(original), &self.whole)?,

@@ -2,7 +2,7 @@
 
 use crate::bjontegaard::{Delta, RatePoint, delta};
 use crate::chart::{Axis, Chart, Series};
-use crate::picture::Exhibition;
+use crate::picture::CodecPictures;
 use crate::{Metric, Record, StudyError, page, table};
 use isv::raw::io::AtomicFile;
 use std::io::{self, Write};
@@ -189,7 +189,7 @@ impl Report {
     ///
     /// # Errors
     /// Files that cannot be written, charts that cannot be drawn.
-    pub fn write(&self, folder: &Path, exhibition: Option<&Exhibition>) -> Result<(), StudyError> {
+    pub fn write(&self, folder: &Path, pictures: Option<&CodecPictures>) -> Result<(), StudyError> {
         let deltas = self.deltas();
         write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
         write_file(&folder.join("bd_rates.csv"), table::deltas(&deltas).as_bytes())?;
@@ -202,7 +202,7 @@ impl Report {
             write_file(&charts_folder.join(format!("{name}.svg")), chart.svg().as_bytes())?;
             write_file(&charts_folder.join(format!("{name}.png")), &chart.png()?)?;
         }
-        write_file(&folder.join("index.html"), page::html(self, &deltas, &charts, exhibition).as_bytes())
+        write_file(&folder.join("index.html"), page::html(self, &deltas, &charts, pictures).as_bytes())
     }
 }
 

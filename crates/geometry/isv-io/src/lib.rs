@@ -36,6 +36,7 @@ mod las;
 mod natural_order;
 mod obj;
 mod off;
+mod output;
 mod own;
 mod passed_over;
 mod pcd;
@@ -69,6 +70,10 @@ pub use geometry::{
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
+pub use output::{
+    Output, OutputError, check_file_name, check_folder_name, check_frame_output, check_not_input,
+    check_overwriting, check_stream_name, check_volume_output, is_folder, is_pipe, is_same_file,
+};
 pub use own::was_made_by_isv;
 pub use passed_over::passed_over;
 pub use placement::Placement;

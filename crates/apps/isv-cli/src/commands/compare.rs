@@ -1,39 +1,35 @@
 //! `isv compare`: a rate-distortion study of several codecs on one take.
 //!
-//! Each point of each codec runs in a process of its own ([`worker`]), so that its peak memory is its own and one that fails
-//! takes nothing with it. What was measured lies in the folder ([`store`]); a study that was interrupted goes on where it stopped.
-
-mod store;
-mod take;
-mod worker;
+//! Each point of each codec is measured by this program run again, as [`worker`] says.
 
 use crate::capture;
+use crate::cli_enums::SignName;
 use crate::count;
 use crate::failure::usage;
 use crate::origin;
 use crate::output::print;
-use crate::output_name;
 use crate::progress::Progress;
 use crate::table::table_of;
-use crate::terms::SignName;
 use crate::threads::use_threads;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignDecision, decide_sign};
-use isv::raw::io::{Unit, read_mesh};
+use isv::raw::io::{Unit, check_folder_name, read_mesh};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
 use isv::raw::take::capture::Hints;
-use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
+use isv::raw::take::encode::default_grid;
+use isv::raw::volume::{Grid, VoxelSize};
+use isv_study::worker::{self, Outcome};
 use isv_study::{
-    Codec, Exhibition, Metric, OperatingPoint, Record, Report, Scale, StudySettings, Take, Training,
+    CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Store, StudyError,
+    StudySettings, Take, Training,
 };
+use std::ffi::OsString;
 use std::num::NonZero;
 use std::path::PathBuf;
-use store::Store;
-use take::CapturedTake;
-use worker::Outcome;
+use std::process::Command;
 
 /// Points at which each codec is measured unless asked otherwise; also the most.
 const POINTS: u8 = 5;
@@ -112,13 +108,18 @@ fn worker_parser(text: &str) -> Result<(Codec, usize), String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    output_name::check_folder(&args.output, "a study: CSV, charts and a page")?;
+    check_folder_name(&args.output, "a study: CSV, charts and a page")?;
     use_threads(args.threads)?;
     let study = Study::new(args)?;
     if let Some((codec, point)) = args.worker {
-        return worker::run(&study, codec, point);
+        let Study { take, training, settings, store, .. } = &study;
+        let point = study.points(codec)[point];
+        return Ok(worker::run(take, training, settings, store, codec, point)?);
     }
-    study.store.make()?;
+    study.store.make().map_err(|error| match error {
+        StudyError::Output(error) => error.into(),
+        other => anyhow::Error::from(other),
+    })?;
     let codecs = args.codecs();
     let steps = codecs.len() * usize::from(args.points) * worker::STEPS_A_FRAME * study.take.frames();
     let progress = Progress::new(Some(steps), "comparing");
@@ -131,7 +132,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
                 records.push(record);
                 continue;
             }
-            match worker::spawn(codec, index, &point, &progress)? {
+            match worker::spawn(this_program_as_worker(codec, index)?, codec, &point, || progress.step())? {
                 Outcome::Kept => records.extend(study.store.find(codec, &point)),
                 Outcome::Failed { sentence, at_all_points } => {
                     progress.note(&sentence);
@@ -148,14 +149,25 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         bail!("{}: no codec could be measured", args.input.display());
     }
     let mut report = Report { take: study.title(), setting: study.setting(), records, notes };
-    let exhibition = study.exhibition(&report).unwrap_or_else(|error| {
+    let pictures = study.pictures(&report).unwrap_or_else(|error| {
         progress.note(&format!("no pictures: {error:#}"));
         report.notes.push(format!("no pictures: {error:#}"));
         None
     });
     drop(progress);
-    report.write(&args.output, exhibition.as_ref())?;
+    report.write(&args.output, pictures.as_ref())?;
     print(&format!("{}\n\n{}", summary(&report), study.outcome()))
+}
+
+/// This program with its arguments, and the word that makes it a worker behind the command's name, before any that might end options.
+fn this_program_as_worker(codec: Codec, point: usize) -> Result<Command> {
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let mut arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let name = arguments.iter().position(|argument| argument == "compare").context("no command's name")?;
+    arguments.insert(name + 1, format!("--worker={codec}:{point}").into());
+    let mut command = Command::new(program);
+    command.args(arguments);
+    Ok(command)
 }
 
 impl Args {
@@ -202,14 +214,13 @@ impl Study {
             )));
         }
         let training = args.train.iter().map(|input| CapturedTake::open(input, hints.clone(), None));
-        let training = training.collect::<Result<Vec<_>>>()?;
+        let training = training.collect::<Result<Vec<_>, _>>()?;
         let picture = args.picture.unwrap_or(take.range().start + take.frames() / 2);
         if !take.range().contains(&picture) {
             let range = take.range();
             return Err(usage(format!("--picture {picture}: the frames are {}..{}", range.start, range.end)));
         }
-        let truncation = Truncation::from_voxels(8).expect("8 is in range");
-        let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation };
+        let grid = Grid { voxel_size, ..default_grid() };
         let first = take.mesh(0)?;
         let settings = StudySettings {
             ingest: MeshIngest { sign: args.sign.into(), ..MeshIngest::new(grid) },
@@ -263,7 +274,7 @@ impl Study {
     }
 
     /// The picture frame at equal rate.
-    fn exhibition(&self, report: &Report) -> Result<Option<Exhibition>> {
+    fn pictures(&self, report: &Report) -> Result<Option<CodecPictures>> {
         let Some(mbps) = report.common_mbps() else { return Ok(None) };
         let original = self.take.mesh(self.settings.picture_frame)?;
         let frame = self.settings.first_frame + self.settings.picture_frame;
@@ -271,7 +282,7 @@ impl Study {
             |record| -> Result<_> { Ok((record, read_mesh(&self.store.picture(record), Unit::Metre)?)) };
         let decoded = report.near_rate(mbps).into_iter().map(mesh).collect::<Result<Vec<_>>>()?;
         let range_m = ERROR_RANGE_VOXELS * self.settings.ingest.grid.voxel_size.metres();
-        Ok(Some(Exhibition::new(&original, &decoded, range_m, frame, mbps)?))
+        Ok(Some(CodecPictures::new(&original, &decoded, range_m, frame, mbps)?))
     }
 
     fn outcome(&self) -> String {

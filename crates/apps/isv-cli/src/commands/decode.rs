@@ -1,39 +1,22 @@
 //! `isv decode`: a stream to meshes, points or volumes.
 
-mod budget;
-mod product;
-mod sink;
-mod target_frame;
-
 use crate::backend::BackendArgs;
+use crate::cli_enums::{AfterLossName, FormName, GlbName, LodName, UpName};
 use crate::count;
-use crate::failure::usage;
 use crate::interrupt;
+use crate::origin;
 use crate::output::{frames_in_words, say};
 use crate::progress::Progress;
 use crate::stats::{DecodedFrameStats, StatsFile};
-use crate::stream;
-use crate::terms::{AfterLossName, FormName, GlbName, LodName};
 use crate::threads::use_threads;
-use crate::words;
-use anyhow::{Context, Result, anyhow, bail};
-use budget::{BudgetArgs, Reduction, Reductions};
-use isv::raw::decode::Lod;
-use isv::raw::format::StreamHeader;
-use isv::raw::io::Format;
-use isv::raw::surface::SurfaceOptions;
-use isv::raw::take::FrameRange;
-use isv::raw::take::Length;
-use isv::raw::take::Prefetch;
-use isv::raw::take::stream::timed;
-use isv::raw::take::stream::{ConcealingFrames, StreamFrame, StreamFrames};
-use isv::raw::take::{Input, StreamError};
-use product::{OutputFormat, Product, Recipe};
-use rayon::prelude::*;
-use sink::Sink;
+use crate::{memory, stream, words};
+use anyhow::{Result, anyhow, bail};
+use isv::raw::io::Unit;
+use isv::raw::simplify::Budget;
+use isv::raw::take::decode::{DecodeOptions, DecodedFrameReport, Job, OutputFormat, Reductions, Unfinished};
+use isv::raw::take::{FrameRange, Input, Length};
 use std::num::NonZero;
 use std::path::PathBuf;
-use target_frame::TargetFrameArgs;
 
 /// Decode an .isv stream into meshes, points or volumes
 #[derive(Debug, clap::Args)]
@@ -66,10 +49,36 @@ pub(crate) struct Args {
     /// Leave vertex normals out of GLB files
     #[arg(help_heading = "Meshes", long, conflicts_with = "normals")]
     no_normals: bool,
-    #[command(flatten)]
-    budget: BudgetArgs,
-    #[command(flatten)]
-    target_frame: TargetFrameArgs,
+    /// Most faces of each mesh
+    ///
+    /// Edges are collapsed where that changes the surface least. isv says how far the result is from the decoded
+    /// surface, and whether a mesh kept more faces because its parts cannot have fewer. With --simplify too, the
+    /// first limit that is reached counts.
+    #[arg(help_heading = "Meshes", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
+    target_faces: Option<NonZero<usize>>,
+    /// Collapse edges as long as the surface stays within this distance
+    ///
+    /// The distance is measured both ways from the decoded surface.
+    #[arg(help_heading = "Meshes", long, value_name = "LENGTH")]
+    simplify: Option<Length>,
+    /// Unit of the output's coordinates: m, dm, cm, mm, in, ft or us-ft
+    #[arg(help_heading = "Coordinates of the output", long, default_value_t = Unit::Metre)]
+    units: Unit,
+    /// Place of the stream's origin in the output: what isv encode was told
+    ///
+    /// It is in the unit of the output. Restores survey coordinates. PLY, OBJ and PCD files hold them in double precision where single precision would lose
+    /// more than 0.1 mm or a tenth of a voxel; a GLB file moves its nodes; STL files cannot, and isv says so.
+    #[arg(help_heading = "Coordinates of the output", long, value_name = "X,Y,Z", value_parser = origin::parse, allow_hyphen_values = true)]
+    origin: Option<[f64; 3]>,
+    /// Axis of the output that points up; streams are Y up
+    #[arg(
+        help_heading = "Coordinates of the output",
+        long,
+        value_enum,
+        default_value = "y",
+        allow_hyphen_values = true
+    )]
+    up: UpName,
     /// Number of points a frame
     #[arg(help_heading = "Points", long, value_name = "N", conflicts_with = "spacing", value_parser = count::parse::<NonZero<usize>>)]
     points: Option<NonZero<usize>>,
@@ -95,172 +104,99 @@ pub(crate) struct Args {
     stats: Option<PathBuf>,
 }
 
+impl Args {
+    fn options(&self) -> DecodeOptions {
+        DecodeOptions {
+            form: self.form.map(Into::into),
+            format: self.format,
+            normals: if self.no_normals { Some(false) } else { self.normals.then_some(true) },
+            glb: self.glb.map(Into::into),
+            target_faces: self.target_faces,
+            simplify: self.simplify,
+            points: self.points,
+            spacing: self.spacing,
+            unit: self.units,
+            origin: self.origin,
+            up: self.up.into(),
+            lod: self.lod.into(),
+            frames: self.frames,
+            after_loss: self.after_loss.into(),
+            memory: memory::limit(),
+            takes_turns: self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1),
+        }
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let (form, format) = OutputFormat::settle(args.form, args.format, &args.output)?;
-    if form != FormName::Points && (args.points.is_some() || args.spacing.is_some()) {
-        return Err(usage("--points and --spacing need --as points"));
-    }
-    if args.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) {
-        return Err(usage("--glb needs an output of GLB files: -o NAME.glb or --format glb"));
-    }
-    if form != FormName::Mesh && args.no_normals {
-        return Err(usage("--no-normals is for meshes"));
-    }
-    let budget = args.budget.budget(form)?;
+    let options = args.options();
+    // What is wrong with the command line comes before what is wrong with the stream.
+    options.settle(&args.output)?;
     use_threads(args.threads)?;
-    let source = Source::open(args)?;
+    let (input, observer) = (Input::from_argument(&args.input), words::observer());
+    let open_device = || args.backend.open_for(options.lod, &*observer);
+    let job =
+        Job::prepare(&input, &args.output, &options, open_device, &observer, interrupt::cancellation())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
-    let header = *source.header();
-    let density = product::density(args.points, args.spacing, args.voxel_m(&header));
-    let target_frame = args.target_frame.target_frame(form, format, args.voxel_m(&header))?;
-    let recipe = Recipe {
-        form,
-        normals: args.wants_normals(format),
-        density,
-        profile: header.profile,
-        budget,
-        target_frame,
-    };
-    let frames = source.frames(recipe.surface())?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
-    let mut sink = Sink::new(&args.output, format, target_frame, header.frame_rate)?.with_glb(args.glb);
     let progress = Progress::new(args.frames.and_then(FrameRange::count), "decoding");
-    let mut reductions = Reductions::default();
-    let done = products(frames, recipe, args.taking_turns()).try_for_each(|frame| {
-        let DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms } = frame?;
-        reductions.add(number, reduction);
-        let (written, write_ms) = timed(|| sink.take(number, timestamp_ns, product));
-        written?;
+    let done = job.run(|DecodedFrameReport { decode_ms, surface_ms, write_ms, .. }| {
         stats.push(DecodedFrameStats { decode_ms, surface_ms, write_ms });
         progress.step();
-        Ok(())
     });
     drop(progress);
-    done.map_err(|error| {
-        let is_loss = stream::fault(&error).is_some_and(|fault| fault.is_loss() && !fault.is_cut());
-        let error = sink.account_for(error);
-        match is_loss {
-            true => anyhow!("{}: --after-loss hold goes on behind it", words::error(&error).0),
-            false => error,
-        }
-    })?;
-    let count = sink.finish().with_context(|| stream::name(&args.input))?;
-    if let Some(budget) = &budget {
-        reductions.say(budget);
+    let report = done.map_err(|unfinished| in_words(args, unfinished))?;
+    if let Some(budget) = options.budget() {
+        say_reductions(&report.reductions, &budget);
     }
-    say(format_args!("{}, {:.0} ms a frame", frames_in_words(count), stats.wall_ms() / count as f64));
+    let frames = frames_in_words(report.frames);
+    say(format_args!("{frames}, {:.0} ms a frame", stats.wall_ms() / report.frames as f64));
     stats.commit()?;
-    if interrupt::requested() {
-        bail!("interrupted: {} holds the first {}", args.output.display(), frames_in_words(count));
+    if report.is_cancelled {
+        bail!("interrupted: {} holds the first {frames}", args.output.display());
     }
     Ok(())
 }
 
-impl Args {
-    /// Edge of a decoded voxel.
-    fn voxel_m(&self, header: &StreamHeader) -> f64 {
-        header.grid.voxel_size.metres() * f64::from(Lod::from(self.lod).voxels())
+/// An error with what has been written in spite of it, and what goes on behind it.
+fn in_words(args: &Args, Unfinished { error, written }: Unfinished) -> anyhow::Error {
+    let error = anyhow::Error::from(error);
+    let is_loss = stream::fault(&error).is_some_and(|fault| fault.is_loss() && !fault.is_cut());
+    if written == 0 && !is_loss {
+        return error;
     }
-
-    /// Whether meshes get vertex normals: GLB files are for viewers, which shade flat without them.
-    fn wants_normals(&self, format: OutputFormat) -> bool {
-        self.normals || (format == OutputFormat::Geometry(Format::Glb) && !self.no_normals)
+    let mut sentence = words::error(&error).0;
+    if written > 0 {
+        let (before, folder) = (frames_in_words(written), args.output.display());
+        sentence += &format!(": {before} before this went to {folder}");
     }
-
-    /// Whether each frame is finished before the next is decoded.
-    fn taking_turns(&self) -> bool {
-        self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1)
+    if is_loss {
+        sentence += ": --after-loss hold goes on behind it";
     }
+    anyhow!(sentence)
 }
 
-/// Where frames come from.
-enum Source {
-    /// A stream that is to be whole.
-    Whole(Box<StreamFrames>),
-    /// One that may have losses.
-    Lossy(Box<ConcealingFrames>),
-}
-
-impl Source {
-    fn open(args: &Args) -> Result<Self> {
-        let input = Input::from_argument(&args.input);
-        let settings = args.backend.decode_settings(args.frames, args.lod.into())?;
-        Ok(match args.after_loss {
-            AfterLossName::Stop => Self::Whole(Box::new(StreamFrames::open(&input, &settings)?)),
-            AfterLossName::Hold => Self::Lossy(Box::new(ConcealingFrames::open(&input, &settings)?)),
-        })
+/// Says what was reached of a budget, and what was not.
+fn say_reductions(reductions: &Reductions, budget: &Budget) {
+    let Reductions { frames, faces_before, faces, worst, left, .. } = reductions;
+    if *frames == 0 {
+        return;
     }
-
-    fn header(&self) -> &StreamHeader {
-        match self {
-            Self::Whole(frames) => frames.header(),
-            Self::Lossy(frames) => frames.header(),
-        }
-    }
-
-    /// The frames, with their surfaces where a backend makes these.
-    fn frames(self, surface: Option<SurfaceOptions>) -> Result<StreamFrameIterator> {
-        Ok(match (self, surface) {
-            (Self::Whole(frames), Some(options)) => Box::new(frames.with_surfaces(options)?),
-            (Self::Whole(frames), None) => frames,
-            (Self::Lossy(frames), Some(options)) => Box::new(frames.with_surfaces(options)?),
-            (Self::Lossy(frames), None) => frames,
-        })
-    }
-}
-
-type StreamFrameIterator = Box<dyn Iterator<Item = Result<StreamFrame, StreamError>> + Send>;
-
-/// A frame ready to be written.
-struct DecodedFrame {
-    number: usize,
-    timestamp_ns: u64,
-    product: Product,
-    /// What became of a mesh that was to have fewer faces.
-    reduction: Option<Reduction>,
-    decode_ms: f64,
-    surface_ms: f64,
-}
-
-/// The pipeline up to writing: the next frame is decoded while the surface of one is extracted and one is written.
-fn products(
-    frames: StreamFrameIterator,
-    recipe: Recipe,
-    taking_turns: bool,
-) -> Box<dyn Iterator<Item = Result<DecodedFrame>>> {
-    let make = move |frame: Result<StreamFrame, StreamError>| {
-        let StreamFrame { number, timestamp_ns, volume, coded_blocks, surface, decode_ms } = frame?;
-        let (made, surface_ms) = timed(|| recipe.make(volume, coded_blocks.as_ref(), surface));
-        let (product, reduction) = made.with_context(|| format!("frame {number}"))?;
-        Ok(DecodedFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
-    };
-    let stop = interrupt::cancellation();
-    if taking_turns {
-        Box::new(frames.take_while(|_| !interrupt::requested()).map(make))
-    } else if recipe.budget.is_some() {
-        // A mesh is simplified on one core: as many frames are at it as there are cores.
-        let batches = Batches { frames: Prefetch::new(frames, stop), size: rayon::current_num_threads() };
-        let made = batches.flat_map(move |batch| batch.into_par_iter().map(&make).collect::<Vec<_>>());
-        Box::new(Prefetch::new(made, stop))
-    } else {
-        Box::new(Prefetch::new(Prefetch::new(frames, stop).map(make), stop))
-    }
-}
-
-/// Frames in groups, which are worked on at the same time.
-struct Batches<I> {
-    frames: I,
-    /// Frames of a group, but for the last one.
-    size: usize,
-}
-
-impl<T, I: Iterator<Item = T>> Iterator for Batches<I> {
-    type Item = Vec<T>;
-
-    fn next(&mut self) -> Option<Vec<T>> {
-        let batch: Vec<T> = self.frames.by_ref().take(self.size).collect();
-        (!batch.is_empty()).then_some(batch)
+    let [before, faces] = [faces_before, faces].map(|faces| faces / frames);
+    let (error_m, number) = worst;
+    let error_mm = error_m * 1e3;
+    say(format_args!(
+        "{faces} of {before} faces a frame left, largest error found {error_mm:.3} mm (frame {number})"
+    ));
+    let Some(target) = budget.faces else { return };
+    let missed = left.iter().filter(|faces| **faces > target).count();
+    if missed > 0 {
+        let (frames, verb) = (frames_in_words(missed), if missed == 1 { "has" } else { "have" });
+        let why = match budget.max_error_m {
+            Some(error_m) => format!("--simplify {} allows no more", Length::from_metres(error_m)),
+            None => "their parts and borders cannot have fewer".to_owned(),
+        };
+        say(format_args!("{frames} {verb} more than the {target} faces of --target-faces: {why}"));
     }
 }

@@ -7,13 +7,13 @@ mod target;
 
 use crate::backend::BackendArgs;
 use crate::capture::invalid_points;
+use crate::cli_enums::{TimestampsName, UpName};
 use crate::count;
 use crate::interrupt;
 use crate::origin;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second};
-use crate::terms::{TimestampsName, UpName};
 use crate::threads::use_threads;
 use crate::{memory, words};
 use anyhow::{Result, bail};

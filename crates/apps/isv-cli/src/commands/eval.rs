@@ -1,27 +1,21 @@
 //! `isv eval`: how far frames are from a reference.
 
 use crate::capture::{self, invalid_points};
+use crate::cli_enums::UpName;
 use crate::interrupt;
-use crate::matching::matching_ranges;
 use crate::memory;
 use crate::origin;
 use crate::output::print;
 use crate::progress::Progress;
 use crate::table::table_of;
-use crate::terms::UpName;
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use comfy_table::Table;
 use isv::raw::format::FrameRate;
-use isv::raw::io::{Geometry, Unit};
-use isv::raw::metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
-use isv::raw::surface::SurfaceOptions;
-use isv::raw::take::FrameRange;
-use isv::raw::take::Length;
-use isv::raw::take::Prefetch;
-use isv::raw::take::capture::{Capture, CapturedFrame, Content, Hints};
-use isv::raw::volume::TriangleMesh;
+use isv::raw::io::Unit;
+use isv::raw::metrics::{CompareOptions, GeometryError};
+use isv::raw::take::capture::Hints;
+use isv::raw::take::{Evaluation, FrameRange, Length, evaluate};
 use serde::Serialize;
-use std::ops::Range;
 use std::path::PathBuf;
 
 /// Measure the geometric error of frames against a reference
@@ -88,15 +82,12 @@ pub(crate) struct Args {
     frames: Option<FrameRange>,
 }
 
-/// What was found of a frame; nothing where both sides are empty, which is neither right nor wrong by any distance.
-type Found = Option<GeometryError>;
-
 /// The fields of the mean and `frames` are the keys of `isv eval --json`.
 #[derive(Debug, Serialize)]
-struct Evaluation<'a> {
+struct EvaluationJson<'a> {
     #[serde(flatten)]
-    mean: GeometryError,
-    frames: &'a [Found],
+    mean: &'a GeometryError,
+    frames: &'a [Option<GeometryError>],
 }
 
 /// Runs the command.
@@ -110,68 +101,17 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     };
     let reference = capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
     let test = capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;
-    let [reference_range, test_range] = matching_ranges(&reference, &test, args.frames)?;
-    let first = reference_range.start;
-    let pairs = geometries(reference, reference_range)?.zip(geometries(test, test_range)?);
-    let frames = measure(args, pairs, first)?;
-    let measured: Vec<GeometryError> = frames.iter().copied().flatten().collect();
-    let Some(mean) = summary(&measured) else {
-        bail!("{}: no frame has anything to measure", args.reference.display())
-    };
+    let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
+    let progress = Progress::new(None, "measuring");
+    let (memory, stop) = (memory::limit(), interrupt::cancellation());
+    let Evaluation { first, frames, mean, .. } =
+        evaluate(reference, test, args.frames, &options, memory, stop, || progress.step())?;
+    drop(progress);
     print(&if args.json {
-        serde_json::to_string_pretty(&Evaluation { mean, frames: &frames })?
+        serde_json::to_string_pretty(&EvaluationJson { mean: &mean, frames: &frames })?
     } else {
         table(&frames, &mean, first).trim_fmt()
     })
-}
-
-/// The frames of a capture as they are measured: what is a volume by its zero crossing, all else as it is. They are read
-/// and decoded ahead of their use.
-fn geometries(capture: Capture, range: Range<usize>) -> Result<Prefetch<Result<Geometry>>> {
-    let geometry = |frame: CapturedFrame| match frame.content {
-        // A file of points without points is a frame without surface, whatever the other side holds.
-        Content::Geometry(geometry) if geometry.is_empty() => Ok(Geometry::Mesh(TriangleMesh::default())),
-        Content::Geometry(geometry) => Ok(geometry),
-        Content::Volume(volume) | Content::Decoded(volume) => {
-            let surface = memory::limit().surface(&volume, SurfaceOptions { normals: false });
-            Ok(Geometry::Mesh(surface.context(frame.name)?))
-        }
-        Content::Depth(_) => {
-            bail!("{}: depth images have no surface to measure: isv encode makes one of them", frame.name)
-        }
-    };
-    let geometries = capture.read(range)?.map(move |frame| geometry(frame?));
-    Ok(Prefetch::new(geometries, interrupt::cancellation()))
-}
-
-/// Compares pairs of reference and test; `first` is the number of the first.
-fn measure(
-    args: &Args,
-    pairs: impl Iterator<Item = (Result<Geometry>, Result<Geometry>)>,
-    first: usize,
-) -> Result<Vec<Found>> {
-    let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
-    let progress = Progress::new(None, "measuring");
-    let mut frames = Vec::new();
-    for (reference, test) in pairs {
-        let (reference, test) = (reference?, test?);
-        let number = first + frames.len();
-        frames.push(match compare(shape(&reference), shape(&test), &options) {
-            Err(CompareError::BothEmpty) => None,
-            error => Some(error.with_context(|| {
-                format!("frame {number} of {} against {}", args.test.display(), args.reference.display())
-            })?),
-        });
-        progress.step();
-    }
-    Ok(frames)
-}
-
-fn shape(geometry: &Geometry) -> Shape<'_> {
-    match geometry {
-        Geometry::Mesh(mesh) => mesh.into(),
-        Geometry::Points(points) => points.into(),
-    }
 }
 
 /// What a table shows of the distances to surfaces.
@@ -203,7 +143,7 @@ impl Distances {
 }
 
 /// One row a frame and one for the mean; lengths in millimetres.
-fn table(frames: &[Found], mean: &GeometryError, first: usize) -> Table {
+fn table(frames: &[Option<GeometryError>], mean: &GeometryError, first: usize) -> Table {
     let distances = Distances::found_in(mean);
     let header = [
         "frame",

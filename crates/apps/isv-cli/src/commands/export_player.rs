@@ -1,14 +1,11 @@
 //! `isv export-player`: the player for any web host.
 
-mod folder;
-
 use crate::interrupt;
 use crate::output::say;
-use crate::output_name;
 use crate::serving::{ShowArgs, check_streams};
 use anyhow::{Result, bail};
-use folder::ExportFolder;
-use isv_serve::{Page, StreamFiles};
+use isv::raw::io::check_folder_name;
+use isv_serve::{ExportFolder, Page, StreamFiles};
 use std::path::PathBuf;
 
 /// Write the player as static files, for any web host; its page plays what its address names, as in
@@ -29,7 +26,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    output_name::check_folder(&args.folder, "the files of a page")?;
+    check_folder_name(&args.folder, "the files of a page")?;
     check_streams(&args.files)?;
     interrupt::listen()?;
     let mut folder = ExportFolder::create(&args.folder)?;

@@ -1,19 +1,15 @@
 //! `isv info`: what a stream says about itself.
 
+use crate::cli_enums;
 use crate::failure::one_line;
 use crate::output::{frames_in_words, print, say};
-use crate::stats::megabits_per_second;
 use crate::stream;
-use crate::terms;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
-use isv::raw::format::{
-    FORMAT_VERSION, FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader,
-    PaperParameters, Profile, StreamHeader,
-};
+use isv::raw::format::{FORMAT_VERSION, PaperParameters, Profile, StreamHeader};
 use isv::raw::kernels::quant::STEP_FRACTION_BITS;
-use isv::raw::take::timeline::Timeline;
-use isv::raw::take::{Length, StreamFault};
+use isv::raw::take::stream::{PacketSummary, StreamSummary};
+use isv::raw::take::{Input, Length};
 use isv::raw::volume::CODES_PER_VOXEL;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -131,35 +127,25 @@ impl Description {
 
 impl StreamInfo {
     fn read(path: &Path) -> Result<Self> {
-        let source = stream::open_file(path)?;
-        let file = source.get_ref().metadata()?;
-        let fault = |error: FormatError| StreamFault::from(error).in_stream(&stream::name(path));
-        let mut reader = PacketReader::new(source).map_err(fault)?;
-        let header = *reader.header().expect("a reader that began at the header has it");
-        let packets = read_packets(&mut reader, &header.profile).map_err(fault)?;
-        // A pipe has no length but what was read of it.
-        let bytes = if file.is_file() { file.len() } else { reader.at() };
-        let behind = if reader.complete() { bytes.saturating_sub(reader.at()) } else { 0 };
-        let fps = header.frame_rate.per_second();
-        let mut timeline = Timeline::new(header.frame_rate);
-        packets.iter().for_each(|packet| _ = timeline.place(packet.timestamp_ns));
+        let summary = StreamSummary::read(&Input::from_argument(path))?;
+        let (header, packets) = (&summary.header, &summary.packets);
         let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
         Ok(Self {
             format_version: FORMAT_VERSION,
             profile: header.profile.name(),
             frames: packets.len(),
-            fps,
+            fps: header.frame_rate.per_second(),
             voxel_size_m: header.grid.voxel_size.metres(),
             truncation_voxels: header.grid.truncation.voxels(),
             block_edge: header.grid.edge.voxels(),
-            paper: PaperInfo::of(&header),
-            bytes,
-            duration_s: timeline.end_s(),
-            bitrate_mbps: megabits_per_second(bytes - behind, timeline.end_s()),
-            complete: reader.complete(),
-            bytes_behind: behind,
+            paper: PaperInfo::of(header),
+            bytes: summary.bytes,
+            duration_s: summary.duration_s,
+            bitrate_mbps: summary.mbps(),
+            complete: summary.is_complete,
+            bytes_behind: summary.bytes_behind,
             keyframes: keyframes.collect(),
-            packets,
+            packets: packets.iter().map(PacketInfo::new).collect(),
         })
     }
 
@@ -220,21 +206,6 @@ impl StreamInfo {
     }
 }
 
-/// Describes the packets up to the end, or up to a cut.
-fn read_packets(
-    reader: &mut PacketReader<impl std::io::Read>,
-    profile: &Profile,
-) -> Result<Vec<PacketInfo>, FormatError> {
-    let mut packets = Vec::new();
-    loop {
-        match reader.next_frame() {
-            Ok(Some(packet)) => packets.push(PacketInfo::of(&packet, profile)?),
-            Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(packets),
-            Err(error) => return Err(error),
-        }
-    }
-}
-
 impl PaperInfo {
     fn of(header: &StreamHeader) -> Option<Self> {
         let Profile::Paper(PaperParameters { coefficients, dc_step, ac_step }) = header.profile else {
@@ -246,17 +217,15 @@ impl PaperInfo {
 }
 
 impl PacketInfo {
-    fn of(packet: &Packet, profile: &Profile) -> Result<Self, FormatError> {
-        let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
-        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, profile)?.header;
-        Ok(Self {
-            bytes: packet.total_bytes(),
-            keyframe: packet.is_keyframe(),
-            blocks: frame.blocks,
-            prediction: terms::prediction(frame.prediction),
-            resilient: matches!(frame.coding, FrameCoding::Main(main) if main.resilient),
-            timestamp_ns: packet.header.timestamp_ns,
-        })
+    fn new(packet: &PacketSummary) -> Self {
+        Self {
+            bytes: packet.bytes,
+            keyframe: packet.keyframe,
+            blocks: packet.blocks,
+            prediction: cli_enums::prediction(packet.prediction),
+            resilient: packet.resilient,
+            timestamp_ns: packet.timestamp_ns,
+        }
     }
 
     /// What it is called among others.

@@ -1,36 +1,28 @@
 //! `isv render`: pictures of frames.
 
-mod extent;
-mod footage;
-mod format;
-mod sink;
-mod studio;
+mod frame_source;
 
 use crate::capture;
+use crate::cli_enums::{BackgroundName, PictureFormatName, ShadeName, UpName};
 use crate::count;
 use crate::failure::usage;
 use crate::interrupt;
 use crate::origin;
 use crate::output::{Output, is_pipe, is_same_file, say};
-use crate::output_name;
 use crate::progress::Progress;
-use crate::terms::UpName;
 use anyhow::{Result, bail};
-use clap::ValueEnum;
-use extent::{Extent, View};
-use footage::Footage;
-use format::PictureFormat;
+use frame_source::FrameSource;
 use isv::raw::format::FrameRate;
-use isv::raw::io::Unit;
+use isv::raw::io::{Unit, check_file_name};
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
 use isv::raw::take::capture::{Capture, DEFAULT_FRAME_RATE, Hints};
-use isv_render::{Background, Camera, ErrorScale, PictureRate, SeenErrors, Shading, Style};
-use sink::PictureSink;
+use isv_render::{
+    Camera, ErrorScale, Extent, PictureFile, PictureFormat, PictureRate, RenderSetup, SeenErrors, Style, View,
+};
 use std::num::NonZero;
 use std::ops::Range;
-use std::path::PathBuf;
-use studio::{Studio, in_words};
+use std::path::{Path, PathBuf};
 
 /// Edge in pixels of a picture that stands alone, of one in an animation, and of one in a contact sheet.
 const DEFAULT_SIZES: [usize; 3] = [1024, 512, 384];
@@ -54,7 +46,7 @@ pub(crate) struct Args {
     output: PathBuf,
     /// Kind of file [default: that of the output's name, png for stdout]
     #[arg(help_heading = "Pictures", long, value_enum)]
-    format: Option<PictureFormat>,
+    format: Option<PictureFormatName>,
     /// Draw this frame, counted from 0
     ///
     /// Without it and --frames, an animation has all frames and a still the first.
@@ -149,26 +141,6 @@ pub(crate) struct Args {
     against_up: Option<UpName>,
 }
 
-/// `--shade`
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ShadeName {
-    /// Those of the vertices: the surface as it is meant
-    Smooth,
-    /// Those of the faces: shows the triangles
-    Flat,
-}
-
-/// `--background`
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum BackgroundName {
-    /// Nearly white
-    Light,
-    /// Nearly black
-    Dark,
-    /// Nothing
-    Transparent,
-}
-
 /// An angle on the command line.
 fn degrees(text: &str) -> Result<f64, String> {
     let angle = text.parse::<f64>().ok().filter(|angle| angle.is_finite());
@@ -177,7 +149,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let format = PictureFormat::settle(args.format, &args.output)?;
+    let format = picture_format(args.format.map(Into::into), &args.output)?;
     if args.columns.is_some() && format.is_moving() {
         return Err(usage(format!("--columns is for contact sheets, which {format} files are not")));
     }
@@ -186,28 +158,30 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if inputs.into_iter().flatten().any(is_output) {
         return Err(usage(format!("{}: the pictures would replace what they are of", args.output.display())));
     }
-    if format::of_name(&args.output).is_none() {
-        output_name::check_file(&args.output, &format!("a name such as x.{format}"))?;
+    if PictureFormat::of_path(&args.output).is_none() {
+        check_file_name(&args.output, &format!("a name such as x.{format}"))?;
     }
-    let footage = Footage::open(args, format.is_moving() && args.turntable.is_none())?;
+    let source = FrameSource::open(args, format.is_moving() && args.turntable.is_none())?;
     // From here on somebody looks whether Ctrl-C came.
     interrupt::listen()?;
-    let shots = args.shots(footage.len());
+    let shots = args.shots(source.len());
     let size = args.picture_size(format, &shots)?;
-    let rate = args.picture_rate(format, footage.frame_rate())?;
-    let first = footage.first();
+    let rate = args.picture_rate(format, source.frame_rate())?;
+    let first = source.first();
     let mut output = Output::create(&args.output)?;
-    let (extent, scenes) = footage.read(args)?;
+    let (extent, scenes) = source.read(args)?;
     let view = args.view(&extent);
-    let studio = args.studio(extent.bounds, view, size);
-    let mut sink = PictureSink::new(format, &mut output, studio.size(), shots.pictures, rate)?;
+    let setup = args.setup(extent.bounds, view, size);
+    let mut file = PictureFile::new(format, &mut output, setup.size(), shots.pictures, rate)?;
     let progress = Progress::new(Some(shots.pictures), "drawing");
     let mut seen = Vec::new();
     for (frame, scene) in scenes.enumerate() {
         let scene = scene?;
         for shot in shots.of_frame(frame).take_while(|_| !interrupt::requested()) {
-            let (picture, errors) = studio.draw(&scene, first + frame, view.yaw_degrees + shots.turn(shot));
-            sink.push(if format.is_moving() { studio.with_legend(picture) } else { picture })?;
+            let distance = scene.reference.as_ref().map(|reference| |point| reference.distance(point));
+            let yaw = view.yaw_degrees + shots.turn(shot);
+            let (picture, errors) = setup.draw(&scene.mesh, distance, first + frame, yaw);
+            file.push(if format.is_moving() { setup.with_legend(picture) } else { picture })?;
             seen.extend(errors);
             progress.step();
         }
@@ -215,11 +189,27 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     if interrupt::requested() {
         bail!("interrupted: {} was not written", args.output.display());
     }
-    sink.finish(|pictures| studio.still(pictures, args.columns.map(NonZero::get)))?;
+    file.finish(|pictures| setup.still(pictures, args.columns.map(NonZero::get)))?;
     output.commit()?;
     drop(progress);
     report_errors(&seen);
     Ok(())
+}
+
+/// The format asked for, or that of the output's name. A .png file may also be an animated PNG, if asked for.
+fn picture_format(asked: Option<PictureFormat>, output: &Path) -> Result<PictureFormat> {
+    let name = output.display();
+    match (asked, PictureFormat::of_path(output)) {
+        (Some(PictureFormat::Apng), Some(PictureFormat::Png)) => Ok(PictureFormat::Apng),
+        (Some(asked), Some(named)) if asked != named => {
+            Err(usage(format!("--format {asked} does not fit the output's name, {name}")))
+        }
+        (Some(format), _) | (None, Some(format)) => Ok(format),
+        (None, None) if is_pipe(output) => Ok(PictureFormat::Png),
+        (None, None) => Err(usage(format!(
+            "{name}: pictures are .png, .gif or .apng files: use such a name, or --format"
+        ))),
+    }
 }
 
 /// Which pictures there are: of which frame each is, and from where it is taken.
@@ -298,10 +288,10 @@ impl Args {
         Ok(rate)
     }
 
-    fn studio(&self, bounds: (glam::DVec3, glam::DVec3), view: View, size: usize) -> Studio {
+    fn setup(&self, bounds: (glam::DVec3, glam::DVec3), view: View, size: usize) -> RenderSetup {
         let View { yaw_degrees, pitch_degrees } = view;
         let camera = Camera::fitting(bounds, [size, size]).from_direction(yaw_degrees, pitch_degrees);
-        Studio {
+        RenderSetup {
             camera: Camera { orbits: self.turntable.is_some(), ..camera },
             style: Style { background: self.background.into(), shading: self.shade.into() },
             scale: self.against.as_ref().and_then(|_| ErrorScale::new(self.range.metres())),
@@ -314,24 +304,5 @@ impl Args {
 fn report_errors(seen: &[SeenErrors]) {
     let Some(max_m) = seen.iter().map(|errors| errors.max_m).reduce(f64::max) else { return };
     let mean_m = seen.iter().map(|errors| errors.mean_m).sum::<f64>() / seen.len() as f64;
-    say(format_args!("errors of the surface that is seen: {}", in_words(SeenErrors { mean_m, max_m })));
-}
-
-impl From<ShadeName> for Shading {
-    fn from(name: ShadeName) -> Self {
-        match name {
-            ShadeName::Smooth => Self::Smooth,
-            ShadeName::Flat => Self::Flat,
-        }
-    }
-}
-
-impl From<BackgroundName> for Background {
-    fn from(name: BackgroundName) -> Self {
-        match name {
-            BackgroundName::Light => Self::Light,
-            BackgroundName::Dark => Self::Dark,
-            BackgroundName::Transparent => Self::Transparent,
-        }
-    }
+    say(format_args!("errors of the surface that is seen: {}", SeenErrors { mean_m, max_m }));
 }

@@ -6,7 +6,7 @@ use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_si
 use crate::encode::{CaptureError, FrameError};
 use crate::stream::{self, StreamFrames, load_index};
 use crate::timeline::Timeline;
-use crate::{DeviceError, FrameRange, Input, Length, StreamFault};
+use crate::{FrameRange, Input, Length, StreamFault};
 use isv_format::{FrameRate, Profile, StreamHeader};
 use isv_ingest::coded_field;
 use isv_io::{
@@ -324,7 +324,7 @@ fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result
         let frame = frame?;
         let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));
         let timestamp_ns = Some((start_s * 1e9).round() as u64);
-        let volume = frame.volume.into_sparse().map_err(DeviceError::from);
+        let volume = frame.volume.into_sparse();
         let volume = volume.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         // Distances that were coded away from the surface too: `--band full` in profile `main`.
         let field = frame.coded_blocks.as_ref().and_then(|coded| coded_field(&volume, coded));

@@ -1,16 +1,22 @@
-//! A GPU, if one is opened.
+//! The workers of a GPU.
 
-use super::{Device, DeviceError};
-use crate::{Event, Observer, StreamFault};
-use isv_decode::{Decoder, Limits, Lod};
-use isv_encode::EncoderSettings;
-use isv_format::StreamHeader;
-use isv_fusion::FusionSettings;
-use isv_gpu::{Gpu, GpuChoice, GpuError, VolumeStore};
-use isv_ingest::MeshIngest;
-
-pub(crate) use isv_gpu::{AnyAccumulator, AnyCoder, AnyFusion, AnyMeshIngester, GpuIngestError};
-pub use isv_gpu::{AnyDecoder, AnyFrame, AnyVolume};
+use super::workers::{
+    CodeWorker, DecodeWorker, DecodedVolume, DeviceVolume, FuseWorker, GpuWorkers, IngestFault,
+    IntegrateWorker, MeshWorker,
+};
+use super::{Decoded, DeviceError};
+use isv_decode::{BackendError, DecodeError, Decoder, Limits};
+use isv_encode::{EncoderSettings, FrameCoder, UnwrittenFrame};
+use isv_format::{Packet, StreamHeader};
+use isv_fusion::{Accumulator, FusionError, FusionSettings, fuse_on};
+use isv_gpu::{
+    Gpu, GpuBackend, GpuChoice, GpuError, GpuFusion, GpuIngestError, GpuMeshIngester, GpuMotionSearch,
+    GpuSurfaceExtractor, GpuVolume, VolumeStore, frame_coder,
+};
+use isv_ingest::{MeshIngest, SignDecision};
+use isv_surface::SurfaceOptions;
+use isv_volume::{DepthImage, SparseVolume, TriangleMesh};
+use std::sync::Arc;
 
 impl From<GpuError> for DeviceError {
     fn from(error: GpuError) -> Self {
@@ -18,114 +24,125 @@ impl From<GpuError> for DeviceError {
     }
 }
 
-/// A device ready to work: all parts of a job share one GPU.
-#[derive(Clone, Debug)]
-pub struct OpenDevice {
-    /// Memory of the GPU, if there is one.
-    store: Option<VolumeStore>,
-    falls_back: bool,
+/// A GPU, and the memory that its workers share.
+#[derive(Debug)]
+pub(super) struct OpenGpu(VolumeStore);
+
+impl OpenGpu {
+    /// Opens the GPU with this part of a name, or any. `software`: whether one that computes on the processor will do.
+    pub(super) fn open(name: Option<&str>, software: bool) -> Result<Self, GpuError> {
+        let name = name.map(str::to_owned);
+        let gpu = Gpu::open(&GpuChoice { name, software, ..GpuChoice::default() })?;
+        Ok(Self(VolumeStore::new(&gpu)?))
+    }
 }
 
-impl OpenDevice {
-    /// The CPU.
-    pub const CPU: Self = Self { store: None, falls_back: false };
-
-    /// Opens a device. `name`: a part of the name of the GPU to use, where there are several. The observer is told why the CPU is used
-    /// where a GPU was to be.
-    ///
-    /// # Errors
-    /// [`DeviceError`] for [`Device::Gpu`] where no GPU can do the work.
-    pub fn open(device: Device, name: Option<&str>, observer: &dyn Observer) -> Result<Self, DeviceError> {
-        let open = |software: bool| {
-            let name = name.map(str::to_owned);
-            let gpu = Gpu::open(&GpuChoice { name, software, ..GpuChoice::default() })?;
-            VolumeStore::new(&gpu)
-        };
-        let store = match device {
-            Device::Cpu => None,
-            Device::Gpu => Some(open(true)?),
-            // A GPU in software would be slower than the CPU.
-            Device::Auto => open(false).map_err(|why| observer.event(&Event::FellBack(why.into()))).ok(),
-        };
-        Ok(Self { store, falls_back: device == Device::Auto })
+impl GpuWorkers for OpenGpu {
+    fn decoder(&self, header: &StreamHeader, limits: Limits) -> Result<Box<dyn DecodeWorker>, DeviceError> {
+        let decoder = Decoder::with_backend(header, limits, GpuBackend::new(&self.0)?);
+        Ok(Box::new(GpuDecoder { decoder, extractor: None }))
     }
 
-    /// Makes a decoder. `observer` is told why the CPU is used where a GPU was to be.
-    ///
-    /// # Errors
-    /// [`StreamFault`] for a level of detail that the stream does not have, and for a GPU that fails.
-    pub fn decoder(
-        &self,
-        header: &StreamHeader,
-        limits: Limits,
-        lod: Lod,
-        observer: &dyn Observer,
-    ) -> Result<AnyDecoder, StreamFault> {
-        if lod == Lod::Full
-            && let Some(decoder) = self
-                .on_gpu(|store, falls_back| AnyDecoder::on_gpu(header, limits, store, falls_back), observer)?
-        {
-            return Ok(decoder);
-        }
-        Ok(AnyDecoder::on_cpu(header, limits, Decoder::with_lod(header, limits, lod)?))
-    }
-
-    pub(crate) fn coder(
+    fn coder(
         &self,
         header: &StreamHeader,
         settings: EncoderSettings,
-        observer: &dyn Observer,
-    ) -> Result<AnyCoder, DeviceError> {
-        let on_gpu =
-            self.on_gpu(|store, falls_back| AnyCoder::on_gpu(header, settings, store, falls_back), observer)?;
-        Ok(on_gpu.unwrap_or_else(|| AnyCoder::on_cpu(header, settings)))
+    ) -> Result<Box<dyn CodeWorker>, DeviceError> {
+        Ok(Box::new(frame_coder(header, settings, &self.0)?))
     }
 
-    pub(crate) fn mesh_ingester(
-        &self,
-        settings: MeshIngest,
-        observer: &dyn Observer,
-    ) -> Result<AnyMeshIngester, DeviceError> {
-        let on_gpu =
-            self.on_gpu(|store, falls_back| AnyMeshIngester::on_gpu(settings, store, falls_back), observer)?;
-        Ok(on_gpu.unwrap_or_else(|| AnyMeshIngester::on_cpu(settings)))
+    fn mesh_ingest(&self, settings: MeshIngest) -> Result<Box<dyn MeshWorker>, DeviceError> {
+        Ok(Box::new(GpuMeshIngester::new(&self.0, settings)?))
     }
 
-    pub(crate) fn fusion(&self, observer: &dyn Observer) -> Result<AnyFusion, DeviceError> {
-        let on_gpu = self.on_gpu(|store, falls_back| AnyFusion::on_gpu(store.gpu(), falls_back), observer)?;
-        Ok(on_gpu.unwrap_or_else(AnyFusion::on_cpu))
+    fn fuser(&self) -> Result<Box<dyn FuseWorker>, DeviceError> {
+        Ok(Box::new(GpuFusion::new(self.0.gpu())?))
     }
 
-    /// Makes what fuses images with all that came before. If the device is left to us this is done on the CPU, which cannot go on from
-    /// the sums of a GPU that fails.
-    pub(crate) fn accumulator(
-        &self,
-        settings: FusionSettings,
-        observer: &dyn Observer,
-    ) -> Result<AnyAccumulator, DeviceError> {
-        match &self.store {
-            Some(store) if !self.falls_back => Ok(AnyAccumulator::on_gpu(store.gpu(), settings)?),
-            Some(_) => {
-                observer.event(&Event::OnCpu("depth images are accumulated"));
-                Ok(AnyAccumulator::on_cpu(settings))
-            }
-            None => Ok(AnyAccumulator::on_cpu(settings)),
-        }
+    fn integrator(&self, settings: FusionSettings) -> Result<Box<dyn IntegrateWorker>, DeviceError> {
+        Ok(Box::new(Accumulator::on(GpuFusion::new(self.0.gpu())?, settings)))
+    }
+}
+
+impl DeviceVolume for GpuVolume {
+    fn download(&self) -> Result<SparseVolume, DeviceError> {
+        Ok(self.download()?)
+    }
+}
+
+/// A decoder, and what makes its surfaces before they leave the GPU.
+struct GpuDecoder {
+    decoder: Decoder<GpuBackend>,
+    extractor: Option<GpuSurfaceExtractor>,
+}
+
+impl DecodeWorker for GpuDecoder {
+    fn decode(&mut self, packet: &Packet, verify: bool) -> Result<Decoded, DecodeError> {
+        let decoder = &mut self.decoder;
+        let frame = if verify { decoder.decode_and_verify(packet) } else { decoder.decode(packet) }?;
+        let extract = |extractor: &mut GpuSurfaceExtractor| extractor.extract(frame.volume)?.download();
+        let surface = self.extractor.as_mut().map(extract).transpose().map_err(BackendError::from)?;
+        let volume = DecodedVolume::Device(Arc::new(frame.volume.clone()));
+        let (stated_hash, inexact_blocks) = (frame.stated_hash, frame.inexact_blocks);
+        let coded_blocks = self.decoder.coded_blocks().cloned();
+        Ok(Decoded { volume, coded_blocks, surface, stated_hash, inexact_blocks })
     }
 
-    /// What a GPU gives, told whether it may fall back to the CPU; nothing where the CPU is to be used.
-    fn on_gpu<T>(
-        &self,
-        make: impl FnOnce(&VolumeStore, bool) -> Result<T, GpuError>,
-        observer: &dyn Observer,
-    ) -> Result<Option<T>, DeviceError> {
-        let Some(store) = &self.store else { return Ok(None) };
-        match make(store, self.falls_back) {
-            Err(why) if self.falls_back => {
-                observer.event(&Event::FellBack(why.into()));
-                Ok(None)
-            }
-            made => Ok(Some(made?)),
+    fn recover(&mut self, wanted: bool) {
+        self.decoder.recover(wanted);
+    }
+
+    fn lose_packet(&mut self) {
+        self.decoder.lose_packet();
+    }
+
+    fn extract_surfaces(&mut self, options: SurfaceOptions) -> Result<(), DeviceError> {
+        self.extractor = Some(GpuSurfaceExtractor::new(self.decoder.backend().store(), options)?);
+        Ok(())
+    }
+}
+
+impl CodeWorker for FrameCoder<GpuBackend, GpuMotionSearch> {
+    fn code(&mut self, volume: &SparseVolume) -> Result<UnwrittenFrame, DeviceError> {
+        self.code(volume).map_err(DeviceError::new)
+    }
+
+    fn reconstruction(&self) -> Result<Option<SparseVolume>, DeviceError> {
+        match self {
+            Self::Paper(coder) => Ok(coder.reconstruction().map(GpuVolume::download).transpose()?),
+            Self::Main(encoder) => Ok(encoder.reconstruction().cloned()),
         }
     }
 }
+
+impl MeshWorker for GpuMeshIngester {
+    fn ingest(&mut self, mesh: &TriangleMesh, sign: SignDecision) -> Result<SparseVolume, IngestFault> {
+        self.ingest(mesh, sign).map_err(|error| match error {
+            GpuIngestError::Ingest(error) => error.into(),
+            other => IngestFault::Device(DeviceError::new(other)),
+        })
+    }
+}
+
+impl FuseWorker for GpuFusion {
+    fn fuse(
+        &mut self,
+        images: &[DepthImage],
+        settings: &FusionSettings,
+    ) -> Result<SparseVolume, FusionError> {
+        fuse_on(self, images, settings)
+    }
+}
+
+impl IntegrateWorker for Accumulator<GpuFusion> {
+    fn integrate(&mut self, images: &[DepthImage]) -> Result<(), FusionError> {
+        self.integrate(images)
+    }
+
+    fn volume(&mut self) -> Result<SparseVolume, FusionError> {
+        self.try_volume()
+    }
+}
+
+#[cfg(test)]
+mod tests;

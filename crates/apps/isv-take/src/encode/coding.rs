@@ -2,11 +2,9 @@
 
 use super::EncodeError;
 use super::volumes::IngestedFrame;
-use crate::device::AnyCoder;
+use crate::device::Coder;
 use crate::stream::timed;
-use crate::{DeviceError, Event, Observer};
 use isv_encode::{UnwrittenFrame, surface_rms_voxels};
-use std::sync::Arc;
 use std::time::SystemTime;
 
 /// A frame ready to be written.
@@ -29,10 +27,9 @@ pub(super) struct CodedFrame {
 
 /// Codes volumes.
 pub(super) struct Coding {
-    pub(super) coder: AnyCoder,
+    pub(super) coder: Coder,
     /// Whether statistics are wanted of what coding has done to the surface.
     pub(super) measures_change: bool,
-    pub(super) observer: Arc<dyn Observer>,
 }
 
 impl Coding {
@@ -48,13 +45,9 @@ impl Coding {
         let IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms } = frame;
         let (coded, coding_ms) = timed(|| self.coder.code(&volume));
         let frame = coded?;
-        if let Some(why) = self.coder.take_notice() {
-            self.observer.event(&Event::FellBack(DeviceError::new(why)));
-        }
         let surface_rms_voxels = match self.measures_change {
             true => {
-                let decoded =
-                    self.coder.reconstruction().map_err(DeviceError::from)?.expect("a frame was just coded");
+                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
                 Some(surface_rms_voxels(&volume, &decoded))
             }
             false => None,

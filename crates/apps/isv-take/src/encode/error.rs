@@ -66,6 +66,18 @@ pub enum CaptureError {
         /// What is wrong.
         cause: FrameRangeError,
     },
+    /// Two captures of different numbers of frames, which cannot be compared.
+    #[error("{name} has {frames} frames but {reference} has {in_reference}")]
+    Unequal {
+        /// Name of the one.
+        name: String,
+        /// Its frames.
+        frames: usize,
+        /// Name of the other, which is the reference.
+        reference: String,
+        /// Its frames.
+        in_reference: usize,
+    },
     /// A pipe where the number of frames must be known, or the input is read more than once.
     #[error("{name}: a pipe cannot be used here: name a file or folder")]
     Uncounted {

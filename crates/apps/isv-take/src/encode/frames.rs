@@ -125,8 +125,7 @@ impl<W: Write> FrameEncoder<W> {
             let settings = options.encoder_settings(&header);
             let coding = Coding {
                 measures_change: options.measures_change,
-                coder: self.device.coder(&header, settings, &**observer)?,
-                observer: Arc::clone(observer),
+                coder: self.device.coder(&header, settings, observer)?,
             };
             let maker = options.volume_maker(header.grid, self.device.clone(), observer);
             let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {

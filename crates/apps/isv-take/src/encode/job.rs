@@ -144,8 +144,7 @@ impl Job {
         let maker = options.volume_maker(header.grid, device.clone(), observer);
         let coding = Coding {
             measures_change: options.measures_change,
-            coder: device.coder(&header, settings, &**observer)?,
-            observer: Arc::clone(observer),
+            coder: device.coder(&header, settings, observer)?,
         };
         let (input, observer) = (input.clone(), Arc::clone(observer));
         Ok(Self {

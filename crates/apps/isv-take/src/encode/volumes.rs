@@ -3,15 +3,15 @@
 use super::options::{FusionMode, Normals};
 use super::{EncodeError, EncodeEvent, FrameError};
 use crate::capture::{CapturedFrame, Content};
-use crate::device::{AnyAccumulator, AnyFusion, AnyMeshIngester, GpuIngestError};
+use crate::device::{self, IngestFault, Integrator};
 use crate::stream::timed;
-use crate::{DeviceError, Event, Length, MemoryError, MemoryLimit, Observer, OpenDevice};
+use crate::{DeviceError, DistancesError, Event, Length, MemoryLimit, Observer, OpenDevice, with_distances};
 use glam::DVec3;
 use isv_encode::Band;
 use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
     FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share, redistance,
+    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
@@ -19,7 +19,6 @@ use isv_volume::{DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
-use thiserror::Error;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
@@ -42,7 +41,7 @@ pub(super) struct VolumeMaker {
     pub(super) device: OpenDevice,
     pub(super) mesh: MeshIngest,
     /// Opened for the first mesh.
-    pub(super) mesh_ingester: Option<AnyMeshIngester>,
+    pub(super) mesh_ingester: Option<device::MeshIngest>,
     pub(super) mesh_sign: Option<SignDecision>,
     pub(super) face_turner: FaceTurner,
     /// Whether it was said that faces disagree.
@@ -83,9 +82,9 @@ pub(super) struct DepthFusion {
 /// Fusion of depth images, frame by frame or over all frames.
 pub(super) enum Fuser {
     /// Each frame's make that frame's volume.
-    PerFrame(AnyFusion),
+    PerFrame(device::Fuser),
     /// Each frame's extend the volume of all frames before.
-    Accumulate(AnyAccumulator),
+    Accumulate(Integrator),
 }
 
 impl VolumeMaker {
@@ -100,7 +99,7 @@ impl VolumeMaker {
             Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
-            Content::Depth(images) => self.depth.volume(&name, &images, &self.device, &*self.observer),
+            Content::Depth(images) => self.depth.volume(&name, &images, &self.device, &self.observer),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
             Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
@@ -153,18 +152,14 @@ impl VolumeMaker {
         let ingester = match self.mesh_ingester.take() {
             Some(ingester) => ingester,
             None => {
-                let opened = self.device.mesh_ingester(self.mesh, &*self.observer);
+                let opened = self.device.mesh_ingest(self.mesh, &self.observer);
                 opened.map_err(|cause| FrameError::Device { name: name.to_owned(), cause })?
             }
         };
         let ingester = self.mesh_ingester.insert(ingester);
-        let volume = ingester.ingest(mesh, sign);
-        if let Some(why) = ingester.take_notice() {
-            self.observer.event(&Event::FellBack(why.into()));
-        }
-        let volume = volume.map_err(|error| match error {
-            GpuIngestError::Ingest(cause) => self.ingest_error(name, cause, mesh.bounds()),
-            other => FrameError::Device { name: name.to_owned(), cause: DeviceError::new(other) },
+        let volume = ingester.ingest(mesh, sign).map_err(|error| match error {
+            IngestFault::Ingest(cause) => self.ingest_error(name, cause, mesh.bounds()),
+            IngestFault::Device(cause) => FrameError::Device { name: name.to_owned(), cause },
         })?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
@@ -282,7 +277,7 @@ impl DepthFusion {
         name: &str,
         images: &[DepthImage],
         device: &OpenDevice,
-        observer: &dyn Observer,
+        observer: &Arc<dyn Observer>,
     ) -> Result<SparseVolume, FrameError> {
         let fusion_error = |cause: FusionError| FrameError::Fusion { name: name.to_owned(), cause };
         let fuser = match self.fuser.take() {
@@ -293,46 +288,18 @@ impl DepthFusion {
             }
         };
         match self.fuser.insert(fuser) {
-            Fuser::PerFrame(fusion) => {
-                let volume = fusion.fuse(images, &self.settings).map_err(fusion_error);
-                if let Some(why) = fusion.take_notice() {
-                    observer.event(&Event::FellBack(DeviceError::new(why)));
-                }
-                volume
-            }
-            Fuser::Accumulate(accumulator) => {
-                accumulator.integrate(images).map_err(fusion_error)?;
-                accumulator.volume().map_err(fusion_error)
+            Fuser::PerFrame(fuser) => fuser.fuse(images, &self.settings).map_err(fusion_error),
+            Fuser::Accumulate(integrator) => {
+                integrator.integrate(images).map_err(fusion_error)?;
+                integrator.volume().map_err(fusion_error)
             }
         }
     }
 
-    fn open(&self, device: &OpenDevice, observer: &dyn Observer) -> Result<Fuser, DeviceError> {
+    fn open(&self, device: &OpenDevice, observer: &Arc<dyn Observer>) -> Result<Fuser, DeviceError> {
         Ok(match self.mode {
-            FusionMode::PerFrame => Fuser::PerFrame(device.fusion(observer)?),
-            FusionMode::Accumulate => Fuser::Accumulate(device.accumulator(self.settings, observer)?),
+            FusionMode::PerFrame => Fuser::PerFrame(device.fuser(observer)?),
+            FusionMode::Accumulate => Fuser::Accumulate(device.integrator(self.settings, observer)?),
         })
     }
-}
-
-/// A decoded frame that cannot be given distances.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DistancesError {
-    /// The surface takes too much memory.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
-    /// The surface cannot become a volume.
-    #[error(transparent)]
-    Ingest(#[from] IngestError),
-}
-
-/// A frame that was decoded in profile `main` with distances wherever it has samples, and not at the surface alone.
-///
-/// # Errors
-/// See [`DistancesError`].
-pub fn with_distances(volume: &SparseVolume, memory: MemoryLimit) -> Result<SparseVolume, DistancesError> {
-    let surface = memory.surface(volume, SurfaceOptions::default())?;
-    let max_blocks = memory.decoder_limits().frame_voxels / volume.grid().edge.block_voxels();
-    Ok(redistance(volume, &surface, max_blocks)?)
 }

@@ -1,11 +1,11 @@
 //! What can be seen of a stream with losses: frames in time, and where one is lost, the last one.
 
-use super::{ByteSource, DecodeSettings, StreamError, StreamFault, StreamFrame, is_doubled, source, timed};
-use crate::device::{AnyDecoder, AnyFrame};
+use super::{ByteSource, DecodeSettings, StreamError, StreamFault, StreamFrame, source, timed};
+use crate::device::{Decoded, StreamDecoder};
 use crate::timeline::{is_on_time, seconds_between};
-use crate::{DeviceError, Event, FrameRange, Health, Input, Observer};
+use crate::{Event, FrameRange, Health, Input, Observer};
 use isv_decode::DecodeError;
-use isv_format::{Packet, PacketHeader, RefusalClass, SalvageReader, Salvaged, StreamHeader};
+use isv_format::{Link, Packet, PacketChain, RefusalClass, SalvageReader, Salvaged, StreamHeader};
 use isv_surface::SurfaceOptions;
 use std::sync::Arc;
 
@@ -18,14 +18,14 @@ pub struct ConcealingFrames {
     name: String,
     header: StreamHeader,
     packets: SalvageReader<ByteSource>,
-    decoder: AnyDecoder,
+    decoder: StreamDecoder,
     observer: Arc<dyn Observer>,
     range: Option<FrameRange>,
     health: Health,
-    /// Of the last packet that was in its place.
-    last_header: Option<PacketHeader>,
+    /// Packets that were in their places.
+    chain: PacketChain,
     /// The last frame that could be decoded.
-    last: Option<AnyFrame>,
+    last: Option<Decoded>,
     /// When the last frame that was given is shown.
     shown_ns: u64,
     /// Number of the next frame to give.
@@ -39,7 +39,7 @@ struct AtHand {
     /// Of the packet, if there is one.
     timestamp_ns: Option<u64>,
     /// What was decoded of it, if anything, in how many milliseconds.
-    decoded: Option<(AnyFrame, f64)>,
+    decoded: Option<(Decoded, f64)>,
 }
 
 impl ConcealingFrames {
@@ -66,7 +66,7 @@ impl ConcealingFrames {
         let packets = packets.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         let packets = packets.with_largest_payload(memory.largest_payload());
         let header = *packets.header();
-        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, &**observer);
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, observer);
         let mut decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         decoder.recover(true);
         Ok(Self {
@@ -77,7 +77,7 @@ impl ConcealingFrames {
             observer: Arc::clone(observer),
             range: *range,
             health: Health::Exact,
-            last_header: None,
+            chain: PacketChain::default(),
             last: None,
             shown_ns: 0,
             next: 0,
@@ -96,8 +96,10 @@ impl ConcealingFrames {
     /// # Errors
     /// [`StreamError`] if the GPU fails.
     pub fn with_surfaces(mut self, options: SurfaceOptions) -> Result<Self, StreamError> {
-        let decoder = self.decoder.with_surfaces(options).map_err(DeviceError::from);
-        self.decoder = decoder.map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
+        self.decoder = self
+            .decoder
+            .with_surfaces(options)
+            .map_err(|error| StreamFault::from(error).in_stream(&self.name))?;
         Ok(self)
     }
 
@@ -132,7 +134,7 @@ impl ConcealingFrames {
             };
             let number = self.next;
             self.next += 1;
-            if let Some((AnyFrame { volume, coded_blocks, surface, .. }, decode_ms)) = frame
+            if let Some((Decoded { volume, coded_blocks, surface, .. }, decode_ms)) = frame
                 && self.range.is_none_or(|range| number >= range.start)
             {
                 let timestamp_ns = self.shown_ns;
@@ -178,11 +180,8 @@ impl ConcealingFrames {
             self.is_now(Health::Held, self.next, "no packet is there for it");
         }
         let number = self.next + missing;
-        self.last_header = Some(packet.header);
+        self.chain.push(packet);
         let (decoded, decode_ms) = timed(|| self.decoder.decode(packet));
-        if let Some(why) = self.decoder.take_notice() {
-            self.observer.event(&Event::FellBack(DeviceError::new(why)));
-        }
         let decoded = match decoded {
             Ok(frame) => {
                 let health = if frame.inexact_blocks == 0 { Health::Exact } else { Health::Inexact };
@@ -210,21 +209,21 @@ impl ConcealingFrames {
     /// rate. Those of a clock do not come so evenly: then it is the counts within a GOP, and what is missing before a keyframe is not known.
     fn missing_before(&self, packet: &Packet) -> Option<usize> {
         let (rate, now_ns) = (self.header.frame_rate, packet.header.timestamp_ns);
-        let Some(last) = self.last_header else {
+        let link = self.chain.link(packet);
+        let Some(last) = self.chain.last() else {
             // Streams begin at time 0.
             return Some(if is_on_time(rate, now_ns) { self.frames_between(0, now_ns) } else { 0 });
         };
         let last_ns = last.timestamp_ns;
         let on_time = is_on_time(rate, last_ns) && is_on_time(rate, now_ns);
-        let ahead = packet.header.since_keyframe.wrapping_sub(last.since_keyframe);
         // At time 0 another take begins.
         let is_late = now_ns > 0 && seconds_between(rate, now_ns, last_ns).is_some_and(|late| late > 0.0);
-        if is_doubled(packet, &last) || is_late && (on_time || !packet.is_keyframe() && ahead != 1) {
+        if link == Link::Doubled || is_late && (on_time || !link.is_in_order()) {
             return None;
         }
-        let missing = match usize::from(ahead) {
+        let missing = match link {
             _ if on_time && now_ns > last_ns => self.frames_between(last_ns, now_ns).saturating_sub(1),
-            ahead @ 1..=MOST_HELD if !packet.is_keyframe() => ahead - 1,
+            Link::Gap { missing } if usize::from(missing) < MOST_HELD => usize::from(missing),
             _ => 0,
         };
         Some(missing)

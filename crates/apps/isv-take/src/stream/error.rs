@@ -54,6 +54,103 @@ pub enum StreamFault {
         /// Number of the frame.
         frame: usize,
     },
+    /// A frame that is to be the first of a stream, and is no keyframe.
+    #[error("frame {frame} is no keyframe: {}", keyframes_around(*.before, *.after))]
+    NotAKeyframe {
+        /// Number of the frame.
+        frame: usize,
+        /// The last keyframe before it.
+        before: Option<usize>,
+        /// The first keyframe behind it.
+        after: Option<usize>,
+    },
+    /// A frame that the index calls a keyframe, and that is none.
+    #[error("its index calls frame {frame} a keyframe, but it is none")]
+    FalseKeyframe {
+        /// Number of the frame.
+        frame: usize,
+    },
+    /// A stream whose first frame is no keyframe.
+    #[error("does not begin with a keyframe")]
+    NoFirstKeyframe,
+    /// A stream that has fewer frames than its index says.
+    #[error("ends before frame {frame}")]
+    EndsBefore {
+        /// Number of the first frame that is missing.
+        frame: usize,
+    },
+    /// A stream that cannot be joined to another one.
+    #[error("has another {what} than {from}")]
+    Differs {
+        /// What is different.
+        what: &'static str,
+        /// Name of the other stream.
+        from: String,
+    },
+    /// A stream that was written to while it was read.
+    #[error("has changed while streams were joined")]
+    Changed,
+    /// A stream header that is damaged.
+    #[error(transparent)]
+    Header(FormatError),
+    /// A stream whose own header is sound, and another than the one given for it.
+    #[error("its own header is sound, and not the one given for it")]
+    OtherHeader,
+    /// A stream without any frame that can be decoded.
+    #[error("no frame in it can be decoded{}", damage_in_words(.damage))]
+    NothingDecodes {
+        /// Places that are damaged: the first byte and the number of bytes of each.
+        damage: Vec<(u64, u64)>,
+    },
+    /// A stream that ends without its index.
+    #[error("ends without an index, so frames may be missing")]
+    NoIndex,
+    /// An index that is wrong.
+    #[error("its index does not say where its frames are")]
+    FalseIndex,
+    /// Bytes behind the end of a stream.
+    #[error("bytes follow the end of the stream, from byte {at} on")]
+    BytesBehindEnd {
+        /// Place of the first one.
+        at: u64,
+    },
+}
+
+/// A stream that cannot be copied.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum EditError {
+    /// The stream that is read.
+    #[error(transparent)]
+    Stream(#[from] StreamError),
+    /// The stream that is written.
+    #[error(transparent)]
+    Write(#[from] FormatError),
+    /// The file that is written.
+    #[error(transparent)]
+    Create(#[from] io::Error),
+}
+
+/// Where to cut in place of a frame that is no keyframe.
+fn keyframes_around(before: Option<usize>, after: Option<usize>) -> String {
+    match (before, after) {
+        (Some(before), Some(after)) => format!("cut from {before} or {after} on"),
+        (Some(keyframe), None) | (None, Some(keyframe)) => format!("cut from {keyframe} on"),
+        (None, None) => "there is none".to_owned(),
+    }
+}
+
+/// Damage as the end of a sentence; nothing without any.
+#[must_use]
+pub fn damage_in_words(damage: &[(u64, u64)]) -> String {
+    let bytes: u64 = damage.iter().map(|(_, bytes)| bytes).sum();
+    match damage {
+        [] => String::new(),
+        [(at, _)] => format!(", {bytes} bytes are damaged from byte {at} on"),
+        [(at, _), ..] => {
+            format!(", {bytes} bytes are damaged in {} places from byte {at} on", damage.len())
+        }
+    }
 }
 
 impl StreamFault {

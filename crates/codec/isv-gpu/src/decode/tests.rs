@@ -1,7 +1,7 @@
 //! The GPU against the CPU, call by call, on streams that exercise every mode.
 
-use crate::tests::{gpu_alone, gpu_for_tests, grid};
-use crate::{AnyDecoder, AnyVolume, GpuBackend, GpuMainFrame, GpuPaperFrame, GpuVolume, VolumeStore};
+use crate::tests::{gpu_for_tests, grid};
+use crate::{GpuBackend, GpuMainFrame, GpuPaperFrame, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, Cpu, CpuMainFrame, CpuPaperFrame, MainFrame};
 use isv_decode::main_profile::MainBlocks;
 use isv_decode::main_profile::activity::Activity;
@@ -169,47 +169,6 @@ fn all_streams_decode_to_the_same_bits() {
         decoded += frames;
     }
     assert!(decoded > 50, "{decoded} frames");
-}
-
-/// Decodes a stream whose GPU is lost before frame 2.
-fn decode_with_a_loss(name: &str, falls_back: bool) -> Option<Result<usize, DecodeError>> {
-    let gpu = gpu_alone()?;
-    let path = streams().into_iter().find(|path| path.ends_with(name)).unwrap();
-    let (mut packets, store) = (open(&path), VolumeStore::new(&gpu).unwrap());
-    let header = *packets.header().unwrap();
-    let mut decoder = AnyDecoder::on_gpu(&header, Limits::default(), &store, falls_back).unwrap();
-    let mut oracle = Decoder::new(&header, Limits::default());
-    let mut frames = 0;
-    while let Some(packet) = packets.next_frame().unwrap() {
-        if frames == 2 {
-            gpu.lose();
-        }
-        let frame = match decoder.decode_and_verify(&packet) {
-            Ok(frame) => frame,
-            Err(error) => return Some(Err(error)),
-        };
-        assert_eq!(matches!(frame.volume, AnyVolume::Gpu(_)), frames < 2);
-        assert_eq!(decoder.take_notice().is_some(), frames == 2);
-        assert!(frame.volume.into_sparse().unwrap() == *oracle.decode(&packet).unwrap().volume);
-        frames += 1;
-    }
-    Some(Ok(frames))
-}
-
-#[test]
-fn a_lost_gpu_hands_over_to_the_cpu() {
-    for name in ["3dof.isv", "main_still_cells.isv"] {
-        match decode_with_a_loss(name, true) {
-            Some(frames) => assert!(frames.unwrap() >= 4, "{name}"),
-            None => return,
-        }
-    }
-}
-
-#[test]
-fn a_lost_gpu_is_an_error_where_it_was_asked_for() {
-    let Some(result) = decode_with_a_loss("main_still_cells.isv", false) else { return };
-    assert!(matches!(result, Err(DecodeError::Backend(BackendError::DeviceFailed(_)))), "{result:?}");
 }
 
 /// A keyframe of blocks in a row, each predicted from the one before: as many waves, more than are handed over together.

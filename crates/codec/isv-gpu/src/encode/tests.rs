@@ -1,7 +1,7 @@
 //! The GPU against the CPU: the same levels and frames under the same vectors, and vectors that are as good.
 
 use crate::tests::{gpu_alone, gpu_for_tests, gpu_with_segments, grid, noise};
-use crate::{Gpu, GpuBackend, GpuVolume, VolumeStore};
+use crate::{Gpu, GpuBackend, GpuError, GpuVolume, VolumeStore, frame_coder};
 use isv_decode::backend::{Backend, Cpu, CpuPaperFrame};
 use isv_decode::reconstruct::predict;
 use isv_decode::{BackendError, CodingParameters, Decoder, FrameSymbols, Limits, volume_hash};
@@ -254,4 +254,14 @@ fn a_lost_device_is_an_error() {
     for t in [1.0, 2.0] {
         assert!(matches!(coder.code(&ball(grid(), t)), Err(BackendError::DeviceFailed(_))));
     }
+}
+
+#[test]
+fn blocks_of_another_edge_are_not_coded_on_a_gpu() {
+    let Some(gpu) = gpu_for_tests() else { return };
+    let grid = Grid { edge: BlockEdge::E16, ..grid() };
+    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let header = StreamHeader { profile: Profile::Paper(PAPER), grid, frame_rate };
+    let coder = frame_coder(&header, EncoderSettings::default(), &VolumeStore::new(&gpu).unwrap());
+    assert!(matches!(coder, Err(GpuError::Unsupported(_))));
 }

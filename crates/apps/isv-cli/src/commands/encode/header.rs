@@ -2,7 +2,7 @@
 
 use super::paper::PaperArgs;
 use super::target::TargetArgs;
-use crate::terms::{BandName, ProfileName};
+use crate::cli_enums::{BandName, ProfileName};
 use isv::raw::format::FrameRate;
 use isv::raw::take::Length;
 use isv::raw::take::encode::{EncodeOptions, VoxelChoice};

@@ -1,7 +1,7 @@
 //! The part of the command line that says how captures become volumes.
 
+use crate::cli_enums::{AxesName, FusionName, NormalsName, SampleAtName, SignName};
 use crate::origin;
-use crate::terms::{AxesName, FusionName, NormalsName, SampleAtName, SignName};
 use isv::raw::ingest::DEFAULT_BLOCK_LIMIT;
 use isv::raw::io::{DenseAxes, DenseOptions, SampleAt};
 use isv::raw::take::Length;

@@ -1,6 +1,6 @@
 //! The settings that only profile `paper` has.
 
-use crate::terms::MotionName;
+use crate::cli_enums::MotionName;
 use isv::raw::take::Length;
 use isv::raw::take::encode::PaperOptions;
 

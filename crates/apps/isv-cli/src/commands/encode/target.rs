@@ -1,6 +1,6 @@
 //! The settings that only profile `main` has: how good, how small, how slow.
 
-use crate::terms::{PresetName, RefreshName};
+use crate::cli_enums::{PresetName, RefreshName};
 use isv::raw::encode::Tools;
 use isv::raw::take::encode::MainOptions;
 use isv::raw::take::{BitRate, Length};

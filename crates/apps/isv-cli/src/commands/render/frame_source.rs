@@ -1,0 +1,140 @@
+//! The frames to draw, in order, and the box around all of them.
+
+use super::Args;
+use crate::capture;
+use crate::interrupt;
+use crate::progress::Progress;
+use anyhow::{Result, bail};
+use isv::raw::format::FrameRate;
+use isv::raw::io::Geometry;
+use isv::raw::take::FrameRange;
+use isv::raw::take::Prefetch;
+use isv::raw::take::Up;
+use isv::raw::take::capture::{Capture, Frames, Hints, matching_ranges};
+use isv::raw::volume::TriangleMesh;
+use isv_render::Extent;
+use isv_spatial::Bvh;
+use std::ops::Range;
+
+/// A frame to draw.
+pub(super) struct Scene {
+    pub(super) mesh: TriangleMesh,
+    /// The surface that errors are measured against.
+    pub(super) reference: Option<Bvh>,
+}
+
+/// Where frames come from, before any is read.
+pub(super) struct FrameSource {
+    input: Capture,
+    range: Range<usize>,
+    reference: Option<(Capture, Range<usize>)>,
+}
+
+impl FrameSource {
+    /// Opens the inputs. Without a range given, `moving` pictures are of all frames, still ones of the first.
+    pub(super) fn open(args: &Args, moving: bool) -> Result<Self> {
+        let input = args.capture()?;
+        let asked =
+            args.frames.or(args.frame.map(|frame| FrameRange { start: frame, end: frame.saturating_add(1) }));
+        let all = asked.is_some() || moving;
+        let Some(against) = &args.against else {
+            if all && asked.is_none() {
+                input.counted()?;
+            }
+            let range = input.range(asked.or((!all).then_some(FrameRange { start: 0, end: 1 })))?;
+            return Ok(Self { input, range, reference: None });
+        };
+        let hints = Hints { frame_rate: args.sampling_rate(), ..capture::hints(args.against_units) };
+        let reference = capture::open(against, &hints.with_origin(args.against_origin))?;
+        // The same length is asked for even if only the first frames are drawn: they may not belong together otherwise.
+        let ranges = matching_ranges(&reference, &input, asked)?;
+        let [in_reference, range] =
+            ranges.map(|range| if all { range } else { range.start..range.end.min(range.start + 1) });
+        Ok(Self { input, range, reference: Some((reference, in_reference)) })
+    }
+
+    /// How many frames there are.
+    pub(super) fn len(&self) -> usize {
+        self.range.len()
+    }
+
+    /// The number of the first frame, in the reference if there is one.
+    pub(super) fn first(&self) -> usize {
+        self.reference.as_ref().map_or(self.range.start, |(_, range)| range.start)
+    }
+
+    /// Frames a second, where the input says.
+    pub(super) fn frame_rate(&self) -> Option<FrameRate> {
+        self.input.frame_rate()
+    }
+
+    /// Reads the frames, once for the box around them and once more for whoever draws them, so that few are held at a
+    /// time; those of a pipe, which cannot be read again, are all held.
+    pub(super) fn read(self, args: &Args) -> Result<(Extent, Scenes)> {
+        let name = self.input.name().to_owned();
+        let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
+        let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up.into());
+        let extent = if can_read_again {
+            let extent = extent_of(meshes, self.range.len())?;
+            meshes = turned(args.capture()?.meshes(self.range)?, args.up.into());
+            extent
+        } else {
+            let held = Prefetch::new(meshes, interrupt::cancellation()).collect::<Result<Vec<_>, _>>()?;
+            if interrupt::requested() {
+                bail!("interrupted");
+            }
+            let extent = held.iter().map(Extent::new).fold(None, Extent::join);
+            meshes = Box::new(held.into_iter().map(Ok));
+            extent
+        };
+        let Some(extent) = extent else { bail!("{name}: no surface to draw") };
+        let Some((reference, range)) = self.reference else {
+            return Ok((extent, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
+        };
+        let name = reference.name().to_owned();
+        let pairs = meshes.zip(
+            range.clone().zip(turned(reference.meshes(range)?, args.against_up.unwrap_or(args.up).into())),
+        );
+        let scenes = pairs.map(move |(mesh, (number, reference))| {
+            let reference = reference?;
+            if reference.triangles.is_empty() {
+                bail!("{name}: frame {number} has no surface to measure against");
+            }
+            Ok(Scene { mesh: mesh?, reference: Some(Bvh::new(&reference)) })
+        });
+        Ok((extent, ahead(scenes)))
+    }
+}
+
+/// Frames to draw, or what is wrong with them.
+type Scenes = Box<dyn Iterator<Item = Result<Scene>> + Send>;
+
+/// The next frame is read while one is drawn. When the user interrupts the program, this ends.
+fn ahead(scenes: impl Iterator<Item = Result<Scene>> + Send + 'static) -> Scenes {
+    Box::new(Prefetch::new(scenes, interrupt::cancellation()))
+}
+
+/// Meshes turned from an axis that points up to Y up.
+fn turned(meshes: Frames<TriangleMesh>, up: Up) -> Frames<TriangleMesh> {
+    if up == Up::Y {
+        return meshes;
+    }
+    Box::new(meshes.map(move |mesh| match Geometry::Mesh(mesh?).turned(up.to_y_up()) {
+        Geometry::Mesh(mesh) => Ok(mesh),
+        Geometry::Points(_) => unreachable!("a turned mesh is a mesh"),
+    }))
+}
+
+/// The extent of all meshes; none if they have no triangles.
+fn extent_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Option<Extent>> {
+    let progress = Progress::new(Some(count), "framing");
+    let mut extent = None;
+    for mesh in meshes {
+        if interrupt::requested() {
+            bail!("interrupted");
+        }
+        extent = Extent::join(extent, Extent::new(&mesh?));
+        progress.step();
+    }
+    Ok(extent)
+}

@@ -1,0 +1,154 @@
+//! Forms of decoded frames, and their file formats.
+
+use super::{DecodeOptionsError, DecodeTakeError};
+use isv_io::{Format, check_folder_name, is_folder};
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+/// What a decoded frame becomes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A triangle mesh of the surface.
+    Mesh,
+    /// Points spread evenly over the surface.
+    Points,
+    /// The truncated signed distances themselves.
+    Volume,
+}
+
+impl Form {
+    /// All forms.
+    pub const ALL: [Self; 3] = [Self::Mesh, Self::Points, Self::Volume];
+
+    /// The form in a sentence.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mesh => "meshes",
+            Self::Points => "points",
+            Self::Volume => "volumes",
+        }
+    }
+}
+
+/// A file format of any form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputFormat {
+    /// Of meshes or points.
+    Geometry(Format),
+    /// A volume as a folder of NumPy arrays.
+    Npy,
+    /// A volume as OpenVDB has it.
+    Vdb,
+}
+
+impl OutputFormat {
+    const VOLUMES: [(&'static str, Self); 2] = [("npy", Self::Npy), ("vdb", Self::Vdb)];
+
+    /// The extension of its files, and its name on the command line.
+    #[must_use]
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Geometry(format) => format.extension(),
+            Self::Npy => "npy",
+            Self::Vdb => "vdb",
+        }
+    }
+
+    /// The format that a file of this name has; none for a folder.
+    #[must_use]
+    pub fn of_path(path: &Path) -> Option<Self> {
+        if is_folder(path) {
+            return None;
+        }
+        let vdb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"));
+        if vdb { Some(Self::Vdb) } else { Format::of_path(path).map(Self::Geometry) }
+    }
+
+    /// Settles what was left open: the name of the output tells the format, the format tells the form.
+    pub(super) fn settle(
+        form: Option<Form>,
+        format: Option<Self>,
+        output: &Path,
+    ) -> Result<(Form, Self), DecodeTakeError> {
+        let named = Self::of_path(output);
+        let name = || output.display().to_string();
+        if named.is_none() {
+            Self::check_folder(output)?;
+        }
+        if let (Some(format), Some(named)) = (format, named)
+            && format != named
+        {
+            return Err(DecodeOptionsError::FormatAndName { format, name: name() }.into());
+        }
+        let known = format.or(named);
+        let form = form.or(known.map(Self::usual_form)).unwrap_or(Form::Mesh);
+        let format = known.unwrap_or(match form {
+            Form::Mesh | Form::Points => Self::Geometry(Format::Ply),
+            Form::Volume => Self::Npy,
+        });
+        if !format.holds(form) {
+            let (name, formats) = (named.map(|_| name()), Self::names_for(form));
+            return Err(DecodeOptionsError::FormatAndForm { name, format, form, formats }.into());
+        }
+        Ok((form, format))
+    }
+
+    /// Refuses a folder that is named like a file.
+    fn check_folder(output: &Path) -> Result<(), DecodeTakeError> {
+        let npy = output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+        if npy && !is_folder(output) {
+            return Err(DecodeOptionsError::ArraysInFile { name: output.display().to_string() }.into());
+        }
+        let [meshes, points, volumes] = Form::ALL.map(Self::names_for);
+        let contents = format!("{meshes} (meshes), {points} (points) and {volumes} (volumes)");
+        Ok(check_folder_name(output, &contents)?)
+    }
+
+    /// The form that goes without saying with a format.
+    fn usual_form(self) -> Form {
+        match self {
+            Self::Geometry(format) if format.writes_points() && !format.writes_mesh() => Form::Points,
+            Self::Geometry(_) => Form::Mesh,
+            Self::Npy | Self::Vdb => Form::Volume,
+        }
+    }
+
+    fn holds(self, form: Form) -> bool {
+        match (self, form) {
+            (Self::Geometry(format), Form::Mesh) => format.writes_mesh(),
+            (Self::Geometry(format), Form::Points) => format.writes_points(),
+            (Self::Npy | Self::Vdb, Form::Volume) => true,
+            _ => false,
+        }
+    }
+
+    /// All formats that hold a form.
+    fn names_for(form: Form) -> String {
+        let geometry = Format::ALL.iter().map(|format| Self::Geometry(*format));
+        let volumes = Self::VOLUMES.map(|(_, format)| format);
+        let all = geometry.chain(volumes).filter(|format| format.holds(form));
+        all.map(Self::extension).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl fmt::Display for OutputFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.extension())
+    }
+}
+
+impl FromStr for OutputFormat {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let forms = Form::ALL;
+        let volume = Self::VOLUMES.into_iter().find(|(own, _)| *own == name).map(|(_, format)| format);
+        let known = volume.or_else(|| name.parse().ok().map(Self::Geometry));
+        known.filter(|format| forms.into_iter().any(|form| format.holds(form))).ok_or_else(|| {
+            let [meshes, points, volumes] = forms.map(Self::names_for);
+            format!("`{name}` is not one of {meshes} (meshes), {points} (points), {volumes} (volumes)")
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! The coordinates of what is decoded: unit, origin and up axis.
+
+use super::product::Product;
+use super::{DecodeEvent, DecodeOptions, DecodeOptionsError, Form, OutputFormat, PlacementOption};
+use crate::{Event, Length, Observer, Up};
+use glam::DVec3;
+use isv_io::{Format, Geometry, Placement, Unit};
+use isv_volume::{PointCloud, TriangleMesh};
+
+/// Rounding of coordinates that nobody minds, in metres, where voxels are large.
+const ROUNDING_M: f64 = 1e-4;
+
+/// Share of a voxel's edge that rounding may take.
+const ROUNDING_VOXELS: f64 = 0.1;
+
+/// The unit, origin and up axis of what is written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub(super) unit: Unit,
+    up: Up,
+    pub(super) placement: Placement,
+    /// Whether the format has single precision alone, of which nothing was said yet.
+    is_rounded: bool,
+}
+
+impl Placed {
+    /// How products in a format are placed.
+    pub(super) fn new(
+        options: &DecodeOptions,
+        form: Form,
+        format: OutputFormat,
+        voxel_m: f64,
+        observer: &dyn Observer,
+    ) -> Result<Self, DecodeOptionsError> {
+        let DecodeOptions { unit, up, origin, .. } = *options;
+        let has_other_axes = unit != Unit::Metre || up != Up::Y;
+        let given = [
+            (PlacementOption::Unit, unit != Unit::Metre),
+            (PlacementOption::Origin, origin.is_some()),
+            (PlacementOption::Up, up != Up::Y),
+        ];
+        let is_kept = |option: PlacementOption| {
+            form != Form::Volume || (format == OutputFormat::Vdb && option != PlacementOption::Up)
+        };
+        if let Some((option, _)) = given.into_iter().find(|(option, given)| *given && !is_kept(*option)) {
+            return Err(match format {
+                OutputFormat::Vdb => DecodeOptionsError::VolumePlaced { option },
+                _ => DecodeOptionsError::ArraysPlaced { option },
+            });
+        }
+        if matches!(format, OutputFormat::Geometry(Format::Glb)) && has_other_axes {
+            observer.event(&Event::Decode(DecodeEvent::NotGltf { unit, up }));
+        }
+        let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / unit.metres();
+        let translation = DVec3::from(origin.unwrap_or_default());
+        let is_rounded = matches!(format, OutputFormat::Geometry(Format::Stl));
+        Ok(Self { unit, up, placement: Placement { translation, tolerance }, is_rounded })
+    }
+
+    /// A product in the output's unit and axes. Writers add the origin, as formats do it in ways of their own.
+    pub(super) fn turn(&self, product: Product) -> Product {
+        if self.unit == Unit::Metre && self.up == Up::Y {
+            return product;
+        }
+        let rotation = self.up.to_y_up().transpose();
+        let scale = self.unit.metres();
+        let scaled = |positions: &mut Vec<DVec3>| positions.iter_mut().for_each(|v| *v /= scale);
+        match product {
+            Product::Mesh(mesh) => {
+                let Geometry::Mesh(mut mesh) = Geometry::Mesh(mesh).turned(rotation) else { unreachable!() };
+                scaled(&mut mesh.vertices);
+                Product::Mesh(mesh)
+            }
+            Product::Points(points) => {
+                let Geometry::Points(mut points) = Geometry::Points(points).turned(rotation) else {
+                    unreachable!()
+                };
+                scaled(&mut points.positions);
+                Product::Points(points)
+            }
+            volume @ Product::Volume(_) => volume,
+        }
+    }
+
+    /// Tells once that a file cannot hold its coordinates well.
+    pub(super) fn tell_if_rounded(&mut self, product: &Product, observer: &dyn Observer) {
+        let positions = match product {
+            Product::Mesh(TriangleMesh { vertices, .. }) => vertices,
+            Product::Points(PointCloud { positions, .. }) => positions,
+            Product::Volume(_) => return,
+        };
+        if self.is_rounded && self.placement.needs_double(positions) {
+            self.is_rounded = false;
+            let far = positions.iter().map(|v| (*v + self.placement.translation).abs().max_element());
+            let spacing = far.fold(0f64, f64::max) * f64::from(f32::EPSILON) * self.unit.metres();
+            let spacing = Length::from_metres(spacing);
+            observer.event(&Event::Decode(DecodeEvent::Rounded { spacing }));
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What a decoded frame is turned into.
+
+use super::placement::Placed;
+use super::reduction::Reduction;
+use super::{Form, ProductError};
+use crate::MemoryLimit;
+use crate::device::DecodedVolume;
+use crate::distances::with_distances;
+use isv_format::Profile;
+use isv_ingest::coded_field;
+use isv_simplify::Budget;
+use isv_surface::{PointDensity, SurfaceOptions, sample_evenly};
+use isv_volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
+
+/// A frame in the form that the user wants.
+#[derive(Debug)]
+pub(super) enum Product {
+    Mesh(TriangleMesh),
+    Points(PointCloud),
+    Volume(SparseVolume),
+}
+
+/// How to make products.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Recipe {
+    pub(super) form: Form,
+    /// Whether meshes get normals; points always do.
+    pub(super) normals: bool,
+    pub(super) density: PointDensity,
+    /// Of the stream.
+    pub(super) profile: Profile,
+    /// What meshes may have, if that is limited.
+    pub(super) budget: Option<Budget>,
+    pub(super) placed: Placed,
+    pub(super) memory: MemoryLimit,
+}
+
+impl Recipe {
+    /// Which surface it is made from, if from any; points always have normals.
+    pub(super) fn surface(&self) -> Option<SurfaceOptions> {
+        match self.form {
+            Form::Mesh => Some(SurfaceOptions { normals: self.normals && self.budget.is_none() }),
+            Form::Points => Some(SurfaceOptions { normals: true }),
+            Form::Volume => None,
+        }
+    }
+
+    /// Makes the product of a volume, and its surface if that was extracted already.
+    ///
+    /// `coded_blocks`: as [`StreamFrame`](crate::stream::StreamFrame) has them.
+    pub(super) fn make(
+        &self,
+        volume: DecodedVolume,
+        coded_blocks: Option<&BlockSet>,
+        surface: Option<TriangleMesh>,
+    ) -> Result<(Product, Option<Reduction>), ProductError> {
+        let (product, reduction) = match (self.product(volume, coded_blocks, surface)?, &self.budget) {
+            (Product::Mesh(mesh), Some(budget)) => {
+                let (mesh, reduction) = Reduction::make(&mesh, budget, self.normals)?;
+                (Product::Mesh(mesh), Some(reduction))
+            }
+            (product, _) => (product, None),
+        };
+        Ok((self.placed.turn(product), reduction))
+    }
+
+    /// The product as the stream has it: in metres, Y up.
+    fn product(
+        &self,
+        volume: DecodedVolume,
+        coded_blocks: Option<&BlockSet>,
+        surface: Option<TriangleMesh>,
+    ) -> Result<Product, ProductError> {
+        let Some(options) = self.surface() else {
+            let volume = volume.into_sparse()?;
+            return Ok(Product::Volume(match self.profile {
+                // Distances may be coded away from the surface too: --band full.
+                Profile::Main => match coded_blocks.and_then(|coded| coded_field(&volume, coded)) {
+                    Some(field) => field,
+                    None => with_distances(&volume, self.memory)?,
+                },
+                Profile::Paper(_) => volume,
+            }));
+        };
+        let mesh = match surface {
+            Some(mesh) => mesh,
+            None => self.memory.surface(&volume.into_sparse()?, options)?,
+        };
+        Ok(match self.form {
+            Form::Points => Product::Points(sample_evenly(&mesh, self.density)?),
+            _ => Product::Mesh(mesh),
+        })
+    }
+}

@@ -1,0 +1,137 @@
+//! How far the frames of a capture are from those of a reference.
+
+use crate::capture::{Capture, CapturedFrame, Content, matching_ranges};
+use crate::encode::{CaptureError, FrameError};
+use crate::{Cancellation, FrameRange, MemoryError, MemoryLimit, Prefetch};
+use isv_io::Geometry;
+use isv_metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
+use isv_surface::SurfaceOptions;
+use isv_volume::TriangleMesh;
+use std::ops::Range;
+use thiserror::Error;
+
+/// The errors of a capture's frames.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Evaluation {
+    /// Number in the reference of the first frame.
+    pub first: usize,
+    /// The error of each frame; nothing where both sides are empty, which is neither right nor wrong by any distance.
+    pub frames: Vec<Option<GeometryError>>,
+    /// The mean over all frames that have an error.
+    pub mean: GeometryError,
+}
+
+/// Captures that could not be compared.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum EvaluateError {
+    /// One of the captures.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A frame of one of them.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// A surface that there is no memory for.
+    #[error("{name}: {cause}")]
+    Memory {
+        /// Name of the frame.
+        name: String,
+        /// What is wrong.
+        cause: MemoryError,
+    },
+    /// Depth images, which have no surface.
+    #[error("{name}: depth images have no surface to measure: isv encode makes one of them")]
+    Depth {
+        /// Name of the frame.
+        name: String,
+    },
+    /// Frames that cannot be compared.
+    #[error("frame {frame} of {test} against {reference}: {cause}")]
+    Compare {
+        /// Number of the frame in the reference.
+        frame: usize,
+        /// Name of what is measured.
+        test: String,
+        /// Name of the reference.
+        reference: String,
+        /// What is wrong.
+        cause: CompareError,
+    },
+    /// Captures in which nothing can be measured.
+    #[error("{reference}: no frame has anything to measure")]
+    Nothing {
+        /// Name of the reference.
+        reference: String,
+    },
+}
+
+/// Measures the frames of a capture against those of a reference; `frames` are those of the reference, or all. Volumes are compared by
+/// their zero crossings, all else as it is. `on_frame` is called for each frame.
+///
+/// # Errors
+/// See [`EvaluateError`].
+pub fn evaluate(
+    reference: Capture,
+    test: Capture,
+    frames: Option<FrameRange>,
+    options: &CompareOptions,
+    memory: MemoryLimit,
+    cancellation: &Cancellation,
+    mut on_frame: impl FnMut(),
+) -> Result<Evaluation, EvaluateError> {
+    let names = [&reference, &test].map(|capture| capture.name().to_owned());
+    let [reference_name, test_name] = &names;
+    let [in_reference, in_test] = matching_ranges(&reference, &test, frames)?;
+    let first = in_reference.start;
+    let geometries = |capture, range| geometries(capture, range, memory, cancellation);
+    let pairs = geometries(reference, in_reference)?.zip(geometries(test, in_test)?);
+    let mut frames = Vec::new();
+    for (reference, test) in pairs {
+        let (reference, test) = (reference?, test?);
+        frames.push(match compare(shape(&reference), shape(&test), options) {
+            Ok(error) => Some(error),
+            Err(CompareError::BothEmpty) => None,
+            Err(cause) => {
+                let frame = first + frames.len();
+                let (test, reference) = (test_name.clone(), reference_name.clone());
+                return Err(EvaluateError::Compare { frame, test, reference, cause });
+            }
+        });
+        on_frame();
+    }
+    let measured: Vec<GeometryError> = frames.iter().copied().flatten().collect();
+    match summary(&measured) {
+        Some(mean) => Ok(Evaluation { first, frames, mean }),
+        None => Err(EvaluateError::Nothing { reference: reference_name.clone() }),
+    }
+}
+
+/// The frames of a capture as they are measured, read and decoded ahead of their use.
+fn geometries(
+    capture: Capture,
+    range: Range<usize>,
+    memory: MemoryLimit,
+    cancellation: &Cancellation,
+) -> Result<Prefetch<Result<Geometry, EvaluateError>>, EvaluateError> {
+    let geometry = move |frame: CapturedFrame| match frame.content {
+        // A file of points without points is a frame without surface, whatever the other side holds.
+        Content::Geometry(geometry) if geometry.is_empty() => Ok(Geometry::Mesh(TriangleMesh::default())),
+        Content::Geometry(geometry) => Ok(geometry),
+        Content::Volume(volume) | Content::Decoded(volume) => {
+            let surface = memory.surface(&volume, SurfaceOptions { normals: false });
+            let surface = surface.map_err(|cause| EvaluateError::Memory { name: frame.name, cause })?;
+            Ok(Geometry::Mesh(surface))
+        }
+        Content::Depth(_) => Err(EvaluateError::Depth { name: frame.name }),
+    };
+    let geometries = capture.read(range)?.map(move |frame| geometry(frame?));
+    Ok(Prefetch::new(geometries, cancellation))
+}
+
+fn shape(geometry: &Geometry) -> Shape<'_> {
+    match geometry {
+        Geometry::Mesh(mesh) => mesh.into(),
+        Geometry::Points(points) => points.into(),
+    }
+}

@@ -1,0 +1,82 @@
+//! Streams one after the other, as one.
+
+use super::{EditError, StreamFault, open, tell_if_cut};
+use crate::timeline::frame_at;
+use crate::{Event, Input, MemoryLimit, Observer};
+use isv_format::{PacketChain, PacketWriter, StreamHeader};
+use std::io::{self, Write};
+
+/// Copies streams one after the other, without coding anything anew. They have one profile, grid and frame rate. Returns the sink and the
+/// number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
+///
+/// # Errors
+/// [`EditError`]: a pipe, streams that do not go together or begin with no keyframe, and what reading and writing may fail by.
+///
+/// # Panics
+/// Without any stream.
+pub fn join<W: Write>(
+    inputs: &[Input],
+    memory: MemoryLimit,
+    observer: &dyn Observer,
+    create: impl FnOnce() -> io::Result<W>,
+) -> Result<(W, usize), EditError> {
+    for input in inputs {
+        if input.path().is_none_or(|path| path.metadata().is_ok_and(|found| !found.is_file())) {
+            return Err(StreamFault::NoFile.in_stream(&input.name()).into());
+        }
+    }
+    let headers = inputs.iter().map(|input| Ok(open(input, memory)?.1));
+    let headers = headers.collect::<Result<Vec<_>, EditError>>()?;
+    let header = headers[0];
+    for (other, input) in headers.iter().zip(inputs) {
+        if let Some(what) = difference(&header, other) {
+            return Err(StreamFault::Differs { what, from: inputs[0].name() }
+                .in_stream(&input.name())
+                .into());
+        }
+    }
+    let mut writer = PacketWriter::new(create()?, &header)?;
+    let (mut frames, mut next_ns) = (0, 0);
+    for input in inputs {
+        let name = input.name();
+        let fault = |fault: StreamFault| fault.in_stream(&name);
+        let (mut packets, now) = open(input, memory)?;
+        if difference(&header, &now).is_some() {
+            return Err(fault(StreamFault::Changed).into());
+        }
+        let (mut first_ns, begin_ns, mut chain) = (None, next_ns, PacketChain::default());
+        while let Some(packet) = packets.next_frame().map_err(|error| fault(error.into()))? {
+            if first_ns.is_none() && !packet.is_keyframe() {
+                return Err(fault(StreamFault::NoFirstKeyframe).into());
+            }
+            if !chain.push(&packet).is_in_order() {
+                observer.event(&Event::Gap { name: name.clone(), frame: None, at: packet.at });
+            }
+            let first_ns = *first_ns.get_or_insert(packet.header.timestamp_ns);
+            let time_ns = packet.header.timestamp_ns.saturating_sub(first_ns).saturating_add(begin_ns);
+            let frame = frame_at(header.frame_rate, time_ns);
+            writer
+                .copy_frame(&packet, frame.map_or(time_ns, |frame| header.frame_rate.timestamp_ns(frame)))?;
+            next_ns = match frame {
+                Some(frame) => header.frame_rate.timestamp_ns(frame + 1),
+                None => time_ns.saturating_add(header.frame_rate.timestamp_ns(1)),
+            };
+            frames += 1;
+        }
+        tell_if_cut(&name, &packets, observer);
+    }
+    Ok((writer.finish()?, frames))
+}
+
+/// What keeps packets of two streams from being in one.
+fn difference(a: &StreamHeader, b: &StreamHeader) -> Option<&'static str> {
+    [
+        (a.profile.name() != b.profile.name(), "profile"),
+        (a.profile != b.profile, "quantizer"),
+        (a.grid.voxel_size != b.grid.voxel_size, "voxel size"),
+        (a.grid != b.grid, "grid"),
+        (a.frame_rate != b.frame_rate, "frame rate"),
+    ]
+    .into_iter()
+    .find_map(|(differs, what)| differs.then_some(what))
+}

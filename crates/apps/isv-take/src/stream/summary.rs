@@ -1,0 +1,105 @@
+//! What a stream says about itself, without decoding it.
+
+use super::{StreamError, StreamFault, open_file};
+use crate::Input;
+use crate::timeline::Timeline;
+use isv_format::{FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader, Prediction};
+use isv_format::{Profile, StreamHeader};
+use std::io::Read;
+
+/// What a stream says about itself.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct StreamSummary {
+    /// What it states for all frames.
+    pub header: StreamHeader,
+    /// Its frames' packets, up to the end or a cut.
+    pub packets: Vec<PacketSummary>,
+    /// Time (s) from when the first frame is shown to when the last one is no longer.
+    pub duration_s: f64,
+    /// Bytes of the file; of a pipe, those of the stream.
+    pub bytes: u64,
+    /// Bytes of the file behind the end of the stream, where there should be none.
+    pub bytes_behind: u64,
+    /// Whether index and trailer are there, with which a writer ends.
+    pub is_complete: bool,
+}
+
+/// What a frame's packet says.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct PacketSummary {
+    /// Bytes of header and payload.
+    pub bytes: usize,
+    /// Whether decoding can begin here.
+    pub keyframe: bool,
+    /// Blocks that it codes.
+    pub blocks: u32,
+    /// Prediction of its blocks.
+    pub prediction: Prediction,
+    /// Whether a decoder that lost something can go on here, though it is no keyframe.
+    pub resilient: bool,
+    /// Time when it is shown (ns).
+    pub timestamp_ns: u64,
+}
+
+impl StreamSummary {
+    /// Reads the packets of a stream.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn read(input: &Input) -> Result<Self, StreamError> {
+        let source = open_file(input)?;
+        let read = || {
+            let file = source.get_ref().metadata()?;
+            let mut reader = PacketReader::new(source)?;
+            let header = *reader.header().expect("a reader that began at the header has it");
+            let packets = read_packets(&mut reader, &header.profile)?;
+            // A pipe has no length but what was read of it.
+            let bytes = if file.is_file() { file.len() } else { reader.at() };
+            let is_complete = reader.complete();
+            let bytes_behind = if is_complete { bytes.saturating_sub(reader.at()) } else { 0 };
+            let mut timeline = Timeline::new(header.frame_rate);
+            packets.iter().for_each(|packet: &PacketSummary| _ = timeline.place(packet.timestamp_ns));
+            Ok(Self { header, packets, duration_s: timeline.end_s(), bytes, bytes_behind, is_complete })
+        };
+        read().map_err(|fault: StreamFault| fault.in_stream(&input.name()))
+    }
+
+    /// Megabits a second of the stream; 0 if it takes no time to show.
+    #[must_use]
+    pub fn mbps(&self) -> f64 {
+        let bits = (self.bytes - self.bytes_behind) as f64 * 8.0;
+        if self.duration_s > 0.0 { bits / self.duration_s / 1e6 } else { 0.0 }
+    }
+}
+
+/// The packets up to the end, or up to a cut.
+fn read_packets(
+    reader: &mut PacketReader<impl Read>,
+    profile: &Profile,
+) -> Result<Vec<PacketSummary>, FormatError> {
+    let mut packets = Vec::new();
+    loop {
+        match reader.next_frame() {
+            Ok(Some(packet)) => packets.push(PacketSummary::new(&packet, profile)?),
+            Ok(None) | Err(FormatError::Truncated { .. }) => return Ok(packets),
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+impl PacketSummary {
+    fn new(packet: &Packet, profile: &Profile) -> Result<Self, FormatError> {
+        let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
+        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, profile)?.header;
+        Ok(Self {
+            bytes: packet.total_bytes(),
+            keyframe: packet.is_keyframe(),
+            blocks: frame.blocks,
+            prediction: frame.prediction,
+            resilient: matches!(frame.coding, FrameCoding::Main(main) if main.resilient),
+            timestamp_ns: packet.header.timestamp_ns,
+        })
+    }
+}

@@ -1,0 +1,113 @@
+//! The folder of a study: one JSON file a measured point, the decoded picture frame and the stream beside it.
+
+use crate::captured_take::{CapturedTake, file_state};
+use crate::{Codec, Draco, Measured, OperatingPoint, Record, StudyError, StudySettings};
+use isv::raw::io::{AtomicFile, Format, check_overwriting, write_mesh};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Where a study keeps what it has measured.
+pub struct Store {
+    folder: PathBuf,
+    /// What all figures depend on, but for codec and point.
+    key: String,
+}
+
+impl Store {
+    /// The store of a study in a folder. A figure is good as long as the captures, the settings and this program are the same.
+    ///
+    /// # Errors
+    /// A program that cannot be found.
+    pub fn new(
+        folder: &Path,
+        take: &CapturedTake,
+        training: &[CapturedTake],
+        settings: &StudySettings,
+    ) -> Result<Self, StudyError> {
+        let program = std::env::current_exe()?;
+        let training: Vec<_> = training.iter().map(CapturedTake::fingerprint).collect();
+        let key = format!(
+            "program {}; {} threads; {settings:?}; take {}; trained on {training:?}",
+            file_state(&program),
+            rayon::current_num_threads(),
+            take.fingerprint(),
+        );
+        Ok(Self { folder: folder.to_owned(), key })
+    }
+
+    /// The folder of the study.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Makes the folder, or takes one that a study is in. In another, what a study writes at its end must not be there.
+    ///
+    /// # Errors
+    /// [`StudyError::Output`] and [`StudyError::File`].
+    pub fn make(&self) -> Result<(), StudyError> {
+        let is_study = self.folder.join("points").is_dir();
+        for name in ["index.html", "results.csv", "bd_rates.csv"] {
+            let path = self.folder.join(name);
+            check_overwriting(&path, "this folder has no study", |_| is_study)?;
+        }
+        make_folder(&self.folder)
+    }
+
+    /// The record of a point, if it was measured from the same captures under the same settings by the same program.
+    #[must_use]
+    pub fn find(&self, codec: Codec, point: &OperatingPoint) -> Option<Record> {
+        let path = self.path(&codec.to_string(), &point.to_string(), "json");
+        let record: Record = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+        let whole = record.key == self.key(codec, point) && self.picture(&record).is_file();
+        whole.then_some(record)
+    }
+
+    /// Keeps what was measured of a point. The record comes last: where it is, all is.
+    ///
+    /// # Errors
+    /// [`StudyError::File`].
+    pub fn keep(&self, codec: Codec, point: &OperatingPoint, measured: Measured) -> Result<(), StudyError> {
+        let Measured { mut record, picture, isv_file } = measured;
+        record.key = self.key(codec, point);
+        make_folder(&self.folder.join("points").join(&record.codec))?;
+        write_mesh(&self.picture(&record), &picture, Format::Ply).map_err(io::Error::from)?;
+        if let Some(bytes) = isv_file {
+            write_file(&self.path(&record.codec, &record.point, "isv"), &bytes)?;
+        }
+        let json = serde_json::to_vec_pretty(&record).map_err(io::Error::from)?;
+        write_file(&self.path(&record.codec, &record.point, "json"), &json)
+    }
+
+    /// The decoded picture frame of a record.
+    #[must_use]
+    pub fn picture(&self, record: &Record) -> PathBuf {
+        self.path(&record.codec, &record.point, "ply")
+    }
+
+    fn path(&self, codec: &str, point: &str, extension: &str) -> PathBuf {
+        self.folder.join("points").join(codec).join(format!("{point}.{extension}"))
+    }
+
+    fn key(&self, codec: Codec, point: &OperatingPoint) -> String {
+        let programs = match codec {
+            Codec::Draco { .. } => Draco::find().map(|draco| draco.programs().map(file_state)),
+            _ => None,
+        };
+        format!("{codec:?} {point:?} {programs:?}; {}", self.key)
+    }
+}
+
+fn make_folder(folder: &Path) -> Result<(), StudyError> {
+    fs::create_dir_all(folder).map_err(|error| {
+        let sentence = format!("{}: cannot make this folder: {error}", folder.display());
+        io::Error::new(error.kind(), sentence).into()
+    })
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), StudyError> {
+    let mut file = AtomicFile::create(path).map_err(io::Error::from)?;
+    file.write_all(bytes)?;
+    Ok(file.commit().map_err(io::Error::from)?)
+}
