@@ -163,7 +163,7 @@ fn settings(fields: &mut Fields) -> EncoderSettings {
             weights: used(4),
             signs: used(5),
             filter: used(6),
-            still: used(7),
+            skip: used(7),
         },
         effort: if fields.flag() { SearchEffort::THOROUGH } else { SearchEffort::QUICK },
         filter: (fields.below(26), fields.u8()),

@@ -5,7 +5,8 @@ use crate::sealing::{payloads, replace_payload, with_checksums};
 use crate::stream::{LIMITS, open};
 use isv::raw::decode::Decoder;
 use isv::raw::format::{
-    FrameCoding, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile, SlicePayload,
+    FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
+    SlicePayload,
 };
 use libfuzzer_sys::fuzzer_mutate;
 
@@ -66,7 +67,7 @@ fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<
     let mut payload = FramePayload::parse(&packet.payload, 0, hashed, &header.profile).ok()?;
     let room = max_size.saturating_sub(bytes.len());
     if choices.below(8) == 0 {
-        change_field(&mut payload, &header.profile, &mut choices);
+        change_field(&mut payload, &mut choices);
         return Some(replace_payload(bytes, &place, &payload.to_bytes()));
     }
     let mut segments = segments(&mut payload);
@@ -84,12 +85,12 @@ fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<
 
 /// All segments of a payload, the block set first.
 fn segments<'p, 'a>(payload: &'p mut FramePayload<'a>) -> Vec<&'p mut &'a [u8]> {
-    let slices = payload.slices.iter_mut().flat_map(|slice| [&mut slice.motion, &mut slice.coefficients]);
+    let slices = payload.slices.iter_mut().flat_map(|slice| [&mut slice.modes, &mut slice.coefficients]);
     [&mut payload.block_set, &mut payload.masks].into_iter().chain(slices).collect()
 }
 
 /// Gives a field of the frame header another value, which need not be allowed.
-fn change_field(payload: &mut FramePayload, profile: &Profile, choices: &mut Choices) {
+fn change_field(payload: &mut FramePayload, choices: &mut Choices) {
     let header = &mut payload.header;
     match (&mut header.coding, choices.below(10)) {
         (_, 0) => header.blocks = header.blocks.wrapping_add_signed(choices.below(5) as i32 - 2),
@@ -97,26 +98,14 @@ fn change_field(payload: &mut FramePayload, profile: &Profile, choices: &mut Cho
             header.slices = 1 + choices.below(6) as u16;
             payload.slices.resize(usize::from(header.slices), SlicePayload::default());
         }
-        (_, 2) | (FrameCoding::Paper, _) => {
-            let known: &[Prediction] = match profile {
-                Profile::Paper(_) => &Prediction::ALL,
-                Profile::Main => &[Prediction::None, Prediction::ThreeDof],
-            };
-            header.prediction = known[choices.below(known.len() as u32) as usize];
-            if let (FrameCoding::Main(main), Prediction::None) = (&mut header.coding, header.prediction) {
-                (main.still_cells, main.resilient) = (false, false);
-            }
-        }
+        (FrameCoding::Paper { prediction }, _) => *prediction = Prediction::ALL[choices.below(4) as usize],
         (FrameCoding::Main(main), 3) => main.step = 1 << choices.below(21),
         (FrameCoding::Main(main), 4) => main.step = 1 + choices.below(MainFrameHeader::MAX_STEP),
         (FrameCoding::Main(main), 5) => main.filter = choices.below(26) as u8,
         (FrameCoding::Main(main), 6) => main.filter_limit = choices.below(256) as u8,
         (FrameCoding::Main(main), 7) => main.half_voxel_vectors ^= true,
         (FrameCoding::Main(main), 8) => main.no_spatial_prediction ^= true,
-        (FrameCoding::Main(main), _) => {
-            let kind = if header.prediction == Prediction::ThreeDof { choices.below(3) } else { 0 };
-            (main.still_cells, main.resilient) = (kind == 1, kind == 2);
-        }
+        (FrameCoding::Main(main), _) => main.kind = FrameKind::ALL[choices.below(4) as usize],
     }
 }
 

@@ -138,7 +138,7 @@ fn measure(
         p_frame,
         block_set,
         part(&EncodedFrame::bytes_masks),
-        part(&EncodedFrame::bytes_motion),
+        part(&EncodedFrame::bytes_modes),
         part(&EncodedFrame::bytes_coefficients),
         8.0 * block_set / blocks,
         error(|e| e.p2s_mean_mm),

@@ -138,7 +138,7 @@ fn measure_row(
         prediction,
         mbps: mbps(|f| f.bytes),
         mbps_blocks: mbps(|f| f.frame.bytes_blocks()),
-        mbps_motion: mbps(|f| f.frame.bytes_motion()),
+        mbps_motion: mbps(|f| f.frame.bytes_modes()),
         mbps_coefficients: mbps(|f| f.frame.bytes_coefficients()),
         keyframe_kb: frames[0].bytes as f64 / 1000.0,
         surface_rms_mm: mean(volumes.iter().zip(&decoded).map(|(a, b)| surface_rms_voxels(a, b) * voxel_mm)),

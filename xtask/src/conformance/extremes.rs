@@ -7,7 +7,8 @@ use super::Stream;
 use super::raw::{RawFrame, RawStream, judge, octree, stream_of};
 use anyhow::{Result, ensure};
 use isv::raw::format::{
-    FrameCoding, FrameHeader, FrameRate, MainFrameHeader, PaperParameters, Prediction, Profile, StreamHeader,
+    FrameCoding, FrameHeader, FrameKind, FrameRate, MainFrameHeader, PaperParameters, Prediction, Profile,
+    StreamHeader,
 };
 use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 
@@ -60,18 +61,22 @@ pub(super) const MAIN: MainFrameHeader = MainFrameHeader {
     filter_limit: 0,
     half_voxel_vectors: true,
     no_spatial_prediction: false,
-    still_cells: false,
-    resilient: false,
+    kind: FrameKind::Intra,
 };
+
+/// The same of a frame that is predicted from the one before.
+pub(super) const PREDICTED: MainFrameHeader =
+    MainFrameHeader { kind: FrameKind::Predicted { skip_cells: false }, ..MAIN };
 
 /// A frame of one slice whose symbols, but for those of the block set, are ones: that is what zeros are. No masks.
 pub(super) fn frame_of_ones(header: &StreamHeader, prediction: Prediction, blocks: u32) -> RawFrame {
     let coding = match header.profile {
-        Profile::Paper(_) => FrameCoding::Paper,
-        Profile::Main => FrameCoding::Main(MAIN),
+        Profile::Paper(_) => FrameCoding::Paper { prediction },
+        Profile::Main if prediction == Prediction::None => FrameCoding::Main(MAIN),
+        Profile::Main => FrameCoding::Main(PREDICTED),
     };
     RawFrame {
-        header: FrameHeader { prediction, blocks, slices: 1, coding, volume_hash: None },
+        header: FrameHeader { blocks, slices: 1, coding, volume_hash: None },
         block_set: vec![0; 64],
         masks: vec![0x80],
         slices: vec![[vec![0; 32], vec![0; 64]]],

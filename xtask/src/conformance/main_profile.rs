@@ -5,8 +5,8 @@ use anyhow::{Context, Result, ensure};
 use isv::raw::decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh, Tools};
 use isv::raw::format::{
-    FormatError, FrameCoding, FrameHeader, FramePayload, MainFrameHeader, PacketReader, PacketWriter,
-    Prediction, Profile, SlicePayload, StreamHeader,
+    FormatError, FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, PacketReader,
+    PacketWriter, Profile, SlicePayload, StreamHeader,
 };
 use isv::raw::volume::{BlockCoord, Grid, SparseVolume, VolumeBuilder};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
@@ -18,7 +18,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
     let quarters = MainSettings { half_voxel_vectors: false, filter: (0, 0), ..usual };
     let strong = MainSettings { filter: (25, 6), quality: FrameQuality::of_step(1.1), ..usual };
     // Nothing moves in it, but is coded again.
-    let tools = Tools { still: false, ..Tools::ALL };
+    let tools = Tools { skip: false, ..Tools::ALL };
     let fine = MainSettings { quality: FrameQuality::of_step(0.001), band: Band::Full, tools, ..usual };
     let whole = MainSettings { band: Band::Full, ..quarters };
     Ok(vec![
@@ -113,14 +113,14 @@ const NOISE_FRAMES: usize = 4;
 const NOISE_BLOCKS: u32 = 160;
 
 /// A stream whose segments are random bytes but for a first block. Any bytes are symbols, among them many that no encoder
-/// would choose; what is refused is drawn again. `still_cells`: whether frames that predict have them.
-fn noise(truncation: u32, slices: u16, seed: u64, still_cells: bool) -> Result<Stream> {
+/// would choose; what is refused is drawn again. `skip_cells`: whether frames that predict have them.
+fn noise(truncation: u32, slices: u16, seed: u64, skip_cells: bool) -> Result<Stream> {
     let header = header(Profile::Main, 8, truncation)?;
     let mut random = Random::new(seed);
     let mut frames = vec![NoiseFrame::first(&header)];
     let mut hashes = decode_noise(&header, &frames)?;
     while frames.len() < NOISE_FRAMES {
-        frames.push(NoiseFrame::draw(&mut random, frames.len(), slices, still_cells));
+        frames.push(NoiseFrame::draw(&mut random, frames.len(), slices, skip_cells));
         match announce(&header, &mut frames) {
             Some(found) => hashes = found,
             None => drop(frames.pop()),
@@ -198,12 +198,14 @@ impl NoiseFrame {
     }
 
     /// A frame after it; every third one does without prediction.
-    fn draw(random: &mut Random, frame: usize, slices: u16, still_cells: bool) -> Self {
+    fn draw(random: &mut Random, frame: usize, slices: u16, skip_cells: bool) -> Self {
         let mut bytes = |count: usize| (0..count).map(|_| (random.signed() * 128.0) as i8 as u8).collect();
-        let prediction = if frame.is_multiple_of(3) { Prediction::None } else { Prediction::ThreeDof };
+        let kind = match frame.is_multiple_of(3) {
+            true => FrameKind::Intra,
+            false => FrameKind::Predicted { skip_cells },
+        };
         let main = MainFrameHeader {
-            still_cells: still_cells && prediction != Prediction::None,
-            resilient: false,
+            kind,
             step: [4096, 9000, 30_000, 1 << 20, 700][frame % 5],
             filter: [25, 13, 0, 7, 20][frame % 5],
             filter_limit: [255, 38, 0, 3, 90][frame % 5],
@@ -213,7 +215,7 @@ impl NoiseFrame {
         let coding = FrameCoding::Main(main);
         let block_set = bytes(60);
         Self {
-            header: FrameHeader { prediction, blocks: 0, slices, coding, volume_hash: None },
+            header: FrameHeader { blocks: 0, slices, coding, volume_hash: None },
             block_set,
             // No masks: a random one is too often empty.
             masks: vec![0x80],
@@ -232,19 +234,14 @@ impl NoiseFrame {
         let Self { header: drawn, masks, slices: segments, .. } =
             Self::draw(random, 3 * frame + 1, slices, false);
         let FrameCoding::Main(main) = drawn.coding else { unreachable!("frames of profile main are drawn") };
-        let main = MainFrameHeader { resilient: true, ..main };
-        let header = FrameHeader {
-            prediction: Prediction::ThreeDof,
-            blocks: keyframe.header.blocks,
-            coding: FrameCoding::Main(main),
-            ..drawn
-        };
+        let main = MainFrameHeader { kind: FrameKind::Resilient, ..main };
+        let header = FrameHeader { blocks: keyframe.header.blocks, coding: FrameCoding::Main(main), ..drawn };
         Self { header, block_set: keyframe.block_set.to_vec(), masks, slices: segments }
     }
 
     fn payload(&self) -> FramePayload<'_> {
         let Self { header, block_set, masks, slices } = self;
-        let slices = slices.iter().map(|[motion, coefficients]| SlicePayload { motion, coefficients });
+        let slices = slices.iter().map(|[modes, coefficients]| SlicePayload { modes, coefficients });
         FramePayload { header: *header, block_set, masks, slices: slices.collect() }
     }
 }

@@ -24,7 +24,7 @@ pub(super) struct RawFrame {
 impl RawFrame {
     pub(super) fn payload(&self) -> FramePayload<'_> {
         let Self { header, block_set, masks, slices } = self;
-        let slices = slices.iter().map(|[motion, coefficients]| SlicePayload { motion, coefficients });
+        let slices = slices.iter().map(|[modes, coefficients]| SlicePayload { modes, coefficients });
         FramePayload { header: *header, block_set, masks, slices: slices.collect() }
     }
 

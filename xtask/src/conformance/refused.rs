@@ -6,7 +6,8 @@ use anyhow::{Context, Result, bail, ensure};
 use isv::raw::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
 use isv::raw::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::raw::format::{
-    FrameCoding, MainFrameHeader, PacketKind, PaperParameters, Prediction, Profile, StreamHeader, StreamIndex,
+    FrameCoding, FrameKind, MainFrameHeader, PacketKind, PaperParameters, Prediction, Profile, StreamHeader,
+    StreamIndex,
 };
 use isv::raw::volume::{BlockEdge, Grid};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
@@ -453,11 +454,12 @@ fn symbol_cases() -> Result<Vec<Refused>> {
         after_one(header, false, &frame.to_bytes())
     };
     // The block in the corner of the range of coordinates, and a frame after it, whose symbols are all ones.
-    let in_the_corner = |blocks: u32, still_cells: bool| {
+    let in_the_corner = |blocks: u32, skip_cells: bool| {
         let mut stream = RawStream::new(&main);
         stream.frame(true, 0, false, &keyframe(&main, &[[-(1 << 20); 3]], 0).to_bytes());
         let mut frame = frame_of_ones(&main, Prediction::ThreeDof, blocks);
-        frame.header.coding = FrameCoding::Main(MainFrameHeader { still_cells, ..MAIN });
+        frame.header.coding =
+            FrameCoding::Main(MainFrameHeader { kind: FrameKind::Predicted { skip_cells }, ..MAIN });
         stream.frame(false, 0, false, &frame.to_bytes());
         stream.bytes
     };
@@ -651,9 +653,9 @@ fn motion_cut() -> Result<Vec<u8>> {
     let mut encoder = Encoder::new(&header, EncoderSettings { motion, ..Default::default() });
     let [first, second] = [0.0, 1.0].map(|t| encoder.encode(&ball(header.grid, t)));
     let whole = second.payload();
-    for length in 0..whole.slices[0].motion.len() {
+    for length in 0..whole.slices[0].modes.len() {
         let mut cut = whole.clone();
-        cut.slices[0].motion = &whole.slices[0].motion[..length];
+        cut.slices[0].modes = &whole.slices[0].modes[..length];
         let mut stream = RawStream::new(&header);
         stream.frame(true, 0, false, &first.payload().to_bytes());
         stream.frame(false, 0, false, &cut.to_bytes());
@@ -666,5 +668,7 @@ fn motion_cut() -> Result<Vec<u8>> {
 
 /// Has a frame's vectors count quarters.
 fn quarters(frame: &mut RawFrame) {
-    frame.header.coding = FrameCoding::Main(MainFrameHeader { half_voxel_vectors: false, ..MAIN });
+    if let FrameCoding::Main(main) = &mut frame.header.coding {
+        main.half_voxel_vectors = false;
+    }
 }

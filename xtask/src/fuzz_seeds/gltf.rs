@@ -12,15 +12,15 @@ use serde_json::{Value, json};
 use std::fs;
 
 pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
-    let mut still = vec![
+    let mut skipped = vec![
         below_ancestors(),
         of_all_primitives(),
         strided_and_sparse(),
         long_indices(),
         sparse_over_values(),
     ];
-    still.extend(compressed::DRACO_STREAMS.map(|(_, stream)| compressed::draco(stream)));
-    still.extend(compressed::meshopt().map(|(_, glb)| glb));
+    skipped.extend(compressed::DRACO_STREAMS.map(|(_, stream)| compressed::draco(stream)));
+    skipped.extend(compressed::meshopt().map(|(_, glb)| glb));
     let moving = [
         frame_by_frame()?,
         skinned(1),
@@ -34,7 +34,7 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
         moved("STEP", 1),
         moved("CUBICSPLINE", 3),
     ];
-    for glb in still.iter().chain(&moving) {
+    for glb in skipped.iter().chain(&moving) {
         seeds.save("glb", glb)?;
         seeds.save("gltf", &embedded(glb))?;
     }

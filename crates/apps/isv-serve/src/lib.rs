@@ -18,7 +18,6 @@
 //! whoever is too slow for it goes on at a later keyframe.
 
 mod accept;
-mod allowance;
 mod error;
 mod export;
 mod files;
@@ -32,6 +31,7 @@ mod range;
 mod server;
 mod source;
 mod stall;
+mod token_bucket;
 mod url;
 
 pub use error::ServeError;

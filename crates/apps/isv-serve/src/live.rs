@@ -1,8 +1,8 @@
 //! The WebSocket of a live stream.
 
-use crate::allowance::Allowance;
 use crate::hub::{Hub, Viewer};
 use crate::message::{self, CLOCK_QUESTION_BYTES};
+use crate::token_bucket::TokenBucket;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
@@ -72,7 +72,7 @@ struct Connection {
     socket: WebSocket,
     viewer: Viewer,
     limits: LiveLimits,
-    allowance: Allowance,
+    bucket: TokenBucket,
     heard: Instant,
     _seat: OwnedSemaphorePermit,
 }
@@ -90,8 +90,8 @@ enum Over {
 impl Connection {
     fn new(socket: WebSocket, live: &Live, seat: OwnedSemaphorePermit) -> Self {
         let now = Instant::now();
-        let allowance = Allowance::new(QUESTIONS.0, QUESTIONS.1, now);
-        Self { socket, viewer: live.hub.join(), limits: live.limits, allowance, heard: now, _seat: seat }
+        let bucket = TokenBucket::new(QUESTIONS.0, QUESTIONS.1, now);
+        Self { socket, viewer: live.hub.join(), limits: live.limits, bucket, heard: now, _seat: seat }
     }
 
     async fn run(mut self) {
@@ -133,7 +133,7 @@ impl Connection {
 
     async fn answer(&mut self, question: Message) -> Result<(), Over> {
         self.heard = Instant::now();
-        if !self.allowance.take(self.heard) {
+        if !self.bucket.take(self.heard) {
             return Err(Over::Refused("too many messages"));
         }
         match question {

@@ -31,7 +31,7 @@ use std::time::Instant;
 /// Bytes from a file or a pipe.
 pub type ByteSource = Box<dyn Read + Send>;
 
-/// Opens a file that can be sought in.
+/// Opens a file that can be query in.
 ///
 /// # Errors
 /// [`StreamError`], which names it.

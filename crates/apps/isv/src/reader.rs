@@ -18,7 +18,7 @@ pub struct Reader {
     input: Input,
     name: String,
     header: Option<StreamHeader>,
-    /// Bytes that cannot be sought in, until they are read.
+    /// Bytes that cannot be query in, until they are read.
     source: Option<ByteSource>,
     /// Number of frames, of a file.
     frames: Option<usize>,
@@ -131,13 +131,10 @@ impl Reader {
     /// Goes to a frame: the next one that is read. Frames since the keyframe before it are decoded on the way.
     ///
     /// # Errors
-    /// [`ErrorKind::Options`] for bytes that cannot be sought in, and for a frame that is not there.
+    /// [`ErrorKind::Options`] for bytes that cannot be query in, and for a frame that is not there.
     pub fn seek(&mut self, frame: usize) -> Result<(), Error> {
         if self.input.path().is_none() {
-            return Err(Error::new(
-                ErrorKind::Options,
-                format!("{}: only files can be sought in", self.name),
-            ));
+            return Err(Error::new(ErrorKind::Options, format!("{}: only files can be query in", self.name)));
         }
         if let Some(frames) = self.frames.filter(|frames| frame >= *frames) {
             let why = format!("{}: frame {frame} asked for, but there are {frames}", self.name);

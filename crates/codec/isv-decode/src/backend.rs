@@ -86,7 +86,7 @@ pub trait Backend: fmt::Debug + Send {
         masks: BTreeMap<u32, VoxelMask>,
     ) -> Result<(), BackendError>;
 
-    /// The activity that is expected of every block of a frame in the next one, where the blocks `still` stay as they are: one
+    /// The activity that is expected of every block of a frame in the next one, where the blocks `skipped` stay as they are: one
     /// for each block, in order. See [`expected_activity`](main_profile::activity::expected_activity).
     ///
     /// # Errors
@@ -94,7 +94,7 @@ pub trait Backend: fmt::Debug + Send {
     fn expected_activity(
         &mut self,
         frame: &Self::Main,
-        still: &BlockSet,
+        skipped: &BlockSet,
     ) -> Result<Vec<Activity>, BackendError>;
 
     /// Takes back a frame that nothing is predicted from any more, for its memory.
@@ -127,6 +127,6 @@ pub struct MainFrame<'a> {
     pub causal: &'a CausalBlocks,
     /// Which blocks the frame has once it is extended, and where their samples come from.
     pub plan: ExtensionPlan,
-    /// Whether blocks are predicted from the frame before. If not, still cells may still be taken over from it.
+    /// Whether blocks are predicted from the frame before. If not, skip cells may still be taken over from it.
     pub predicts: bool,
 }

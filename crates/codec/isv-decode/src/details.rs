@@ -111,12 +111,12 @@ impl Details {
     }
 
     /// Adds the blocks that stay as they are, none of which is coded.
-    pub(crate) fn add_still(&mut self, still: &BlockSet) {
-        if !self.wanted || still.is_empty() {
+    pub(crate) fn add_skipped(&mut self, skipped: &BlockSet) {
+        if !self.wanted || skipped.is_empty() {
             return;
         }
         let detail = |coord| BlockDetail { coord, coding: BlockCoding::Still, bits: 0.0 };
-        self.blocks.extend(still.coords().into_iter().map(detail));
+        self.blocks.extend(skipped.coords().into_iter().map(detail));
         self.blocks.sort_unstable_by_key(|block| block.coord.morton());
     }
 }

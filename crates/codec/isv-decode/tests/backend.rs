@@ -111,9 +111,9 @@ impl Backend for Failing {
     fn expected_activity(
         &mut self,
         frame: &Self::Main,
-        still: &BlockSet,
+        skipped: &BlockSet,
     ) -> Result<Vec<Activity>, BackendError> {
-        self.call()?.expected_activity(&frame.frame, still)
+        self.call()?.expected_activity(&frame.frame, skipped)
     }
 
     fn hash(&mut self, volume: &Volume) -> Result<u64, BackendError> {

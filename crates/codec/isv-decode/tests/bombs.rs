@@ -5,7 +5,7 @@ use isv_decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX
 use isv_decode::{Decoder, Limits, RefusalClass};
 use isv_entropy::RangeEncoder;
 use isv_format::{
-    FrameCoding, FrameHeader, FramePayload, FrameRate, MainFrameHeader, PacketHeader, PacketKind,
+    FrameCoding, FrameHeader, FrameKind, FramePayload, FrameRate, MainFrameHeader, PacketHeader, PacketKind,
     PacketReader, PaperParameters, Prediction, Profile, SlicePayload, StreamHeader,
 };
 use isv_testkit::{Need, skip};
@@ -36,15 +36,18 @@ fn bomb(profile: Profile, blocks: u32, slices: u16, block_set: &[u8]) -> Vec<u8>
         filter_limit: 0,
         half_voxel_vectors: true,
         no_spatial_prediction: false,
-        still_cells: false,
-        resilient: false,
+        kind: FrameKind::Intra,
     };
-    let coding = if profile == Profile::Main { FrameCoding::Main(main) } else { FrameCoding::Paper };
+    let coding = if profile == Profile::Main {
+        FrameCoding::Main(main)
+    } else {
+        FrameCoding::Paper { prediction: Prediction::None }
+    };
     let payload = FramePayload {
-        header: FrameHeader { prediction: Prediction::None, blocks, slices, coding, volume_hash: None },
+        header: FrameHeader { blocks, slices, coding, volume_hash: None },
         block_set,
         masks: &[0x80],
-        slices: vec![SlicePayload { motion: &[], coefficients: &[0; 4] }; usize::from(slices)],
+        slices: vec![SlicePayload { modes: &[], coefficients: &[0; 4] }; usize::from(slices)],
     };
     let payload = payload.to_bytes();
     let kind = PacketKind::Frame { keyframe: true, hashed: false };

@@ -11,7 +11,7 @@
 
 mod cpu;
 
-use crate::main_profile::{BlockShifts, SoughtFrame};
+use crate::main_profile::{BlockShifts, MotionQuery};
 
 use isv_decode::backend::Backend;
 use isv_decode::main_profile::MainReference;
@@ -81,5 +81,5 @@ pub trait SearchBackend: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// See [`BackendError`].
-    fn find_shifts(&mut self, frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError>;
+    fn find_shifts(&mut self, frame: &MotionQuery) -> Result<Option<Vec<BlockShifts>>, BackendError>;
 }

@@ -76,16 +76,14 @@ impl EncodedFrame {
             header: self.header,
             block_set: &self.segments.block_set,
             masks: &self.segments.masks,
-            slices: slices
-                .map(|s| SlicePayload { motion: &s.motion, coefficients: &s.coefficients })
-                .collect(),
+            slices: slices.map(|s| SlicePayload { modes: &s.modes, coefficients: &s.coefficients }).collect(),
         }
     }
 
     /// How the frame's blocks are predicted.
     #[must_use]
     pub fn prediction(&self) -> Prediction {
-        self.header.prediction
+        self.header.prediction()
     }
 
     /// Bytes of the block set and the masks of unobserved voxels.
@@ -100,10 +98,10 @@ impl EncodedFrame {
         self.segments.masks.len()
     }
 
-    /// Bytes of motion vectors.
+    /// Bytes of modes, or in profile `paper` of motion vectors.
     #[must_use]
-    pub fn bytes_motion(&self) -> usize {
-        self.segments.slices.iter().map(|s| s.motion.len()).sum()
+    pub fn bytes_modes(&self) -> usize {
+        self.segments.slices.iter().map(|s| s.modes.len()).sum()
     }
 
     /// Bytes of quantized coefficients.
@@ -124,7 +122,7 @@ impl EncodedFrame {
     }
 
     pub(crate) fn segment_bytes(&self) -> usize {
-        self.bytes_blocks() + self.bytes_motion() + self.bytes_coefficients()
+        self.bytes_blocks() + self.bytes_modes() + self.bytes_coefficients()
     }
 }
 

@@ -93,10 +93,9 @@ impl PaperWriter {
         let before = self.before.as_ref().map(WrittenBlocks::as_reference);
         let segments = syntax::write_symbols(&mut self.entropy, edge, &symbols, usize::from(slices), before);
         let header = FrameHeader {
-            prediction: symbols.prediction,
             blocks: symbols.coords.len() as u32,
             slices,
-            coding: FrameCoding::Paper,
+            coding: FrameCoding::Paper { prediction: symbols.prediction },
             volume_hash,
         };
         self.before = Some(WrittenBlocks::new(symbols.coords, symbols.unobserved));

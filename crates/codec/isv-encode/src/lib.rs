@@ -37,8 +37,8 @@ pub use frame_writer::{FrameWriter, UnwrittenFrame};
 #[doc(hidden)]
 pub use main_profile::probe;
 pub use main_profile::{
-    Band, Bitrate, BlockShifts, COARSEST_STEP, FINEST_STEP, FrameQuality, MainEncoder, MainSettings, Preset,
-    RateTarget, Refresh, SearchEffort, SoughtFrame, Tools, UnknownTool,
+    Band, Bitrate, BlockShifts, COARSEST_STEP, FINEST_STEP, FrameQuality, MainEncoder, MainSettings,
+    MotionQuery, Preset, RateTarget, Refresh, SearchEffort, Tools, UnknownTool,
 };
 pub use paper_coder::PaperCoder;
 pub use surface_distance::surface_distance_voxels;

@@ -9,13 +9,14 @@
 //! ```
 
 mod change;
-mod debris;
 mod encoder;
 mod field_dct;
+mod floaters;
 mod lanes;
 mod level_costs;
 mod masks;
 mod model_bits;
+mod motion_query;
 mod motion_search;
 mod preset;
 pub mod probe;
@@ -26,17 +27,16 @@ mod refresh;
 mod search_window;
 mod settings;
 mod slice;
-mod sought_frame;
 mod syntax;
 mod target;
 mod tools;
 mod weight_spectrum;
 
 pub use encoder::MainEncoder;
+pub use motion_query::{BlockShifts, MotionQuery};
 pub use motion_search::SearchEffort;
 pub use preset::Preset;
 pub use rate_control::{Bitrate, COARSEST_STEP, FINEST_STEP, RateTarget};
 pub use refresh::Refresh;
 pub use settings::{Band, FrameQuality, MainSettings};
-pub use sought_frame::{BlockShifts, SoughtFrame};
 pub use tools::{Tools, UnknownTool};

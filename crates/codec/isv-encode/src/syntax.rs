@@ -19,15 +19,15 @@ pub struct SymbolSegments {
     pub block_set: Vec<u8>,
     /// Unobserved voxels.
     pub masks: Vec<u8>,
-    /// Motion and coefficients of each slice.
+    /// Modes and coefficients of each slice.
     pub slices: Vec<SliceSegments>,
 }
 
 /// The entropy-coded segments of a slice.
 #[derive(Clone, Debug)]
 pub struct SliceSegments {
-    /// Motion vectors; empty without motion.
-    pub motion: Vec<u8>,
+    /// Modes of blocks in profile `main`, motion vectors in profile `paper`; empty without prediction from another frame.
+    pub modes: Vec<u8>,
     /// Quantized coefficients.
     pub coefficients: Vec<u8>,
     /// Bits of `coefficients` that the DC coefficients take.
@@ -58,10 +58,10 @@ pub fn write_symbols(
             let sources = &symbols.references[range.clone()];
             let vectors = &symbols.motion[range.clone()];
             let levels = &symbols.levels[range.start * coefficients..range.end * coefficients];
-            let motion =
+            let modes =
                 motion::write(&mut models.motion, symbols.prediction, &range, sources, vectors, &neighbours);
             let (coefficients, dc_bits) = coefficients::write(&mut models.coefficients, sources, levels);
-            SliceSegments { motion, coefficients, dc_bits }
+            SliceSegments { modes, coefficients, dc_bits }
         })
         .collect();
     SymbolSegments { block_set, masks, slices }

@@ -23,7 +23,7 @@ fn details(
         let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
         let payload = FramePayload::parse(&packet.payload, 0, hashed, &header.profile).unwrap();
         let bytes: usize =
-            payload.slices.iter().map(|slice| slice.motion.len() + slice.coefficients.len()).sum();
+            payload.slices.iter().map(|slice| slice.modes.len() + slice.coefficients.len()).sum();
         (decoder.details().to_vec(), volume, 8.0 * bytes as f64)
     });
     frames.collect()
@@ -98,9 +98,9 @@ fn blocks_that_stay_are_told_and_take_no_bits() {
     let frames = details(&header, settings(1), &volumes);
     for (details, ..) in &frames[1..] {
         let is_still = |block: &&BlockDetail| block.coding == BlockCoding::Still;
-        let (still, coded): (Vec<&BlockDetail>, Vec<&BlockDetail>) = details.iter().partition(is_still);
-        assert!(still.len() > 20 && coded.len() > 20, "{} stay, {} are coded", still.len(), coded.len());
-        assert!(still.iter().all(|block| block.bits == 0.0));
+        let (skipped, coded): (Vec<&BlockDetail>, Vec<&BlockDetail>) = details.iter().partition(is_still);
+        assert!(skipped.len() > 20 && coded.len() > 20, "{} stay, {} are coded", skipped.len(), coded.len());
+        assert!(skipped.iter().all(|block| block.bits == 0.0));
         assert!(details.is_sorted_by_key(|block| block.coord.morton()));
     }
 }

@@ -96,10 +96,9 @@ fn too_many_blocks_are_refused_before_memory_is_taken() {
         Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000, ..Limits::default() });
     let payload = FramePayload {
         header: FrameHeader {
-            prediction: Prediction::None,
             blocks: u32::MAX,
             slices: 1,
-            coding: FrameCoding::Paper,
+            coding: FrameCoding::Paper { prediction: Prediction::None },
             volume_hash: None,
         },
         block_set: &[],

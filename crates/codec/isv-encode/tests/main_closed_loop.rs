@@ -78,7 +78,7 @@ fn what_stands_still_is_kept() {
     }
 }
 
-/// Without still cells every block is coded again, for about the same error.
+/// Without skip cells every block is coded again, for about the same error.
 #[test]
 fn still_cells_save_bytes() {
     let header = main_header(8);

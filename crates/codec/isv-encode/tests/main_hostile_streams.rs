@@ -6,7 +6,7 @@ use isv_decode::{DecodeError, Decoder, Limits};
 use isv_encode::{Band, EncoderSettings, MainSettings};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
 use isv_format::{
-    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
+    FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Profile,
     SlicePayload, StreamHeader,
 };
 use isv_volume::{SparseVolume, VolumeBuilder};
@@ -91,7 +91,7 @@ fn segments_that_end_too_early_are_refused() {
         });
         assert_malformed(refused, "the coefficients end too early");
     }
-    let refused = decode_changed(&packets, 1, |p| p.slices[0].motion = &p.slices[0].motion[..1]);
+    let refused = decode_changed(&packets, 1, |p| p.slices[0].modes = &p.slices[0].modes[..1]);
     assert_malformed(refused, "the modes end too early");
     // One block, wherever it is, takes 68 bits.
     let packet = forged(&packets[0], announcing(1, &[]));
@@ -108,7 +108,7 @@ fn of_several_bad_slices_the_first_is_told_whatever_the_threads() {
             decode_changed(&packets, 1, |payload| {
                 // The first slice is found to be bad long after the second.
                 payload.slices[0].coefficients = &payload.slices[0].coefficients[..1];
-                payload.slices[1].motion = &[];
+                payload.slices[1].modes = &[];
             })
         });
         assert_malformed(refused, "the coefficients end too early");
@@ -134,13 +134,13 @@ impl Below {
 /// The payload with one of its segments damaged. Bytes to spare follow each, so that what is made of it is not just too long.
 fn damaged_segment(payload: &[u8], below: &mut Below) -> Vec<u8> {
     let payload = FramePayload::parse(payload, 0, true, &Profile::Main).unwrap();
-    let slices = payload.slices.iter().flat_map(|slice| [slice.motion, slice.coefficients]);
+    let slices = payload.slices.iter().flat_map(|slice| [slice.modes, slice.coefficients]);
     let spare = |segment: &[u8]| [segment, &[0x55; 100]].concat();
     let mut segments: Vec<_> =
         [payload.block_set, payload.masks].into_iter().chain(slices).map(spare).collect();
     let chosen = below.draw(segments.len());
     below.damage(&mut segments[chosen]);
-    let slices = segments[2..].chunks_exact(2).map(|s| SlicePayload { motion: &s[0], coefficients: &s[1] });
+    let slices = segments[2..].chunks_exact(2).map(|s| SlicePayload { modes: &s[0], coefficients: &s[1] });
     FramePayload {
         header: payload.header,
         block_set: &segments[0],
@@ -184,8 +184,7 @@ fn flipped_bytes_past_the_checksum_decode_to_something_or_an_error() {
 /// A keyframe that announces blocks and nothing else.
 fn announcing(blocks: u32, block_set: &[u8]) -> Vec<u8> {
     let main = MainFrameHeader {
-        still_cells: false,
-        resilient: false,
+        kind: FrameKind::Intra,
         step: 9000,
         filter: 0,
         filter_limit: 0,
@@ -193,13 +192,7 @@ fn announcing(blocks: u32, block_set: &[u8]) -> Vec<u8> {
         no_spatial_prediction: false,
     };
     let payload = FramePayload {
-        header: FrameHeader {
-            prediction: Prediction::None,
-            blocks,
-            slices: 1,
-            coding: FrameCoding::Main(main),
-            volume_hash: Some(0),
-        },
+        header: FrameHeader { blocks, slices: 1, coding: FrameCoding::Main(main), volume_hash: Some(0) },
         block_set,
         masks: &[],
         slices: vec![SlicePayload::default()],
@@ -258,7 +251,7 @@ fn a_block_that_is_flagged_and_in_the_octree_too_is_refused() {
         (payload.header.blocks, payload.block_set) = (blocks, &[0; 64]);
         // The frames are equal, but each block is to have its flag.
         if let FrameCoding::Main(main) = &mut payload.header.coding {
-            main.still_cells = false;
+            main.kind = FrameKind::Predicted { skip_cells: false };
         }
         let mut decoder = Decoder::new(&header, LIMITS);
         decoder.decode(&packets[0]).unwrap();
@@ -282,7 +275,7 @@ fn vectors_out_of_range_are_refused() {
         IntegerModel::default().encode(&mut encoder, steps);
         let mut bytes = encoder.finish();
         bytes.resize(400, 0);
-        let refused = decode_changed(&packets, 1, |payload| payload.slices[0].motion = &bytes);
+        let refused = decode_changed(&packets, 1, |payload| payload.slices[0].modes = &bytes);
         assert_malformed(refused, "a motion vector is out of range");
     }
 }

@@ -31,13 +31,73 @@ impl Prediction {
         self as u8
     }
 
-    /// The prediction of a code, if the profile has it: `main` translates or does not predict.
-    fn from_code(code: u8, profile: &Profile) -> Option<Self> {
-        let known: &[Self] = match profile {
-            Profile::Paper(_) => &Self::ALL,
-            Profile::Main => &[Self::None, Self::ThreeDof],
-        };
-        known.iter().copied().find(|p| p.code() == code)
+    fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|prediction| prediction.code() == code)
+    }
+}
+
+/// What a frame of profile `main` is predicted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameKind {
+    /// Its own blocks alone. The frame before may still tell where blocks and masks are.
+    Intra,
+    /// The frame before too, translated a block at a time.
+    Predicted {
+        /// Whether cells of 4x4x4 blocks may be skipped: they stay as they were in the frame before. The specification calls them
+        /// still cells.
+        skip_cells: bool,
+    },
+    /// The frame before too, but its symbols are coded without any frame before it, so that they can be read where one was lost.
+    Resilient,
+}
+
+impl FrameKind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [
+        Self::Intra,
+        Self::Predicted { skip_cells: false },
+        Self::Predicted { skip_cells: true },
+        Self::Resilient,
+    ];
+
+    /// Whether blocks may be predicted from the frame before.
+    #[must_use]
+    pub fn predicts(self) -> bool {
+        self != Self::Intra
+    }
+
+    /// Whether cells may be skipped.
+    #[must_use]
+    pub fn skips_cells(self) -> bool {
+        self == Self::Predicted { skip_cells: true }
+    }
+
+    /// Whether the frame's symbols can be read where the frame before was lost.
+    #[must_use]
+    pub fn is_resilient(self) -> bool {
+        self == Self::Resilient
+    }
+
+    /// The first byte of a payload: the code of the prediction, and bits of what else there is.
+    fn code(self) -> u8 {
+        const TRANSLATION: u8 = Prediction::ThreeDof as u8;
+        const SKIP_CELLS: u8 = 1 << 2;
+        const RESILIENT: u8 = 1 << 3;
+        match self {
+            Self::Intra => Prediction::None.code(),
+            Self::Predicted { skip_cells: false } => TRANSLATION,
+            Self::Predicted { skip_cells: true } => TRANSLATION | SKIP_CELLS,
+            Self::Resilient => TRANSLATION | RESILIENT,
+        }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.code() == code)
+    }
+
+    /// Whether a payload with this first byte is of a resilient frame.
+    pub(crate) fn of_payload_is_resilient(code: u8, profile: &Profile) -> bool {
+        *profile == Profile::Main && code == Self::Resilient.code()
     }
 }
 
@@ -65,11 +125,14 @@ impl SliceLayout {
     }
 }
 
-/// The fields of a frame header that only some profiles have.
+/// The fields of a frame header that are a profile's own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCoding {
-    /// None: the stream header states all that profile `paper` needs.
-    Paper,
+    /// Those of profile `paper`: the stream header states all else.
+    Paper {
+        /// How blocks are predicted; [`Prediction::None`] on keyframes.
+        prediction: Prediction,
+    },
     /// Those of profile `main`.
     Main(MainFrameHeader),
 }
@@ -77,6 +140,8 @@ pub enum FrameCoding {
 /// What each frame of profile `main` states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MainFrameHeader {
+    /// What blocks are predicted from; [`FrameKind::Intra`] on keyframes.
+    pub kind: FrameKind,
     /// Quantizer step of all coefficients in sixteenths of a code, `1 ..= 2^20`.
     pub step: u32,
     /// Strength of the in-loop filter in sixty-fourths, `0 ..= 25`; 0 is off.
@@ -87,11 +152,6 @@ pub struct MainFrameHeader {
     pub half_voxel_vectors: bool,
     /// Whether blocks that are not predicted from the frame before are predicted by zero and not from their neighbours.
     pub no_spatial_prediction: bool,
-    /// Whether cells of 4x4x4 blocks may stay as they were in the frame before; only with [`Prediction::ThreeDof`].
-    pub still_cells: bool,
-    /// Whether the frame's symbols are coded without any frame before it, so that they can be read where one was lost; only with
-    /// [`Prediction::ThreeDof`], and without [`Self::still_cells`].
-    pub resilient: bool,
 }
 
 impl MainFrameHeader {
@@ -122,35 +182,7 @@ impl MainFrameHeader {
         }
     }
 
-    /// Bit of the prediction's byte that holds [`Self::still_cells`].
-    const STILL_CELLS: u8 = 1 << 2;
-
-    /// Bit of the same byte that holds [`Self::resilient`].
-    const RESILIENT: u8 = 1 << 3;
-
-    /// Whether a payload with this first byte is of a resilient frame.
-    pub(crate) fn is_resilient(code: u8, profile: &Profile) -> bool {
-        *profile == Profile::Main && Self::split_prediction(code).1 == Self::RESILIENT
-    }
-
-    /// Its bits of the prediction's byte.
-    fn prediction_bits(&self) -> u8 {
-        let still = if self.still_cells { Self::STILL_CELLS } else { 0 };
-        still | if self.resilient { Self::RESILIENT } else { 0 }
-    }
-
-    /// Takes the prediction's byte apart: what is left without the bits of this header, and those. Without a frame to predict from
-    /// no bit is set, and never both.
-    fn split_prediction(code: u8) -> (u8, u8) {
-        const TRANSLATION: u8 = Prediction::ThreeDof as u8;
-        match code ^ TRANSLATION {
-            bits @ (Self::STILL_CELLS | Self::RESILIENT) => (TRANSLATION, bits),
-            _ => (code, 0),
-        }
-    }
-
-    /// `prediction_bits`: see [`Self::split_prediction`].
-    fn parse(fields: &mut ByteReader, prediction_bits: u8) -> Result<Self, FormatError> {
+    fn parse(fields: &mut ByteReader, kind: FrameKind) -> Result<Self, FormatError> {
         let at = fields.at();
         let step = fields.varint()?;
         if !(1..=Self::MAX_STEP).contains(&step) {
@@ -164,13 +196,12 @@ impl MainFrameHeader {
         }
         let filter_limit = if filter > 0 { fields.u8()? } else { 0 };
         Ok(Self {
+            kind,
             step,
             filter,
             filter_limit,
             half_voxel_vectors: byte & Self::HALF_VOXEL_VECTORS != 0,
             no_spatial_prediction: byte & Self::NO_SPATIAL_PREDICTION != 0,
-            still_cells: prediction_bits & Self::STILL_CELLS != 0,
-            resilient: prediction_bits & Self::RESILIENT != 0,
         })
     }
 }
@@ -178,13 +209,11 @@ impl MainFrameHeader {
 /// The fields at the head of a frame payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameHeader {
-    /// How blocks are predicted; [`Prediction::None`] on keyframes.
-    pub prediction: Prediction,
     /// Number of blocks.
     pub blocks: u32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
-    /// What else the stream's profile has a frame state.
+    /// What the stream's profile has a frame state.
     pub coding: FrameCoding,
     /// XXH64 of the decoded volume, if the frame carries it.
     pub volume_hash: Option<u64>,
@@ -194,12 +223,21 @@ impl FrameHeader {
     /// Most slices a frame may have.
     pub const MAX_SLICES: u16 = 256;
 
+    /// How blocks are predicted; [`Prediction::None`] on keyframes.
+    #[must_use]
+    pub fn prediction(&self) -> Prediction {
+        match self.coding {
+            FrameCoding::Paper { prediction } => prediction,
+            FrameCoding::Main(main) if main.kind.predicts() => Prediction::ThreeDof,
+            FrameCoding::Main(_) => Prediction::None,
+        }
+    }
+
     fn put(&self, out: &mut Vec<u8>) {
-        let bits = match &self.coding {
-            FrameCoding::Paper => 0,
-            FrameCoding::Main(main) => main.prediction_bits(),
-        };
-        out.push(self.prediction.code() | bits);
+        out.push(match self.coding {
+            FrameCoding::Paper { prediction } => prediction.code(),
+            FrameCoding::Main(main) => main.kind.code(),
+        });
         put_varint(out, self.blocks);
         put_varint(out, u32::from(self.slices));
         if let FrameCoding::Main(main) = &self.coding {
@@ -213,16 +251,14 @@ impl FrameHeader {
     fn parse(fields: &mut ByteReader, hashed: bool, profile: &Profile) -> Result<Self, FormatError> {
         let at = fields.at();
         let code = fields.u8()?;
-        let (prediction, prediction_bits) = match profile {
-            Profile::Paper(_) => (code, 0),
-            Profile::Main => MainFrameHeader::split_prediction(code),
+        let unknown = || {
+            let profile = profile.name();
+            FormatError::malformed(at, format!("prediction {code} is not known in profile {profile}"))
         };
-        let prediction = Prediction::from_code(prediction, profile).ok_or_else(|| {
-            FormatError::malformed(
-                at,
-                format!("prediction {code} is not known in profile {}", profile.name()),
-            )
-        })?;
+        let (prediction, kind) = match profile {
+            Profile::Paper(_) => (Prediction::from_code(code).ok_or_else(unknown)?, FrameKind::Intra),
+            Profile::Main => (Prediction::None, FrameKind::from_code(code).ok_or_else(unknown)?),
+        };
         let blocks = fields.varint()?;
         let at = fields.at();
         let slices = fields.varint()?;
@@ -234,19 +270,20 @@ impl FrameHeader {
             return Err(FormatError::LimitExceeded { at, what: "slices", asked, allowed });
         }
         let coding = match profile {
-            Profile::Paper(_) => FrameCoding::Paper,
-            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields, prediction_bits)?),
+            Profile::Paper(_) => FrameCoding::Paper { prediction },
+            Profile::Main => FrameCoding::Main(MainFrameHeader::parse(fields, kind)?),
         };
         let volume_hash = if hashed { Some(fields.u64()?) } else { None };
-        Ok(Self { prediction, blocks, slices: slices as u16, coding, volume_hash })
+        Ok(Self { blocks, slices: slices as u16, coding, volume_hash })
     }
 }
 
 /// The entropy-coded segments of one slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SlicePayload<'a> {
-    /// Motion vectors; empty without motion.
-    pub motion: &'a [u8],
+    /// Modes of blocks in profile `main`, motion vectors in profile `paper`; empty without prediction from another frame. The
+    /// specification calls it the motion segment.
+    pub modes: &'a [u8],
     /// Quantized coefficients.
     pub coefficients: &'a [u8],
 }
@@ -260,7 +297,7 @@ pub struct FramePayload<'a> {
     pub block_set: &'a [u8],
     /// Unobserved voxels.
     pub masks: &'a [u8],
-    /// Motion and coefficients of each slice.
+    /// Modes and coefficients of each slice.
     pub slices: Vec<SlicePayload<'a>>,
 }
 
@@ -271,7 +308,7 @@ impl<'a> FramePayload<'a> {
         let mut out = Vec::new();
         self.header.put(&mut out);
         let segments = || {
-            let slices = self.slices.iter().flat_map(|s| [s.motion, s.coefficients]);
+            let slices = self.slices.iter().flat_map(|s| [s.modes, s.coefficients]);
             [self.block_set, self.masks].into_iter().chain(slices)
         };
         segments().for_each(|segment| put_varint(&mut out, segment.len() as u32));
@@ -292,7 +329,7 @@ impl<'a> FramePayload<'a> {
         if !fields.is_empty() {
             return Err(FormatError::malformed(fields.at(), "bytes left over after a frame's segments"));
         }
-        let slices = segments[2..].chunks_exact(2).map(|s| SlicePayload { motion: s[0], coefficients: s[1] });
+        let slices = segments[2..].chunks_exact(2).map(|s| SlicePayload { modes: s[0], coefficients: s[1] });
         Ok(Self { header, block_set: segments[0], masks: segments[1], slices: slices.collect() })
     }
 }
@@ -309,31 +346,25 @@ mod tests {
         filter_limit: 255,
         half_voxel_vectors: true,
         no_spatial_prediction: true,
-        still_cells: true,
-        resilient: false,
+        kind: FrameKind::Predicted { skip_cells: true },
     };
 
     fn payload(coding: FrameCoding) -> FramePayload<'static> {
         FramePayload {
-            header: FrameHeader {
-                prediction: Prediction::ThreeDof,
-                blocks: 4500,
-                slices: 2,
-                coding,
-                volume_hash: Some(0x0123_4567_89ab_cdef),
-            },
+            header: FrameHeader { blocks: 4500, slices: 2, coding, volume_hash: Some(0x0123_4567_89ab_cdef) },
             block_set: &[1, 2, 3],
             masks: &[],
             slices: vec![
-                SlicePayload { motion: &[4], coefficients: &[5; 200] },
-                SlicePayload { motion: &[], coefficients: &[6] },
+                SlicePayload { modes: &[4], coefficients: &[5; 200] },
+                SlicePayload { modes: &[], coefficients: &[6] },
             ],
         }
     }
 
     /// A payload of each profile.
     fn payloads() -> [(Profile, FramePayload<'static>); 2] {
-        [(PAPER, payload(FrameCoding::Paper)), (Profile::Main, payload(FrameCoding::Main(MAIN_HEADER)))]
+        let paper = FrameCoding::Paper { prediction: Prediction::ThreeDof };
+        [(PAPER, payload(paper)), (Profile::Main, payload(FrameCoding::Main(MAIN_HEADER)))]
     }
 
     /// Asserts that a payload is refused for the field at byte `place`.
@@ -362,8 +393,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
-                still_cells: false,
-                resilient: true,
+                kind: FrameKind::Resilient,
             },
             MainFrameHeader {
                 step: 1024,
@@ -371,8 +401,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: true,
                 no_spatial_prediction: false,
-                still_cells: false,
-                resilient: true,
+                kind: FrameKind::Resilient,
             },
             MainFrameHeader {
                 step: 1024,
@@ -380,8 +409,7 @@ mod tests {
                 filter_limit: 0,
                 half_voxel_vectors: false,
                 no_spatial_prediction: false,
-                still_cells: false,
-                resilient: true,
+                kind: FrameKind::Resilient,
             },
         ];
         for header in headers {
@@ -399,8 +427,7 @@ mod tests {
             filter_limit: 40,
             half_voxel_vectors: true,
             no_spatial_prediction: true,
-            still_cells: true,
-            resilient: false,
+            kind: FrameKind::Predicted { skip_cells: true },
         };
         let bytes = payload(FrameCoding::Main(header)).to_bytes();
         assert_eq!(bytes[..9], [6, 0x94, 0x23, 2, 0xac, 0x02, 0xd4, 40, 0xef]);
@@ -429,29 +456,32 @@ mod tests {
         }
     }
 
+    /// In profile `main` blocks are translated or not predicted; cells are skipped only where something is predicted, and not in a
+    /// frame that is to be read without the one before.
     #[test]
-    fn main_translates_or_does_not_predict() {
-        let mut payload = payload(FrameCoding::Main(MAIN_HEADER));
-        for prediction in [Prediction::ZeroMotion, Prediction::SixDof] {
-            payload.header.prediction = prediction;
-            assert_malformed(&payload, &Profile::Main, 0);
-        }
-        // Where nothing is predicted, no cell stays as it was.
-        payload.header.prediction = Prediction::None;
-        assert_malformed(&payload, &Profile::Main, 0);
-        // Nor is there anything to be without.
-        let resilient = MainFrameHeader { still_cells: false, resilient: true, ..MAIN_HEADER };
-        payload.header.coding = FrameCoding::Main(resilient);
-        assert_malformed(&payload, &Profile::Main, 0);
-        // What stays is told by what was before.
-        payload.header.prediction = Prediction::ThreeDof;
-        payload.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: true, ..resilient });
-        assert_malformed(&payload, &Profile::Main, 0);
-        payload.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: false, ..MAIN_HEADER });
-        for prediction in [Prediction::None, Prediction::ThreeDof] {
-            payload.header.prediction = prediction;
-            assert!(FramePayload::parse(&payload.to_bytes(), 0, true, &Profile::Main).is_ok());
-        }
+    fn main_has_four_kinds_of_frames() {
+        let bytes = payload(FrameCoding::Main(MAIN_HEADER)).to_bytes();
+        let read: Vec<_> = (0..=u8::MAX)
+            .filter_map(|code| {
+                let bytes = [&[code], &bytes[1..]].concat();
+                let payload = FramePayload::parse(&bytes, 0, true, &Profile::Main).ok()?;
+                let FrameCoding::Main(main) = payload.header.coding else { panic!("profile main") };
+                assert_eq!(
+                    FrameKind::of_payload_is_resilient(code, &Profile::Main),
+                    main.kind.is_resilient()
+                );
+                assert_eq!(payload.header.prediction() != Prediction::None, main.kind.predicts());
+                Some((code, main.kind))
+            })
+            .collect();
+        let [intra, predicted, skipping, resilient] = FrameKind::ALL;
+        assert_eq!(read, [(0, intra), (2, predicted), (6, skipping), (10, resilient)]);
+        let paper = payload(FrameCoding::Paper { prediction: Prediction::None }).to_bytes();
+        let read = (0..=u8::MAX).filter(|code| {
+            let bytes = [&[*code], &paper[1..]].concat();
+            FramePayload::parse(&bytes, 0, true, &PAPER).is_ok()
+        });
+        assert_eq!(read.collect::<Vec<_>>(), [0, 1, 2, 3]);
     }
 
     #[test]

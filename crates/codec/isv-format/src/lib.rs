@@ -3,7 +3,7 @@
 //! ```text
 //! stream = StreamHeader, packet ..., [index packet, trailer]
 //! packet = PacketHeader (length, type, keyframe flag, timestamp, checksum), payload
-//! frame payload = FrameHeader, block-set segment, mask segment, then a motion and a coefficient segment a slice
+//! frame payload = FrameHeader, block-set segment, mask segment, then a segment of modes and one of coefficients a slice
 //! ```
 //!
 //! Everything can be written to a pipe and read from one: no field is patched afterwards and nothing needs the index,
@@ -26,7 +26,7 @@ mod writer;
 pub use chain::{Link, PacketChain};
 pub use error::FormatError;
 pub use frame::{
-    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
+    FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
 };
 pub use frame_rate::{FrameRate, ParseFrameRateError};
 pub use header::{FORMAT_VERSION, MAGIC, PaperParameters, Profile, StreamHeader};

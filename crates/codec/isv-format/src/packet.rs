@@ -1,7 +1,7 @@
 //! Packets: one a frame, each whole in itself.
 
 use crate::bytes::ByteReader;
-use crate::{FormatError, MainFrameHeader, Profile};
+use crate::{FormatError, FrameKind, Profile};
 
 /// First bytes of a packet.
 const MAGIC: [u8; 4] = *b"ISVP";
@@ -158,7 +158,8 @@ impl Packet {
     #[must_use]
     pub fn is_entry(&self, profile: &Profile) -> bool {
         let PacketKind::Frame { keyframe, .. } = self.header.kind else { return false };
-        keyframe || self.payload.first().is_some_and(|code| MainFrameHeader::is_resilient(*code, profile))
+        keyframe
+            || self.payload.first().is_some_and(|code| FrameKind::of_payload_is_resilient(*code, profile))
     }
 
     /// Whether so many damaged bytes before this packet may have held its keyframe and all frames since: then the count in its header

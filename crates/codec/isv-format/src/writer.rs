@@ -136,15 +136,14 @@ mod tests {
             let coefficients = [frame as u8; 30];
             let payload = FramePayload {
                 header: FrameHeader {
-                    prediction: Prediction::None,
                     blocks: 1,
                     slices: 1,
-                    coding: FrameCoding::Paper,
+                    coding: FrameCoding::Paper { prediction: Prediction::None },
                     volume_hash: None,
                 },
                 block_set: &[7],
                 masks: &[],
-                slices: vec![SlicePayload { motion: &[], coefficients: &coefficients }],
+                slices: vec![SlicePayload { modes: &[], coefficients: &coefficients }],
             };
             writer.write_frame(frame != 1, frame * 1000, &payload).unwrap();
         }

@@ -6,19 +6,19 @@
 //! | `main_frame` | a frame of profile `main`, step by step |
 //! | `coded_blocks` | its coded blocks: prediction, residual, in-loop filter |
 //! | `extrapolated_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
-//! | `questions` | what entropy decoding asks of samples: expected activity, corners of crossed cells |
+//! | `syntax_readback` | what entropy decoding needs of samples: expected activity, corners of crossed cells |
 
 pub(crate) mod coded_blocks;
 mod extrapolated_blocks;
 mod kernels;
 mod main_frame;
 pub(crate) mod paper_frame;
-mod questions;
+pub(crate) mod resources;
 pub(crate) mod scale;
 pub(crate) mod shaders;
+mod syntax_readback;
 #[cfg(test)]
 mod tests;
-pub(crate) mod workshop;
 
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, MainFrame};
@@ -26,9 +26,9 @@ use isv_decode::main_profile::MainBlocks;
 use isv_decode::main_profile::activity::Activity;
 use isv_decode::{BackendError, CodingParameters, FrameSymbols, ReferenceBlocks, volume_hash};
 use isv_volume::{BlockEdge, BlockSet, VoxelMask};
+use resources::DecodeResources;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use workshop::Workshop;
 
 pub use main_frame::GpuMainFrame;
 pub use paper_frame::GpuPaperFrame;
@@ -38,7 +38,7 @@ pub use paper_frame::GpuPaperFrame;
 /// It decodes blocks of 8 voxels: all of profile `main`, and of profile `paper` the streams that have them. Those it encodes too
 /// ([`EncodeBackend`](isv_encode::EncodeBackend)).
 #[derive(Debug)]
-pub struct GpuBackend(pub(crate) Workshop);
+pub struct GpuBackend(pub(crate) DecodeResources);
 
 impl GpuBackend {
     /// A backend that keeps its volumes in a store.
@@ -46,7 +46,7 @@ impl GpuBackend {
     /// # Errors
     /// [`GpuError::Refused`] if the driver does not take a kernel.
     pub fn new(store: &VolumeStore) -> Result<Self, GpuError> {
-        Workshop::new(store).map(Self)
+        DecodeResources::new(store).map(Self)
     }
 
     /// Where its volumes are.
@@ -107,7 +107,7 @@ impl Backend for GpuBackend {
     }
 
     fn crossed_corners(&mut self, frame: &GpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
-        Ok(frame.answers.corners.clone())
+        Ok(frame.readback.corners.clone())
     }
 
     fn add_masks(
@@ -125,9 +125,9 @@ impl Backend for GpuBackend {
     fn expected_activity(
         &mut self,
         frame: &GpuMainFrame,
-        still: &BlockSet,
+        skipped: &BlockSet,
     ) -> Result<Vec<Activity>, BackendError> {
-        Ok(frame.expected_activity(still))
+        Ok(frame.expected_activity(skipped))
     }
 
     fn hash(&mut self, volume: &GpuVolume) -> Result<u64, BackendError> {

@@ -25,8 +25,8 @@ use isv_fusion::backend::{FusionBackend, SampledBlocks};
 use isv_fusion::{FusionError, FusionSettings};
 use isv_volume::{BlockCoord, DepthImage, Grid};
 use kernels::Kernels;
-use sums::SumRooms;
-use views::ViewRooms;
+use sums::SumBuffers;
+use views::ViewBuffers;
 
 /// A GPU as a backend of fusion: see [`isv_fusion::fuse_on`] and [`isv_fusion::Accumulator::on`]. Blocks may be of any edge.
 ///
@@ -36,9 +36,9 @@ use views::ViewRooms;
 pub struct GpuFusion {
     gpu: Gpu,
     kernels: Kernels,
-    view_rooms: ViewRooms,
+    view_buffers: ViewBuffers,
     allocator: Allocator,
-    sum_rooms: SumRooms,
+    sum_buffers: SumBuffers,
 }
 
 impl GpuFusion {
@@ -50,9 +50,9 @@ impl GpuFusion {
         Ok(Self {
             gpu: gpu.clone(),
             kernels: Kernels::new(gpu)?,
-            view_rooms: ViewRooms::default(),
+            view_buffers: ViewBuffers::default(),
             allocator: Allocator::default(),
-            sum_rooms: SumRooms::default(),
+            sum_buffers: SumBuffers::default(),
         })
     }
 }

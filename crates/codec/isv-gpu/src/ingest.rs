@@ -17,7 +17,7 @@ mod tests;
 
 use crate::blocks::BlockTable;
 use crate::commands::Commands;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::store::Slots;
 use crate::{GpuError, GpuVolume, Storage, VolumeStore};
 use isv_ingest::{IngestError, LONGEST_EDGE, LatticeMesh, MeshIngest, MeshJob, SignDecision};
@@ -25,7 +25,7 @@ use isv_volume::{BlockCoord, BlockEdge, SparseVolume, TriangleMesh, VoxelMask};
 use kernels::Kernels;
 use parts::{Part, parts};
 use reached::{Reached, TABLE_ENTRIES};
-use sampling::{Found, Rooms, Sampling};
+use sampling::{Buffers, Found, Sampling};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -60,9 +60,9 @@ pub struct GpuMeshIngester {
     settings: MeshIngest,
     store: VolumeStore,
     kernels: Kernels,
-    vertices: Room,
-    triangles: Room,
-    rooms: Rooms,
+    vertices: GrowingBuffer,
+    triangles: GrowingBuffer,
+    scratch: Buffers,
     /// Entries of the table of reached blocks that the last frame needed.
     entries: u32,
 }
@@ -117,9 +117,9 @@ impl GpuMeshIngester {
             settings,
             store: store.clone(),
             kernels: Kernels::new(store.gpu())?,
-            vertices: Room::new("vertices"),
-            triangles: Room::new("triangles"),
-            rooms: Rooms::new(),
+            vertices: GrowingBuffer::new("vertices"),
+            triangles: GrowingBuffer::new("triangles"),
+            scratch: Buffers::new(),
             entries: TABLE_ENTRIES,
         })
     }
@@ -191,18 +191,18 @@ impl GpuMeshIngester {
         let is_signed = job.offset().is_none();
         if is_signed {
             for part in &parts {
-                sampling.list(&mut self.rooms, part)?;
-                sampling.wind(&mut self.rooms, part)?;
+                sampling.list(&mut self.scratch, part)?;
+                sampling.wind(&mut self.scratch, part)?;
             }
-            sampling.carry(&mut self.rooms, &reached.coords)?;
+            sampling.carry(&mut self.scratch, &reached.coords)?;
         }
         let mut found = Found::default();
         for part in &parts {
             // The list of a single part is still there.
             if !is_signed || parts.len() > 1 {
-                sampling.list(&mut self.rooms, part)?;
+                sampling.list(&mut self.scratch, part)?;
             }
-            sampling.measure(&mut self.rooms, part, &mut found)?;
+            sampling.measure(&mut self.scratch, part, &mut found)?;
         }
         drop(sampling);
         Ok(near_the_surface(&store, job, &reached.coords, &slots, &found)?)

@@ -46,13 +46,13 @@ impl Drop for Storage {
 
 /// A buffer that grows to what is put into it, and serves one frame after the other.
 #[derive(Debug)]
-pub(crate) struct Room {
+pub(crate) struct GrowingBuffer {
     what: &'static str,
     usage: Usage,
     storage: Option<Storage>,
 }
 
-impl Room {
+impl GrowingBuffer {
     /// No memory yet.
     pub(crate) fn new(what: &'static str) -> Self {
         Self { what, usage: Usage::Kernels, storage: None }

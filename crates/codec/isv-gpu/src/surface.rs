@@ -18,7 +18,7 @@ use crate::commands::Commands;
 use crate::kernel::Kernel;
 use crate::pool::SamplePool;
 use crate::prefix_sums::PrefixSums;
-use crate::storage::{Room, Usage, write};
+use crate::storage::{GrowingBuffer, Usage, write};
 use crate::volume::MaskTable;
 use crate::{Gpu, GpuError, GpuVolume, Storage, VolumeStore};
 use isv_surface::SurfaceOptions;
@@ -39,11 +39,11 @@ pub struct GpuSurfaceExtractor {
     cases: Storage,
     /// Of a volume that was observed in full.
     no_masks: MaskTable,
-    surface: Room,
-    edges: Room,
+    surface: GrowingBuffer,
+    edges: GrowingBuffer,
     /// Of each block and the end, the vertices and triangles before it.
-    first: Room,
-    totals: Room,
+    first: GrowingBuffer,
+    totals: GrowingBuffer,
 }
 
 impl GpuSurfaceExtractor {
@@ -63,10 +63,10 @@ impl GpuSurfaceExtractor {
                 numbers: gpu.storage("mask numbers", 4, Usage::Kernels)?,
                 words: gpu.storage("masks", 4, Usage::Kernels)?,
             },
-            surface: Room::new("signs of blocks"),
-            edges: Room::new("crossing edges"),
-            first: Room::new("vertices before blocks"),
-            totals: Room::for_reading("vertices and triangles of a surface"),
+            surface: GrowingBuffer::new("signs of blocks"),
+            edges: GrowingBuffer::new("crossing edges"),
+            first: GrowingBuffer::new("vertices before blocks"),
+            totals: GrowingBuffer::for_reading("vertices and triangles of a surface"),
         };
         write(gpu, &extractor.cases, 0, bytemuck::cast_slice(&cases));
         Ok(extractor)
@@ -85,7 +85,7 @@ impl GpuSurfaceExtractor {
         }
         let fresh = if volume.unobserved.is_empty() { None } else { Some(volume.masks()?) };
         let blocks = volume.block_count() as u32;
-        let room = Working {
+        let working = Working {
             blocks,
             surface: self.surface.of(&self.gpu, SURFACE_BLOCK_BYTES * u64::from(blocks))?,
             edges: self.edges.of(&self.gpu, EDGES_BYTES * u64::from(blocks))?,
@@ -95,15 +95,15 @@ impl GpuSurfaceExtractor {
         };
         let totals = self.totals.of(&self.gpu, 8)?;
         let mut commands = Commands::new(&self.gpu);
-        room.count(&mut commands, &self.kernels, volume, &volume.store.pool())?;
-        self.sums.run(&mut commands, room.first, blocks + 1)?;
-        commands.copy_between((room.first.buffer(), 8 * u64::from(blocks)), (totals.buffer(), 0), 8);
+        working.count(&mut commands, &self.kernels, volume, &volume.store.pool())?;
+        self.sums.run(&mut commands, working.first, blocks + 1)?;
+        commands.copy_between((working.first.buffer(), 8 * u64::from(blocks)), (totals.buffer(), 0), 8);
         commands.submit()?;
         let [vertices, triangles] = bytemuck::pod_read_unaligned(&self.gpu.read(&[(totals, 8)])?[0]);
 
         let mesh = GpuMesh::new(&self.gpu, [vertices, triangles], self.kernels.normals.is_some())?;
         let mut commands = Commands::new(&self.gpu);
-        room.fill(&mut commands, &self.kernels, volume, &volume.store.pool(), &mesh)?;
+        working.fill(&mut commands, &self.kernels, volume, &volume.store.pool(), &mesh)?;
         commands.submit()?;
         Ok(mesh)
     }

@@ -147,14 +147,13 @@ fn frame_of(blocks: usize, segments: &SymbolSegments) -> TangFrame {
     let slices: Vec<_> = segments
         .slices
         .iter()
-        .map(|s| SlicePayload { motion: &s.motion, coefficients: &s.coefficients })
+        .map(|s| SlicePayload { modes: &s.modes, coefficients: &s.coefficients })
         .collect();
     let bytes_coefficients = slices.iter().map(|s| s.coefficients.len()).sum();
     let header = FrameHeader {
-        prediction: Prediction::None,
         blocks: blocks as u32,
         slices: slices.len() as u16,
-        coding: FrameCoding::Paper,
+        coding: FrameCoding::Paper { prediction: Prediction::None },
         volume_hash: None,
     };
     let (block_set, masks) = (&segments.block_set, &segments.masks);
@@ -218,7 +217,7 @@ impl TangDecoder {
         if usize::from(header.slices) > most_slices(self.codec.basis.coefficients()) {
             return Err(self.malformed("more slices than this many coefficients allow"));
         }
-        if header.prediction != Prediction::None || payload.slices.iter().any(|s| !s.motion.is_empty()) {
+        if header.prediction() != Prediction::None || payload.slices.iter().any(|s| !s.modes.is_empty()) {
             return Err(self.malformed("a frame that predicts from another frame"));
         }
         Ok(())

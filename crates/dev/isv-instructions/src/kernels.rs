@@ -291,7 +291,7 @@ fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     let symbols = FrameSymbols { coords, modes, levels: none, ..FrameSymbols::default() };
     let reference = MainReference::new(Extended::of(&inputs.coded_volume()), symbols, BTreeMap::new());
     counter(&mut || {
-        let activity = |still: &BlockSet| Ok::<_, SyntaxError>(expected_activity(&reference, still));
+        let activity = |skipped: &BlockSet| Ok::<_, SyntaxError>(expected_activity(&reference, skipped));
         let (bytes, count) = (&inputs.block_sets[1], inputs.blocks[1]);
         let read = models.clone().read(bytes, count, Some(reference.blocks()), false, activity);
         assert_eq!(read.map(|(_, coords)| coords.len()), Ok(count), "the set as it was written");

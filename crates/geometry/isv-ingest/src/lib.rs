@@ -31,7 +31,7 @@
 //! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
 //! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
 //! `trim` takes teeth and specks off the surface's ends; `sign` tells open from closed surfaces, and `limits` refuses what
-//! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `stale` finds what of it is as it
+//! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `reuse` finds what of it is as it
 //! was in the frame before, and `ingester` puts volumes together. Who samples elsewhere, as a GPU does, begins and ends with a `job`, which
 //! hands out the mesh on a `lattice`.
 //! Point clouds take a way of their own, in `points`: [`estimate_normals`] if they have none, [`decide_point_sign`],
@@ -53,17 +53,17 @@ mod ingester;
 mod job;
 mod lattice;
 mod limits;
-mod lost;
+mod open_surface;
 mod orientation;
 mod points;
 mod redistance;
+mod reuse;
 mod rims;
 mod sampler;
 mod scatter;
 mod scene;
 mod sides;
 mod sign;
-mod stale;
 mod tiles;
 mod topology;
 mod trim;
@@ -76,7 +76,7 @@ pub use error::IngestError;
 pub use ingester::MeshIngester;
 pub use job::MeshJob;
 pub use lattice::{LONGEST_EDGE, LatticeMesh};
-pub use lost::lost_share;
+pub use open_surface::open_surface_share;
 pub use orientation::{FaceTurner, turn_faces};
 pub use points::{
     NormalSides, PointEvidence, PointIngest, PointSign, PointSpacing, SideEvidence, check_points_fit,
@@ -139,7 +139,7 @@ impl MeshIngest {
 ///
 /// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
 /// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved, as far as that is exact; narrower holes are closed. What
-/// belongs to nothing closed is lost: see [`lost_share`]. Faces without area are left out. The result is the same for any number
+/// belongs to nothing closed is lost: see [`open_surface_share`]. Faces without area are left out. The result is the same for any number
 /// of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes over what stands still.
 ///
 /// # Errors

@@ -84,7 +84,7 @@ fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
     let (mut bytes, mut error_mm) = (0, 0.0);
     for (mesh, volume) in meshes.iter().zip(volumes) {
         let frame = encoder.encode(volume);
-        bytes += frame.bytes_blocks() + frame.bytes_motion() + frame.bytes_coefficients();
+        bytes += frame.bytes_blocks() + frame.bytes_modes() + frame.bytes_coefficients();
         error_mm += error(mesh, encoder.reconstruction().unwrap()).p2s_mean_mm / meshes.len() as f64;
     }
     (bytes, error_mm)

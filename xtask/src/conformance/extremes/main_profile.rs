@@ -2,10 +2,10 @@
 
 use super::super::Stream;
 use super::super::raw::{RawFrame, RawStream, judge, segment, stream_of};
-use super::{FIRST, LAST, MAIN, frame_of_ones, header, keyframe, small_main};
+use super::{FIRST, LAST, MAIN, PREDICTED, frame_of_ones, header, keyframe, small_main};
 use anyhow::{Result, bail};
 use isv::raw::decode::DecodeError;
-use isv::raw::format::{FrameCoding, MainFrameHeader, Prediction, Profile, StreamHeader};
+use isv::raw::format::{FrameCoding, FrameKind, MainFrameHeader, Prediction, Profile, StreamHeader};
 use isv::raw::volume::BlockEdge;
 use isv_entropy::{BitModel, IntegerModel};
 use isv_testkit::Random;
@@ -20,7 +20,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
         ("main_ends", random(2, 11, &ENDS)?),
         ("main_ends_wide", random(16, 12, &ENDS)?),
         ("main_random_gop", random(8, 13, &LONG)?),
-        ("main_random_still_cells", random(5, 14, &STILL)?),
+        ("main_random_still_cells", random(5, 14, &SKIPS)?),
         ("main_masks_without_prediction", random(4, 15, &MASKED)?),
         ("main_filter_across_slices", random(8, 16, &FILTERED)?),
     ])
@@ -57,7 +57,7 @@ fn vectors() -> Result<Stream> {
         ([0, 0, 0], false),
     ] {
         frames.push((true, with_coefficients(keyframe(&header, &[[0; 3], [3, -3, 2]], 21), &mut random)));
-        let main = MainFrameHeader { half_voxel_vectors: half, ..MAIN };
+        let main = MainFrameHeader { half_voxel_vectors: half, ..PREDICTED };
         frames.push((false, drawn(&header, &frames, || far_vectors(&header, main, vector, &mut random))?));
     }
     stream_of(&header, &frames)
@@ -168,15 +168,10 @@ fn masks() -> Result<Stream> {
 fn no_blocks() -> Result<Stream> {
     let header = small_main()?;
     let mut frames = Vec::new();
-    for (prediction, slices, still_cells) in [
-        (Prediction::None, 256, false),
-        (Prediction::ThreeDof, 1, false),
-        (Prediction::ThreeDof, 256, true),
-        (Prediction::None, 2, false),
-    ] {
-        let mut frame = frame_of_ones(&header, prediction, 0);
+    for (kind, slices) in [(INTRA, 256), (INTER, 1), (SKIPPING, 256), (INTRA, 2)] {
+        let mut frame = frame_of_ones(&header, Prediction::None, 0);
         frame.header.slices = slices;
-        frame.header.coding = FrameCoding::Main(MainFrameHeader { still_cells, ..MAIN });
+        frame.header.coding = FrameCoding::Main(MainFrameHeader { kind, ..MAIN });
         frame.block_set.clear();
         frame.slices = vec![[Vec::new(), Vec::new()]; usize::from(slices)];
         frames.push((frames.is_empty(), frame));
@@ -184,7 +179,7 @@ fn no_blocks() -> Result<Stream> {
     // A block, one that stays, and one that goes: flags of blocks that are all zero.
     frames.push((true, keyframe(&header, &[[7, -7, 0]], 0)));
     let mut stays = frame_of_ones(&header, Prediction::ThreeDof, 0);
-    stays.header.coding = FrameCoding::Main(MainFrameHeader { still_cells: true, ..MAIN });
+    stays.header.coding = FrameCoding::Main(MainFrameHeader { kind: SKIPPING, ..MAIN });
     frames.push((false, stays));
     let mut goes = frame_of_ones(&header, Prediction::ThreeDof, 0);
     goes.block_set = vec![0xff; 40];
@@ -195,64 +190,60 @@ fn no_blocks() -> Result<Stream> {
 /// What a random frame states.
 struct Draw {
     keyframe: bool,
-    prediction: Prediction,
     slices: u16,
     main: MainFrameHeader,
     /// Whether it has masks for sure.
     masks: bool,
 }
 
-const fn draw(prediction: Prediction, slices: u16, main: MainFrameHeader) -> Draw {
-    Draw { keyframe: false, prediction, slices, main, masks: false }
+const fn draw(kind: FrameKind, slices: u16, main: MainFrameHeader) -> Draw {
+    Draw { keyframe: false, slices, main: MainFrameHeader { kind, ..main }, masks: false }
 }
+
+const INTRA: FrameKind = FrameKind::Intra;
+const INTER: FrameKind = FrameKind::Predicted { skip_cells: false };
+const SKIPPING: FrameKind = FrameKind::Predicted { skip_cells: true };
 
 /// Every field of the frame header at its ends; slices that come and go within a GOP, and a frame without prediction.
 const ENDS: [Draw; 7] = [
-    Draw { keyframe: true, ..draw(Prediction::None, 2, MAIN) },
-    draw(Prediction::ThreeDof, 7, MainFrameHeader { filter: 25, filter_limit: 255, ..QUARTERS }),
-    draw(Prediction::ThreeDof, 1, MainFrameHeader { filter: 25, filter_limit: 0, step: 1, ..MAIN }),
-    draw(Prediction::None, 3, MainFrameHeader { filter: 1, filter_limit: 1, ..QUARTERS }),
-    Draw { keyframe: true, ..draw(Prediction::None, 1, MainFrameHeader { step: 2, ..QUARTERS }) },
-    draw(Prediction::ThreeDof, 2, MainFrameHeader { step: 1 << 20, ..MAIN }),
-    draw(Prediction::ThreeDof, 256, MainFrameHeader { filter: 12, filter_limit: 255, ..QUARTERS }),
+    Draw { keyframe: true, ..draw(INTRA, 2, MAIN) },
+    draw(INTER, 7, MainFrameHeader { filter: 25, filter_limit: 255, ..QUARTERS }),
+    draw(INTER, 1, MainFrameHeader { filter: 25, filter_limit: 0, step: 1, ..MAIN }),
+    draw(INTRA, 3, MainFrameHeader { filter: 1, filter_limit: 1, ..QUARTERS }),
+    Draw { keyframe: true, ..draw(INTRA, 1, MainFrameHeader { step: 2, ..QUARTERS }) },
+    draw(INTER, 2, MainFrameHeader { step: 1 << 20, ..MAIN }),
+    draw(INTER, 256, MainFrameHeader { filter: 12, filter_limit: 255, ..QUARTERS }),
 ];
 
 /// A GOP of many symbols.
 const LONG: [Draw; 5] = [
-    Draw { keyframe: true, ..draw(Prediction::None, 1, MAIN) },
-    draw(Prediction::ThreeDof, 1, QUARTERS),
-    draw(Prediction::None, 1, MainFrameHeader { filter: 20, filter_limit: 30, ..MAIN }),
-    draw(Prediction::ThreeDof, 1, MainFrameHeader { step: 700, ..QUARTERS }),
-    draw(Prediction::ThreeDof, 1, MAIN),
+    Draw { keyframe: true, ..draw(INTRA, 1, MAIN) },
+    draw(INTER, 1, QUARTERS),
+    draw(INTRA, 1, MainFrameHeader { filter: 20, filter_limit: 30, ..MAIN }),
+    draw(INTER, 1, MainFrameHeader { step: 700, ..QUARTERS }),
+    draw(INTER, 1, MAIN),
 ];
 
-/// Still cells that become and cease to be.
-const STILL: [Draw; 3] = [
-    Draw { keyframe: true, ..draw(Prediction::None, 1, MAIN) },
-    draw(Prediction::ThreeDof, 1, STILL_CELLS),
-    draw(Prediction::ThreeDof, 2, STILL_CELLS),
-];
+/// Skip cells that become and cease to be.
+const SKIPS: [Draw; 3] =
+    [Draw { keyframe: true, ..draw(INTRA, 1, MAIN) }, draw(SKIPPING, 1, SKIPPED), draw(SKIPPING, 2, SKIPPED)];
 
 /// Masks of frames without prediction, whose contexts are those of the frame before all the same.
 const MASKED: [Draw; 3] = [
-    Draw { keyframe: true, masks: true, ..draw(Prediction::None, 1, MAIN) },
-    Draw { masks: true, ..draw(Prediction::None, 1, MAIN) },
-    Draw { masks: true, ..draw(Prediction::None, 2, MAIN) },
+    Draw { keyframe: true, masks: true, ..draw(INTRA, 1, MAIN) },
+    Draw { masks: true, ..draw(INTRA, 1, MAIN) },
+    Draw { masks: true, ..draw(INTRA, 2, MAIN) },
 ];
 
 /// Slices that the filter reaches across: every face of a keyframe is one that it smooths.
 const FILTERED: [Draw; 2] = [
-    Draw {
-        keyframe: true,
-        ..draw(Prediction::None, 4, MainFrameHeader { filter: 25, filter_limit: 255, ..MAIN })
-    },
-    draw(Prediction::None, 5, MainFrameHeader { filter: 19, filter_limit: 60, ..MAIN }),
+    Draw { keyframe: true, ..draw(INTRA, 4, MainFrameHeader { filter: 25, filter_limit: 255, ..MAIN }) },
+    draw(INTRA, 5, MainFrameHeader { filter: 19, filter_limit: 60, ..MAIN }),
 ];
 
 const QUARTERS: MainFrameHeader =
     MainFrameHeader { half_voxel_vectors: false, no_spatial_prediction: true, ..MAIN };
-const STILL_CELLS: MainFrameHeader =
-    MainFrameHeader { still_cells: true, filter: 9, filter_limit: 12, ..MAIN };
+const SKIPPED: MainFrameHeader = MainFrameHeader { filter: 9, filter_limit: 12, ..MAIN };
 
 /// Most blocks of a random frame.
 const MOST_BLOCKS: u32 = 1000;
@@ -322,7 +313,7 @@ impl Draws {
         let mut frame = if draw.keyframe {
             keyframe(header, &coords, 21)
         } else {
-            let mut frame = frame_of_ones(header, draw.prediction, 0);
+            let mut frame = frame_of_ones(header, Prediction::None, 0);
             frame.block_set = self.bytes(250);
             frame
         };

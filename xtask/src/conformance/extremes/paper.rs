@@ -127,13 +127,12 @@ fn frames(case: &Case, header: &StreamHeader, seed: u64) -> Vec<(bool, RawFrame)
         let symbols = random.symbols(case, header.grid.edge, frame, prediction, reference);
         let slices = usize::from(case.slices[frame]);
         let written = write_symbols(&mut entropy, header.grid.edge, &symbols, slices, reference);
-        let slices = written.slices.into_iter().map(|slice| [slice.motion, slice.coefficients]).collect();
+        let slices = written.slices.into_iter().map(|slice| [slice.modes, slice.coefficients]).collect();
         let FrameSymbols { coords, unobserved: masks, .. } = symbols;
         let frame_header = FrameHeader {
-            prediction,
             blocks: coords.len() as u32,
             slices: case.slices[frame],
-            coding: FrameCoding::Paper,
+            coding: FrameCoding::Paper { prediction },
             volume_hash: None,
         };
         before = Some(Before { index: BlockIndex::new(&coords), coords, masks });

@@ -224,7 +224,7 @@ fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
         encode_ms: report.encode_ms,
         bytes: report.bytes,
         bytes_blocks: coded.bytes_blocks(),
-        bytes_motion: coded.bytes_motion(),
+        bytes_motion: coded.bytes_modes(),
         bytes_coefficients: coded.bytes_coefficients(),
         bytes_masks: coded.bytes_masks(),
         bytes_dc: coded.bytes_dc(),

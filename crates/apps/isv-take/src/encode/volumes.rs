@@ -11,7 +11,7 @@ use isv_encode::Band;
 use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
     FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_share,
+    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, open_surface_share,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
@@ -184,7 +184,7 @@ impl VolumeMaker {
 
     /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
     fn warn_of_loss(&mut self, name: &str, mesh: &TriangleMesh, volume: &SparseVolume) {
-        let share = lost_share(mesh, volume);
+        let share = open_surface_share(mesh, volume);
         if share > 2.0 * self.loss_said {
             self.loss_said = share;
             self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share });

@@ -97,8 +97,8 @@ impl PacketSummary {
             bytes: packet.total_bytes(),
             keyframe: packet.is_keyframe(),
             blocks: frame.blocks,
-            prediction: frame.prediction,
-            resilient: matches!(frame.coding, FrameCoding::Main(main) if main.resilient),
+            prediction: frame.prediction(),
+            resilient: matches!(frame.coding, FrameCoding::Main(main) if main.kind.is_resilient()),
             timestamp_ns: packet.header.timestamp_ns,
         })
     }

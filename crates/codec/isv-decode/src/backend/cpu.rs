@@ -177,9 +177,9 @@ impl Backend for Cpu {
     fn expected_activity(
         &mut self,
         frame: &CpuMainFrame,
-        still: &BlockSet,
+        skipped: &BlockSet,
     ) -> Result<Vec<Activity>, BackendError> {
-        Ok(expected_activity(&frame.reference, still))
+        Ok(expected_activity(&frame.reference, skipped))
     }
 
     fn retire(&mut self, frame: CpuMainFrame) {

@@ -139,7 +139,7 @@ impl<B: Backend> MainDecoder<B> {
             return Err(lost);
         }
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
-        if keyframe && payload.header.prediction != Prediction::None {
+        if keyframe && payload.header.prediction() != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
         let FrameCoding::Main(main) = payload.header.coding else {
@@ -148,7 +148,7 @@ impl<B: Backend> MainDecoder<B> {
         let empty;
         let (reference, gap) = match lost {
             None => (last.filter(|_| !keyframe), None),
-            Some(lost) if !main.resilient => return Err(lost),
+            Some(lost) if !main.kind.is_resilient() => return Err(lost),
             Some(_) => {
                 let reference = match last {
                     Some(last) => last,
@@ -161,27 +161,27 @@ impl<B: Backend> MainDecoder<B> {
                 (Some(reference), Some(gap))
             }
         };
-        if keyframe || main.resilient {
+        if keyframe || main.kind.is_resilient() {
             self.entropy = EntropyState::default();
         }
-        let before = reference.map(B::main_blocks).filter(|_| !main.resilient);
+        let before = reference.map(B::main_blocks).filter(|_| !main.kind.is_resilient());
         let count = payload.header.blocks as usize;
         self.check_limit(packet, count)?;
-        let activity = |still: &BlockSet| match reference {
-            Some(reference) => backend.expected_activity(reference, still).map_err(Failure::from),
+        let activity = |skipped: &BlockSet| match reference {
+            Some(reference) => backend.expected_activity(reference, skipped).map_err(Failure::from),
             None => Ok(Vec::new()),
         };
         let block_set = &mut self.entropy.block_set;
-        let (still, coords) = debug_span!("block set")
-            .in_scope(|| block_set.read(payload.block_set, count, before, main.still_cells, activity))
+        let (skipped, coords) = debug_span!("block set")
+            .in_scope(|| block_set.read(payload.block_set, count, before, main.kind.skips_cells(), activity))
             .map_err(|failure| failure.of(packet, self.sequence))?;
-        let kept = before.map(|before| Kept { before: before.sets, still: &still });
-        let kept = kept.filter(|kept| !kept.still.is_empty());
+        let kept = before.map(|before| Kept { before: before.sets, skipped: &skipped });
+        let kept = kept.filter(|kept| !kept.skipped.is_empty());
         let blocks = FrameBlocks::new(&coords, kept);
         self.check_limit(packet, blocks.all.count())?;
         let plan = || ExtensionPlan::new(blocks, &coords, kept);
         let symbols =
-            FrameSymbols { still: still.clone(), coords: coords.clone(), ..FrameSymbols::default() };
+            FrameSymbols { skipped: skipped.clone(), coords: coords.clone(), ..FrameSymbols::default() };
         let decoded = self
             .read_frame(&payload, &main, symbols, plan, (reference, gap), backend, details)
             .map_err(|failure| failure.of(packet, self.sequence))?;
@@ -228,9 +228,9 @@ impl<B: Backend> MainDecoder<B> {
         let causal =
             debug_span!("neighbours").in_scope(|| CausalBlocks::new(&symbols.coords, layout.ranges()));
         // A resilient frame's symbols are read without the frame before; its samples are predicted from it.
-        let known = reference.map(B::main_blocks).filter(|_| !main.resilient);
+        let known = reference.map(B::main_blocks).filter(|_| !main.kind.is_resilient());
         // Without prediction, modes and contexts do not look at the frame before; the block set and the masks still do.
-        let predicts = header.prediction != Prediction::None;
+        let predicts = main.kind.predicts();
         let (temporal, before) = (predicts && reference.is_some(), known.filter(|_| predicts));
         // The blocks are known: those around them are found while the symbols are read.
         let (plan, symbols) = rayon::join(
@@ -287,7 +287,7 @@ impl<B: Backend> MainDecoder<B> {
                 let blocks = SliceBlocks { coords: &symbols.coords, range, causal };
                 let modes = match temporal {
                     true => {
-                        models.modes.read(bytes.motion, &blocks, reference, main.vector_step(), &mut tally)?
+                        models.modes.read(bytes.modes, &blocks, reference, main.vector_step(), &mut tally)?
                     }
                     false => vec![BlockMode::Spatial; blocks.range.len()],
                 };
@@ -308,7 +308,7 @@ impl<B: Backend> MainDecoder<B> {
             Some(vector) => BlockCoding::Predicted { from: vector.0 },
             None => BlockCoding::Alone,
         });
-        details.add_still(&symbols.still);
+        details.add_skipped(&symbols.skipped);
         Ok(symbols)
     }
 }

@@ -65,7 +65,7 @@ impl<B: Backend> PaperDecoder<B> {
         }
         let reference = reference.filter(|_| !keyframe);
         let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &self.profile)?;
-        if keyframe && payload.header.prediction != Prediction::None {
+        if keyframe && payload.header.prediction() != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }
         self.check_limits(packet, &payload.header)?;
@@ -116,12 +116,13 @@ impl<B: Backend> PaperDecoder<B> {
         details: &mut Details,
     ) -> Result<FrameSymbols, SyntaxError> {
         let header = &payload.header;
+        let prediction = header.prediction();
         let edge = self.parameters.grid.edge;
         let blocks = header.blocks as usize;
         let coords = self.entropy.block_set.read(payload.block_set, blocks, reference)?;
         let unobserved = self.entropy.masks.read(payload.masks, edge, &coords, reference)?;
-        let references = FrameSymbols::find_references(&coords, header.prediction, reference);
-        let neighbours = syntax::CausalNeighbours::new(&coords, header.prediction.has_motion());
+        let references = FrameSymbols::find_references(&coords, prediction, reference);
+        let neighbours = syntax::CausalNeighbours::new(&coords, prediction.has_motion());
         let layout = SliceLayout::new(blocks, usize::from(header.slices));
         let slices = self.entropy.slices(usize::from(header.slices));
         let tallies = details.tallies(layout.ranges());
@@ -133,8 +134,8 @@ impl<B: Backend> PaperDecoder<B> {
             .map(|(((models, range), bytes), mut tally)| {
                 let sources = &references[range.clone()];
                 let motion = models.motion.read(
-                    bytes.motion,
-                    header.prediction,
+                    bytes.modes,
+                    prediction,
                     edge,
                     range,
                     sources,
@@ -154,6 +155,6 @@ impl<B: Backend> PaperDecoder<B> {
             Some(_) => BlockCoding::Predicted { from: motion[block].translation.map(i16::from) },
             None => BlockCoding::Alone,
         });
-        Ok(FrameSymbols { prediction: header.prediction, coords, unobserved, references, motion, levels })
+        Ok(FrameSymbols { prediction, coords, unobserved, references, motion, levels })
     }
 }

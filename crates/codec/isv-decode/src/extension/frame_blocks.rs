@@ -8,7 +8,7 @@ pub struct Kept<'a> {
     /// The blocks of the frame before.
     pub before: &'a FrameBlocks,
     /// Those of them in the cells of 4x4x4 blocks that stay as they are.
-    pub still: &'a BlockSet,
+    pub skipped: &'a BlockSet,
 }
 
 /// The sets of a frame's blocks: all that can be said of it once its coded blocks are known. Takes memory for the cells of
@@ -30,15 +30,15 @@ impl FrameBlocks {
     #[must_use]
     pub fn new(coded: &[BlockCoord], kept: Option<Kept>) -> Self {
         let now = BlockSet::of(coded);
-        let Some(Kept { before, still }) = kept else {
+        let Some(Kept { before, skipped }) = kept else {
             let all = now.dilated();
             return Self { fresh: all.clone(), unsettled: all.clone(), coded: now, all };
         };
-        let changed = now.union(&before.coded.difference(still));
+        let changed = now.union(&before.coded.difference(skipped));
         // A block is extrapolated from those around it, and its masks depend on the samples around it.
         let reached = changed.dilated();
         let unsettled = reached.dilated();
-        let kept_coded = before.coded.intersection(still);
+        let kept_coded = before.coded.intersection(skipped);
         let coded = now.union(&kept_coded);
         let beside_coded = coded.intersection(&unsettled).dilated();
         let fresh = now.union(&reached.intersection(&beside_coded).difference(&coded));

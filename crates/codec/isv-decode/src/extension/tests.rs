@@ -305,9 +305,9 @@ fn what_is_kept_is_what_it_would_become() {
             }
         }
         let before = Extended::of(&before);
-        let still: Vec<_> = before.volume().coords().iter().copied().filter(stays).collect();
-        let still = BlockSet::of(&still);
-        let kept = Some(Kept { before: &before.blocks, still: &still });
+        let skipped: Vec<_> = before.volume().coords().iter().copied().filter(stays).collect();
+        let skipped = BlockSet::of(&skipped);
+        let kept = Some(Kept { before: &before.blocks, skipped: &skipped });
         let plan = ExtensionPlan::new(FrameBlocks::new(&now, kept), &now, kept);
         let mut samples = plan.room(Vec::new());
         for (coord, place) in now.iter().zip(plan.places()) {

@@ -83,10 +83,10 @@ impl Activity {
 /// The activity of every block of the reference's volume, in its order. Of blocks that stay as they are, surface is expected in
 /// those that were coded.
 #[must_use]
-pub fn expected_activity(reference: &MainReference, still: &BlockSet) -> Vec<Activity> {
-    let (signs, frame) = (SignTable::new(reference, still), reference.blocks());
-    let activity = |finder: &mut NeighbourFinder, (block, still): (usize, bool)| {
-        if still {
+pub fn expected_activity(reference: &MainReference, skipped: &BlockSet) -> Vec<Activity> {
+    let (signs, frame) = (SignTable::new(reference, skipped), reference.blocks());
+    let activity = |finder: &mut NeighbourFinder, (block, skipped): (usize, bool)| {
+        if skipped {
             return Activity::of_still(frame.coded_at(block).is_some());
         }
         finder.turn_to(frame.blocks.coords[block]);
@@ -96,7 +96,7 @@ pub fn expected_activity(reference: &MainReference, still: &BlockSet) -> Vec<Act
             crossings => Activity::new(crossings as u16, 0),
         }
     };
-    let marks = still.marks_in(&frame.sets.all).into_par_iter().enumerate();
+    let marks = skipped.marks_in(&frame.sets.all).into_par_iter().enumerate();
     marks.map_init(|| reference.finder(), activity).collect()
 }
 
@@ -111,10 +111,10 @@ struct SignTable<'a> {
 
 impl<'a> SignTable<'a> {
     /// Of the blocks that do not stay as they are, and those around them.
-    fn new(reference: &'a MainReference, still: &BlockSet) -> Self {
+    fn new(reference: &'a MainReference, skipped: &BlockSet) -> Self {
         let (volume, frame) = (reference.volume(), reference.blocks());
         let all = &frame.sets.all;
-        let wanted = if still.is_empty() { all.clone() } else { all.difference(still).dilated() };
+        let wanted = if skipped.is_empty() { all.clone() } else { all.difference(skipped).dilated() };
         let mut places = vec![0; all.count()];
         let wanted =
             (0..).zip(wanted.marks_in(all)).filter_map(|(block, is_wanted)| is_wanted.then_some(block));

@@ -15,7 +15,7 @@ pub struct MainBlocks<'a> {
     /// For each block of the volume, how it was coded; `None` if the decoder made it up. See [`CodedBlock::of_frame`].
     pub coded: &'a [Option<CodedBlock>],
     /// The blocks of the frame before it that were in cells that stayed as they were.
-    pub still: &'a BlockSet,
+    pub skipped: &'a BlockSet,
 }
 
 impl MainBlocks<'_> {

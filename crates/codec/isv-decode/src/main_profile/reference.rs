@@ -12,7 +12,7 @@ pub struct MainReference {
     extended: Extended,
     /// For each block of the volume, how it was coded; `None` if the decoder made it up.
     coded: Vec<Option<CodedBlock>>,
-    still: BlockSet,
+    skipped: BlockSet,
 }
 
 impl MainReference {
@@ -21,7 +21,7 @@ impl MainReference {
     #[must_use]
     pub fn new(extended: Extended, symbols: FrameSymbols, masks: BTreeMap<u32, VoxelMask>) -> Self {
         let coded = CodedBlock::of_frame(&extended.blocks, &symbols);
-        let mut reference = Self { extended, coded, still: symbols.still };
+        let mut reference = Self { extended, coded, skipped: symbols.skipped };
         reference.add_unobserved(masks);
         reference
     }
@@ -38,7 +38,7 @@ impl MainReference {
             blocks: self.extended.reference.blocks(),
             sets: &self.extended.blocks,
             coded: &self.coded,
-            still: &self.still,
+            skipped: &self.skipped,
         }
     }
 

@@ -69,7 +69,7 @@ impl BlockMode {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameSymbols {
     /// Blocks of the frame before in cells of 4x4x4 blocks that stay as they are.
-    pub still: BlockSet,
+    pub skipped: BlockSet,
     /// Coded blocks in Morton order, none of them in these cells.
     pub coords: Vec<BlockCoord>,
     /// How each is predicted.

@@ -8,7 +8,7 @@ pub mod block_set;
 pub mod coefficients;
 pub mod masks;
 pub mod modes;
-pub mod still_cells;
+pub mod skip_cells;
 
 use block_set::BlockSetModels;
 use coefficients::CoefficientModels;

@@ -1,7 +1,7 @@
 //! The reference.
 
 use super::{EncodeBackend, SearchBackend};
-use crate::main_profile::{BlockShifts, SoughtFrame};
+use crate::main_profile::{BlockShifts, MotionQuery};
 use crate::motion_search::search_motion;
 use crate::residual::quantized_residual;
 use isv_decode::backend::{Cpu, CpuPaperFrame};
@@ -53,7 +53,7 @@ impl SearchBackend for Cpu {
         Ok(())
     }
 
-    fn find_shifts(&mut self, _frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError> {
+    fn find_shifts(&mut self, _frame: &MotionQuery) -> Result<Option<Vec<BlockShifts>>, BackendError> {
         Ok(None)
     }
 }

@@ -1,16 +1,16 @@
 //! One frame in profile `main`.
 
-use super::change::still_blocks;
+use super::change::skippable_blocks;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
 use super::masks::wanted_masks;
+use super::motion_query::{BlockShifts, MotionQuery};
 use super::motion_search::CubeSearch;
 use super::pursuit::Pursuit;
 use super::rate_control::{Attempt, FrameFacts, RateControl};
 use super::refresh::{Refresh, Refreshed};
 use super::settings::{FrameQuality, MainSettings};
 use super::slice::{CodedSlice, FrameContext, MotionSearch, SliceEncoder, SliceSamples};
-use super::sought_frame::{BlockShifts, SoughtFrame};
 use super::syntax;
 use super::target::Targets;
 use super::tools::Tools;
@@ -27,7 +27,7 @@ use isv_decode::main_profile::{
     BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainParameters, MainReference,
 };
 use isv_decode::{BackendError, volume_hash};
-use isv_format::{FrameCoding, FrameHeader, MainFrameHeader, Prediction, SliceLayout};
+use isv_format::{FrameCoding, FrameHeader, FrameKind, MainFrameHeader, SliceLayout};
 use isv_kernels::block8::SAMPLES;
 use isv_volume::{BlockCoord, BlockSet, Grid, SparseVolume, VoxelMask};
 use rayon::Scope;
@@ -70,7 +70,7 @@ pub struct MainEncoder<B> {
 struct Source<'a> {
     targets: &'a Targets<'a>,
     /// Blocks of the reference in cells that stay as they are.
-    still: &'a BlockSet,
+    skipped: &'a BlockSet,
     /// Of its blocks, if they were searched for all at once.
     shifts: Option<&'a [BlockShifts]>,
 }
@@ -173,11 +173,11 @@ impl<B: SearchBackend> MainEncoder<B> {
         let constant = self.settings.quality;
         let MainSettings { band, tools, .. } = self.settings;
         // In the symbols of a resilient frame there is nothing to stay as it was.
-        let mut still = match !keyframe && tools.still && self.settings.refresh == Refresh::Keyframes {
-            true => debug_span!("change").in_scope(|| self.still_blocks(volume)),
+        let mut skipped = match !keyframe && tools.skip && self.settings.refresh == Refresh::Keyframes {
+            true => debug_span!("change").in_scope(|| self.skippable_blocks(volume)),
             false => BlockSet::default(),
         };
-        let mut targets = debug_span!("targets").in_scope(|| Targets::new(volume, band, tools, &still));
+        let mut targets = debug_span!("targets").in_scope(|| Targets::new(volume, band, tools, &skipped));
         let mut facts = FrameFacts { keyframe, blocks: targets.len() };
         let mut step = self.rate.first_step(facts, f64::from(constant.step));
         let mut shifts = None;
@@ -185,10 +185,10 @@ impl<B: SearchBackend> MainEncoder<B> {
         let mut attempts = Vec::new();
         let surface = OnceCell::new();
         loop {
-            if !still.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
+            if !skipped.is_empty() && step < FINER_STEP_SHARE * self.settled_step {
                 // What stands still is worth coding better now.
-                still = BlockSet::default();
-                targets = Targets::new(volume, band, tools, &still);
+                skipped = BlockSet::default();
+                targets = Targets::new(volume, band, tools, &skipped);
                 facts.blocks = targets.len();
                 shifts = None;
             }
@@ -196,7 +196,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                 Some(found) => found,
                 None => self.find_shifts(&targets, keyframe)?,
             };
-            let source = Source { targets: &targets, still: &still, shifts: found.as_deref() };
+            let source = Source { targets: &targets, skipped: &skipped, shifts: found.as_deref() };
             let quality = FrameQuality { step: step as f32, ..constant };
             let mut coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
             facts.keyframe = coded.frame.keyframe;
@@ -229,7 +229,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
                     }
-                    self.settled_step = if still.is_empty() { step } else { self.settled_step.max(step) };
+                    self.settled_step = if skipped.is_empty() { step } else { self.settled_step.max(step) };
                     self.source = Some(volume.clone());
                     self.spare = replace(&mut self.state, coded.state).into_spare_buffer();
                     return Ok(coded.frame);
@@ -246,8 +246,8 @@ impl<B: SearchBackend> MainEncoder<B> {
     ) -> Result<Option<Vec<BlockShifts>>, BackendError> {
         match &self.state.reference {
             Some(before) if !keyframe && self.settings.tools.motion => {
-                let sought = SoughtFrame::new(before, targets);
-                debug_span!("motion").in_scope(|| self.backend.find_shifts(&sought))
+                let query = MotionQuery::new(before, targets);
+                debug_span!("motion").in_scope(|| self.backend.find_shifts(&query))
             }
             _ => Ok(None),
         }
@@ -262,9 +262,9 @@ impl<B: SearchBackend> MainEncoder<B> {
     }
 
     /// Blocks of the last frame in cells that may stay as they are.
-    fn still_blocks(&self, volume: &SparseVolume) -> BlockSet {
+    fn skippable_blocks(&self, volume: &SparseVolume) -> BlockSet {
         match (&self.source, &self.state.reference) {
-            (Some(before), Some(reference)) => still_blocks(before, volume, reference),
+            (Some(before), Some(reference)) => skippable_blocks(before, volume, reference),
             _ => BlockSet::default(),
         }
     }
@@ -283,7 +283,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         // A scene of which some stays as it is has not been cut. Where blocks are refreshed, spatial ones tell nothing, and a
         // resilient frame is as good as a keyframe for who has lost the frame before.
         let gradual = self.settings.refresh == Refresh::Gradual;
-        if keyframe || alike || gradual || !source.still.is_empty() {
+        if keyframe || alike || gradual || !source.skipped.is_empty() {
             return coded;
         }
         let cut = self.encode_frame(source, true, quality, spare);
@@ -305,7 +305,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         quality: FrameQuality,
         spare: &mut Vec<i16>,
     ) -> CodedFrame {
-        let Source { targets, still, shifts, .. } = *source;
+        let Source { targets, skipped, shifts, .. } = *source;
         let slices = self.slices;
         let quality = quality.with_step_share(self.settings.step_share);
         let fresh;
@@ -322,13 +322,17 @@ impl<B: SearchBackend> MainEncoder<B> {
         let exact_before = reference.filter(|_| resilient).map(|reference| self.exact_before(reference));
         let coords = targets.coords();
         let layout = SliceLayout::new(coords.len(), usize::from(slices));
-        let main =
-            MainFrameHeader { still_cells: !still.is_empty(), ..self.frame_header(quality, resilient) };
+        let kind = match reference {
+            None => FrameKind::Intra,
+            Some(_) if resilient => FrameKind::Resilient,
+            Some(_) => FrameKind::Predicted { skip_cells: !skipped.is_empty() },
+        };
+        let main = self.frame_header(quality, kind);
         let mut entropy = if resilient { EntropyState::default() } else { before.entropy.clone() };
         let mut mask_models = take(&mut entropy.masks);
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
-        let kept = known.map(|before| Kept { before: &before.extended().blocks, still });
-        let kept = kept.filter(|_| !still.is_empty());
+        let kept = known.map(|before| Kept { before: &before.extended().blocks, skipped });
+        let kept = kept.filter(|_| !skipped.is_empty());
         let plan = debug_span!("extension plan")
             .in_scope(|| ExtensionPlan::new(FrameBlocks::new(coords, kept), coords, kept));
         let mut samples = plan.room(take(spare));
@@ -337,7 +341,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         let (symbols, slice_segments, (costs, exact), (main, extended), (masks, mask_bytes)) =
             rayon::scope(|scope| {
                 let write_set = |_: &Scope| {
-                    let write = || syntax::block_set::write(block_set_models, coords, known, still);
+                    let write = || syntax::block_set::write(block_set_models, coords, known, skipped);
                     block_set = debug_span!("block set").in_scope(write);
                 };
                 let causal =
@@ -351,7 +355,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                 let meanwhile = || scope.spawn(write_set);
                 let (coded, costs) = debug_span!("slices")
                     .in_scope(|| code_slices(&frame, parts, slice_models, &before.costs, meanwhile));
-                let (symbols, segments) = gather(coded, coords, still);
+                let (symbols, segments) = gather(coded, coords, skipped);
                 let exact = exact_before.as_ref().zip(reference).map(|(exact, before)| {
                     ExactBlocks::of_frame(&main, &symbols, &causal, &plan, (before.blocks(), exact))
                 });
@@ -366,7 +370,6 @@ impl<B: SearchBackend> MainEncoder<B> {
         let blocks = symbols.coords.len() as u32;
         let decoded = MainReference::new(extended, symbols, masks);
         let header = FrameHeader {
-            prediction: if reference.is_some() { Prediction::ThreeDof } else { Prediction::None },
             blocks,
             slices,
             coding: FrameCoding::Main(main),
@@ -403,20 +406,19 @@ impl<B: SearchBackend> MainEncoder<B> {
         known.unwrap_or_else(|| ExactBlocks::none(reference.volume().coords().len()))
     }
 
-    /// `resilient`: whether the frame is to be. Then blocks are not predicted from their neighbours: where those are not exact yet,
+    /// The fields of a frame's header. In a resilient one blocks are not predicted from their neighbours: where those are not exact yet,
     /// each would carry the fault on to the next, and make it larger.
-    fn frame_header(&self, quality: FrameQuality, resilient: bool) -> MainFrameHeader {
+    fn frame_header(&self, quality: FrameQuality, kind: FrameKind) -> MainFrameHeader {
         let (filter, filter_limit) = self.settings.filter;
         let filter = if self.filters() { filter } else { 0 };
         let filter_limit = if filter > 0 { filter_limit } else { 0 };
         MainFrameHeader {
+            kind,
             step: quality.code(),
             filter,
             filter_limit,
             half_voxel_vectors: self.settings.half_voxel_vectors,
-            no_spatial_prediction: resilient || !self.settings.tools.spatial,
-            still_cells: false,
-            resilient,
+            no_spatial_prediction: kind.is_resilient() || !self.settings.tools.spatial,
         }
     }
 
@@ -519,16 +521,16 @@ fn slice_samples<'a>(
 fn gather(
     coded: Vec<CodedSlice>,
     coords: &[BlockCoord],
-    still: &BlockSet,
+    skipped: &BlockSet,
 ) -> (FrameSymbols, Vec<SliceSegments>) {
     let mut symbols =
-        FrameSymbols { still: still.clone(), coords: coords.to_vec(), ..FrameSymbols::default() };
+        FrameSymbols { skipped: skipped.clone(), coords: coords.to_vec(), ..FrameSymbols::default() };
     let mut segments = Vec::new();
     for slice in coded {
         symbols.modes.extend(slice.modes);
         symbols.levels.append(&slice.levels);
-        let (motion, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
-        segments.push(SliceSegments { motion, coefficients, dc_bits: 0.0 });
+        let (modes, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
+        segments.push(SliceSegments { modes, coefficients, dc_bits: 0.0 });
     }
     (symbols, segments)
 }

@@ -1,13 +1,13 @@
 //! Which voxels of a decoded frame are masked.
 
-use super::debris::debris;
+use super::floaters::floaters;
 use super::settings::Band;
 use super::target::Targets;
 use isv_decode::extension::Extended;
 use isv_volume::{BlockEdge, VoxelMask};
 use std::collections::BTreeMap;
 
-/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of debris, of
+/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of floaters, of
 /// which the full band keeps what was observed: by index in the extended volume, for its unsettled blocks.
 ///
 /// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
@@ -18,7 +18,7 @@ pub(crate) fn wanted_masks<'a>(
 ) -> BTreeMap<u32, VoxelMask> {
     let (source, coords) = (targets.source(), extended.volume().coords());
     let mut wanted = BTreeMap::new();
-    // Masks that come only of debris are rare, and so are frames where the corners are needed but the source is wholly observed.
+    // Masks that come only of floaters are rare, and so are frames where the corners are needed but the source is wholly observed.
     if !source.unobserved_masks().is_empty() {
         let index = source.index();
         // What the source does not have is beyond its band or was not observed at all.
@@ -32,20 +32,20 @@ pub(crate) fn wanted_masks<'a>(
             (!mask.is_empty()).then_some((*block, mask))
         }));
     }
-    let debris = debris(extended, &wanted, targets);
-    let index = (targets.band() == Band::Full && !debris.is_empty()).then(|| source.index());
-    for (block, mut debris) in debris {
-        // Who wants the whole band wants every voxel of it, also where a coarse step left debris.
+    let floaters = floaters(extended, &wanted, targets);
+    let index = (targets.band() == Band::Full && !floaters.is_empty()).then(|| source.index());
+    for (block, mut floaters) in floaters {
+        // Who wants the whole band wants every voxel of it, also where a coarse step left floaters.
         if let Some(place) = index.as_ref().and_then(|index| index.get(coords[block as usize])) {
             match source.unobserved(place as usize) {
-                Some(unobserved) => debris = debris.intersection(unobserved),
+                Some(unobserved) => floaters = floaters.intersection(unobserved),
                 None => continue,
             }
         }
-        if debris.is_empty() {
+        if floaters.is_empty() {
             continue;
         }
-        wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&debris);
+        wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&floaters);
     }
     wanted
 }

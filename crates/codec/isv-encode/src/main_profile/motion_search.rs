@@ -280,8 +280,8 @@ impl<'a> CubeSearch<'a> {
         *shifts[cube].get_or_init(|| {
             let chosen = blocks.clone().step_by(blocks.len().div_ceil(self.effort.cube_blocks));
             scratch.resize_with(chosen.len().max(scratch.len()), || SoughtBlock::new(self.reference));
-            for (sought, block) in scratch.iter_mut().zip(chosen.clone()) {
-                sought.turn_to(self.targets, block, *every);
+            for (query, block) in scratch.iter_mut().zip(chosen.clone()) {
+                query.turn_to(self.targets, block, *every);
             }
             search_cube(&mut scratch[..chosen.len()], &seeds, self.effort)
         })
@@ -317,10 +317,10 @@ pub(super) fn cubes(coords: &[BlockCoord], log2: u32) -> Vec<Range<usize>> {
 }
 
 /// The best shift of the blocks of a cube that can be reached from the seeds.
-fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort) -> Shift {
+fn search_cube(query: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort) -> Shift {
     let mut best = (f32::INFINITY, [0.0; 3]);
-    for seed in promising(sought, seeds, effort.seed_error_share) {
-        let result = descend(sought, seed, effort.cube_steps);
+    for seed in promising(query, seeds, effort.seed_error_share) {
+        let result = descend(query, seed, effort.cube_steps);
         if result.0 < best.0 {
             best = result;
         }
@@ -329,11 +329,11 @@ fn search_cube(sought: &mut [SoughtBlock], seeds: &[Shift], effort: SearchEffort
 }
 
 /// The seeds whose error is at most so many times the least of all.
-fn promising(sought: &mut [SoughtBlock], seeds: &[Shift], share: f32) -> Vec<Shift> {
+fn promising(query: &mut [SoughtBlock], seeds: &[Shift], share: f32) -> Vec<Shift> {
     if share.is_infinite() || seeds.len() == 1 {
         return seeds.to_vec();
     }
-    let errors: Vec<f32> = seeds.iter().map(|seed| sought.error(*seed)).collect();
+    let errors: Vec<f32> = seeds.iter().map(|seed| query.error(*seed)).collect();
     let least = errors.iter().copied().fold(f32::INFINITY, f32::min);
     seeds.iter().zip(errors).filter(|(_, error)| *error <= share * least).map(|(seed, _)| *seed).collect()
 }
@@ -344,9 +344,9 @@ pub(crate) fn are_close(a: Shift, b: Shift) -> bool {
 }
 
 /// Gauss-Newton from a first guess: the least error met, and where.
-fn descend(sought: &mut (impl Sought + ?Sized), start: Shift, steps: usize) -> (f32, Shift) {
+fn descend(query: &mut (impl Sought + ?Sized), start: Shift, steps: usize) -> (f32, Shift) {
     let mut shift = start;
-    let mut system = sought.equations(start);
+    let mut system = query.equations(start);
     let mut best = (system.error, start);
     for left in (0..steps).rev() {
         let step = system.solve();
@@ -359,10 +359,10 @@ fn descend(sought: &mut (impl Sought + ?Sized), start: Shift, steps: usize) -> (
             break;
         }
         if left == 0 {
-            let error = sought.error(shift);
+            let error = query.error(shift);
             return if error < best.0 { (error, shift) } else { best };
         }
-        system = sought.equations(shift);
+        system = query.equations(shift);
         let improved = system.error < best.0 * LEAST_IMPROVEMENT;
         if system.error < best.0 {
             best = (system.error, shift);

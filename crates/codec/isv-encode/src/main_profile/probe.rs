@@ -5,10 +5,10 @@
 
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
+use super::motion_query::MotionQuery;
 use super::motion_search::{CubeSearch, NormalEquations, SearchEffort, Shift, Sought, SoughtBlock};
 use super::pursuit::{Metrics, Pursuit};
 use super::settings::Band;
-use super::sought_frame::SoughtFrame;
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
 use crate::backend::SearchBackend;
@@ -62,12 +62,12 @@ pub fn normal_equations(
     run: Runner,
 ) -> Vec<impl PartialEq + std::fmt::Debug + use<>> {
     let (reference, targets) = (reference(before), targets(volume));
-    let mut sought: Vec<_> = (0..targets.len()).map(|_| SoughtBlock::new(&reference)).collect();
-    sought.iter_mut().enumerate().for_each(|(block, sought)| sought.turn_to(&targets, block, 1));
-    let mut equations = vec![NormalEquations::default(); sought.len()];
+    let mut query: Vec<_> = (0..targets.len()).map(|_| SoughtBlock::new(&reference)).collect();
+    query.iter_mut().enumerate().for_each(|(block, query)| query.turn_to(&targets, block, 1));
+    let mut equations = vec![NormalEquations::default(); query.len()];
     run(&mut || {
-        for (sought, equations) in sought.iter_mut().zip(&mut equations) {
-            *equations = sought.equations(SHIFT);
+        for (query, equations) in query.iter_mut().zip(&mut equations) {
+            *equations = query.equations(SHIFT);
         }
     });
     equations
@@ -88,15 +88,15 @@ pub fn shifts(
 ) -> Result<Vec<[(Shift, f32); 2]>, BackendError> {
     let (reference, targets) = (reference(before), targets(volume));
     backend.keep(&reference)?;
-    let found = backend.find_shifts(&SoughtFrame::new(&reference, &targets))?.expect("a search of its own");
+    let found = backend.find_shifts(&MotionQuery::new(&reference, &targets))?.expect("a search of its own");
     let effort = SearchEffort::THOROUGH;
     let cubes = CubeSearch::new(&reference, &targets, effort);
-    let (mut sought, mut scratch) = (SoughtBlock::new(&reference), Vec::new());
+    let (mut query, mut scratch) = (SoughtBlock::new(&reference), Vec::new());
     let shifts = |(block, found): (usize, &[Shift; 3])| {
-        sought.turn_to(&targets, block, 1);
+        query.turn_to(&targets, block, 1);
         let starts = [[0.0; 3]].into_iter().chain(cubes.shifts(block, &mut scratch));
-        let refined: Vec<_> = starts.map(|start| sought.refine(start, effort.block_steps)).collect();
-        let mut with_error = |shift| (shift, sought.error(shift));
+        let refined: Vec<_> = starts.map(|start| query.refine(start, effort.block_steps)).collect();
+        let mut with_error = |shift| (shift, query.error(shift));
         let own = refined.into_iter().map(&mut with_error).min_by(|a, b| a.1.total_cmp(&b.1));
         [own.expect("there are starts"), with_error(found[0])]
     };
@@ -124,11 +124,11 @@ pub(super) fn reference(volume: &SparseVolume) -> MainReference {
 /// What the blocks are to become and their predictions, in codes.
 fn predicted_blocks(before: &SparseVolume, volume: &SparseVolume) -> Vec<(BlockTarget, [i16; 512])> {
     let (reference, targets) = (reference(before), targets(volume));
-    let mut sought = SoughtBlock::new(&reference);
+    let mut query = SoughtBlock::new(&reference);
     let block = |block| {
-        sought.turn_to(&targets, block, 1);
+        query.turn_to(&targets, block, 1);
         let mut codes = [0; 512];
-        sought.predict(Vector::ZERO, &mut codes);
+        query.predict(Vector::ZERO, &mut codes);
         (targets.block(block), codes)
     };
     (0..targets.len()).map(block).collect()

@@ -2,12 +2,12 @@
 
 use super::level_costs::LevelCosts;
 use super::model_bits::ModelBits;
+use super::motion_query::BlockShifts;
 use super::motion_search::{
     CubeScratch, CubeSearch, SearchEffort, Shift, Sought, SoughtBlock, are_close, to_shift,
 };
 use super::pursuit::{Metrics, Pursued, Pursuit};
 use super::refresh::Refreshed;
-use super::sought_frame::BlockShifts;
 use super::syntax;
 use super::target::{BlockTarget, Targets};
 use super::tools::Tools;
@@ -170,7 +170,7 @@ impl<'a> SliceEncoder<'a> {
     /// Codes all blocks; gives back what levels cost after them.
     pub(crate) fn run(mut self) -> (CodedSlice, [LevelCosts; 2]) {
         let reference = self.frame.reference.as_ref().map(|(reference, _)| *reference);
-        let mut sought = reference.map(SoughtBlock::new);
+        let mut query = reference.map(SoughtBlock::new);
         let (mut target, mut metrics) = (BlockTarget::NONE, Metrics::NONE);
         for number in self.range.clone() {
             metrics.forget();
@@ -181,7 +181,7 @@ impl<'a> SliceEncoder<'a> {
                 metrics: &mut metrics,
                 context: reference.map(|_| self.mode_context(number)),
             };
-            let temporal = sought.as_mut().and_then(|sought| self.best_temporal(&mut block, sought));
+            let temporal = query.as_mut().and_then(|query| self.best_temporal(&mut block, query));
             let best = self.spatial_if_better(&mut block, temporal);
             self.code(&block, best);
         }
@@ -200,20 +200,20 @@ impl<'a> SliceEncoder<'a> {
     }
 
     /// The best of the most promising vectors.
-    fn best_temporal(&mut self, block: &mut BlockAtHand, sought: &mut SoughtBlock) -> Option<Trial> {
+    fn best_temporal(&mut self, block: &mut BlockAtHand, query: &mut SoughtBlock) -> Option<Trial> {
         let context = &block.context?;
-        sought.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
-        let modes = self.temporal_modes(block.number, context, sought);
+        query.turn_to(self.frame.targets, block.number, self.frame.effort.rows);
+        let modes = self.temporal_modes(block.number, context, query);
         let trials = modes.modes.into_iter().map(|(cost, mode)| {
             let mut prediction = [0; SAMPLES];
-            sought.predict(mode.vector().unwrap_or_default(), &mut prediction);
+            query.predict(mode.vector().unwrap_or_default(), &mut prediction);
             self.pursue(block, mode, prediction, cost)
         });
         trials.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// The most promising vectors and their costs: weighted error of the prediction and the bits of the mode.
-    fn temporal_modes(&mut self, block: usize, context: &ModeContext, sought: &mut SoughtBlock) -> BestModes {
+    fn temporal_modes(&mut self, block: usize, context: &ModeContext, query: &mut SoughtBlock) -> BestModes {
         let good_enough = VECTOR_LAMBDA * self.frame.pursuit.lambda * self.frame.effort.good_enough;
         let bits = syntax::modes::merge_bits(&mut self.models.modes, context);
         let mut modes = BestModes { modes: Vec::new(), most: self.frame.trials };
@@ -224,7 +224,7 @@ impl<'a> SliceEncoder<'a> {
                 continue;
             }
             let shift = to_shift(*vector);
-            let cost = self.error_share() * sought.error(shift) + cost;
+            let cost = self.error_share() * query.error(shift) + cost;
             modes.add(cost, BlockMode::Merged { candidate: k as u8, vector: *vector });
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, shift));
@@ -240,7 +240,7 @@ impl<'a> SliceEncoder<'a> {
             && least >= good_enough
             && self.mode_cost(BlockMode::New { vector }, context) < least
         {
-            self.add_new_vectors(block, shift, context, sought, &mut modes);
+            self.add_new_vectors(block, shift, context, query, &mut modes);
         }
         modes
     }
@@ -263,12 +263,12 @@ impl<'a> SliceEncoder<'a> {
         block: usize,
         best: Shift,
         context: &ModeContext,
-        sought: &mut SoughtBlock,
+        query: &mut SoughtBlock,
         modes: &mut BestModes,
     ) {
         let merged = context.candidates.as_slice().iter().copied();
         let mut known: Vec<Vector> = merged.filter(|vector| self.allows_merging(*vector)).collect();
-        for shift in self.shifts_to_try(block, best, sought) {
+        for shift in self.shifts_to_try(block, best, query) {
             let Some(vector) = self.nearest_vector(shift, context) else { continue };
             if known.contains(&vector) || !self.allows(block, vector) {
                 continue;
@@ -277,14 +277,14 @@ impl<'a> SliceEncoder<'a> {
             let mode = BlockMode::New { vector };
             let cost = self.mode_cost(mode, context);
             if cost < modes.bound() {
-                modes.add(self.error_share() * sought.error(to_shift(vector)) + cost, mode);
+                modes.add(self.error_share() * query.error(to_shift(vector)) + cost, mode);
             }
         }
     }
 
     /// Shifts near which a block's vector may be: the best to merge with, and what is found from it and from those of cubes, or
     /// was found.
-    fn shifts_to_try(&mut self, block: usize, best: Shift, sought: &mut SoughtBlock) -> Vec<Shift> {
+    fn shifts_to_try(&mut self, block: usize, best: Shift, query: &mut SoughtBlock) -> Vec<Shift> {
         let SearchEffort { starts: most, block_steps, .. } = self.frame.effort;
         let (_, search) = self.frame.reference.as_ref().expect("temporal modes have a reference");
         let mut shifts = vec![best];
@@ -293,8 +293,8 @@ impl<'a> SliceEncoder<'a> {
                 let found = found[block];
                 shifts.extend(found.iter().take(most));
                 // A neighbour's vector that is clearly better than what was found leads to another place.
-                if sought.error(best) < CLEARLY_BETTER * sought.error(found[0]) {
-                    shifts.push(sought.refine(best, block_steps));
+                if query.error(best) < CLEARLY_BETTER * query.error(found[0]) {
+                    shifts.push(query.refine(best, block_steps));
                 }
             }
             MotionSearch::InSlices(cubes) => {
@@ -304,7 +304,7 @@ impl<'a> SliceEncoder<'a> {
                     }
                 }
                 let starts = shifts.into_iter().take(most);
-                shifts = starts.flat_map(|start| [start, sought.refine(start, block_steps)]).collect();
+                shifts = starts.flat_map(|start| [start, query.refine(start, block_steps)]).collect();
             }
         }
         shifts

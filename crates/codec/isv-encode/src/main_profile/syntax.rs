@@ -4,4 +4,4 @@ pub(crate) mod block_set;
 pub(crate) mod coefficients;
 pub(crate) mod masks;
 pub(crate) mod modes;
-pub(crate) mod still_cells;
+pub(crate) mod skip_cells;

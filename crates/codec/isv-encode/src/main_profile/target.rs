@@ -115,12 +115,12 @@ impl BlockTarget {
 }
 
 impl<'a> Targets<'a> {
-    /// The targets of a volume. `still`: blocks in cells of 4x4x4 blocks that stay as they are.
-    pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools, still: &BlockSet) -> Self {
+    /// The targets of a volume. `skipped`: blocks in cells of 4x4x4 blocks that stay as they are.
+    pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools, skipped: &BlockSet) -> Self {
         let all = BlockSet::of(volume.coords());
-        let open = all.outside_cells_of(still);
+        let open = all.outside_cells_of(skipped);
         // Those beside them tell which of their voxels are crossed.
-        let near = if still.is_empty() { all.clone() } else { open.dilated().intersection(&all) };
+        let near = if skipped.is_empty() { all.clone() } else { open.dilated().intersection(&all) };
         let index = BlockIndex::of(&near);
         let numbers = (0..).zip(near.marks_in(&all)).filter_map(|(block, near)| near.then_some(block));
         let numbers: Vec<u32> = numbers.collect();

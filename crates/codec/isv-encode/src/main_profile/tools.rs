@@ -21,8 +21,8 @@ pub struct Tools {
     pub signs: bool,
     /// The in-loop filter.
     pub filter: bool,
-    /// Cells that stay as they were; without them, all blocks are coded again.
-    pub still: bool,
+    /// Skip cells; without them, all blocks are coded again.
+    pub skip: bool,
 }
 
 /// A name that no tool has.
@@ -40,7 +40,7 @@ impl Tools {
         weights: true,
         signs: true,
         filter: true,
-        still: true,
+        skip: true,
     };
 
     /// Their names.
@@ -60,7 +60,7 @@ impl Tools {
             "weights" => &mut self.weights,
             "signs" => &mut self.signs,
             "filter" => &mut self.filter,
-            "still" => &mut self.still,
+            "still" => &mut self.skip,
             _ => return Err(UnknownTool(name.to_owned())),
         };
         *tool = false;
@@ -79,8 +79,8 @@ impl FromStr for Tools {
 
 impl fmt::Display for Tools {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { spatial, motion, merging, pursuit, weights, signs, filter, still } = *self;
-        let used = [spatial, motion, merging, pursuit, weights, signs, filter, still];
+        let Self { spatial, motion, merging, pursuit, weights, signs, filter, skip } = *self;
+        let used = [spatial, motion, merging, pursuit, weights, signs, filter, skip];
         let without = Self::NAMES.into_iter().zip(used).filter(|(_, used)| !used).map(|(name, _)| name);
         f.write_str(&without.collect::<Vec<_>>().join(","))
     }

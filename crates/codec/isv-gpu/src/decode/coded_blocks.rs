@@ -1,9 +1,9 @@
 //! The blocks coded in a frame of profile `main`: prediction, residual, in-loop filter.
 
+use super::resources::FrameCommands;
 use super::scale::{pack_level, scale};
-use super::workshop::FrameCommands;
 use crate::blocks::BlockTable;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError, Storage};
 use bytemuck::{Pod, Zeroable};
 use isv_decode::main_profile::reconstruct::spatial_waves;
@@ -12,18 +12,18 @@ use isv_format::MainFrameHeader;
 
 /// Memory for the coded blocks of a frame.
 #[derive(Debug)]
-pub(super) struct CodedRooms {
-    pub(super) modes: Room,
-    pub(super) levels: Room,
-    list: Room,
+pub(super) struct CodedBuffers {
+    pub(super) modes: GrowingBuffer,
+    pub(super) levels: GrowingBuffer,
+    list: GrowingBuffer,
 }
 
-impl Default for CodedRooms {
+impl Default for CodedBuffers {
     fn default() -> Self {
         Self {
-            modes: Room::new("modes"),
-            levels: Room::new("levels"),
-            list: Room::new("list of coded blocks"),
+            modes: GrowingBuffer::new("modes"),
+            levels: GrowingBuffer::new("levels"),
+            list: GrowingBuffer::new("list of coded blocks"),
         }
     }
 }
@@ -76,7 +76,7 @@ impl<'a> CodedBlocks<'a> {
         symbols: &FrameSymbols,
         causal: &CausalBlocks,
         table: &'a BlockTable,
-        rooms: &'a mut CodedRooms,
+        scratch: &'a mut CodedBuffers,
     ) -> Result<Self, GpuError> {
         let mut levels = Vec::new();
         let modes = symbols.modes.iter().enumerate().map(|(block, mode)| {
@@ -99,9 +99,9 @@ impl<'a> CodedBlocks<'a> {
         let truncation = u32::from(parameters.grid.truncation.codes().unsigned_abs());
         Ok(Self {
             table,
-            modes: rooms.modes.holding(gpu, &modes)?,
-            levels: rooms.levels.holding(gpu, &levels)?,
-            list: rooms.list.holding(gpu, &list)?,
+            modes: scratch.modes.holding(gpu, &modes)?,
+            levels: scratch.levels.holding(gpu, &levels)?,
+            list: scratch.list.holding(gpu, &list)?,
             count: symbols.coords.len() as u32,
             temporal,
             waves,

@@ -1,8 +1,8 @@
 //! The blocks of a frame of profile `main` that were not coded: extrapolation, and the faces on which different signs meet.
 
-use super::workshop::FrameCommands;
+use super::resources::FrameCommands;
 use crate::blocks::BlockTable;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError, Storage};
 use isv_decode::ReferenceBlocks;
 use isv_decode::extension::ExtensionPlan;
@@ -16,22 +16,22 @@ const MASK_BITS: u32 = 8;
 
 /// Memory for what is known of all blocks of a frame.
 #[derive(Debug)]
-pub(super) struct ExtrapolatedRooms {
-    kinds: Room,
-    insides: Room,
-    opposed: Room,
-    masks: Room,
-    list: Room,
+pub(super) struct ExtrapolatedBuffers {
+    kinds: GrowingBuffer,
+    insides: GrowingBuffer,
+    opposed: GrowingBuffer,
+    masks: GrowingBuffer,
+    list: GrowingBuffer,
 }
 
-impl Default for ExtrapolatedRooms {
+impl Default for ExtrapolatedBuffers {
     fn default() -> Self {
         Self {
-            kinds: Room::new("kinds of blocks"),
-            insides: Room::new("sides of blocks"),
-            opposed: Room::new("opposed faces"),
-            masks: Room::new("masks of settled blocks"),
-            list: Room::new("list of extrapolated blocks"),
+            kinds: GrowingBuffer::new("kinds of blocks"),
+            insides: GrowingBuffer::new("sides of blocks"),
+            opposed: GrowingBuffer::new("opposed faces"),
+            masks: GrowingBuffer::new("masks of settled blocks"),
+            list: GrowingBuffer::new("list of extrapolated blocks"),
         }
     }
 }
@@ -70,7 +70,7 @@ impl<'a> ExtrapolatedBlocks<'a> {
         plan: &ExtensionPlan,
         before: Option<KeptFrame>,
         table: &'a BlockTable,
-        rooms: &'a mut ExtrapolatedRooms,
+        scratch: &'a mut ExtrapolatedBuffers,
     ) -> Result<Self, GpuError> {
         let unsettled = plan.blocks().unsettled.marks_in(&plan.blocks().all);
         let marks = plan.coded().iter().zip(unsettled);
@@ -97,11 +97,11 @@ impl<'a> ExtrapolatedBlocks<'a> {
         let list: Vec<u32> = list.collect();
         Ok(Self {
             table,
-            kinds: rooms.kinds.holding(gpu, &kinds)?,
-            insides: rooms.insides.holding(gpu, &insides)?,
-            opposed: rooms.opposed.of(gpu, 4 * kinds.len() as u64)?,
-            masks: rooms.masks.holding(gpu, &masks)?,
-            list: rooms.list.holding(gpu, &list)?,
+            kinds: scratch.kinds.holding(gpu, &kinds)?,
+            insides: scratch.insides.holding(gpu, &insides)?,
+            opposed: scratch.opposed.of(gpu, 4 * kinds.len() as u64)?,
+            masks: scratch.masks.holding(gpu, &masks)?,
+            list: scratch.list.holding(gpu, &list)?,
             count: list.len() as u32,
             blocks: kinds.len() as u32,
         })

@@ -1,9 +1,9 @@
-//! A frame of profile `main`, from symbols to the answers that the next frame's syntax asks for.
+//! A frame of profile `main`, from symbols to what the next frame's syntax needs of samples.
 
 use super::coded_blocks::CodedBlocks;
 use super::extrapolated_blocks::{ExtrapolatedBlocks, KeptFrame};
-use super::questions::{Answers, ask};
-use super::workshop::{FrameCommands, Workshop};
+use super::resources::{DecodeResources, FrameCommands};
+use super::syntax_readback::{SyntaxReadback, read_back};
 use crate::blocks::BlockTable;
 use crate::store::Slots;
 use crate::{GpuError, GpuVolume, VolumeStore};
@@ -22,22 +22,22 @@ pub struct GpuMainFrame {
     index: BlockIndex,
     sets: FrameBlocks,
     coded: Vec<Option<CodedBlock>>,
-    still: BlockSet,
-    pub(super) answers: Answers,
+    skipped: BlockSet,
+    pub(super) readback: SyntaxReadback,
 }
 
 impl GpuMainFrame {
     /// Its blocks.
     pub(super) fn blocks(&self) -> MainBlocks<'_> {
-        let Self { index, sets, coded, still, volume, .. } = self;
+        let Self { index, sets, coded, skipped, volume, .. } = self;
         let GpuVolume { coords, unobserved, .. } = volume;
-        MainBlocks { blocks: ReferenceBlocks { coords, index, unobserved }, sets, coded, still }
+        MainBlocks { blocks: ReferenceBlocks { coords, index, unobserved }, sets, coded, skipped }
     }
 
-    /// The activity that is expected where the blocks `still` stay as they are.
-    pub(super) fn expected_activity(&self, still: &BlockSet) -> Vec<Activity> {
-        let marks = still.marks_in(&self.sets.all);
-        let blocks = self.answers.activity.iter().zip(marks).zip(&self.coded);
+    /// The activity that is expected where the blocks `skipped` stay as they are.
+    pub(super) fn expected_activity(&self, skipped: &BlockSet) -> Vec<Activity> {
+        let marks = skipped.marks_in(&self.sets.all);
+        let blocks = self.readback.activity.iter().zip(marks).zip(&self.coded);
         let activity = |((word, is_still), coded): ((&u32, bool), &Option<CodedBlock>)| match is_still {
             true => Activity::of_still(coded.is_some()),
             false => Activity::new(*word as u16, (word >> 16) as u16),
@@ -46,7 +46,7 @@ impl GpuMainFrame {
     }
 }
 
-impl Workshop {
+impl DecodeResources {
     /// A frame from its symbols.
     ///
     /// # Errors
@@ -56,7 +56,7 @@ impl Workshop {
         frame: MainFrame,
         before: Option<&GpuMainFrame>,
     ) -> Result<GpuMainFrame, GpuError> {
-        let Self { store, kernels, coded_rooms, extrapolated_rooms, question_rooms, .. } = self;
+        let Self { store, kernels, coded_buffers, extrapolated_buffers, readback_buffers, .. } = self;
         let MainFrame { parameters, header, symbols, causal, plan, predicts } = frame;
         let gpu = store.gpu();
         let (slots, coded_slots) = take_slots(store, &plan, before)?;
@@ -66,23 +66,23 @@ impl Workshop {
             BlockTable::new(gpu, store.insert(), &symbols.coords, &coded_slots, &mut work.commands)?;
 
         let coded =
-            CodedBlocks::upload(gpu, parameters, header, &symbols, causal, &coded_table, coded_rooms)?;
+            CodedBlocks::upload(gpu, parameters, header, &symbols, causal, &coded_table, coded_buffers)?;
         let source = before.filter(|_| predicts).map(|before| &*before.volume.table);
         coded.reconstruct(&mut work, header, source)?;
         coded.filter(&mut work, header)?;
 
         let kept = before
-            .map(|before| KeptFrame { blocks: before.blocks().blocks, insides: &before.answers.insides });
-        let extrapolated = ExtrapolatedBlocks::upload(gpu, &plan, kept, &table, extrapolated_rooms)?;
+            .map(|before| KeptFrame { blocks: before.blocks().blocks, insides: &before.readback.insides });
+        let extrapolated = ExtrapolatedBlocks::upload(gpu, &plan, kept, &table, extrapolated_buffers)?;
         extrapolated.extrapolate(&mut work, parameters.grid.truncation)?;
 
         let how = CodedBlock::of_frame(plan.blocks(), &symbols);
         let marks = plan.blocks().unsettled.marks_in(&plan.blocks().all);
         let unsettled = (0..).zip(marks).filter_map(|(block, marked)| marked.then_some(block));
         let unsettled: Vec<u32> = unsettled.collect();
-        let answers = ask(work, &table, &extrapolated, &how, &unsettled, question_rooms)?;
+        let readback = read_back(work, &table, &extrapolated, &how, &unsettled, readback_buffers)?;
 
-        let side = |block: u32| match (plan.coded()[block as usize], answers.insides[block as usize]) {
+        let side = |block: u32| match (plan.coded()[block as usize], readback.insides[block as usize]) {
             (true, _) => Side::Coded,
             (false, 0) => Side::Outside,
             (false, _) => Side::Inside,
@@ -92,7 +92,7 @@ impl Workshop {
         let (store, table) = (store.clone(), Arc::new(table));
         let volume =
             GpuVolume { store, grid: parameters.grid, coords: Arc::new(coords), slots, table, unobserved };
-        Ok(GpuMainFrame { volume, index, sets, coded: how, still: symbols.still, answers })
+        Ok(GpuMainFrame { volume, index, sets, coded: how, skipped: symbols.skipped, readback })
     }
 }
 

@@ -1,7 +1,7 @@
 //! A frame of profile `paper`: every block is moved rigidly from the frame before, or predicted by zero (Sec. 3.4, 3.5).
 
+use super::resources::DecodeResources;
 use super::scale::{pack_level, scale};
-use super::workshop::Workshop;
 use crate::blocks::BlockTable;
 use crate::commands::Commands;
 use crate::store::Slots;
@@ -60,7 +60,7 @@ impl GpuPaperFrame {
     }
 }
 
-impl Workshop {
+impl DecodeResources {
     /// A frame from its symbols.
     ///
     /// # Errors
@@ -71,7 +71,7 @@ impl Workshop {
         symbols: FrameSymbols,
         before: Option<&GpuPaperFrame>,
     ) -> Result<GpuPaperFrame, GpuError> {
-        let Self { store, kernels, coded_rooms, .. } = self;
+        let Self { store, kernels, coded_buffers, .. } = self;
         let (store, gpu) = (store.clone(), store.gpu().clone());
         let count = symbols.coords.len();
         let slots = store.pool().take(count)?;
@@ -94,8 +94,8 @@ impl Workshop {
         let mut words = scale(&parameters.transform, &parameters.dc, &parameters.ac).to_vec();
         let truncation = parameters.grid.truncation.codes();
         words.extend([u32::from(truncation.unsigned_abs()), count as u32, 0, 0]);
-        let moved = coded_rooms.modes.holding(&gpu, &moved)?;
-        let levels = coded_rooms.levels.holding(&gpu, &levels)?;
+        let moved = coded_buffers.modes.holding(&gpu, &moved)?;
+        let levels = coded_buffers.levels.holding(&gpu, &levels)?;
         let buffers = [&source.blocks, &source.table, &table.blocks, moved, levels];
         let pool = store.pool();
         commands.run(&kernels.warp, Some(&pool), &words, &buffers, count as u32)?;

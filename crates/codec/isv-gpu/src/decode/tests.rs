@@ -107,10 +107,10 @@ impl Backend for Both {
     fn expected_activity(
         &mut self,
         frame: &Self::Main,
-        still: &BlockSet,
+        skipped: &BlockSet,
     ) -> Result<Vec<Activity>, BackendError> {
-        let cpu = self.cpu.expected_activity(&frame.0, still)?;
-        let gpu = self.gpu.expected_activity(&frame.1, still)?;
+        let cpu = self.cpu.expected_activity(&frame.0, skipped)?;
+        let gpu = self.gpu.expected_activity(&frame.1, skipped)?;
         for (block, (cpu, gpu)) in cpu.iter().zip(&gpu).enumerate() {
             assert!(cpu == gpu, "activity of block {block}: {cpu:?}, {gpu:?}");
         }

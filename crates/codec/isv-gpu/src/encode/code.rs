@@ -4,8 +4,8 @@ use super::tools::EncodeTools;
 use crate::blocks::BlockTable;
 use crate::commands::Commands;
 use crate::decode::paper_frame::MovedBlock;
+use crate::decode::resources::DecodeResources;
 use crate::decode::scale::scale;
-use crate::decode::workshop::Workshop;
 use crate::store::Slots;
 use crate::{GpuError, GpuPaperFrame, GpuVolume};
 use isv_decode::{CodingParameters, FrameSymbols};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Samples of a block.
 const BLOCK_SAMPLES: usize = 512;
 
-impl Workshop {
+impl DecodeResources {
     /// The levels of a frame under the motion of its symbols, and the frame.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use crate::tests::{gpu_alone, gpu_with_segments, grid, noise};
 use isv_decode::main_profile::MainReference;
 use isv_decode::{BackendError, Decoder, Limits, volume_hash};
 use isv_encode::{
-    BlockShifts, Encoder, EncoderSettings, MainEncoder, Preset, SearchBackend, SoughtFrame, probe,
+    BlockShifts, Encoder, EncoderSettings, MainEncoder, MotionQuery, Preset, SearchBackend, probe,
 };
 use isv_format::{FrameRate, PacketReader, Profile, StreamHeader};
 use isv_testkit::{ball, still_and_moving_ball};
@@ -91,7 +91,7 @@ impl SearchBackend for Checked {
         Ok(())
     }
 
-    fn find_shifts(&mut self, frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError> {
+    fn find_shifts(&mut self, frame: &MotionQuery) -> Result<Option<Vec<BlockShifts>>, BackendError> {
         self.0.find_shifts(frame)
     }
 }

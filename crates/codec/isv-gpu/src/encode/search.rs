@@ -2,7 +2,7 @@
 
 use super::tools::EncodeTools;
 use crate::commands::Commands;
-use crate::decode::workshop::Workshop;
+use crate::decode::resources::DecodeResources;
 use crate::{GpuError, GpuPaperFrame, GpuVolume};
 use isv_kernels::warp::{MotionVector, ROTATION_LIMIT};
 use isv_volume::BlockEdge;
@@ -12,7 +12,7 @@ const VECTOR_BYTES: u64 = 8;
 /// Words of `SearchParameters::angles`.
 const ANGLE_WORDS: usize = 36;
 
-impl Workshop {
+impl DecodeResources {
     /// One vector a block; zero for those without a reference.
     ///
     /// # Errors

@@ -6,12 +6,12 @@ use crate::commands::Commands;
 use crate::decode::coded_blocks::pack_vector;
 use crate::kernel::Kernel;
 use crate::pool::segment_bits;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::store::Slots;
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::BackendError;
 use isv_decode::main_profile::MainReference;
-use isv_encode::{BlockShifts, SearchBackend, SoughtFrame};
+use isv_encode::{BlockShifts, MotionQuery, SearchBackend};
 use isv_volume::BlockIndex;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -36,11 +36,11 @@ pub struct GpuMotionSearch {
     kernel: Kernel,
     /// The frame that was taken last.
     pub(super) before: Option<GpuVolume>,
-    sources: Room,
-    marks: Room,
-    groups: Room,
-    shifts: Room,
-    reading: Room,
+    sources: GrowingBuffer,
+    marks: GrowingBuffer,
+    groups: GrowingBuffer,
+    shifts: GrowingBuffer,
+    reading: GrowingBuffer,
 }
 
 impl GpuMotionSearch {
@@ -54,11 +54,11 @@ impl GpuMotionSearch {
             store: store.clone(),
             kernel: Kernel::new(gpu, &shaders::SHIFTS, "find_shifts", segment_bits(gpu))?,
             before: None,
-            sources: Room::new("blocks that are looked for"),
-            marks: Room::new("marks of voxels"),
-            groups: Room::new("groups of blocks"),
-            shifts: Room::new("shifts"),
-            reading: Room::for_reading("shifts to read"),
+            sources: GrowingBuffer::new("blocks that are looked for"),
+            marks: GrowingBuffer::new("marks of voxels"),
+            groups: GrowingBuffer::new("groups of blocks"),
+            shifts: GrowingBuffer::new("shifts"),
+            reading: GrowingBuffer::for_reading("shifts to read"),
         })
     }
 
@@ -94,7 +94,7 @@ impl GpuMotionSearch {
     }
 
     /// Shifts of all groups, as many as there are.
-    fn search(&mut self, frame: &SoughtFrame, groups: &Groups) -> Result<Option<Vec<[f32; 3]>>, GpuError> {
+    fn search(&mut self, frame: &MotionQuery, groups: &Groups) -> Result<Option<Vec<[f32; 3]>>, GpuError> {
         let Self { store, kernel, before: Some(before), sources, marks, groups: rows, shifts, reading } =
             self
         else {
@@ -141,7 +141,7 @@ impl SearchBackend for GpuMotionSearch {
         Ok(())
     }
 
-    fn find_shifts(&mut self, frame: &SoughtFrame) -> Result<Option<Vec<BlockShifts>>, BackendError> {
+    fn find_shifts(&mut self, frame: &MotionQuery) -> Result<Option<Vec<BlockShifts>>, BackendError> {
         let groups = Groups::of(frame);
         let shifts = self.search(frame, &groups)?;
         Ok(shifts.map(|shifts| groups.of_blocks.iter().map(|of| of.map(|n| shifts[n as usize])).collect()))
@@ -164,7 +164,7 @@ struct Groups {
 }
 
 impl Groups {
-    fn of(frame: &SoughtFrame) -> Self {
+    fn of(frame: &MotionQuery) -> Self {
         let count = frame.coords().len();
         let vectors: Vec<u32> = (0..count).map(|block| pack_vector(frame.vector_before(block))).collect();
         let (mut rows, mut sizes) = (Vec::new(), Vec::new());

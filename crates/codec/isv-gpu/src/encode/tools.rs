@@ -3,7 +3,7 @@
 use super::shaders;
 use crate::kernel::Kernel;
 use crate::pool::segment_bits;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError};
 
 /// Kernels, and memory that serves one frame after the other.
@@ -12,14 +12,14 @@ pub(crate) struct EncodeTools {
     pub(super) search: Kernel,
     pub(super) code: Kernel,
     /// Whether blocks have references.
-    pub(super) references: Room,
-    pub(super) vectors: Room,
-    pub(super) moved: Room,
+    pub(super) references: GrowingBuffer,
+    pub(super) vectors: GrowingBuffer,
+    pub(super) moved: GrowingBuffer,
     /// Where positions are in the scan.
-    pub(super) places: Room,
-    pub(super) levels: Room,
+    pub(super) places: GrowingBuffer,
+    pub(super) levels: GrowingBuffer,
     /// What is read back: vectors or levels.
-    pub(super) reading: Room,
+    pub(super) reading: GrowingBuffer,
 }
 
 impl EncodeTools {
@@ -31,12 +31,12 @@ impl EncodeTools {
         Ok(Self {
             search: Kernel::new(gpu, &shaders::SEARCH, "search", segment_bits(gpu))?,
             code: Kernel::new(gpu, &shaders::CODE, "code", segment_bits(gpu))?,
-            references: Room::new("references"),
-            vectors: Room::new("vectors"),
-            moved: Room::new("moved blocks"),
-            places: Room::new("scan"),
-            levels: Room::new("levels"),
-            reading: Room::for_reading("vectors or levels to read"),
+            references: GrowingBuffer::new("references"),
+            vectors: GrowingBuffer::new("vectors"),
+            moved: GrowingBuffer::new("moved blocks"),
+            places: GrowingBuffer::new("scan"),
+            levels: GrowingBuffer::new("levels"),
+            reading: GrowingBuffer::for_reading("vectors or levels to read"),
         })
     }
 

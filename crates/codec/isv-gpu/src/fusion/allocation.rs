@@ -4,7 +4,7 @@ use super::GpuFusion;
 use super::views::{Batch, GpuViews, Strip};
 use crate::commands::Commands;
 use crate::prefix_sums::PrefixSums;
-use crate::storage::{Room, Usage};
+use crate::storage::{GrowingBuffer, Usage};
 use crate::{GpuError, Storage};
 use isv_volume::{BlockCoord, COORD_LIMIT, Grid, MortonCode};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -24,15 +24,15 @@ const FACES_OF_BLOCK: u64 = 2;
 #[derive(Debug)]
 pub(super) struct Allocator {
     entries: u64,
-    rays: Room,
+    rays: GrowingBuffer,
     /// Sums of rays, the state of the table, or names.
-    reading: Room,
+    reading: GrowingBuffer,
 }
 
 impl Default for Allocator {
     fn default() -> Self {
-        let reading = Room::for_reading("blocks found, to read");
-        Self { entries: FIRST_ENTRIES, rays: Room::new("rays"), reading }
+        let reading = GrowingBuffer::for_reading("blocks found, to read");
+        Self { entries: FIRST_ENTRIES, rays: GrowingBuffer::new("rays"), reading }
     }
 }
 

@@ -4,7 +4,7 @@ use super::GpuFusion;
 use super::kernels::Kernels;
 use super::views::GpuViews;
 use crate::commands::Commands;
-use crate::storage::{Room, Usage, write};
+use crate::storage::{GrowingBuffer, Usage, write};
 use crate::{Gpu, GpuError, Storage};
 use isv_fusion::backend::{MOST_WEIGHT, SampledBlocks, UNKNOWN};
 use isv_volume::{BlockCoord, BlockEdge, Grid, MortonCode, VoxelMask};
@@ -32,30 +32,34 @@ struct Part {
 
 /// Memory that serves one part after the other.
 #[derive(Debug)]
-pub(super) struct SumRooms {
-    coords: Room,
-    sums: Room,
-    resolved: ResolvedRooms,
+pub(super) struct SumBuffers {
+    coords: GrowingBuffer,
+    sums: GrowingBuffer,
+    resolved: ResolvedBuffers,
 }
 
 /// The same for what sums resolve to.
 #[derive(Debug)]
-struct ResolvedRooms {
-    samples: Room,
-    masks: Room,
-    samples_to_read: Room,
-    masks_to_read: Room,
+struct ResolvedBuffers {
+    samples: GrowingBuffer,
+    masks: GrowingBuffer,
+    samples_to_read: GrowingBuffer,
+    masks_to_read: GrowingBuffer,
 }
 
-impl Default for SumRooms {
+impl Default for SumBuffers {
     fn default() -> Self {
-        let resolved = ResolvedRooms {
-            samples: Room::new("samples of voxels"),
-            masks: Room::new("masks of voxels"),
-            samples_to_read: Room::for_reading("samples to read"),
-            masks_to_read: Room::for_reading("masks to read"),
+        let resolved = ResolvedBuffers {
+            samples: GrowingBuffer::new("samples of voxels"),
+            masks: GrowingBuffer::new("masks of voxels"),
+            samples_to_read: GrowingBuffer::for_reading("samples to read"),
+            masks_to_read: GrowingBuffer::for_reading("masks to read"),
         };
-        Self { coords: Room::new("blocks to sample"), sums: Room::new("sums of voxels"), resolved }
+        Self {
+            coords: GrowingBuffer::new("blocks to sample"),
+            sums: GrowingBuffer::new("sums of voxels"),
+            resolved,
+        }
     }
 }
 
@@ -111,7 +115,7 @@ fn row(coord: &BlockCoord) -> [i32; 4] {
 
 /// Sums of blocks, where kernels work on them.
 #[derive(Clone, Copy)]
-struct SumBuffers<'a> {
+struct SumBindings<'a> {
     coords: &'a Storage,
     sums: &'a Storage,
     blocks: u32,
@@ -137,19 +141,19 @@ impl GpuFusion {
         grid: &Grid,
         coords: &[BlockCoord],
     ) -> Result<SampledBlocks, GpuError> {
-        let Self { gpu, kernels, sum_rooms: rooms, .. } = self;
+        let Self { gpu, kernels, sum_buffers: scratch, .. } = self;
         let mut sampled = unknown(grid, coords.len());
         let at_once = blocks_at_once(gpu, grid.edge);
         for (first, part) in (0..).step_by(at_once as usize).zip(coords.chunks(at_once as usize)) {
             let rows: Vec<_> = part.iter().map(row).collect();
-            let buffers = SumBuffers {
-                coords: rooms.coords.holding(gpu, &rows)?,
-                sums: rooms.sums.of(gpu, part.len() as u64 * block_bytes(grid.edge))?,
+            let buffers = SumBindings {
+                coords: scratch.coords.holding(gpu, &rows)?,
+                sums: scratch.sums.of(gpu, part.len() as u64 * block_bytes(grid.edge))?,
                 blocks: part.len() as u32,
             };
             let mut commands = Commands::new(gpu);
             integrate(&mut commands, kernels, views, grid, buffers, Mode::Fresh)?;
-            let resolved = rooms.resolved.resolve(gpu, kernels, commands, grid, buffers)?;
+            let resolved = scratch.resolved.resolve(gpu, kernels, commands, grid, buffers)?;
             resolved.put(grid.edge, first.., &mut sampled);
         }
         Ok(sampled)
@@ -179,7 +183,7 @@ impl GpuFusion {
     /// # Errors
     /// What goes wrong on the GPU.
     pub(super) fn resolve_sums(&mut self, sums: &GpuSums, grid: &Grid) -> Result<SampledBlocks, GpuError> {
-        let Self { gpu, kernels, sum_rooms: rooms, .. } = self;
+        let Self { gpu, kernels, sum_buffers: scratch, .. } = self;
         let mut sampled = unknown(grid, sums.places.len());
         let mut ranks = vec![0; sums.places.len()];
         for (rank, place) in sums.places.values().enumerate() {
@@ -187,7 +191,7 @@ impl GpuFusion {
         }
         for (part, ranks) in sums.parts.iter().zip(ranks.chunks(blocks_at_once(gpu, grid.edge) as usize)) {
             let commands = Commands::new(gpu);
-            let resolved = rooms.resolved.resolve(gpu, kernels, commands, grid, part.buffers())?;
+            let resolved = scratch.resolved.resolve(gpu, kernels, commands, grid, part.buffers())?;
             resolved.put(grid.edge, ranks.iter().copied(), &mut sampled);
         }
         Ok(sampled)
@@ -195,8 +199,8 @@ impl GpuFusion {
 }
 
 impl Part {
-    fn buffers(&self) -> SumBuffers<'_> {
-        SumBuffers { coords: &self.coords, sums: &self.sums, blocks: self.blocks }
+    fn buffers(&self) -> SumBindings<'_> {
+        SumBindings { coords: &self.coords, sums: &self.sums, blocks: self.blocks }
     }
 }
 
@@ -206,7 +210,7 @@ fn integrate(
     kernels: &Kernels,
     views: &GpuViews,
     grid: &Grid,
-    buffers: SumBuffers,
+    buffers: SumBindings,
     mode: Mode,
 ) -> Result<(), GpuError> {
     let last = views.batches.len().saturating_sub(1);
@@ -230,7 +234,7 @@ struct Resolved {
     masks: Vec<u8>,
 }
 
-impl ResolvedRooms {
+impl ResolvedBuffers {
     /// Resolves sums after some commands, and reads what they give.
     fn resolve(
         &mut self,
@@ -238,7 +242,7 @@ impl ResolvedRooms {
         kernels: &Kernels,
         mut commands: Commands,
         grid: &Grid,
-        buffers: SumBuffers,
+        buffers: SumBindings,
     ) -> Result<Resolved, GpuError> {
         let size = grid.edge.block_voxels() as u32;
         let voxels = u64::from(size) * u64::from(buffers.blocks);

@@ -2,7 +2,7 @@
 
 use super::GpuFusion;
 use crate::commands::Commands;
-use crate::storage::{Room, Usage, write};
+use crate::storage::{GrowingBuffer, Usage, write};
 use crate::{Gpu, GpuError, Storage};
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
@@ -67,13 +67,13 @@ pub(super) struct ViewWords {
 
 /// Memory that serves one image after the other.
 #[derive(Debug)]
-pub(super) struct ViewRooms {
-    inverse_depths: Room,
+pub(super) struct ViewBuffers {
+    inverse_depths: GrowingBuffer,
 }
 
-impl Default for ViewRooms {
+impl Default for ViewBuffers {
     fn default() -> Self {
-        Self { inverse_depths: Room::new("depth images") }
+        Self { inverse_depths: GrowingBuffer::new("depth images") }
     }
 }
 
@@ -147,7 +147,7 @@ impl GpuFusion {
         let used = |depth: f32| depth > 0.0 && f64::from(depth) <= settings.max_depth_m;
         let inverse = depths.iter().map(|depth| if used(*depth) { 1.0 / depth } else { 0.0 });
         let inverse: Vec<f32> = inverse.collect();
-        let inverse = self.view_rooms.inverse_depths.holding(&self.gpu, &inverse)?;
+        let inverse = self.view_buffers.inverse_depths.holding(&self.gpu, &inverse)?;
         let [first, second] = SLANTS.map(|slant| slant / focal.min_element() as f32);
         let mut words = bytemuck::cast_slice(&[strip.words(1.0)]).to_vec();
         words.extend([radius, strip.rows.start - reached.start, reached.len() as u32]);

@@ -8,7 +8,7 @@ use crate::blocks::BlockTable;
 use crate::commands::Commands;
 use crate::kernel::Kernel;
 use crate::pool::SamplePool;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError, Storage};
 use isv_volume::BlockCoord;
 use std::sync::MutexGuard;
@@ -24,16 +24,16 @@ pub(super) struct Sampling<'a> {
 
 /// Memory that serves one frame after the other.
 #[derive(Debug)]
-pub(super) struct Rooms {
-    next: Room,
-    starts: Room,
-    lists: Room,
-    order: Room,
-    lines: Room,
-    flags: Room,
-    masks: Room,
-    flags_reading: Room,
-    masks_reading: Room,
+pub(super) struct Buffers {
+    next: GrowingBuffer,
+    starts: GrowingBuffer,
+    lists: GrowingBuffer,
+    order: GrowingBuffer,
+    lines: GrowingBuffer,
+    flags: GrowingBuffer,
+    masks: GrowingBuffer,
+    flags_reading: GrowingBuffer,
+    masks_reading: GrowingBuffer,
 }
 
 /// What was found out about blocks.
@@ -45,29 +45,29 @@ pub(super) struct Found {
     pub(super) masks: Vec<[u64; MASK_WORDS / 2]>,
 }
 
-impl Rooms {
+impl Buffers {
     /// No memory yet.
     pub(super) fn new() -> Self {
         Self {
-            next: Room::new("places of triangles"),
-            starts: Room::new("starts of lists"),
-            lists: Room::new("triangles of blocks"),
-            order: Room::new("blocks in lines"),
-            lines: Room::new("lines of blocks"),
-            flags: Room::new("which blocks are near"),
-            masks: Room::new("masks of sampled blocks"),
-            flags_reading: Room::for_reading("which blocks are near, to read"),
-            masks_reading: Room::for_reading("masks of sampled blocks, to read"),
+            next: GrowingBuffer::new("places of triangles"),
+            starts: GrowingBuffer::new("starts of lists"),
+            lists: GrowingBuffer::new("triangles of blocks"),
+            order: GrowingBuffer::new("blocks in lines"),
+            lines: GrowingBuffer::new("lines of blocks"),
+            flags: GrowingBuffer::new("which blocks are near"),
+            masks: GrowingBuffer::new("masks of sampled blocks"),
+            flags_reading: GrowingBuffer::for_reading("which blocks are near, to read"),
+            masks_reading: GrowingBuffer::for_reading("masks of sampled blocks, to read"),
         }
     }
 }
 
 impl Sampling<'_> {
     /// Lists the triangles of the blocks of a part.
-    pub(super) fn list(&self, rooms: &mut Rooms, part: &Part) -> Result<(), GpuError> {
-        rooms.starts.holding(self.gpu, &part.starts)?;
-        let next = rooms.next.holding(self.gpu, &part.starts)?;
-        let lists = rooms.lists.of(self.gpu, 4 * part.triangles())?;
+    pub(super) fn list(&self, scratch: &mut Buffers, part: &Part) -> Result<(), GpuError> {
+        scratch.starts.holding(self.gpu, &part.starts)?;
+        let next = scratch.next.holding(self.gpu, &part.starts)?;
+        let lists = scratch.lists.of(self.gpu, 4 * part.triangles())?;
         let OnGpu { vertices, triangles, parameters, .. } = &self.mesh;
         let buffers = [*vertices, triangles, &self.table.blocks, &self.table.table, next, lists];
         let mut commands = Commands::new(self.gpu);
@@ -77,33 +77,38 @@ impl Sampling<'_> {
     }
 
     /// Finds how winding numbers change in the blocks of a part, whose triangles are listed.
-    pub(super) fn wind(&self, rooms: &mut Rooms, part: &Part) -> Result<(), GpuError> {
+    pub(super) fn wind(&self, scratch: &mut Buffers, part: &Part) -> Result<(), GpuError> {
         let mut commands = Commands::new(self.gpu);
-        self.run(&mut commands, &self.kernels.wind, [&mut rooms.starts, &mut rooms.lists], &[], part)?;
+        self.run(&mut commands, &self.kernels.wind, [&mut scratch.starts, &mut scratch.lists], &[], part)?;
         commands.submit()
     }
 
     /// Adds up changes along lines of blocks.
-    pub(super) fn carry(&self, rooms: &mut Rooms, coords: &[BlockCoord]) -> Result<(), GpuError> {
+    pub(super) fn carry(&self, scratch: &mut Buffers, coords: &[BlockCoord]) -> Result<(), GpuError> {
         let (order, starts) = lines(coords);
         let count = starts.len() as u32 - 1;
-        let order = rooms.order.holding(self.gpu, &order)?;
-        let buffers = [&self.table.blocks, order, rooms.lines.holding(self.gpu, &starts)?];
+        let order = scratch.order.holding(self.gpu, &order)?;
+        let buffers = [&self.table.blocks, order, scratch.lines.holding(self.gpu, &starts)?];
         let mut commands = Commands::new(self.gpu);
         commands.run(&self.kernels.carry, Some(&self.pool), &[count, 0, 0, 0], &buffers, count)?;
         commands.submit()
     }
 
     /// Samples the blocks of a part, whose triangles are listed.
-    pub(super) fn measure(&self, rooms: &mut Rooms, part: &Part, found: &mut Found) -> Result<(), GpuError> {
+    pub(super) fn measure(
+        &self,
+        scratch: &mut Buffers,
+        part: &Part,
+        found: &mut Found,
+    ) -> Result<(), GpuError> {
         let flag_bytes = 4 * part.blocks.len() as u64;
         let mask_bytes = if self.mesh.lattice.rims() > 0 { MASK_WORDS as u64 * flag_bytes } else { 0 };
-        let flags = rooms.flags.of(self.gpu, flag_bytes)?;
-        let masks = rooms.masks.of(self.gpu, mask_bytes)?;
-        let flags_reading = rooms.flags_reading.of(self.gpu, flag_bytes)?;
-        let masks_reading = rooms.masks_reading.of(self.gpu, mask_bytes)?;
+        let flags = scratch.flags.of(self.gpu, flag_bytes)?;
+        let masks = scratch.masks.of(self.gpu, mask_bytes)?;
+        let flags_reading = scratch.flags_reading.of(self.gpu, flag_bytes)?;
+        let masks_reading = scratch.masks_reading.of(self.gpu, mask_bytes)?;
         let mut commands = Commands::new(self.gpu);
-        let listed = [&mut rooms.starts, &mut rooms.lists];
+        let listed = [&mut scratch.starts, &mut scratch.lists];
         self.run(&mut commands, &self.kernels.measure, listed, &[flags, masks], part)?;
         commands.copy(flags, flags_reading, flag_bytes);
         commands.copy(masks, masks_reading, mask_bytes);
@@ -119,7 +124,7 @@ impl Sampling<'_> {
         &self,
         commands: &mut Commands,
         kernel: &Kernel,
-        [starts, lists]: [&mut Room; 2],
+        [starts, lists]: [&mut GrowingBuffer; 2],
         more: &[&Storage],
         part: &Part,
     ) -> Result<(), GpuError> {

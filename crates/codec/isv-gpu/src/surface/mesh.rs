@@ -21,7 +21,7 @@ pub struct GpuMesh {
 }
 
 impl GpuMesh {
-    /// Room for so many vertices and triangles.
+    /// GrowingBuffer for so many vertices and triangles.
     ///
     /// # Errors
     /// [`GpuError::TooLarge`] if a count is `u32::MAX`, which stands for any number from there on; and as [`Gpu::storage`].

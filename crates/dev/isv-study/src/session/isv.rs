@@ -77,7 +77,7 @@ impl Encoding for IsvEncoding {
         self.frames += 1;
         self.kinds.occupancy += (frame.bytes_blocks() - frame.bytes_masks()) as f64;
         self.kinds.masks += frame.bytes_masks() as f64;
-        self.kinds.motion += frame.bytes_motion() as f64;
+        self.kinds.motion += frame.bytes_modes() as f64;
         self.kinds.dc += frame.bytes_dc();
         self.kinds.ac += frame.bytes_coefficients() as f64 - frame.bytes_dc();
         Ok(EncodedFrame { bytes, prepare_ms, encode_ms, memory: Memory::OfThisProcess })

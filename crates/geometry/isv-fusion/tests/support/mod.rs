@@ -35,7 +35,7 @@ impl Coder {
     /// The surface as decoded, and the bytes that it took.
     pub(crate) fn code(&mut self, volume: &SparseVolume) -> (TriangleMesh, usize) {
         let frame = self.0.encode(volume);
-        let bytes = frame.bytes_blocks() + frame.bytes_motion() + frame.bytes_coefficients();
+        let bytes = frame.bytes_blocks() + frame.bytes_modes() + frame.bytes_coefficients();
         (surface(self.0.reconstruction().unwrap()), bytes)
     }
 }

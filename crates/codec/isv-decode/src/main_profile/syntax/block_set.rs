@@ -2,7 +2,7 @@
 //! context of the surface that is expected there, and the few blocks beyond it are an octree again. Of cells that stay as they
 //! are, no block is coded.
 
-use super::still_cells::StillCellModels;
+use super::skip_cells::SkipCellModels;
 use crate::extension::FrameBlocks;
 use crate::main_profile::MainBlocks;
 use crate::main_profile::activity::Activity;
@@ -19,7 +19,7 @@ use std::sync::LazyLock;
 #[derive(Clone, Debug)]
 pub struct BlockSetModels {
     /// Cells that stay as they are.
-    pub still_cells: StillCellModels,
+    pub skip_cells: SkipCellModels,
     /// Blocks that the reference's volume does not have.
     pub octree: OctreeModels,
     /// By class, coded faces before the block (0 to 3), expected faces after it (0 to 3), and whether it was coded.
@@ -34,7 +34,7 @@ pub struct BlockSetModels {
 impl Default for BlockSetModels {
     fn default() -> Self {
         Self {
-            still_cells: StillCellModels::default(),
+            skip_cells: SkipCellModels::default(),
             octree: OctreeModels::default(),
             by_class: [BitModel::default(); Activity::CLASSES * 4 * 4 * 2],
             by_distance: [BitModel::default(); Activity::FINE_CLASSES * 4],
@@ -54,7 +54,7 @@ impl BlockSetModels {
     }
 
     /// Reads a set of `count` blocks, in Morton order, and the blocks of the reference that stay as they are: those of no cell
-    /// without `still_cells`. `activity`: of every block of the reference, in order, once it is known which of them stay; not asked
+    /// without `skip_cells`. `activity`: of every block of the reference, in order, once it is known which of them stay; not asked
     /// for without a reference.
     ///
     /// # Errors
@@ -65,20 +65,20 @@ impl BlockSetModels {
         bytes: &[u8],
         count: usize,
         reference: Option<MainBlocks>,
-        still_cells: bool,
+        skip_cells: bool,
         activity: impl FnOnce(&BlockSet) -> Result<Vec<Activity>, E>,
     ) -> Result<(BlockSet, Vec<BlockCoord>), E> {
         let mut decoder = RangeDecoder::new(bytes);
         let Some(reference) = reference else {
             return Ok((BlockSet::default(), self.octree.decode(&mut decoder, count, None)?));
         };
-        let still = match still_cells {
-            true => self.still_cells.read(&mut decoder, reference),
+        let skipped = match skip_cells {
+            true => self.skip_cells.read(&mut decoder, reference),
             false => BlockSet::default(),
         };
-        let mut flags = ExpectedBlocks::new(reference, &still, activity(&still)?);
+        let mut flags = ExpectedBlocks::new(reference, &skipped, activity(&skipped)?);
         let mut coords = Vec::new();
-        for candidate in flags.candidates(&still) {
+        for candidate in flags.candidates(&skipped) {
             if decoder.decode_mixed(self.flag(flags.context(candidate))) {
                 flags.set_coded(candidate);
                 coords.push(reference.blocks.coords[candidate.block as usize]);
@@ -92,7 +92,7 @@ impl BlockSetModels {
         };
         if rest > 0 {
             let others = self.octree.decode(&mut decoder, rest, None)?;
-            let outside = BlockSet::of(&others).outside_cells_of(&still);
+            let outside = BlockSet::of(&others).outside_cells_of(&skipped);
             if outside.count() < others.len() {
                 return Err(SyntaxError("the block set holds a block in a cell that stays as it is").into());
             }
@@ -105,7 +105,7 @@ impl BlockSetModels {
         if decoder.overran() {
             return Err(SyntaxError("the block set ends too early").into());
         }
-        Ok((still, coords))
+        Ok((skipped, coords))
     }
 }
 
@@ -154,9 +154,9 @@ impl ExpectedBlocks {
     /// All blocks of a reference's volume. Of some it is known that they stay as they are, of the others nothing but their
     /// `activity`: that of all blocks, in order.
     #[must_use]
-    pub fn new(reference: MainBlocks, still: &BlockSet, activity: Vec<Activity>) -> Self {
+    pub fn new(reference: MainBlocks, skipped: &BlockSet, activity: Vec<Activity>) -> Self {
         let FrameBlocks { all, coded, .. } = reference.sets;
-        let (mut was, mut kept) = (coded.cells().iter().peekable(), still.cells().iter().peekable());
+        let (mut was, mut kept) = (coded.cells().iter().peekable(), skipped.cells().iter().peekable());
         let mut next = activity.iter();
         let cells = all.cells().iter().map(|cell| {
             let bits = |cells: &mut Peekable<Iter<BlockCell>>| {
@@ -172,13 +172,13 @@ impl ExpectedBlocks {
         Self { cells, numbers, activity, around: (u32::MAX, [None; 27]) }
     }
 
-    /// The blocks that may be coded, in order: those of no cell that stays as it is, which `still` has the blocks of.
+    /// The blocks that may be coded, in order: those of no cell that stays as it is, which `skipped` has the blocks of.
     #[must_use]
-    pub fn candidates(&self, still: &BlockSet) -> Vec<Candidate> {
-        let mut still = still.cells().iter().peekable();
+    pub fn candidates(&self, skipped: &BlockSet) -> Vec<Candidate> {
+        let mut skipped = skipped.cells().iter().peekable();
         let (mut candidates, mut first) = (Vec::with_capacity(self.activity.len()), 0);
         for (number, ExpectedCell { cell, .. }) in (0..).zip(&self.cells) {
-            if still.next_if(|other| other.code == cell.code).is_none() {
+            if skipped.next_if(|other| other.code == cell.code).is_none() {
                 let blocks = (first..).zip(set_bits(cell.blocks));
                 candidates.extend(blocks.map(|(block, bit)| Candidate { block, cell: number, bit }));
             }

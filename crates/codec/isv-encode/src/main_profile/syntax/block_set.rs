@@ -1,6 +1,6 @@
 //! The set of coded blocks.
 
-use super::still_cells;
+use super::skip_cells;
 use crate::syntax::block_set as octree;
 use isv_decode::main_profile::MainReference;
 use isv_decode::main_profile::activity::expected_activity;
@@ -13,7 +13,7 @@ pub(crate) fn write(
     models: &mut BlockSetModels,
     coords: &[BlockCoord],
     reference: Option<&MainReference>,
-    still: &BlockSet,
+    skipped: &BlockSet,
 ) -> Vec<u8> {
     let mut encoder = RangeEncoder::new();
     let Some(reference) = reference else {
@@ -21,12 +21,12 @@ pub(crate) fn write(
         return encoder.finish();
     };
     let frame = reference.blocks();
-    if !still.is_empty() {
-        still_cells::write(&mut models.still_cells, &mut encoder, still, frame);
+    if !skipped.is_empty() {
+        skip_cells::write(&mut models.skip_cells, &mut encoder, skipped, frame);
     }
     let index = BlockIndex::new(coords);
-    let mut flags = ExpectedBlocks::new(frame, still, expected_activity(reference, still));
-    for candidate in flags.candidates(still) {
+    let mut flags = ExpectedBlocks::new(frame, skipped, expected_activity(reference, skipped));
+    for candidate in flags.candidates(skipped) {
         let coded = index.get(frame.blocks.coords[candidate.block as usize]).is_some();
         encoder.encode_mixed(models.flag(flags.context(candidate)), coded);
         if coded {

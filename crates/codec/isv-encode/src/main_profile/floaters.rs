@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-/// Voxels that a decoded surface may be beside what it is to be without being taken for debris, and in a block that is kept of the frame
+/// Voxels that a decoded surface may be beside what it is to be without being taken for floaters, and in a block that is kept of the frame
 /// before, how near the source's surface vouches for it, in codes. What a coarse step moved further still hangs together with cells
 /// that are vouched for.
 const BESIDE: usize = 1;
@@ -23,7 +23,7 @@ const NEAR: i16 = CODES_PER_VOXEL as i16;
 /// of the extended volume.
 ///
 /// `unobserved`: what is masked anyway. Cells of which every corner is one of a cell that stays are left.
-pub(crate) fn debris(
+pub(crate) fn floaters(
     extended: &Extended,
     unobserved: &BTreeMap<u32, VoxelMask>,
     targets: &Targets,
@@ -241,7 +241,7 @@ mod tests {
         let targets = Targets::new(&source, Band::Surface, Tools::ALL, &BlockSet::default());
         let clean = decoded(&targets, None);
         let none = BTreeMap::new();
-        assert_eq!(debris(&clean, &none, &targets), none);
+        assert_eq!(floaters(&clean, &none, &targets), none);
         let expected = crossed_cells(&clean, &none);
         let far = |voxel: &(usize, i16)| voxel.1.abs() > 4 * CODES_PER_VOXEL as i16;
         let mut specks = 0;
@@ -250,7 +250,7 @@ mod tests {
             let samples = targets.samples(block).iter().copied().enumerate().filter(far);
             for (voxel, code) in samples.skip(block % 7).step_by(7) {
                 let dirty = decoded(&targets, Some((block, voxel, -code.signum() * 300)));
-                let masks = debris(&dirty, &none, &targets);
+                let masks = floaters(&dirty, &none, &targets);
                 assert!(!masks.is_empty(), "{block} {voxel} {code}");
                 assert_eq!(crossed_cells(&dirty, &masks), expected, "{block} {voxel}");
                 specks += 1;
@@ -270,6 +270,6 @@ mod tests {
             |[x, y, z]| ((x - 3.0).powi(2) + y * y + z * z).sqrt() - 15.3,
             |_| false,
         );
-        assert_eq!(debris(&Extended::of(&moved), &BTreeMap::new(), &targets), BTreeMap::new());
+        assert_eq!(floaters(&Extended::of(&moved), &BTreeMap::new(), &targets), BTreeMap::new());
     }
 }

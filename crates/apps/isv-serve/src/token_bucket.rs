@@ -2,22 +2,22 @@
 
 use std::time::{Duration, Instant};
 
-/// A bucket of permissions that fills at a steady rate.
+/// A bucket of tokens that fills at a steady rate.
 #[derive(Debug)]
-pub(crate) struct Allowance {
+pub(crate) struct TokenBucket {
     most: u32,
     every: Duration,
     left: f64,
     counted: Instant,
 }
 
-impl Allowance {
+impl TokenBucket {
     /// `most` at once, and one more each `every`.
     pub(crate) fn new(most: u32, every: Duration, now: Instant) -> Self {
         Self { most, every, left: f64::from(most), counted: now }
     }
 
-    /// Uses one permission, if there is one.
+    /// Uses one token, if there is one.
     pub(crate) fn take(&mut self, now: Instant) -> bool {
         let gained = now.duration_since(self.counted).as_secs_f64() / self.every.as_secs_f64();
         self.counted = now;
@@ -37,9 +37,9 @@ mod tests {
     #[test]
     fn permissions_come_back_with_time_up_to_a_bound() {
         let start = Instant::now();
-        let mut allowance = Allowance::new(3, Duration::from_secs(1), start);
+        let mut bucket = TokenBucket::new(3, Duration::from_secs(1), start);
         let mut taken =
-            |seconds| (0..10).filter(|_| allowance.take(start + Duration::from_secs(seconds))).count();
+            |seconds| (0..10).filter(|_| bucket.take(start + Duration::from_secs(seconds))).count();
         assert_eq!([taken(0), taken(0), taken(2), taken(100)], [3, 0, 2, 3]);
     }
 }

@@ -8,45 +8,45 @@ use isv_volume::{BlockCell, BlockSet};
 
 /// Models of the flags of cells.
 #[derive(Clone, Debug, Default)]
-pub struct StillCellModels {
-    /// By [`StillCellContext::model`].
+pub struct SkipCellModels {
+    /// By [`SkipCellContext::model`].
     pub cell: [BitModel; 32],
 }
 
-impl StillCellModels {
+impl SkipCellModels {
     /// Reads which of the reference's blocks are in cells that stay as they are.
     pub fn read(&mut self, decoder: &mut RangeDecoder, reference: MainBlocks) -> BlockSet {
-        let mut context = StillCellContext::new(reference);
+        let mut context = SkipCellContext::new(reference);
         let cells = reference.sets.all.cells().iter();
-        let still = cells.copied().filter(|cell| {
-            let still = decoder.decode(&mut self.cell[context.model(*cell)]);
-            context.note(*cell, still);
-            still
+        let skipped = cells.copied().filter(|cell| {
+            let skipped = decoder.decode(&mut self.cell[context.model(*cell)]);
+            context.note(*cell, skipped);
+            skipped
         });
-        still.collect()
+        skipped.collect()
     }
 }
 
 /// What is known around a cell when its flag is coded.
 #[derive(Debug)]
-pub struct StillCellContext {
+pub struct SkipCellContext {
     /// Cells that are known to stay as they are.
     now: HashSet<u64>,
     /// Those that did in the frame before.
     before: HashSet<u64>,
 }
 
-impl StillCellContext {
+impl SkipCellContext {
     /// Nothing is known of this frame.
     #[must_use]
     pub fn new(reference: MainBlocks) -> Self {
-        let before = reference.still.cells().iter().map(|cell| cell.code).collect();
+        let before = reference.skipped.cells().iter().map(|cell| cell.code).collect();
         Self { now: HashSet::default(), before }
     }
 
     /// Notes whether a cell stays as it is.
-    pub fn note(&mut self, cell: BlockCell, still: bool) {
-        if still {
+    pub fn note(&mut self, cell: BlockCell, skipped: bool) {
+        if skipped {
             self.now.insert(cell.code);
         }
     }

@@ -10,7 +10,7 @@ use isv_volume::{BlockCoord, BlockIndex, SparseVolume, TriangleMesh};
 /// The area is looked at in about a thousand places. Parts that overlap, and so have inside on both sides, are not lost, nor are
 /// places with unobserved voxels around them.
 #[must_use]
-pub fn lost_share(mesh: &TriangleMesh, volume: &SparseVolume) -> f64 {
+pub fn open_surface_share(mesh: &TriangleMesh, volume: &SparseVolume) -> f64 {
     let index = volume.index();
     let is_lost = |(face, _): &(usize, usize)| {
         let [a, b, c] = mesh.corners(*face);
@@ -60,7 +60,7 @@ mod tests {
             });
             let volume =
                 ingest_mesh(&cube(half), &settings, SignDecision::Closed { flipped: false }).unwrap();
-            assert_eq!(lost_share(&cube(half), &volume), 0.0, "{half} m");
+            assert_eq!(open_surface_share(&cube(half), &volume), 0.0, "{half} m");
         }
     }
 
@@ -72,7 +72,10 @@ mod tests {
             truncation: Truncation::from_voxels(4).unwrap(),
         });
         let share = |mesh: &TriangleMesh| {
-            lost_share(mesh, &ingest_mesh(mesh, &settings, SignDecision::Closed { flipped: false }).unwrap())
+            open_surface_share(
+                mesh,
+                &ingest_mesh(mesh, &settings, SignDecision::Closed { flipped: false }).unwrap(),
+            )
         };
         let mut mesh = sphere(0.4, 40);
         assert_eq!(share(&mesh), 0.0);

@@ -13,12 +13,12 @@ pub type BlockShifts = [[f32; 3]; 3];
 /// The blocks of a frame that are to be coded, as a [`SearchBackend`](crate::SearchBackend) is told of them. They are of 8 voxels
 /// along an edge, in Morton order.
 #[derive(Debug)]
-pub struct SoughtFrame<'a> {
+pub struct MotionQuery<'a> {
     before: &'a MainReference,
     targets: &'a Targets<'a>,
 }
 
-impl<'a> SoughtFrame<'a> {
+impl<'a> MotionQuery<'a> {
     pub(super) fn new(before: &'a MainReference, targets: &'a Targets<'a>) -> Self {
         Self { before, targets }
     }

@@ -1,35 +1,35 @@
-//! What entropy decoding asks of a frame's samples: one answer for all, read at once.
+//! What entropy decoding needs of a frame's samples, read back at once.
 
 use super::coded_blocks::pack_vector;
 use super::extrapolated_blocks::ExtrapolatedBlocks;
-use super::workshop::FrameCommands;
+use super::resources::FrameCommands;
 use crate::GpuError;
 use crate::blocks::BlockTable;
-use crate::storage::Room;
+use crate::storage::GrowingBuffer;
 use isv_decode::main_profile::CodedBlock;
 use isv_volume::VoxelMask;
 
-/// Memory for questions and answers.
+/// Memory for questions and readback.
 #[derive(Debug)]
-pub(super) struct QuestionRooms {
-    vectors: Room,
-    activity: Room,
-    unsettled: Room,
-    corners: Room,
-    insides_read: Room,
-    activity_read: Room,
-    corners_read: Vec<Room>,
+pub(super) struct ReadbackBuffers {
+    vectors: GrowingBuffer,
+    activity: GrowingBuffer,
+    unsettled: GrowingBuffer,
+    corners: GrowingBuffer,
+    insides_read: GrowingBuffer,
+    activity_read: GrowingBuffer,
+    corners_read: Vec<GrowingBuffer>,
 }
 
-impl Default for QuestionRooms {
+impl Default for ReadbackBuffers {
     fn default() -> Self {
         Self {
-            vectors: Room::new("vectors"),
-            activity: Room::new("activity"),
-            unsettled: Room::new("list of unsettled blocks"),
-            corners: Room::new("corners of crossed cells"),
-            insides_read: Room::for_reading("sides of blocks to read"),
-            activity_read: Room::for_reading("activity to read"),
+            vectors: GrowingBuffer::new("vectors"),
+            activity: GrowingBuffer::new("activity"),
+            unsettled: GrowingBuffer::new("list of unsettled blocks"),
+            corners: GrowingBuffer::new("corners of crossed cells"),
+            insides_read: GrowingBuffer::for_reading("sides of blocks to read"),
+            activity_read: GrowingBuffer::for_reading("activity to read"),
             corners_read: Vec::new(),
         }
     }
@@ -38,9 +38,9 @@ impl Default for QuestionRooms {
 /// Bytes of a block's corners, a bit a voxel.
 const MASK_BYTES: u64 = 64;
 
-/// The answers.
+/// The readback.
 #[derive(Debug)]
-pub(super) struct Answers {
+pub(super) struct SyntaxReadback {
     /// Of each block, 1 if it was extrapolated and lies inside.
     pub(super) insides: Vec<u32>,
     /// Of each block, edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
@@ -49,51 +49,51 @@ pub(super) struct Answers {
     pub(super) corners: Vec<(u32, VoxelMask)>,
 }
 
-/// Asks of a frame whose samples are done, and reads the answers.
+/// Asks of a frame whose samples are done, and reads the readback.
 ///
 /// - `table`: of all blocks.
 /// - `coded`: how each was coded.
-/// - `unsettled`: which of them are asked for corners.
+/// - `unsettled`: which of them are looked at for corners.
 ///
 /// # Errors
 /// What went wrong on the GPU.
-pub(super) fn ask(
+pub(super) fn read_back(
     mut frame: FrameCommands,
     table: &BlockTable,
     extrapolated: &ExtrapolatedBlocks,
     coded: &[Option<CodedBlock>],
     unsettled: &[u32],
-    rooms: &mut QuestionRooms,
-) -> Result<Answers, GpuError> {
+    scratch: &mut ReadbackBuffers,
+) -> Result<SyntaxReadback, GpuError> {
     let (gpu, count) = (frame.gpu, coded.len() as u32);
     let vectors: Vec<u32> =
         coded.iter().map(|coded| pack_vector(coded.and_then(|coded| coded.vector))).collect();
-    let vectors = rooms.vectors.holding(gpu, &vectors)?;
+    let vectors = scratch.vectors.holding(gpu, &vectors)?;
     let word_bytes = 4 * u64::from(count);
-    let activity = rooms.activity.of(gpu, word_bytes)?;
+    let activity = scratch.activity.of(gpu, word_bytes)?;
     let buffers = [&table.blocks, &table.table, vectors, activity];
     frame.run(&frame.kernels.activity, &[count, 0, 0, 0], &buffers, count)?;
 
     let at_once = (gpu.binding_bytes() / MASK_BYTES) as usize;
     let parts: Vec<&[u32]> = unsettled.chunks(at_once).collect();
-    while rooms.corners_read.len() < parts.len() {
-        rooms.corners_read.push(Room::for_reading("corners to read"));
+    while scratch.corners_read.len() < parts.len() {
+        scratch.corners_read.push(GrowingBuffer::for_reading("corners to read"));
     }
-    let list = rooms.unsettled.holding(gpu, unsettled)?;
-    let corners = rooms.corners.of(gpu, MASK_BYTES * unsettled.len().min(at_once) as u64)?;
+    let list = scratch.unsettled.holding(gpu, unsettled)?;
+    let corners = scratch.corners.of(gpu, MASK_BYTES * unsettled.len().min(at_once) as u64)?;
     let mut readings = Vec::new();
-    for ((part, room), number) in parts.iter().zip(&mut rooms.corners_read).zip(0u32..) {
+    for ((part, corners_read), number) in parts.iter().zip(&mut scratch.corners_read).zip(0u32..) {
         let (first, blocks) = (number * at_once as u32, part.len() as u32);
         let ExtrapolatedBlocks { kinds, opposed, masks, .. } = *extrapolated;
         let buffers = [&table.blocks, &table.table, kinds, opposed, masks, list, corners];
         frame.run(&frame.kernels.corners, &[first, blocks, 0, 0], &buffers, blocks)?;
         let bytes = MASK_BYTES * u64::from(blocks);
-        let reading = room.of(gpu, bytes)?;
+        let reading = corners_read.of(gpu, bytes)?;
         frame.commands.copy(corners, reading, bytes);
         readings.push((reading, bytes));
     }
-    let insides_read = rooms.insides_read.of(gpu, word_bytes)?;
-    let activity_read = rooms.activity_read.of(gpu, word_bytes)?;
+    let insides_read = scratch.insides_read.of(gpu, word_bytes)?;
+    let activity_read = scratch.activity_read.of(gpu, word_bytes)?;
     frame.commands.copy(extrapolated.insides, insides_read, word_bytes);
     frame.commands.copy(activity, activity_read, word_bytes);
     readings.extend([(insides_read, word_bytes), (activity_read, word_bytes)]);
@@ -105,7 +105,7 @@ pub(super) fn ask(
     let insides = words(&read.pop().unwrap_or_default());
     let masks = read.iter().flat_map(|bytes| bytes.as_chunks::<{ MASK_BYTES as usize }>().0);
     let corners = unsettled.iter().zip(masks).filter_map(|(block, bytes)| Some((*block, mask(bytes)?)));
-    Ok(Answers { insides, activity, corners: corners.collect() })
+    Ok(SyntaxReadback { insides, activity, corners: corners.collect() })
 }
 
 /// Words of the GPU, which are little-endian.

@@ -1,9 +1,9 @@
 //! What frames are made with.
 
-use super::coded_blocks::CodedRooms;
-use super::extrapolated_blocks::ExtrapolatedRooms;
+use super::coded_blocks::CodedBuffers;
+use super::extrapolated_blocks::ExtrapolatedBuffers;
 use super::kernels::Kernels;
-use super::questions::QuestionRooms;
+use super::syntax_readback::ReadbackBuffers;
 use crate::commands::Commands;
 use crate::encode::EncodeTools;
 use crate::kernel::Kernel;
@@ -13,17 +13,17 @@ use std::sync::MutexGuard;
 
 /// Kernels, and memory that serves one frame after the other.
 #[derive(Debug)]
-pub(crate) struct Workshop {
+pub(crate) struct DecodeResources {
     pub(crate) store: VolumeStore,
     pub(super) kernels: Kernels,
-    pub(super) coded_rooms: CodedRooms,
-    pub(super) extrapolated_rooms: ExtrapolatedRooms,
-    pub(super) question_rooms: QuestionRooms,
+    pub(super) coded_buffers: CodedBuffers,
+    pub(super) extrapolated_buffers: ExtrapolatedBuffers,
+    pub(super) readback_buffers: ReadbackBuffers,
     /// What only an encoder needs, once it was needed.
     pub(crate) encoding: Option<EncodeTools>,
 }
 
-impl Workshop {
+impl DecodeResources {
     /// Kernels, and no memory yet.
     ///
     /// # Errors
@@ -32,9 +32,9 @@ impl Workshop {
         Ok(Self {
             store: store.clone(),
             kernels: Kernels::new(store.gpu())?,
-            coded_rooms: CodedRooms::default(),
-            extrapolated_rooms: ExtrapolatedRooms::default(),
-            question_rooms: QuestionRooms::default(),
+            coded_buffers: CodedBuffers::default(),
+            extrapolated_buffers: ExtrapolatedBuffers::default(),
+            readback_buffers: ReadbackBuffers::default(),
             encoding: None,
         })
     }
