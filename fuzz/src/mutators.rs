@@ -5,8 +5,7 @@ use crate::sealing::{payloads, replace_payload, with_checksums};
 use crate::stream::{LIMITS, open};
 use isv::raw::decode::Decoder;
 use isv::raw::format::{
-    FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
-    SlicePayload,
+    FrameCoding, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, SlicePayload,
 };
 use libfuzzer_sys::fuzzer_mutate;
 
