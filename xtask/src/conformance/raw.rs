@@ -2,7 +2,7 @@
 
 use super::Stream;
 use anyhow::{Result, ensure};
-use isv::raw::decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
+use isv::raw::decode::shared::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
 use isv::raw::decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv::raw::format::{
     FrameHeader, FramePayload, IndexEntry, PacketHeader, PacketKind, PacketReader, SlicePayload,

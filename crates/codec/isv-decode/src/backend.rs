@@ -11,10 +11,11 @@
 
 mod cpu;
 
-use crate::extension::ExtensionPlan;
-use crate::main_profile::activity::Activity;
-use crate::main_profile::{self, CausalBlocks, MainBlocks, MainParameters};
-use crate::{BackendError, CodingParameters, FrameSymbols, ReferenceBlocks};
+use crate::main::activity::Activity;
+use crate::main::extension::ExtensionPlan;
+use crate::main::{self, CausalBlocks, MainBlocks, MainParameters};
+use crate::paper::{CodingParameters, FrameSymbols};
+use crate::{BackendError, ReferenceBlocks};
 use isv_format::MainFrameHeader;
 use isv_volume::{BlockSet, VoxelMask};
 use std::collections::BTreeMap;
@@ -68,7 +69,7 @@ pub trait Backend: fmt::Debug + Send {
     fn main_volume(frame: &Self::Main) -> &Self::Volume;
 
     /// The unsettled blocks of a frame that have corners of crossed cells, in order, with those voxels: see
-    /// [`crossed_corners`](main_profile::crossed_cells::crossed_corners). Asked before [`Self::add_masks`], and only of frames
+    /// [`crossed_corners`](main::crossed_cells::crossed_corners). Asked before [`Self::add_masks`], and only of frames
     /// whose bytes hold masks.
     ///
     /// # Errors
@@ -87,7 +88,7 @@ pub trait Backend: fmt::Debug + Send {
     ) -> Result<(), BackendError>;
 
     /// The activity that is expected of every block of a frame in the next one, where the blocks `skipped` stay as they are: one
-    /// for each block, in order. See [`expected_activity`](main_profile::activity::expected_activity).
+    /// for each block, in order. See [`expected_activity`](main::activity::expected_activity).
     ///
     /// # Errors
     /// See [`BackendError`].
@@ -122,7 +123,7 @@ pub struct MainFrame<'a> {
     /// The step, the in-loop filter and which tools are used.
     pub header: &'a MainFrameHeader,
     /// The coded blocks with their modes and levels, and which blocks of the frame before stay as they are.
-    pub symbols: main_profile::FrameSymbols,
+    pub symbols: main::FrameSymbols,
     /// Which coded blocks precede each other in their slices: what spatial prediction looks at.
     pub causal: &'a CausalBlocks,
     /// Which blocks the frame has once it is extended, and where their samples come from.

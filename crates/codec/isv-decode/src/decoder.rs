@@ -1,22 +1,19 @@
 //! The decoder: one packet, one volume.
 
-mod failure;
+pub(crate) mod failure;
 mod limits;
-mod main;
-mod paper;
-mod recovery;
-mod sequence;
+pub(crate) mod sequence;
 
 use crate::DecodeError;
 use crate::backend::{Backend, Cpu};
-use crate::details::{BlockDetail, Details};
-use crate::main_profile::ExactBlocks;
+use crate::main::ExactBlocks;
+use crate::main::decoder::MainDecoder;
+use crate::paper::decoder::PaperDecoder;
 use crate::reduced::Lod;
+use crate::shared::{BlockDetail, Details};
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{BlockSet, GridError, SparseVolume};
 pub use limits::Limits;
-use main::MainDecoder;
-use paper::PaperDecoder;
 
 /// A frame as decoded. `V`: [`Backend::Volume`].
 #[derive(Clone, Debug)]
@@ -35,11 +32,11 @@ pub struct DecodedFrame<'a, V = SparseVolume> {
 
 /// What is said of a frame beside its volume.
 #[derive(Clone, Copy, Debug)]
-struct FrameFacts {
-    timestamp_ns: u64,
-    keyframe: bool,
-    stated_hash: Option<u64>,
-    inexact_blocks: usize,
+pub(crate) struct FrameFacts {
+    pub(crate) timestamp_ns: u64,
+    pub(crate) keyframe: bool,
+    pub(crate) stated_hash: Option<u64>,
+    pub(crate) inexact_blocks: usize,
 }
 
 /// Decodes the packets of a stream in order, from any keyframe on. `B`: who does the arithmetic on samples.

@@ -1,11 +1,10 @@
 //! A decoder with a backend other than the CPU alone: one that keeps volumes of its own, and fails when it is told to.
 
 use isv_decode::backend::{Backend, Cpu, MainFrame};
-use isv_decode::main_profile::MainBlocks;
-use isv_decode::main_profile::activity::Activity;
-use isv_decode::{
-    BackendError, CodingParameters, DecodeError, Decoder, FrameSymbols, Limits, ReferenceBlocks,
-};
+use isv_decode::main::MainBlocks;
+use isv_decode::main::activity::Activity;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
+use isv_decode::{BackendError, DecodeError, Decoder, Limits, ReferenceBlocks};
 use isv_format::{FramePayload, Packet, PacketReader, StreamHeader};
 use isv_volume::{BlockSet, SparseVolume, VoxelMask};
 use std::cell::Cell;

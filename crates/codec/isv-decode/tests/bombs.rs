@@ -1,7 +1,7 @@
 //! Streams of few bytes that claim much are refused before memory is taken. In a test program of its own, whose memory is measured;
 //! `--nocapture` prints it and the time of each.
 
-use isv_decode::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
+use isv_decode::shared::syntax::block_set::{BlockSetModels, CellContext, DEPTH_BITS, MAX_DEPTH};
 use isv_decode::{Decoder, Limits, RefusalClass};
 use isv_entropy::RangeEncoder;
 use isv_format::{

@@ -1,7 +1,7 @@
 //! The committed streams decode to the committed hashes, or are refused as they have to be, with every instruction set that the
 //! machine has, and what is said of them after losses is as committed. They never change: see `conformance/README.md`.
 
-use isv_decode::main_profile::ExactBlocks;
+use isv_decode::main::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_format::{PacketReader, RefusalClass};
 use isv_kernels::simd::{self, Instructions};

@@ -11,11 +11,12 @@
 
 mod cpu;
 
-use crate::main_profile::{BlockShifts, MotionQuery};
+use crate::main::{BlockShifts, MotionQuery};
 
+use isv_decode::BackendError;
 use isv_decode::backend::Backend;
-use isv_decode::main_profile::MainReference;
-use isv_decode::{BackendError, CodingParameters, FrameSymbols};
+use isv_decode::main::MainReference;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
 use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
 use isv_volume::SparseVolume;
@@ -71,7 +72,7 @@ pub trait EncodeBackend: Backend {
 /// Shifts are a choice, for which floating point may be used: those of two backends may differ.
 pub trait SearchBackend: fmt::Debug + Send + Sync {
     /// Takes a decoded frame in which the next one will be looked for. Blocks that are not among its
-    /// [`fresh`](isv_decode::extension::FrameBlocks::fresh) ones are as they were in the frame that was taken before.
+    /// [`fresh`](isv_decode::main::extension::FrameBlocks::fresh) ones are as they were in the frame that was taken before.
     ///
     /// # Errors
     /// See [`BackendError`]. The frame taken before stays.

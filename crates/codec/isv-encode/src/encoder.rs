@@ -2,8 +2,8 @@
 
 use crate::frame_coder::FrameCoder;
 use crate::frame_writer::FrameWriter;
-use crate::main_profile::MainSettings;
-use crate::syntax::SymbolSegments;
+use crate::main::MainSettings;
+use crate::shared::syntax::SymbolSegments;
 use isv_decode::backend::Cpu;
 use isv_format::{
     FrameHeader, FramePayload, PacketHeader, Prediction, SlicePayload, StreamHeader, StreamIndex,

@@ -3,8 +3,8 @@
 use crate::backend::{EncodeBackend, SearchBackend};
 use crate::encoder::EncoderSettings;
 use crate::frame_writer::UnwrittenFrame;
-use crate::main_profile::MainEncoder;
-use crate::paper_coder::PaperCoder;
+use crate::main::MainEncoder;
+use crate::paper::PaperCoder;
 use isv_decode::BackendError;
 use isv_decode::backend::Cpu;
 use isv_format::{Profile, StreamHeader};

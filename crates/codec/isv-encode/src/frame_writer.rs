@@ -1,9 +1,10 @@
 //! Symbols to bytes: the last step of encoding, which looks at no samples.
 
 use crate::encoder::EncodedFrame;
-use crate::syntax;
-use isv_decode::syntax::EntropyState;
-use isv_decode::{FrameSymbols, ReferenceBlocks};
+use crate::paper::syntax;
+use isv_decode::ReferenceBlocks;
+use isv_decode::paper::FrameSymbols;
+use isv_decode::paper::syntax::EntropyState;
 use isv_format::{FrameCoding, FrameHeader};
 use isv_volume::{BlockCoord, BlockEdge, BlockIndex, VoxelMask};
 use std::collections::BTreeMap;

@@ -13,32 +13,28 @@
 //! choices, which may use floating point, and the writing side of the syntax. The same volumes and settings give the same
 //! bytes on any number of threads.
 //!
-//! What lies beside this file is the paper's codec, and what both profiles share; profile `main` is in `main_profile`, with files of the
-//! same names for the same steps.
+//! `main` is the product's profile, `paper` the one that it is measured against. Files of the same names have the same steps. What both
+//! have is in `shared`.
 
 mod backend;
-mod distortion;
 mod encoder;
 mod frame_coder;
 mod frame_writer;
-mod main_profile;
-mod motion_search;
-mod normal_equations;
-mod paper_coder;
-mod residual;
-mod surface_distance;
-pub mod syntax;
+// A file src/main.rs would be a program.
+#[path = "main/mod.rs"]
+mod main;
+pub mod paper;
+pub mod shared;
 
 pub use backend::{EncodeBackend, SearchBackend};
-pub use distortion::surface_rms_voxels;
 pub use encoder::{BLOCKS_PER_SLICE, EncodedFrame, Encoder, EncoderSettings, MotionMode};
 pub use frame_coder::FrameCoder;
 pub use frame_writer::{FrameWriter, UnwrittenFrame};
 #[doc(hidden)]
-pub use main_profile::probe;
-pub use main_profile::{
+pub use main::probe;
+pub use main::{
     Band, Bitrate, BlockShifts, COARSEST_STEP, FINEST_STEP, FrameQuality, MainEncoder, MainSettings,
     MotionQuery, Preset, RateTarget, Refresh, SearchEffort, Tools, UnknownTool,
 };
-pub use paper_coder::PaperCoder;
-pub use surface_distance::surface_distance_voxels;
+pub use paper::PaperCoder;
+pub use shared::{surface_distance_voxels, surface_rms_voxels};

@@ -2,7 +2,7 @@
 
 mod support;
 
-use isv_decode::main_profile::ExactBlocks;
+use isv_decode::main::ExactBlocks;
 use isv_decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv_encode::{EncoderSettings, MainSettings, Refresh};
 use isv_format::{FrameCoding, FramePayload, Packet, Profile, StreamHeader};

@@ -22,9 +22,10 @@ mod tests;
 
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, MainFrame};
-use isv_decode::main_profile::MainBlocks;
-use isv_decode::main_profile::activity::Activity;
-use isv_decode::{BackendError, CodingParameters, FrameSymbols, ReferenceBlocks, volume_hash};
+use isv_decode::main::MainBlocks;
+use isv_decode::main::activity::Activity;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
+use isv_decode::{BackendError, ReferenceBlocks, volume_hash};
 use isv_volume::{BlockEdge, BlockSet, VoxelMask};
 use resources::DecodeResources;
 use std::collections::BTreeMap;

@@ -19,7 +19,8 @@ mod tools;
 
 use crate::decode::check_edge;
 use crate::{GpuBackend, GpuError, GpuPaperFrame, GpuVolume, VolumeStore};
-use isv_decode::{BackendError, CodingParameters, FrameSymbols};
+use isv_decode::BackendError;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
 use isv_encode::{EncodeBackend, EncoderSettings, FrameCoder, MainEncoder, PaperCoder};
 use isv_format::{Prediction, Profile, StreamHeader};
 use isv_kernels::warp::MotionVector;

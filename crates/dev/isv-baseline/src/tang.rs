@@ -6,10 +6,13 @@
 
 use crate::BlockBasis;
 use crate::basis::LeadingBasis;
-use isv_decode::syntax::{EntropyState, SyntaxError, most_slices};
-use isv_decode::{BitTally, FrameSymbols, Limits};
+use isv_decode::paper::FrameSymbols;
+use isv_decode::paper::syntax::{EntropyState, most_slices};
+use isv_decode::shared::syntax::SyntaxError;
+use isv_decode::{BitTally, Limits};
 use isv_encode::BLOCKS_PER_SLICE;
-use isv_encode::syntax::{self, SymbolSegments};
+use isv_encode::paper::syntax;
+use isv_encode::shared::syntax::SymbolSegments;
 use isv_format::{
     FormatError, FrameCoding, FrameHeader, FramePayload, PaperParameters, Prediction, Profile, SliceLayout,
     SlicePayload,

@@ -1,14 +1,12 @@
 //! The kernels that are counted, each on input that is the same everywhere: balls, a sphere of triangles, seeded noise.
 
 use anyhow::{Context, Error, Result};
-use isv_decode::extension::Extended;
-use isv_decode::main_profile::activity::{Activity, expected_activity};
-use isv_decode::main_profile::reconstruct::add_residual;
-use isv_decode::main_profile::syntax::block_set::BlockSetModels;
-use isv_decode::main_profile::{
-    BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference,
-};
-use isv_decode::syntax::SyntaxError;
+use isv_decode::main::activity::{Activity, expected_activity};
+use isv_decode::main::extension::DecodedBlocks;
+use isv_decode::main::reconstruct::add_residual;
+use isv_decode::main::syntax::block_set::BlockSetModels;
+use isv_decode::main::{BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference};
+use isv_decode::shared::syntax::SyntaxError;
 use isv_decode::{Decoder, Limits};
 use isv_encode::{Encoder, EncoderSettings, Preset, probe};
 use isv_entropy::{BitModel, RangeDecoder, RangeEncoder};
@@ -263,8 +261,8 @@ fn deblocking(inputs: &Inputs, counter: Counter) -> usize {
 
 fn extension(inputs: &Inputs, counter: Counter) -> usize {
     let coded = inputs.coded_volume();
-    counter(&mut || drop(black_box(Extended::of(&coded))));
-    Extended::of(&coded).volume().block_count() - coded.block_count()
+    counter(&mut || drop(black_box(DecodedBlocks::from_coded(&coded))));
+    DecodedBlocks::from_coded(&coded).volume().block_count() - coded.block_count()
 }
 
 /// Nothing is expected without a frame before.
@@ -289,7 +287,8 @@ fn later_block_set(inputs: &Inputs, counter: Counter) -> usize {
     (0..count).for_each(|_| none.push(&[]));
     let (coords, modes) = (inputs.coded.clone(), vec![BlockMode::Spatial; count]);
     let symbols = FrameSymbols { coords, modes, levels: none, ..FrameSymbols::default() };
-    let reference = MainReference::new(Extended::of(&inputs.coded_volume()), symbols, BTreeMap::new());
+    let reference =
+        MainReference::new(DecodedBlocks::from_coded(&inputs.coded_volume()), symbols, BTreeMap::new());
     counter(&mut || {
         let activity = |skipped: &BlockSet| Ok::<_, SyntaxError>(expected_activity(&reference, skipped));
         let (bytes, count) = (&inputs.block_sets[1], inputs.blocks[1]);

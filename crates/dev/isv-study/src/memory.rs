@@ -2,7 +2,7 @@
 
 use std::fs;
 
-/// The most memory that was resident since the process began or [`reset_peak`] was called, in bytes; `None` where the
+/// The most memory that was resident since the process began or was counted anew, in bytes; `None` where the
 /// system does not say.
 #[must_use]
 pub fn peak_bytes() -> Option<u64> {

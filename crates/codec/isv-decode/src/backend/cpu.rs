@@ -1,14 +1,14 @@
 //! The reference: every other backend gives the bits that this one does.
 
 use super::{Backend, MainFrame};
-use crate::extension::Extended;
-use crate::main_profile::activity::{Activity, expected_activity};
-use crate::main_profile::crossed_cells::crossed_corners;
-use crate::main_profile::reconstruct::{filter_and_extend, reconstruct as reconstruct_blocks};
-use crate::main_profile::{MainBlocks, MainReference};
-use crate::reconstruct::{predict, reconstruct};
+use crate::main::activity::{Activity, expected_activity};
+use crate::main::crossed_cells::crossed_corners;
+use crate::main::reconstruct::{filter_and_extend, reconstruct as reconstruct_blocks};
+use crate::main::{MainBlocks, MainReference};
+use crate::paper::reconstruct::{predict, reconstruct};
+use crate::paper::{CodingParameters, FrameSymbols, Reference};
 use crate::reduced::{Lod, ReducedFrame, ReducedGrid, ReducedParameters, downsample};
-use crate::{BackendError, CodingParameters, FrameSymbols, Reference, ReferenceBlocks, volume_hash};
+use crate::{BackendError, ReferenceBlocks, volume_hash};
 use isv_format::{Profile, StreamHeader};
 use isv_volume::{BlockSet, GridError, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
@@ -139,14 +139,14 @@ impl Backend for Cpu {
     ) -> Result<CpuMainFrame, BackendError> {
         let MainFrame { parameters, header, symbols, causal, plan, predicts } = frame;
         let before = before.map(|before| &before.reference);
-        let mut samples = plan.room(take(&mut self.spare));
+        let mut samples = plan.samples(take(&mut self.spare));
         debug_span!("prediction and residual").in_scope(|| {
             let (source, places) = (before.filter(|_| predicts), plan.places());
             reconstruct_blocks(parameters, header, &symbols, causal, source, places, &mut samples);
         });
-        let kept = before.map(MainReference::reference);
-        let extended: Extended = filter_and_extend(parameters, header, &symbols, samples, plan, kept);
-        let reference = MainReference::new(extended, symbols, BTreeMap::new());
+        let kept = before.map(MainReference::decoded);
+        let decoded = filter_and_extend(parameters, header, &symbols, samples, plan, kept);
+        let reference = MainReference::new(decoded, symbols, BTreeMap::new());
         Ok(CpuMainFrame { reference, reduced: None })
     }
 
@@ -159,7 +159,7 @@ impl Backend for Cpu {
     }
 
     fn crossed_corners(&mut self, frame: &CpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
-        Ok(crossed_corners(frame.reference.extended()))
+        Ok(crossed_corners(frame.reference.decoded()))
     }
 
     fn add_masks(
@@ -169,7 +169,7 @@ impl Backend for Cpu {
     ) -> Result<(), BackendError> {
         frame.reference.add_unobserved(masks);
         if let Some(Reduction::Main(grid)) = &self.reduction {
-            frame.reduced = Some(downsample(frame.reference.extended(), grid));
+            frame.reduced = Some(downsample(frame.reference.decoded(), grid));
         }
         Ok(())
     }

@@ -33,7 +33,7 @@ impl Limits {
     ///
     /// # Errors
     /// [`DecodeError::TooManyBlocks`] and [`DecodeError::TooFewBytes`].
-    pub(super) fn check(
+    pub(crate) fn check(
         &self,
         packet: &Packet,
         sequence: Sequence,

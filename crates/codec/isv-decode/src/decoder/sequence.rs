@@ -5,7 +5,7 @@ use isv_format::{Link, Packet, PacketChain};
 
 /// Frames decoded so far, and since the last keyframe.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sequence {
+pub(crate) struct Sequence {
     /// Packets of the frames decoded.
     chain: PacketChain,
     frames: u64,
@@ -15,12 +15,12 @@ pub(super) struct Sequence {
 
 impl Sequence {
     /// Frames decoded so far.
-    pub(super) fn frames(self) -> u64 {
+    pub(crate) fn frames(self) -> u64 {
         self.frames
     }
 
     /// Counts a frame that was decoded.
-    pub(super) fn advance(&mut self, packet: &Packet) {
+    pub(crate) fn advance(&mut self, packet: &Packet) {
         self.bytes = self.gop_bytes(packet);
         self.frames += 1;
         self.chain.push(packet);
@@ -28,24 +28,24 @@ impl Sequence {
 
     /// Counts a frame that was refused or is not wanted, whose bytes are there all the same: who begins between keyframes may have too
     /// few for the first frame.
-    pub(super) fn pass_over(&mut self, packet: &Packet) {
+    pub(crate) fn pass_over(&mut self, packet: &Packet) {
         self.bytes = self.gop_bytes(packet);
     }
 
     /// Bytes of the packets from the last keyframe up to this one.
-    pub(super) fn gop_bytes(self, packet: &Packet) -> u64 {
+    pub(crate) fn gop_bytes(self, packet: &Packet) -> u64 {
         let before = if packet.is_keyframe() { 0 } else { self.bytes };
         before + packet.total_bytes() as u64
     }
 
     /// What is wrong with the frame that is being decoded.
-    pub(super) fn malformed(self, packet: &Packet, what: &'static str) -> DecodeError {
+    pub(crate) fn malformed(self, packet: &Packet, what: &'static str) -> DecodeError {
         DecodeError::Malformed { frame: self.frames, at: packet.at, what }
     }
 
     /// Number of frames missing between the last one decoded and a packet of its GOP; 0 where the packet's count is before that
     /// one's.
-    pub(super) fn missing_before(self, packet: &Packet) -> u16 {
+    pub(crate) fn missing_before(self, packet: &Packet) -> u16 {
         match self.chain.link(packet) {
             Link::Gap { missing } => missing,
             _ => 0,
@@ -53,7 +53,7 @@ impl Sequence {
     }
 
     /// Whether a frame that predicts follows the frame that it predicts from.
-    pub(super) fn check(self, packet: &Packet, has_reference: bool) -> Result<(), DecodeError> {
+    pub(crate) fn check(self, packet: &Packet, has_reference: bool) -> Result<(), DecodeError> {
         if !has_reference {
             return Err(DecodeError::NoReference { at: packet.at });
         }

@@ -2,7 +2,7 @@
 
 use super::ReducedGrid;
 use super::regroup::regroup;
-use crate::extension::Extended;
+use crate::main::extension::DecodedBlocks;
 use isv_volume::SparseVolume;
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 ///
 /// Profile `main` is reduced so, after a full decode: its levels are chosen for the surface alone, and the lowest of them do not
 /// make a coarse field.
-pub(crate) fn downsample(extended: &Extended, reduced: &ReducedGrid) -> SparseVolume {
+pub(crate) fn downsample(extended: &DecodedBlocks, reduced: &ReducedGrid) -> SparseVolume {
     let volume = extended.volume();
     let edge = volume.grid().edge;
     let (side, size) = (reduced.side(), reduced.lod.voxels() as usize);
@@ -32,6 +32,6 @@ pub(crate) fn downsample(extended: &Extended, reduced: &ReducedGrid) -> SparseVo
             *out = mean.clamp(-i32::from(reduced.limit), i32::from(reduced.limit)) as i16;
         }
     });
-    let coded = extended.blocks.coded.marks_in(&extended.blocks.all);
+    let coded = extended.sets().coded.marks_in(&extended.sets().all);
     regroup(reduced, volume.coords(), &samples, volume.unobserved_masks(), |block| !coded[block])
 }

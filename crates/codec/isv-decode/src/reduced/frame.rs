@@ -2,8 +2,9 @@
 
 use super::regroup::regroup;
 use super::{Lod, ReducedGrid};
-use crate::reference::stitch;
-use crate::{CodingParameters, FrameSymbols, ReferenceBlocks};
+use crate::ReferenceBlocks;
+use crate::paper::{CodingParameters, FrameSymbols};
+use crate::shared::stitch;
 use isv_kernels::dct::ReducedTransform;
 use isv_kernels::warp::{MotionVector, StitchedReference};
 use isv_volume::{BlockCoord, BlockIndex, GridError, SparseVolume, VoxelMask};

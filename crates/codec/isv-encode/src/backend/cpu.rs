@@ -1,13 +1,14 @@
 //! The reference.
 
 use super::{EncodeBackend, SearchBackend};
-use crate::main_profile::{BlockShifts, MotionQuery};
-use crate::motion_search::search_motion;
-use crate::residual::quantized_residual;
+use crate::main::{BlockShifts, MotionQuery};
+use crate::paper::motion_search::search_motion;
+use crate::paper::residual::quantized_residual;
+use isv_decode::BackendError;
 use isv_decode::backend::{Cpu, CpuPaperFrame};
-use isv_decode::main_profile::MainReference;
-use isv_decode::reconstruct::{add_residuals, predict};
-use isv_decode::{BackendError, CodingParameters, FrameSymbols, Reference};
+use isv_decode::main::MainReference;
+use isv_decode::paper::reconstruct::{add_residuals, predict};
+use isv_decode::paper::{CodingParameters, FrameSymbols, Reference};
 use isv_format::Prediction;
 use isv_kernels::warp::MotionVector;
 use isv_volume::SparseVolume;

@@ -6,8 +6,8 @@ use crate::blocks::BlockTable;
 use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError, Storage};
 use bytemuck::{Pod, Zeroable};
-use isv_decode::main_profile::reconstruct::spatial_waves;
-use isv_decode::main_profile::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, Vector};
+use isv_decode::main::reconstruct::spatial_waves;
+use isv_decode::main::{BlockMode, CausalBlocks, FrameSymbols, MainParameters, Vector};
 use isv_format::MainFrameHeader;
 
 /// Memory for the coded blocks of a frame.

@@ -5,7 +5,7 @@ use crate::blocks::BlockTable;
 use crate::storage::GrowingBuffer;
 use crate::{Gpu, GpuError, Storage};
 use isv_decode::ReferenceBlocks;
-use isv_decode::extension::ExtensionPlan;
+use isv_decode::main::extension::ExtensionPlan;
 use isv_volume::{BlockOrigin, Truncation};
 
 /// Bits of a kind, as `frame_blocks.wgsl` has them.

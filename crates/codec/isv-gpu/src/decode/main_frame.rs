@@ -9,9 +9,9 @@ use crate::store::Slots;
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::ReferenceBlocks;
 use isv_decode::backend::MainFrame;
-use isv_decode::extension::{ExtensionPlan, FrameBlocks, Side};
-use isv_decode::main_profile::activity::Activity;
-use isv_decode::main_profile::{CodedBlock, MainBlocks};
+use isv_decode::main::activity::Activity;
+use isv_decode::main::extension::{ExtensionPlan, FrameBlocks, Side};
+use isv_decode::main::{CodedBlock, MainBlocks};
 use isv_volume::{BlockIndex, BlockOrigin, BlockSet};
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@ use super::resources::FrameCommands;
 use crate::GpuError;
 use crate::blocks::BlockTable;
 use crate::storage::GrowingBuffer;
-use isv_decode::main_profile::CodedBlock;
+use isv_decode::main::CodedBlock;
 use isv_volume::VoxelMask;
 
 /// Memory for questions and readback.

@@ -3,11 +3,10 @@
 use crate::tests::{gpu_for_tests, grid};
 use crate::{GpuBackend, GpuMainFrame, GpuPaperFrame, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, Cpu, CpuMainFrame, CpuPaperFrame, MainFrame};
-use isv_decode::main_profile::MainBlocks;
-use isv_decode::main_profile::activity::Activity;
-use isv_decode::{
-    BackendError, CodingParameters, DecodeError, Decoder, FrameSymbols, Limits, ReferenceBlocks,
-};
+use isv_decode::main::MainBlocks;
+use isv_decode::main::activity::Activity;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
+use isv_decode::{BackendError, DecodeError, Decoder, Limits, ReferenceBlocks};
 use isv_encode::{Encoder, EncoderSettings};
 use isv_format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv_volume::{BlockCoord, BlockSet, SparseVolume, VoxelMask};

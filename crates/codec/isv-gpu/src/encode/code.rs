@@ -8,7 +8,7 @@ use crate::decode::resources::DecodeResources;
 use crate::decode::scale::scale;
 use crate::store::Slots;
 use crate::{GpuError, GpuPaperFrame, GpuVolume};
-use isv_decode::{CodingParameters, FrameSymbols};
+use isv_decode::paper::{CodingParameters, FrameSymbols};
 use std::sync::Arc;
 
 /// Samples of a block.

@@ -4,7 +4,7 @@ use super::GpuMotionSearch;
 use super::tests::{PERSON_BYTES, Stream, sequences};
 use crate::VolumeStore;
 use crate::tests::{gpu_alone, gpu_with_segments, grid, noise};
-use isv_decode::main_profile::MainReference;
+use isv_decode::main::MainReference;
 use isv_decode::{BackendError, Decoder, Limits, volume_hash};
 use isv_encode::{
     BlockShifts, Encoder, EncoderSettings, MainEncoder, MotionQuery, Preset, SearchBackend, probe,

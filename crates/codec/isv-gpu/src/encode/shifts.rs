@@ -10,7 +10,7 @@ use crate::storage::GrowingBuffer;
 use crate::store::Slots;
 use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::BackendError;
-use isv_decode::main_profile::MainReference;
+use isv_decode::main::MainReference;
 use isv_encode::{BlockShifts, MotionQuery, SearchBackend};
 use isv_volume::BlockIndex;
 use std::collections::BTreeMap;
@@ -65,7 +65,7 @@ impl GpuMotionSearch {
     /// A decoded frame, of which only the fresh blocks are copied to the GPU.
     fn upload(&self, frame: &MainReference) -> Result<GpuVolume, GpuError> {
         let (store, gpu, volume) = (self.store.clone(), self.store.gpu(), frame.volume());
-        let sets = &frame.extended().blocks;
+        let sets = frame.decoded().sets();
         let fresh = sets.fresh.marks_in(&sets.all);
         let before = self.before.as_ref().filter(|_| fresh.contains(&false));
         let before = before.map(|before| (before.slots.get(), BlockIndex::new(&before.coords)));

@@ -3,8 +3,9 @@
 use crate::tests::{gpu_alone, gpu_for_tests, gpu_with_segments, grid, noise};
 use crate::{Gpu, GpuBackend, GpuError, GpuVolume, VolumeStore, frame_coder};
 use isv_decode::backend::{Backend, Cpu, CpuPaperFrame};
-use isv_decode::reconstruct::predict;
-use isv_decode::{BackendError, CodingParameters, Decoder, FrameSymbols, Limits, volume_hash};
+use isv_decode::paper::reconstruct::predict;
+use isv_decode::paper::{CodingParameters, FrameSymbols};
+use isv_decode::{BackendError, Decoder, Limits, volume_hash};
 use isv_encode::{
     EncodeBackend, EncodedFrame, Encoder, EncoderSettings, FrameWriter, MotionMode, PaperCoder,
     surface_rms_voxels,

@@ -1,5 +1,5 @@
 // Where the frame before has the surface of blocks that move as one, a cube of 4^3 or 2^3 of them or one alone: damped Gauss-Newton
-// on the voxels near the surface (profile `main`; isv-encode: main_profile, motion_search). Lengths are voxels.
+// on the voxels near the surface (profile `main`; isv-encode: main, motion_search). Lengths are voxels.
 
 struct ShiftParameters {
     truncation: i32,

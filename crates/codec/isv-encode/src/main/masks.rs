@@ -1,0 +1,51 @@
+//! Which voxels of a decoded frame are masked.
+
+use super::floaters::floaters;
+use super::settings::Band;
+use super::target::Targets;
+use isv_decode::main::extension::DecodedBlocks;
+use isv_volume::{BlockEdge, VoxelMask};
+use std::collections::BTreeMap;
+
+/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of floaters, of
+/// which the full band keeps what was observed: by index in the extended volume, for its unsettled blocks.
+///
+/// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
+pub(crate) fn wanted_masks<'a>(
+    targets: &Targets,
+    extended: &DecodedBlocks,
+    crossed: impl FnOnce() -> &'a [(u32, VoxelMask)],
+) -> BTreeMap<u32, VoxelMask> {
+    let (source, coords) = (targets.source(), extended.volume().coords());
+    let mut wanted = BTreeMap::new();
+    // Masks that come only of floaters are rare, and so are frames where the corners are needed but the source is wholly observed.
+    if !source.unobserved_masks().is_empty() {
+        let index = source.index();
+        // What the source does not have is beyond its band or was not observed at all.
+        let nothing = VoxelMask::full(BlockEdge::E8);
+        wanted.extend(crossed().iter().filter_map(|(block, corners)| {
+            let unobserved = match index.get(coords[*block as usize]) {
+                Some(block) => source.unobserved(block as usize)?,
+                None => &nothing,
+            };
+            let mask = unobserved.intersection(corners);
+            (!mask.is_empty()).then_some((*block, mask))
+        }));
+    }
+    let floaters = floaters(extended, &wanted, targets);
+    let index = (targets.band() == Band::Full && !floaters.is_empty()).then(|| source.index());
+    for (block, mut floaters) in floaters {
+        // Who wants the whole band wants every voxel of it, also where a coarse step left floaters.
+        if let Some(place) = index.as_ref().and_then(|index| index.get(coords[block as usize])) {
+            match source.unobserved(place as usize) {
+                Some(unobserved) => floaters = floaters.intersection(unobserved),
+                None => continue,
+            }
+        }
+        if floaters.is_empty() {
+            continue;
+        }
+        wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&floaters);
+    }
+    wanted
+}
