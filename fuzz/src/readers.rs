@@ -8,7 +8,7 @@ use isv::raw::ingest::{
 };
 use isv::raw::io::{
     Animation, DenseAxes, DenseOptions, DepthSequence, FrameStream, InvalidPoints, SampleAt, Unit,
-    VolumeError, VolumeSequence, parse_geometry_with,
+    VolumeError, VolumeSequence, hush_foreign_panics, parse_geometry_with,
 };
 use isv::raw::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
 use isv_testfiles::{exr, png};
@@ -32,6 +32,7 @@ const MAX_BLOCKS: usize = 1000;
 /// Reads a file of meshes or points, as it is and without invalid points; the name tells its format. What is read has finite places,
 /// and no place at all where there is no surface.
 pub fn read_geometry(name: &str, bytes: &[u8]) {
+    hush_foreign_panics();
     for invalid in [InvalidPoints::Refuse, InvalidPoints::Drop] {
         if let Ok(geometry) = parse_geometry_with(Path::new(name), bytes, Unit::Metre, invalid) {
             let bounds = geometry.bounds();
@@ -56,6 +57,7 @@ pub fn read_pipe(bytes: &[u8]) {
 }
 
 fn read_frames(bytes: &[u8]) {
+    hush_foreign_panics();
     if let Ok(frames) = FrameStream::new(bytes, Unit::Metre) {
         frames.for_each(drop);
     }
@@ -63,6 +65,7 @@ fn read_frames(bytes: &[u8]) {
 
 /// Poses the first frames of all animations of a GLB.
 pub fn play_animation(bytes: &[u8]) {
+    hush_foreign_panics();
     let Ok(mut animation) = Animation::parse(Path::new("frame.glb"), bytes, Unit::Metre) else { return };
     let animations = animation.names().len();
     for index in 0..animations {
@@ -157,6 +160,7 @@ fn in_folder(
     files: &[(&str, &[u8])],
     work: impl FnOnce(&Path),
 ) {
+    hush_foreign_panics();
     thread_local! {
         static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
     }

@@ -76,6 +76,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    isv::raw::io::hush_foreign_panics();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return failure::report_command_line(&error),

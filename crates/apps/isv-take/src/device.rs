@@ -29,6 +29,7 @@ pub use workers::{DecodedVolume, DeviceVolume};
 
 /// A device that does the arithmetic on samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Device {
     /// A real GPU if there is one that can, else the CPU; and the CPU from where a GPU fails.
     Auto,

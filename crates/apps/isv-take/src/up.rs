@@ -4,6 +4,7 @@ use glam::DMat3;
 
 /// The axis that points up in an input, an output or a picture. Streams are Y up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Up {
     /// Y, as in most meshes and in glTF
     #[default]

@@ -16,6 +16,7 @@ pub(crate) use grid::ReducedGrid;
 
 /// Level of detail: the edge of a decoded voxel, in voxels of the stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Lod {
     /// 1: what was coded.
     #[default]

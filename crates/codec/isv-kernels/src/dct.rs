@@ -310,6 +310,7 @@ fn columns_pass<const N: usize, const SPARSE: bool>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isv_volume::SplitMix64;
     use std::f64::consts::PI;
 
     const EDGES: [BlockEdge; 3] = [BlockEdge::E4, BlockEdge::E8, BlockEdge::E16];
@@ -342,13 +343,9 @@ mod tests {
         out
     }
 
-    /// SplitMix64; every test seeds it with a constant.
-    fn noise(state: &mut u64, amplitude: i32) -> i16 {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = *state;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) % (2 * amplitude as u64 + 1)) as i16 - amplitude as i16
+    /// A number up to an amplitude; every test seeds its generator with a constant.
+    fn noise(random: &mut SplitMix64, amplitude: i32) -> i16 {
+        (random.next_u64() % (2 * amplitude as u64 + 1)) as i16 - amplitude as i16
     }
 
     #[test]
@@ -363,12 +360,12 @@ mod tests {
                 round_shift(sum.sum(), shift)
             })
         };
-        let mut state = 7;
+        let mut random = SplitMix64::new(7);
         for count in 0..20 {
             let mut coefficients = [0; 512];
             for _ in 0..count {
-                coefficients[usize::from(noise(&mut state, 4096).unsigned_abs()) % 512] =
-                    noise(&mut state, 16000);
+                coefficients[usize::from(noise(&mut random, 4096).unsigned_abs()) % 512] =
+                    noise(&mut random, 16000);
             }
             let expected = pass(&coefficients, 64, shifts[0]);
             let expected = pass(&pass(&expected, 8, shifts[1]), 1, shifts[2]);
@@ -418,10 +415,10 @@ mod tests {
         for edge in [BlockEdge::E4, BlockEdge::E8] {
             let transform = transform(edge, 8);
             let scale = 2f64.powi(transform.coefficient_exponent());
-            let mut state = 1;
+            let mut random = SplitMix64::new(1);
             for amplitude in [40, 300, 4096] {
                 let block: Vec<i16> =
-                    (0..edge.block_voxels()).map(|_| noise(&mut state, amplitude)).collect();
+                    (0..edge.block_voxels()).map(|_| noise(&mut random, amplitude)).collect();
                 let exact = slow_forward(edge.voxels(), &block);
                 let mut fast = block.clone();
                 transform.forward(&mut fast);
@@ -442,14 +439,14 @@ mod tests {
             [(EDGES[0], 6.0, 1.5), (EDGES[1], 9.0, 2.0), (EDGES[2], 32.0, 5.5)]
         {
             let transform = transform(edge, 8);
-            let (mut worst, mut squares, mut count, mut state) = (0f64, 0f64, 0f64, 7);
+            let (mut worst, mut squares, mut count, mut random) = (0f64, 0f64, 0f64, SplitMix64::new(7));
             for round in 0..200 {
                 let block: Vec<i16> = (0..edge.block_voxels())
                     .map(|_| {
                         if round % 2 == 0 {
-                            noise(&mut state, 300)
+                            noise(&mut random, 300)
                         } else {
-                            noise(&mut state, 1).signum() * 4096
+                            noise(&mut random, 1).signum() * 4096
                         }
                     })
                     .collect();
@@ -477,8 +474,8 @@ mod tests {
             let reduced = ReducedTransform::new(full, reduction);
             let (n, m) = (edge.voxels(), reduced.side());
             let unit = 2f64.powi(-full.coefficient_exponent());
-            let mut state = 5;
-            let coefficients: Vec<i16> = (0..m.pow(3)).map(|_| noise(&mut state, 1000 / m as i32)).collect();
+            let mut random = SplitMix64::new(5);
+            let coefficients: Vec<i16> = (0..m.pow(3)).map(|_| noise(&mut random, 1000 / m as i32)).collect();
             let mut samples = coefficients.clone();
             reduced.inverse(&mut samples);
             let at = |k: usize, j: usize| {

@@ -5,6 +5,7 @@
 
 use crate::block8::Block;
 use crate::simd;
+use crate::warp::STEPS_PER_VOXEL;
 use fearless_simd::{Simd, dispatch, i16x8, i32x8, prelude::*};
 
 /// Voxels of a window along each axis: a block's and the layer after it.
@@ -71,7 +72,7 @@ impl WindowRows {
     /// # Panics
     /// If `quarters` is above 3.
     pub fn translate(&self, quarters: [u8; 3], out: &mut Block) {
-        assert!(quarters.iter().all(|q| *q < 4), "{quarters:?} quarters");
+        assert!(quarters.iter().all(|q| i32::from(*q) < STEPS_PER_VOXEL), "{quarters:?} quarters");
         if quarters == [0; 3] {
             for (row, values) in out.as_chunks_mut::<8>().0.iter_mut().enumerate() {
                 *values = *self.eight(row / 8 * SIDE + row % 8, 0);

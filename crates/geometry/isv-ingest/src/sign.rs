@@ -20,6 +20,7 @@ pub(crate) const CLOSED_SHARE: f64 = 0.9;
 
 /// How the sign of the distance is asked to be found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SignMode {
     /// Look at the mesh and choose.
     #[default]

@@ -8,12 +8,9 @@ thread_local! {
     static INSIDE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Runs a parser of a foreign library; `None` if it panics.
-///
-/// The last resort, after everything that can be checked before the call has been: libraries index their tables with
-/// what the file says, and one damaged file must not end a run over thousands. The message of such a panic is kept off
-/// standard error, where it would read as a fault of ours. Nothing that the parser touched is used after a panic.
-pub(crate) fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
+/// Keeps the messages of panics in foreign parsers off standard error from now on, where they would read as faults of isv: each is a refusal
+/// of a file. It wraps the panic hook of the whole process, so programs call it, and libraries leave the hook alone.
+pub fn hush_foreign_panics() {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
         let previous = panic::take_hook();
@@ -23,6 +20,13 @@ pub(crate) fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
             }
         }));
     });
+}
+
+/// Runs a parser of a foreign library; `None` if it panics.
+///
+/// The last resort, after everything that can be checked before the call has been: libraries index their tables with
+/// what the file says, and one damaged file must not end a run over thousands. Nothing that the parser touched is used after a panic.
+pub(crate) fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
     let outer = INSIDE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(parse));
     INSIDE.set(outer);

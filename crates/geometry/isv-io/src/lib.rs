@@ -60,6 +60,7 @@ pub use depth::{
     is_depth_folder,
 };
 pub use error::{Malformation, Position, ReadError, WriteError};
+pub use foreign::hush_foreign_panics;
 pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;

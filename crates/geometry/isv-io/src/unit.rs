@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// The unit that a file's coordinates are in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Unit {
     /// `m`
     #[default]

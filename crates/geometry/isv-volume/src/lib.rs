@@ -27,6 +27,7 @@ mod grid;
 mod mask;
 mod mesh;
 mod points;
+mod random;
 mod volume;
 
 pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
@@ -38,4 +39,5 @@ pub use grid::{BlockEdge, CODES_PER_VOXEL, Grid, GridError, Truncation, VoxelSiz
 pub use mask::VoxelMask;
 pub use mesh::{MeshError, TriangleMesh};
 pub use points::{PointCloud, PointsError, ScanPlace};
+pub use random::SplitMix64;
 pub use volume::{BlockOrigin, SparseVolume, VolumeBuilder};

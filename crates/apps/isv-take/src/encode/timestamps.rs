@@ -5,6 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// What packets are stamped with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TimestampSource {
     /// When the frame was taken, where the capture says: time stamps, times of scans, numbers and times in names, an `.isv` file.
     #[default]

@@ -135,7 +135,7 @@ impl VolumeMaker {
         }
         let turned = match self.mesh.sign {
             SignMode::Offset => Cow::Borrowed(mesh),
-            SignMode::Auto | SignMode::Closed => self.face_turner.turn(mesh),
+            _ => self.face_turner.turn(mesh),
         };
         if let (Cow::Owned(_), false) = (&turned, self.turning_said) {
             self.turning_said = true;

@@ -1,9 +1,9 @@
 //! Where the surface is expected to be: the frame before, moved on as it was moving.
 
 use super::displaced_block::{BlockSigns, DisplacedBlock};
-use super::symbols::QUARTERS;
 use super::{MainBlocks, MainReference, Vector};
 use isv_kernels::block8::{self, Block};
+use isv_kernels::warp::STEPS_PER_VOXEL;
 use isv_volume::{BlockSet, NeighbourFinder, SparseVolume};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -166,7 +166,9 @@ fn drift(frame: &MainBlocks, block: usize, finder: &NeighbourFinder) -> [i32; 3]
         None => sum_around(frame, finder),
     };
     // Rounded half up.
-    sum.map(|s| if count == 0 { 0 } else { (2 * s + QUARTERS * count).div_euclid(2 * QUARTERS * count) })
+    sum.map(|s| {
+        if count == 0 { 0 } else { (2 * s + STEPS_PER_VOXEL * count).div_euclid(2 * STEPS_PER_VOXEL * count) }
+    })
 }
 
 /// Sum and number of the vectors in a block's neighbourhood.

@@ -3,7 +3,7 @@
 //! The symbols of a resilient frame are right whatever was lost. So its blocks are right too where what they are predicted from
 //! is, and an encoder that knows this can make a volume whole again without a keyframe.
 
-use super::symbols::BLOCK_QUARTERS;
+use super::symbols::STEPS_PER_BLOCK;
 use super::{CausalBlocks, FrameSymbols, MainBlocks, Vector};
 use crate::main::extension::ExtensionPlan;
 use crate::main::loop_filter::filtered_faces;
@@ -51,8 +51,8 @@ impl ExactBlocks {
     #[must_use]
     pub fn predicts(&self, blocks: MainBlocks, coord: BlockCoord, Vector(vector): Vector) -> bool {
         let vector = vector.map(i32::from);
-        let whole = vector.map(|v| (v + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS));
-        let rest: [i32; 3] = std::array::from_fn(|axis| vector[axis] - BLOCK_QUARTERS * whole[axis]);
+        let whole = vector.map(|v| (v + STEPS_PER_BLOCK / 2).div_euclid(STEPS_PER_BLOCK));
+        let rest: [i32; 3] = std::array::from_fn(|axis| vector[axis] - STEPS_PER_BLOCK * whole[axis]);
         // Along an axis, the block that the whole part leads to, and the one beyond it that the rest reaches into.
         (0..8).all(|corner| {
             let reach: [i32; 3] =

@@ -1,7 +1,7 @@
 //! From symbols to samples. The encoder's closed loop is this code.
 
 use super::loop_filter::smooth_faces;
-use super::symbols::{BLOCK_QUARTERS, QUARTERS};
+use super::symbols::STEPS_PER_BLOCK;
 use super::{BlockMode, CausalBlocks, FrameSymbols, Level, MainParameters, MainReference, Vector, Window};
 use crate::main::extension::{DecodedBlocks, ExtensionPlan};
 use isv_format::MainFrameHeader;
@@ -41,19 +41,17 @@ impl<'a> TemporalPredictor<'a> {
             out.copy_from_slice(block);
             return;
         }
-        let voxels = vector.0.map(|v| i32::from(v).div_euclid(QUARTERS));
-        let rest = vector.0.map(|v| i32::from(v).rem_euclid(QUARTERS) as u8);
-        self.look_at(coord, vector, voxels).translate(rest, out);
+        self.look_at(coord, vector, vector.whole_voxels()).translate(vector.rest(), out);
     }
 
     /// The block of the reference that a vector of whole blocks leads to, if there is one: its samples are the prediction.
     #[must_use]
     pub fn whole_block(&self, coord: BlockCoord, Vector(vector): Vector) -> Option<&'a Block> {
         let vector = vector.map(i32::from);
-        if vector.iter().any(|v| v % BLOCK_QUARTERS != 0) {
+        if vector.iter().any(|v| v % STEPS_PER_BLOCK != 0) {
             return None;
         }
-        let place = coord.offset(vector.map(|v| v / BLOCK_QUARTERS));
+        let place = coord.offset(vector.map(|v| v / STEPS_PER_BLOCK));
         let block = self.reference.index().get(place)?;
         Some(self.reference.volume().block(block as usize).try_into().expect("blocks of an edge of 8"))
     }
@@ -61,7 +59,7 @@ impl<'a> TemporalPredictor<'a> {
     /// The reference's samples at a block displaced by whole voxels. Blocks that are not there take their sign from the one
     /// that the vector leads to, at most four voxels from there.
     pub fn look_at(&mut self, coord: BlockCoord, Vector(vector): Vector, voxels: [i32; 3]) -> &WindowRows {
-        let blocks = vector.map(|v| (i32::from(v) + BLOCK_QUARTERS / 2).div_euclid(BLOCK_QUARTERS));
+        let blocks = vector.map(|v| (i32::from(v) + STEPS_PER_BLOCK / 2).div_euclid(STEPS_PER_BLOCK));
         self.window.look_at(coord, voxels, coord.offset(blocks));
         self.window.rows()
     }
@@ -243,8 +241,9 @@ mod tests {
         for n in 0..600i16 {
             let vector = [n * 37 % 129 - 64, n * 53 % 127 - 63, n * 11 % 65 - 32];
             let coord = BlockCoord::from([n % 5 - 2, n % 3 - 1, n % 4 - 2].map(i32::from));
-            let blocks = vector.map(|v| (v + 16).div_euclid(32));
-            let rest = std::array::from_fn(|axis| (vector[axis] - 32 * blocks[axis]) as i8);
+            let blocks = vector.map(|v| (v + STEPS_PER_BLOCK as i16 / 2).div_euclid(STEPS_PER_BLOCK as i16));
+            let rest =
+                std::array::from_fn(|axis| (vector[axis] - STEPS_PER_BLOCK as i16 * blocks[axis]) as i8);
             let (volume, centre) = (reference.volume(), coord.offset(blocks.map(i32::from)));
             let limit = volume.grid().truncation.codes();
             let samples = |block: u32| volume.block(block as usize);

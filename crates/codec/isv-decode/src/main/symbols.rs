@@ -2,13 +2,14 @@
 
 use super::BlockLevels;
 use isv_kernels::block8;
+use isv_kernels::warp::STEPS_PER_VOXEL;
 use isv_volume::{BlockCoord, BlockSet};
 
-/// The unit of vectors: so many to a voxel, and to the edge of a block.
-pub(super) const QUARTERS: i32 = 4;
-pub(super) const BLOCK_QUARTERS: i32 = QUARTERS * block8::EDGE as i32;
+/// Steps of vectors, quarter voxels, to the edge of a block.
+pub(super) const STEPS_PER_BLOCK: i32 = STEPS_PER_VOXEL * block8::EDGE as i32;
 
-/// Where in the frame before a block's samples come from: a translation in quarter voxels.
+/// Where in the frame before a block's samples come from: a translation in quarter voxels, of which a voxel has
+/// [`STEPS_PER_VOXEL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vector(pub [i16; 3]);
 
@@ -22,6 +23,18 @@ impl Vector {
     #[must_use]
     pub fn in_range(self) -> bool {
         self.0.iter().all(|component| component.unsigned_abs() <= Self::LIMIT.unsigned_abs())
+    }
+
+    /// The whole voxels of the translation, rounded down.
+    #[must_use]
+    pub fn whole_voxels(self) -> [i32; 3] {
+        self.0.map(|steps| i32::from(steps).div_euclid(STEPS_PER_VOXEL))
+    }
+
+    /// What the translation is beyond [`Self::whole_voxels`], in steps: 0 to 3.
+    #[must_use]
+    pub fn rest(self) -> [u8; 3] {
+        self.0.map(|steps| i32::from(steps).rem_euclid(STEPS_PER_VOXEL) as u8)
     }
 }
 

@@ -527,8 +527,8 @@ fn gather(
     for slice in coded {
         symbols.modes.extend(slice.modes);
         symbols.levels.append(&slice.levels);
-        let (modes, coefficients) = (slice.mode_bytes, slice.coefficient_bytes);
-        segments.push(SliceSegments { modes, coefficients, dc_bits: 0.0 });
+        let (modes, coefficients, dc_bits) = (slice.mode_bytes, slice.coefficient_bytes, slice.dc_bits);
+        segments.push(SliceSegments { modes, coefficients, dc_bits });
     }
     (symbols, segments)
 }

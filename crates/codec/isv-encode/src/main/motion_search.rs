@@ -10,6 +10,7 @@ use fearless_simd::{Simd, dispatch, f32x8, prelude::*};
 use isv_decode::main::reconstruct::TemporalPredictor;
 use isv_decode::main::{MainReference, Vector};
 use isv_kernels::simd;
+use isv_kernels::warp::STEPS_PER_VOXEL;
 use isv_kernels::window::{ROW, SIDE, WindowRows};
 use isv_volume::BlockCoord;
 use rayon::prelude::*;
@@ -39,12 +40,12 @@ pub(crate) type Shift = [f32; 3];
 
 /// A vector's displacement.
 pub(crate) fn to_shift(vector: Vector) -> Shift {
-    vector.0.map(|quarters| f32::from(quarters) / 4.0)
+    vector.0.map(|steps| f32::from(steps) / STEPS_PER_VOXEL as f32)
 }
 
 /// The vector nearest to a displacement.
-fn nearest_quarters(shift: Shift) -> Vector {
-    Vector(shift.map(|s| (4.0 * s + 0.5f32.copysign(s)) as i16))
+fn nearest_vector(shift: Shift) -> Vector {
+    Vector(shift.map(|s| (STEPS_PER_VOXEL as f32 * s + 0.5f32.copysign(s)) as i16))
 }
 
 /// The whole part of a displacement, which leaves a rest of 0 to 1.
@@ -143,8 +144,7 @@ impl<'a> SoughtBlock<'a> {
             *out = *block;
             return;
         }
-        let voxels = vector.0.map(|quarters| i32::from(quarters).div_euclid(4));
-        let rest = vector.0.map(|quarters| quarters.rem_euclid(4) as u8);
+        let (voxels, rest) = (vector.whole_voxels(), vector.rest());
         let window = match self.window.look_at(self.coord, voxels) {
             Some(window) => window,
             None => self.predictor.look_at(self.coord, vector, voxels),
@@ -158,7 +158,7 @@ impl<'a> SoughtBlock<'a> {
         let fraction = std::array::from_fn(|axis| shift[axis] - voxels[axis] as f32);
         let window = match self.window.look_at(self.coord, voxels) {
             Some(window) => window,
-            None => self.predictor.look_at(self.coord, nearest_quarters(shift), voxels),
+            None => self.predictor.look_at(self.coord, nearest_vector(shift), voxels),
         };
         (&self.near, window, fraction)
     }
@@ -180,7 +180,7 @@ pub(crate) trait Sought {
 
 impl Sought for SoughtBlock<'_> {
     fn error(&mut self, shift: Shift) -> f32 {
-        let vector = nearest_quarters(shift);
+        let vector = nearest_vector(shift);
         if to_shift(vector) == shift
             && let Some(block) = self.predictor.whole_block(self.coord, vector)
         {
@@ -351,7 +351,7 @@ fn descend(query: &mut (impl Sought + ?Sized), start: Shift, steps: usize) -> (f
     for left in (0..steps).rev() {
         let step = system.solve();
         let longest = step.iter().fold(LONGEST_STEP, |m, s| m.max(s.abs()));
-        let limit = f32::from(Vector::LIMIT) / 4.0 - 1.0;
+        let limit = f32::from(Vector::LIMIT) / STEPS_PER_VOXEL as f32 - 1.0;
         for (value, change) in shift.iter_mut().zip(step) {
             *value = (*value - change * (LONGEST_STEP / longest)).clamp(-limit, limit);
         }

@@ -6,6 +6,7 @@ use std::fmt;
 
 /// Sets of choices between speed and size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Preset {
     /// For live encoding: a shorter search for motion, of which one vector of each block is coded, and two slices at a time.
     Realtime,

@@ -9,6 +9,7 @@ use isv_volume::BlockCoord;
 
 /// How decoders that lost something come to have all again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Refresh {
     /// At keyframes, one a GOP.
     #[default]

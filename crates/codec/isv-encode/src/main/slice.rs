@@ -73,6 +73,8 @@ pub(crate) struct CodedSlice {
     pub levels: BlockLevels,
     pub mode_bytes: Vec<u8>,
     pub coefficient_bytes: Vec<u8>,
+    /// Bits of the coefficients that the DC coefficients take.
+    pub dc_bits: f64,
 }
 
 /// The part of an extended frame's samples that a slice's blocks are in.
@@ -161,6 +163,7 @@ impl<'a> SliceEncoder<'a> {
             levels: BlockLevels::with_capacity(range.len()),
             mode_bytes: Vec::new(),
             coefficient_bytes: Vec::new(),
+            dc_bits: 0.0,
         };
         let (mode_encoder, coefficient_encoder) = (RangeEncoder::new(), RangeEncoder::new());
         let cube_scratch = Vec::new();
@@ -450,13 +453,12 @@ impl<'a> SliceEncoder<'a> {
         let levels = &trial.pursued.levels;
         let context = self.count_context(block.number, trial.mode);
         let models = &mut self.models.coefficients;
-        syntax::coefficients::write(
-            models,
-            frame.parameters,
-            &mut self.coefficient_encoder,
-            &context,
-            levels,
-        );
+        let (encoder, mut dc_from) = (&mut self.coefficient_encoder, None);
+        let around_dc = |encoder: &RangeEncoder| {
+            let bits = encoder.bits();
+            self.coded.dc_bits += bits - *dc_from.get_or_insert(bits);
+        };
+        syntax::coefficients::write_around_dc(models, frame.parameters, encoder, &context, levels, around_dc);
         self.coded.modes.push(trial.mode);
         self.coded.levels.push(levels);
         let levels = self.coded.levels.of(block.number - self.range.start);

@@ -14,11 +14,25 @@ pub(crate) fn write(
     context: &CountContext,
     levels: &[i32],
 ) {
+    write_around_dc(models, parameters, sink, context, levels, |_| ());
+}
+
+/// Writes the levels of a block, and calls `around_dc` before and after the place and level of the DC coefficient, index 0; only before
+/// where a block has no levels.
+pub(crate) fn write_around_dc<S: DecisionSink>(
+    models: &mut CoefficientModels,
+    parameters: &MainParameters,
+    sink: &mut S,
+    context: &CountContext,
+    levels: &[i32],
+    mut around_dc: impl FnMut(&S),
+) {
     let count = levels.iter().filter(|level| **level != 0).count();
     for n in 0..COEFFICIENTS.min(count + 1) {
         sink.put_mixed(models.count(n, context), n == count);
     }
     let mut remaining = count;
+    around_dc(sink);
     for k in 0..COEFFICIENTS {
         if remaining == 0 {
             break;
@@ -32,6 +46,9 @@ pub(crate) fn write(
         if levels[k] != 0 {
             write_level(models, sink, context.spatial, k, count, sum, levels[k]);
             remaining -= 1;
+        }
+        if k == 0 {
+            around_dc(sink);
         }
     }
 }
