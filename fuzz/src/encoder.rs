@@ -138,7 +138,7 @@ fn header(fields: &mut Fields) -> StreamHeader {
     };
     let truncation = Truncation::from_voxels(2 + u32::from(fields.below(15))).expect("2 to 16");
     let voxel_size = VoxelSize::from_metres(0.005).expect("in range");
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     StreamHeader { profile, grid: Grid { voxel_size, edge, truncation }, frame_rate }
 }
 

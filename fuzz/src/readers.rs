@@ -134,7 +134,7 @@ pub fn ingest(bytes: &[u8]) {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.01).expect("in range"),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).expect("in range"),
+        truncation: Truncation::DEFAULT,
     };
     let settings = MeshIngest { max_blocks: MAX_BLOCKS, ..MeshIngest::new(grid) };
     for mesh in [turn_faces(&mesh), Cow::Borrowed(&mesh)] {

@@ -152,7 +152,7 @@ fn header(profile: Profile, edge: u32, truncation: u32) -> Result<StreamHeader> 
         edge: BlockEdge::from_voxels(edge)?,
         truncation: Truncation::from_voxels(truncation)?,
     };
-    Ok(StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } })
+    Ok(StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT })
 }
 
 fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVolume]) -> Result<Stream> {

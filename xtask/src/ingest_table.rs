@@ -47,7 +47,7 @@ fn print_row(sequence: &str, voxel_m: f64, meshes: &[TriangleMesh]) -> Result<()
     let settings = MeshIngest::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).context("a voxel size in range")?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).context("a truncation in range")?,
+        truncation: Truncation::DEFAULT,
     });
     let sign = decide_sign(meshes.first().context("a sequence without frames")?, settings.sign).0;
     let (mut wall, mut cpu, mut blocks, mut triangles) = (0.0, 0.0, 0, 0);

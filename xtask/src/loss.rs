@@ -105,7 +105,7 @@ fn capture(folder: &Path) -> Result<(StreamHeader, Vec<SparseVolume>)> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(VOXEL_M)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     };
     let (ingest, mut sign, mut volumes) = (MeshIngest::new(grid), None, Vec::new());
     for mesh in Sequence::open(folder, FRAMES)?.meshes().map_err(anyhow::Error::from_boxed)? {

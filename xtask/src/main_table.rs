@@ -20,13 +20,9 @@ pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_mm / 1000.0)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     };
-    let header = StreamHeader {
-        profile: Profile::Main,
-        grid,
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
-    };
+    let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
     let ingest = MeshIngest::new(grid);
     let (mut meshes, mut volumes, mut sign) = (Vec::new(), Vec::new(), None);
     for mesh in Sequence::open(Path::new(folder), frames)?.meshes().map_err(anyhow::Error::from_boxed)? {

@@ -55,7 +55,7 @@ fn settings(voxel_m: f64, spacing_m: f64) -> Result<StudySettings> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_m)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     };
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
     Ok(StudySettings { ingest: MeshIngest::new(grid), gop: 300, compare, picture_frame: 0, first_frame: 0 })

@@ -16,9 +16,9 @@ pub(crate) fn header() -> Result<StreamHeader> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.005)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     };
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     Ok(StreamHeader {
         profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid,

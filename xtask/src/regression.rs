@@ -128,7 +128,7 @@ fn measure_row(take: &dyn Take, codec: &str, voxel_m: f64, spacing_m: f64) -> Re
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_m)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     };
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
     let settings =

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Frames a second of all takes.
-pub(crate) const FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+pub(crate) const FRAME_RATE: FrameRate = FrameRate::DEFAULT;
 
 /// The first frames of a folder of meshes, in metres.
 pub(crate) struct Sequence {

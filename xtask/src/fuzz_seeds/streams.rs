@@ -71,7 +71,7 @@ fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
 
 /// Two frames, the second one predicted.
 fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     let header = StreamHeader { profile, grid: *volume.grid(), frame_rate };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header)?;

@@ -246,9 +246,9 @@ fn a_surface_of_more_than_there_is_memory_for_is_refused() {
         grid: Grid {
             voxel_size: VoxelSize::from_metres(0.01).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         },
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     };
     let foam = |position: [f64; 3]| 2.0 * position.map(|x| (2.0 * x).sin()).iter().sum::<f64>();
     let mut main = Preset::Realtime.settings();

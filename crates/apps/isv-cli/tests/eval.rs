@@ -19,7 +19,7 @@ fn grid() -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(0.02).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -27,7 +27,7 @@ fn stream_of(volumes: &[SparseVolume]) -> Vec<u8> {
     let header = StreamHeader {
         profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid: grid(),
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     };
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();

@@ -135,7 +135,7 @@ impl Hints {
             unit,
             voxel_size: None,
             truncation: None,
-            frame_rate: DEFAULT_FRAME_RATE,
+            frame_rate: FrameRate::DEFAULT,
             origin_m: [0.0; 3],
             invalid_points: InvalidPoints::Refuse,
             mixed_scales: false,
@@ -158,9 +158,6 @@ fn stream_settings(hints: &Hints, frames: Option<FrameRange>) -> DecodeSettings 
     let (memory, observer) = (hints.memory, Arc::clone(&hints.observer));
     DecodeSettings { frames, lod: Lod::Full, device: OpenDevice::CPU, memory, observer }
 }
-
-/// Frame rate where neither the user nor the capture says.
-pub const DEFAULT_FRAME_RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
 
 /// Edge of a voxel where neither the user nor the capture says.
 #[must_use]

@@ -75,12 +75,12 @@ fn voxels(metres: f64) -> VoxelSize {
 
 /// Measures a take in both profiles.
 fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) -> Result<()> {
-    let truncation = Truncation::from_voxels(8).context("a truncation in range")?;
+    let truncation = Truncation::DEFAULT;
     let grid = Grid { voxel_size: voxels(voxel_m), edge: BlockEdge::E8, truncation };
     let paper = PaperParameters { coefficients: 48, dc_step: 819, ac_step: 8192 };
     let profiles = [("main", Profile::Main, Reach::Surface), ("paper", Profile::Paper(paper), Reach::Band)];
     for (profile_name, profile, reach) in profiles {
-        let header = StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } };
+        let header = StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT };
         let ingest = Ingest::new(grid, reach, meshes)?;
         let (volumes, ingest_on_cpu) = ingest.on_cpu()?;
         let (stream, encode_on_cpu) = encode(&header, &volumes, |settings| {

@@ -63,7 +63,7 @@ fn measure(name: &str, voxel_m: f64, frames: &[Vec<DepthImage>], gpu: &Gpu) -> R
     let settings = FusionSettings::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8)?,
+        truncation: Truncation::DEFAULT,
     });
     let cpu = steps(&mut Cpu, frames, &settings, || Ok(()))?;
     let mut fusion = GpuFusion::new(gpu)?;

@@ -103,13 +103,9 @@ impl Times {
 
 fn measure(name: &str) -> Result<()> {
     let Some(Scene { voxel_m, frames, mesh }) = scene(name)? else { return Ok(()) };
-    let truncation = Truncation::from_voxels(8)?;
+    let truncation = Truncation::DEFAULT;
     let grid = Grid { voxel_size: VoxelSize::from_metres(voxel_m)?, edge: BlockEdge::E8, truncation };
-    let header = StreamHeader {
-        profile: Profile::Main,
-        grid,
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
-    };
+    let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
     let settings = MeshIngest { reach: Reach::Surface, max_blocks: MAX_BLOCKS, ..MeshIngest::new(grid) };
     let mut ingester = MeshIngester::new(settings);
     let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };

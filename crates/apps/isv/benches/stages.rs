@@ -59,7 +59,7 @@ fn voxels(metres: f64) -> VoxelSize {
 
 /// Measures a take and prints its table.
 fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], stages: &Stages) -> Result<()> {
-    let truncation = Truncation::from_voxels(8).context("a truncation in range")?;
+    let truncation = Truncation::DEFAULT;
     let grid = Grid { voxel_size: voxels(voxel_m), edge: BlockEdge::E8, truncation };
     let mut table = Table::default();
     let volumes = ingest(grid, meshes, &mut table)?;
@@ -99,7 +99,7 @@ fn encode(
     stages: &Stages,
     table: &mut Table,
 ) -> Result<(Vec<u8>, usize)> {
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
     let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };
     let mut encoder = Encoder::new(&header, settings);

@@ -24,7 +24,7 @@ fn main() -> Result<()> {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_m)?,
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).context("a truncation in range")?,
+        truncation: Truncation::DEFAULT,
     };
     let mut sides = [Side::new(grid, THREADS[0], &meshes)?, Side::new(grid, THREADS[1], &meshes)?];
     let mut times = vec![[[0.0; STAGES.len()]; THREADS.len()]; meshes.len()];
@@ -79,7 +79,7 @@ struct Side {
 impl Side {
     fn new(grid: Grid, threads: usize, meshes: &[TriangleMesh]) -> Result<Self> {
         let ingest = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
-        let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+        let frame_rate = FrameRate::DEFAULT;
         let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
         let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };
         Ok(Self {

@@ -16,8 +16,8 @@ const CUBE_BLOCKS: i32 = 64;
 
 fn header() -> StreamHeader {
     let voxel_size = VoxelSize::from_nanometres(VOXEL_NM).unwrap();
-    let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation: Truncation::from_voxels(8).unwrap() };
-    StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
+    let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation: Truncation::DEFAULT };
+    StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT }
 }
 
 /// A ball in the cube of 2 m from the origin on, a little further on in each frame; that cube is moved by whole cubes.

@@ -17,7 +17,7 @@ fn header(truncation: u32) -> StreamHeader {
             edge: BlockEdge::E8,
             truncation: Truncation::from_voxels(truncation).unwrap(),
         },
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     }
 }
 

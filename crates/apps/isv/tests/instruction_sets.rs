@@ -18,7 +18,7 @@ fn grid(voxel_m: f64) -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -80,7 +80,7 @@ fn results(
     let volumes = ingest(meshes, voxel_m);
     volumes.iter().for_each(|volume| results.add("ingest", volume));
     for (name, profile, settings) in codings.iter().cloned() {
-        let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+        let frame_rate = FrameRate::DEFAULT;
         let header = StreamHeader { profile, grid: grid(voxel_m), frame_rate };
         let stream = encode(&header, settings, &volumes);
         let mut reader = PacketReader::new(&stream[..]).unwrap();

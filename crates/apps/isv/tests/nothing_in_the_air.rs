@@ -41,9 +41,9 @@ fn of_a_dancer_with_open_soles_nothing_is_left_in_the_air() {
         grid: Grid {
             voxel_size: VoxelSize::from_metres(VOXEL).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         },
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     };
     for quality in [50.0, 20.0] {
         let bytes = stream(&header, &meshes, quality);

@@ -28,7 +28,7 @@ fn grid(voxel_m: f64) -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -84,7 +84,7 @@ fn soak(name: &str, profile: Profile, gop: u32, take: impl FnOnce() -> Option<Ve
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let Some(take) = take() else { return };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("soak-{name}.isv"));
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     let header = StreamHeader { profile, grid: *take[0].grid(), frame_rate };
     let main = Preset::Realtime.settings();
     let settings = EncoderSettings { gop, checksums: true, main, ..EncoderSettings::default() };

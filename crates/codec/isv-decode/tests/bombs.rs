@@ -23,9 +23,9 @@ fn header(profile: Profile) -> StreamHeader {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.005).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     };
-    StreamHeader { profile, grid, frame_rate: FrameRate { numerator: 30, denominator: 1 } }
+    StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT }
 }
 
 /// A stream of one keyframe, whose segments, but for the block set, are zeros, which decode to ones.

@@ -11,7 +11,7 @@ fn rough_ball(seed: u64, roughness: f64) -> SparseVolume {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.005).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     };
     let mut random = Random::new(seed);
     let (centre, waves) = (random.point() * 2.0, random.point() + 1.5);

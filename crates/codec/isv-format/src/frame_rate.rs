@@ -13,6 +13,9 @@ pub struct FrameRate {
 }
 
 impl FrameRate {
+    /// The default: 30 frames a second.
+    pub const DEFAULT: Self = Self { numerator: 30, denominator: 1 };
+
     /// Frames a second.
     #[must_use]
     pub fn per_second(self) -> f64 {

@@ -231,9 +231,9 @@ pub(crate) mod tests {
             grid: Grid {
                 voxel_size: VoxelSize::from_metres(0.005).unwrap(),
                 edge: BlockEdge::E8,
-                truncation: Truncation::from_voxels(8).unwrap(),
+                truncation: Truncation::DEFAULT,
             },
-            frame_rate: FrameRate { numerator: 30, denominator: 1 },
+            frame_rate: FrameRate::DEFAULT,
         }
     }
 

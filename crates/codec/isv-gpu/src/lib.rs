@@ -8,7 +8,7 @@
 //! let grid = Grid {
 //!     voxel_size: VoxelSize::from_metres(0.01).unwrap(),
 //!     edge: BlockEdge::E8,
-//!     truncation: Truncation::from_voxels(8).unwrap(),
+//!     truncation: Truncation::DEFAULT,
 //! };
 //! // One block, one voxel of it inside: an octahedron.
 //! let mut samples = vec![256; 512];

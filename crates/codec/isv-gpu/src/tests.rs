@@ -51,7 +51,7 @@ pub(crate) fn grid() -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(0.005).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 

@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_strength_that_would_turn_steps_over_is_refused() {
-        let truncation = Truncation::from_voxels(8).unwrap();
+        let truncation = Truncation::DEFAULT;
         assert!(FaceFilter::new(25, 0, truncation).is_some());
         assert_eq!(FaceFilter::new(26, 0, truncation), None);
     }

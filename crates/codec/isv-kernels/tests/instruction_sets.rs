@@ -35,7 +35,7 @@ fn block() -> impl Strategy<Value = Block> {
 }
 
 fn transform(edge: BlockEdge) -> BlockTransform {
-    BlockTransform::new(edge, Truncation::from_voxels(8).expect("a truncation in range"))
+    BlockTransform::new(edge, Truncation::DEFAULT)
 }
 
 #[test]
@@ -134,7 +134,7 @@ proptest! {
 
     #[test]
     fn deblocking(blocks in [block(), block()], strength in 0..=FaceFilter::MAX_STRENGTH, limit: u8, axis in 0usize..3) {
-        let truncation = Truncation::from_voxels(8).expect("a truncation in range");
+        let truncation = Truncation::DEFAULT;
         let filter = FaceFilter::new(strength, limit, truncation).expect("a strength in range");
         assert_same(|| {
             let [mut lower, mut upper] = blocks;

@@ -18,7 +18,7 @@ fn grid() -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(0.005).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -68,7 +68,7 @@ fn under_the_dct_it_is_isv_intra() {
         let header = StreamHeader {
             profile: Profile::Paper(PaperParameters { coefficients: 48, dc_step: step, ac_step: step }),
             grid: grid(),
-            frame_rate: FrameRate { numerator: 30, denominator: 1 },
+            frame_rate: FrameRate::DEFAULT,
         };
         let mut isv = Encoder::new(&header, EncoderSettings { gop: 1, ..EncoderSettings::default() });
         let isv_bytes = isv.encode(&volumes[0]).payload().to_bytes().len();

@@ -5,11 +5,7 @@ use isv_testkit::ball;
 use isv_volume::{BlockEdge, Grid, SparseVolume, Truncation, VoxelSize};
 
 fn grid(edge: BlockEdge) -> Grid {
-    Grid {
-        voxel_size: VoxelSize::from_metres(0.005).unwrap(),
-        edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
-    }
+    Grid { voxel_size: VoxelSize::from_metres(0.005).unwrap(), edge, truncation: Truncation::DEFAULT }
 }
 
 fn volumes(edge: BlockEdge) -> [SparseVolume; 3] {

@@ -11,11 +11,8 @@ use std::sync::LazyLock;
 const LIMITS: Limits = Limits { frame_voxels: 1 << 22, voxels_per_byte: usize::MAX };
 
 fn settings(edge: BlockEdge, coefficients: usize, sixteenths: u32) -> TangSettings {
-    let grid = Grid {
-        voxel_size: VoxelSize::from_metres(0.005).unwrap(),
-        edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
-    };
+    let grid =
+        Grid { voxel_size: VoxelSize::from_metres(0.005).unwrap(), edge, truncation: Truncation::DEFAULT };
     TangSettings { grid, coefficients, step: StepSize::new(sixteenths).unwrap() }
 }
 

@@ -86,9 +86,9 @@ pub(super) struct Inputs {
 
 impl Inputs {
     pub(super) fn new() -> Result<Self> {
-        let truncation = Truncation::from_voxels(8)?;
+        let truncation = Truncation::DEFAULT;
         let grid = Grid { voxel_size: VoxelSize::from_metres(0.005)?, edge: BlockEdge::E8, truncation };
-        let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+        let frame_rate = FrameRate::DEFAULT;
         let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
         let volumes = [0.0, 1.0].map(|t| ball(grid, t));
         let (mut encoder, mut writer) = (encoder(&header), PacketWriter::new(Vec::new(), &header)?);

@@ -3,11 +3,10 @@
 use crate::StudyError;
 use isv::raw::decode::{Decoder, Limits};
 use isv::raw::encode::{Encoder, EncoderSettings, surface_rms_voxels};
-use isv::raw::format::{PacketReader, PacketWriter, Profile, StreamHeader};
+use isv::raw::format::{FrameRate, PacketReader, PacketWriter, Profile, StreamHeader};
 use isv::raw::ingest::{MeshIngest, SignDecision, decide_sign, ingest_mesh};
 use isv::raw::metrics::{CompareOptions, compare};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
-use isv::raw::take::capture::DEFAULT_FRAME_RATE;
 use isv::raw::take::encode::default_grid;
 use isv::raw::take::stream::timed;
 use isv::raw::volume::{Grid, SparseVolume, TriangleMesh, VoxelSize};
@@ -70,7 +69,7 @@ impl FigureTake {
         let model_voxel = VoxelSize::from_metres(MODEL_VOXEL_M).expect("8 mm is in range");
         let mut sign: Option<SignDecision> = None;
         for frame in 0..frames {
-            let mesh = figure_mesh(frame as f64 / DEFAULT_FRAME_RATE.per_second(), model_voxel);
+            let mesh = figure_mesh(frame as f64 / FrameRate::DEFAULT.per_second(), model_voxel);
             let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
             let volume = ingest_mesh(&mesh, &ingest, sign);
             volumes.push(volume.map_err(|cause| StudyError::Ingest { frame, cause })?);
@@ -98,7 +97,7 @@ impl FigureTake {
     /// Time that the frames take to show (s).
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        self.volumes.len() as f64 / DEFAULT_FRAME_RATE.per_second()
+        self.volumes.len() as f64 / FrameRate::DEFAULT.per_second()
     }
 
     /// Numbers of the frames that are measured and drawn.
@@ -123,13 +122,13 @@ impl FigureTake {
         settings: EncoderSettings,
         mut on_frame: impl FnMut(),
     ) -> Result<CodedFigure, StudyError> {
-        let header = StreamHeader { profile, grid: self.grid, frame_rate: DEFAULT_FRAME_RATE };
+        let header = StreamHeader { profile, grid: self.grid, frame_rate: FrameRate::DEFAULT };
         let mut encoder = Encoder::new(&header, settings);
         let mut writer = PacketWriter::new(Vec::new(), &header)?;
         let (mut surface_rms, mut encode_ms) = (0.0, 0.0);
         for (frame, volume) in self.volumes.iter().enumerate() {
             let (coded, ms) = timed(|| encoder.encode(volume));
-            let timestamp_ns = DEFAULT_FRAME_RATE.timestamp_ns(frame as u64);
+            let timestamp_ns = FrameRate::DEFAULT.timestamp_ns(frame as u64);
             writer.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
             let decoded = encoder.reconstruction().expect("a frame was just encoded");
             surface_rms += surface_rms_voxels(volume, decoded);

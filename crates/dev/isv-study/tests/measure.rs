@@ -33,7 +33,7 @@ impl Take for Meshes {
     }
 
     fn frame_rate(&self) -> FrameRate {
-        FrameRate { numerator: 30, denominator: 1 }
+        FrameRate::DEFAULT
     }
 
     fn meshes(&self) -> Result<TakeFrames<'_>, TakeError> {
@@ -45,7 +45,7 @@ fn settings() -> StudySettings {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(VOXEL_M).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     };
     let compare = CompareOptions { spacing_m: VOXEL_M, ..CompareOptions::default() };
     StudySettings { ingest: MeshIngest::new(grid), gop: 30, compare, picture_frame: 1, first_frame: 0 }

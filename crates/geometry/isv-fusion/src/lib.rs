@@ -18,7 +18,7 @@
 //! let volume = fuse(&[wall], &FusionSettings::new(Grid {
 //!     voxel_size: VoxelSize::from_metres(0.05)?,
 //!     edge: BlockEdge::E8,
-//!     truncation: Truncation::from_voxels(8)?,
+//!     truncation: Truncation::DEFAULT,
 //! }))?;
 //! assert!(volume.samples().any(|s| s > 0) && volume.samples().any(|s| s < 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -16,7 +16,7 @@ fn settings(voxel_m: f64, edge: BlockEdge) -> FusionSettings {
     FusionSettings::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     })
 }
 

@@ -16,7 +16,7 @@
 //! let settings = MeshIngest::new(Grid {
 //!     voxel_size: VoxelSize::from_metres(0.02).unwrap(),
 //!     edge: BlockEdge::E8,
-//!     truncation: Truncation::from_voxels(8).unwrap(),
+//!     truncation: Truncation::DEFAULT,
 //! });
 //! let (decision, evidence) = decide_sign(&mesh, settings.sign);
 //! println!("{decision} ({:.0} % of the surface looks closed)", 100.0 * evidence.closed_share);

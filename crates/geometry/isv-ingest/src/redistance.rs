@@ -66,7 +66,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.01).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let mesh = isv_testkit::sphere(0.2, 40);
         let closed = SignDecision::Closed { flipped: false };

@@ -14,7 +14,7 @@ fn settings(voxel_m: f64, edge: BlockEdge) -> MeshIngest {
     MeshIngest::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     })
 }
 

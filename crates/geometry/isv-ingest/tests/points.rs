@@ -23,7 +23,7 @@ fn grid(voxel_m: f64) -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -77,7 +77,7 @@ fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
     let header = StreamHeader {
         profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid: *volumes[0].grid(),
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     };
     let settings = EncoderSettings { motion: MotionMode::Fixed(Prediction::ThreeDof), ..Default::default() };
     let mut encoder = Encoder::new(&header, settings);

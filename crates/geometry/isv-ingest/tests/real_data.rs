@@ -34,7 +34,7 @@ fn check_sequence(
     let settings = MeshIngest::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     });
     let (decision, evidence) = decide_sign(&mesh, SignMode::Auto);
     assert_eq!(decision, expected, "{name}: {evidence:?}");
@@ -252,7 +252,7 @@ fn sides_are_those_of_the_exact_winding_number() {
         let settings = MeshIngest::new(Grid {
             voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         });
         let volume = ingest_mesh(&mesh, &settings, CLOSED).unwrap();
         let (mut looked_at, mut wrong) = (0, 0);
@@ -303,7 +303,7 @@ fn a_capture_with_turned_faces_gives_the_volume_that_it_gives_without() {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.01).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     };
     let volume = |mesh: &TriangleMesh| {
         let (sign, _) = decide_sign(mesh, SignMode::Auto);

@@ -16,7 +16,7 @@ fn settings(voxel_m: f64, reach: Reach) -> MeshIngest {
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     };
     MeshIngest { reach, ..MeshIngest::new(grid) }
 }

@@ -13,7 +13,7 @@ fn meshes_of_captures_do_not_change() {
         let settings = MeshIngest::new(Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         });
         let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap();
         let band = surface_band(&volume);

@@ -136,7 +136,7 @@ fn check(volume: &SparseVolume) -> TriangleMesh {
 }
 
 fn grid(edge: BlockEdge, metres: f64) -> Grid {
-    let truncation = Truncation::from_voxels(8).unwrap();
+    let truncation = Truncation::DEFAULT;
     Grid { voxel_size: VoxelSize::from_metres(metres).unwrap(), edge, truncation }
 }
 

@@ -83,6 +83,9 @@ pub struct Truncation {
 }
 
 impl Truncation {
+    /// The default: 8 voxels.
+    pub const DEFAULT: Self = Self { voxels: 8 };
+
     /// Voxels. Below 2 no surface cell is sure of its corners; above 16 the warp's exact interpolation leaves `i32`.
     pub const RANGE: std::ops::RangeInclusive<u32> = 2..=16;
 

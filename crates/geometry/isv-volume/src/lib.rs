@@ -10,7 +10,7 @@
 //! let grid = Grid {
 //!     voxel_size: VoxelSize::from_metres(0.005).unwrap(),
 //!     edge: BlockEdge::E8,
-//!     truncation: Truncation::from_voxels(8).unwrap(),
+//!     truncation: Truncation::DEFAULT,
 //! };
 //! let mut builder = VolumeBuilder::new(grid);
 //! builder.push(BlockCoord { x: 0, y: -1, z: 2 }, vec![-100; 512], None);

@@ -16,7 +16,7 @@ use isv::raw::format::FrameRate;
 use isv::raw::io::{Unit, check_file_name};
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
-use isv::raw::take::capture::{Capture, DEFAULT_FRAME_RATE, Hints};
+use isv::raw::take::capture::{Capture, Hints};
 use isv_render::{
     Camera, ErrorScale, Extent, PictureFile, PictureFormat, PictureRate, RenderSetup, SeenErrors, Style, View,
 };
@@ -241,7 +241,7 @@ impl Args {
     }
 
     fn sampling_rate(&self) -> FrameRate {
-        self.fps.unwrap_or(DEFAULT_FRAME_RATE)
+        self.fps.unwrap_or(FrameRate::DEFAULT)
     }
 
     fn shots(&self, frames: usize) -> Shots {
@@ -277,7 +277,7 @@ impl Args {
 
     /// How fast pictures follow each other, if the format can say so.
     fn picture_rate(&self, format: PictureFormat, of_input: Option<FrameRate>) -> Result<PictureRate> {
-        let rate = self.fps.or(of_input).unwrap_or(DEFAULT_FRAME_RATE);
+        let rate = self.fps.or(of_input).unwrap_or(FrameRate::DEFAULT);
         let rate = PictureRate { pictures: rate.numerator, seconds: rate.denominator };
         if format == PictureFormat::Gif && !rate.fits_gif() {
             return Err(usage(format!(

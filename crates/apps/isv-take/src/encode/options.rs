@@ -3,7 +3,7 @@
 use super::error::{OptionName, OptionsError};
 use super::timestamps::TimestampSource;
 use super::volumes::{DepthFusion, VolumeMaker};
-use crate::capture::{Capture, DEFAULT_FRAME_RATE, Hints, default_voxel_size};
+use crate::capture::{Capture, Hints, default_voxel_size};
 use crate::{BitRate, FrameRange, Length, MemoryLimit, Observer, OpenDevice, Up};
 use glam::DVec3;
 use isv_encode::{
@@ -31,11 +31,7 @@ const WORTH_A_WARNING: f64 = 0.005;
 /// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
 #[must_use]
 pub fn default_grid() -> Grid {
-    Grid {
-        voxel_size: default_voxel_size(),
-        edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).expect("8 is in range"),
-    }
+    Grid { voxel_size: default_voxel_size(), edge: BlockEdge::E8, truncation: Truncation::DEFAULT }
 }
 
 /// A set of the codec's tools.
@@ -287,7 +283,7 @@ impl EncodeOptions {
         Ok(StreamHeader {
             profile: self.profile(&grid)?,
             grid,
-            frame_rate: self.frame_rate.or(frame_rate).unwrap_or(DEFAULT_FRAME_RATE),
+            frame_rate: self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT),
         })
     }
 

@@ -67,7 +67,7 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    const RATE: FrameRate = FrameRate { numerator: 30, denominator: 1 };
+    const RATE: FrameRate = FrameRate::DEFAULT;
 
     #[test]
     fn a_rate_counts_and_a_clock_tells_and_both_ascend() {

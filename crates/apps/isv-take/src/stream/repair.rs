@@ -154,17 +154,16 @@ impl RepairChain {
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
-    use crate::capture::DEFAULT_FRAME_RATE;
     use crate::encode::default_grid;
     use isv_encode::{Encoder, EncoderSettings, MainSettings, Refresh};
-    use isv_format::{PacketReader, Profile};
+    use isv_format::{FrameRate, PacketReader, Profile};
     use isv_volume::{Grid, VolumeBuilder, VoxelSize};
 
     /// A floor, whose keyframe has most of the bytes; what decoders allow a frame depends on those.
     #[test]
     fn bytes_before_a_loss_count_and_what_has_too_few_is_kept() {
         let grid = Grid { voxel_size: VoxelSize::from_metres(0.01).unwrap(), ..default_grid() };
-        let header = StreamHeader { profile: Profile::Main, grid, frame_rate: DEFAULT_FRAME_RATE };
+        let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
         let mut floor = VolumeBuilder::new(grid);
         for place in 0..64 * 64 {
             let samples = (0..512).map(|voxel| 256 * (voxel / 64) - 1000).collect();

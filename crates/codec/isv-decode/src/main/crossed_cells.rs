@@ -260,7 +260,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let mut coords: Vec<_> = (0..8).map(|i| BlockCoord::from([i % 2, i / 2 % 2, i / 4])).collect();
         coords.sort_unstable_by_key(|coord| coord.morton());

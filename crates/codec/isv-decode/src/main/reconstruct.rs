@@ -218,7 +218,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let all = (0..64).map(|i| BlockCoord::from([i % 4 - 2, i / 4 % 4 - 2, i / 16 - 2]));
         let mut coords: Vec<_> = all.filter(|c| (c.x * 5 + c.y * 3 + c.z) % 4 != 0).collect();

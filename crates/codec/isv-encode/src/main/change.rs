@@ -103,7 +103,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let mut builder = VolumeBuilder::new(grid);
         for x in (0..2 * BLOCKS_AT_ONCE as i32).filter(|x| !without.contains(x)) {

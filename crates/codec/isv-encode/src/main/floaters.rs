@@ -217,7 +217,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         volume_of(grid, 3, |[x, y, z]| (x * x + y * y + z * z).sqrt() - 15.3, |_| false)
     }

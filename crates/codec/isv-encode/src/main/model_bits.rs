@@ -80,7 +80,7 @@ mod tests {
     #[test]
     fn bits_are_those_that_the_range_coder_writes() {
         let voxel_size = VoxelSize::from_metres(0.005).unwrap();
-        let truncation = Truncation::from_voxels(8).unwrap();
+        let truncation = Truncation::DEFAULT;
         let parameters = MainParameters::new(Grid { voxel_size, edge: BlockEdge::E8, truncation });
         let coords = [BlockCoord::from([0, 0, 0])];
         let causal = CausalBlocks::new(&coords, std::iter::once(0..1));

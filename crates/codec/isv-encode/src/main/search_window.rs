@@ -95,7 +95,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::E8,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let reference = reference(&ball(grid, 0.0));
         let (mut window, mut predictor) = (SearchWindow::new(&reference), TemporalPredictor::new(&reference));

@@ -218,7 +218,7 @@ mod tests {
         let grid = Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge,
-            truncation: Truncation::from_voxels(8).unwrap(),
+            truncation: Truncation::DEFAULT,
         };
         let distance = |p: [f64; 3]| {
             let from =

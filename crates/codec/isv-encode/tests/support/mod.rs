@@ -24,7 +24,7 @@ fn header_of(profile: Profile, edge: u32, truncation: u32) -> StreamHeader {
             edge: BlockEdge::from_voxels(edge).unwrap(),
             truncation: Truncation::from_voxels(truncation).unwrap(),
         },
-        frame_rate: FrameRate { numerator: 30, denominator: 1 },
+        frame_rate: FrameRate::DEFAULT,
     }
 }
 

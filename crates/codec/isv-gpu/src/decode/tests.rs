@@ -181,7 +181,7 @@ fn long_chains_of_blocks_are_decoded() {
     };
     let samples = (0..300 * 512).map(sample).collect();
     let volume = SparseVolume::from_parts(grid(), coords, samples, BTreeMap::new());
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     let header = StreamHeader { profile: Profile::Main, grid: grid(), frame_rate };
     let settings = EncoderSettings { checksums: true, ..EncoderSettings::default() };
     let frame = Encoder::new(&header, settings).encode(&volume);

@@ -37,7 +37,7 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
     let Some(gpu) = gpu_with_segments(PERSON_BYTES) else {
         return;
     };
-    let frame_rate = FrameRate { numerator: 30, denominator: 1 };
+    let frame_rate = FrameRate::DEFAULT;
     let header = StreamHeader { profile: Profile::Main, grid: grid(), frame_rate };
     for (name, volumes) in sequences(3) {
         for preset in

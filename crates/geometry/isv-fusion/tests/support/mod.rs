@@ -10,7 +10,7 @@ pub(crate) fn grid(voxel_m: f64) -> Grid {
     Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge: BlockEdge::E8,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     }
 }
 
@@ -27,7 +27,7 @@ impl Coder {
                 ac_step: step(0.01),
             }),
             grid,
-            frame_rate: FrameRate { numerator: 30, denominator: 1 },
+            frame_rate: FrameRate::DEFAULT,
         };
         Self(Encoder::new(&header, EncoderSettings::default()))
     }

@@ -15,7 +15,7 @@ fn settings(voxel_m: f64, edge: BlockEdge) -> PointIngest {
     PointIngest::new(Grid {
         voxel_size: VoxelSize::from_metres(voxel_m).unwrap(),
         edge,
-        truncation: Truncation::from_voxels(8).unwrap(),
+        truncation: Truncation::DEFAULT,
     })
 }
 

@@ -2,13 +2,12 @@
 
 use super::super::{DecodedVolume, IngestFault, OpenDevice};
 use super::*;
-use crate::capture::DEFAULT_FRAME_RATE;
 use crate::encode::default_grid;
 use crate::{Event, Observer};
 use glam::{DMat4, DVec2};
 use isv_decode::Lod;
 use isv_encode::{FrameWriter, MotionMode};
-use isv_format::{PacketReader, PacketWriter, PaperParameters, Prediction, Profile};
+use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile};
 use isv_ingest::ingest_mesh;
 use isv_testkit::{Need, ball, skip, sphere};
 use isv_volume::{CameraPose, Intrinsics};
@@ -56,7 +55,7 @@ impl Bench {
 }
 
 fn header(profile: Profile) -> StreamHeader {
-    StreamHeader { profile, grid: default_grid(), frame_rate: DEFAULT_FRAME_RATE }
+    StreamHeader { profile, grid: default_grid(), frame_rate: FrameRate::DEFAULT }
 }
 
 /// Decodes a stream whose GPU is lost before frame 2.
