@@ -66,11 +66,11 @@ pub fn render_errors(
         }
     }
     let picture = blend(&raster, camera, paint, style.background);
-    ErrorPicture { picture, seen: SeenErrors::of(errors.into_iter().flatten()) }
+    ErrorPicture { picture, seen: SeenErrors::from_errors(errors.into_iter().flatten()) }
 }
 
 impl SeenErrors {
-    fn of(errors_m: impl Iterator<Item = f64>) -> Option<Self> {
+    fn from_errors(errors_m: impl Iterator<Item = f64>) -> Option<Self> {
         let (mut sum, mut max_m, mut count) = (0.0, 0f64, 0usize);
         for error in errors_m {
             sum += error;

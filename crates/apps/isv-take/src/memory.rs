@@ -73,7 +73,7 @@ impl MemoryLimit {
     /// [`MemoryError::Frame`].
     pub fn check_frame(self, volume: &SparseVolume, extended: bool) -> Result<(), MemoryError> {
         let limit = self.decoder_limits().frame_voxels / volume.grid().edge.block_voxels();
-        let with_neighbours = || BlockSet::of(volume.coords()).dilated().count();
+        let with_neighbours = || BlockSet::from_coords(volume.coords()).dilated().count();
         let blocks = match extended {
             // Mostly there is room for all neighbours that so many blocks can have.
             true if volume.block_count() > limit / 27 => with_neighbours(),

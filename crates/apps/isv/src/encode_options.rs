@@ -37,22 +37,22 @@ impl EncodeOptions {
     /// A quality from 0 to 100, the same in all frames. Equal steps look equally different.
     #[must_use]
     pub fn quality(quality: f32) -> Self {
-        Self::of(MainOptions { quality: Some(quality), ..MainOptions::default() })
+        Self::with_target(MainOptions { quality: Some(quality), ..MainOptions::default() })
     }
 
     /// A bit rate, every byte counted: what a channel of that rate carries with a buffer of one second.
     #[must_use]
     pub fn bitrate(rate: BitRate) -> Self {
-        Self::of(MainOptions { bitrate: Some(rate), ..MainOptions::default() })
+        Self::with_target(MainOptions { bitrate: Some(rate), ..MainOptions::default() })
     }
 
     /// An RMS surface error that every frame stays below, against the field that it was made from.
     #[must_use]
     pub fn max_error(error: Length) -> Self {
-        Self::of(MainOptions { max_error: Some(error), ..MainOptions::default() })
+        Self::with_target(MainOptions { max_error: Some(error), ..MainOptions::default() })
     }
 
-    fn of(main: MainOptions) -> Self {
+    fn with_target(main: MainOptions) -> Self {
         let raw = isv_take::encode::EncodeOptions { main, ..Default::default() };
         Self { raw, ..Self::default() }
     }

@@ -46,17 +46,17 @@ impl Reader {
         let input = Input::from(path);
         let (_, header) = stream::open(&input, MemoryLimit::default())?;
         let frames = stream::load_index(&input).ok().map(|index| index.frames.len());
-        Ok(Self { header: Some(header), frames, ..Self::of(input.name(), input, None) })
+        Ok(Self { header: Some(header), frames, ..Self::with_source(input.name(), input, None) })
     }
 
     /// Reads a stream from bytes as they come, such as a socket's. `name` is theirs in errors. No byte is read before the first frame
     /// is asked for.
     #[must_use]
     pub fn from_read(name: &str, source: impl Read + Send + 'static) -> Self {
-        Self::of(name.to_owned(), Input::StandardInput, Some(Box::new(source)))
+        Self::with_source(name.to_owned(), Input::StandardInput, Some(Box::new(source)))
     }
 
-    fn of(name: String, input: Input, source: Option<ByteSource>) -> Self {
+    fn with_source(name: String, input: Input, source: Option<ByteSource>) -> Self {
         Self {
             input,
             name,
@@ -177,9 +177,9 @@ impl Reader {
             (None, None) => return Err(Error::new(ErrorKind::Input, "the bytes were read already")),
         };
         Ok(match (self.after_loss, source) {
-            (AfterLoss::Stop, None) => Running::of(StreamFrames::open(&self.input, &settings)?),
+            (AfterLoss::Stop, None) => Running::whole(StreamFrames::open(&self.input, &settings)?),
             (AfterLoss::Stop, Some(source)) => {
-                Running::of(StreamFrames::from_source(&self.name, source, &settings)?)
+                Running::whole(StreamFrames::from_source(&self.name, source, &settings)?)
             }
             (_, None) => Running::concealing(ConcealingFrames::open(&self.input, &settings)?),
             (_, Some(source)) => {
@@ -194,7 +194,7 @@ impl Reader {
 }
 
 impl Running {
-    fn of(frames: StreamFrames) -> Self {
+    fn whole(frames: StreamFrames) -> Self {
         Self { header: *frames.header(), frames: Box::new(frames) }
     }
 

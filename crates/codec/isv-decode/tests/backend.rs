@@ -38,7 +38,7 @@ struct Volume {
 }
 
 impl Volume {
-    fn of(volume: &SparseVolume) -> Self {
+    fn new(volume: &SparseVolume) -> Self {
         Self { volume: volume.clone(), hashed: Cell::new(0) }
     }
 }
@@ -63,7 +63,7 @@ impl Backend for Failing {
     ) -> Result<Self::Paper, BackendError> {
         let frame =
             self.call()?.reconstruct_paper(parameters, symbols, before.map(|before| &before.frame))?;
-        let volume = Some(Volume::of(Cpu::paper_volume(&frame)));
+        let volume = Some(Volume::new(Cpu::paper_volume(&frame)));
         Ok(Kept { frame, volume })
     }
 
@@ -103,7 +103,7 @@ impl Backend for Failing {
     ) -> Result<(), BackendError> {
         assert!(frame.volume.is_none(), "masks are added once");
         self.call()?.add_masks(&mut frame.frame, masks)?;
-        frame.volume = Some(Volume::of(Cpu::main_volume(&frame.frame)));
+        frame.volume = Some(Volume::new(Cpu::main_volume(&frame.frame)));
         Ok(())
     }
 

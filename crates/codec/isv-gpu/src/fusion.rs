@@ -28,7 +28,7 @@ use kernels::Kernels;
 use sums::SumBuffers;
 use views::ViewBuffers;
 
-/// A GPU as a backend of fusion: see [`isv_fusion::fuse_on`] and [`isv_fusion::Accumulator::on`]. Blocks may be of any edge.
+/// A GPU as a backend of fusion: see [`isv_fusion::fuse_on`] and [`isv_fusion::Accumulator::with_backend`]. Blocks may be of any edge.
 ///
 /// It works in `f32`, so that blocks at the rim of the band and single voxels may differ from the CPU's; the same images always give
 /// the same volume.

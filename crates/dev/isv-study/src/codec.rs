@@ -72,7 +72,7 @@ pub struct Scale {
 impl Scale {
     /// By the first frame of a take, and the grid of the codecs of volumes.
     #[must_use]
-    pub fn of(first: &TriangleMesh, grid: &Grid) -> Self {
+    pub fn new(first: &TriangleMesh, grid: &Grid) -> Self {
         let extent_m = first.bounds().map_or(0.0, |(low, high)| (high - low).max_element());
         Self { voxel_m: grid.voxel_size.metres(), extent_m }
     }

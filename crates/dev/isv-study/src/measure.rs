@@ -146,9 +146,9 @@ impl<'a> Subject<'a> {
             bytes: encoded.stream.bytes(),
             frame_bytes: encoded.frame_bytes,
             kinds: encoded.stream.kinds(),
-            prepare_ms: Timing::of(encoded.prepare_ms),
-            encode_ms: Timing::of(encoded.encode_ms),
-            decode_ms: Timing::of(decoded.ms),
+            prepare_ms: Timing::from_ms(encoded.prepare_ms),
+            encode_ms: Timing::from_ms(encoded.encode_ms),
+            decode_ms: Timing::from_ms(decoded.ms),
             encode_peak_bytes: encoded.peak_bytes,
             decode_peak_bytes: decoded.peak_bytes,
             error: summary(&frame_errors).ok_or_else(no_frames)?,
@@ -210,7 +210,7 @@ impl<'a> Subject<'a> {
 fn scale(take: &dyn Take, settings: &StudySettings) -> Result<Scale, StudyError> {
     let first = take.meshes().map_err(StudyError::Take)?.next();
     let first = first.ok_or_else(|| StudyError::NoFrames { take: take.name().to_owned() })?;
-    Ok(Scale::of(&first.map_err(StudyError::Take)?, &settings.ingest.grid))
+    Ok(Scale::new(&first.map_err(StudyError::Take)?, &settings.ingest.grid))
 }
 
 /// The transform trained on all frames of some takes.

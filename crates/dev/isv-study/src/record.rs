@@ -82,7 +82,7 @@ pub struct Timing {
 impl Timing {
     /// Of the times of all frames; zero without frames.
     #[must_use]
-    pub fn of(mut ms: Vec<f64>) -> Self {
+    pub fn from_ms(mut ms: Vec<f64>) -> Self {
         if ms.is_empty() {
             return Self::default();
         }

@@ -20,9 +20,9 @@ fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
         bytes,
         frame_bytes: vec![bytes / 2; 2],
         kinds: codec.starts_with("paper").then(BytesByKind::default),
-        prepare_ms: Timing::of(vec![10.0, 12.0, 50.0]),
-        encode_ms: Timing::of(vec![20.0]),
-        decode_ms: Timing::of(vec![5.0]),
+        prepare_ms: Timing::from_ms(vec![10.0, 12.0, 50.0]),
+        encode_ms: Timing::from_ms(vec![20.0]),
+        decode_ms: Timing::from_ms(vec![5.0]),
         encode_peak_bytes: Some(40_000_000),
         decode_peak_bytes: None,
         error,
@@ -113,8 +113,8 @@ fn the_page_needs_nothing_else() {
 
 #[test]
 fn medians_are_of_the_middle() {
-    let timing = Timing::of(vec![50.0, 12.0, 10.0]);
+    let timing = Timing::from_ms(vec![50.0, 12.0, 10.0]);
     assert_eq!((timing.median, timing.mean), (12.0, 24.0));
-    assert_eq!(Timing::of(vec![10.0, 20.0]).median, 15.0);
-    assert_eq!(Timing::of(vec![]), Timing::default());
+    assert_eq!(Timing::from_ms(vec![10.0, 20.0]).median, 15.0);
+    assert_eq!(Timing::from_ms(vec![]), Timing::default());
 }

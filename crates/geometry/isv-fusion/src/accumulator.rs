@@ -22,7 +22,7 @@ impl Accumulator {
     /// An accumulator that has seen nothing.
     #[must_use]
     pub fn new(settings: FusionSettings) -> Self {
-        Self::on(Cpu, settings)
+        Self::with_backend(Cpu, settings)
     }
 
     /// The volume of all that was seen so far; empty before the first images.
@@ -36,7 +36,7 @@ impl Accumulator {
 impl<B: FusionBackend> Accumulator<B> {
     /// An accumulator that has seen nothing, its sums kept by a backend.
     #[must_use]
-    pub fn on(backend: B, settings: FusionSettings) -> Self {
+    pub fn with_backend(backend: B, settings: FusionSettings) -> Self {
         Self { settings, backend, sums: B::Sums::default(), lost: None }
     }
 

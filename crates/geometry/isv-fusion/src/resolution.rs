@@ -29,7 +29,7 @@ impl DepthResolution {
     ///
     /// Looks at no more than 20,000 pixels of an image.
     #[must_use]
-    pub fn of(images: &[DepthImage], max_depth_m: f64) -> Option<Self> {
+    pub fn from_images(images: &[DepthImage], max_depth_m: f64) -> Option<Self> {
         let mut footprints = Vec::new();
         let (mut sum, mut count) = (0.0, 0_u32);
         for image in images {
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn pixels_and_noise_are_measured() {
         for noise_m in [0.0, 0.003, 0.01] {
-            let found = DepthResolution::of(&[wall(noise_m)], 10.0).unwrap();
+            let found = DepthResolution::from_images(&[wall(noise_m)], 10.0).unwrap();
             assert!((found.footprint_m - 0.01).abs() < 2e-4, "{found:?}");
             assert!((found.noise_m - noise_m).abs() < 0.1 * noise_m + 1e-6, "{found:?} for {noise_m}");
         }
@@ -124,8 +124,8 @@ mod tests {
     #[test]
     fn what_is_too_far_away_has_no_say() {
         let wall = [wall(0.0)];
-        assert_eq!(DepthResolution::of(&wall, 1.0), None);
-        assert_eq!(DepthResolution::of(&[], 10.0), None);
+        assert_eq!(DepthResolution::from_images(&wall, 1.0), None);
+        assert_eq!(DepthResolution::from_images(&[], 10.0), None);
         let places = sample_readings(&wall, 10.0, 2000);
         assert!((1000..=2000).contains(&places.len()), "{}", places.len());
         assert!(places.iter().all(|p| p.z < 4.0 && p.x > -0.5));

@@ -43,7 +43,7 @@ struct SuspectSide {
 }
 
 impl Boundary {
-    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+    pub(crate) fn new(mesh: &VoxelMesh) -> Self {
         let suspects = suspects(mesh);
         let mut boundary = Self { rims: Vec::new(), chain: Vec::new(), welded: Vec::new() };
         if !suspects.contains(&true) {
@@ -151,7 +151,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     fn boundary_of(mesh: &TriangleMesh) -> Boundary {
-        Boundary::of(&VoxelMesh { vertices: mesh.vertices.clone(), triangles: (&mesh.triangles).into() })
+        Boundary::new(&VoxelMesh { vertices: mesh.vertices.clone(), triangles: (&mesh.triangles).into() })
     }
 
     #[test]

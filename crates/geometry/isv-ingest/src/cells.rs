@@ -92,7 +92,7 @@ impl FaceDirections {
 }
 
 impl Directions {
-    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+    pub(crate) fn new(mesh: &VoxelMesh) -> Self {
         let describe = |face: usize| {
             let corners = mesh.corners(face as u32);
             let [a, b, c] = corners;

@@ -50,7 +50,7 @@ pub fn coded_field(volume: &SparseVolume, coded: &BlockSet) -> Option<SparseVolu
 
 /// For each block of a volume, whether it was coded. `None` if no block was, or the volume has not all of those that were.
 fn marks_of(volume: &SparseVolume, coded: &BlockSet) -> Option<Vec<bool>> {
-    let all = BlockSet::of(volume.coords());
+    let all = BlockSet::from_coords(volume.coords());
     let is_whole = !coded.is_empty() && coded.difference(&all).is_empty();
     is_whole.then(|| coded.marks_in(&all))
 }

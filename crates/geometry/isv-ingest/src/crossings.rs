@@ -58,7 +58,7 @@ type Entry = ([i32; 2], Crossing);
 
 impl Crossings {
     /// Of a mesh that some more triangles close. `edge_log2`: the edge of a tile in voxels, as a power of two.
-    pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], edge_log2: u32) -> Self {
+    pub(crate) fn new(mesh: &VoxelMesh, closing: &[[u32; 3]], edge_log2: u32) -> Self {
         let corners: Vec<Corner> = mesh.vertices.par_iter().map(Corner::at).collect();
         let draw = |triangles: &[[u32; 3]]| {
             let mut entries = Vec::new();
@@ -89,7 +89,7 @@ impl Crossings {
             last = Some((position, number));
             entries[number as usize].push(*entry);
         }
-        let columns = entries.par_iter().map(|entries| Column::of(entries, edge_log2)).collect();
+        let columns = entries.par_iter().map(|entries| Column::new(entries, edge_log2)).collect();
         Self { edge_log2, numbers, columns }
     }
 
@@ -137,7 +137,7 @@ impl Crossings {
 }
 
 impl Column {
-    fn of(entries: &[Entry], edge_log2: u32) -> Self {
+    fn new(entries: &[Entry], edge_log2: u32) -> Self {
         let row = |place: &[i32; 2]| row_number(*place, edge_log2);
         let mut starts = vec![0u32; (1 << (2 * edge_log2)) + 1];
         for (place, _) in entries {
@@ -313,7 +313,7 @@ mod tests {
 
     fn check(mesh: &TriangleMesh) {
         let voxel_mesh = VoxelMesh { vertices: mesh.vertices.clone(), triangles: (&mesh.triangles).into() };
-        let crossings = Crossings::of(&voxel_mesh, &[], EDGE_LOG2);
+        let crossings = Crossings::new(&voxel_mesh, &[], EDGE_LOG2);
         let (lo, hi) = mesh.bounds().unwrap();
         let (lo, hi) = (lo.floor().as_ivec3() - 1, hi.ceil().as_ivec3() + 1);
         let bvh = Bvh::new(mesh);

@@ -105,7 +105,7 @@ impl<S: Simd> Number for Vector<S> {
 impl<N: Number> Shape<N> {
     /// Of triangles that have an area.
     #[inline(always)]
-    fn of(corners: [[N; 3]; 3]) -> Self {
+    fn from_corners(corners: [[N; 3]; 3]) -> Self {
         let [a, b, c] = corners;
         let edges = [minus(b, a), minus(c, b), minus(a, c)];
         let lengths = [length(edges[0]), length(edges[1]), length(edges[2])];
@@ -164,7 +164,7 @@ impl Facet {
                 corners[corner][2].0[lane] = position.z;
             }
         }
-        let shape = Shape::of(corners);
+        let shape = Shape::from_corners(corners);
         for (lane, (facet, triangle)) in facets.iter_mut().zip(triangles).enumerate() {
             for plane in 0..PLANES {
                 facet.heights[plane] = shape.heights[plane].0[lane] as f32;
@@ -275,7 +275,7 @@ mod tests {
             });
             let facets = dispatch!(simd::level(), simd => Facet::of_eight(simd, &triangles));
             for (facet, triangle) in facets.iter().zip(&triangles) {
-                let shape = Shape::of(triangle.map(|corner| corner.to_array()));
+                let shape = Shape::from_corners(triangle.map(|corner| corner.to_array()));
                 let has_area = shape.height > FLAT;
                 if !has_area {
                     assert_eq!(facet.inside_from, FAR_AWAY);

@@ -107,7 +107,7 @@ mod tests {
     fn marked(mesh: &isv_volume::TriangleMesh, scale: f64) -> usize {
         let vertices = mesh.vertices.iter().map(|v| *v * scale).collect();
         let mesh = VoxelMesh { vertices, triangles: (&mesh.triangles).into() };
-        let holes = WideHoles::find(&mesh, &Boundary::of(&mesh));
+        let holes = WideHoles::find(&mesh, &Boundary::new(&mesh));
         holes.map_or(0, |holes| holes.edges.iter().map(|bits| bits.count_ones() as usize).sum())
     }
 

@@ -70,7 +70,7 @@ impl MeshIngester {
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         let frame = rayon::scope(|_| {
             let mesh = with_area(mesh)?;
-            Ok::<_, IngestError>(Frame::of(&mesh, &self.settings, sign, before)?.into_owned())
+            Ok::<_, IngestError>(Frame::new(&mesh, &self.settings, sign, before)?.into_owned())
         })?;
         let volume = frame.volume.clone();
         self.before = Some(frame);
@@ -98,7 +98,7 @@ pub(crate) fn volume_of(
 ) -> Result<SparseVolume, IngestError> {
     rayon::scope(|_| {
         let mesh = with_area(mesh)?;
-        Ok(Frame::of(&mesh, settings, sign, None)?.volume)
+        Ok(Frame::new(&mesh, settings, sign, None)?.volume)
     })
 }
 
@@ -110,7 +110,7 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, In
 }
 
 impl<'m> Frame<'m> {
-    fn of(
+    fn new(
         mesh: &'m TriangleMesh,
         settings: &MeshIngest,
         decision: SignDecision,
@@ -168,11 +168,11 @@ fn find_sign(
     match decision {
         SignDecision::Offset => Ok((Sign::Offset(offset as f32), None)),
         SignDecision::Closed { .. } => {
-            let boundary = Boundary::of(mesh);
+            let boundary = Boundary::new(mesh);
             let closing = close(&boundary.chain, &mesh.vertices);
             limits::check_closing(mesh, &closing, settings)?;
             let holes = WideHoles::find(mesh, &boundary);
-            Ok((Sign::Closed(Sides::of(mesh, &closing, holes.as_ref(), band)), holes))
+            Ok((Sign::Closed(Sides::new(mesh, &closing, holes.as_ref(), band)), holes))
         }
     }
 }

@@ -61,7 +61,7 @@ impl<'m> MeshJob<'m> {
         let (reach, near) = measured_reach(settings, margin);
         let (mut closing, mut wide) = (Vec::new(), None);
         if let SignDecision::Closed { .. } = decision {
-            let boundary = Boundary::of(&voxel_mesh);
+            let boundary = Boundary::new(&voxel_mesh);
             closing = close(&boundary.chain, &voxel_mesh.vertices);
             if let Err(error) = limits::check_closing(&voxel_mesh, &closing, settings) {
                 // If the mesh alone is too large, that is what there is to say.
@@ -72,7 +72,7 @@ impl<'m> MeshJob<'m> {
         }
         let rims = wide.as_ref().map_or(&[][..], |wide| &wide.rims);
         // Marching cubes look a voxel farther.
-        let lattice = LatticeMesh::of(&voxel_mesh, &closing, rims, band.width + 2.0);
+        let lattice = LatticeMesh::new(&voxel_mesh, &closing, rims, band.width + 2.0);
         drop(voxel_mesh);
         let holes = wide.map(|wide| Holes { wide, closing, are_coded: reach == Reach::Band });
         let offset = matches!(decision, SignDecision::Offset).then_some(margin);
@@ -137,9 +137,9 @@ impl<'m> MeshJob<'m> {
         let Some(Holes { wide, closing, are_coded }) = &self.holes else { return sampled };
         let grid = self.grid();
         let voxel_mesh = limits::in_voxels(&self.mesh, grid.voxel_size.metres());
-        let caps = Caps::of(&voxel_mesh, closing, Some(wide), &self.near);
+        let caps = Caps::new(&voxel_mesh, closing, Some(wide), &self.near);
         // Only now that there are no more blocks than allowed: these are as many numbers as the mesh has rows of voxels.
-        let blending = are_coded.then(|| Sides::of(&voxel_mesh, closing, Some(wide), &self.near));
+        let blending = are_coded.then(|| Sides::new(&voxel_mesh, closing, Some(wide), &self.near));
         let mut blocks = Blocks {
             coords: sampled.coords().to_vec(),
             samples: sampled.samples().collect(),

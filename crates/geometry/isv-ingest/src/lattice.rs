@@ -46,7 +46,7 @@ impl LatticeMesh {
 
     /// A mesh with the triangles that close it and the rims of its wide holes; `None` if it is so large that the lattice would be too
     /// coarse, or has too many long triangles. `margin`: how far around it anything matters, in voxels.
-    pub(crate) fn of(
+    pub(crate) fn new(
         mesh: &VoxelMesh,
         closing: &[[u32; 3]],
         rims: &[[DVec3; 2]],
@@ -175,7 +175,7 @@ mod tests {
         let vertices: Vec<DVec3> = mesh.vertices.iter().map(|v| *v + place).collect();
         let rims = [[vertices[9], vertices[10]]];
         let voxel_mesh = VoxelMesh { vertices, triangles: (&mesh.triangles).into() };
-        LatticeMesh::of(&voxel_mesh, &mesh.triangles[..4], &rims, 9.5)
+        LatticeMesh::new(&voxel_mesh, &mesh.triangles[..4], &rims, 9.5)
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
             let corners = [DVec3::ZERO, DVec3::Y, DVec3::Z];
             let vertices = [0.0, size].map(|x| corners.map(|corner| corner + x * DVec3::X)).concat();
             let triangles: Vec<[u32; 3]> = vec![[0, 1, 2], [3, 4, 5]];
-            LatticeMesh::of(&VoxelMesh { vertices, triangles: triangles.into() }, &[], &[], 2.0)
+            LatticeMesh::new(&VoxelMesh { vertices, triangles: triangles.into() }, &[], &[], 2.0)
         };
         assert_eq!(far(30_000.0).map(|mesh| mesh.fraction_bits), Some(15));
         assert_eq!(far(1_000_000.0).map(|mesh| mesh.fraction_bits), Some(10));
@@ -224,6 +224,6 @@ mod tests {
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::splat(8e6)];
         let triangles: Vec<[u32; 3]> = vec![[0, 1, 2]];
         let mesh = VoxelMesh { vertices, triangles: triangles.into() };
-        assert_eq!(LatticeMesh::of(&mesh, &[], &[], 2.0).map(|mesh| mesh.fraction_bits), Some(16));
+        assert_eq!(LatticeMesh::new(&mesh, &[], &[], 2.0).map(|mesh| mesh.fraction_bits), Some(16));
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct Rims {
 
 impl Rims {
     /// The rims that may be closest to voxels of each tile; `band`: how far they may be.
-    pub(crate) fn of(holes: &WideHoles, band: &Band) -> Self {
+    pub(crate) fn new(holes: &WideHoles, band: &Band) -> Self {
         let segments = holes.rims.clone();
         let vertices = segments.iter().flatten().copied().collect();
         let flat: Vec<[u32; 3]> = (0..segments.len() as u32).map(|i| [2 * i, 2 * i + 1, 2 * i + 1]).collect();

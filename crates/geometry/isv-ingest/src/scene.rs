@@ -32,7 +32,7 @@ pub(crate) struct Connections {
 impl Scene<'_> {
     /// A scene all of whose band is measured exactly.
     pub(crate) fn exact(mesh: VoxelMesh, list: TileList, holes: Option<WideHoles>) -> Scene {
-        let (topology, directions) = rayon::join(|| Topology::of(&mesh), || Directions::of(&mesh));
+        let (topology, directions) = rayon::join(|| Topology::new(&mesh), || Directions::new(&mesh));
         let connections = Connections { topology, directions, holes };
         Scene { mesh, list, measure: Measure::Exact(Box::new(connections)) }
     }
@@ -44,7 +44,7 @@ impl Scene<'_> {
         holes: Option<WideHoles>,
         band: &Band,
     ) -> Scene<'m> {
-        let rims = holes.map(|holes| Rims::of(&holes, band));
+        let rims = holes.map(|holes| Rims::new(&holes, band));
         Scene { mesh, list, measure: Measure::Near(rims) }
     }
 

@@ -30,9 +30,14 @@ pub(crate) struct Caps {
 
 impl Sides {
     /// Of a mesh that some more triangles close. `holes`: those that are to stay open, if any.
-    pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], holes: Option<&WideHoles>, band: &Band) -> Self {
-        let crossings = Crossings::of(mesh, closing, band.tile_edge().ilog2());
-        Self { crossings, caps: Caps::of(mesh, closing, holes, band) }
+    pub(crate) fn new(
+        mesh: &VoxelMesh,
+        closing: &[[u32; 3]],
+        holes: Option<&WideHoles>,
+        band: &Band,
+    ) -> Self {
+        let crossings = Crossings::new(mesh, closing, band.tile_edge().ilog2());
+        Self { crossings, caps: Caps::new(mesh, closing, holes, band) }
     }
 
     /// The generalized winding numbers of voxels in the mesh as it is, with its holes (Jacobson et al. 2013): what they are in the
@@ -50,8 +55,13 @@ impl Sides {
 }
 
 impl Caps {
-    /// Of some triangles that close a mesh; `holes` as in [`Sides::of`].
-    pub(crate) fn of(mesh: &VoxelMesh, closing: &[[u32; 3]], holes: Option<&WideHoles>, band: &Band) -> Self {
+    /// Of some triangles that close a mesh; `holes` as in [`Sides::new`].
+    pub(crate) fn new(
+        mesh: &VoxelMesh,
+        closing: &[[u32; 3]],
+        holes: Option<&WideHoles>,
+        band: &Band,
+    ) -> Self {
         let is_cap = |triangle: &&[u32; 3]| {
             holes.is_some_and(|holes| triangle.iter().any(|vertex| holes.has_vertex(*vertex)))
         };

@@ -46,7 +46,7 @@ pub(crate) struct Topology {
 type Key = (u64, u32, u32);
 
 impl Topology {
-    pub(crate) fn of(mesh: &VoxelMesh) -> Self {
+    pub(crate) fn new(mesh: &VoxelMesh) -> Self {
         let welded = weld(&mesh.vertices);
         let sides = sorted_sides(&mesh.triangles, &welded);
         let mut owned = own_vertices(&mesh.triangles, &welded);

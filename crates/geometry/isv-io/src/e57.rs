@@ -69,7 +69,7 @@ fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     let mut reader = Reader::new(Cursor::new(bytes)).map_err(|why| Flaw::unreadable("E57", 0, &why))?;
     let scans = reader.pointclouds();
     check_sizes(bytes, &scans)?;
-    let normals = scans.iter().any(|scan| Attributes::of(scan).normal.is_some());
+    let normals = scans.iter().any(|scan| Attributes::new(scan).normal.is_some());
     let mut cloud = CloudBuilder::new(normals, 0);
     let any_pose = scans.iter().any(|scan| scan.transform.as_ref().is_some_and(|pose| !is_identity(pose)));
     let mut places = Vec::new();
@@ -180,7 +180,7 @@ fn bits_of(data_type: &RecordDataType) -> u64 {
 
 fn read_scan(reader: &mut Reader, scan: &e57::PointCloud, cloud: &mut CloudBuilder) -> Result<(), Flaw> {
     let flaw = |why: &dyn Display| Flaw::unreadable("E57", scan.file_offset as usize, why);
-    let attributes = Attributes::of(scan);
+    let attributes = Attributes::new(scan);
     if attributes.cartesian.is_none() && attributes.spherical.is_none() {
         return Err(flaw(&"a scan has neither Cartesian nor spherical coordinates"));
     }
@@ -219,7 +219,7 @@ struct Attributes {
 }
 
 impl Attributes {
-    fn of(scan: &e57::PointCloud) -> Self {
+    fn new(scan: &e57::PointCloud) -> Self {
         let find = |name| scan.prototype.iter().position(|record| record.name == name);
         // Any prefix may stand for the extension.
         let find_normal = |wanted: &str| {

@@ -144,7 +144,7 @@ mod tests {
 
     fn of(names: &[&str]) -> FrameTimes {
         let bytes: Vec<&[u8]> = names.iter().map(|name| name.as_bytes()).collect();
-        FrameTimes::from_names(names, NameOrder::of(&bytes)).0
+        FrameTimes::from_names(names, NameOrder::new(&bytes)).0
     }
 
     #[test]

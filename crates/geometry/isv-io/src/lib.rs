@@ -1,6 +1,6 @@
 //! Files: meshes and points in and out, the frames of a sequence, output that appears whole or not at all.
 //!
-//! The only library of isv that knows paths. It does not know what is done with a frame, nor the `.isv` format.
+//! It does not know what is done with a frame, nor the `.isv` format. Streams are opened by `isv-take`, pages and their files by `isv-serve`.
 //!
 //! ```
 //! use isv_io::{FrameSequence, Format, Unit, read_mesh, write_mesh};

@@ -46,14 +46,14 @@ impl NameOrder {
     /// - Two numbers with a point between them are a decimal number, unless the second ones count (`1.9`, `1.10`), or three numbers
     ///   follow each other as in a version.
     #[must_use]
-    pub fn of(names: &[&[u8]]) -> Self {
+    pub fn new(names: &[&[u8]]) -> Self {
         Self { decimals: has_decimals(names), signs: has_signs(names) }
     }
 
     /// Sorts names by what their numbers are.
     pub fn sort<T: AsRef<[u8]>>(mut names: Vec<T>) -> OrderedNames<T> {
         let listed: Vec<&[u8]> = names.iter().map(AsRef::as_ref).collect();
-        let order = Self::of(&listed);
+        let order = Self::new(&listed);
         let other_decimals = Self { decimals: !order.decimals, ..order };
         let other_signs = Self { signs: !order.signs, ..order };
         let mut sorted = listed.clone();

@@ -63,7 +63,7 @@ struct Bulk {
 
 impl Bulk {
     /// Measures a frame; `None` if it has no extent.
-    fn of(geometry: &Geometry) -> Option<Self> {
+    fn from_geometry(geometry: &Geometry) -> Option<Self> {
         let positions = match geometry {
             Geometry::Mesh(mesh) => &mesh.vertices,
             Geometry::Points(points) => &points.positions,
@@ -119,7 +119,7 @@ impl ScaleCheck {
     /// [`ScaleError`] if the frame is the shape of the one before in another unit. After it, the next frame passes if it has the size of
     /// the one refused: one odd frame never costs the rest of a take.
     pub fn check(&mut self, path: &Path, geometry: &Geometry) -> Result<(), ScaleError> {
-        let Some(bulk) = Bulk::of(geometry) else { return Ok(()) };
+        let Some(bulk) = Bulk::from_geometry(geometry) else { return Ok(()) };
         let size = bulk.size();
         let alike = |other: &f64| size.max(*other) <= SAME_UNIT * size.min(*other);
         let is_known = self.sizes.iter().any(alike) || self.refused.as_ref().is_some_and(alike);

@@ -28,7 +28,7 @@ struct CellPlace([i32; 3]);
 
 impl CellPlace {
     #[inline(always)]
-    fn of(block: BlockCoord) -> Self {
+    fn new(block: BlockCoord) -> Self {
         Self(block.to_array().map(|c| c >> CELL_LOG2))
     }
 }
@@ -66,15 +66,15 @@ impl BlockIndex {
     /// In debug builds, if the blocks are not in Morton order.
     #[must_use]
     pub fn new(coords: &[BlockCoord]) -> Self {
-        Self::of(&BlockSet::of(coords))
+        Self::from_set(&BlockSet::from_coords(coords))
     }
 
     /// Indexes the list of a set's blocks.
     #[must_use]
-    pub fn of(set: &BlockSet) -> Self {
+    pub fn from_set(set: &BlockSet) -> Self {
         let mut first = 0;
         let numbered = set.cells().iter().map(|cell| {
-            let place = CellPlace::of(cell.corner());
+            let place = CellPlace::new(cell.corner());
             let numbered = Cell { blocks: cell.blocks, first };
             first += cell.blocks.count_ones();
             (place, numbered)
@@ -87,7 +87,7 @@ impl BlockIndex {
     #[inline]
     pub fn get(&self, coord: BlockCoord) -> Option<u32> {
         let [x, y, z] = coord.to_array().map(|c| SPREAD[(c & 3) as usize]);
-        self.cells.get(&CellPlace::of(coord))?.get(x | y << 1 | z << 2)
+        self.cells.get(&CellPlace::new(coord))?.get(x | y << 1 | z << 2)
     }
 
     /// Indices of the 3x3x3 blocks around a coordinate, which need not be a block itself.
@@ -205,7 +205,7 @@ impl<'a> NeighbourFinder<'a> {
         self.middle = Some(middle);
         let [x, y, z] = middle.to_array().map(|c| c as usize % CELL_EDGE);
         self.lowest = (z * AROUND_EDGE + y) * AROUND_EDGE + x;
-        let place = CellPlace::of(middle);
+        let place = CellPlace::new(middle);
         if self.place != Some(place) {
             self.place = Some(place);
             self.find_blocks(place);

@@ -26,7 +26,7 @@ pub struct BlockCell {
 impl BlockCell {
     /// The cell of a block, with that block alone.
     #[must_use]
-    pub fn of(block: BlockCoord) -> Self {
+    pub fn containing(block: BlockCoord) -> Self {
         let code = block.morton().0;
         Self { code: code >> CELL_BITS, blocks: 1 << (code & ((1 << CELL_BITS) - 1)) }
     }
@@ -83,10 +83,10 @@ impl BlockSet {
     /// # Panics
     /// In debug builds, if they are not.
     #[must_use]
-    pub fn of(coords: &[BlockCoord]) -> Self {
+    pub fn from_coords(coords: &[BlockCoord]) -> Self {
         debug_assert!(coords.is_sorted_by_key(|coord| coord.morton()), "blocks in Morton order");
         let mut cells: Vec<BlockCell> = Vec::new();
-        for cell in coords.iter().map(|coord| BlockCell::of(*coord)) {
+        for cell in coords.iter().map(|coord| BlockCell::containing(*coord)) {
             match cells.last_mut().filter(|last| last.code == cell.code) {
                 Some(last) => last.blocks |= cell.blocks,
                 None => cells.push(cell),
@@ -284,17 +284,17 @@ mod tests {
     #[test]
     fn a_set_has_its_blocks_in_order() {
         let coords = scattered(1);
-        let set = BlockSet::of(&coords);
+        let set = BlockSet::from_coords(&coords);
         assert_eq!(set.coords(), coords);
         assert_eq!(set.count(), coords.len());
-        assert!(BlockSet::of(&[]).is_empty() && !set.is_empty());
+        assert!(BlockSet::from_coords(&[]).is_empty() && !set.is_empty());
     }
 
     #[test]
     fn sets_combine_block_by_block() {
         let (a, b) = (scattered(1), scattered(2));
         let (in_a, in_b) = (|c: &BlockCoord| a.contains(c), |c: &BlockCoord| b.contains(c));
-        let (x, y) = (BlockSet::of(&a), BlockSet::of(&b));
+        let (x, y) = (BlockSet::from_coords(&a), BlockSet::from_coords(&b));
         assert_eq!(x.union(&y).coords(), sorted(a.iter().chain(&b).copied()));
         assert_eq!(x.intersection(&y).coords(), sorted(a.iter().copied().filter(in_b)));
         assert_eq!(x.difference(&y).coords(), sorted(a.iter().copied().filter(|c| !in_b(c))));
@@ -307,13 +307,13 @@ mod tests {
         let elsewhere = |c: &BlockCoord| part.iter().all(|other| cell(other) != cell(c));
         let expected = sorted(a.iter().copied().filter(elsewhere));
         assert!(expected.len() > 10 && expected.len() < a.len());
-        assert_eq!(x.outside_cells_of(&BlockSet::of(&part)).coords(), expected);
+        assert_eq!(x.outside_cells_of(&BlockSet::from_coords(&part)).coords(), expected);
     }
 
     #[test]
     fn the_next_cell_is_the_one_at_an_offset_of_one() {
         for coord in scattered(0).into_iter().chain(scattered(3)) {
-            let cell = BlockCell::of(coord);
+            let cell = BlockCell::containing(coord);
             for axis in 0..3 {
                 let offset = |step| std::array::from_fn(|other| if other == axis { step } else { 0 });
                 assert_eq!(cell.beside(axis, true), cell.at_offset(offset(1)), "{coord:?} {axis}");
@@ -330,6 +330,6 @@ mod tests {
             (0..27).map(move |slot| coord.offset([slot % 3 - 1, slot / 3 % 3 - 1, slot / 9 - 1]))
         };
         let expected = sorted(coords.iter().flat_map(around).filter(|coord| coord.in_range()));
-        assert_eq!(BlockSet::of(&coords).dilated().coords(), expected);
+        assert_eq!(BlockSet::from_coords(&coords).dilated().coords(), expected);
     }
 }

@@ -230,7 +230,7 @@ impl Study {
             first_frame: take.range().start,
         };
         let store = Store::new(&args.output, &take, &training, &settings)?;
-        let scale = Scale::of(&first, &grid);
+        let scale = Scale::new(&first, &grid);
         let sign = decide_sign(&first, settings.ingest.sign).0;
         Ok(Self { take, training, settings, points: usize::from(args.points), scale, sign, store })
     }

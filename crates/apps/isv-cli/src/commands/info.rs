@@ -138,7 +138,7 @@ impl StreamInfo {
             voxel_size_m: header.grid.voxel_size.metres(),
             truncation_voxels: header.grid.truncation.voxels(),
             block_edge: header.grid.edge.voxels(),
-            paper: PaperInfo::of(header),
+            paper: PaperInfo::new(header),
             bytes: summary.bytes,
             duration_s: summary.duration_s,
             bitrate_mbps: summary.mbps(),
@@ -207,7 +207,7 @@ impl StreamInfo {
 }
 
 impl PaperInfo {
-    fn of(header: &StreamHeader) -> Option<Self> {
+    fn new(header: &StreamHeader) -> Option<Self> {
         let Profile::Paper(PaperParameters { coefficients, dc_step, ac_step }) = header.profile else {
             return None;
         };

@@ -60,7 +60,7 @@ impl GpuWorkers for OpenGpu {
     }
 
     fn integrator(&self, settings: FusionSettings) -> Result<Box<dyn IntegrateWorker>, DeviceError> {
-        Ok(Box::new(Accumulator::on(GpuFusion::new(self.0.gpu())?, settings)))
+        Ok(Box::new(Accumulator::with_backend(GpuFusion::new(self.0.gpu())?, settings)))
     }
 }
 

@@ -69,13 +69,13 @@ pub(super) fn of_frame(options: &EncodeOptions, frame: &CapturedFrame, grid: Gri
     let settings = |voxel_size| options.fields.point_ingest(Grid { voxel_size, ..grid });
     match &frame.content {
         Content::Geometry(Geometry::Points(cloud)) if !cloud.positions.is_empty() => {
-            let spacing = PointSpacing::of(cloud);
+            let spacing = PointSpacing::from_cloud(cloud);
             let why = format!("points are {} apart", millimetres(spacing.median_m));
             Some(with_room(cloud, spacing.voxel_m(), why, settings))
         }
         Content::Depth(images) => {
             let max_depth_m = options.fields.max_depth_m();
-            let DepthResolution { footprint_m, noise_m } = DepthResolution::of(images, max_depth_m)?;
+            let DepthResolution { footprint_m, noise_m } = DepthResolution::from_images(images, max_depth_m)?;
             let why = format!(
                 "a pixel covers {} and depths are noisy by {}",
                 millimetres(footprint_m),

@@ -47,7 +47,7 @@ fn in_unsettled_blocks(
     // All that cells of these blocks reach into.
     let some = (unsettled != all).then(|| unsettled.dilated().intersection(all));
     let near = some.as_ref().unwrap_or(all);
-    let some_index = some.as_ref().map(BlockIndex::of);
+    let some_index = some.as_ref().map(BlockIndex::from_set);
     let index = some_index.as_ref().unwrap_or(extended.index());
     let numbers: Vec<u32> =
         (0..).zip(near.marks_in(all)).filter_map(|(block, near)| near.then_some(block)).collect();

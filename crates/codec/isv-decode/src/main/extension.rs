@@ -107,7 +107,7 @@ impl ExtensionPlan {
     /// Plans the extension of a frame. `coded`, `kept`: those that its blocks were found for.
     #[must_use]
     pub fn new(blocks: FrameBlocks, coded: &[BlockCoord], kept: Option<Kept>) -> Self {
-        let (coords, index) = (blocks.all.coords(), BlockIndex::of(&blocks.all));
+        let (coords, index) = (blocks.all.coords(), BlockIndex::from_set(&blocks.all));
         let mut next = coded.iter().peekable();
         let is_coded = |(place, coord): (u32, BlockCoord)| next.next_if_eq(&&coord).map(|_| place);
         let fresh = (0..).zip(blocks.fresh.cells().iter().flat_map(|cell| cell.coords()));

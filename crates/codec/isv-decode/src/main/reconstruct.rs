@@ -225,7 +225,7 @@ mod tests {
         coords.sort_unstable_by_key(|coord| coord.morton());
         let samples = (0..coords.len() * SAMPLES).map(|i| ((i * i / 7) % 4001) as i16 - 2000).collect();
         let volume = SparseVolume::from_parts(grid, coords, samples, BTreeMap::new());
-        let all = BlockSet::of(volume.coords());
+        let all = BlockSet::from_coords(volume.coords());
         let blocks = FrameBlocks { all, ..FrameBlocks::default() };
         let decoded = DecodedBlocks::new(volume, blocks);
         MainReference::new(decoded, FrameSymbols::default(), BTreeMap::new())

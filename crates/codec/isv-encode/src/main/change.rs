@@ -39,7 +39,7 @@ fn changed_blocks(before: &SparseVolume, after: &SparseVolume) -> BlockSet {
     if after.block_count() == 0 {
         changed.extend(before.coords());
     }
-    BlockSet::of(&changed)
+    BlockSet::from_coords(&changed)
 }
 
 type Part<'a> = (&'a SparseVolume, std::ops::Range<usize>);

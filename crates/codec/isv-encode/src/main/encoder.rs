@@ -199,7 +199,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             let mut coded = self.encode_or_cut(&source, facts.keyframe, quality, &mut spare);
             facts.keyframe = coded.frame.keyframe;
             if let Some(decoded) = coded.state.reference.as_ref().filter(|_| self.rate.needs_error()) {
-                let surface = surface.get_or_init(|| SourceSurface::of(volume));
+                let surface = surface.get_or_init(|| SourceSurface::new(volume));
                 coded.frame.surface_distance_voxels = Some(surface.distance_voxels(decoded.volume()));
             }
             let attempt = Attempt {

@@ -117,11 +117,11 @@ impl BlockTarget {
 impl<'a> Targets<'a> {
     /// The targets of a volume. `skipped`: blocks in cells of 4x4x4 blocks that stay as they are.
     pub(crate) fn new(volume: &'a SparseVolume, band: Band, tools: Tools, skipped: &BlockSet) -> Self {
-        let all = BlockSet::of(volume.coords());
+        let all = BlockSet::from_coords(volume.coords());
         let open = all.outside_cells_of(skipped);
         // Those beside them tell which of their voxels are crossed.
         let near = if skipped.is_empty() { all.clone() } else { open.dilated().intersection(&all) };
-        let index = BlockIndex::of(&near);
+        let index = BlockIndex::from_set(&near);
         let numbers = (0..).zip(near.marks_in(&all)).filter_map(|(block, near)| near.then_some(block));
         let numbers: Vec<u32> = numbers.collect();
         let signs = numbers.par_iter().map(|block| Signs::of_block(volume, *block as usize));

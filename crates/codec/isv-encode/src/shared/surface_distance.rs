@@ -26,7 +26,7 @@ const CHUNK: usize = 4096;
 /// If the two are on different grids.
 #[must_use]
 pub fn surface_distance_voxels(source: &SparseVolume, decoded: &SparseVolume) -> f64 {
-    SourceSurface::of(source).distance_voxels(decoded)
+    SourceSurface::new(source).distance_voxels(decoded)
 }
 
 /// A volume with its surface, for any number of decoded ones to be compared with.
@@ -38,14 +38,14 @@ pub(crate) struct SourceSurface<'a> {
 }
 
 impl<'a> SourceSurface<'a> {
-    pub(crate) fn of(volume: &'a SparseVolume) -> Self {
-        Self { volume, index: volume.index(), surface: Surface::of(volume) }
+    pub(crate) fn new(volume: &'a SparseVolume) -> Self {
+        Self { volume, index: volume.index(), surface: Surface::new(volume) }
     }
 
     /// As [`surface_distance_voxels`].
     pub(crate) fn distance_voxels(&self, decoded: &SparseVolume) -> f64 {
         assert_eq!(self.volume.grid(), decoded.grid(), "volumes are compared on one grid");
-        let decoded = Surface::of(decoded);
+        let decoded = Surface::new(decoded);
         let Seen { near, far } = decoded.seen(|vertex| self.distance_near(vertex), &self.surface);
         // Of the source's vertices that have some near, the mean distance is that of these.
         let back = self.surface.seen(|vertex| decoded.is_near(vertex).then_some(0.0), &decoded);
@@ -100,7 +100,7 @@ struct Seen {
 }
 
 impl Surface {
-    fn of(volume: &SparseVolume) -> Self {
+    fn new(volume: &SparseVolume) -> Self {
         let TriangleMesh { vertices, .. } = extract_surface(volume, &SurfaceOptions::default());
         let voxel_m = volume.grid().voxel_size.metres();
         let vertices: Vec<DVec3> =

@@ -142,7 +142,7 @@ impl SearchBackend for GpuMotionSearch {
     }
 
     fn find_shifts(&mut self, frame: &MotionQuery) -> Result<Option<Vec<BlockShifts>>, BackendError> {
-        let groups = Groups::of(frame);
+        let groups = Groups::new(frame);
         let shifts = self.search(frame, &groups)?;
         Ok(shifts.map(|shifts| groups.of_blocks.iter().map(|of| of.map(|n| shifts[n as usize])).collect()))
     }
@@ -164,7 +164,7 @@ struct Groups {
 }
 
 impl Groups {
-    fn of(frame: &MotionQuery) -> Self {
+    fn new(frame: &MotionQuery) -> Self {
         let count = frame.coords().len();
         let vectors: Vec<u32> = (0..count).map(|block| pack_vector(frame.vector_before(block))).collect();
         let (mut rows, mut sizes) = (Vec::new(), Vec::new());

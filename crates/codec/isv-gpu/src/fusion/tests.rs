@@ -198,7 +198,7 @@ fn accumulated_volumes_are_the_cpus() {
         assert!(voxels.is_below(0.001), "{voxels:?}");
     }
     // As its users see it.
-    let mut accumulator = Accumulator::on(GpuFusion::new(&gpu).unwrap(), settings);
+    let mut accumulator = Accumulator::with_backend(GpuFusion::new(&gpu).unwrap(), settings);
     assert_eq!(accumulator.try_volume().unwrap().block_count(), 0);
     accumulator.integrate(&ball).unwrap();
     let fused = fuse_on(&mut GpuFusion::new(&gpu).unwrap(), &ball, &settings).unwrap();
@@ -280,7 +280,7 @@ fn a_lost_gpu_is_an_error() {
     let settings = settings(0.02, BlockEdge::E8, 8);
     let sheet = render_depth(&sheet(1.0), &LENS, &look_at(DVec3::Z * 2.0, DVec3::ZERO));
     let mut ours = GpuFusion::new(&gpu).unwrap();
-    let mut accumulator = Accumulator::on(GpuFusion::new(&gpu).unwrap(), settings);
+    let mut accumulator = Accumulator::with_backend(GpuFusion::new(&gpu).unwrap(), settings);
     accumulator.integrate(std::slice::from_ref(&sheet)).unwrap();
     gpu.lose();
     assert!(matches!(accumulator.try_volume(), Err(FusionError::Backend(_))));

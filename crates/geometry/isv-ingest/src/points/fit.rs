@@ -24,7 +24,7 @@ pub struct PointSpacing {
 impl PointSpacing {
     /// Measures a cloud by up to 4,096 of its points. Points that are not finite have no say.
     #[must_use]
-    pub fn of(cloud: &PointCloud) -> Self {
+    pub fn from_cloud(cloud: &PointCloud) -> Self {
         let positions: Vec<_> = cloud.positions.iter().copied().filter(|p| p.is_finite()).collect();
         let count = positions.len().min(SAMPLES);
         let tree = PointTree::new(positions);
@@ -79,18 +79,18 @@ mod tests {
 
     #[test]
     fn spacing_is_that_of_most_points() {
-        let found = PointSpacing::of(&cloud(lattice(60, 0.084)));
+        let found = PointSpacing::from_cloud(&cloud(lattice(60, 0.084)));
         assert!((found.median_m / 0.084 - 1.0).abs() < 0.15, "{found:?}");
         // Neither points that fly far from all others nor doubled ones change that.
         let mut random = Random::new(1);
         let mut points = lattice(60, 0.084);
         points.extend((0..200).map(|_| 100.0 * random.point()));
         points.push(DVec3::NAN);
-        let flying = PointSpacing::of(&cloud(points.clone()));
+        let flying = PointSpacing::from_cloud(&cloud(points.clone()));
         assert!((flying.voxel_m() / found.voxel_m() - 1.0).abs() < 0.1, "{flying:?}");
         points.push(DVec3::ZERO);
         points.push(DVec3::ZERO);
-        assert!(PointSpacing::of(&cloud(points)).median_m > 0.07);
+        assert!(PointSpacing::from_cloud(&cloud(points)).median_m > 0.07);
     }
 
     #[test]
@@ -98,15 +98,15 @@ mod tests {
         // Two of five points are far apart.
         let mut points = lattice(30, 0.01);
         points.extend(lattice(25, 0.09).into_iter().map(|p| p + DVec3::Z));
-        let found = PointSpacing::of(&cloud(points));
+        let found = PointSpacing::from_cloud(&cloud(points));
         assert!(found.median_m < 0.012 && found.voxel_m() > 0.025 && found.voxel_m() < 0.04, "{found:?}");
     }
 
     #[test]
     fn few_points_and_none_have_a_spacing() {
-        assert_eq!(PointSpacing::of(&cloud(Vec::new())), PointSpacing::default());
-        assert_eq!(PointSpacing::of(&cloud(vec![DVec3::ONE])).voxel_m(), 0.0);
-        assert_eq!(PointSpacing::of(&cloud(vec![DVec3::ONE; 50])).voxel_m(), 0.0);
-        assert!(PointSpacing::of(&cloud(vec![DVec3::ZERO, DVec3::X])).voxel_m() > 0.5);
+        assert_eq!(PointSpacing::from_cloud(&cloud(Vec::new())), PointSpacing::default());
+        assert_eq!(PointSpacing::from_cloud(&cloud(vec![DVec3::ONE])).voxel_m(), 0.0);
+        assert_eq!(PointSpacing::from_cloud(&cloud(vec![DVec3::ONE; 50])).voxel_m(), 0.0);
+        assert!(PointSpacing::from_cloud(&cloud(vec![DVec3::ZERO, DVec3::X])).voxel_m() > 0.5);
     }
 }

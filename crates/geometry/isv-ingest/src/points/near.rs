@@ -189,7 +189,7 @@ impl Workspace {
 fn find_closest(closest_sq: &mut Values, normals: &mut [Values; 3], surfel: &Surfel) {
     let reach_sq = surfel.reach * surfel.reach;
     let free_sq = DISC_SHARE * DISC_SHARE * reach_sq;
-    for row in Rows::of(surfel) {
+    for row in Rows::new(surfel) {
         let place = row.place(surfel);
         let old_sq = closest_sq[row.index];
         let mut distances_sq = old_sq;
@@ -227,7 +227,7 @@ impl Moments {
         let inverse_reach_sq = 1.0 / (surfel.reach * surfel.reach);
         let inverse_certain_sq = 1.0 / (surfel.certain * surfel.certain);
         let mut least = [1f32; BRICK];
-        for row in Rows::of(surfel) {
+        for row in Rows::new(surfel) {
             let place = row.place(surfel);
             let [a, b, c] = [closest[0][row.index], closest[1][row.index], closest[2][row.index]];
             let mut weights = [0.0; BRICK];
@@ -365,7 +365,7 @@ struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     #[inline(always)]
-    fn of(surfel: &'a Surfel) -> Self {
+    fn new(surfel: &'a Surfel) -> Self {
         let reach_sq = surfel.reach * surfel.reach + HEIGHT_SQ;
         let reach = reach_sq.sqrt();
         let last = (BRICK - 1) as f32;

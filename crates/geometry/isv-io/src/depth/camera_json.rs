@@ -70,7 +70,7 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     let Some(stamps) = timestamps else { return Ok(sequence) };
     count(stamps.len(), "timestamps", "give one for each image, or none at all")?;
     let stamps = stamps_in_order(file, &stamps)?;
-    let unit = time_unit.unwrap_or_else(|| TimeUnit::of(&stamps));
+    let unit = time_unit.unwrap_or_else(|| TimeUnit::from_stamps(&stamps));
     let times_ns: Vec<_> = stamps.iter().map(|stamp| unit.nanoseconds(*stamp)).collect();
     let times_ns = times::since_first(&times_ns, file)?;
     Ok(DepthSequence {

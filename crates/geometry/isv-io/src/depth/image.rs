@@ -53,7 +53,7 @@ const SATURATED_SHARE: f64 = 0.01;
 /// A value that may stand for "no reading" without the capture saying so, and the share of an image's pixels that hold it; nothing for
 /// other images than PNG and for those that cannot be read.
 pub(crate) fn suspect(file: &ImageFile, units: &Units) -> Option<(u16, f64)> {
-    if ImageKind::of(file.path) != Some(ImageKind::Png) {
+    if ImageKind::from_path(file.path) != Some(ImageKind::Png) {
         return None;
     }
     // Metres are values.
@@ -86,7 +86,7 @@ pub(crate) fn read(file: &ImageFile, units: &Units) -> Result<Vec<f32>, DepthFil
     let io_error = |cause| DepthFileError::ImageIo { path: file.path.to_owned(), frame: file.frame, cause };
     let (opened, length) = regular_file::open(file.path).map_err(io_error)?;
     let bytes = BufReader::new(opened);
-    match ImageKind::of(file.path) {
+    match ImageKind::from_path(file.path) {
         Some(ImageKind::Png) => png_image::read(bytes, length, file, units),
         Some(ImageKind::Exr) => exr_image::read(bytes, length, file),
         None => Err(file.flaw("neither .png nor .exr")),

@@ -17,12 +17,15 @@ pub(crate) fn list_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> 
     for entry in folder.read_dir().map_err(io_error(folder))? {
         let name = entry.map_err(io_error(folder))?.file_name();
         let hidden = name.as_encoded_bytes().starts_with(b".");
-        if !hidden && ImageKind::of(Path::new(&name)).is_some() && matches(pattern, name.as_encoded_bytes()) {
+        if !hidden
+            && ImageKind::from_path(Path::new(&name)).is_some()
+            && matches(pattern, name.as_encoded_bytes())
+        {
             names.push(name);
         }
     }
     names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
-    let kinds = |kind| names.iter().any(|name| ImageKind::of(Path::new(name)) == Some(kind));
+    let kinds = |kind| names.iter().any(|name| ImageKind::from_path(Path::new(name)) == Some(kind));
     match (kinds(ImageKind::Png), kinds(ImageKind::Exr)) {
         (false, false) => Err(DepthFileError::NoImages { path: place.to_owned() }),
         (true, true) => Err(DepthFileError::MixedImages { path: place.to_owned() }),
@@ -39,7 +42,7 @@ pub(crate) enum ImageKind {
 
 impl ImageKind {
     /// By the extension, in any case.
-    pub(crate) fn of(path: &Path) -> Option<Self> {
+    pub(crate) fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_ascii_lowercase().to_str()? {
             "png" => Some(Self::Png),
             "exr" => Some(Self::Exr),

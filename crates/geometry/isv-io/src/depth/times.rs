@@ -54,7 +54,7 @@ impl TimeUnit {
     /// Times since 1970 are told by their size, unless the rate by their median distance is no camera's. Otherwise whole numbers are in
     /// the unit of which the rate is from 0.5 up to 500 frames a second. With decimals it is from 0.125 up to 125, as fractions of
     /// milliseconds are less common than slow takes. What fits no unit is in seconds.
-    pub(crate) fn of(stamps: &[i128]) -> Self {
+    pub(crate) fn from_stamps(stamps: &[i128]) -> Self {
         if let Some(unit) = Self::of_clock(stamps) {
             return unit;
         }
@@ -155,7 +155,9 @@ mod tests {
     use super::*;
 
     fn unit(stamps: &[&str]) -> TimeUnit {
-        TimeUnit::of(&stamps.iter().map(|stamp| parse_billionths(stamp).unwrap()).collect::<Vec<_>>())
+        TimeUnit::from_stamps(
+            &stamps.iter().map(|stamp| parse_billionths(stamp).unwrap()).collect::<Vec<_>>(),
+        )
     }
 
     #[test]

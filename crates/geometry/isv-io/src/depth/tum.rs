@@ -41,7 +41,7 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     let images = read_images(folder, file)?;
     let (optics, given_unit) = read_camera(folder)?;
     let stamps: Vec<Time> = images.iter().map(|image| image.0).collect();
-    let unit = given_unit.unwrap_or_else(|| TimeUnit::of(&stamps));
+    let unit = given_unit.unwrap_or_else(|| TimeUnit::from_stamps(&stamps));
     let list = folder.join("groundtruth.txt");
     let trajectory = Trajectory::read(&list, unit)?;
     let (mut times, mut poses, mut paths) = (Vec::new(), Vec::new(), Vec::new());

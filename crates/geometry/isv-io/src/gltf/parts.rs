@@ -48,7 +48,7 @@ struct VertexSource {
 
 impl VertexSource {
     /// `None` for a primitive without positions, which the specification leaves to extensions.
-    fn of(primitive: &Primitive) -> Option<Self> {
+    fn from_primitive(primitive: &Primitive) -> Option<Self> {
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let set = |n: usize| Some((attribute(&format!("JOINTS_{n}"))?, attribute(&format!("WEIGHTS_{n}"))?));
         Some(Self {
@@ -147,7 +147,7 @@ impl Shape {
         for primitive in &mesh.primitives {
             refuse_compression(primitive).map_err(|fault| Flaw::in_object("mesh", index, fault))?;
             let is_read = primitive.mode == Primitive::POINTS || primitive.mode >= Primitive::TRIANGLES;
-            let Some(source) = VertexSource::of(primitive).filter(|_| is_read) else {
+            let Some(source) = VertexSource::from_primitive(primitive).filter(|_| is_read) else {
                 continue;
             };
             let draco = source.draco.as_ref().map(|stream| {

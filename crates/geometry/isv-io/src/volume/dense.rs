@@ -184,7 +184,7 @@ impl Dense {
             (None, Some(metres)) => VoxelSize::from_metres(metres).map_err(in_file)?,
             (None, None) => return Err(VolumeError::NoVoxelSize { path: path.to_owned() }),
         };
-        let scale = Scale::of(self, path, options, voxel_size.metres())?;
+        let scale = Scale::new(self, path, options, voxel_size.metres())?;
         let truncation = match truncation {
             Some(truncation) => truncation,
             None => {

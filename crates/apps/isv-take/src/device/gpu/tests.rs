@@ -30,7 +30,7 @@ impl Bench {
     /// Opens a GPU, software or not; the test is skipped where there is none.
     fn open(falls_back: bool) -> Option<Self> {
         match Gpu::open(&GpuChoice { software: true, ..GpuChoice::default() }) {
-            Ok(gpu) => Some(Self::on(gpu, falls_back)),
+            Ok(gpu) => Some(Self::with_gpu(gpu, falls_back)),
             Err(error) => {
                 skip(Need::Gpu, error);
                 None
@@ -38,7 +38,7 @@ impl Bench {
         }
     }
 
-    fn on(gpu: Gpu, falls_back: bool) -> Self {
+    fn with_gpu(gpu: Gpu, falls_back: bool) -> Self {
         let workers: Arc<dyn GpuWorkers> = Arc::new(OpenGpu(VolumeStore::new(&gpu).unwrap()));
         let told = Arc::new(Mutex::new(Vec::new()));
         let heard = Arc::clone(&told);
@@ -150,7 +150,7 @@ fn meshes_become_the_volumes_of_the_cpu() {
     const CLOSED: SignDecision = SignDecision::Closed { flipped: false };
     let Some(bench) = Bench::open(true) else { return };
     let settings = MeshIngest::new(default_grid());
-    let strict = Bench::on(bench.gpu.clone(), false);
+    let strict = Bench::with_gpu(bench.gpu.clone(), false);
     let [mut auto, mut strict] =
         [&bench, &strict].map(|bench| bench.device.mesh_ingest(settings, &bench.observer).unwrap());
     let mesh = sphere(0.03, 12);
@@ -174,7 +174,7 @@ fn wall() -> DepthImage {
 #[test]
 fn depth_images_are_fused_within_the_frame() {
     let Some(bench) = Bench::open(true) else { return };
-    let strict = Bench::on(bench.gpu.clone(), false);
+    let strict = Bench::with_gpu(bench.gpu.clone(), false);
     let (wall, settings) = ([wall()], FusionSettings::new(default_grid()));
     let [mut fuser, mut strict] = [&bench, &strict].map(|bench| bench.device.fuser(&bench.observer).unwrap());
     // Images that cannot be fused are no fault of the GPU.
@@ -193,7 +193,7 @@ fn depth_images_are_fused_within_the_frame() {
 #[test]
 fn images_are_accumulated_on_a_gpu_that_was_asked_for_and_else_on_the_cpu() {
     let Some(bench) = Bench::open(false) else { return };
-    let auto = Bench::on(bench.gpu.clone(), true);
+    let auto = Bench::with_gpu(bench.gpu.clone(), true);
     let settings = FusionSettings::new(default_grid());
     let [ours, cpus] = [&bench, &auto].map(|bench| {
         let mut integrator = bench.device.integrator(settings, &bench.observer).unwrap();

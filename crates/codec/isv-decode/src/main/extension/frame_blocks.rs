@@ -29,7 +29,7 @@ impl FrameBlocks {
     /// Of a frame with these coded blocks, in Morton order and none of them in a cell that is kept.
     #[must_use]
     pub fn new(coded: &[BlockCoord], kept: Option<Kept>) -> Self {
-        let now = BlockSet::of(coded);
+        let now = BlockSet::from_coords(coded);
         let Some(Kept { before, skipped }) = kept else {
             let all = now.dilated();
             return Self { fresh: all.clone(), unsettled: all.clone(), coded: now, all };

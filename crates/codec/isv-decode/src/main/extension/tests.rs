@@ -306,7 +306,7 @@ fn what_is_kept_is_what_it_would_become() {
         }
         let before = DecodedBlocks::from_coded(&before);
         let skipped: Vec<_> = before.volume().coords().iter().copied().filter(stays).collect();
-        let skipped = BlockSet::of(&skipped);
+        let skipped = BlockSet::from_coords(&skipped);
         let kept = Some(Kept { before: before.sets(), skipped: &skipped });
         let plan = ExtensionPlan::new(FrameBlocks::new(&now, kept), &now, kept);
         let mut samples = plan.samples(Vec::new());

@@ -92,7 +92,7 @@ impl BlockSetModels {
         };
         if rest > 0 {
             let others = self.octree.decode(&mut decoder, rest, None)?;
-            let outside = BlockSet::of(&others).outside_cells_of(&skipped);
+            let outside = BlockSet::from_coords(&others).outside_cells_of(&skipped);
             if outside.count() < others.len() {
                 return Err(SyntaxError("the block set holds a block in a cell that stays as it is").into());
             }

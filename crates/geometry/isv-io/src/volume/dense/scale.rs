@@ -38,13 +38,13 @@ enum Why {
 }
 
 impl Scale {
-    pub(super) fn of(
+    pub(super) fn new(
         dense: &Dense,
         path: &Path,
         options: &DenseOptions,
         voxel_m: f64,
     ) -> Result<Self, VolumeError> {
-        let facts = Facts::of(dense);
+        let facts = Facts::new(dense);
         // Rounded halves of 1 are a little off it.
         let is_normalised = facts.largest <= 1.0 + 1e-3;
         let is_integer = dense.tsdf.array.is_integer();
@@ -109,7 +109,7 @@ struct Facts {
 }
 
 impl Facts {
-    fn of(dense: &Dense) -> Self {
+    fn new(dense: &Dense) -> Self {
         let [nx, ny, nz] = dense.extents;
         let mut largest: f64 = 0.0;
         for_all([nx, ny, nz], |at| {

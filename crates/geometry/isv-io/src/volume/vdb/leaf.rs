@@ -119,7 +119,7 @@ impl<'a> Leaves<'a> {
     /// edge are inactive. So an inactive voxel has the sign of the active ones beside it, and an active one that faces an inactive one of
     /// the other sign all the same is made inactive. What is left of a hole in the surface is a change of sign among inactive voxels.
     pub(super) fn leaf(&self, origin: [i32; 3]) -> Leaf {
-        let around = Around::of(self, origin);
+        let around = Around::new(self, origin);
         let mut leaf = Leaf { values: [self.background(); VOXELS], active: [0; MASK_BYTES] };
         let mut known = [None; VOXELS];
         for to in 0..VOXELS {
@@ -178,7 +178,7 @@ struct Around {
 }
 
 impl Around {
-    fn of(leaves: &Leaves, origin: [i32; 3]) -> Self {
+    fn new(leaves: &Leaves, origin: [i32; 3]) -> Self {
         let edge = leaves.grid().edge;
         let side = edge.voxels() as i32;
         let mut states = Vec::with_capacity(PADDED.pow(3));
