@@ -34,7 +34,7 @@ export async function serveLive(stream, port = 0) {
   const timer = setInterval(() => {
     const packet = packets[number++ % packets.length];
     const keyframe = (packet[5] & 1) === 1;
-    const sent = message(1, f64(Date.now()), packet);
+    const sent = message(keyframe ? 4 : 1, f64(Date.now()), packet);
     for (const [viewer, begun] of viewers) {
       if (!begun && !keyframe) continue;
       viewers.set(viewer, true);
