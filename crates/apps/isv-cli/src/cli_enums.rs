@@ -205,6 +205,8 @@ cli_enum! {
         Closed => SignMode::Closed,
         /// It has none: code a thin shell around it
         Offset => SignMode::Offset,
+        /// Part by part: closed parts have an inside, open ones are single sheets
+        Sheet => SignMode::Sheet,
     }
 }
 

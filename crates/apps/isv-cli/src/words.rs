@@ -47,7 +47,7 @@ fn event_in_words(event: &Event) -> String {
                 "{name}: --viewpoint is without effect, as the points have normals: --normals estimate makes new ones"
             );
         }
-        EncodeEvent::SurfaceLost { .. } => ": --sign offset keeps it",
+        EncodeEvent::SurfaceLost { .. } => ": --sign sheet keeps it",
         EncodeEvent::Tiny { .. } => ": check --units",
         EncodeEvent::ErrorMissed { .. } => ": smaller voxels reach it",
         _ => "",

@@ -166,6 +166,9 @@ impl GpuMeshIngester {
     /// The volume of a job before what its holes need.
     fn sample(&mut self, job: &MeshJob) -> Result<GpuVolume, GpuIngestError> {
         let (store, gpu) = (self.store.clone(), self.store.gpu());
+        if job.has_sheets() {
+            return Err(refusal(job, "open surfaces signed by side"));
+        }
         let lattice = job.lattice().ok_or_else(|| refusal(job, "a mesh of this extent"))?;
         let mesh = OnGpu {
             vertices: self.vertices.holding(gpu, lattice.vertices.as_flattened())?,

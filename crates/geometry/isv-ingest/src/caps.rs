@@ -25,12 +25,28 @@ const FAR_APART: u32 = 5 * CODES_PER_VOXEL as u32;
 /// A voxel: its block, and its index there.
 pub(crate) type VoxelAt = (u32, u32);
 
+/// Two neighbours of different signs.
+pub(crate) struct SignChange {
+    pub(crate) pair: [VoxelAt; 2],
+    /// In codes.
+    pub(crate) distances: [u16; 2],
+}
+
+impl SignChange {
+    /// The sum of the distances, in codes.
+    pub(crate) fn apart(&self) -> u32 {
+        self.distances.iter().map(|distance| u32::from(*distance)).sum()
+    }
+}
+
 /// The blocks of a frame while they are put together.
 #[derive(Default)]
 pub(crate) struct Blocks {
     pub(crate) coords: Vec<BlockCoord>,
     pub(crate) samples: Vec<i16>,
     pub(crate) masks: BTreeMap<u32, VoxelMask>,
+    /// Those with voxels closest to a sheet, where other sign changes are unexplained ([`crate::jumps`]).
+    pub(crate) of_sheets: BTreeSet<u32>,
 }
 
 impl Blocks {
@@ -69,19 +85,8 @@ impl Blocks {
     fn unexplained(&self, edge: BlockEdge, caps: &Caps) -> BTreeSet<VoxelAt> {
         let index = BlockIndex::new(&self.coords);
         let around = |&(block, apart): &(u32, u32)| {
-            let mut found = Vec::new();
-            for axis in 0..3 {
-                self.compare_layers(edge, [block; 2], axis, apart, &mut found);
-                for side in [-1, 1] {
-                    let mut step = [0; 3];
-                    step[axis] = side;
-                    if let Some(other) = index.get(self.coords[block as usize].offset(step)) {
-                        let pair = if side > 0 { [block, other] } else { [other, block] };
-                        self.compare_layers(edge, pair, axis, apart, &mut found);
-                    }
-                }
-            }
-            found
+            let changes = self.sign_changes(edge, &index, block);
+            changes.filter(move |change| change.apart() > apart).flat_map(|change| change.pair)
         };
         self.candidates(caps).par_iter().flat_map_iter(around).collect()
     }
@@ -92,13 +97,40 @@ impl Blocks {
         let capped: FxHashSet<IVec3> = caps.tiles.iter().copied().collect();
         let candidate = |block: u32| {
             let tile = self.coords[block as usize].to_array().map(|c| c.div_euclid(TILE_BLOCKS));
-            if self.masks.contains_key(&block) {
+            if self.of_sheets.contains(&block) {
+                None
+            } else if self.masks.contains_key(&block) {
                 Some((block, APART))
             } else {
                 capped.contains(&IVec3::from_array(tile)).then_some((block, FAR_APART))
             }
         };
         (0..self.coords.len() as u32).into_par_iter().filter_map(candidate).collect()
+    }
+
+    /// The sign changes between observed voxels of a block, and between those of it and of the blocks across its faces.
+    pub(crate) fn sign_changes(
+        &self,
+        edge: BlockEdge,
+        index: &BlockIndex,
+        block: u32,
+    ) -> impl Iterator<Item = SignChange> {
+        let beside = |axis: usize, way: i32| {
+            let mut step = [0; 3];
+            step[axis] = way;
+            index.get(self.coords[block as usize].offset(step))
+        };
+        let mut found = Vec::new();
+        for axis in 0..3 {
+            self.compare_layers(edge, [block; 2], axis, &mut found);
+            if let Some(before) = beside(axis, -1) {
+                self.compare_layers(edge, [before, block], axis, &mut found);
+            }
+            if let Some(after) = beside(axis, 1) {
+                self.compare_layers(edge, [block, after], axis, &mut found);
+            }
+        }
+        found.into_iter()
     }
 
     /// Looks at the voxel pairs along an axis inside a block, given twice, or across the face between two, of which the second
@@ -108,8 +140,7 @@ impl Blocks {
         edge: BlockEdge,
         [lower, upper]: [u32; 2],
         axis: usize,
-        apart: u32,
-        found: &mut Vec<VoxelAt>,
+        found: &mut Vec<SignChange>,
     ) {
         let (n, size) = (edge.voxels(), edge.block_voxels());
         let (shift, stride) = (axis as u32 * edge.log2(), n.pow(axis as u32));
@@ -118,23 +149,22 @@ impl Blocks {
         let is_same = lower == upper;
         for voxel in (0..size).filter(|voxel| ((voxel >> shift & (n - 1)) == n - 1) != is_same) {
             let next = if is_same { voxel + stride } else { voxel - (n - 1) * stride };
-            let (s, t) = (below[voxel], above[next]);
-            let are_apart = u32::from(s.unsigned_abs()) + u32::from(t.unsigned_abs()) > apart;
-            if (s < 0) != (t < 0) && are_apart {
+            let samples = [below[voxel], above[next]];
+            if (samples[0] < 0) != (samples[1] < 0) {
                 let pair = [(lower, voxel as u32), (upper, next as u32)];
-                found.extend(
-                    pair.iter().all(|at| self.is_observed(*at)).then_some(pair).into_iter().flatten(),
-                );
+                if pair.iter().all(|at| self.is_observed(*at)) {
+                    found.push(SignChange { pair, distances: samples.map(i16::unsigned_abs) });
+                }
             }
         }
     }
 
-    fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
+    pub(crate) fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
         !self.masks.get(&block).is_some_and(|mask| mask.contains(voxel as usize))
     }
 
     /// Drops those of the changed blocks that have no observed voxel in the band any more.
-    fn drop_unobserved(&mut self, changed: &BTreeSet<VoxelAt>, grid: &Grid) {
+    pub(crate) fn drop_unobserved(&mut self, changed: &BTreeSet<VoxelAt>, grid: &Grid) {
         let size = grid.edge.block_voxels();
         let limit = grid.truncation.codes();
         let empty = |block: u32| {
@@ -148,8 +178,12 @@ impl Blocks {
         let old = std::mem::take(self);
         for (block, coord) in old.coords.iter().enumerate() {
             if !dropped.contains(&(block as u32)) {
+                let number = self.coords.len() as u32;
                 if let Some(mask) = old.masks.get(&(block as u32)) {
-                    self.masks.insert(self.coords.len() as u32, mask.clone());
+                    self.masks.insert(number, mask.clone());
+                }
+                if old.of_sheets.contains(&(block as u32)) {
+                    self.of_sheets.insert(number);
                 }
                 self.coords.push(*coord);
                 self.samples.extend_from_slice(&old.samples[block * size..][..size]);

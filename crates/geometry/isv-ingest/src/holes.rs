@@ -15,6 +15,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 const WIDEST_CLOSED: f64 = 3.0;
 
 /// The edges and vertices on wide holes.
+#[derive(Clone)]
 pub(crate) struct WideHoles {
     /// The ends of all edges, in voxels.
     pub(crate) rims: Vec<[DVec3; 2]>,

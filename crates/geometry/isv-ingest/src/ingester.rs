@@ -4,9 +4,12 @@ use crate::boundary::Boundary;
 use crate::caps::Blocks;
 use crate::closure::close;
 use crate::holes::WideHoles;
+use crate::orientation::agreeing;
+use crate::parts::open_faces;
 use crate::reuse::{Stage, unchanged};
-use crate::sampler::{Sign, Source, Workspace, sample_tile};
+use crate::sampler::{Parts, Sign, Source, Workspace, sample_tile};
 use crate::scene::Scene;
+use crate::sheets::{Sheets, closed_parts};
 use crate::sides::Sides;
 use crate::tiles::{Band, Tile, VoxelMesh};
 use crate::{IngestError, MeshIngest, Reach, SignDecision, faces, limits};
@@ -69,7 +72,7 @@ impl MeshIngester {
         let before = self.before.take().filter(|before| before.decision == sign);
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         let frame = rayon::scope(|_| {
-            let mesh = with_area(mesh)?;
+            let mesh = prepared(mesh, sign)?;
             Ok::<_, IngestError>(Frame::new(&mesh, &self.settings, sign, before)?.into_owned())
         })?;
         let volume = frame.volume.clone();
@@ -97,7 +100,7 @@ pub(crate) fn volume_of(
     sign: SignDecision,
 ) -> Result<SparseVolume, IngestError> {
     rayon::scope(|_| {
-        let mesh = with_area(mesh)?;
+        let mesh = prepared(mesh, sign)?;
         Ok(Frame::new(&mesh, settings, sign, None)?.volume)
     })
 }
@@ -107,6 +110,12 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, In
     mesh.validate()?;
     let mesh = faces::with_area(mesh);
     if mesh.triangles.is_empty() { Err(MeshError::NoFaces.into()) } else { Ok(mesh) }
+}
+
+/// The mesh as it is sampled: without faces that have no area, and with faces that agree where sides count.
+fn prepared(mesh: &TriangleMesh, sign: SignDecision) -> Result<Cow<'_, TriangleMesh>, IngestError> {
+    let mesh = with_area(mesh)?;
+    Ok(if sign == SignDecision::Sheet { agreeing(mesh) } else { mesh })
 }
 
 impl<'m> Frame<'m> {
@@ -130,7 +139,7 @@ impl<'m> Frame<'m> {
         let list = debug_span!("ingest tiles")
             .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
         let (sign, holes) = debug_span!("ingest sides")
-            .in_scope(|| find_sign(&voxel_mesh, settings, decision, offset, &near))?;
+            .in_scope(|| find_sign(mesh, &voxel_mesh, settings, decision, offset, &near))?;
         let scene = match reach {
             Reach::Band => Scene::exact(voxel_mesh, list, holes),
             Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, &band),
@@ -157,9 +166,10 @@ pub(crate) fn measured_reach(settings: &MeshIngest, offset: f64) -> (Reach, Band
     }
 }
 
-/// Where signs come from, and the wide holes of a mesh with an inside.
+/// Where signs come from, and the wide holes of a mesh with an inside. `mesh` is the mesh in metres, `in_voxels` the same in voxels.
 fn find_sign(
-    mesh: &VoxelMesh,
+    mesh: &TriangleMesh,
+    in_voxels: &VoxelMesh,
     settings: &MeshIngest,
     decision: SignDecision,
     offset: f64,
@@ -168,13 +178,35 @@ fn find_sign(
     match decision {
         SignDecision::Offset => Ok((Sign::Offset(offset as f32), None)),
         SignDecision::Closed { .. } => {
-            let boundary = Boundary::new(mesh);
-            let closing = close(&boundary.chain, &mesh.vertices);
-            limits::check_closing(mesh, &closing, settings)?;
-            let holes = WideHoles::find(mesh, &boundary);
-            Ok((Sign::Closed(Sides::new(mesh, &closing, holes.as_ref(), band)), holes))
+            let (sides, holes) = find_inside(in_voxels, settings, band)?;
+            Ok((Sign::Closed(sides), holes))
+        }
+        SignDecision::Sheet => {
+            let open = open_faces(mesh);
+            let (bodies, holes) = if open.contains(&false) {
+                let (sides, holes) = find_inside(&closed_parts(in_voxels, &open), settings, band)?;
+                (Some(sides), holes)
+            } else {
+                (None, None)
+            };
+            let sheets = Sheets::new(mesh, open);
+            let parts = Parts { bodies, holes: holes.clone(), sheets };
+            Ok((Sign::Parts(Box::new(parts)), holes))
         }
     }
+}
+
+/// What is inside a mesh once it is closed, and its holes that are to stay open.
+fn find_inside(
+    mesh: &VoxelMesh,
+    settings: &MeshIngest,
+    band: &Band,
+) -> Result<(Sides, Option<WideHoles>), IngestError> {
+    let boundary = Boundary::new(mesh);
+    let closing = close(&boundary.chain, &mesh.vertices);
+    limits::check_closing(mesh, &closing, settings)?;
+    let holes = WideHoles::find(mesh, &boundary);
+    Ok((Sides::new(mesh, &closing, holes.as_ref(), band), holes))
 }
 
 /// Samples the tiles of a scene that are not as they were in the frame before, and takes over the others.
@@ -208,17 +240,19 @@ fn sample(source: &Source, tiles: &[Tile]) -> Blocks {
         blocks.samples.reserve(parts.iter().map(|part| part.samples.len()).sum());
         for part in parts {
             let before = blocks.coords.len();
+            blocks.of_sheets.extend(part.of_sheets.into_iter().map(|at| (before + at) as u32));
             blocks.masks.extend(part.masks.into_iter().map(|(at, mask)| ((before + at) as u32, mask)));
             blocks.coords.extend(part.coords);
             blocks.samples.extend_from_slice(&part.samples);
         }
     }
     debug_span!("ingest rims").in_scope(|| {
-        if let Sign::Closed(sides) = source.sign
+        if let Some(sides) = source.sign.sides()
             && source.scene.has_wide_holes()
         {
             blocks.open_caps(&source.grid, &sides.caps, source.blending());
         }
+        blocks.open_jumps(&source.grid);
         blocks.trim_rims(source.grid.edge);
     });
     blocks

@@ -31,6 +31,8 @@ pub struct MeshJob<'m> {
     /// Delta of Eq. 9, if the surface is open.
     offset: Option<f64>,
     holes: Option<Holes>,
+    /// Whether parts of it are signed by their sides.
+    has_sheets: bool,
     lattice: Option<LatticeMesh>,
 }
 
@@ -76,7 +78,8 @@ impl<'m> MeshJob<'m> {
         drop(voxel_mesh);
         let holes = wide.map(|wide| Holes { wide, closing, are_coded: reach == Reach::Band });
         let offset = matches!(decision, SignDecision::Offset).then_some(margin);
-        Ok(Self { mesh, settings: *settings, near, band, offset, holes, lattice })
+        let has_sheets = decision == SignDecision::Sheet;
+        Ok(Self { mesh, settings: *settings, near, band, offset, holes, has_sheets, lattice })
     }
 
     /// The grid to sample on.
@@ -89,6 +92,12 @@ impl<'m> MeshJob<'m> {
     #[must_use]
     pub fn lattice(&self) -> Option<&LatticeMesh> {
         self.lattice.as_ref()
+    }
+
+    /// Whether signs are those of [`SignDecision::Sheet`], which a lattice says nothing of.
+    #[must_use]
+    pub fn has_sheets(&self) -> bool {
+        self.has_sheets
     }
 
     /// Up to which distance from a face a voxel is near: blocks with an observed one are those of the volume, and distances are
@@ -144,6 +153,7 @@ impl<'m> MeshJob<'m> {
             coords: sampled.coords().to_vec(),
             samples: sampled.samples().collect(),
             masks: sampled.unobserved_masks().clone(),
+            of_sheets: BTreeSet::new(),
         };
         if let Some(sides) = &blending {
             blocks.blend(grid, sides, &unobserved(&blocks.masks));

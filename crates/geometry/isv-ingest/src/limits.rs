@@ -10,7 +10,7 @@ use std::borrow::Cow;
 /// The offset in voxels: that of the settings for an open surface, zero for a closed one.
 pub(crate) fn check_offset(settings: &MeshIngest, sign: SignDecision) -> Result<f64, IngestError> {
     match sign {
-        SignDecision::Closed { .. } => Ok(0.0),
+        SignDecision::Closed { .. } | SignDecision::Sheet => Ok(0.0),
         SignDecision::Offset => offset_in_band(settings.offset_voxels, &settings.grid),
     }
 }

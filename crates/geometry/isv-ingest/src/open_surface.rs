@@ -17,7 +17,7 @@ pub fn open_surface_share(mesh: &TriangleMesh, volume: &SparseVolume) -> f64 {
         is_outside_all_around(volume, &index, (a + b + c) / 3.0)
     };
     let lost: usize =
-        sample_faces(mesh).iter().filter(|sample| is_lost(sample)).map(|(_, weight)| weight).sum();
+        sample_faces(mesh, SAMPLES).iter().filter(|sample| is_lost(sample)).map(|(_, weight)| weight).sum();
     lost as f64 / SAMPLES as f64
 }
 

@@ -41,6 +41,12 @@ pub fn turn_faces(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
     if turned.is_watertight || looks_closed() { Cow::Owned(turned.mesh) } else { Cow::Borrowed(mesh) }
 }
 
+/// The mesh with faces that agree along every edge of two, part by part and as far as they can, and one of faces with the same corners,
+/// whichever way they face. A part keeps the side of its majority.
+pub(crate) fn agreeing(mesh: Cow<'_, TriangleMesh>) -> Cow<'_, TriangleMesh> {
+    turn(&mesh).map_or(mesh, |turned| Cow::Owned(turned.mesh))
+}
+
 /// Turns the faces of a sequence's meshes as [`turn_faces`] does, at a tenth of its cost where faces agree as far as in earlier frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FaceTurner {

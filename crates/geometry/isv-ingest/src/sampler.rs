@@ -1,12 +1,15 @@
 //! The samples of one tile.
 
-use crate::cells::{Cells, Parts};
+use crate::cells::{self, Cells};
 use crate::continuation::continue_outwards;
 use crate::crossings::{Column, for_each_inside};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
+use crate::holes::WideHoles;
 use crate::rims::Rims;
 use crate::scatter::TileDistances;
 use crate::scene::{Connections, Measure, Scene};
+use crate::sheet_tile::{SheetTile, Side, Surroundings};
+use crate::sheets::Sheets;
 use crate::sides::Sides;
 use crate::tiles::{Band, TILE_BLOCKS, Tile};
 use fearless_simd::{Simd, dispatch};
@@ -34,6 +37,15 @@ impl Source<'_> {
             _ => None,
         }
     }
+
+    /// What the voxels of a tile are measured from if it has sheets.
+    fn surroundings(&self, tile: &Tile) -> Option<Surroundings<'_>> {
+        let Sign::Parts(parts) = self.sign else { return None };
+        let Parts { sheets, holes, .. } = &**parts;
+        let mesh = &self.scene.mesh;
+        let around = Surroundings { mesh, sheets, holes: holes.as_ref(), reach: self.near.width };
+        sheets.touch(tile).then_some(around)
+    }
 }
 
 /// Where the sign of a sample comes from.
@@ -42,6 +54,28 @@ pub(crate) enum Sign {
     Closed(Sides),
     /// Eq. 9: the offset in voxels.
     Offset(f32),
+    /// Closed parts by what is inside, open ones by their sides.
+    Parts(Box<Parts>),
+}
+
+/// Where signs come from part by part.
+pub(crate) struct Parts {
+    /// What is inside of closed parts, if there are any.
+    pub(crate) bodies: Option<Sides>,
+    /// Their holes that are to stay open, if there are any.
+    pub(crate) holes: Option<WideHoles>,
+    pub(crate) sheets: Sheets,
+}
+
+impl Sign {
+    /// What is inside, if anything has an inside.
+    pub(crate) fn sides(&self) -> Option<&Sides> {
+        match self {
+            Self::Closed(sides) => Some(sides),
+            Self::Parts(parts) => parts.bodies.as_ref(),
+            Self::Offset(_) => None,
+        }
+    }
 }
 
 /// The active blocks of a tile, in Morton order.
@@ -51,6 +85,8 @@ pub(crate) struct TileBlocks {
     pub(crate) samples: Vec<i16>,
     /// By position in `coords`.
     pub(crate) masks: Vec<(usize, VoxelMask)>,
+    /// Positions of those with voxels closest to a sheet.
+    pub(crate) of_sheets: Vec<usize>,
 }
 
 /// The distances of the voxels of a block; its buffers are reused from block to block.
@@ -60,6 +96,8 @@ struct BlockDistances {
     distances: Vec<f32>,
     /// Voxels whose closest surface point lies on a wide hole.
     unobserved: Option<VoxelMask>,
+    /// Of which part each voxel is, and on which side of it; none where no sheet is near.
+    sides: Vec<Side>,
 }
 
 impl BlockDistances {
@@ -67,6 +105,7 @@ impl BlockDistances {
     fn restart(&mut self, voxels: usize) {
         self.distances.resize(voxels, 0.0);
         self.unobserved = None;
+        self.sides.clear();
     }
 
     /// Whether there is an observed voxel in the band.
@@ -88,6 +127,8 @@ pub(crate) struct Workspace {
     voxels: Vec<u16>,
     /// Distances near the surface in the tile at hand.
     near: TileDistances,
+    /// The closest faces in the tile at hand, if it has sheets.
+    sheets: SheetTile,
     /// The blocks of the tile at hand.
     blocks: Vec<BlockDistances>,
 }
@@ -101,6 +142,7 @@ impl Default for Workspace {
             on_hole: Vec::new(),
             voxels: Vec::new(),
             near: TileDistances::default(),
+            sheets: SheetTile::default(),
             blocks: (0..PARTS).map(|_| BlockDistances::default()).collect(),
         }
     }
@@ -108,23 +150,25 @@ impl Default for Workspace {
 
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
-    match &source.scene.measure {
-        Measure::Exact(connections) => measure_exactly(source, connections, tile, work),
-        Measure::Near(rims) => measure_near(source, rims.as_ref(), tile, work),
+    match (source.surroundings(tile), &source.scene.measure) {
+        (Some(around), _) => measure_sheets(source, &around, tile, work),
+        (None, Measure::Exact(connections)) => measure_exactly(source, connections, tile, work),
+        (None, Measure::Near(rims)) => measure_near(source, rims.as_ref(), tile, work),
     }
     let near = source.near.width as f32;
     let active: Vec<usize> = (0..PARTS).filter(|block| work.blocks[*block].is_active(near)).collect();
     let size = source.grid.edge.block_voxels();
-    let column = match source.sign {
-        Sign::Closed(sides) => sides.crossings.column([tile.coord.y, tile.coord.z]),
-        Sign::Offset(_) => None,
-    };
+    let sides = source.sign.sides();
+    let column = sides.and_then(|sides| sides.crossings.column([tile.coord.y, tile.coord.z]));
     let mut out = TileBlocks { samples: vec![0; active.len() * size], ..TileBlocks::default() };
     for (block, samples) in active.into_iter().zip(out.samples.chunks_exact_mut(size)) {
         let coord = (tile.coord * TILE_BLOCKS + IVec3::from_array(part_position(block))).to_array().into();
         write_samples(source, &work.blocks[block], coord, column, samples);
         if let Some(mask) = work.blocks[block].unobserved.take() {
             out.masks.push((out.coords.len(), mask));
+        }
+        if work.blocks[block].sides.iter().any(|side| side.of_sheet) {
+            out.of_sheets.push(out.coords.len());
         }
         out.coords.push(coord);
     }
@@ -140,7 +184,7 @@ fn write_samples(
     samples: &mut [i16],
 ) {
     let (grid, n) = (&source.grid, source.grid.edge.voxels());
-    let offset = if let Sign::Offset(offset) = *source.sign { offset } else { 0.0 };
+    let offset = if let Sign::Offset(offset) = source.sign { *offset } else { 0.0 };
     for (sample, distance) in samples.iter_mut().zip(&block.distances) {
         *sample = code(grid, distance - offset);
     }
@@ -152,6 +196,12 @@ fn write_samples(
                 // Code 0 is outside: on a surface that has no outside, such a voxel would be a speck of it.
                 samples[inside].iter_mut().for_each(|s| *s = (-*s).min(-1));
             });
+        }
+    }
+    for ((sample, distance), side) in samples.iter_mut().zip(&block.distances).zip(&block.sides) {
+        if side.of_sheet {
+            let in_front = code(grid, *distance);
+            *sample = if side.is_behind { (-in_front).min(-1) } else { in_front };
         }
     }
     if let (Some(sides), Some(mask)) = (source.blending(), &block.unobserved) {
@@ -177,7 +227,7 @@ pub(crate) fn code(grid: &Grid, distance: f32) -> i16 {
 fn measure_exactly(source: &Source, connections: &Connections, tile: &Tile, work: &mut Workspace) {
     let edge = source.band.tile_edge();
     let Connections { topology, directions, holes } = connections;
-    let parts = Parts { mesh: &source.scene.mesh, topology, directions, holes: holes.as_ref() };
+    let parts = cells::Parts { mesh: &source.scene.mesh, topology, directions, holes: holes.as_ref() };
     work.cells.restart((tile.coord.as_dvec3() + 0.5) * f64::from(edge), 0.5 * (edge - 1) as f32);
     work.cells.add(&parts, tile.faces());
     work.lists.iter_mut().for_each(Vec::clear);
@@ -199,11 +249,25 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
     dispatch!(simd::level(), simd => near.scatter(simd, &source.scene.mesh, tile.faces, first, reach));
     for (block, taken) in blocks.iter_mut().enumerate() {
         let position = part_position(block);
-        taken.unobserved = None;
+        taken.restart(0);
         dispatch!(simd::level(), simd => take_near(simd, near, position, reach, &mut taken.distances));
         if let Some(rims) = rims.filter(|_| !taken.distances.is_empty()) {
             let first = first + IVec3::from_array(position).as_dvec3() * f64::from(source.near.edge);
             taken.unobserved = rims.unobserved(tile.coord, first, &taken.distances);
+        }
+    }
+}
+
+/// Finds the distances and the sides of the blocks of a tile that has sheets, exactly near the surface.
+fn measure_sheets(source: &Source, around: &Surroundings, tile: &Tile, work: &mut Workspace) {
+    let Workspace { sheets, blocks, .. } = work;
+    sheets.scatter(around, tile, source.near.tile_edge() as usize);
+    for (block, taken) in blocks.iter_mut().enumerate() {
+        taken.restart(0);
+        sheets.take(around, part_position(block), &mut taken.distances, &mut taken.sides);
+        for voxel in (0..taken.sides.len()).filter(|voxel| taken.sides[*voxel].is_unobserved) {
+            let mask = taken.unobserved.get_or_insert_with(|| VoxelMask::empty(source.grid.edge));
+            mask.insert(voxel);
         }
     }
 }

@@ -29,6 +29,8 @@ pub enum SignMode {
     Closed,
     /// As for a surface without inside (Eq. 9): unsigned distance less a constant.
     Offset,
+    /// Part by part: closed parts as for a closed surface, open ones as single sheets, negative behind their faces.
+    Sheet,
 }
 
 /// How the sign of the distance is found.
@@ -41,6 +43,8 @@ pub enum SignDecision {
     },
     /// Unsigned distance less a constant offset: a thin closed shell around the surface.
     Offset,
+    /// Of closed parts as of closed surfaces; of open ones negative behind the closest point.
+    Sheet,
 }
 
 impl fmt::Display for SignDecision {
@@ -49,6 +53,7 @@ impl fmt::Display for SignDecision {
             Self::Closed { flipped: false } => "closed surface: sign by winding number",
             Self::Closed { flipped: true } => "closed surface, inside out: sign by winding number, reversed",
             Self::Offset => "open surface: offset shell",
+            Self::Sheet => "open surface: sign by side",
         })
     }
 }
@@ -80,22 +85,29 @@ pub struct SignEvidence {
 /// The same mesh always gives the same answer. A mesh that [`TriangleMesh::validate`] refuses looks open here.
 #[must_use]
 pub fn decide_sign(mesh: &TriangleMesh, mode: SignMode) -> (SignDecision, SignEvidence) {
-    let evidence = if mesh.validate().is_ok() { gather_evidence(mesh) } else { SignEvidence::default() };
+    let evidence =
+        if mesh.validate().is_ok() { gather_evidence(mesh, SAMPLES) } else { SignEvidence::default() };
     let closed = SignDecision::Closed { flipped: 2.0 * evidence.inverted_share > evidence.closed_share };
     let decision = match mode {
         SignMode::Closed => closed,
         SignMode::Auto if evidence.closed_share >= CLOSED_SHARE => closed,
         SignMode::Auto | SignMode::Offset => SignDecision::Offset,
+        SignMode::Sheet => SignDecision::Sheet,
     };
     (decision, evidence)
 }
 
-fn gather_evidence(mesh: &TriangleMesh) -> SignEvidence {
+/// Share of a mesh's area, 0 to 1, that looks closed, looked at in so many places.
+pub(crate) fn closed_share(mesh: &TriangleMesh, samples: usize) -> f64 {
+    gather_evidence(mesh, samples).closed_share
+}
+
+fn gather_evidence(mesh: &TriangleMesh, samples: usize) -> SignEvidence {
     // Winding numbers count what is there twice.
     let mesh = &*distinct(mesh);
     let winding = WindingNumber::new(mesh);
     let nudge = mesh.bounds().map_or(0.0, |(lo, hi)| NUDGE * lo.distance(hi));
-    let (closed, inverted) = sample_faces(mesh)
+    let (closed, inverted) = sample_faces(mesh, samples)
         .into_par_iter()
         .map(|(face, weight)| {
             let [a, b, c] = mesh.corners(face);
@@ -107,20 +119,20 @@ fn gather_evidence(mesh: &TriangleMesh) -> SignEvidence {
         })
         .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     SignEvidence {
-        closed_share: closed as f64 / SAMPLES as f64,
-        inverted_share: inverted as f64 / SAMPLES as f64,
+        closed_share: closed as f64 / samples as f64,
+        inverted_share: inverted as f64 / samples as f64,
     }
 }
 
-/// Faces at [`SAMPLES`] evenly spaced steps of the running area, each with the number of steps it took.
-pub(crate) fn sample_faces(mesh: &TriangleMesh) -> Vec<(usize, usize)> {
+/// Faces at so many evenly spaced steps of the running area, each with the number of steps it took.
+pub(crate) fn sample_faces(mesh: &TriangleMesh, steps: usize) -> Vec<(usize, usize)> {
     let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
-    let step = areas.iter().sum::<f64>() / SAMPLES as f64;
+    let step = areas.iter().sum::<f64>() / steps as f64;
     let (mut samples, mut taken, mut covered) = (Vec::new(), 0, 0.0);
     for (face, area) in areas.into_iter().enumerate() {
         covered += area;
         let mut weight = 0;
-        while taken < SAMPLES && covered > (taken as f64 + 0.5) * step {
+        while taken < steps && covered > (taken as f64 + 0.5) * step {
             taken += 1;
             weight += 1;
         }

@@ -45,7 +45,9 @@ impl Blocks {
     /// Takes teeth and specks off the surface's ends.
     pub(crate) fn trim_rims(&mut self, edge: BlockEdge) {
         let blocks = BlockIndex::new(&self.coords);
-        let masked: BTreeSet<u32> = self.masks.keys().copied().collect();
+        // A sheet ends where it does: strips of a cell's width are no teeth.
+        let masked: BTreeSet<u32> =
+            self.masks.keys().copied().filter(|block| !self.of_sheets.contains(block)).collect();
         let near = self.with_neighbours(&masked, &blocks);
         let around: BTreeSet<u32> = &self.with_neighbours(&near, &blocks) - &near;
         let mut cells = self.observed_cells(&near, &blocks, edge);

@@ -243,8 +243,8 @@ impl Study {
     /// What a reader of the figures must know of the take.
     fn notes(&self) -> Vec<String> {
         match self.sign {
-            SignDecision::Closed { .. } => Vec::new(),
-            _ => {
+            SignDecision::Closed { .. } | SignDecision::Sheet => Vec::new(),
+            SignDecision::Offset => {
                 let voxel_m = self.settings.ingest.grid.voxel_size.metres();
                 let offset = Length::from_metres(self.settings.ingest.offset_voxels * voxel_m);
                 vec![format!(

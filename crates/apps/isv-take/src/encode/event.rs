@@ -162,6 +162,9 @@ impl fmt::Display for EncodeEvent {
             Self::PointSign { decision, evidence, mode } => match (mode, decision) {
                 (SignMode::Auto, _) => write!(f, "{decision} ({evidence})"),
                 (_, PointSign::Oriented) => write!(f, "{decision} (as asked for; {evidence})"),
+                (SignMode::Sheet, PointSign::Offset) => {
+                    write!(f, "offset shell around the points: sheets are of meshes alone ({evidence})")
+                }
                 (_, PointSign::Offset) => {
                     write!(f, "offset shell around the points (as asked for; {evidence})")
                 }

@@ -73,7 +73,8 @@ impl fmt::Display for PointEvidence {
 }
 
 /// Decides how to find the sign: as asked, or with [`SignMode::Auto`] by whether nearly all points have a normal and
-/// neighbouring normals agree. [`SignMode::Closed`] asks for [`PointSign::Oriented`].
+/// neighbouring normals agree. [`SignMode::Closed`] asks for [`PointSign::Oriented`]. [`SignMode::Sheet`] is of meshes alone, and counts
+/// as [`SignMode::Offset`].
 ///
 /// The cloud need not be valid; points that are not finite have no say.
 #[must_use]
@@ -83,7 +84,7 @@ pub fn decide_point_sign(cloud: &PointCloud, mode: SignMode) -> (PointSign, Poin
     let sign = match mode {
         SignMode::Closed => PointSign::Oriented,
         SignMode::Auto if usable => PointSign::Oriented,
-        SignMode::Auto | SignMode::Offset => PointSign::Offset,
+        SignMode::Auto | SignMode::Offset | SignMode::Sheet => PointSign::Offset,
     };
     (sign, evidence)
 }

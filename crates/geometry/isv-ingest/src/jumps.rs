@@ -1,0 +1,38 @@
+//! Sign changes between sheets.
+//!
+//! Where two sheets face one another, or one ends beside another, there are voxels in front of one and behind the other, and a sign
+//! changes in free space. Of two neighbours whose distances add up to more than two voxels the farther is unobserved, and both are where
+//! no cell of a surface can need either. A stricter rule tears surfaces at junctions and folds, a looser one leaves pieces in free space.
+
+use crate::caps::{Blocks, VoxelAt};
+use isv_volume::{BlockIndex, CODES_PER_VOXEL, Grid, VoxelMask};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Distances that add up to more than this many codes leave no surface between two neighbours.
+const APART: u32 = 2 * CODES_PER_VOXEL as u32;
+
+/// Voxels farther than this many codes from a surface are at no corner of a cell that it passes through: 1.75 voxels, which is more than
+/// a cell's diagonal.
+const NEEDED: u16 = 7 * CODES_PER_VOXEL as u16 / 4;
+
+impl Blocks {
+    /// Makes voxels beside sign changes between sheets unobserved.
+    pub(crate) fn open_jumps(&mut self, grid: &Grid) {
+        let index = BlockIndex::new(&self.coords);
+        let around = |block: &u32| {
+            let changes = self.sign_changes(grid.edge, &index, *block);
+            changes.filter(|change| change.apart() > APART).flat_map(|change| {
+                let [a, b] = change.distances;
+                let is_masked = if a.min(b) > NEEDED { [true; 2] } else { [a > b, a <= b] };
+                change.pair.into_iter().zip(is_masked).filter(|(_, masked)| *masked).map(|(at, _)| at)
+            })
+        };
+        let found: BTreeSet<VoxelAt> = self.of_sheets.par_iter().flat_map_iter(around).collect();
+        for &(block, voxel) in &found {
+            let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(grid.edge));
+            mask.insert(voxel as usize);
+        }
+        self.drop_unobserved(&found, grid);
+    }
+}

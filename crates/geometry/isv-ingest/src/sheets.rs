@@ -1,0 +1,232 @@
+//! Open parts of a mesh as single sheets: on which side of them a point is, and where they end.
+//!
+//! A point is in front of a sheet or behind it by the direction of the sheet at its closest point: the normal of a face, the sum of
+//! those at an edge, or the sum at a vertex, weighted by angle (Baerentzen & Aanaes 2005, "Signed distance computation using the angle
+//! weighted pseudonormal"). Beyond a border the sheet is continued in its plane for a share of a voxel, and nothing is observed farther
+//! out. Nor is it where the closest point is an edge of more than two faces, or one whose faces disagree: sides mean nothing there.
+
+use crate::tiles::{Tile, VoxelMesh};
+use crate::topology::weld;
+use glam::DVec3;
+use isv_spatial::Feature;
+use isv_volume::TriangleMesh;
+
+/// How far a sheet is continued beyond its border, in voxels. Marching cubes draw whole cells, and with this a decoded sheet ends
+/// where the sheet does, on average.
+const CONTINUED: f64 = 0.75;
+
+/// What a point of a sheet is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// It has two sides.
+    Inner,
+    /// The sheet ends there.
+    Border,
+    /// More than two faces meet there, or two that disagree.
+    Unclear,
+}
+
+/// The sheet at an edge or a vertex.
+#[derive(Clone, Copy, Debug)]
+struct Joint {
+    place: Place,
+    /// Unit pseudonormal; zero where there is none to speak of.
+    normal: DVec3,
+}
+
+/// How a point sees the sheet that is closest to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sight {
+    /// Signed distance, positive in front, in the unit of the mesh.
+    pub(crate) distance: f64,
+    /// Whether the sign means anything.
+    pub(crate) is_observed: bool,
+}
+
+/// The open parts of a mesh.
+pub(crate) struct Sheets {
+    /// For each face whether it belongs to them.
+    open: Vec<bool>,
+    /// Unit normals of their faces.
+    normals: Vec<DVec3>,
+    /// For each face the edges at its sides, and its corners by the first vertices at their positions.
+    sides: Vec<[u32; 3]>,
+    corners: Vec<[u32; 3]>,
+    edges: Vec<Joint>,
+    vertices: Vec<Joint>,
+}
+
+/// A side of a face: its ends, the lower first; face and side; whether it runs from the higher.
+type Side = ([u32; 2], u32, u8, bool);
+
+impl Sheets {
+    /// Of a mesh some of whose faces are `open`; normals are those of the mesh's own space.
+    pub(crate) fn new(mesh: &TriangleMesh, open: Vec<bool>) -> Self {
+        let welded = weld(&mesh.vertices);
+        let normals: Vec<DVec3> =
+            (0..open.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
+        let corners: Vec<[u32; 3]> =
+            mesh.triangles.iter().map(|triangle| triangle.map(|vertex| welded[vertex as usize])).collect();
+        let mut sheets = Self {
+            sides: vec![[0; 3]; open.len()],
+            vertices: vertex_joints(mesh, &open, &corners),
+            edges: Vec::new(),
+            open,
+            normals,
+            corners,
+        };
+        let mut all = sheets.all_sides();
+        all.sort_unstable();
+        for edge in all.chunk_by(|a, b| a.0 == b.0) {
+            sheets.add_edge(edge);
+        }
+        sheets
+    }
+
+    /// The sides of all open faces that have three corners.
+    fn all_sides(&self) -> Vec<Side> {
+        let mut all = Vec::new();
+        for (face, corners) in self.corners.iter().enumerate().filter(|(face, _)| self.open[*face]) {
+            for side in 0..3 {
+                let (from, to) = (corners[side], corners[(side + 1) % 3]);
+                all.push(([from.min(to), from.max(to)], face as u32, side as u8, from > to));
+            }
+        }
+        all
+    }
+
+    /// Adds the joint of an edge, given all sides there.
+    fn add_edge(&mut self, sides: &[Side]) {
+        let place = match sides {
+            [_] => Place::Border,
+            [a, b] if a.3 != b.3 => Place::Inner,
+            _ => Place::Unclear,
+        };
+        let sum: DVec3 = sides.iter().map(|side| self.normals[side.1 as usize]).sum();
+        let number = self.edges.len() as u32;
+        self.edges.push(Joint { place, normal: sum.normalize_or_zero() });
+        for (_, face, side, _) in sides {
+            self.sides[*face as usize][usize::from(*side)] = number;
+        }
+        // A vertex is on a border if any of its edges is, for beyond it there is no sheet.
+        for end in sides[0].0 {
+            let vertex = &mut self.vertices[end as usize];
+            vertex.place = match (place, vertex.place) {
+                (Place::Border, _) | (_, Place::Border) => Place::Border,
+                (Place::Unclear, _) | (_, Place::Unclear) => Place::Unclear,
+                _ => Place::Inner,
+            };
+        }
+    }
+
+    /// Whether a face belongs to a sheet.
+    pub(crate) fn has(&self, face: u32) -> bool {
+        self.open[face as usize]
+    }
+
+    /// Whether any face of a tile does.
+    pub(crate) fn touch(&self, tile: &Tile) -> bool {
+        tile.faces().any(|face| self.has(face))
+    }
+
+    /// How a point at `offset` from its closest point on a sheet, on a part of one of its faces, sees the sheet. In voxels.
+    pub(crate) fn sight(&self, offset: DVec3, face: u32, feature: Feature) -> Sight {
+        let flat = self.normals[face as usize];
+        let joint = match feature {
+            Feature::Face => Joint { place: Place::Inner, normal: flat },
+            Feature::Edge(side) => self.edges[self.sides[face as usize][usize::from(side)] as usize],
+            Feature::Vertex(corner) => {
+                self.vertices[self.corners[face as usize][usize::from(corner)] as usize]
+            }
+        };
+        // Where sides mean nothing that of the face is as good as any.
+        let normal =
+            if joint.place == Place::Unclear || joint.normal == DVec3::ZERO { flat } else { joint.normal };
+        let (height, distance) = (offset.dot(normal), offset.length());
+        let beyond = (distance * distance - height * height).max(0.0).sqrt();
+        match joint.place {
+            Place::Border if beyond <= CONTINUED => Sight { distance: height, is_observed: true },
+            place => Sight {
+                distance: if height < 0.0 { -distance } else { distance },
+                is_observed: place == Place::Inner,
+            },
+        }
+    }
+}
+
+/// The joints of vertices, as far as open faces say: places are not known yet.
+fn vertex_joints(mesh: &TriangleMesh, open: &[bool], corners: &[[u32; 3]]) -> Vec<Joint> {
+    let mut sums = vec![DVec3::ZERO; mesh.vertices.len()];
+    for (face, places) in corners.iter().enumerate().filter(|(face, _)| open[*face]) {
+        let at = mesh.corners(face);
+        let normal = mesh.area_vector(face).normalize_or_zero();
+        for corner in 0..3 {
+            let [to_next, to_last] = [1, 2].map(|step| at[(corner + step) % 3] - at[corner]);
+            sums[places[corner] as usize] += to_next.angle_between(to_last) * normal;
+        }
+    }
+    let joint = |sum: DVec3| Joint { place: Place::Inner, normal: sum.normalize_or_zero() };
+    sums.into_iter().map(joint).collect()
+}
+
+/// The faces of a mesh that are not open, without changing their numbers: the others have no area there.
+pub(crate) fn closed_parts(mesh: &VoxelMesh, open: &[bool]) -> VoxelMesh<'static> {
+    let keep = |(triangle, is_open): (&[u32; 3], &bool)| if *is_open { [triangle[0]; 3] } else { *triangle };
+    let triangles: Vec<[u32; 3]> = mesh.triangles.iter().zip(open).map(keep).collect();
+    VoxelMesh { vertices: mesh.vertices.clone(), triangles: triangles.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_spatial::closest_on_triangle;
+    use isv_testkit::{sheet, sphere};
+
+    fn sight(sheets: &Sheets, mesh: &TriangleMesh, p: DVec3) -> Sight {
+        let closest = (0..mesh.triangles.len())
+            .map(|face| (closest_on_triangle(p, &mesh.corners(face)), face as u32))
+            .min_by(|a, b| a.0.0.distance_squared(p).total_cmp(&b.0.0.distance_squared(p)));
+        let ((point, feature), face) = closest.unwrap();
+        sheets.sight(p - point, face, feature)
+    }
+
+    #[test]
+    fn a_sheet_is_seen_from_both_sides_and_a_little_beyond_its_border() {
+        let mesh = sheet(5.0);
+        let sheets = Sheets::new(&mesh, vec![true; 2]);
+        let at = |p: [f64; 3]| sight(&sheets, &mesh, p.into());
+        assert_eq!(at([1.0, 2.0, 3.0]).distance, 3.0);
+        assert_eq!(at([1.0, 1.0, -0.5]).distance, -0.5);
+        let beyond = at([5.5, 1.0, -2.0]);
+        assert!(beyond.is_observed && beyond.distance == -2.0, "as far as its plane is");
+        assert!(!at([5.8, 1.0, -2.0]).is_observed);
+        assert!(!at([5.6, 5.6, 1.0]).is_observed && at([5.5, 5.5, 1.0]).is_observed);
+    }
+
+    #[test]
+    fn sides_of_a_closed_mesh_are_those_of_its_inside() {
+        let mesh = crate::faces::with_area(&sphere(4.0, 8)).into_owned();
+        let sheets = Sheets::new(&mesh, vec![true; mesh.triangles.len()]);
+        let mut random = isv_testkit::Random::new(9);
+        for _ in 0..500 {
+            let p = 6.0 * random.point();
+            let seen = sight(&sheets, &mesh, p);
+            let is_inside = isv_spatial::exact_winding_number(&mesh, p) > 0.5;
+            assert!(seen.is_observed && (seen.distance < 0.0) == is_inside, "{p} {seen:?}");
+        }
+    }
+
+    #[test]
+    fn where_three_faces_meet_or_two_disagree_sides_mean_nothing() {
+        let mut mesh = sheet(5.0);
+        mesh.triangles[1].swap(1, 2);
+        let sheets = Sheets::new(&mesh, vec![true; 2]);
+        // Both faces are as far, on the edge between them.
+        assert!(!sheets.sight(DVec3::Z, 0, Feature::Edge(2)).is_observed);
+        mesh = sheet(5.0);
+        mesh.vertices.push(DVec3::new(0.0, 0.0, 5.0));
+        mesh.triangles.push([0, 2, 4]);
+        let sheets = Sheets::new(&mesh, vec![true; 3]);
+        assert!(!sheets.sight(-DVec3::Z, 0, Feature::Edge(2)).is_observed);
+    }
+}
