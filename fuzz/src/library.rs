@@ -101,8 +101,10 @@ fn options(script: &mut Script) -> EncodeOptions {
             5 => options.checksums(true),
             6 => options.preset([Preset::Realtime, Preset::Balanced][usize::from(script.byte() % 2)]),
             7 => options.refresh(Refresh::Gradual),
-            8 => options
-                .sign([SignMode::Auto, SignMode::Closed, SignMode::Offset, SignMode::Sheet][usize::from(script.byte() % 4)]),
+            8 => options.sign(
+                [SignMode::Auto, SignMode::Closed, SignMode::Offset, SignMode::Sheet]
+                    [usize::from(script.byte() % 4)],
+            ),
             9 => options.shell_offset(script.number()),
             10 => options.estimate_normals().viewpoint([script.number(), 0.0, 0.0]),
             11 => options.max_depth(script.number().m()),
