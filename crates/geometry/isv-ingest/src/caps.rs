@@ -32,13 +32,6 @@ pub(crate) struct SignChange {
     pub(crate) distances: [u16; 2],
 }
 
-impl SignChange {
-    /// The sum of the distances, in codes.
-    pub(crate) fn apart(&self) -> u32 {
-        self.distances.iter().map(|distance| u32::from(*distance)).sum()
-    }
-}
-
 /// The blocks of a frame while they are put together.
 #[derive(Default)]
 pub(crate) struct Blocks {
@@ -85,8 +78,7 @@ impl Blocks {
     fn unexplained(&self, edge: BlockEdge, caps: &Caps) -> BTreeSet<VoxelAt> {
         let index = BlockIndex::new(&self.coords);
         let around = |&(block, apart): &(u32, u32)| {
-            let changes = self.sign_changes(edge, &index, block);
-            changes.filter(move |change| change.apart() > apart).flat_map(|change| change.pair)
+            self.sign_changes(edge, &index, block, apart).into_iter().flat_map(|change| change.pair)
         };
         self.candidates(caps).par_iter().flat_map_iter(around).collect()
     }
@@ -108,13 +100,15 @@ impl Blocks {
         (0..self.coords.len() as u32).into_par_iter().filter_map(candidate).collect()
     }
 
-    /// The sign changes between observed voxels of a block, and between those of it and of the blocks across its faces.
+    /// The sign changes between observed voxels of a block, and between those of it and of the blocks across its faces, where distances
+    /// add up to more than `apart` codes.
     pub(crate) fn sign_changes(
         &self,
         edge: BlockEdge,
         index: &BlockIndex,
         block: u32,
-    ) -> impl Iterator<Item = SignChange> {
+        apart: u32,
+    ) -> Vec<SignChange> {
         let beside = |axis: usize, way: i32| {
             let mut step = [0; 3];
             step[axis] = way;
@@ -122,15 +116,15 @@ impl Blocks {
         };
         let mut found = Vec::new();
         for axis in 0..3 {
-            self.compare_layers(edge, [block; 2], axis, &mut found);
+            self.compare_layers(edge, [block; 2], axis, apart, &mut found);
             if let Some(before) = beside(axis, -1) {
-                self.compare_layers(edge, [before, block], axis, &mut found);
+                self.compare_layers(edge, [before, block], axis, apart, &mut found);
             }
             if let Some(after) = beside(axis, 1) {
-                self.compare_layers(edge, [block, after], axis, &mut found);
+                self.compare_layers(edge, [block, after], axis, apart, &mut found);
             }
         }
-        found.into_iter()
+        found
     }
 
     /// Looks at the voxel pairs along an axis inside a block, given twice, or across the face between two, of which the second
@@ -140,6 +134,7 @@ impl Blocks {
         edge: BlockEdge,
         [lower, upper]: [u32; 2],
         axis: usize,
+        apart: u32,
         found: &mut Vec<SignChange>,
     ) {
         let (n, size) = (edge.voxels(), edge.block_voxels());
@@ -150,16 +145,18 @@ impl Blocks {
         for voxel in (0..size).filter(|voxel| ((voxel >> shift & (n - 1)) == n - 1) != is_same) {
             let next = if is_same { voxel + stride } else { voxel - (n - 1) * stride };
             let samples = [below[voxel], above[next]];
-            if (samples[0] < 0) != (samples[1] < 0) {
+            let distances = samples.map(i16::unsigned_abs);
+            let are_apart = distances.iter().map(|distance| u32::from(*distance)).sum::<u32>() > apart;
+            if (samples[0] < 0) != (samples[1] < 0) && are_apart {
                 let pair = [(lower, voxel as u32), (upper, next as u32)];
-                if pair.iter().all(|at| self.is_observed(*at)) {
-                    found.push(SignChange { pair, distances: samples.map(i16::unsigned_abs) });
-                }
+                found.extend(
+                    pair.iter().all(|at| self.is_observed(*at)).then_some(SignChange { pair, distances }),
+                );
             }
         }
     }
 
-    pub(crate) fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
+    fn is_observed(&self, (block, voxel): VoxelAt) -> bool {
         !self.masks.get(&block).is_some_and(|mask| mask.contains(voxel as usize))
     }
 

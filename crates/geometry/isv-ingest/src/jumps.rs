@@ -19,10 +19,13 @@ const NEEDED: u16 = 7 * CODES_PER_VOXEL as u16 / 4;
 impl Blocks {
     /// Makes voxels beside sign changes between sheets unobserved.
     pub(crate) fn open_jumps(&mut self, grid: &Grid) {
+        if self.of_sheets.is_empty() {
+            return;
+        }
         let index = BlockIndex::new(&self.coords);
         let around = |block: &u32| {
-            let changes = self.sign_changes(grid.edge, &index, *block);
-            changes.filter(|change| change.apart() > APART).flat_map(|change| {
+            let changes = self.sign_changes(grid.edge, &index, *block, APART);
+            changes.into_iter().flat_map(|change| {
                 let [a, b] = change.distances;
                 let is_masked = if a.min(b) > NEEDED { [true; 2] } else { [a > b, a <= b] };
                 change.pair.into_iter().zip(is_masked).filter(|(_, masked)| *masked).map(|(at, _)| at)

@@ -8,7 +8,7 @@ use crate::holes::WideHoles;
 use crate::rims::Rims;
 use crate::scatter::TileDistances;
 use crate::scene::{Connections, Measure, Scene};
-use crate::sheet_tile::{SheetTile, Side, Surroundings};
+use crate::sheet_tile::{SheetTile, Surroundings, VoxelSide};
 use crate::sheets::Sheets;
 use crate::sides::Sides;
 use crate::tiles::{Band, TILE_BLOCKS, Tile};
@@ -97,7 +97,7 @@ struct BlockDistances {
     /// Voxels whose closest surface point lies on a wide hole.
     unobserved: Option<VoxelMask>,
     /// Of which part each voxel is, and on which side of it; none where no sheet is near.
-    sides: Vec<Side>,
+    sides: Vec<VoxelSide>,
 }
 
 impl BlockDistances {

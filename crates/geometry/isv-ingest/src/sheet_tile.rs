@@ -12,7 +12,7 @@ use isv_spatial::{Feature, closest_on_triangle};
 
 /// What is known of a voxel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Side {
+pub(crate) struct VoxelSide {
     /// Whether a sheet is closest: its sign is `is_behind`, not that of the closed parts.
     pub(crate) of_sheet: bool,
     pub(crate) is_behind: bool,
@@ -94,7 +94,7 @@ impl SheetTile {
         around: &Surroundings,
         position: [i32; 3],
         distances: &mut Vec<f32>,
-        sides: &mut Vec<Side>,
+        sides: &mut Vec<VoxelSide>,
     ) {
         let n = self.edge / TILE_BLOCKS as usize;
         let first = IVec3::from_array(position) * n as i32;
@@ -126,12 +126,12 @@ fn place(voxel: usize, n: usize) -> IVec3 {
 
 impl Surroundings<'_> {
     /// The distance of a voxel from a face, and its side.
-    fn look(&self, p: DVec3, face: u32) -> (f64, Side) {
+    fn look(&self, p: DVec3, face: u32) -> (f64, VoxelSide) {
         let (point, feature) = closest_on_triangle(p, &self.mesh.corners(face));
         if self.sheets.has(face) {
             let sight = self.sheets.sight(p - point, face, feature);
             let (is_behind, is_unobserved) = (sight.distance < 0.0, !sight.is_observed);
-            return (sight.distance.abs(), Side { of_sheet: true, is_behind, is_unobserved });
+            return (sight.distance.abs(), VoxelSide { of_sheet: true, is_behind, is_unobserved });
         }
         let corner = |corner: u8| self.mesh.triangles[face as usize][usize::from(corner)];
         let is_on_hole = self.holes.is_some_and(|holes| match feature {
@@ -139,7 +139,7 @@ impl Surroundings<'_> {
             Feature::Edge(side) => holes.has_edge(face, usize::from(side)),
             Feature::Vertex(number) => holes.has_vertex(corner(number)),
         });
-        (p.distance(point), Side { is_unobserved: is_on_hole, ..Side::default() })
+        (p.distance(point), VoxelSide { is_unobserved: is_on_hole, ..VoxelSide::default() })
     }
 }
 
