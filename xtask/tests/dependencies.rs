@@ -1,5 +1,5 @@
-//! What comes in with a dependency: its licence, its source, and the Rust that it needs. `deny.toml` has the licences; whoever has
-//! cargo-deny checks more with it.
+//! Licences, sources and oldest Rust of all dependencies. `deny.toml` lists the licences;
+//! cargo-deny checks more with it, where it is installed.
 
 use serde_json::Value;
 use spdx::{Expression, LicenseReq, ParseMode};

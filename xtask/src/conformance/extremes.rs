@@ -64,7 +64,7 @@ pub(super) const MAIN: MainFrameHeader = MainFrameHeader {
     kind: FrameKind::Intra,
 };
 
-/// The same of a frame that is predicted from the one before.
+/// Header of a frame that is predicted from the one before.
 pub(super) const PREDICTED: MainFrameHeader =
     MainFrameHeader { kind: FrameKind::Predicted { skip_cells: false }, ..MAIN };
 

@@ -159,7 +159,7 @@ cli_enum! {
 cli_enum! {
     /// `--normals` of points
     NormalsName for Normals {
-        /// Those of the points, if they have any
+        /// Normals of the points, if they have any
         Given => Normals::Given,
         /// Planes through neighbouring points, turned to where the scanner was if the file says, or else outward
         Estimate => Normals::Estimate,
@@ -249,9 +249,9 @@ cli_enum! {
 cli_enum! {
     /// `--shade`
     ShadeName for Shading {
-        /// Those of the vertices: the surface as it is meant
+        /// Vertex normals: a smooth surface
         Smooth => Shading::Smooth,
-        /// Those of the faces: shows the triangles
+        /// Face normals: the triangles show
         Flat => Shading::Flat,
     }
 }

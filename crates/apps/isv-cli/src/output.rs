@@ -1,4 +1,4 @@
-//! What is said on standard output and standard error, and where streams may be written.
+//! Messages on standard output and standard error, and the places where streams may be written.
 
 use anyhow::Context;
 use isv::raw::format::MAGIC;

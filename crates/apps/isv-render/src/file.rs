@@ -54,9 +54,9 @@ impl fmt::Display for PictureFormat {
 pub enum PictureFile<W: Write> {
     /// A still, and its pictures so far.
     Still {
-        /// Where it goes.
+        /// Destination of the PNG.
         output: W,
-        /// What it is made of.
+        /// Pictures so far, to be joined at the end.
         pictures: Vec<Picture>,
     },
     /// An animation of 256 colours.
@@ -69,7 +69,7 @@ impl<W: Write> PictureFile<W> {
     /// Begins a file of `count` pictures of one size (width and height in pixels).
     ///
     /// # Errors
-    /// Those of the output; and more than 2^32 pictures of an animated PNG.
+    /// Errors of the output, and more than 2^32 pictures of an animated PNG.
     pub fn new(
         format: PictureFormat,
         output: W,
@@ -91,7 +91,7 @@ impl<W: Write> PictureFile<W> {
     /// Adds a picture.
     ///
     /// # Errors
-    /// Those of the output.
+    /// Errors of the output.
     pub fn push(&mut self, picture: Picture) -> io::Result<()> {
         match self {
             Self::Still { pictures, .. } => pictures.push(picture),
@@ -104,7 +104,7 @@ impl<W: Write> PictureFile<W> {
     /// Ends the file. A still is made of all pictures by `join`.
     ///
     /// # Errors
-    /// Those of the output.
+    /// Errors of the output.
     pub fn finish(self, join: impl FnOnce(Vec<Picture>) -> Picture) -> io::Result<()> {
         match self {
             Self::Still { mut output, pictures } => join(pictures).write_png(&mut output)?,

@@ -1,4 +1,4 @@
-//! How the pictures of a sequence are made.
+//! Settings and drawing of the pictures of a sequence.
 
 use crate::{
     Background, Camera, ErrorPicture, ErrorScale, Picture, SeenErrors, Style, colour_bar, contact_sheet,
@@ -11,7 +11,7 @@ use std::fmt;
 /// Letters of a caption with errors, as far as such things go. Where pictures are too narrow for it, it has a line for each error.
 const LONGEST_CAPTION: usize = "frame 99999: mean 999.999 mm, largest 999.999 mm".len();
 
-/// What all pictures of a sequence have in common: how each is drawn, captioned and given the legend of its colours.
+/// Settings that all pictures of a sequence share: camera, shading, caption and legend.
 #[derive(Clone, Debug)]
 pub struct RenderSetup {
     /// From where.

@@ -36,7 +36,7 @@ pub enum ExportError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: io::Error,
     },
 }

@@ -3,7 +3,7 @@
 //! | kind | what follows | when |
 //! |---|---|---|
 //! | [`HEADER`] | the 48 bytes of a stream header | first, and whenever the source starts anew |
-//! | [`ENTRY`] | unix time in ms when the server had it (`f64`), the packet as in a file | first after a header or a gap: decoding can begin or recover here |
+//! | [`ENTRY`] | unix time in ms when the server had it (`f64`), the packet as in a file | decoding can begin or recover here |
 //! | [`PACKET`] | the same | any other packet |
 //! | [`END`] | nothing | the source ended; a header may follow |
 //! | [`END`] | a byte, [`FOR_GOOD`] | the source has ended for good; the connection closes |

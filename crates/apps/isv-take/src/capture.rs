@@ -128,7 +128,7 @@ pub struct Hints {
 }
 
 impl Hints {
-    /// Those of a capture in a unit, with nothing else said.
+    /// Creates hints of a unit alone.
     #[must_use]
     pub fn in_unit(unit: Unit, memory: MemoryLimit, observer: Arc<dyn Observer>) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! How far the frames of a capture are from those of a reference.
+//! Distances between the frames of a capture and of a reference.
 
 use crate::capture::{Capture, CapturedFrame, Content, matching_ranges};
 use crate::encode::{CaptureError, FrameError};
@@ -37,7 +37,7 @@ pub enum EvaluateError {
     Memory {
         /// Name of the frame.
         name: String,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: MemoryError,
     },
     /// Depth images, which have no surface.
@@ -55,7 +55,7 @@ pub enum EvaluateError {
         test: String,
         /// Name of the reference.
         reference: String,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: CompareError,
     },
     /// Captures in which nothing can be measured.

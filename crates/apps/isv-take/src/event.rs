@@ -53,11 +53,11 @@ pub enum Event {
         /// Place of the packet, in bytes from the stream's start.
         at: u64,
     },
-    /// What lies behind the last sound frame of a stream cannot be read.
+    /// The bytes behind the last sound frame of a stream cannot be read.
     EndsInDamage {
         /// Name of the stream.
         name: String,
-        /// What is wrong.
+        /// Cause of the failure.
         why: String,
     },
     /// Decoded frames relate to what was encoded in another way than before.

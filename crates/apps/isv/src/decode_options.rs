@@ -1,7 +1,7 @@
-//! What a user may choose of decoding to files.
+//! Options of decoding to files.
 
-use crate::event::{EventHandler, ProgressHandler, observer};
-use crate::{Error, ErrorKind, Event};
+use crate::job_options::JobOptions;
+use crate::{Error, Event};
 use isv_decode::Lod;
 use isv_io::{GlbEncoding, Unit};
 use isv_take::decode::Form;
@@ -14,16 +14,11 @@ use std::sync::Arc;
 
 /// Options of decoding a stream to files. What is not chosen is decided by the output's name: meshes, as PLY files in a folder.
 ///
-/// Nothing is checked before the options are used: then each wrong value is an [`Error`] of kind [`ErrorKind::Options`].
+/// Nothing is checked before the options are used: then each wrong value is an [`Error`] of kind [`ErrorKind::Options`](crate::ErrorKind::Options).
 #[derive(Clone, Default)]
 pub struct DecodeOptions {
     pub(crate) raw: isv_take::decode::DecodeOptions,
-    device: Device,
-    pub(crate) cancellation: Cancellation,
-    events: Option<EventHandler>,
-    pub(crate) progress: Option<ProgressHandler>,
-    /// The first value that no field of `raw` can hold.
-    wrong: Option<String>,
+    pub(crate) job: JobOptions,
 }
 
 impl DecodeOptions {
@@ -46,7 +41,7 @@ impl DecodeOptions {
         self.raw.form = Some(Form::Points);
         match NonZero::new(count) {
             Some(count) => self.raw.points = Some(count),
-            None => self.refuse("a frame has at least 1 point".to_owned()),
+            None => self.job.refuse("a frame has at least 1 point".to_owned()),
         }
         self
     }
@@ -64,7 +59,7 @@ impl DecodeOptions {
     pub fn format(mut self, extension: &str) -> Self {
         match extension.parse() {
             Ok(format) => self.raw.format = Some(format),
-            Err(why) => self.refuse(why),
+            Err(why) => self.job.refuse(why),
         }
         self
     }
@@ -88,7 +83,7 @@ impl DecodeOptions {
     pub fn target_faces(mut self, faces: usize) -> Self {
         match NonZero::new(faces) {
             Some(faces) => self.raw.target_faces = Some(faces),
-            None => self.refuse("a mesh has at least 1 face".to_owned()),
+            None => self.job.refuse("a mesh has at least 1 face".to_owned()),
         }
         self
     }
@@ -112,7 +107,7 @@ impl DecodeOptions {
     pub fn origin(mut self, place: [f64; 3]) -> Self {
         match place.iter().all(|coordinate| coordinate.is_finite()) {
             true => self.raw.origin = Some(place),
-            false => self.refuse(format!("origin {place:?}: coordinates are finite")),
+            false => self.job.refuse(format!("origin {place:?}: coordinates are finite")),
         }
         self
     }
@@ -136,12 +131,12 @@ impl DecodeOptions {
     pub fn frames(mut self, frames: Range<usize>) -> Self {
         match frames.is_empty() {
             false => self.raw.frames = Some(FrameRange { start: frames.start, end: frames.end }),
-            true => self.refuse(format!("frames {}..{}: none", frames.start, frames.end)),
+            true => self.job.refuse(format!("frames {}..{}: none", frames.start, frames.end)),
         }
         self
     }
 
-    /// What is done where packets are damaged or missing.
+    /// Sets the reaction to damaged or missing packets.
     #[must_use]
     pub fn after_loss(mut self, after_loss: AfterLoss) -> Self {
         self.raw.after_loss = after_loss;
@@ -151,7 +146,7 @@ impl DecodeOptions {
     /// Device that does the arithmetic [default: the CPU].
     #[must_use]
     pub fn device(mut self, device: Device) -> Self {
-        self.device = device;
+        self.job.device = device;
         self
     }
 
@@ -165,48 +160,37 @@ impl DecodeOptions {
     /// Stops when a request to cancel is made: the frames before it are written.
     #[must_use]
     pub fn cancellation(mut self, cancellation: &Cancellation) -> Self {
-        self.cancellation = cancellation.clone();
+        self.job.cancellation = cancellation.clone();
         self
     }
 
     /// Takes events, such as damage that was met.
     #[must_use]
     pub fn on_event(mut self, handler: impl Fn(&Event) + Send + Sync + 'static) -> Self {
-        self.events = Some(Arc::new(handler));
+        self.job.events = Some(Arc::new(handler));
         self
     }
 
     /// Takes the number of frames done, and of all frames if it is known, after each frame.
     #[must_use]
     pub fn on_progress(mut self, handler: impl Fn(usize, Option<usize>) + Send + Sync + 'static) -> Self {
-        self.progress = Some(Arc::new(handler));
+        self.job.progress = Some(Arc::new(handler));
         self
     }
 
     /// Checks all options for an output.
     ///
     /// # Errors
-    /// [`ErrorKind::Options`] for the first that is wrong, and for a name of a file that is not written.
+    /// [`ErrorKind::Options`](crate::ErrorKind::Options) for the first that is wrong, and for a name of a file that is not written.
     pub fn check(&self, output: impl AsRef<Path>) -> Result<(), Error> {
-        if let Some(wrong) = &self.wrong {
-            return Err(Error::new(ErrorKind::Options, wrong));
-        }
+        self.job.check()?;
         self.raw.settle(output.as_ref())?;
         Ok(())
     }
 
-    /// Observer of a job: `tracing`, and the user's handler.
-    pub(crate) fn observer(&self) -> Arc<dyn Observer> {
-        observer(self.events.clone())
-    }
-
     /// Opens the device; the observer is told if it is not the one that was to be.
     pub(crate) fn open_device(&self, observer: &dyn Observer) -> Result<OpenDevice, isv_take::DeviceError> {
-        OpenDevice::open_for(self.device, None, self.raw.lod, observer)
-    }
-
-    fn refuse(&mut self, why: String) {
-        self.wrong.get_or_insert(why);
+        OpenDevice::open_for(self.job.device, None, self.raw.lod, observer)
     }
 }
 
@@ -214,7 +198,7 @@ impl std::fmt::Debug for DecodeOptions {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("DecodeOptions")
             .field("raw", &self.raw)
-            .field("device", &self.device)
+            .field("device", &self.job.device)
             .finish_non_exhaustive()
     }
 }

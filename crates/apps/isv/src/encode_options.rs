@@ -1,7 +1,7 @@
 //! What a user may choose of encoding.
 
-use crate::event::{EventHandler, ProgressHandler, observer};
-use crate::{Error, ErrorKind, Event};
+use crate::job_options::JobOptions;
+use crate::{Error, Event};
 use isv_encode::{Band, Preset, Refresh};
 use isv_format::FrameRate;
 use isv_ingest::SignMode;
@@ -15,16 +15,11 @@ use std::sync::Arc;
 /// Options of encoding. What is not chosen is decided by the capture, or has the default of the command line.
 ///
 /// Nothing is checked before the options are used, or [`Self::check`] is called: then each wrong value is an [`Error`] of kind
-/// [`ErrorKind::Options`].
+/// [`ErrorKind::Options`](crate::ErrorKind::Options).
 #[derive(Clone, Default)]
 pub struct EncodeOptions {
     pub(crate) raw: isv_take::encode::EncodeOptions,
-    device: Device,
-    pub(crate) cancellation: Cancellation,
-    events: Option<EventHandler>,
-    pub(crate) progress: Option<ProgressHandler>,
-    /// The first value that no field of `raw` can hold.
-    wrong: Option<String>,
+    pub(crate) job: JobOptions,
 }
 
 impl EncodeOptions {
@@ -98,7 +93,7 @@ impl EncodeOptions {
         let fps = frames_per_second.into();
         self.raw.frame_rate = FrameRate::nearest(fps);
         if self.raw.frame_rate.is_none() {
-            self.refuse(format!("{fps} frames a second: a rate is above 0"));
+            self.job.refuse(format!("{fps} frames a second: a rate is above 0"));
         }
         self
     }
@@ -108,7 +103,7 @@ impl EncodeOptions {
     pub fn gop(mut self, frames: u32) -> Self {
         match NonZero::new(frames) {
             Some(frames) => self.raw.gop = frames,
-            None => self.refuse("a group of pictures has at least 1 frame".to_owned()),
+            None => self.job.refuse("a group of pictures has at least 1 frame".to_owned()),
         }
         self
     }
@@ -215,7 +210,7 @@ impl EncodeOptions {
     #[must_use]
     pub fn frames(mut self, frames: Range<usize>) -> Self {
         if frames.is_empty() {
-            self.refuse(format!("frames {}..{}: no frame", frames.start, frames.end));
+            self.job.refuse(format!("frames {}..{}: no frame", frames.start, frames.end));
         } else {
             self.raw.frames = Some(FrameRange { start: frames.start, end: frames.end });
         }
@@ -239,7 +234,7 @@ impl EncodeOptions {
     /// Device that does the arithmetic [default: the CPU].
     #[must_use]
     pub fn device(mut self, device: Device) -> Self {
-        self.device = device;
+        self.job.device = device;
         self
     }
 
@@ -253,48 +248,37 @@ impl EncodeOptions {
     /// Stops when a request to cancel is made: a whole take then ends early, with a stream that is sound.
     #[must_use]
     pub fn cancellation(mut self, cancellation: &Cancellation) -> Self {
-        self.cancellation = cancellation.clone();
+        self.job.cancellation = cancellation.clone();
         self
     }
 
     /// Takes events: what was decided, and warnings.
     #[must_use]
     pub fn on_event(mut self, handler: impl Fn(&Event) + Send + Sync + 'static) -> Self {
-        self.events = Some(Arc::new(handler));
+        self.job.events = Some(Arc::new(handler));
         self
     }
 
     /// Takes the number of frames done, and of all frames if it is known, after each frame.
     #[must_use]
     pub fn on_progress(mut self, handler: impl Fn(usize, Option<usize>) + Send + Sync + 'static) -> Self {
-        self.progress = Some(Arc::new(handler));
+        self.job.progress = Some(Arc::new(handler));
         self
     }
 
     /// Checks all options.
     ///
     /// # Errors
-    /// [`ErrorKind::Options`] for the first that is wrong.
+    /// [`ErrorKind::Options`](crate::ErrorKind::Options) for the first that is wrong.
     pub fn check(&self) -> Result<(), Error> {
-        if let Some(wrong) = &self.wrong {
-            return Err(Error::new(ErrorKind::Options, wrong));
-        }
+        self.job.check()?;
         self.raw.header(None, None)?;
         Ok(())
     }
 
-    /// Observer of a job: `tracing`, and the user's handler.
-    pub(crate) fn observer(&self) -> Arc<dyn Observer> {
-        observer(self.events.clone())
-    }
-
     /// Opens the device; the observer is told if it is not the one that was to be.
     pub(crate) fn open_device(&self, observer: &dyn Observer) -> Result<OpenDevice, isv_take::DeviceError> {
-        OpenDevice::open(self.device, None, observer)
-    }
-
-    fn refuse(&mut self, why: String) {
-        self.wrong.get_or_insert(why);
+        OpenDevice::open(self.job.device, None, observer)
     }
 }
 
@@ -302,7 +286,7 @@ impl std::fmt::Debug for EncodeOptions {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("EncodeOptions")
             .field("raw", &self.raw)
-            .field("device", &self.device)
+            .field("device", &self.job.device)
             .finish_non_exhaustive()
     }
 }

@@ -37,6 +37,8 @@ mod reader;
 #[cfg(feature = "io")]
 mod decode_options;
 #[cfg(feature = "io")]
+mod job_options;
+#[cfg(feature = "io")]
 mod quantity;
 #[cfg(feature = "io")]
 pub mod take;

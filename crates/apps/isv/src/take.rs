@@ -15,7 +15,7 @@ use isv_take::{
     encode::{Job, Watch},
 };
 
-/// What became of a stream that was decoded to files.
+/// Result of decoding a stream to files.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DecodeReport {
@@ -41,15 +41,15 @@ pub fn decode(
 ) -> Result<DecodeReport, Error> {
     let output = output.as_ref();
     options.check(output)?;
-    let observer = options.observer();
+    let observer = options.job.observer();
     let open_device = || options.open_device(&*observer);
-    let (raw, cancellation) = (&options.raw, &options.cancellation);
+    let (raw, cancellation) = (&options.raw, &options.job.cancellation);
     let input = Input::from(input);
     let job = isv_take::decode::Job::prepare(&input, output, raw, open_device, &observer, cancellation)?;
     let (total, mut done) = (raw.frames.and_then(FrameRange::count), 0);
     let report = job.run(|_| {
         done += 1;
-        if let Some(progress) = &options.progress {
+        if let Some(progress) = &options.job.progress {
             progress(done, total);
         }
     });
@@ -72,17 +72,17 @@ pub fn encode(
     options: &EncodeOptions,
 ) -> Result<Report, Error> {
     options.check()?;
-    let observer = options.observer();
+    let observer = options.job.observer();
     let capture = Capture::open(&Input::from(input), &options.raw.hints(&observer)?);
     let capture = capture.map_err(|error| Error::new(ErrorKind::Input, error))?;
     let open_device = || options.open_device(&*observer);
-    let mut passes = Passes(&options.cancellation);
+    let mut passes = Passes(&options.job.cancellation);
     let job = Job::prepare(capture, &options.raw, open_device, &observer, &mut passes)?;
     let (total, mut done) = (job.frames(), 0);
     let sink = Counted { sink: AtomicFile::create(output.as_ref())?, bytes: 0 };
     let coded = job.run(sink, |_| {
         done += 1;
-        if let Some(progress) = &options.progress {
+        if let Some(progress) = &options.job.progress {
             progress(done, total);
         }
     });

@@ -102,7 +102,7 @@ impl<W: Write> Writer<W> {
     /// [`ErrorKind::Options`] or [`ErrorKind::Device`].
     pub fn new(sink: W, options: &EncodeOptions) -> Result<Self, Error> {
         options.check()?;
-        let observer = options.observer();
+        let observer = options.job.observer();
         let device = options.open_device(&*observer)?;
         let sink = Counted { sink, bytes: 0 };
         Ok(Self { encoder: FrameEncoder::new(sink, &options.raw, device, &observer)? })

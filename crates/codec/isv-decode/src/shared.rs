@@ -1,4 +1,4 @@
-//! What both profiles share: blocks of a frame without their samples, details for pictures, the hash, and the syntax of block sets and
+//! Code that both profiles share: blocks of a frame without their samples, details for pictures, the hash, and the syntax of block sets and
 //! masks.
 
 mod blocks;

@@ -1,4 +1,4 @@
-//! What both profiles share: how far a decoded surface is from the source's, and the writing side of block sets and masks.
+//! Code that both profiles share: the distance of a decoded surface from the source, and the writing of block sets and masks.
 
 mod distortion;
 pub(crate) mod surface_distance;

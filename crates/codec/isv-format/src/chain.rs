@@ -16,7 +16,7 @@ pub enum Link {
         /// Number of frames missing, below 2^15.
         missing: u16,
     },
-    /// The same packet once more.
+    /// A repetition of the last packet.
     Doubled,
     /// A frame from before the last one, or one of another GOP: counts wrap around at 2^16.
     Backward,

@@ -36,10 +36,10 @@ impl Prediction {
     }
 }
 
-/// What a frame of profile `main` is predicted from.
+/// Prediction of a frame of profile `main`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameKind {
-    /// Its own blocks alone. The frame before may still tell where blocks and masks are.
+    /// Prediction from blocks of the same frame alone. The frame before may still tell where blocks and masks are.
     Intra,
     /// The frame before too, translated a block at a time.
     Predicted {
@@ -128,7 +128,7 @@ impl SliceLayout {
 /// The fields of a frame header that are a profile's own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCoding {
-    /// Those of profile `paper`: the stream header states all else.
+    /// Fields of profile `paper`: the stream header states all else.
     Paper {
         /// How blocks are predicted; [`Prediction::None`] on keyframes.
         prediction: Prediction,
@@ -140,7 +140,7 @@ pub enum FrameCoding {
 /// What each frame of profile `main` states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MainFrameHeader {
-    /// What blocks are predicted from; [`FrameKind::Intra`] on keyframes.
+    /// Prediction of the blocks; [`FrameKind::Intra`] on keyframes.
     pub kind: FrameKind,
     /// Quantizer step of all coefficients in sixteenths of a code, `1 ..= 2^20`.
     pub step: u32,
@@ -213,7 +213,7 @@ pub struct FrameHeader {
     pub blocks: u32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
-    /// What the stream's profile has a frame state.
+    /// Fields of the stream's profile.
     pub coding: FrameCoding,
     /// XXH64 of the decoded volume, if the frame carries it.
     pub volume_hash: Option<u64>,

@@ -20,8 +20,8 @@
 //! assert!((saved.mean + 50.0).abs() < 1e-9);
 //! ```
 //!
-//! Each point of each codec runs in a process of its own ([`worker`]), so that its peak memory is its own and one that fails takes nothing
-//! with it. What was measured lies in a folder ([`Store`]); a study that was interrupted goes on where it stopped.
+//! Each point of each codec runs in a process of its own ([`worker`]). Its peak memory is its own, and a failure stops no other point.
+//! Measurements lie in a folder ([`Store`]). An interrupted study continues where it stopped.
 
 mod bjontegaard;
 mod captured_take;

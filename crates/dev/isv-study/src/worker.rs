@@ -30,7 +30,7 @@ pub enum Outcome {
     Kept,
     /// It is not; why.
     Failed {
-        /// What went wrong.
+        /// Cause of the failure.
         sentence: String,
         /// Whether the codec's other points need not be tried.
         at_all_points: bool,

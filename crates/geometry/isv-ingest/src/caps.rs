@@ -38,7 +38,7 @@ pub(crate) struct Blocks {
     pub(crate) coords: Vec<BlockCoord>,
     pub(crate) samples: Vec<i16>,
     pub(crate) masks: BTreeMap<u32, VoxelMask>,
-    /// Those with voxels closest to a sheet, where other sign changes are unexplained ([`crate::jumps`]).
+    /// Blocks with voxels closest to a sheet. Other sign changes are unexplained there ([`crate::jumps`]).
     pub(crate) of_sheets: BTreeSet<u32>,
 }
 
@@ -100,8 +100,7 @@ impl Blocks {
         (0..self.coords.len() as u32).into_par_iter().filter_map(candidate).collect()
     }
 
-    /// The sign changes between observed voxels of a block, and between those of it and of the blocks across its faces, where distances
-    /// add up to more than `apart` codes.
+    /// Sign changes between observed voxels of a block or across its faces, if the two distances add up to more than `apart` codes.
     pub(crate) fn sign_changes(
         &self,
         edge: BlockEdge,

@@ -166,7 +166,7 @@ pub(crate) fn measured_reach(settings: &MeshIngest, offset: f64) -> (Reach, Band
     }
 }
 
-/// Where signs come from, and the wide holes of a mesh with an inside. `mesh` is the mesh in metres, `in_voxels` the same in voxels.
+/// Finds the source of signs, and the wide holes of closed parts. `mesh` is in metres, `in_voxels` is the same mesh in voxels.
 fn find_sign(
     mesh: &TriangleMesh,
     in_voxels: &VoxelMesh,
@@ -196,7 +196,7 @@ fn find_sign(
     }
 }
 
-/// What is inside a mesh once it is closed, and its holes that are to stay open.
+/// Finds the inside of a mesh once it is closed, and the holes that stay open.
 fn find_inside(
     mesh: &VoxelMesh,
     settings: &MeshIngest,

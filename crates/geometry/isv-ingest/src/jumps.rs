@@ -1,8 +1,9 @@
 //! Sign changes between sheets.
 //!
-//! Where two sheets face one another, or one ends beside another, there are voxels in front of one and behind the other, and a sign
-//! changes in free space. Of two neighbours whose distances add up to more than two voxels the farther is unobserved, and both are where
-//! no cell of a surface can need either. A stricter rule tears surfaces at junctions and folds, a looser one leaves pieces in free space.
+//! Between two sheets a voxel can lie in front of one and behind the other, so that a sign changes in free space. No surface lies
+//! between two neighbours whose distances add up to more than 2 voxels. The farther one becomes unobserved. Both become unobserved if
+//! both are farther than any cell of a surface reaches. Stricter rules tear surfaces at junctions and folds; looser ones leave pieces
+//! in free space.
 
 use crate::caps::{Blocks, VoxelAt};
 use isv_volume::{BlockIndex, CODES_PER_VOXEL, Grid, VoxelMask};
@@ -12,8 +13,7 @@ use std::collections::BTreeSet;
 /// Distances that add up to more than this many codes leave no surface between two neighbours.
 const APART: u32 = 2 * CODES_PER_VOXEL as u32;
 
-/// Voxels farther than this many codes from a surface are at no corner of a cell that it passes through: 1.75 voxels, which is more than
-/// a cell's diagonal.
+/// No cell of a surface has a corner farther than this many codes from it: 1.75 voxels, more than the diagonal of a cell.
 const NEEDED: u16 = 7 * CODES_PER_VOXEL as u16 / 4;
 
 impl Blocks {

@@ -5,7 +5,7 @@
 
 use crate::sign::{CLOSED_SHARE, SignMode, decide_sign};
 use glam::DVec3;
-use isv_spatial::{PositionMap, position_key};
+use isv_spatial::{PositionMap, Weld, position_key};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,8 +41,8 @@ pub fn turn_faces(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
     if turned.is_watertight || looks_closed() { Cow::Owned(turned.mesh) } else { Cow::Borrowed(mesh) }
 }
 
-/// The mesh with faces that agree along every edge of two, part by part and as far as they can, and one of faces with the same corners,
-/// whichever way they face. A part keeps the side of its majority.
+/// Makes faces agree along every edge of two faces, as far as they can. A part keeps the side of its majority. Of several faces with the
+/// same corners one stays, whichever way they face.
 pub(crate) fn agreeing(mesh: Cow<'_, TriangleMesh>) -> Cow<'_, TriangleMesh> {
     turn(&mesh).map_or(mesh, |turned| Cow::Owned(turned.mesh))
 }
@@ -120,13 +120,7 @@ struct Edge {
 /// Turns faces so that those on both sides of an edge agree, and keeps one of faces with the same corners. `None` if all agree already.
 fn turn(mesh: &TriangleMesh) -> Option<Turned> {
     // Vertices at one place are one.
-    let mut places: PositionMap<u32> = PositionMap::default();
-    let welded: Vec<u32> = (mesh.vertices.iter())
-        .map(|position| {
-            let next = places.len() as u32;
-            *places.entry(position_key(*position)).or_insert(next)
-        })
-        .collect();
+    let welded = Weld::new(&mesh.vertices).positions;
     let mut seen: PositionMap<[u32; 3]> = PositionMap::default();
     let mut backs = 0;
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());

@@ -3,7 +3,7 @@
 //! Faces that share an edge are of one part. Vertices at exactly the same position count as one.
 
 use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share};
-use crate::topology::weld;
+use isv_spatial::{DisjointSets, Weld};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 
@@ -13,8 +13,8 @@ const FEWEST_FACES: usize = 4;
 /// Places that the smallest part is looked at in; the largest is looked at in [`SAMPLES`].
 const FEWEST_SAMPLES: usize = 64;
 
-/// For each face of a mesh, whether it belongs to a part without inside: one of which less than nine tenths of the area look closed
-/// by the part's own winding number, as in [`crate::decide_sign`].
+/// Finds the faces of open parts, for each face of a mesh. A part is open if less than 0.9 of its area looks closed by its own winding
+/// number, as in [`crate::decide_sign`].
 pub(crate) fn open_faces(mesh: &TriangleMesh) -> Vec<bool> {
     let parts = connected_parts(mesh);
     let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
@@ -35,45 +35,36 @@ pub(crate) fn open_faces(mesh: &TriangleMesh) -> Vec<bool> {
 
 /// The faces of each part, ascending; parts by their first faces.
 fn connected_parts(mesh: &TriangleMesh) -> Vec<Vec<u32>> {
-    let welded = weld(&mesh.vertices);
+    let Weld { positions, .. } = Weld::new(&mesh.vertices);
     let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
     for (triangle, face) in mesh.triangles.iter().zip(0..) {
-        let corners = triangle.map(|vertex| welded[vertex as usize]);
+        let corners = triangle.map(|vertex| positions[vertex as usize]);
         for side in 0..3 {
             let (a, b) = (corners[side], corners[(side + 1) % 3]);
             sides.push(([a.min(b), a.max(b)], face));
         }
     }
     sides.par_sort_unstable();
-    let mut parents: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let faces = mesh.triangles.len() as u32;
+    let mut sets = DisjointSets::new(faces);
     for pair in sides.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        let [a, b] = [pair[0].1, pair[1].1].map(|face| root(&mut parents, face));
-        parents[a.max(b) as usize] = a.min(b);
+        sets.join(pair[0].1, pair[1].1);
     }
-    let mut numbers = vec![u32::MAX; parents.len()];
+    let mut numbers = vec![0; mesh.triangles.len()];
     let mut parts: Vec<Vec<u32>> = Vec::new();
-    for face in 0..parents.len() as u32 {
-        let number = &mut numbers[root(&mut parents, face) as usize];
-        if *number == u32::MAX {
-            *number = parts.len() as u32;
+    for face in 0..faces {
+        // A set is represented by its first face.
+        let first = sets.find(face) as usize;
+        if first == face as usize {
+            numbers[first] = parts.len();
             parts.push(Vec::new());
         }
-        parts[*number as usize].push(face);
+        parts[numbers[first]].push(face);
     }
     parts
 }
 
-/// The representative of a face, halving its path on the way.
-fn root(parents: &mut [u32], mut face: u32) -> u32 {
-    while parents[face as usize] != face {
-        let grandparent = parents[parents[face as usize] as usize];
-        parents[face as usize] = grandparent;
-        face = grandparent;
-    }
-    face
-}
-
-/// Some faces of a mesh by themselves.
+/// Copies some faces of a mesh into a mesh of their own.
 fn submesh(mesh: &TriangleMesh, faces: &[u32]) -> TriangleMesh {
     let corners = |face: &u32| mesh.corners(*face as usize);
     TriangleMesh {

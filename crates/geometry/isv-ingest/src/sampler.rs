@@ -38,7 +38,7 @@ impl Source<'_> {
         }
     }
 
-    /// What the voxels of a tile are measured from if it has sheets.
+    /// The surroundings of a tile that has sheets.
     fn surroundings(&self, tile: &Tile) -> Option<Surroundings<'_>> {
         let Sign::Parts(parts) = self.sign else { return None };
         let Parts { sheets, holes, .. } = &**parts;
@@ -58,17 +58,17 @@ pub(crate) enum Sign {
     Parts(Box<Parts>),
 }
 
-/// Where signs come from part by part.
+/// Signs part by part: closed parts have an inside, sheets have two sides.
 pub(crate) struct Parts {
-    /// What is inside of closed parts, if there are any.
+    /// Inside of the closed parts, if there are any.
     pub(crate) bodies: Option<Sides>,
-    /// Their holes that are to stay open, if there are any.
+    /// Holes of the closed parts that stay open, if there are any.
     pub(crate) holes: Option<WideHoles>,
     pub(crate) sheets: Sheets,
 }
 
 impl Sign {
-    /// What is inside, if anything has an inside.
+    /// Returns the inside, if anything has one.
     pub(crate) fn sides(&self) -> Option<&Sides> {
         match self {
             Self::Closed(sides) => Some(sides),
@@ -96,7 +96,7 @@ struct BlockDistances {
     distances: Vec<f32>,
     /// Voxels whose closest surface point lies on a wide hole.
     unobserved: Option<VoxelMask>,
-    /// Of which part each voxel is, and on which side of it; none where no sheet is near.
+    /// Side of each voxel; empty where no sheet is near.
     sides: Vec<VoxelSide>,
 }
 

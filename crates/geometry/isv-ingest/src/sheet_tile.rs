@@ -1,8 +1,8 @@
 //! Distances and sides of the voxels of a tile that has sheets.
 //!
-//! Near the surface the closest face of each voxel is found by scattering faces into the voxels around them. From there faces are
-//! handed on from voxel to voxel (Danielsson 1980, "Euclidean distance mapping"), so that the others get a distance and a side that are
-//! right but for the few voxels whose closest face is that of no neighbour. Handing on points costs less, and 12 % more bytes.
+//! Near the surface, each face is scattered into the voxels around it, which finds the closest face of each voxel. The other voxels
+//! take the closest face among those of their neighbours (Danielsson 1980, "Euclidean distance mapping"). Their distance and side are
+//! exact, except for a few voxels whose closest face is that of no neighbour. Propagating points instead of faces costs 12 % more bytes.
 
 use crate::holes::WideHoles;
 use crate::sheets::Sheets;
@@ -10,7 +10,7 @@ use crate::tiles::{TILE_BLOCKS, Tile, VoxelMesh};
 use glam::{DVec3, IVec3};
 use isv_spatial::{Feature, closest_on_triangle};
 
-/// What is known of a voxel.
+/// Side of a voxel: the kind of its closest part, and the sign there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct VoxelSide {
     /// Whether a sheet is closest: its sign is `is_behind`, not that of the closed parts.
@@ -28,13 +28,13 @@ struct Nearest {
 
 const NONE: Nearest = Nearest { distance_sq: f64::INFINITY, face: u32::MAX };
 
-/// What tiles are measured from.
+/// Mesh and sheets that tiles are measured from.
 pub(crate) struct Surroundings<'a> {
     pub(crate) mesh: &'a VoxelMesh<'a>,
     pub(crate) sheets: &'a Sheets,
-    /// Those of the closed parts that are to stay open.
+    /// Holes of the closed parts that stay open.
     pub(crate) holes: Option<&'a WideHoles>,
-    /// Up to where distances are exact, in voxels.
+    /// Distance up to which distances are exact (voxels).
     pub(crate) reach: f64,
 }
 
@@ -119,7 +119,7 @@ impl SheetTile {
     }
 }
 
-/// Where in its block a voxel is.
+/// Returns the position of a voxel in its block.
 fn place(voxel: usize, n: usize) -> IVec3 {
     IVec3::new((voxel % n) as i32, (voxel / n % n) as i32, (voxel / (n * n)) as i32)
 }

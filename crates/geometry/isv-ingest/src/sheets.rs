@@ -1,24 +1,23 @@
 //! Open parts of a mesh as single sheets: on which side of them a point is, and where they end.
 //!
-//! A point is in front of a sheet or behind it by the direction of the sheet at its closest point: the normal of a face, the sum of
-//! those at an edge, or the sum at a vertex, weighted by angle (Baerentzen & Aanaes 2005, "Signed distance computation using the angle
-//! weighted pseudonormal"). Beyond a border the sheet is continued in its plane for a share of a voxel, and nothing is observed farther
-//! out. Nor is it where the closest point is an edge of more than two faces, or one whose faces disagree: sides mean nothing there.
+//! The pseudonormal at the closest point of a sheet tells its front from its back (Baerentzen & Aanaes 2005, "Signed distance
+//! computation using the angle weighted pseudonormal"): the normal of a face, the sum of the normals at an edge, or their sum at a
+//! vertex, weighted by angle. Beyond a border the sheet continues in its plane for 0.75 voxel, and voxels farther out are unobserved.
+//! Voxels closest to an edge of more than two faces, or of two faces that disagree, are unobserved too: they have no side.
 
 use crate::tiles::{Tile, VoxelMesh};
-use crate::topology::weld;
 use glam::DVec3;
-use isv_spatial::Feature;
+use isv_spatial::{Feature, Weld};
 use isv_volume::TriangleMesh;
 
-/// How far a sheet is continued beyond its border, in voxels. Marching cubes draw whole cells, and with this a decoded sheet ends
-/// where the sheet does, on average.
+/// Width of the continuation of a sheet beyond its border (voxels). Marching cubes draw whole cells. With this width a decoded sheet ends
+/// where the source does, on average.
 const CONTINUED: f64 = 0.75;
 
-/// What a point of a sheet is like.
+/// Kind of a point of a sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
-    /// It has two sides.
+    /// The sheet has two sides there.
     Inner,
     /// The sheet ends there.
     Border,
@@ -34,7 +33,7 @@ struct Joint {
     normal: DVec3,
 }
 
-/// How a point sees the sheet that is closest to it.
+/// Signed distance of a point to its closest sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sight {
     /// Signed distance, positive in front, in the unit of the mesh.
@@ -49,7 +48,7 @@ pub(crate) struct Sheets {
     open: Vec<bool>,
     /// Unit normals of their faces.
     normals: Vec<DVec3>,
-    /// For each face the edges at its sides, and its corners by the first vertices at their positions.
+    /// Edges at the sides of each face, and the positions of its corners.
     sides: Vec<[u32; 3]>,
     corners: Vec<[u32; 3]>,
     edges: Vec<Joint>,
@@ -60,16 +59,16 @@ pub(crate) struct Sheets {
 type Side = ([u32; 2], u32, u8, bool);
 
 impl Sheets {
-    /// Of a mesh some of whose faces are `open`; normals are those of the mesh's own space.
+    /// Creates the sheets of the `open` faces of a mesh.
     pub(crate) fn new(mesh: &TriangleMesh, open: Vec<bool>) -> Self {
-        let welded = weld(&mesh.vertices);
+        let Weld { positions, count } = Weld::new(&mesh.vertices);
         let normals: Vec<DVec3> =
             (0..open.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
         let corners: Vec<[u32; 3]> =
-            mesh.triangles.iter().map(|triangle| triangle.map(|vertex| welded[vertex as usize])).collect();
+            mesh.triangles.iter().map(|triangle| triangle.map(|vertex| positions[vertex as usize])).collect();
         let mut sheets = Self {
             sides: vec![[0; 3]; open.len()],
-            vertices: vertex_joints(mesh, &open, &corners),
+            vertices: vertex_joints(mesh, &open, &corners, count),
             edges: Vec::new(),
             open,
             normals,
@@ -129,7 +128,7 @@ impl Sheets {
         tile.faces().any(|face| self.has(face))
     }
 
-    /// How a point at `offset` from its closest point on a sheet, on a part of one of its faces, sees the sheet. In voxels.
+    /// Computes the sight of a point at `offset` (voxels) from its closest point, which lies on `feature` of `face`.
     pub(crate) fn sight(&self, offset: DVec3, face: u32, feature: Feature) -> Sight {
         let flat = self.normals[face as usize];
         let joint = match feature {
@@ -155,8 +154,8 @@ impl Sheets {
 }
 
 /// The joints of vertices, as far as open faces say: places are not known yet.
-fn vertex_joints(mesh: &TriangleMesh, open: &[bool], corners: &[[u32; 3]]) -> Vec<Joint> {
-    let mut sums = vec![DVec3::ZERO; mesh.vertices.len()];
+fn vertex_joints(mesh: &TriangleMesh, open: &[bool], corners: &[[u32; 3]], positions: usize) -> Vec<Joint> {
+    let mut sums = vec![DVec3::ZERO; positions];
     for (face, places) in corners.iter().enumerate().filter(|(face, _)| open[*face]) {
         let at = mesh.corners(face);
         let normal = mesh.area_vector(face).normalize_or_zero();

@@ -55,7 +55,7 @@ impl Sides {
 }
 
 impl Caps {
-    /// Of some triangles that close a mesh; `holes` as in [`Sides::new`].
+    /// Creates caps of the triangles that close a mesh; `holes` as in [`Sides::new`].
     pub(crate) fn new(
         mesh: &VoxelMesh,
         closing: &[[u32; 3]],

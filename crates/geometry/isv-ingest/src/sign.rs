@@ -29,7 +29,7 @@ pub enum SignMode {
     Closed,
     /// As for a surface without inside (Eq. 9): unsigned distance less a constant.
     Offset,
-    /// Part by part: closed parts as for a closed surface, open ones as single sheets, negative behind their faces.
+    /// Part by part: closed parts have an inside, open parts are single sheets, negative behind their faces.
     Sheet,
 }
 
@@ -43,7 +43,7 @@ pub enum SignDecision {
     },
     /// Unsigned distance less a constant offset: a thin closed shell around the surface.
     Offset,
-    /// Of closed parts as of closed surfaces; of open ones negative behind the closest point.
+    /// Closed parts by winding number, open parts negative behind the closest point.
     Sheet,
 }
 

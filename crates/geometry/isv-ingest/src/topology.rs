@@ -90,7 +90,7 @@ impl Topology {
 }
 
 /// For each vertex the first one at exactly the same position.
-pub(crate) fn weld(vertices: &[DVec3]) -> Vec<u32> {
+fn weld(vertices: &[DVec3]) -> Vec<u32> {
     let mut first = PositionMap::with_capacity_and_hasher(vertices.len(), Default::default());
     vertices.iter().enumerate().map(|(i, v)| *first.entry(position_key(*v)).or_insert(i as u32)).collect()
 }

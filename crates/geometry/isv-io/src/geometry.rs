@@ -179,7 +179,7 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
 /// Reads a mesh or points as [`read_geometry`] does, and drops or refuses invalid points.
 ///
 /// # Errors
-/// Those of [`read_geometry`].
+/// Errors of [`read_geometry`].
 pub fn read_geometry_with(path: &Path, unit: Unit, invalid: InvalidPoints) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;

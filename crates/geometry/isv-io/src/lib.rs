@@ -1,6 +1,6 @@
 //! Files: meshes and points in and out, the frames of a sequence, output that appears whole or not at all.
 //!
-//! It does not know what is done with a frame, nor the `.isv` format. Streams are opened by `isv-take`, pages and their files by `isv-serve`.
+//! The crate does not know the `.isv` format. `isv-take` opens streams, `isv-serve` opens pages and their files.
 //!
 //! ```
 //! use isv_io::{FrameSequence, Format, Unit, read_mesh, write_mesh};

@@ -1,4 +1,4 @@
-//! Where results go: a file that appears whole or not at all, or standard output; and what is not written over.
+//! Outputs: a file that appears whole or not at all, or standard output. Files of others are not overwritten.
 
 mod names;
 
@@ -13,7 +13,7 @@ pub use names::{check_file_name, check_folder_name, check_stream_name, is_folder
 /// Bytes of a file that are looked at before it is overwritten.
 const CHECKED_BYTES: u64 = 256;
 
-/// What is wrong with files that isv may not write over.
+/// Reasons not to overwrite a file.
 const FOREIGN: &str = "was not made by isv";
 
 /// An output that is refused before any work.
@@ -31,7 +31,7 @@ pub enum OutputError {
     NotOurs {
         /// Name of the output.
         name: String,
-        /// What is wrong with it.
+        /// Cause of the failure.
         why: &'static str,
     },
     /// A folder that is named like a file of another program.
@@ -43,7 +43,7 @@ pub enum OutputError {
         name: String,
         /// Ending of the name.
         ending: String,
-        /// What is written into the folder.
+        /// Contents of the folder.
         contents: String,
     },
     /// A stream that is named like another kind of file.
@@ -71,7 +71,7 @@ pub enum OutputError {
     Io {
         /// Name of the output.
         name: String,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: io::Error,
     },
 }

@@ -1,6 +1,6 @@
 //! Connected parts of a mesh.
 
-use crate::weld::Weld;
+use isv_spatial::{DisjointSets, Weld};
 use isv_volume::TriangleMesh;
 
 /// Number of parts of a mesh that share no point: triangles hang together where they share a vertex or have vertices
@@ -21,32 +21,6 @@ pub(crate) fn components_of_weld(mesh: &TriangleMesh, weld: &Weld) -> usize {
         [a, b, c].into_iter().for_each(|v| used[v as usize] = true);
     }
     (0..count).filter(|v| used[*v as usize] && sets.find(*v) == *v).count()
-}
-
-/// Union-find with path halving.
-struct DisjointSets {
-    parent: Vec<u32>,
-}
-
-impl DisjointSets {
-    fn new(count: u32) -> Self {
-        Self { parent: (0..count).collect() }
-    }
-
-    /// The representative of a member's set: its smallest member.
-    fn find(&mut self, mut v: u32) -> u32 {
-        while self.parent[v as usize] != v {
-            let grandparent = self.parent[self.parent[v as usize] as usize];
-            self.parent[v as usize] = grandparent;
-            v = grandparent;
-        }
-        v
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.parent[a.max(b) as usize] = a.min(b);
-    }
 }
 
 #[cfg(test)]

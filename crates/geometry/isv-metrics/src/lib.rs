@@ -32,7 +32,6 @@ mod point_to_surface;
 mod sampling;
 mod shape;
 mod side;
-mod weld;
 
 pub use chamfer::{chamfer, chamfer_floor};
 pub use compare::{CompareError, CompareOptions, MAX_SAMPLES, Side, compare};

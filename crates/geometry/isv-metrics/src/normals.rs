@@ -1,7 +1,7 @@
 //! Normals that are continuous over a surface.
 
-use crate::weld::Weld;
 use glam::DVec3;
+use isv_spatial::Weld;
 use isv_spatial::{Closest, Feature};
 use isv_volume::TriangleMesh;
 

@@ -1,4 +1,5 @@
-//! Spatial queries: closest point and generalized winding number of triangle meshes, nearest neighbours in point sets.
+//! Spatial queries: closest point and generalized winding number of triangle meshes, nearest neighbours in point sets. Helpers weld
+//! vertices and join them into sets.
 //!
 //! Both queries on meshes stand on one bounding-volume hierarchy and copy the triangles into its order, so a query object
 //! borrows nothing. Triangles may be degenerate, duplicated or non-manifold; nothing here asks for a closed surface.
@@ -22,16 +23,20 @@
 
 mod bvh;
 mod closest;
+mod disjoint_sets;
 mod expansion;
 mod nearest;
 mod point_tree;
 mod position;
 mod tree;
+mod weld;
 mod winding;
 
 pub use bvh::{Bvh, Closest};
 pub use closest::{Feature, closest_on_triangle};
+pub use disjoint_sets::DisjointSets;
 pub use nearest::{MAX_TIES, NearestPoints};
 pub use point_tree::{Neighbour, PointTree};
 pub use position::{PositionKey, PositionMap, PositionSet, position_key};
+pub use weld::Weld;
 pub use winding::{WindingNumber, exact_winding_number};

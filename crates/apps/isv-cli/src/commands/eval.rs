@@ -123,7 +123,7 @@ struct Distances {
 }
 
 impl Distances {
-    /// Those of both directions, or of the only one where only one side is a surface.
+    /// Reads the distances of both directions, or of one direction if only one side is a surface.
     fn found_in(mean: &GeometryError) -> Self {
         if mean.p2s_mean_mm.is_none() && mean.ref_to_test_mean_mm.is_some() {
             let figures = |f: &GeometryError| {

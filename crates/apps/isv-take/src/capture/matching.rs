@@ -1,4 +1,4 @@
-//! Which frames of two captures belong together.
+//! Pairs of frames of two captures.
 
 use super::Capture;
 use crate::FrameRange;

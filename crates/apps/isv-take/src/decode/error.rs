@@ -1,4 +1,4 @@
-//! What can go wrong when a stream is decoded to files.
+//! Errors of decoding a stream to files.
 
 use super::{Form, OutputFormat};
 use crate::distances::DistancesError;
@@ -59,7 +59,7 @@ pub enum DecodeOptionsError {
         /// The option.
         option: PlacementOption,
     },
-    /// The same for a volume as NumPy arrays.
+    /// An option that places or scales the output, with NumPy volumes.
     #[error("{option}: NumPy volumes are in metres, Y up: decode a mesh, points or --format vdb")]
     ArraysPlaced {
         /// The option.
@@ -106,7 +106,7 @@ pub enum DecodeTakeError {
     Frame {
         /// Number of the frame.
         frame: usize,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: ProductError,
     },
     /// An output that is refused.
@@ -131,7 +131,7 @@ pub enum DecodeTakeError {
     NoFolder {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// Cause of the failure.
         cause: io::Error,
     },
     /// Frames that do not fit into one file.

@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-/// What a decoded frame becomes.
+/// Kind of product that a decoded frame is turned into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// A triangle mesh of the surface.
@@ -35,7 +35,7 @@ impl Form {
 /// A file format of any form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutputFormat {
-    /// Of meshes or points.
+    /// A file of a mesh or of points.
     Geometry(Format),
     /// A volume as a folder of NumPy arrays.
     Npy,

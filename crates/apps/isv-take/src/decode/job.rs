@@ -23,7 +23,7 @@ pub struct Job {
     observer: Arc<dyn Observer>,
 }
 
-/// What became of a frame.
+/// Result of decoding a frame.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct DecodedFrameReport {
@@ -37,7 +37,7 @@ pub struct DecodedFrameReport {
     pub write_ms: f64,
 }
 
-/// What became of a stream.
+/// Result of decoding a stream.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DecodedReport {
@@ -52,7 +52,7 @@ pub struct DecodedReport {
 /// A stream that could not be decoded to its end.
 #[derive(Debug)]
 pub struct Unfinished {
-    /// What went wrong.
+    /// Cause of the failure.
     pub error: DecodeTakeError,
     /// Frames before it that are in the folder of the output.
     pub written: usize,

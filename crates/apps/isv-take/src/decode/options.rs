@@ -1,4 +1,4 @@
-//! What a user may choose of decoding to files.
+//! Options of decoding to files.
 
 use super::placement::Placed;
 use super::product::Recipe;
@@ -16,7 +16,7 @@ use std::path::Path;
 /// Options of decoding a stream to files. What is not chosen is decided by the output's name and the stream.
 #[derive(Clone, Debug, Default)]
 pub struct DecodeOptions {
-    /// What to make of each frame [default: what the format is for, else meshes].
+    /// Product of each frame [default: by the format, else meshes].
     pub form: Option<Form>,
     /// File format [default: that of the output's name, else PLY or arrays].
     pub format: Option<OutputFormat>,
@@ -42,7 +42,7 @@ pub struct DecodeOptions {
     pub lod: Lod,
     /// Frames to decode [default: all].
     pub frames: Option<FrameRange>,
-    /// What to do where packets are damaged or missing.
+    /// Reaction to damaged or missing packets.
     pub after_loss: AfterLoss,
     /// Memory for frames.
     pub memory: MemoryLimit,
@@ -80,7 +80,7 @@ impl DecodeOptions {
         (faces.is_some() || max_error_m.is_some()).then_some(Budget { faces, max_error_m })
     }
 
-    /// How frames of a stream become products.
+    /// Builds the recipe that turns frames of a stream into products.
     pub(super) fn recipe(
         &self,
         header: &StreamHeader,

@@ -28,7 +28,7 @@ impl Reduction {
     }
 }
 
-/// What became of all meshes that were to have fewer faces.
+/// Results of all mesh simplifications.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Reductions {

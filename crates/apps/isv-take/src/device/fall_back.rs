@@ -71,7 +71,7 @@ mod tests {
     use crate::DeviceError;
     use std::sync::Mutex;
 
-    /// What a worker did.
+    /// A worker that counts its calls.
     trait Count: Send {
         fn count(&mut self) -> Result<u32, Failure>;
     }

@@ -1,4 +1,4 @@
-//! What a device is asked to do, and how the CPU does it.
+//! Jobs of a device, and how the CPU does them.
 
 use super::{Decoded, DeviceError};
 use isv_decode::{DecodeError, Decoder, Limits};
@@ -37,7 +37,7 @@ pub(crate) trait GpuWorkers: fmt::Debug + Send + Sync {
 
 /// An error that may be a device's.
 pub(crate) trait Fault {
-    /// What the device says, if it is at fault and not what it was given.
+    /// The error of the device, if the device failed and not its input.
     fn of_device(&self) -> Option<DeviceError>;
 }
 

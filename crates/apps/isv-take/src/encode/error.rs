@@ -71,11 +71,11 @@ pub enum CaptureError {
     Unequal {
         /// Name of the one.
         name: String,
-        /// Its frames.
+        /// Number of its frames.
         frames: usize,
         /// Name of the other, which is the reference.
         reference: String,
-        /// Its frames.
+        /// Number of its frames.
         in_reference: usize,
     },
     /// A pipe where the number of frames must be known, or the input is read more than once.

@@ -82,7 +82,7 @@ pub enum StreamFault {
     /// A stream that cannot be joined to another one.
     #[error("has another {what} than {from}")]
     Differs {
-        /// What is different.
+        /// Property that differs.
         what: &'static str,
         /// Name of the other stream.
         from: String,

@@ -8,7 +8,7 @@ use isv_format::{
 };
 use std::io::{self, Write};
 
-/// What became of a damaged stream.
+/// Result of the repair of a stream.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Repaired {
@@ -104,7 +104,7 @@ enum Use {
 /// What can be made of one packet after the other.
 struct RepairChain {
     packets: PacketChain,
-    /// How the next frame can be used if it follows; nothing while something is missing.
+    /// Use of the next frame if it follows; `None` while something is missing.
     usage: Option<Use>,
     /// Decodes resilient frames behind a loss, as that alone tells when all is exact again. Elsewhere packets are passed over.
     decoder: Decoder,
@@ -117,7 +117,7 @@ impl RepairChain {
         Self { packets: PacketChain::default(), usage: None, decoder }
     }
 
-    /// What the next packet is. `damaged`: how many bytes before it are, which count no more behind it.
+    /// Finds the use of the next packet. `damaged` is the number of damaged bytes before it, set to 0 once they count.
     fn push(&mut self, packet: &Packet, damaged: &mut u64) -> Use {
         let link = self.packets.push(packet);
         if link == Link::Doubled {

@@ -1,4 +1,4 @@
-//! What a stream says about itself, without decoding it.
+//! Summaries of streams, without decoding them.
 
 use super::{StreamError, StreamFault, open_file};
 use crate::Input;
@@ -7,13 +7,13 @@ use isv_format::{FormatError, FrameCoding, FramePayload, Packet, PacketKind, Pac
 use isv_format::{Profile, StreamHeader};
 use std::io::Read;
 
-/// What a stream says about itself.
+/// Header, packets and duration of a stream.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StreamSummary {
-    /// What it states for all frames.
+    /// Header of the stream.
     pub header: StreamHeader,
-    /// Its frames' packets, up to the end or a cut.
+    /// Frame packets, up to the end or a cut.
     pub packets: Vec<PacketSummary>,
     /// Time (s) from when the first frame is shown to when the last one is no longer.
     pub duration_s: f64,
@@ -25,7 +25,7 @@ pub struct StreamSummary {
     pub is_complete: bool,
 }
 
-/// What a frame's packet says.
+/// Header fields of a frame packet.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct PacketSummary {

@@ -51,12 +51,12 @@ impl<B: Backend> MainDecoder<B> {
         Self { parameters, limits, entropy, reference: None, recovery: Recovery::default(), sequence }
     }
 
-    /// As [`crate::Decoder::recover`].
+    /// See [`crate::Decoder::recover`].
     pub(crate) fn recover(&mut self, wanted: bool) {
         self.recovery.want(wanted);
     }
 
-    /// As [`crate::Decoder::exact_blocks`].
+    /// See [`crate::Decoder::exact_blocks`].
     pub(crate) fn exact_blocks(&self) -> Option<&ExactBlocks> {
         self.recovery.exact()
     }
@@ -79,7 +79,7 @@ impl<B: Backend> MainDecoder<B> {
     /// Decodes a frame packet.
     ///
     /// # Errors
-    /// As [`crate::Decoder::decode`].
+    /// See [`crate::Decoder::decode`].
     pub(crate) fn decode(
         &mut self,
         packet: &Packet,
@@ -106,13 +106,13 @@ impl<B: Backend> MainDecoder<B> {
         }
     }
 
-    /// As [`crate::Decoder::lose_packet`].
+    /// See [`crate::Decoder::lose_packet`].
     pub(crate) fn lose(&mut self) {
         let last = self.reference.take();
         self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
     }
 
-    /// As [`crate::Decoder::pass_over`].
+    /// See [`crate::Decoder::pass_over`].
     pub(crate) fn pass_over(&mut self, packet: &Packet) {
         self.sequence.pass_over(packet);
         self.lose();

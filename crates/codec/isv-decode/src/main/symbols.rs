@@ -8,7 +8,7 @@ use isv_volume::{BlockCoord, BlockSet};
 /// Steps of vectors, quarter voxels, to the edge of a block.
 pub(super) const STEPS_PER_BLOCK: i32 = STEPS_PER_VOXEL * block8::EDGE as i32;
 
-/// Where in the frame before a block's samples come from: a translation in quarter voxels, of which a voxel has
+/// Motion vector of a block: a translation into the frame before, in quarter voxels, of which a voxel has
 /// [`STEPS_PER_VOXEL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vector(pub [i16; 3]);
@@ -31,7 +31,7 @@ impl Vector {
         self.0.map(|steps| i32::from(steps).div_euclid(STEPS_PER_VOXEL))
     }
 
-    /// What the translation is beyond [`Self::whole_voxels`], in steps: 0 to 3.
+    /// Fraction of the translation beyond [`Self::whole_voxels`], in quarter voxels: 0 to 3.
     #[must_use]
     pub fn rest(self) -> [u8; 3] {
         self.0.map(|steps| i32::from(steps).rem_euclid(STEPS_PER_VOXEL) as u8)

@@ -48,7 +48,7 @@ impl<B: Backend> PaperDecoder<B> {
     /// Decodes a frame packet.
     ///
     /// # Errors
-    /// As [`crate::Decoder::decode`].
+    /// See [`crate::Decoder::decode`].
     pub(crate) fn decode(
         &mut self,
         packet: &Packet,
@@ -84,7 +84,7 @@ impl<B: Backend> PaperDecoder<B> {
         })
     }
 
-    /// As [`crate::Decoder::lose_packet`].
+    /// See [`crate::Decoder::lose_packet`].
     pub(crate) fn lose(&mut self) {
         self.reference = None;
     }

@@ -1,4 +1,4 @@
-//! What entropy decoding needs of a frame's samples, read back at once.
+//! Readback of the samples that entropy decoding needs, in one transfer.
 
 use super::coded_blocks::pack_vector;
 use super::extrapolated_blocks::ExtrapolatedBlocks;

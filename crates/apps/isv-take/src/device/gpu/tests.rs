@@ -47,7 +47,7 @@ impl Bench {
         Self { gpu, device: OpenDevice { gpu: Some(workers), falls_back }, observer, told }
     }
 
-    /// How often it was said that the CPU goes on.
+    /// Number of events that say that the CPU goes on.
     fn falls(&self) -> usize {
         let told = self.told.lock().unwrap();
         told.iter().filter(|sentence| sentence.ends_with("working on the CPU")).count()
