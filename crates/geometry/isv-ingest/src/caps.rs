@@ -38,7 +38,7 @@ pub(crate) struct Blocks {
     pub(crate) coords: Vec<BlockCoord>,
     pub(crate) samples: Vec<i16>,
     pub(crate) masks: BTreeMap<u32, VoxelMask>,
-    /// Blocks with voxels closest to a sheet. Other sign changes are unexplained there ([`crate::jumps`]).
+    /// Blocks with voxels closest to a sheet. Other sign changes are unexplained there ([`crate::false_crossings`]).
     pub(crate) of_sheets: BTreeSet<u32>,
 }
 

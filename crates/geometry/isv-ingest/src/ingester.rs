@@ -252,7 +252,7 @@ fn sample(source: &Source, tiles: &[Tile]) -> Blocks {
         {
             blocks.open_caps(&source.grid, &sides.caps, source.blending());
         }
-        blocks.open_jumps(&source.grid);
+        blocks.mask_false_crossings(&source.grid);
         blocks.trim_rims(source.grid.edge);
     });
     blocks

@@ -32,7 +32,7 @@
 //! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
 //! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
 //! `trim` takes teeth and specks off the surface's ends; `parts` finds parts without inside, `sheets` on which side of them a voxel is,
-//! `sheet_tile` measures where they are near, and `jumps` takes away sign changes between them; `sign` tells open from closed surfaces, and `limits` refuses what
+//! `sheet_tile` measures where they are near, and `false_crossings` takes away sign changes between them; `sign` tells open from closed surfaces, and `limits` refuses what
 //! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `reuse` finds what of it is as it
 //! was in the frame before, and `ingester` puts volumes together. Who samples elsewhere, as a GPU does, begins and ends with a `job`, which
 //! hands out the mesh on a `lattice`.
@@ -50,10 +50,10 @@ mod descent;
 mod error;
 mod faces;
 mod facet;
+mod false_crossings;
 mod holes;
 mod ingester;
 mod job;
-mod jumps;
 mod lattice;
 mod limits;
 mod open_surface;

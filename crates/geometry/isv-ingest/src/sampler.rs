@@ -8,7 +8,7 @@ use crate::holes::WideHoles;
 use crate::rims::Rims;
 use crate::scatter::TileDistances;
 use crate::scene::{Connections, Measure, Scene};
-use crate::sheet_tile::{SheetTile, Surroundings, VoxelSide};
+use crate::sheet_tile::{SheetScene, SheetTile, VoxelSide};
 use crate::sheets::Sheets;
 use crate::sides::Sides;
 use crate::tiles::{Band, TILE_BLOCKS, Tile};
@@ -38,13 +38,13 @@ impl Source<'_> {
         }
     }
 
-    /// The surroundings of a tile that has sheets.
-    fn surroundings(&self, tile: &Tile) -> Option<Surroundings<'_>> {
+    /// The scene of a tile that has sheets.
+    fn sheet_scene(&self, tile: &Tile) -> Option<SheetScene<'_>> {
         let Sign::Parts(parts) = self.sign else { return None };
         let Parts { sheets, holes, .. } = &**parts;
         let mesh = &self.scene.mesh;
-        let around = Surroundings { mesh, sheets, holes: holes.as_ref(), reach: self.near.width };
-        sheets.touch(tile).then_some(around)
+        let scene = SheetScene { mesh, sheets, holes: holes.as_ref(), reach: self.near.width };
+        sheets.touch(tile).then_some(scene)
     }
 }
 
@@ -150,8 +150,8 @@ impl Default for Workspace {
 
 /// Samples all blocks of a tile.
 pub(crate) fn sample_tile(source: &Source, tile: &Tile, work: &mut Workspace) -> TileBlocks {
-    match (source.surroundings(tile), &source.scene.measure) {
-        (Some(around), _) => measure_sheets(source, &around, tile, work),
+    match (source.sheet_scene(tile), &source.scene.measure) {
+        (Some(scene), _) => measure_sheets(source, &scene, tile, work),
         (None, Measure::Exact(connections)) => measure_exactly(source, connections, tile, work),
         (None, Measure::Near(rims)) => measure_near(source, rims.as_ref(), tile, work),
     }
@@ -259,12 +259,12 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
 }
 
 /// Finds the distances and the sides of the blocks of a tile that has sheets, exactly near the surface.
-fn measure_sheets(source: &Source, around: &Surroundings, tile: &Tile, work: &mut Workspace) {
+fn measure_sheets(source: &Source, scene: &SheetScene, tile: &Tile, work: &mut Workspace) {
     let Workspace { sheets, blocks, .. } = work;
-    sheets.scatter(around, tile, source.near.tile_edge() as usize);
+    sheets.scatter(scene, tile, source.near.tile_edge() as usize);
     for (block, taken) in blocks.iter_mut().enumerate() {
         taken.restart(0);
-        sheets.take(around, part_position(block), &mut taken.distances, &mut taken.sides);
+        sheets.take(scene, part_position(block), &mut taken.distances, &mut taken.sides);
         for voxel in (0..taken.sides.len()).filter(|voxel| taken.sides[*voxel].is_unobserved) {
             let mask = taken.unobserved.get_or_insert_with(|| VoxelMask::empty(source.grid.edge));
             mask.insert(voxel);

@@ -5,7 +5,7 @@
 //! exact, except for a few voxels whose closest face is that of no neighbour. Propagating points instead of faces costs 12 % more bytes.
 
 use crate::holes::WideHoles;
-use crate::sheets::Sheets;
+use crate::sheets::{SheetDistance, Sheets};
 use crate::tiles::{TILE_BLOCKS, Tile, VoxelMesh};
 use glam::{DVec3, IVec3};
 use isv_spatial::{Feature, closest_on_triangle};
@@ -29,7 +29,7 @@ struct Nearest {
 const NONE: Nearest = Nearest { distance_sq: f64::INFINITY, face: u32::MAX };
 
 /// Mesh and sheets that tiles are measured from.
-pub(crate) struct Surroundings<'a> {
+pub(crate) struct SheetScene<'a> {
     pub(crate) mesh: &'a VoxelMesh<'a>,
     pub(crate) sheets: &'a Sheets,
     /// Holes of the closed parts that stay open.
@@ -51,13 +51,13 @@ pub(crate) struct SheetTile {
 
 impl SheetTile {
     /// Finds the closest faces of all voxels of a tile within reach.
-    pub(crate) fn scatter(&mut self, around: &Surroundings, tile: &Tile, edge: usize) {
+    pub(crate) fn scatter(&mut self, scene: &SheetScene, tile: &Tile, edge: usize) {
         self.edge = edge;
         self.first = tile.coord.as_dvec3() * edge as f64 + 0.5;
         self.nearest.clear();
         self.nearest.resize(edge.pow(3), NONE);
         for face in tile.faces() {
-            self.lower(face, around.mesh.corners(face).map(|corner| corner - self.first), around.reach);
+            self.lower(face, scene.mesh.corners(face).map(|corner| corner - self.first), scene.reach);
         }
     }
 
@@ -91,7 +91,7 @@ impl SheetTile {
     /// Takes the distances and sides of the block at a position in the tile, x fastest; none if no voxel of it is within reach.
     pub(crate) fn take(
         &mut self,
-        around: &Surroundings,
+        scene: &SheetScene,
         position: [i32; 3],
         distances: &mut Vec<f32>,
         sides: &mut Vec<VoxelSide>,
@@ -110,9 +110,9 @@ impl SheetTile {
             return;
         }
         let corner = first.as_dvec3() + self.first;
-        hand_on(around.mesh, &mut self.block, n, corner);
+        propagate_faces(scene.mesh, &mut self.block, n, corner);
         for (voxel, nearest) in self.block.iter().enumerate() {
-            let (distance, side) = around.look(corner + place(voxel, n).as_dvec3(), nearest.face);
+            let (distance, side) = scene.measure(corner + place(voxel, n).as_dvec3(), nearest.face);
             distances.push(distance as f32);
             sides.push(side);
         }
@@ -124,14 +124,15 @@ fn place(voxel: usize, n: usize) -> IVec3 {
     IVec3::new((voxel % n) as i32, (voxel / n % n) as i32, (voxel / (n * n)) as i32)
 }
 
-impl Surroundings<'_> {
-    /// The distance of a voxel from a face, and its side.
-    fn look(&self, p: DVec3, face: u32) -> (f64, VoxelSide) {
+impl SheetScene<'_> {
+    /// Measures the distance of a voxel from a face, and finds its side.
+    fn measure(&self, p: DVec3, face: u32) -> (f64, VoxelSide) {
         let (point, feature) = closest_on_triangle(p, &self.mesh.corners(face));
         if self.sheets.has(face) {
-            let sight = self.sheets.sight(p - point, face, feature);
-            let (is_behind, is_unobserved) = (sight.distance < 0.0, !sight.is_observed);
-            return (sight.distance.abs(), VoxelSide { of_sheet: true, is_behind, is_unobserved });
+            let SheetDistance { distance, is_observed } =
+                self.sheets.signed_distance(p - point, face, feature);
+            let (is_behind, is_unobserved) = (distance < 0.0, !is_observed);
+            return (distance.abs(), VoxelSide { of_sheet: true, is_behind, is_unobserved });
         }
         let corner = |corner: u8| self.mesh.triangles[face as usize][usize::from(corner)];
         let is_on_hole = self.holes.is_some_and(|holes| match feature {
@@ -143,9 +144,9 @@ impl Surroundings<'_> {
     }
 }
 
-/// Hands faces on to voxels of a block that have none, from the ones before and then from those after. `corner`: the centre of the first
+/// Propagates closest faces to the voxels of a block that have none, forwards and then backwards. `corner` is the centre of the first
 /// voxel.
-fn hand_on(mesh: &VoxelMesh, block: &mut [Nearest], n: usize, corner: DVec3) {
+fn propagate_faces(mesh: &VoxelMesh, block: &mut [Nearest], n: usize, corner: DVec3) {
     let known: Vec<bool> = block.iter().map(|nearest| nearest.face != NONE.face).collect();
     let settle = |block: &mut [Nearest], voxel: usize, way: i32| {
         if known[voxel] {

@@ -35,7 +35,7 @@ struct Joint {
 
 /// Signed distance of a point to its closest sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
+pub(crate) struct SheetDistance {
     /// Signed distance, positive in front, in the unit of the mesh.
     pub(crate) distance: f64,
     /// Whether the sign means anything.
@@ -128,8 +128,8 @@ impl Sheets {
         tile.faces().any(|face| self.has(face))
     }
 
-    /// Computes the sight of a point at `offset` (voxels) from its closest point, which lies on `feature` of `face`.
-    pub(crate) fn sight(&self, offset: DVec3, face: u32, feature: Feature) -> Sight {
+    /// Computes the distance of a point at `offset` (voxels) from its closest point, which lies on `feature` of `face`.
+    pub(crate) fn signed_distance(&self, offset: DVec3, face: u32, feature: Feature) -> SheetDistance {
         let flat = self.normals[face as usize];
         let joint = match feature {
             Feature::Face => Joint { place: Place::Inner, normal: flat },
@@ -144,8 +144,8 @@ impl Sheets {
         let (height, distance) = (offset.dot(normal), offset.length());
         let beyond = (distance * distance - height * height).max(0.0).sqrt();
         match joint.place {
-            Place::Border if beyond <= CONTINUED => Sight { distance: height, is_observed: true },
-            place => Sight {
+            Place::Border if beyond <= CONTINUED => SheetDistance { distance: height, is_observed: true },
+            place => SheetDistance {
                 distance: if height < 0.0 { -distance } else { distance },
                 is_observed: place == Place::Inner,
             },
@@ -181,19 +181,19 @@ mod tests {
     use isv_spatial::closest_on_triangle;
     use isv_testkit::{sheet, sphere};
 
-    fn sight(sheets: &Sheets, mesh: &TriangleMesh, p: DVec3) -> Sight {
+    fn distance_at(sheets: &Sheets, mesh: &TriangleMesh, p: DVec3) -> SheetDistance {
         let closest = (0..mesh.triangles.len())
             .map(|face| (closest_on_triangle(p, &mesh.corners(face)), face as u32))
             .min_by(|a, b| a.0.0.distance_squared(p).total_cmp(&b.0.0.distance_squared(p)));
         let ((point, feature), face) = closest.unwrap();
-        sheets.sight(p - point, face, feature)
+        sheets.signed_distance(p - point, face, feature)
     }
 
     #[test]
     fn a_sheet_is_seen_from_both_sides_and_a_little_beyond_its_border() {
         let mesh = sheet(5.0);
         let sheets = Sheets::new(&mesh, vec![true; 2]);
-        let at = |p: [f64; 3]| sight(&sheets, &mesh, p.into());
+        let at = |p: [f64; 3]| distance_at(&sheets, &mesh, p.into());
         assert_eq!(at([1.0, 2.0, 3.0]).distance, 3.0);
         assert_eq!(at([1.0, 1.0, -0.5]).distance, -0.5);
         let beyond = at([5.5, 1.0, -2.0]);
@@ -209,7 +209,7 @@ mod tests {
         let mut random = isv_testkit::Random::new(9);
         for _ in 0..500 {
             let p = 6.0 * random.point();
-            let seen = sight(&sheets, &mesh, p);
+            let seen = distance_at(&sheets, &mesh, p);
             let is_inside = isv_spatial::exact_winding_number(&mesh, p) > 0.5;
             assert!(seen.is_observed && (seen.distance < 0.0) == is_inside, "{p} {seen:?}");
         }
@@ -221,11 +221,11 @@ mod tests {
         mesh.triangles[1].swap(1, 2);
         let sheets = Sheets::new(&mesh, vec![true; 2]);
         // Both faces are as far, on the edge between them.
-        assert!(!sheets.sight(DVec3::Z, 0, Feature::Edge(2)).is_observed);
+        assert!(!sheets.signed_distance(DVec3::Z, 0, Feature::Edge(2)).is_observed);
         mesh = sheet(5.0);
         mesh.vertices.push(DVec3::new(0.0, 0.0, 5.0));
         mesh.triangles.push([0, 2, 4]);
         let sheets = Sheets::new(&mesh, vec![true; 3]);
-        assert!(!sheets.sight(-DVec3::Z, 0, Feature::Edge(2)).is_observed);
+        assert!(!sheets.signed_distance(-DVec3::Z, 0, Feature::Edge(2)).is_observed);
     }
 }

@@ -1,4 +1,4 @@
-//! Sign changes between sheets.
+//! False zero crossings: sign changes between sheets.
 //!
 //! Between two sheets a voxel can lie in front of one and behind the other, so that a sign changes in free space. No surface lies
 //! between two neighbours whose distances add up to more than 2 voxels. The farther one becomes unobserved. Both become unobserved if
@@ -17,8 +17,8 @@ const APART: u32 = 2 * CODES_PER_VOXEL as u32;
 const NEEDED: u16 = 7 * CODES_PER_VOXEL as u16 / 4;
 
 impl Blocks {
-    /// Makes voxels beside sign changes between sheets unobserved.
-    pub(crate) fn open_jumps(&mut self, grid: &Grid) {
+    /// Makes voxels beside false crossings unobserved.
+    pub(crate) fn mask_false_crossings(&mut self, grid: &Grid) {
         if self.of_sheets.is_empty() {
             return;
         }
