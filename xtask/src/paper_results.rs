@@ -6,7 +6,7 @@ mod steps;
 mod transforms;
 
 use anyhow::{Context, Result};
-use isv::raw::ingest::MeshIngest;
+use isv::raw::ingest::{MeshIngest, SignMode};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use isv_study::{Chart, Codec, OperatingPoint, Record, StudySettings, Subject, Take};
@@ -58,7 +58,8 @@ fn settings(voxel_m: f64, spacing_m: f64) -> Result<StudySettings> {
         truncation: Truncation::DEFAULT,
     };
     let compare = CompareOptions { spacing_m, ..CompareOptions::default() };
-    Ok(StudySettings { ingest: MeshIngest::new(grid), gop: 300, compare, picture_frame: 0, first_frame: 0 })
+    let ingest = MeshIngest { sign: SignMode::Paper, ..MeshIngest::new(grid) };
+    Ok(StudySettings { ingest, gop: 300, compare, picture_frame: 0, first_frame: 0 })
 }
 
 /// Measures the paper's codec with K = 48.

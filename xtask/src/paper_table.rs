@@ -4,7 +4,7 @@ use crate::takes::decode_stream;
 use anyhow::{Result, ensure};
 use isv::raw::encode::{EncodedFrame, Encoder, EncoderSettings, MotionMode, surface_rms_voxels};
 use isv::raw::format::{FrameRate, PacketWriter, PaperParameters, Prediction, Profile, StreamHeader};
-use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};
 use isv::raw::metrics::{CompareOptions, compare};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
@@ -94,7 +94,7 @@ fn name(prediction: Prediction) -> &'static str {
 fn measure(folder: &str, frames: usize) -> Result<Table> {
     let header = header()?;
     let sequence = FrameSequence::open(folder)?;
-    let settings = MeshIngest::new(header.grid);
+    let settings = MeshIngest { sign: SignMode::Paper, ..MeshIngest::new(header.grid) };
     let (mut meshes, mut volumes, mut ingest_ms, mut sign) = (Vec::new(), Vec::new(), Vec::new(), None);
     for path in sequence.paths().iter().take(frames) {
         let mesh = read_mesh(path, Unit::Metre)?;

@@ -199,13 +199,13 @@ cli_enum! {
 cli_enum! {
     /// `--sign`
     SignName for SignMode {
-        /// Look at the first frame and choose
+        /// Part by part: closed parts have an inside, open ones are single sheets. Profile `paper`: as the paper has it, closed or offset
         Auto => SignMode::Auto,
         /// The surface has an inside
         Closed => SignMode::Closed,
         /// It has none: code a thin shell around it
         Offset => SignMode::Offset,
-        /// Part by part: closed parts have an inside, open ones are single sheets
+        /// As auto, even if the first frame is closed
         Sheet => SignMode::Sheet,
     }
 }

@@ -32,7 +32,9 @@ pub(crate) fn observer_above(progress: &Arc<Progress>) -> Arc<dyn Observer> {
 fn event_in_words(event: &Event) -> String {
     let Event::Encode(event) = event else { return event.to_string() };
     let advice = match event {
-        EncodeEvent::Sign { mode, .. } | EncodeEvent::PointSign { mode, .. } if *mode != SignMode::Auto => {
+        EncodeEvent::Sign { mode, .. } | EncodeEvent::PointSign { mode, .. }
+            if !matches!(mode, SignMode::Auto | SignMode::Paper) =>
+        {
             return event.to_string().replacen("(as asked for", "(as --sign asks", 1);
         }
         EncodeEvent::Skipped { why } => return format!("skipped: {}", encoding(why)),
@@ -47,7 +49,7 @@ fn event_in_words(event: &Event) -> String {
                 "{name}: --viewpoint is without effect, as the points have normals: --normals estimate makes new ones"
             );
         }
-        EncodeEvent::SurfaceLost { .. } => ": --sign sheet keeps it",
+        EncodeEvent::SurfaceLost { .. } => ": smaller voxels keep what is thin, --sign sheet what is open",
         EncodeEvent::Tiny { .. } => ": check --units",
         EncodeEvent::ErrorMissed { .. } => ": smaller voxels reach it",
         _ => "",

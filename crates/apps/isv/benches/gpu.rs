@@ -16,7 +16,7 @@ use isv::raw::gpu::{
     Gpu, GpuBackend, GpuChoice, GpuError, GpuMeshIngester, GpuSurfaceExtractor, KernelTime, VolumeStore,
     frame_coder,
 };
-use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, decide_sign};
+use isv::raw::ingest::{MeshIngest, MeshIngester, Reach, SignDecision, SignMode, decide_sign};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
 use isv::raw::volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
@@ -136,7 +136,8 @@ struct Ingest<'a> {
 
 impl<'a> Ingest<'a> {
     fn new(grid: Grid, reach: Reach, meshes: &'a [TriangleMesh]) -> Result<Self> {
-        let settings = MeshIngest { reach, ..MeshIngest::new(grid) };
+        // Sheets are left to the CPU.
+        let settings = MeshIngest { reach, sign: SignMode::Paper, ..MeshIngest::new(grid) };
         let sign = decide_sign(meshes.first().context("a take has frames")?, settings.sign).0;
         Ok(Self { settings, sign, meshes })
     }

@@ -26,7 +26,7 @@ fn grid() -> Grid {
 fn volumes(sequence: &str, frames: usize) -> Option<Vec<SparseVolume>> {
     let volume = |frame| {
         let mesh = support::load(sequence, frame)?;
-        let (decision, _) = decide_sign(&mesh, SignMode::Auto);
+        let (decision, _) = decide_sign(&mesh, SignMode::Paper);
         Some(ingest_mesh(&mesh, &MeshIngest::new(grid()), decision).unwrap())
     };
     (0..frames).map(volume).collect()

@@ -5,7 +5,7 @@ use crate::record::Timing;
 use crate::session::{DracoEncoding, Encoding, IsvEncoding, Memory, Stream, TangEncoding};
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::raw::format::FrameRate;
-use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
 use isv::raw::metrics::{CompareOptions, GeometryError, compare, summary};
 use isv::raw::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, BlockMoments, Draco};
@@ -47,6 +47,14 @@ pub struct StudySettings {
     pub picture_frame: usize,
     /// Number, in what the take is a part of, of its first frame: messages name frames by it.
     pub first_frame: usize,
+}
+
+impl StudySettings {
+    /// How published codecs make volumes of meshes: open surfaces become shells (Eq. 9), unless another way was asked for.
+    pub(crate) fn published_ingest(&self) -> MeshIngest {
+        let sign = if self.ingest.sign == SignMode::Auto { SignMode::Paper } else { self.ingest.sign };
+        MeshIngest { sign, ..self.ingest }
+    }
 }
 
 /// A codec ready to be measured on a take: with its transform trained, its program found.
@@ -218,11 +226,11 @@ fn train(takes: &[&dyn Take], settings: &StudySettings) -> Result<BlockBasis, St
     let training = |cause| StudyError::Training { take: takes[0].name().to_owned(), cause };
     let mut moments = BlockMoments::new(&settings.ingest.grid).map_err(training)?;
     for take in takes {
-        let mut sign = None;
+        let (ingest, mut sign) = (settings.published_ingest(), None);
         for (frame, mesh) in take.meshes().map_err(StudyError::Take)?.enumerate() {
             let mesh = mesh.map_err(StudyError::Take)?;
-            let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, settings.ingest.sign).0);
-            let volume = ingest_mesh(&mesh, &settings.ingest, sign);
+            let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
+            let volume = ingest_mesh(&mesh, &ingest, sign);
             moments.add(&volume.map_err(|cause| StudyError::Ingest { frame, cause })?);
         }
     }

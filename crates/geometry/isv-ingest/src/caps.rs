@@ -42,6 +42,13 @@ pub(crate) struct Blocks {
     pub(crate) of_sheets: BTreeSet<u32>,
 }
 
+/// Whether samples have different signs, and distances that add up to more than `apart` codes.
+#[inline(always)]
+fn is_change([a, b]: [i16; 2], apart: u32) -> bool {
+    // Of different signs, the sum is the difference.
+    ((a ^ b) < 0) & ((i32::from(a) - i32::from(b)).unsigned_abs() > apart)
+}
+
 impl Blocks {
     /// Makes the voxels beside unexplained sign changes unobserved. `blending`: what unobserved samples are blended by, if they are.
     pub(crate) fn open_caps(&mut self, grid: &Grid, caps: &Caps, blending: Option<&Sides>) {
@@ -78,7 +85,9 @@ impl Blocks {
     fn unexplained(&self, edge: BlockEdge, caps: &Caps) -> BTreeSet<VoxelAt> {
         let index = BlockIndex::new(&self.coords);
         let around = |&(block, apart): &(u32, u32)| {
-            self.sign_changes(edge, &index, block, apart).into_iter().flat_map(|change| change.pair)
+            self.sign_changes(edge, &index, block, apart, |_| false)
+                .into_iter()
+                .flat_map(|change| change.pair)
         };
         self.candidates(caps).par_iter().flat_map_iter(around).collect()
     }
@@ -100,13 +109,15 @@ impl Blocks {
         (0..self.coords.len() as u32).into_par_iter().filter_map(candidate).collect()
     }
 
-    /// Sign changes between observed voxels of a block or across its faces, if the two distances add up to more than `apart` codes.
+    /// Sign changes between observed voxels of a block or across its faces, if the two distances add up to more than `apart` codes. Blocks
+    /// before it along an axis are left out if `is_done` says so.
     pub(crate) fn sign_changes(
         &self,
         edge: BlockEdge,
         index: &BlockIndex,
         block: u32,
         apart: u32,
+        is_done: impl Fn(u32) -> bool,
     ) -> Vec<SignChange> {
         let beside = |axis: usize, way: i32| {
             let mut step = [0; 3];
@@ -116,7 +127,7 @@ impl Blocks {
         let mut found = Vec::new();
         for axis in 0..3 {
             self.compare_layers(edge, [block; 2], axis, apart, &mut found);
-            if let Some(before) = beside(axis, -1) {
+            if let Some(before) = beside(axis, -1).filter(|before| !is_done(*before)) {
                 self.compare_layers(edge, [before, block], axis, apart, &mut found);
             }
             if let Some(after) = beside(axis, 1) {
@@ -137,20 +148,33 @@ impl Blocks {
         found: &mut Vec<SignChange>,
     ) {
         let (n, size) = (edge.voxels(), edge.block_voxels());
-        let (shift, stride) = (axis as u32 * edge.log2(), n.pow(axis as u32));
         let [below, above] = [lower, upper].map(|block| &self.samples[block as usize * size..][..size]);
-        // In a block from each layer to the next, and between two from the last one's to the first one's.
-        let is_same = lower == upper;
-        for voxel in (0..size).filter(|voxel| ((voxel >> shift & (n - 1)) == n - 1) != is_same) {
-            let next = if is_same { voxel + stride } else { voxel - (n - 1) * stride };
+        let mut compare = |voxel: usize, next: usize| {
             let samples = [below[voxel], above[next]];
-            let distances = samples.map(i16::unsigned_abs);
-            let are_apart = distances.iter().map(|distance| u32::from(*distance)).sum::<u32>() > apart;
-            if (samples[0] < 0) != (samples[1] < 0) && are_apart {
+            if is_change(samples, apart) {
                 let pair = [(lower, voxel as u32), (upper, next as u32)];
+                let distances = samples.map(i16::unsigned_abs);
                 found.extend(
                     pair.iter().all(|at| self.is_observed(*at)).then_some(SignChange { pair, distances }),
                 );
+            }
+        };
+        let (shift, stride) = (axis as u32 * edge.log2(), n.pow(axis as u32));
+        let is_last = |voxel: usize| voxel >> shift & (n - 1) == n - 1;
+        if lower == upper {
+            // From each layer to the next. Most blocks have none, which takes no branch to see.
+            let changes = below.iter().zip(&below[stride..]).enumerate();
+            let any = changes
+                .fold(false, |any, (voxel, (a, b))| any | (is_change([*a, *b], apart) & !is_last(voxel)));
+            if any {
+                let inner = (0..size - stride).filter(|voxel| !is_last(*voxel));
+                inner.for_each(|voxel| compare(voxel, voxel + stride));
+            }
+        } else {
+            // From the last layer of one to the first of the other.
+            for place in 0..n * n {
+                let first = place % stride + place / stride * stride * n;
+                compare(first + (n - 1) * stride, first);
             }
         }
     }

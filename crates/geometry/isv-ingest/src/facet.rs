@@ -141,6 +141,11 @@ impl<N: Number> Shape<N> {
 }
 
 impl Facet {
+    /// Whether it is no more than its longest side, whichever that is.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.inside_from >= FAR_AWAY
+    }
+
     /// Eight triangles.
     #[inline(always)]
     pub(crate) fn of_eight<S: Simd>(simd: S, triangles: &[[DVec3; 3]; LANES]) -> [Self; LANES] {

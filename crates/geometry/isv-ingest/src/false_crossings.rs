@@ -23,15 +23,20 @@ impl Blocks {
             return;
         }
         let index = BlockIndex::new(&self.coords);
+        let mut of_sheets = vec![false; self.coords.len()];
+        self.of_sheets.iter().for_each(|block| of_sheets[*block as usize] = true);
         let around = |block: &u32| {
-            let changes = self.sign_changes(grid.edge, &index, *block, APART);
+            // A block of sheets looks across all faces to those after it.
+            let is_done = |before: u32| of_sheets[before as usize];
+            let changes = self.sign_changes(grid.edge, &index, *block, APART, is_done);
             changes.into_iter().flat_map(|change| {
                 let [a, b] = change.distances;
                 let is_masked = if a.min(b) > NEEDED { [true; 2] } else { [a > b, a <= b] };
                 change.pair.into_iter().zip(is_masked).filter(|(_, masked)| *masked).map(|(at, _)| at)
             })
         };
-        let found: BTreeSet<VoxelAt> = self.of_sheets.par_iter().flat_map_iter(around).collect();
+        let found: Vec<VoxelAt> = self.of_sheets.par_iter().flat_map_iter(around).collect();
+        let found = BTreeSet::from_iter(found);
         for &(block, voxel) in &found {
             let mask = self.masks.entry(block).or_insert_with(|| VoxelMask::empty(grid.edge));
             mask.insert(voxel as usize);

@@ -3,10 +3,11 @@
 use crate::boundary::Boundary;
 use crate::caps::Blocks;
 use crate::closure::close;
+use crate::edges::Edges;
 use crate::holes::WideHoles;
 use crate::orientation::agreeing;
-use crate::parts::open_faces;
-use crate::reuse::{Stage, unchanged};
+use crate::parts::{PartMemory, open_faces};
+use crate::reuse::{Stage, to_sample, unchanged};
 use crate::sampler::{Parts, Sign, Source, Workspace, sample_tile};
 use crate::scene::Scene;
 use crate::sheets::{Sheets, closed_parts};
@@ -29,7 +30,8 @@ const TILES_AT_ONCE: usize = 256;
 
 /// Makes volumes of the meshes of a sequence, of which it takes over what stands still.
 ///
-/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh, bit for bit but for samples of unobserved voxels. What is in
+/// Each volume is the one that [`crate::ingest_mesh`] makes of the same mesh, bit for bit but for samples of unobserved voxels. With
+/// [`SignDecision::Sheet`], parts stay what they were in the frame before, closed or open. What is in
 /// the surroundings of triangles that stay where they were costs next to nothing, whichever their numbers are, as long as their order
 /// stays.
 pub struct MeshIngester {
@@ -72,7 +74,7 @@ impl MeshIngester {
         let before = self.before.take().filter(|before| before.decision == sign);
         // Within the pool of threads: from outside, each parallel loop would put this thread to sleep and wake it again.
         let frame = rayon::scope(|_| {
-            let mesh = prepared(mesh, sign)?;
+            let mesh = Prepared::new(mesh, sign)?;
             Ok::<_, IngestError>(Frame::new(&mesh, &self.settings, sign, before)?.into_owned())
         })?;
         let volume = frame.volume.clone();
@@ -100,7 +102,7 @@ pub(crate) fn volume_of(
     sign: SignDecision,
 ) -> Result<SparseVolume, IngestError> {
     rayon::scope(|_| {
-        let mesh = prepared(mesh, sign)?;
+        let mesh = Prepared::new(mesh, sign)?;
         Ok(Frame::new(&mesh, settings, sign, None)?.volume)
     })
 }
@@ -112,19 +114,32 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, In
     if mesh.triangles.is_empty() { Err(MeshError::NoFaces.into()) } else { Ok(mesh) }
 }
 
-/// The mesh as it is sampled: without faces that have no area, and with faces that agree where sides count.
-fn prepared(mesh: &TriangleMesh, sign: SignDecision) -> Result<Cow<'_, TriangleMesh>, IngestError> {
-    let mesh = with_area(mesh)?;
-    Ok(if sign == SignDecision::Sheet { agreeing(mesh) } else { mesh })
+/// A mesh as it is sampled: without faces that have no area, and with faces that agree where sides count.
+struct Prepared<'m> {
+    mesh: Cow<'m, TriangleMesh>,
+    /// Its edges, where sides count.
+    edges: Option<Edges>,
+}
+
+impl<'m> Prepared<'m> {
+    fn new(mesh: &'m TriangleMesh, sign: SignDecision) -> Result<Self, IngestError> {
+        let mesh = with_area(mesh)?;
+        if sign != SignDecision::Sheet {
+            return Ok(Self { mesh, edges: None });
+        }
+        let (mesh, edges) = agreeing(mesh);
+        Ok(Self { mesh, edges: Some(edges) })
+    }
 }
 
 impl<'m> Frame<'m> {
     fn new(
-        mesh: &'m TriangleMesh,
+        prepared: &'m Prepared,
         settings: &MeshIngest,
         decision: SignDecision,
         before: Option<Frame<'static>>,
     ) -> Result<Self, IngestError> {
+        let mesh = &*prepared.mesh;
         let offset = limits::check_offset(settings, decision)?;
         limits::check_range(mesh, &settings.grid, offset)?;
         let voxel_mesh = limits::in_voxels(mesh, settings.grid.voxel_size.metres());
@@ -138,8 +153,16 @@ impl<'m> Frame<'m> {
         let (reach, near) = measured_reach(settings, offset);
         let list = debug_span!("ingest tiles")
             .in_scope(|| limits::list_tiles(mesh, &voxel_mesh, settings, &near))?;
-        let (sign, holes) = debug_span!("ingest sides")
-            .in_scope(|| find_sign(mesh, &voxel_mesh, settings, decision, offset, &near))?;
+        let (sign, holes) = debug_span!("ingest sides").in_scope(|| match (&prepared.edges, decision) {
+            (Some(edges), _) => {
+                let memory = before.as_ref().and_then(|before| before.sign.memory());
+                find_parts(mesh, edges, &voxel_mesh, settings, &near, memory)
+            }
+            (None, SignDecision::Offset) => Ok((Sign::Offset(offset as f32), None)),
+            (None, _) => {
+                find_inside(&voxel_mesh, settings, &near).map(|(sides, holes)| (Sign::Closed(sides), holes))
+            }
+        })?;
         let scene = match reach {
             Reach::Band => Scene::exact(voxel_mesh, list, holes),
             Reach::Surface => Scene::near_surface(voxel_mesh, list, holes, &band),
@@ -166,34 +189,25 @@ pub(crate) fn measured_reach(settings: &MeshIngest, offset: f64) -> (Reach, Band
     }
 }
 
-/// Finds the source of signs, and the wide holes of closed parts. `mesh` is in metres, `in_voxels` is the same mesh in voxels.
-fn find_sign(
+/// Finds the open parts of a mesh, and the inside and the wide holes of the closed ones. `in_voxels` is the same mesh in voxels.
+fn find_parts(
     mesh: &TriangleMesh,
+    edges: &Edges,
     in_voxels: &VoxelMesh,
     settings: &MeshIngest,
-    decision: SignDecision,
-    offset: f64,
     band: &Band,
+    memory: Option<&PartMemory>,
 ) -> Result<(Sign, Option<WideHoles>), IngestError> {
-    match decision {
-        SignDecision::Offset => Ok((Sign::Offset(offset as f32), None)),
-        SignDecision::Closed { .. } => {
-            let (sides, holes) = find_inside(in_voxels, settings, band)?;
-            Ok((Sign::Closed(sides), holes))
-        }
-        SignDecision::Sheet => {
-            let open = open_faces(mesh);
-            let (bodies, holes) = if open.contains(&false) {
-                let (sides, holes) = find_inside(&closed_parts(in_voxels, &open), settings, band)?;
-                (Some(sides), holes)
-            } else {
-                (None, None)
-            };
-            let sheets = Sheets::new(mesh, open);
-            let parts = Parts { bodies, holes: holes.clone(), sheets };
-            Ok((Sign::Parts(Box::new(parts)), holes))
-        }
-    }
+    let (open, memory) = open_faces(mesh, edges, memory);
+    let (bodies, holes) = if open.contains(&false) {
+        let (sides, holes) = find_inside(&closed_parts(in_voxels, &open), settings, band)?;
+        (Some(sides), holes)
+    } else {
+        (None, None)
+    };
+    let sheets = Sheets::new(mesh, edges, open);
+    let parts = Parts { bodies, holes: holes.clone(), sheets, memory };
+    Ok((Sign::Parts(Box::new(parts)), holes))
 }
 
 /// Finds the inside of a mesh once it is closed, and the holes that stay open.
@@ -220,9 +234,7 @@ fn sample_scene(source: &Source, before: Option<Frame>) -> Sampled {
             unchanged(&now, &Stage { scene: &before.scene, tiles: &before.scene.tiles(), sign: &before.sign })
         },
     );
-    let stale: Vec<Tile> =
-        tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| *tile).collect();
-    let fresh = sample(source, &stale);
+    let fresh = sample(source, &to_sample(&tiles, &same, source.sign));
     let _span = debug_span!("ingest volume").entered();
     put_together(source, &tiles, &same, fresh, before)
 }
@@ -271,16 +283,22 @@ fn put_together(
         |before| (before.tiles, before.volume),
     );
     let mut parts = Assembly::default();
-    let mut next = 0;
+    let (mut next, mut kept) = (0, 0);
     let mut sampled = Vec::with_capacity(tiles.len());
     for (tile, same) in tiles.iter().zip(same) {
         let first = parts.coords.len();
+        let is_fresh = |next: usize| fresh.coords.get(next).is_some_and(|block| tile.has(*block));
         if let Some(before) = same {
             for block in old_tiles[*before].clone() {
                 parts.push(old.coords()[block], BlockOrigin::Kept(block as u32), old.unobserved(block));
             }
+            kept += parts.coords.len() - first;
+            // It was sampled for the sake of others.
+            while is_fresh(next) {
+                next += 1;
+            }
         } else {
-            while fresh.coords.get(next).is_some_and(|block| tile.has(*block)) {
+            while is_fresh(next) {
                 let mask = fresh.masks.get(&(next as u32));
                 parts.push(fresh.coords[next], BlockOrigin::Fresh(next as u32), mask);
                 next += 1;
@@ -288,7 +306,6 @@ fn put_together(
         }
         sampled.push(first..parts.coords.len());
     }
-    let kept = parts.coords.len() - next;
     let volume = old.succeed(parts.coords, &parts.origins, fresh.samples, parts.masks);
     Sampled { tiles: sampled, volume, kept }
 }

@@ -47,6 +47,7 @@ mod coded_field;
 mod continuation;
 mod crossings;
 mod descent;
+mod edges;
 mod error;
 mod faces;
 mod facet;
@@ -56,7 +57,7 @@ mod ingester;
 mod job;
 mod lattice;
 mod limits;
-mod open_surface;
+mod lost_surface;
 mod orientation;
 mod parts;
 mod points;
@@ -66,6 +67,7 @@ mod rims;
 mod sampler;
 mod scatter;
 mod scene;
+mod sheet_block;
 mod sheet_tile;
 mod sheets;
 mod sides;
@@ -82,7 +84,7 @@ pub use error::IngestError;
 pub use ingester::MeshIngester;
 pub use job::MeshJob;
 pub use lattice::{LONGEST_EDGE, LatticeMesh};
-pub use open_surface::open_surface_share;
+pub use lost_surface::lost_surface_share;
 pub use orientation::{FaceTurner, turn_faces};
 pub use points::{
     NormalSides, PointEvidence, PointIngest, PointSign, PointSpacing, SideEvidence, check_points_fit,
@@ -145,7 +147,7 @@ impl MeshIngest {
 ///
 /// Distances are exact to 1/1000 of a voxel before they are rounded to codes, as far as [`Reach`] says. With [`SignDecision::Closed`], voxels whose
 /// closest surface point lies on the edge of a hole wider than 3 voxels are unobserved, as far as that is exact; narrower holes are closed. What
-/// belongs to nothing closed is lost: see [`open_surface_share`]. Faces without area are left out. The result is the same for any number
+/// belongs to nothing closed is lost: see [`lost_surface_share`]. Faces without area are left out. The result is the same for any number
 /// of threads. Of the meshes of a sequence, [`MeshIngester`] makes the same, and takes over what stands still.
 ///
 /// # Errors

@@ -3,7 +3,8 @@
 //! Whether a body is closed does not depend on the order of its faces' corners, but winding numbers do. Here faces are made to agree,
 //! part by part, and faces that are there twice are taken once.
 
-use crate::sign::{CLOSED_SHARE, SignMode, decide_sign};
+use crate::edges::Edges;
+use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share};
 use glam::DVec3;
 use isv_spatial::{PositionMap, Weld, position_key};
 use isv_volume::TriangleMesh;
@@ -32,8 +33,8 @@ pub fn turn_faces(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
     if mesh.validate().is_err() {
         return Cow::Borrowed(mesh);
     }
-    let Some(turned) = turn(mesh) else { return Cow::Borrowed(mesh) };
-    let share = |mesh: &TriangleMesh| decide_sign(mesh, SignMode::Auto).1.closed_share;
+    let Some(turned) = turn(mesh, Doubles::SomeMayStay) else { return Cow::Borrowed(mesh) };
+    let share = |mesh: &TriangleMesh| closed_share(mesh, SAMPLES);
     let looks_closed = || {
         let share_turned = share(&turned.mesh);
         share_turned >= CLOSED_SHARE && share_turned >= share(mesh)
@@ -42,9 +43,26 @@ pub fn turn_faces(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
 }
 
 /// Makes faces agree along every edge of two faces, as far as they can. A part keeps the side of its majority. Of several faces with the
-/// same corners one stays, whichever way they face.
-pub(crate) fn agreeing(mesh: Cow<'_, TriangleMesh>) -> Cow<'_, TriangleMesh> {
-    turn(&mesh).map_or(mesh, |turned| Cow::Owned(turned.mesh))
+/// same corners one stays, whichever way they face. Returns the edges as well.
+pub(crate) fn agreeing(mesh: Cow<'_, TriangleMesh>) -> (Cow<'_, TriangleMesh>, Edges) {
+    let edges = Edges::new(&mesh);
+    if edges.agree() {
+        return (mesh, edges);
+    }
+    match turn(&mesh, Doubles::NoneMayStay) {
+        Some(Turned { mesh, .. }) => {
+            let edges = Edges::new(&mesh);
+            (Cow::Owned(mesh), edges)
+        }
+        None => (mesh, edges),
+    }
+}
+
+/// Whether a few faces may be there twice in a mesh whose faces agree.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Doubles {
+    SomeMayStay,
+    NoneMayStay,
 }
 
 /// Turns the faces of a sequence's meshes as [`turn_faces`] does, at a tenth of its cost where faces agree as far as in earlier frames.
@@ -118,7 +136,7 @@ struct Edge {
 }
 
 /// Turns faces so that those on both sides of an edge agree, and keeps one of faces with the same corners. `None` if all agree already.
-fn turn(mesh: &TriangleMesh) -> Option<Turned> {
+fn turn(mesh: &TriangleMesh, doubles: Doubles) -> Option<Turned> {
     // Vertices at one place are one.
     let welded = Weld::new(&mesh.vertices).positions;
     let mut seen: PositionMap<[u32; 3]> = PositionMap::default();
@@ -162,7 +180,11 @@ fn turn(mesh: &TriangleMesh) -> Option<Turned> {
         neighbours[a.face as usize].push((b.face, disagrees));
         neighbours[b.face as usize].push((a.face, disagrees));
     }
-    if agree && (backs as f64) < DOUBLED * mesh.triangles.len() as f64 {
+    let may_stay = match doubles {
+        Doubles::SomeMayStay => (backs as f64) < DOUBLED * mesh.triangles.len() as f64,
+        Doubles::NoneMayStay => triangles.len() == mesh.triangles.len(),
+    };
+    if agree && may_stay {
         return None;
     }
     let mut turned = Orientation { turned: vec![None; triangles.len()] };
@@ -240,7 +262,7 @@ impl Orientation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sign::SignDecision;
+    use crate::sign::{SignDecision, SignMode, decide_sign};
     use isv_testkit::{sheet, sphere};
 
     fn turn_some(mesh: &mut TriangleMesh, which: impl Fn(usize) -> bool) {
@@ -252,7 +274,7 @@ mod tests {
     }
 
     fn is_solid(mesh: &TriangleMesh) -> bool {
-        let decision = decide_sign(mesh, SignMode::Auto).0;
+        let decision = decide_sign(mesh, SignMode::Paper).0;
         decision == SignDecision::Closed { flipped: false }
     }
 

@@ -1,11 +1,17 @@
 //! The connected parts of a mesh, and which of them have an inside.
 //!
-//! Faces that share an edge are of one part. Vertices at exactly the same position count as one.
+//! Faces that share an edge are of one part. A part without borders has an inside. Others have one if nine tenths of their area look
+//! closed, by the winding number of the part alone or of all parts whose borders meet: a body may be cut into pieces, down to single
+//! triangles. In a sequence, a part that is about where one was and about as large keeps what was decided of that one, so that nothing
+//! flickers.
 
+use crate::edges::Edges;
 use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share};
-use isv_spatial::{DisjointSets, Weld};
+use glam::DVec3;
+use isv_spatial::{DisjointSets, PointTree};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 /// A part of fewer faces encloses nothing.
 const FEWEST_FACES: usize = 4;
@@ -13,55 +19,202 @@ const FEWEST_FACES: usize = 4;
 /// Places that the smallest part is looked at in; the largest is looked at in [`SAMPLES`].
 const FEWEST_SAMPLES: usize = 64;
 
-/// Finds the faces of open parts, for each face of a mesh. A part is open if less than 0.9 of its area looks closed by its own winding
-/// number, as in [`crate::decide_sign`].
-pub(crate) fn open_faces(mesh: &TriangleMesh) -> Vec<bool> {
-    let parts = connected_parts(mesh);
-    let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
-    let area_of = |faces: &[u32]| faces.iter().map(|face| areas[*face as usize]).sum::<f64>();
-    let whole: f64 = areas.iter().sum();
-    let is_open = |faces: &Vec<u32>| {
-        let share = area_of(faces) / whole;
-        let samples = ((share * SAMPLES as f64) as usize).max(FEWEST_SAMPLES);
-        faces.len() < FEWEST_FACES || closed_share(&submesh(mesh, faces), samples) < CLOSED_SHARE
-    };
-    let open: Vec<bool> = parts.par_iter().map(is_open).collect();
-    let mut open_faces = vec![false; mesh.triangles.len()];
-    for (faces, _) in parts.iter().zip(&open).filter(|(_, is_open)| **is_open) {
-        faces.iter().for_each(|face| open_faces[*face as usize] = true);
-    }
-    open_faces
+/// Overlap of the bounding boxes of a part and of one in the frame before, over their union, from which both may be the same.
+const OVERLAP: f64 = 0.5;
+
+/// How many times as large or as small, by area, a part may become from one frame to the next.
+const GROWTH: f64 = 1.25;
+
+/// Most parts that are remembered; among more, each frame decides for itself.
+const MOST_REMEMBERED: usize = 4096;
+
+/// Parts of a mesh.
+struct ConnectedParts {
+    /// The faces of each part, ascending; parts by their first faces.
+    faces: Vec<Vec<u32>>,
+    /// Whether each has no border.
+    is_watertight: Vec<bool>,
 }
 
-/// The faces of each part, ascending; parts by their first faces.
-fn connected_parts(mesh: &TriangleMesh) -> Vec<Vec<u32>> {
-    let Weld { positions, .. } = Weld::new(&mesh.vertices);
-    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
-    for (triangle, face) in mesh.triangles.iter().zip(0..) {
-        let corners = triangle.map(|vertex| positions[vertex as usize]);
-        for side in 0..3 {
-            let (a, b) = (corners[side], corners[(side + 1) % 3]);
-            sides.push(([a.min(b), a.max(b)], face));
+/// What was decided of the parts of a frame.
+pub(crate) struct PartMemory(Vec<Remembered>);
+
+/// A part, and what was decided of it.
+struct Remembered {
+    bounds: [DVec3; 2],
+    area: f64,
+    is_open: bool,
+}
+
+impl PartMemory {
+    /// What was decided of the part with the most similar bounds, if any is similar enough.
+    fn recall(&self, part: &Remembered) -> Option<bool> {
+        let is_alike =
+            |other: &&Remembered| other.area <= GROWTH * part.area && part.area <= GROWTH * other.area;
+        let overlaps =
+            self.0.iter().filter(is_alike).map(|other| (overlap(other.bounds, part.bounds), other));
+        let best = overlaps.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.filter(|(overlap, _)| *overlap >= OVERLAP).map(|(_, other)| other.is_open)
+    }
+}
+
+/// The intersection of two boxes over the box of both, along the diagonal's axes. Flat boxes are a thousandth of their length thick.
+fn overlap(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
+    let (low, high) = (a[0].min(b[0]), a[1].max(b[1]));
+    let least = DVec3::splat(1e-3 * (high - low).length());
+    let inner = a[1].min(b[1]) - a[0].max(b[0]) + least;
+    let outer = high - low + least;
+    (inner.max(DVec3::ZERO) / outer).to_array().iter().product()
+}
+
+/// Finds the faces of open parts, for each face of a mesh, given what was decided in the frame before.
+pub(crate) fn open_faces(
+    mesh: &TriangleMesh,
+    edges: &Edges,
+    before: Option<&PartMemory>,
+) -> (Vec<bool>, PartMemory) {
+    let parts = ConnectedParts::new(mesh, edges);
+    let faces = mesh.triangles.len();
+    let areas: Vec<f64> = (0..faces).map(|face| mesh.area_vector(face).length()).collect();
+    let whole: f64 = areas.iter().sum();
+    let mut known: Vec<Remembered> = parts.faces.iter().map(|faces| describe(mesh, faces, &areas)).collect();
+    let before = before.filter(|_| known.len() <= MOST_REMEMBERED);
+    // Some(is_open) as far as that is known.
+    let decide = |part: usize| {
+        let (faces, is_watertight) = (&parts.faces[part], parts.is_watertight[part]);
+        if is_watertight && faces.len() >= FEWEST_FACES && !is_flat(mesh, faces) {
+            return Some(false);
         }
-    }
-    sides.par_sort_unstable();
-    let faces = mesh.triangles.len() as u32;
-    let mut sets = DisjointSets::new(faces);
-    for pair in sides.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        sets.join(pair[0].1, pair[1].1);
-    }
-    let mut numbers = vec![0; mesh.triangles.len()];
-    let mut parts: Vec<Vec<u32>> = Vec::new();
-    for face in 0..faces {
-        // A set is represented by its first face.
-        let first = sets.find(face) as usize;
-        if first == face as usize {
-            numbers[first] = parts.len();
-            parts.push(Vec::new());
+        let area = known[part].area;
+        if let Some(is_open) = before.and_then(|before| before.recall(&known[part])) {
+            return Some(is_open);
         }
-        parts[numbers[first]].push(face);
+        let samples = ((area / whole * SAMPLES as f64) as usize).max(FEWEST_SAMPLES);
+        let looks_closed =
+            faces.len() >= FEWEST_FACES && closed_share(&submesh(mesh, faces), samples) >= CLOSED_SHARE;
+        looks_closed.then_some(false)
+    };
+    let mut decided: Vec<Option<bool>> = (0..parts.faces.len()).into_par_iter().map(decide).collect();
+    decide_together(mesh, edges, &parts, &mut decided);
+    let mut open = vec![false; faces];
+    for (faces, _) in parts.faces.iter().zip(&decided).filter(|(_, is_open)| **is_open == Some(true)) {
+        faces.iter().for_each(|face| open[*face as usize] = true);
     }
-    parts
+    for (part, is_open) in known.iter_mut().zip(&decided) {
+        part.is_open = *is_open == Some(true);
+    }
+    known.truncate(if known.len() <= MOST_REMEMBERED { known.len() } else { 0 });
+    (open, PartMemory(known))
+}
+
+/// Describes a part that nothing was decided of.
+fn describe(mesh: &TriangleMesh, faces: &[u32], areas: &[f64]) -> Remembered {
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for corner in faces.iter().flat_map(|face| mesh.corners(*face as usize)) {
+        bounds = [bounds[0].min(corner), bounds[1].max(corner)];
+    }
+    Remembered { bounds, area: faces.iter().map(|face| areas[*face as usize]).sum(), is_open: false }
+}
+
+/// Decides what is left: parts whose borders meet are pieces of a body if they look closed together.
+fn decide_together(mesh: &TriangleMesh, edges: &Edges, parts: &ConnectedParts, decided: &mut [Option<bool>]) {
+    let left: Vec<usize> = (0..decided.len()).filter(|part| decided[*part].is_none()).collect();
+    let mut part_of = vec![None; mesh.triangles.len()];
+    for part in &left {
+        parts.faces[*part].iter().for_each(|face| part_of[*face as usize] = Some(*part as u32));
+    }
+    let mut groups = DisjointSets::new(decided.len() as u32);
+    for (a, b) in meeting_parts(mesh, edges, &part_of) {
+        groups.join(a, b);
+    }
+    let mut members: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
+    left.iter().for_each(|part| members.entry(groups.find(*part as u32)).or_default().push(*part));
+    for group in members.values() {
+        let faces: Vec<u32> = group.iter().flat_map(|part| &parts.faces[*part]).copied().collect();
+        let is_closed = group.len() > 1
+            && faces.len() >= FEWEST_FACES
+            && closed_share(&submesh(mesh, &faces), SAMPLES) >= CLOSED_SHARE;
+        group.iter().for_each(|part| decided[*part] = Some(!is_closed));
+    }
+}
+
+/// Finds pairs of parts with borders that meet, for those faces whose part is given.
+fn meeting_parts(mesh: &TriangleMesh, edges: &Edges, part_of: &[Option<u32>]) -> Vec<(u32, u32)> {
+    let reach = MEETING * mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
+    let borders = edges.iter().filter(|sides| sides.len() == 1).filter_map(|sides| {
+        let face = sides[0].face() as usize;
+        let corners = mesh.corners(face);
+        Some((part_of[face]?, [corners[sides[0].side()], corners[(sides[0].side() + 1) % 3]]))
+    });
+    let ends: Vec<(u32, DVec3)> = borders.flat_map(|(part, ends)| ends.map(|end| (part, end))).collect();
+    if ends.is_empty() || reach == 0.0 {
+        return Vec::new();
+    }
+    let tree = PointTree::new(ends.iter().map(|end| end.1).collect());
+    let near = |(part, end): &(u32, DVec3)| {
+        let mut found = Vec::new();
+        tree.k_nearest(*end, MOST_MEETING, &mut found);
+        let others = found.into_iter().filter(|near| near.distance_sq <= reach * reach);
+        let part = *part;
+        others
+            .map(|near| ends[near.index as usize].0)
+            .filter(|other| *other != part)
+            .map(move |other| (part, other))
+            .collect::<Vec<_>>()
+    };
+    ends.par_iter().flat_map_iter(near).collect()
+}
+
+/// Distance within which borders meet, as a share of the mesh's diagonal.
+const MEETING: f64 = 1e-3;
+
+/// Ends of borders that are looked at around one.
+const MOST_MEETING: usize = 16;
+
+/// Whether faces enclose almost nothing for their area, as a sheet and its back do.
+fn is_flat(mesh: &TriangleMesh, faces: &[u32]) -> bool {
+    let origin = mesh.corners(faces[0] as usize)[0];
+    let (mut volume, mut area) = (0.0, 0.0);
+    for face in faces {
+        let [a, b, c] = mesh.corners(*face as usize).map(|corner| corner - origin);
+        volume += a.dot(b.cross(c)) / 6.0;
+        area += 0.5 * (b - a).cross(c - a).length();
+    }
+    volume.abs() < FLAT * area * area.sqrt()
+}
+
+/// Volume below which a watertight part is flat, as a share of its area to the power of 3/2. A ball has 0.094.
+const FLAT: f64 = 1e-6;
+
+impl ConnectedParts {
+    /// Finds the parts of a mesh.
+    fn new(mesh: &TriangleMesh, edges: &Edges) -> Self {
+        let count = mesh.triangles.len() as u32;
+        let mut sets = DisjointSets::new(count);
+        for sides in edges.iter() {
+            sides.windows(2).for_each(|pair| sets.join(pair[0].face(), pair[1].face()));
+        }
+        let mut numbers = vec![0; mesh.triangles.len()];
+        let mut faces: Vec<Vec<u32>> = Vec::new();
+        for face in 0..count {
+            // A set is represented by its first face.
+            let first = sets.find(face) as usize;
+            if first == face as usize {
+                numbers[first] = faces.len();
+                faces.push(Vec::new());
+            }
+            numbers[face as usize] = numbers[first];
+            faces[numbers[first]].push(face);
+        }
+        let mut is_watertight = vec![true; faces.len()];
+        for sides in edges.iter() {
+            let reversed = sides.iter().filter(|side| edges.is_reversed(**side)).count();
+            if 2 * reversed != sides.len() {
+                is_watertight[numbers[sides[0].face() as usize]] = false;
+            }
+        }
+        Self { faces, is_watertight }
+    }
 }
 
 /// Copies some faces of a mesh into a mesh of their own.
@@ -77,20 +230,86 @@ fn submesh(mesh: &TriangleMesh, faces: &[u32]) -> TriangleMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
     use isv_testkit::{sheet, sphere};
+
+    fn ball() -> TriangleMesh {
+        crate::faces::with_area(&sphere(0.4, 20)).into_owned()
+    }
+
+    /// Both meshes, the second moved.
+    fn beside(a: &TriangleMesh, b: &TriangleMesh, by: DVec3) -> TriangleMesh {
+        let mut mesh = a.clone();
+        let vertices = a.vertices.len() as u32;
+        mesh.vertices.extend(b.vertices.iter().map(|v| *v + by));
+        mesh.triangles.extend(b.triangles.iter().map(|t| t.map(|v| v + vertices)));
+        mesh
+    }
+
+    fn open_in(mesh: &TriangleMesh, before: Option<&PartMemory>) -> (Vec<bool>, PartMemory) {
+        open_faces(mesh, &Edges::new(mesh), before)
+    }
 
     #[test]
     fn a_body_and_a_sheet_beside_it_are_told_apart_and_so_are_their_soups() {
-        let mut mesh = crate::faces::with_area(&sphere(0.4, 20)).into_owned();
-        let (vertices, body) = (mesh.vertices.len() as u32, mesh.triangles.len());
-        let beside = sheet(1.0);
-        mesh.vertices.extend(beside.vertices.iter().map(|v| *v + DVec3::Z));
-        mesh.triangles.extend(beside.triangles.iter().map(|t| t.map(|v| v + vertices)));
+        let mesh = beside(&ball(), &sheet(1.0), DVec3::Z);
+        let body = ball().triangles.len();
         let expected: Vec<bool> = (0..mesh.triangles.len()).map(|face| face >= body).collect();
-        assert_eq!(connected_parts(&mesh).len(), 2);
-        assert_eq!(open_faces(&mesh), expected);
+        assert_eq!(ConnectedParts::new(&mesh, &Edges::new(&mesh)).faces.len(), 2);
+        assert_eq!(open_in(&mesh, None).0, expected);
         let faces: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
-        assert_eq!(open_faces(&submesh(&mesh, &faces)), expected);
+        assert_eq!(open_in(&submesh(&mesh, &faces), None).0, expected);
+    }
+
+    /// Halves that share no vertex, and a soup whose triangles hang together nowhere.
+    #[test]
+    fn pieces_of_a_body_are_closed_as_the_whole_is() {
+        let whole = ball();
+        let upper = |face: usize| whole.corners(face).iter().map(|corner| corner.y).sum::<f64>() > 0.0;
+        let [above, below] = [true, false].map(|is_upper| {
+            let faces = (0..whole.triangles.len()).filter(|face| upper(*face) == is_upper);
+            submesh(&whole, &faces.map(|face| face as u32).collect::<Vec<_>>())
+        });
+        let halves = beside(&above, &below, DVec3::Y * 1e-4);
+        assert_eq!(ConnectedParts::new(&halves, &Edges::new(&halves)).faces.len(), 2);
+        let mut soup = submesh(&whole, &(0..whole.triangles.len() as u32).collect::<Vec<_>>());
+        let mut random = isv_testkit::Random::new(4);
+        soup.vertices.iter_mut().for_each(|vertex| *vertex += 1e-5 * random.point());
+        assert_eq!(ConnectedParts::new(&soup, &Edges::new(&soup)).faces.len(), soup.triangles.len());
+        for mesh in [halves, soup] {
+            assert!(!open_in(&mesh, None).0.contains(&true));
+        }
+    }
+
+    #[test]
+    fn a_sheet_with_a_back_is_open_and_a_thin_plate_is_closed() {
+        let mut mesh = sheet(1.0);
+        let back: Vec<_> = mesh.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        mesh.triangles.extend(back);
+        assert!(!open_in(&mesh, None).0.contains(&false));
+        let mut plate = isv_testkit::cube(0.5);
+        plate.vertices.iter_mut().for_each(|vertex| vertex.z *= 1e-3);
+        assert!(!open_in(&plate, None).0.contains(&true));
+    }
+
+    /// A bowl that is closed a little more in each frame is one thing throughout, and another if seen for the first time.
+    #[test]
+    fn what_was_decided_holds_on() {
+        let whole = ball();
+        let up_to = |y: f64| {
+            let faces =
+                (0..whole.triangles.len()).filter(|face| whole.corners(*face).iter().all(|c| c.y <= y));
+            submesh(&whole, &faces.map(|face| face as u32).collect::<Vec<_>>())
+        };
+        let (open, closed) = (up_to(0.0), up_to(0.399));
+        let (is_open, mut memory) = open_in(&open, None);
+        assert!(!is_open.contains(&false));
+        assert!(!open_in(&closed, None).0.contains(&true));
+        for y in [0.02, 0.04, 0.06, 0.08, 0.1] {
+            let (is_open, next) = open_in(&up_to(y), Some(&memory));
+            assert!(!is_open.contains(&false), "{y}");
+            memory = next;
+        }
+        // What has no border is closed whatever was before.
+        assert!(!open_in(&whole, Some(&memory)).0.contains(&true));
     }
 }

@@ -3,7 +3,8 @@
 //! The distances of a tile rest on its triangles alone. Its signs rest on the winding number as well, which far triangles may change:
 //! where something moves over a still part, or out of it. So the winding numbers of its voxels are held against those of the frame
 //! before. Around wide holes, samples of unobserved voxels rest on how all holes are closed, and caps and rims look at what is beside
-//! a tile. There the surroundings of a hole are taken over as a whole or not at all.
+//! a tile. There the surroundings of a hole are taken over as a whole or not at all. Beside sheets, false crossings look at the voxels just
+//! across a tile's faces, so the tiles there must be the same too.
 
 use crate::sampler::Sign;
 use crate::scene::Scene;
@@ -45,12 +46,23 @@ impl Stage<'_> {
     fn beside_holes(&self) -> Vec<IVec3> {
         let tiles = self.tiles.par_iter().filter(|tile| self.scene.is_beside_hole(tile));
         let mut places: Vec<IVec3> = tiles.map(|tile| tile.coord).collect();
-        if let Sign::Closed(sides) = self.sign
+        if let Some(sides) = self.sign.sides()
             && self.scene.has_wide_holes()
         {
             places.extend(&sides.caps.tiles);
         }
         places
+    }
+
+    /// Whether the sheets in a tile are those in a tile of another frame that has the same triangles.
+    fn has_sheets_alike(&self, tile: &Tile, before: &Self, place: usize) -> bool {
+        match (self.sign, before.sign) {
+            (Sign::Parts(now), Sign::Parts(old)) => {
+                let mut faces = tile.faces().zip(before.tiles[place].faces());
+                faces.all(|(face, old_face)| now.sheets.is_alike(face, &old.sheets, old_face))
+            }
+            _ => true,
+        }
     }
 }
 
@@ -59,23 +71,49 @@ pub(crate) fn unchanged(now: &Stage, before: &Stage) -> Vec<Option<usize>> {
     let (pairs, gone) = pair(now.tiles, before.tiles);
     let around = around_holes(&[now.beside_holes(), before.beside_holes()].concat());
     let has_sides_alike = |tile: &Tile| match (now.sign, before.sign) {
-        (Sign::Closed(now), Sign::Closed(before)) => {
-            now.crossings.are_alike_in(&before.crossings, tile.coord.to_array())
-                && (!around.contains(&tile.coord) || now.caps.are_alike_in(&before.caps, tile.coord))
-        }
-        (now, before) => matches!((now, before), (Sign::Offset(a), Sign::Offset(b)) if a == b),
+        (Sign::Offset(now), Sign::Offset(before)) => now == before,
+        (now, before) => match (now.sides(), before.sides()) {
+            (Some(now), Some(before)) => {
+                now.crossings.are_alike_in(&before.crossings, tile.coord.to_array())
+                    && (!around.contains(&tile.coord) || now.caps.are_alike_in(&before.caps, tile.coord))
+            }
+            (now, before) => now.is_none() && before.is_none(),
+        },
     };
     let is_same = |tile: &Tile, place: usize| {
-        now.scene.has_alike(tile, before.scene, &before.tiles[place]) && has_sides_alike(tile)
+        now.scene.has_alike(tile, before.scene, &before.tiles[place])
+            && now.has_sheets_alike(tile, before, place)
+            && has_sides_alike(tile)
     };
     let still = |(tile, place): (&Tile, Option<usize>)| place.filter(|place| is_same(tile, *place));
     let mut same: Vec<Option<usize>> = now.tiles.par_iter().zip(pairs).map(still).collect();
     let changed = now.tiles.iter().zip(&same).filter(|(_, same)| same.is_none()).map(|(tile, _)| tile.coord);
-    let stale = flood(&around, gone.into_iter().chain(changed));
+    let changed: Vec<IVec3> = gone.into_iter().chain(changed).collect();
+    let mut stale = flood(&around, changed.iter().copied());
+    if let Sign::Parts(_) = now.sign {
+        let all: FxHashSet<IVec3> = changed.into_iter().chain(stale.iter().copied()).collect();
+        stale.extend(all.into_iter().flat_map(across_faces));
+    }
     for (tile, same) in now.tiles.iter().zip(&mut same) {
         *same = same.filter(|_| !stale.contains(&tile.coord));
     }
     same
+}
+
+/// Tiles to sample: those that are not the same, and, beside sheets, those across their faces, for which false crossings are looked for.
+pub(crate) fn to_sample<'a>(tiles: &[Tile<'a>], same: &[Option<usize>], sign: &Sign) -> Vec<Tile<'a>> {
+    let fresh = |(_, same): &(&Tile, &Option<usize>)| same.is_none();
+    let mut wanted: FxHashSet<IVec3> = FxHashSet::default();
+    if let Sign::Parts(_) = sign {
+        wanted.extend(tiles.iter().zip(same).filter(fresh).flat_map(|(tile, _)| across_faces(tile.coord)));
+    }
+    let is_wanted = |(tile, same): &(&Tile, &Option<usize>)| same.is_none() || wanted.contains(&tile.coord);
+    tiles.iter().zip(same).filter(is_wanted).map(|(tile, _)| *tile).collect()
+}
+
+/// The places across the faces of a tile.
+fn across_faces(place: IVec3) -> impl Iterator<Item = IVec3> {
+    IVec3::AXES.into_iter().flat_map(move |axis| [place - axis, place + axis])
 }
 
 /// The places around those of tiles that touch a wide hole.

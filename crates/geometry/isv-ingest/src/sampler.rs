@@ -5,9 +5,11 @@ use crate::continuation::continue_outwards;
 use crate::crossings::{Column, for_each_inside};
 use crate::descent::{Cube, LANES, PARTS, list_cells, measure_cells, part_position};
 use crate::holes::WideHoles;
+use crate::parts::PartMemory;
 use crate::rims::Rims;
 use crate::scatter::TileDistances;
 use crate::scene::{Connections, Measure, Scene};
+use crate::sheet_block::SheetBlock;
 use crate::sheet_tile::{SheetScene, SheetTile, VoxelSide};
 use crate::sheets::Sheets;
 use crate::sides::Sides;
@@ -65,9 +67,19 @@ pub(crate) struct Parts {
     /// Holes of the closed parts that stay open, if there are any.
     pub(crate) holes: Option<WideHoles>,
     pub(crate) sheets: Sheets,
+    /// Which parts are open, for the next frame.
+    pub(crate) memory: PartMemory,
 }
 
 impl Sign {
+    /// Returns which parts are open, if that was decided part by part.
+    pub(crate) fn memory(&self) -> Option<&PartMemory> {
+        match self {
+            Self::Parts(parts) => Some(&parts.memory),
+            Self::Closed(_) | Self::Offset(_) => None,
+        }
+    }
+
     /// Returns the inside, if anything has one.
     pub(crate) fn sides(&self) -> Option<&Sides> {
         match self {
@@ -127,8 +139,10 @@ pub(crate) struct Workspace {
     voxels: Vec<u16>,
     /// Distances near the surface in the tile at hand.
     near: TileDistances,
-    /// The closest faces in the tile at hand, if it has sheets.
+    /// The closest faces in the tile at hand, if it has sheets, and its blocks are not of 8 voxels.
     sheets: SheetTile,
+    /// The block at hand of a tile that has sheets.
+    sheet: SheetBlock,
     /// The blocks of the tile at hand.
     blocks: Vec<BlockDistances>,
 }
@@ -142,6 +156,7 @@ impl Default for Workspace {
             on_hole: Vec::new(),
             voxels: Vec::new(),
             near: TileDistances::default(),
+            sheet: SheetBlock::default(),
             sheets: SheetTile::default(),
             blocks: (0..PARTS).map(|_| BlockDistances::default()).collect(),
         }
@@ -246,7 +261,7 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
     let first = tile.coord.as_dvec3() * f64::from(edge) + 0.5;
     let reach = source.near.width as f32;
     let Workspace { near, blocks, .. } = work;
-    dispatch!(simd::level(), simd => near.scatter(simd, &source.scene.mesh, tile.faces, first, reach));
+    dispatch!(simd::level(), simd => near.scatter::<_, false>(simd, &source.scene.mesh, tile.faces, first, reach));
     for (block, taken) in blocks.iter_mut().enumerate() {
         let position = part_position(block);
         taken.restart(0);
@@ -260,11 +275,25 @@ fn measure_near(source: &Source, rims: Option<&Rims>, tile: &Tile, work: &mut Wo
 
 /// Finds the distances and the sides of the blocks of a tile that has sheets, exactly near the surface.
 fn measure_sheets(source: &Source, scene: &SheetScene, tile: &Tile, work: &mut Workspace) {
-    let Workspace { sheets, blocks, .. } = work;
-    sheets.scatter(scene, tile, source.near.tile_edge() as usize);
+    let Workspace { near, sheets, sheet, blocks, .. } = work;
+    let edge = source.near.tile_edge();
+    let first = tile.coord.as_dvec3() * f64::from(edge) + 0.5;
+    let is_vectorised = source.grid.edge == BlockEdge::E8;
+    if is_vectorised {
+        let (mesh, faces, reach) = (scene.mesh, tile.faces, scene.reach as f32);
+        dispatch!(simd::level(), simd => near.scatter::<_, true>(simd, mesh, faces, first, reach));
+    } else {
+        sheets.scatter(scene, tile, edge as usize);
+    }
     for (block, taken) in blocks.iter_mut().enumerate() {
         taken.restart(0);
-        sheets.take(scene, part_position(block), &mut taken.distances, &mut taken.sides);
+        let (position, BlockDistances { distances, sides, .. }) = (part_position(block), &mut *taken);
+        if is_vectorised {
+            let from = (&mut *near, scene, tile);
+            dispatch!(simd::level(), simd => sheet.take(simd, from, first, position, distances, sides));
+        } else {
+            sheets.take(scene, position, distances, sides);
+        }
         for voxel in (0..taken.sides.len()).filter(|voxel| taken.sides[*voxel].is_unobserved) {
             let mask = taken.unobserved.get_or_insert_with(|| VoxelMask::empty(source.grid.edge));
             mask.insert(voxel);

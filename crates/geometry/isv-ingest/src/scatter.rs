@@ -2,18 +2,20 @@
 //!
 //! Voxels are lowered in cubes of 2 x 2 x 2, eight at a time, wherever the ball around a triangle and its plane are near enough. It costs
 //! by the number of those cubes alone: nothing is asked about how triangles hang together, and nothing is searched for. What is known
-//! of a voxel already is not asked either: whatever depends on what the triangle before has stored waits for it.
+//! of a voxel already is not asked either: whatever depends on what the triangle before has stored waits for it. On request, the closest
+//! triangle and its feature are kept beside each distance ([`Closest`]).
 
 use crate::descent::LANES;
 use crate::facet::{Facet, OWN, SIDES, STARTS};
 use crate::tiles::{TILE_BLOCKS, VoxelMesh};
-use fearless_simd::{f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*, u32x8};
 use glam::{DVec3, IVec3};
+use isv_spatial::Feature;
 
 /// Voxels along the edge of a block.
-const N: usize = 8;
+pub(crate) const N: usize = 8;
 /// Cubes along the edge of a block, and of a tile.
-const BLOCK_CUBES: usize = N / 2;
+pub(crate) const BLOCK_CUBES: usize = N / 2;
 const EDGE: usize = TILE_BLOCKS as usize * BLOCK_CUBES;
 
 /// From the centre of a cube to those of its voxels, in voxels; and some slack for rounding.
@@ -23,25 +25,60 @@ const HALF_DIAGONAL: f32 = 0.867;
 const SLACK: f32 = 1e-3;
 
 /// Of the voxels of a cube, how far each is from the first along each axis; and of eight cubes in a row.
-const OFFSETS: [[f32; LANES]; 3] = [
+pub(crate) const OFFSETS: [[f32; LANES]; 3] = [
     [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0],
     [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0],
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
 ];
 const CUBES: [f32; LANES] = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0];
 
+/// Numbers of features: the face, its edges from here, and its corners from here.
+const EDGES: u32 = 1;
+const CORNERS: u32 = 4;
+
+/// The triangle and the feature that is closest to a voxel, as one number: eight times the triangle's place in the list of its tile,
+/// plus the number of the feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Closest(pub(crate) u32);
+
+impl Closest {
+    /// No triangle is known.
+    pub(crate) const NONE: u32 = u32::MAX;
+
+    /// Place of the triangle in the list of its tile.
+    pub(crate) fn place(self) -> usize {
+        (self.0 >> 3) as usize
+    }
+
+    /// Number of the feature, 0 to 6.
+    pub(crate) fn number(self) -> usize {
+        (self.0 & 7) as usize
+    }
+
+    /// The feature with a number.
+    pub(crate) fn feature(number: usize) -> Feature {
+        match number as u32 {
+            0 => Feature::Face,
+            edge @ 1..CORNERS => Feature::Edge((edge - EDGES) as u8),
+            corner => Feature::Vertex((corner - CORNERS) as u8),
+        }
+    }
+}
+
 /// Squared distances in voxels from the voxel centres of a tile to some triangles: exact where they are within reach, and no less
 /// elsewhere.
 pub(crate) struct TileDistances {
     /// By cubes, x fastest, and in each by its voxels.
     cubes: Vec<[f32; LANES]>,
+    /// What each is closest to ([`Closest`]); empty until that is asked for.
+    closest: Vec<[u32; LANES]>,
     /// The blocks that have a distance, a bit each, x lowest.
     touched: u64,
 }
 
 impl Default for TileDistances {
     fn default() -> Self {
-        Self { cubes: vec![[f32::INFINITY; LANES]; EDGE.pow(3)], touched: 0 }
+        Self { cubes: vec![[f32::INFINITY; LANES]; EDGE.pow(3)], closest: Vec::new(), touched: 0 }
     }
 }
 
@@ -49,6 +86,8 @@ impl Default for TileDistances {
 #[derive(Clone, Copy)]
 struct Near {
     corners: [DVec3; 3],
+    /// Place in the list of the tile.
+    place: u32,
     lo: IVec3,
     hi: IVec3,
 }
@@ -56,14 +95,14 @@ struct Near {
 impl Near {
     /// None if no cube of the tile is near to the triangle.
     #[inline(always)]
-    fn to_tile(corners: [DVec3; 3], reach: f32) -> Option<Self> {
+    fn to_tile(place: u32, corners: [DVec3; 3], reach: f32) -> Option<Self> {
         let [a, b, c] = corners;
         // In cubes, of which the first has its centre at half a voxel along each axis.
         let lo = 0.5 * (a.min(b).min(c) - f64::from(reach) - 1.0);
         let hi = 0.5 * (a.max(b).max(c) + f64::from(reach));
         let lo = lo.ceil().as_ivec3().max(IVec3::ZERO);
         let hi = hi.floor().as_ivec3().min(IVec3::splat(EDGE as i32 - 1));
-        lo.cmple(hi).all().then_some(Self { corners, lo, hi })
+        lo.cmple(hi).all().then_some(Self { corners, place, lo, hi })
     }
 }
 
@@ -103,9 +142,38 @@ impl TileDistances {
         least.simd_le(reach * reach).any_true()
     }
 
-    /// Lowers the distances to those of some triangles, within `reach` voxels. `first`: the centre of the tile's first voxel.
+    /// Takes the distances of the block at a position in the tile, and what they are to, by cubes, x fastest. Returns false, and leaves
+    /// them alone, if none is within `reach`. Either way the tile has forgotten them.
     #[inline(always)]
-    pub(crate) fn scatter<S: Simd>(
+    pub(crate) fn take_closest<S: Simd>(
+        &mut self,
+        simd: S,
+        position: [i32; 3],
+        reach: f32,
+        taken: &mut [([f32; LANES], [u32; LANES]); BLOCK_CUBES.pow(3)],
+    ) -> bool {
+        let [x, y, z] = position.map(|c| c as usize);
+        let bit = 1 << ((z * 4 + y) * 4 + x);
+        if self.touched & bit == 0 {
+            return false;
+        }
+        self.touched ^= bit;
+        let mut least = f32x8::splat(simd, f32::INFINITY);
+        for (place, taken) in taken.iter_mut().enumerate() {
+            let [cx, cy, cz] = [place % 4, place / 4 % 4, place / 16];
+            let cube = ((z * 4 + cz) * EDGE + y * 4 + cy) * EDGE + x * 4 + cx;
+            least = least.min(f32x8::simd_from(simd, self.cubes[cube]));
+            *taken = (self.cubes[cube], self.closest[cube]);
+            self.cubes[cube] = [f32::INFINITY; LANES];
+            self.closest[cube] = [Closest::NONE; LANES];
+        }
+        least.simd_le(reach * reach).any_true()
+    }
+
+    /// Lowers the distances to those of some triangles, within `reach` voxels, and keeps what they are to if `CLOSEST`. `first`: the centre
+    /// of the tile's first voxel.
+    #[inline(always)]
+    pub(crate) fn scatter<S: Simd, const CLOSEST: bool>(
         &mut self,
         simd: S,
         mesh: &VoxelMesh,
@@ -113,14 +181,19 @@ impl TileDistances {
         first: DVec3,
         reach: f32,
     ) {
-        let mut faces = faces.iter();
-        let mut batch = [Near { corners: [DVec3::ZERO; 3], lo: IVec3::ZERO, hi: IVec3::ZERO }; LANES];
+        if CLOSEST {
+            self.closest.resize(EDGE.pow(3), [Closest::NONE; LANES]);
+        }
+        let mut faces = faces.iter().zip(0..);
+        let nothing = Near { corners: [DVec3::ZERO; 3], place: 0, lo: IVec3::ZERO, hi: IVec3::ZERO };
+        let mut batch = [nothing; LANES];
         loop {
             let mut count = 0;
             while count < LANES
-                && let Some(face) = faces.next()
+                && let Some((face, place)) = faces.next()
             {
-                if let Some(near) = Near::to_tile(mesh.corners(*face).map(|corner| corner - first), reach) {
+                let corners = mesh.corners(*face).map(|corner| corner - first);
+                if let Some(near) = Near::to_tile(place, corners, reach) {
                     batch[count] = near;
                     count += 1;
                 }
@@ -128,26 +201,33 @@ impl TileDistances {
             if count == 0 {
                 return;
             }
-            self.scatter_batch(simd, &batch, count, reach);
+            self.scatter_batch::<S, CLOSEST>(simd, &batch, count, reach);
         }
     }
 
     /// Lowers the distances to those of the first `count` of eight triangles.
     #[inline(always)]
-    fn scatter_batch<S: Simd>(&mut self, simd: S, batch: &[Near; LANES], count: usize, reach: f32) {
+    fn scatter_batch<S: Simd, const CLOSEST: bool>(
+        &mut self,
+        simd: S,
+        batch: &[Near; LANES],
+        count: usize,
+        reach: f32,
+    ) {
         let mut triangles = [[DVec3::ZERO; 3]; LANES];
         for lane in 0..LANES {
             triangles[lane] = batch[lane].corners;
         }
         let facets = Facet::of_eight(simd, &triangles);
         for (near, facet) in batch[..count].iter().zip(&facets) {
-            self.scatter_one(simd, facet, near.lo, near.hi, reach);
+            self.scatter_one::<S, CLOSEST>(simd, facet, near, reach);
         }
     }
 
-    /// Lowers the distances of the voxels of cubes `lo..=hi` to those of a triangle.
+    /// Lowers the distances of the voxels of the cubes near a triangle to those of that triangle.
     #[inline(always)]
-    fn scatter_one<S: Simd>(&mut self, simd: S, facet: &Facet, lo: IVec3, hi: IVec3, reach: f32) {
+    fn scatter_one<S: Simd, const CLOSEST: bool>(&mut self, simd: S, facet: &Facet, near: &Near, reach: f32) {
+        let Near { place, lo, hi, .. } = *near;
         let planes = Planes::new(simd, facet);
         let [cx, cy, cz] = facet.centre;
         let around = (facet.radius + reach + HALF_DIAGONAL).powi(2);
@@ -176,9 +256,14 @@ impl TileDistances {
                     while cubes != 0 {
                         let cube = cubes.trailing_zeros() as usize;
                         cubes &= cubes - 1;
-                        let squares = planes.squares(facet, heights + planes.growth[0] * (2 * cube) as f32);
+                        let heights = heights + planes.growth[0] * (2 * cube) as f32;
                         let known = &mut self.cubes[row + cube];
-                        *known = squares.min(f32x8::simd_from(simd, *known)).into();
+                        if CLOSEST {
+                            planes.lower(facet, place, heights, known, &mut self.closest[row + cube]);
+                        } else {
+                            let squares = planes.squares(facet, heights);
+                            *known = squares.min(f32x8::simd_from(simd, *known)).into();
+                        }
                         let block = (start + cube) / BLOCK_CUBES;
                         self.touched |=
                             1 << (16 * (z as usize / BLOCK_CUBES) + 4 * (y as usize / BLOCK_CUBES) + block);
@@ -191,7 +276,7 @@ impl TileDistances {
 }
 
 /// A triangle ready for cubes.
-struct Planes<S: Simd> {
+pub(crate) struct Planes<S: Simd> {
     /// Heights of the tile's first voxel centre above the planes, a lane each, and how much they grow along each axis.
     heights: f32x8<S>,
     growth: [f32x8<S>; 3],
@@ -204,7 +289,7 @@ struct Planes<S: Simd> {
 
 impl<S: Simd> Planes<S> {
     #[inline(always)]
-    fn new(simd: S, facet: &Facet) -> Self {
+    pub(crate) fn new(simd: S, facet: &Facet) -> Self {
         let [x, y, z] = facet.growth;
         let [i, j, k] = OFFSETS;
         let [i, j, k] = [f32x8::simd_from(simd, i), f32x8::simd_from(simd, j), f32x8::simd_from(simd, k)];
@@ -237,5 +322,52 @@ impl<S: Simd> Planes<S> {
         }
         let inside = lowest.simd_ge(facet.inside_from);
         own * own + inside.select(f32x8::splat(own.simd, 0.0), beside)
+    }
+
+    /// Heights of the first voxel of a cube above the planes, given its place in the tile in voxels.
+    #[inline(always)]
+    pub(crate) fn heights_at(&self, [x, y, z]: [f32; 3]) -> f32x8<S> {
+        self.heights + self.growth[0] * x + self.growth[1] * y + self.growth[2] * z
+    }
+
+    /// Lowers the squared distances of the voxels of a cube to those of this triangle, which has a place in the list of its tile, and
+    /// notes what of it is closest.
+    #[inline(always)]
+    pub(crate) fn lower(
+        &self,
+        facet: &Facet,
+        place: u32,
+        heights: f32x8<S>,
+        known: &mut [f32; LANES],
+        closest: &mut [u32; LANES],
+    ) {
+        let simd = heights.simd;
+        let first: [f32; LANES] = heights.into();
+        let height = |plane: usize| self.rises[plane] + first[plane];
+        let face = u32x8::splat(simd, place << 3);
+        let own = height(OWN);
+        let (mut lowest, mut beside) = (height(SIDES), f32x8::splat(simd, f32::INFINITY));
+        let mut part = face;
+        for side in 0..3 {
+            let inward = height(SIDES + side);
+            let along = height(STARTS + side);
+            let (before, after) = (-along, along - facet.lengths[side]);
+            let outside = before.max(after).max(0.0);
+            let square = inward * inward + outside * outside;
+            let (edge, start) = (face + (EDGES + side as u32), face + (CORNERS + side as u32));
+            let end = face + (CORNERS + (side as u32 + 1) % 3);
+            let edge_or_end = after.simd_gt(0.0).select(end, edge);
+            let which = before.simd_gt(0.0).select(start, edge_or_end);
+            part = square.simd_lt(beside).select(which, part);
+            lowest = lowest.min(inward);
+            beside = beside.min(square);
+        }
+        let inside = lowest.simd_ge(facet.inside_from);
+        let squares = own * own + inside.select(f32x8::splat(simd, 0.0), beside);
+        let part = inside.select(face, part);
+        let before = f32x8::simd_from(simd, *known);
+        let closer = squares.simd_lt(before);
+        *known = closer.select(squares, before).into();
+        *closest = closer.select(part, u32x8::simd_from(simd, *closest)).into();
     }
 }

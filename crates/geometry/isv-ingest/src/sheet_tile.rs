@@ -126,7 +126,7 @@ fn place(voxel: usize, n: usize) -> IVec3 {
 
 impl SheetScene<'_> {
     /// Measures the distance of a voxel from a face, and finds its side.
-    fn measure(&self, p: DVec3, face: u32) -> (f64, VoxelSide) {
+    pub(crate) fn measure(&self, p: DVec3, face: u32) -> (f64, VoxelSide) {
         let (point, feature) = closest_on_triangle(p, &self.mesh.corners(face));
         if self.sheets.has(face) {
             let SheetDistance { distance, is_observed } =
@@ -134,13 +134,18 @@ impl SheetScene<'_> {
             let (is_behind, is_unobserved) = (distance < 0.0, !is_observed);
             return (distance.abs(), VoxelSide { of_sheet: true, is_behind, is_unobserved });
         }
+        let is_unobserved = self.is_on_hole(face, feature);
+        (p.distance(point), VoxelSide { is_unobserved, ..VoxelSide::default() })
+    }
+
+    /// Whether a feature of a closed part lies on a wide hole.
+    pub(crate) fn is_on_hole(&self, face: u32, feature: Feature) -> bool {
         let corner = |corner: u8| self.mesh.triangles[face as usize][usize::from(corner)];
-        let is_on_hole = self.holes.is_some_and(|holes| match feature {
+        self.holes.is_some_and(|holes| match feature {
             Feature::Face => false,
             Feature::Edge(side) => holes.has_edge(face, usize::from(side)),
             Feature::Vertex(number) => holes.has_vertex(corner(number)),
-        });
-        (p.distance(point), VoxelSide { is_unobserved: is_on_hole, ..VoxelSide::default() })
+        })
     }
 }
 

@@ -5,18 +5,19 @@
 //! vertex, weighted by angle. Beyond a border the sheet continues in its plane for 0.75 voxel, and voxels farther out are unobserved.
 //! Voxels closest to an edge of more than two faces, or of two faces that disagree, are unobserved too: they have no side.
 
+use crate::edges::{Edges, FaceSide};
 use crate::tiles::{Tile, VoxelMesh};
 use glam::DVec3;
-use isv_spatial::{Feature, Weld};
+use isv_spatial::Feature;
 use isv_volume::TriangleMesh;
 
 /// Width of the continuation of a sheet beyond its border (voxels). Marching cubes draw whole cells. With this width a decoded sheet ends
 /// where the source does, on average.
-const CONTINUED: f64 = 0.75;
+pub(crate) const CONTINUED: f64 = 0.75;
 
 /// Kind of a point of a sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+pub(crate) enum Place {
     /// The sheet has two sides there.
     Inner,
     /// The sheet ends there.
@@ -27,10 +28,10 @@ enum Place {
 
 /// The sheet at an edge or a vertex.
 #[derive(Clone, Copy, Debug)]
-struct Joint {
-    place: Place,
+pub(crate) struct Joint {
+    pub(crate) place: Place,
     /// Unit pseudonormal; zero where there is none to speak of.
-    normal: DVec3,
+    pub(crate) normal: DVec3,
 }
 
 /// Signed distance of a point to its closest sheet.
@@ -55,60 +56,43 @@ pub(crate) struct Sheets {
     vertices: Vec<Joint>,
 }
 
-/// A side of a face: its ends, the lower first; face and side; whether it runs from the higher.
-type Side = ([u32; 2], u32, u8, bool);
-
 impl Sheets {
-    /// Creates the sheets of the `open` faces of a mesh.
-    pub(crate) fn new(mesh: &TriangleMesh, open: Vec<bool>) -> Self {
-        let Weld { positions, count } = Weld::new(&mesh.vertices);
+    /// Creates the sheets of the `open` faces of a mesh with some edges.
+    pub(crate) fn new(mesh: &TriangleMesh, edges: &Edges, open: Vec<bool>) -> Self {
         let normals: Vec<DVec3> =
             (0..open.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
-        let corners: Vec<[u32; 3]> =
-            mesh.triangles.iter().map(|triangle| triangle.map(|vertex| positions[vertex as usize])).collect();
         let mut sheets = Self {
             sides: vec![[0; 3]; open.len()],
-            vertices: vertex_joints(mesh, &open, &corners, count),
+            vertices: vertex_joints(mesh, &open, &edges.corners, edges.positions),
             edges: Vec::new(),
             open,
             normals,
-            corners,
+            corners: edges.corners.clone(),
         };
-        let mut all = sheets.all_sides();
-        all.sort_unstable();
-        for edge in all.chunk_by(|a, b| a.0 == b.0) {
-            sheets.add_edge(edge);
+        // Faces of one edge are of one part.
+        for sides in edges.iter() {
+            if sheets.open[sides[0].face() as usize] {
+                sheets.add_edge(edges, sides);
+            }
         }
         sheets
     }
 
-    /// The sides of all open faces that have three corners.
-    fn all_sides(&self) -> Vec<Side> {
-        let mut all = Vec::new();
-        for (face, corners) in self.corners.iter().enumerate().filter(|(face, _)| self.open[*face]) {
-            for side in 0..3 {
-                let (from, to) = (corners[side], corners[(side + 1) % 3]);
-                all.push(([from.min(to), from.max(to)], face as u32, side as u8, from > to));
-            }
-        }
-        all
-    }
-
     /// Adds the joint of an edge, given all sides there.
-    fn add_edge(&mut self, sides: &[Side]) {
+    fn add_edge(&mut self, edges: &Edges, sides: &[FaceSide]) {
         let place = match sides {
             [_] => Place::Border,
-            [a, b] if a.3 != b.3 => Place::Inner,
+            [a, b] if edges.is_reversed(*a) != edges.is_reversed(*b) => Place::Inner,
             _ => Place::Unclear,
         };
-        let sum: DVec3 = sides.iter().map(|side| self.normals[side.1 as usize]).sum();
+        let sum: DVec3 = sides.iter().map(|side| self.normals[side.face() as usize]).sum();
         let number = self.edges.len() as u32;
         self.edges.push(Joint { place, normal: sum.normalize_or_zero() });
-        for (_, face, side, _) in sides {
-            self.sides[*face as usize][usize::from(*side)] = number;
+        for side in sides {
+            self.sides[side.face() as usize][side.side()] = number;
         }
         // A vertex is on a border if any of its edges is, for beyond it there is no sheet.
-        for end in sides[0].0 {
+        for end in sides[0].ends() {
             let vertex = &mut self.vertices[end as usize];
             vertex.place = match (place, vertex.place) {
                 (Place::Border, _) | (_, Place::Border) => Place::Border,
@@ -128,8 +112,21 @@ impl Sheets {
         tile.faces().any(|face| self.has(face))
     }
 
-    /// Computes the distance of a point at `offset` (voxels) from its closest point, which lies on `feature` of `face`.
-    pub(crate) fn signed_distance(&self, offset: DVec3, face: u32, feature: Feature) -> SheetDistance {
+    /// Whether a face and its joints are those of another frame's face, bit for bit, given that their corners are.
+    pub(crate) fn is_alike(&self, face: u32, before: &Self, old_face: u32) -> bool {
+        if self.has(face) != before.has(old_face) {
+            return false;
+        }
+        let bits = |joint: Joint| (joint.place, joint.normal.to_array().map(f64::to_bits));
+        let features = (0..3).flat_map(|number| [Feature::Edge(number), Feature::Vertex(number)]);
+        !self.has(face)
+            || features
+                .into_iter()
+                .all(|feature| bits(self.joint(face, feature)) == bits(before.joint(old_face, feature)))
+    }
+
+    /// Returns the sheet at a feature of a face.
+    pub(crate) fn joint(&self, face: u32, feature: Feature) -> Joint {
         let flat = self.normals[face as usize];
         let joint = match feature {
             Feature::Face => Joint { place: Place::Inner, normal: flat },
@@ -138,12 +135,17 @@ impl Sheets {
                 self.vertices[self.corners[face as usize][usize::from(corner)] as usize]
             }
         };
-        // Where sides mean nothing that of the face is as good as any.
-        let normal =
-            if joint.place == Place::Unclear || joint.normal == DVec3::ZERO { flat } else { joint.normal };
+        // Where sides mean nothing the face's normal is as good as any.
+        let has_side = joint.place != Place::Unclear && joint.normal != DVec3::ZERO;
+        Joint { normal: if has_side { joint.normal } else { flat }, ..joint }
+    }
+
+    /// Computes the distance of a point at `offset` (voxels) from its closest point, which lies on `feature` of `face`.
+    pub(crate) fn signed_distance(&self, offset: DVec3, face: u32, feature: Feature) -> SheetDistance {
+        let Joint { place, normal } = self.joint(face, feature);
         let (height, distance) = (offset.dot(normal), offset.length());
         let beyond = (distance * distance - height * height).max(0.0).sqrt();
-        match joint.place {
+        match place {
             Place::Border if beyond <= CONTINUED => SheetDistance { distance: height, is_observed: true },
             place => SheetDistance {
                 distance: if height < 0.0 { -distance } else { distance },
@@ -192,7 +194,7 @@ mod tests {
     #[test]
     fn a_sheet_is_seen_from_both_sides_and_a_little_beyond_its_border() {
         let mesh = sheet(5.0);
-        let sheets = Sheets::new(&mesh, vec![true; 2]);
+        let sheets = Sheets::new(&mesh, &Edges::new(&mesh), vec![true; 2]);
         let at = |p: [f64; 3]| distance_at(&sheets, &mesh, p.into());
         assert_eq!(at([1.0, 2.0, 3.0]).distance, 3.0);
         assert_eq!(at([1.0, 1.0, -0.5]).distance, -0.5);
@@ -205,7 +207,7 @@ mod tests {
     #[test]
     fn sides_of_a_closed_mesh_are_those_of_its_inside() {
         let mesh = crate::faces::with_area(&sphere(4.0, 8)).into_owned();
-        let sheets = Sheets::new(&mesh, vec![true; mesh.triangles.len()]);
+        let sheets = Sheets::new(&mesh, &Edges::new(&mesh), vec![true; mesh.triangles.len()]);
         let mut random = isv_testkit::Random::new(9);
         for _ in 0..500 {
             let p = 6.0 * random.point();
@@ -219,13 +221,13 @@ mod tests {
     fn where_three_faces_meet_or_two_disagree_sides_mean_nothing() {
         let mut mesh = sheet(5.0);
         mesh.triangles[1].swap(1, 2);
-        let sheets = Sheets::new(&mesh, vec![true; 2]);
+        let sheets = Sheets::new(&mesh, &Edges::new(&mesh), vec![true; 2]);
         // Both faces are as far, on the edge between them.
         assert!(!sheets.signed_distance(DVec3::Z, 0, Feature::Edge(2)).is_observed);
         mesh = sheet(5.0);
         mesh.vertices.push(DVec3::new(0.0, 0.0, 5.0));
         mesh.triangles.push([0, 2, 4]);
-        let sheets = Sheets::new(&mesh, vec![true; 3]);
+        let sheets = Sheets::new(&mesh, &Edges::new(&mesh), vec![true; 3]);
         assert!(!sheets.signed_distance(-DVec3::Z, 0, Feature::Edge(2)).is_observed);
     }
 }

@@ -1,6 +1,8 @@
 //! Whether a mesh has an inside.
 
-use crate::faces::distinct;
+use crate::faces::{distinct, with_area};
+use crate::orientation::agreeing;
+use crate::parts::open_faces;
 use isv_spatial::WindingNumber;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
@@ -22,9 +24,11 @@ pub(crate) const CLOSED_SHARE: f64 = 0.9;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SignMode {
-    /// Look at the mesh and choose.
+    /// Look at the mesh, part by part: [`Self::Closed`] if all parts are closed, else [`Self::Sheet`].
     #[default]
     Auto,
+    /// As the paper has it, for the mesh as a whole: [`Self::Closed`] if nine tenths of its area look closed, else [`Self::Offset`].
+    Paper,
     /// As for a closed surface (Eq. 8): negative inside.
     Closed,
     /// As for a surface without inside (Eq. 9): unsigned distance less a constant.
@@ -53,7 +57,7 @@ impl fmt::Display for SignDecision {
             Self::Closed { flipped: false } => "closed surface: sign by winding number",
             Self::Closed { flipped: true } => "closed surface, inside out: sign by winding number, reversed",
             Self::Offset => "open surface: offset shell",
-            Self::Sheet => "open surface: sign by side",
+            Self::Sheet => "open surface: single sheets, sign by side",
         })
     }
 }
@@ -65,36 +69,62 @@ pub struct SignEvidence {
     pub closed_share: f64,
     /// Share of the area, 0 to 1, that is such and has a negative winding number inside.
     pub inverted_share: f64,
+    /// Share of the area, 0 to 1, in parts without inside; 0 if nobody asked.
+    pub open_share: f64,
 }
 
 /// Decides how to sign distances to a mesh: as `mode` says, or from the winding number on both sides of the surface.
 ///
 /// Just off a closed surface the winding number is close to a whole number on both sides, and not zero on one of them;
-/// just off an open sheet it is far from whole. A surface is taken for closed when that holds for nine tenths of its
-/// area. Measured on the first frames of eight sequences:
+/// just off an open sheet it is far from whole. A part is taken for closed when that holds for nine tenths of its
+/// area; so is the whole mesh by [`SignMode::Paper`]. Measured on the first frames of eight sequences:
 ///
-/// | sequence | closed share | inverted share | decision |
+/// | sequence | closed share | inverted share | share of open parts |
 /// |---|---|---|---|
-/// | dancer (open soles, seams) | 0.961 | 0.000 | closed |
-/// | thomas, liam | 1.000 | 0.000 | closed |
-/// | xbot (94 overlapping parts) | 1.000 | 0.000 | closed |
-/// | cesium_man, collision | 1.000 | 0.000 | closed |
-/// | flag (thin sheet) | 0.013 | 0.013 | offset |
-/// | monastery (586 open parts) | 0.326 | 0.176 | offset |
+/// | dancer (open soles, seams) | 0.961 | 0.000 | 0.000 |
+/// | thomas, liam | 1.000 | 0.000 | 0.000 |
+/// | xbot (95 overlapping parts) | 1.000 | 0.000 | 0.000 |
+/// | cesium_man, collision | 1.000 | 0.000 | 0.000 |
+/// | flag (thin sheet) | 0.013 | 0.013 | 1.000 |
+/// | monastery (591 parts) | 0.326 | 0.176 | 0.899 |
 ///
 /// The same mesh always gives the same answer. A mesh that [`TriangleMesh::validate`] refuses looks open here.
 #[must_use]
 pub fn decide_sign(mesh: &TriangleMesh, mode: SignMode) -> (SignDecision, SignEvidence) {
-    let evidence =
-        if mesh.validate().is_ok() { gather_evidence(mesh, SAMPLES) } else { SignEvidence::default() };
+    if mesh.validate().is_err() {
+        let decision = match mode {
+            SignMode::Closed => SignDecision::Closed { flipped: false },
+            SignMode::Auto | SignMode::Sheet => SignDecision::Sheet,
+            SignMode::Paper | SignMode::Offset => SignDecision::Offset,
+        };
+        return (decision, SignEvidence::default());
+    }
+    let mut evidence = gather_evidence(mesh, SAMPLES);
+    if matches!(mode, SignMode::Auto | SignMode::Sheet) {
+        evidence.open_share = open_share(mesh);
+    }
     let closed = SignDecision::Closed { flipped: 2.0 * evidence.inverted_share > evidence.closed_share };
     let decision = match mode {
         SignMode::Closed => closed,
-        SignMode::Auto if evidence.closed_share >= CLOSED_SHARE => closed,
-        SignMode::Auto | SignMode::Offset => SignDecision::Offset,
-        SignMode::Sheet => SignDecision::Sheet,
+        SignMode::Auto if evidence.open_share == 0.0 && evidence.closed_share > 0.0 => closed,
+        SignMode::Paper if evidence.closed_share >= CLOSED_SHARE => closed,
+        SignMode::Paper | SignMode::Offset => SignDecision::Offset,
+        SignMode::Auto | SignMode::Sheet => SignDecision::Sheet,
     };
     (decision, evidence)
+}
+
+/// Share of a mesh's area, 0 to 1, in open parts.
+fn open_share(mesh: &TriangleMesh) -> f64 {
+    let (mesh, edges) = agreeing(with_area(mesh));
+    let (open, _) = open_faces(&mesh, &edges, None);
+    let areas = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length());
+    let (mut whole, mut of_open) = (0.0, 0.0);
+    for (area, is_open) in areas.zip(open) {
+        whole += area;
+        of_open += if is_open { area } else { 0.0 };
+    }
+    if whole > 0.0 { of_open / whole } else { 0.0 }
 }
 
 /// Share of a mesh's area, 0 to 1, that looks closed, looked at in so many places.
@@ -118,10 +148,8 @@ fn gather_evidence(mesh: &TriangleMesh, samples: usize) -> SignEvidence {
             (if closed { weight } else { 0 }, if closed && front + back < 0.0 { weight } else { 0 })
         })
         .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-    SignEvidence {
-        closed_share: closed as f64 / samples as f64,
-        inverted_share: inverted as f64 / samples as f64,
-    }
+    let share = |count: usize| count as f64 / samples as f64;
+    SignEvidence { closed_share: share(closed), inverted_share: share(inverted), open_share: 0.0 }
 }
 
 /// Faces at so many evenly spaced steps of the running area, each with the number of steps it took.
@@ -157,7 +185,8 @@ mod tests {
             triangle.swap(0, 1);
         }
         assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Closed { flipped: true });
-        assert_eq!(decide_sign(&sheet(1.0), SignMode::Auto).0, SignDecision::Offset);
+        assert_eq!(decide_sign(&sheet(1.0), SignMode::Auto).0, SignDecision::Sheet);
+        assert_eq!(decide_sign(&sheet(1.0), SignMode::Paper).0, SignDecision::Offset);
     }
 
     #[test]
@@ -165,15 +194,16 @@ mod tests {
         let mut mesh = sheet(1.0);
         let back: Vec<_> = mesh.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
         mesh.triangles.extend(back);
-        assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Offset);
+        assert_eq!(decide_sign(&mesh, SignMode::Auto).0, SignDecision::Sheet);
+        assert_eq!(decide_sign(&mesh, SignMode::Paper).0, SignDecision::Offset);
     }
 
     #[test]
     fn a_mesh_without_area_or_faces_is_open() {
         let mut mesh = sheet(1.0);
         mesh.triangles = vec![[0, 0, 1]];
-        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Offset, SignEvidence::default()));
+        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Sheet, SignEvidence::default()));
         mesh.triangles.clear();
-        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Offset, SignEvidence::default()));
+        assert_eq!(decide_sign(&mesh, SignMode::Auto), (SignDecision::Sheet, SignEvidence::default()));
     }
 }

@@ -96,7 +96,7 @@ fn weld(vertices: &[DVec3]) -> Vec<u32> {
 }
 
 /// The sides of all triangles that are not points, sorted, by way of one bucket for each lower end.
-fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
+pub(crate) fn sorted_sides(triangles: &[[u32; 3]], welded: &[u32]) -> Vec<Key> {
     let sides = |face: usize| {
         let [a, b, c] = triangles[face].map(|v| welded[v as usize]);
         let proper = a != b && b != c && c != a;

@@ -36,7 +36,7 @@ fn check_sequence(
         edge,
         truncation: Truncation::DEFAULT,
     });
-    let (decision, evidence) = decide_sign(&mesh, SignMode::Auto);
+    let (decision, evidence) = decide_sign(&mesh, SignMode::Paper);
     assert_eq!(decision, expected, "{name}: {evidence:?}");
     let start = Instant::now();
     let volume = ingest_mesh(&mesh, &settings, decision).unwrap();
@@ -306,13 +306,13 @@ fn a_capture_with_turned_faces_gives_the_volume_that_it_gives_without() {
         truncation: Truncation::DEFAULT,
     };
     let volume = |mesh: &TriangleMesh| {
-        let (sign, _) = decide_sign(mesh, SignMode::Auto);
+        let (sign, _) = decide_sign(mesh, SignMode::Paper);
         ingest_mesh(mesh, &MeshIngest::new(grid), sign).unwrap()
     };
     let mut turned = mesh.clone();
     for triangle in turned.triangles.iter_mut().step_by(7) {
         triangle.swap(1, 2);
     }
-    assert_eq!(decide_sign(&turned, SignMode::Auto).0, SignDecision::Offset);
+    assert_eq!(decide_sign(&turned, SignMode::Paper).0, SignDecision::Offset);
     assert!(volume(&turn_faces(&turned)) == volume(&mesh));
 }

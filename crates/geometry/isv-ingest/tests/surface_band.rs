@@ -15,7 +15,7 @@ fn meshes_of_captures_do_not_change() {
             edge,
             truncation: Truncation::DEFAULT,
         });
-        let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap();
+        let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Paper).0).unwrap();
         let band = surface_band(&volume);
         println!("{name}, {edge:?}: {} of {} blocks", band.block_count(), volume.block_count());
         let options = SurfaceOptions { normals: true };

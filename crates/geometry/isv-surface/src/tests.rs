@@ -191,7 +191,7 @@ fn captures_are_meshed_as_defined() {
         let Some(mesh) = load(name) else { return };
         for edge in EDGES {
             let settings = MeshIngest::new(grid(edge, metres));
-            let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap();
+            let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Paper).0).unwrap();
             let surface = check(&volume);
             println!("{name}, {edge:?}: {} blocks, {} faces", volume.block_count(), surface.triangles.len());
             assert!(surface.triangles.len() > 1000);

@@ -13,7 +13,7 @@ use crate::table::table_of;
 use crate::threads::use_threads;
 use anyhow::{Context, Result, bail};
 use isv::raw::format::FrameRate;
-use isv::raw::ingest::{MeshIngest, SignDecision, decide_sign};
+use isv::raw::ingest::{MeshIngest, SignDecision, SignMode, decide_sign};
 use isv::raw::io::{Unit, check_folder_name, read_mesh};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::FrameRange;
@@ -243,13 +243,18 @@ impl Study {
     /// What a reader of the figures must know of the take.
     fn notes(&self) -> Vec<String> {
         match self.sign {
-            SignDecision::Closed { .. } | SignDecision::Sheet => Vec::new(),
-            SignDecision::Offset => {
+            SignDecision::Closed { .. } => Vec::new(),
+            SignDecision::Sheet if self.settings.ingest.sign == SignMode::Sheet => Vec::new(),
+            sign => {
                 let voxel_m = self.settings.ingest.grid.voxel_size.metres();
                 let offset = Length::from_metres(self.settings.ingest.offset_voxels * voxel_m);
+                let which = match sign {
+                    SignDecision::Sheet => "published codecs of volumes code",
+                    _ => "codecs of volumes code",
+                };
                 vec![format!(
-                    "the surface is open: codecs of volumes code a shell {offset} away from it on both sides, and errors of \
-                     theirs are of that size whatever their settings; Draco codes the surface itself"
+                    "the surface is open: {which} a shell {offset} away from it on both sides, and their errors are of that size \
+                     whatever their settings; all others code the surface itself"
                 )]
             }
         }

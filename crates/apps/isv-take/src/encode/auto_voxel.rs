@@ -93,7 +93,8 @@ pub(super) fn choose(
     for candidate_m in CANDIDATES_M {
         // What is smaller or larger than any voxel may be is no candidate.
         let Ok(voxel) = VoxelSize::from_metres(scale * candidate_m) else { continue };
-        let ingest = options.fields.mesh_ingest(Grid { voxel_size: voxel, ..header.grid });
+        let grid = Grid { voxel_size: voxel, ..header.grid };
+        let ingest = options.fields.mesh_ingest(grid, options.profile_choice());
         let point = |over: f64| {
             let step_m = over * scale * CANDIDATES_M[0];
             measure(&samples, (ingest, options.unit), header, settings, step_m)

@@ -81,6 +81,13 @@ pub enum EncodeEvent {
         /// Name of the frame.
         name: String,
     },
+    /// A frame has an open part, and frames before had none.
+    OpenPart {
+        /// Name of the frame.
+        name: String,
+        /// Share of the surface in open parts.
+        share: f64,
+    },
     /// A part of a frame's surface cannot be kept.
     SurfaceLost {
         /// Name of the frame.
@@ -124,6 +131,7 @@ impl EncodeEvent {
             Self::VoxelFits { .. }
             | Self::VoxelChosen { .. }
             | Self::Sign { .. }
+            | Self::OpenPart { .. }
             | Self::PointSign { .. } => false,
             Self::Sides { sides, .. } => !sides.is_usable(),
             Self::Capture { remark, .. } => !matches!(
@@ -151,16 +159,17 @@ impl fmt::Display for EncodeEvent {
                 "voxels of {voxel}: about {error_mm:.2} mm at {mbps:.2} Mbps by {samples} sample frames, the best of {least} \
                  to {most}"
             ),
-            Self::Sign { decision, evidence, mode: SignMode::Auto } => {
-                write!(
-                    f,
-                    "{decision} ({:.0} % of the first frame looks closed)",
-                    100.0 * evidence.closed_share
-                )
+            Self::Sign { decision: SignDecision::Sheet, evidence, mode: SignMode::Auto } => {
+                let open = 100.0 * evidence.open_share;
+                write!(f, "{} ({open:.0} % of the first frame is in open parts)", SignDecision::Sheet)
+            }
+            Self::Sign { decision, evidence, mode: SignMode::Auto | SignMode::Paper } => {
+                let closed = 100.0 * evidence.closed_share;
+                write!(f, "{decision} ({closed:.0} % of the first frame looks closed)")
             }
             Self::Sign { decision, .. } => write!(f, "{decision} (as asked for)"),
             Self::PointSign { decision, evidence, mode } => match (mode, decision) {
-                (SignMode::Auto, _) => write!(f, "{decision} ({evidence})"),
+                (SignMode::Auto | SignMode::Paper, _) => write!(f, "{decision} ({evidence})"),
                 (_, PointSign::Oriented) => write!(f, "{decision} (as asked for; {evidence})"),
                 (SignMode::Sheet, PointSign::Offset) => {
                     write!(f, "offset shell around the points: sheets are of meshes alone ({evidence})")
@@ -176,9 +185,14 @@ impl fmt::Display for EncodeEvent {
             Self::FacesTurned { name } => {
                 write!(f, "{name}: faces disagree on which side is outside, and are made to agree")
             }
+            Self::OpenPart { name, share } => write!(
+                f,
+                "{name}: {:.1} % of the surface is in open parts, which are single sheets from here on",
+                100.0 * share
+            ),
             Self::SurfaceLost { name, share } => write!(
                 f,
-                "{name}: {:.1} % of the surface is open, or thinner than a voxel, and is lost",
+                "{name}: {:.1} % of the surface is thinner than a voxel, or open where a closed surface was asked for, and is lost",
                 100.0 * share
             ),
             Self::Tiny { name, diagonal } => {

@@ -141,10 +141,14 @@ impl Default for FieldOptions {
 }
 
 impl FieldOptions {
-    /// How meshes become volumes on a grid, of the whole band.
+    /// How meshes become volumes on a grid, of the whole band. Profile `paper` chooses as the paper does.
     #[must_use]
-    pub fn mesh_ingest(&self, grid: Grid) -> MeshIngest {
+    pub fn mesh_ingest(&self, grid: Grid, profile: ProfileChoice) -> MeshIngest {
         let Self { sign, offset_voxels, max_blocks, .. } = *self;
+        let sign = match (sign, profile) {
+            (SignMode::Auto, ProfileChoice::Paper) => SignMode::Paper,
+            (sign, _) => sign,
+        };
         MeshIngest { sign, offset_voxels, max_blocks, ..MeshIngest::new(grid) }
     }
 
@@ -354,7 +358,7 @@ impl EncodeOptions {
         let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         VolumeMaker {
             device,
-            mesh: MeshIngest { reach, ..fields.mesh_ingest(grid) },
+            mesh: MeshIngest { reach, ..fields.mesh_ingest(grid, profile) },
             mesh_ingester: None,
             mesh_sign: None,
             face_turner: FaceTurner::default(),

@@ -11,7 +11,7 @@ use isv_encode::Band;
 use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
     FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, open_surface_share,
+    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_surface_share,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
@@ -156,21 +156,44 @@ impl VolumeMaker {
                 opened.map_err(|cause| FrameError::Device { name: name.to_owned(), cause })?
             }
         };
-        let ingester = self.mesh_ingester.insert(ingester);
-        let volume = ingester.ingest(mesh, sign).map_err(|error| match error {
-            IngestFault::Ingest(cause) => self.ingest_error(name, cause, mesh.bounds()),
-            IngestFault::Device(cause) => FrameError::Device { name: name.to_owned(), cause },
-        })?;
+        self.mesh_ingester = Some(ingester);
+        let volume = self.mesh_to_volume_as(name, mesh, sign)?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
             self.tell_shell(sign == SignDecision::Offset);
             self.tell(EncodeEvent::Sign { decision: sign, evidence, mode: self.mesh.sign });
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
-        if let SignDecision::Closed { .. } = sign {
-            self.warn_of_loss(name, mesh, &volume);
+        let share = lost_surface_share(mesh, &volume, sign);
+        if share <= 2.0 * self.loss_said {
+            return Ok(volume);
         }
+        // An open part that comes later makes sheets of the rest of the take: what was closed stays as it was.
+        if let (SignDecision::Closed { .. }, SignMode::Auto) = (sign, self.mesh.sign) {
+            let (now, evidence) = decide_sign(mesh, self.mesh.sign);
+            if now == SignDecision::Sheet {
+                self.mesh_sign = Some(now);
+                self.tell(EncodeEvent::OpenPart { name: name.to_owned(), share: evidence.open_share });
+                return self.mesh_to_volume_as(name, mesh, now);
+            }
+        }
+        self.loss_said = share;
+        self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share });
         Ok(volume)
+    }
+
+    /// The volume of a mesh, with the ingester that was opened.
+    fn mesh_to_volume_as(
+        &mut self,
+        name: &str,
+        mesh: &TriangleMesh,
+        sign: SignDecision,
+    ) -> Result<SparseVolume, FrameError> {
+        let ingester = self.mesh_ingester.as_mut().expect("opened for the first mesh");
+        ingester.ingest(mesh, sign).map_err(|error| match error {
+            IngestFault::Ingest(cause) => self.ingest_error(name, cause, mesh.bounds()),
+            IngestFault::Device(cause) => FrameError::Device { name: name.to_owned(), cause },
+        })
     }
 
     /// Keeps the thickness of a shell for the last line.
@@ -179,15 +202,6 @@ impl VolumeMaker {
             let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
             // What was decided on the first frame holds for all.
             let _ = self.shell.set((thickness_mm * 1e3).round() / 1e3);
-        }
-    }
-
-    /// A sign by winding number has no place for sheets beside a body. Says so once, and again where it is much worse.
-    fn warn_of_loss(&mut self, name: &str, mesh: &TriangleMesh, volume: &SparseVolume) {
-        let share = open_surface_share(mesh, volume);
-        if share > 2.0 * self.loss_said {
-            self.loss_said = share;
-            self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share });
         }
     }
 

@@ -33,7 +33,7 @@ fn captured(frames: usize) -> Option<Vec<SparseVolume>> {
     let volume = |frame| {
         let path = capture(&format!("dancer/frame_{frame:04}.ply"))?;
         let mesh = read_mesh(&path, Unit::Metre).expect("a mesh");
-        let (decision, _) = decide_sign(&mesh, SignMode::Auto);
+        let (decision, _) = decide_sign(&mesh, SignMode::Paper);
         Some(ingest_mesh(&mesh, &MeshIngest::new(grid()), decision).unwrap())
     };
     (0..frames).map(volume).collect()

@@ -92,8 +92,9 @@ fn compare_steps(gpu: &Gpu, images: &[DepthImage], settings: &FusionSettings, wh
         assert!(found.windows(2).all(|pair| pair[0].morton() < pair[1].morton()), "{what}: order");
         let different = difference(&found, &truth);
         println!("{what}, scale {scale}: {different} of {} blocks", truth.len());
+        // A ray through a corner of a block is a matter of rounding.
         assert!(
-            !truth.is_empty() && different * 500 <= truth.len(),
+            !truth.is_empty() && different <= 2 + truth.len() / 500,
             "{what}: {different} of {}",
             truth.len()
         );

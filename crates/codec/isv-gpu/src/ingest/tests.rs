@@ -162,7 +162,7 @@ fn captures_become_the_volumes_of_the_cpu() {
     let store = VolumeStore::new(&gpu).unwrap();
     for take in ["dancer", "thomas"] {
         let Some(mesh) = captured_mesh(take) else { continue };
-        let (sign, _) = decide_sign(&mesh, SignMode::Auto);
+        let (sign, _) = decide_sign(&mesh, SignMode::Paper);
         for reach in [Reach::Surface, Reach::Band] {
             let mut ingester = GpuMeshIngester::new(&store, settings(0.01, reach)).unwrap();
             check(&mut ingester, &mesh, sign, take);

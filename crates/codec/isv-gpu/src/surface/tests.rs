@@ -150,7 +150,7 @@ fn captures_are_meshed_as_on_the_cpu() {
     for name in ["dancer", "flag", "xbot"] {
         let Some(mesh) = captured_mesh(name) else { return };
         let settings = MeshIngest::new(grid());
-        let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Auto).0).unwrap();
+        let volume = ingest_mesh(&mesh, &settings, decide_sign(&mesh, SignMode::Paper).0).unwrap();
         let mesh = extractors.check(&volume);
         println!("{name}: {} blocks, {} triangles", volume.block_count(), mesh.triangle_count());
         assert!(mesh.triangle_count() > 1000);

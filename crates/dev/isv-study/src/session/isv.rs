@@ -5,7 +5,7 @@ use super::{DecodedFrame, EncodedFrame, Encoding, Memory, Stream, timed};
 use crate::record::BytesByKind;
 use crate::{StudyError, StudySettings};
 use isv::raw::decode::{Decoder, Limits};
-use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
+use isv::raw::encode::{Encoder, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset};
 use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
 use isv::raw::volume::TriangleMesh;
 
@@ -56,9 +56,9 @@ impl IsvEncoding {
         let header = StreamHeader { profile, grid: settings.ingest.grid, frame_rate };
         Ok(Self {
             header,
-            volumes: match (profile, encoder.main.band) {
-                (Profile::Main, Band::Surface) => VolumeMaker::of_the_surface(settings),
-                _ => VolumeMaker::new(settings),
+            volumes: match profile {
+                Profile::Main => VolumeMaker::main(settings, encoder.main.band),
+                Profile::Paper(_) => VolumeMaker::published(settings),
             },
             encoder: Encoder::new(&header, EncoderSettings { gop: settings.gop, ..encoder }),
             writer: PacketWriter::new(Vec::new(), &header)?,

@@ -35,7 +35,7 @@ impl TangEncoding {
             frames: Vec::new(),
             kinds: BytesByKind::default(),
         };
-        Ok(Self { volumes: VolumeMaker::new(settings), encoder: TangEncoder::new(basis, tang), stream })
+        Ok(Self { volumes: VolumeMaker::published(settings), encoder: TangEncoder::new(basis, tang), stream })
     }
 }
 

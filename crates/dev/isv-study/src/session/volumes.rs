@@ -2,6 +2,7 @@
 
 use super::timed;
 use crate::{StudyError, StudySettings};
+use isv::raw::encode::Band;
 use isv::raw::ingest::{MeshIngest, Reach, SignDecision, decide_sign, ingest_mesh};
 use isv::raw::kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv::raw::surface::{SurfaceOptions, extract_surface};
@@ -15,14 +16,18 @@ pub(super) struct VolumeMaker {
 }
 
 impl VolumeMaker {
-    pub(super) fn new(settings: &StudySettings) -> Self {
-        Self { ingest: settings.ingest, sign: None, frame: settings.first_frame }
+    /// Volumes as published codecs have them.
+    pub(super) fn published(settings: &StudySettings) -> Self {
+        Self { ingest: settings.published_ingest(), sign: None, frame: settings.first_frame }
     }
 
-    /// Volumes with no more than the blocks that profile `main` codes by default.
-    pub(super) fn of_the_surface(settings: &StudySettings) -> Self {
-        let ingest = MeshIngest { reach: Reach::Surface, ..settings.ingest };
-        Self { ingest, ..Self::new(settings) }
+    /// Volumes as profile `main` has them, with the blocks that it codes.
+    pub(super) fn main(settings: &StudySettings, band: Band) -> Self {
+        let reach = match band {
+            Band::Surface => Reach::Surface,
+            Band::Full => Reach::Band,
+        };
+        Self { ingest: MeshIngest { reach, ..settings.ingest }, sign: None, frame: settings.first_frame }
     }
 
     /// The volume of the next frame, and the milliseconds it took.

@@ -73,7 +73,7 @@ impl fmt::Display for PointEvidence {
 }
 
 /// Decides how to find the sign: as asked, or with [`SignMode::Auto`] by whether nearly all points have a normal and
-/// neighbouring normals agree. [`SignMode::Closed`] asks for [`PointSign::Oriented`]. [`SignMode::Sheet`] is of meshes alone, and counts
+/// neighbouring normals agree, as [`SignMode::Paper`] does. [`SignMode::Closed`] asks for [`PointSign::Oriented`]. [`SignMode::Sheet`] is of meshes alone, and counts
 /// as [`SignMode::Offset`].
 ///
 /// The cloud need not be valid; points that are not finite have no say.
@@ -83,8 +83,8 @@ pub fn decide_point_sign(cloud: &PointCloud, mode: SignMode) -> (PointSign, Poin
     let usable = evidence.with_normal >= WITH_NORMAL && evidence.agreement >= AGREEMENT;
     let sign = match mode {
         SignMode::Closed => PointSign::Oriented,
-        SignMode::Auto if usable => PointSign::Oriented,
-        SignMode::Auto | SignMode::Offset | SignMode::Sheet => PointSign::Offset,
+        SignMode::Auto | SignMode::Paper if usable => PointSign::Oriented,
+        SignMode::Auto | SignMode::Paper | SignMode::Offset | SignMode::Sheet => PointSign::Offset,
     };
     (sign, evidence)
 }
