@@ -57,6 +57,8 @@ pub struct MainEncoder<B> {
     rate: RateControl,
     /// Of the last keyframe.
     keyframe_bytes_per_block: f64,
+    /// The same of the last frame, if that was predicted.
+    predicted_bytes_per_block: Option<f64>,
     /// The last frame as it was to be coded.
     source: Option<SparseVolume>,
     /// The largest step that anything that stands still was coded with.
@@ -118,8 +120,11 @@ impl State {
 /// more than this share of the bytes that those of the last keyframe took.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
-/// How much more a keyframe may cost then: decoding can begin there.
+/// How much more a keyframe may cost then, if the frame is unlike those before: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
+/// A frame is unlike those before if its blocks take more than this many times the bytes that those of the last frame took, given that
+/// one was predicted. What moves too fast to be predicted well, as cloth in the wind, does so in every frame, and is not cut.
+const UNLIKE: f64 = 1.25;
 /// What stands still is coded again with a step of less than this share of the one that it was coded with.
 const FINER_STEP_SHARE: f64 = 0.75;
 /// Strengths of the in-loop filter that are tried where the best one is searched for.
@@ -152,6 +157,7 @@ impl<B: SearchBackend> MainEncoder<B> {
             spare: Vec::new(),
             rate,
             keyframe_bytes_per_block: 0.0,
+            predicted_bytes_per_block: None,
             source: None,
             settled_step: 0.0,
         }
@@ -226,6 +232,9 @@ impl<B: SearchBackend> MainEncoder<B> {
                     self.rate.learn(&attempt);
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
+                        self.predicted_bytes_per_block = None;
+                    } else {
+                        self.predicted_bytes_per_block = Some(coded.bytes_per_block());
                     }
                     self.settled_step = if skipped.is_empty() { step } else { self.settled_step.max(step) };
                     self.source = Some(volume.clone());
@@ -276,8 +285,10 @@ impl<B: SearchBackend> MainEncoder<B> {
         spare: &mut Vec<i16>,
     ) -> CodedFrame {
         let coded = self.encode_frame(source, keyframe, quality, spare);
+        let is_usual = self.predicted_bytes_per_block.map(|usual| coded.bytes_per_block() <= UNLIKE * usual);
         let alike = coded.spatial_share <= CUT_SPATIAL_SHARE
-            && coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block;
+            && (coded.bytes_per_block() <= CUT_BYTES_SHARE * self.keyframe_bytes_per_block
+                || is_usual == Some(true));
         // A scene of which some stays as it is has not been cut. Where blocks are refreshed, spatial ones tell nothing, and a
         // resilient frame is as good as a keyframe for who has lost the frame before.
         let gradual = self.settings.refresh == Refresh::Gradual;
@@ -286,7 +297,8 @@ impl<B: SearchBackend> MainEncoder<B> {
         }
         let cut = self.encode_frame(source, true, quality, spare);
         let [cut_cost, cost] = [&cut, &coded].map(|frame| frame.cost(source.targets, quality));
-        if cut_cost < CUT_BONUS * cost { cut } else { coded }
+        let bonus = if is_usual == Some(false) { CUT_BONUS } else { 1.0 };
+        if cut_cost < bonus * cost { cut } else { coded }
     }
 
     /// What the decoder will have after the last frame; `None` before the first.

@@ -3,12 +3,13 @@
 use super::floaters::floaters;
 use super::settings::Band;
 use super::target::Targets;
-use isv_decode::main::extension::DecodedBlocks;
+use isv_decode::main::extension::{DecodedBlocks, FrameBlocks};
 use isv_volume::{BlockEdge, VoxelMask};
 use std::collections::BTreeMap;
 
-/// The voxels in cells that the decoded surface crosses which the source has not observed or does not have, and those of floaters, of
-/// which the full band keeps what was observed: by index in the extended volume, for its unsettled blocks.
+/// The voxels in cells that the decoded surface crosses which the source has not observed, does not have, or has on the other side of the
+/// surface than a block that was extrapolated; and those of floaters, of which the full band keeps what was observed: by index in the
+/// extended volume, for its unsettled blocks.
 ///
 /// `crossed`: the corners of crossed cells in these; asked for only if the source is not wholly observed.
 pub(crate) fn wanted_masks<'a>(
@@ -23,12 +24,24 @@ pub(crate) fn wanted_masks<'a>(
         let index = source.index();
         // What the source does not have is beyond its band or was not observed at all.
         let nothing = VoxelMask::full(BlockEdge::E8);
+        let FrameBlocks { all, coded, .. } = extended.sets();
+        let coded = coded.marks_in(all);
         wanted.extend(crossed().iter().filter_map(|(block, corners)| {
-            let unobserved = match index.get(coords[*block as usize]) {
-                Some(block) => source.unobserved(block as usize)?,
-                None => &nothing,
+            let mask = match index.get(coords[*block as usize]) {
+                Some(own) => {
+                    let unobserved = source.unobserved(own as usize).map(|mask| mask.intersection(corners));
+                    let mut mask = unobserved.unwrap_or_else(|| VoxelMask::empty(BlockEdge::E8));
+                    if !coded[*block as usize] {
+                        // Sheets have far blocks with both signs, and such a block has one.
+                        let decoded = extended.volume().block(*block as usize);
+                        mask.insert_all(
+                            &other_signs(source.block(own as usize), decoded).intersection(corners),
+                        );
+                    }
+                    mask
+                }
+                None => nothing.intersection(corners),
             };
-            let mask = unobserved.intersection(corners);
             (!mask.is_empty()).then_some((*block, mask))
         }));
     }
@@ -48,4 +61,13 @@ pub(crate) fn wanted_masks<'a>(
         wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&floaters);
     }
     wanted
+}
+
+/// The voxels of a block whose samples have different signs in two volumes.
+fn other_signs(a: &[i16], b: &[i16]) -> VoxelMask {
+    let mut mask = VoxelMask::empty(BlockEdge::E8);
+    for (voxel, _) in a.iter().zip(b).enumerate().filter(|(_, (a, b))| (**a < 0) != (**b < 0)) {
+        mask.insert(voxel);
+    }
+    mask
 }
