@@ -10,6 +10,7 @@ mod paper_results;
 mod paper_table;
 mod player;
 mod regression;
+mod sheet_pictures;
 mod takes;
 
 use anyhow::Result;
@@ -72,6 +73,12 @@ enum Command {
         #[arg(long)]
         update: bool,
     },
+    /// Draw open surfaces before and after coding: docs/images/sheets.png
+    SheetPictures {
+        /// Where the picture goes
+        #[arg(default_value = "docs/images")]
+        images: PathBuf,
+    },
     /// Write the conformance streams that a folder does not have yet, and add them to its tables
     Conformance { folder: String },
     /// Write what `fuzz/run` starts from
@@ -101,6 +108,7 @@ fn main() -> Result<()> {
         Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
+        Command::SheetPictures { images } => sheet_pictures::run(&images),
         Command::Conformance { folder } => conformance::run(&folder),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
         Command::Player { check, from_source } => player::run(check, from_source),

@@ -12,27 +12,23 @@ struct Clip {
     frames: &'static str,
     voxel: &'static str,
     spacing: &'static str,
-    /// Whether what is studied is the shell that the codec puts around an open surface, and not the surface itself, from
-    /// which no decoded shell is nearer than half its thickness.
-    shell: bool,
     more: &'static [&'static str],
 }
 
-const PERSON: Clip =
-    Clip { name: "", frames: "0..10", voxel: "5mm", spacing: "5mm", shell: false, more: &[] };
+const PERSON: Clip = Clip { name: "", frames: "0..10", voxel: "5mm", spacing: "5mm", more: &[] };
 
-/// For shells, whose meshes have very many triangles.
-const SHORT: &[&str] = &[
+/// Codecs of open surfaces. Published ones make shells of them, and profile `main` single sheets.
+const OPEN: &[&str] = &[
     "--points=3",
-    "--codecs=paper-intra,paper-zero,paper-3dof,paper-6dof,tang-scene,draco,draco-25,draco-10",
+    "--codecs=paper-intra,paper-zero,paper-3dof,paper-6dof,tang-scene,main-balanced,draco,draco-50,draco-25,draco-10",
 ];
 
 const CLIPS: [Clip; 5] = [
     Clip { name: "dancer", frames: "0..16", ..PERSON },
     Clip { name: "thomas", ..PERSON },
     Clip { name: "liam", ..PERSON },
-    Clip { name: "flag", frames: "0..4", shell: true, more: SHORT, ..PERSON },
-    Clip { name: "monastery", frames: "0..3", voxel: "8cm", spacing: "10cm", shell: true, more: SHORT },
+    Clip { name: "flag", frames: "0..4", more: OPEN, ..PERSON },
+    Clip { name: "monastery", frames: "0..3", voxel: "8cm", spacing: "10cm", more: OPEN },
 ];
 
 /// Codecs of Table 1, each at its middle point: the paper's own steps, and Draco at the bits that are near to a voxel.
@@ -47,7 +43,6 @@ const TIMED: [Clip; 3] = [
         frames: "0..3",
         voxel: "2cm",
         spacing: "20cm",
-        shell: false,
         more: &["--points=1", "--codecs=paper-zero,paper-3dof,draco,draco-25"],
     },
 ];
@@ -62,7 +57,7 @@ const CHARTS: [&str; 4] = ["p2s_mean_mm", "chamfer_mm", "d1_psnr_db", "d2_psnr_d
 pub(super) fn run(data: &Path, docs: &Path, work: &Path) -> Result<()> {
     for clip in &CLIPS {
         let folder = work.join(clip.name);
-        study(clip, data, work, &folder)?;
+        study(clip, data, &folder)?;
         for name in ["results.csv", "bd_rates.csv"] {
             copy(&folder.join(name), docs, &format!("fig8-{}-{name}", clip.name))?;
         }
@@ -79,7 +74,7 @@ pub(super) fn run_table(data: &Path, docs: &Path, work: &Path) -> Result<()> {
     let mut costs = Vec::new();
     for clip in &TIMED {
         let folder = work.join(format!("table1-{}", clip.name));
-        study(clip, data, work, &folder)?;
+        study(clip, data, &folder)?;
         costs.extend(cost_rows(clip.name, &fs::read_to_string(folder.join("results.csv"))?)?);
     }
     let header = [
@@ -97,25 +92,11 @@ pub(super) fn run_table(data: &Path, docs: &Path, work: &Path) -> Result<()> {
     write(docs, "table1.md", &markdown(&header, &costs))
 }
 
-/// Runs `isv compare` on a clip, or on its shell.
-fn study(clip: &Clip, data: &Path, work: &Path, folder: &Path) -> Result<()> {
-    let mut input = data.join(clip.name);
-    if clip.shell {
-        let stream = work.join(format!("{}-shell.isv", clip.name));
-        // A new file would be another take, of which nothing is measured yet.
-        if !stream.is_file() {
-            isv(&["encode", "--coefficients=512", "--dc-step=0.1mm", "--ac-step=0.1mm"], |command| {
-                command.arg(&input).arg("--output").arg(&stream);
-                command.args(["--frames", clip.frames, "--voxel", clip.voxel]);
-            })?;
-        }
-        input = stream;
-    }
+/// Runs `isv compare` on a clip.
+fn study(clip: &Clip, data: &Path, folder: &Path) -> Result<()> {
     isv(&["compare", "--spacing", clip.spacing, "--voxel", clip.voxel], |command| {
-        command.arg(input).arg("--output").arg(folder).args(clip.more);
-        if !clip.shell {
-            command.args(["--frames", clip.frames]);
-        }
+        command.arg(data.join(clip.name)).arg("--output").arg(folder).args(clip.more);
+        command.args(["--frames", clip.frames]);
         if PEOPLE.contains(&clip.name) {
             for other in PEOPLE.iter().filter(|other| **other != clip.name) {
                 command.arg("--train").arg(data.join(other));

@@ -205,7 +205,7 @@ cli_enum! {
         Closed => SignMode::Closed,
         /// It has none: code a thin shell around it
         Offset => SignMode::Offset,
-        /// As auto, even if the first frame is closed
+        /// Single sheets for open parts from the first frame on
         Sheet => SignMode::Sheet,
     }
 }

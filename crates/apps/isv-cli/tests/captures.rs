@@ -256,6 +256,23 @@ fn what_is_open_beside_a_body_is_lost_but_not_without_a_word() {
     let run = work.isv(&[&picture[..], &["--against-origin", "500000,0,0"]].concat()).done();
     assert!(!run.stderr().contains("00000"), "{}", run.stderr());
     work.isv(&["render", "far.isv", "-o", "e.png", "--against-origin", "1,2,3"]).fails(2, &["--against"]);
+
+    // Unless told otherwise isv keeps it, also if it comes after a frame without it.
+    let sheet = ["--voxel", "20mm", "--origin", "500000,0,0"];
+    let run = work.isv(&[&["encode", "far.obj", "-o", "sheet.isv"], &sheet[..]].concat()).done();
+    assert!(run.stderr().contains("open surface: single sheets") && !run.stderr().contains("lost"));
+    let near = work.isv(&["eval", "far.obj", "sheet.isv", "--origin", "500000,0,0", "--json"]).json();
+    assert!(near["ref_to_test_mean_mm"].as_f64().unwrap() < 4.0, "{near}");
+    fs::create_dir(work.path("later")).unwrap();
+    let body = String::from_utf8(work.read("far.obj")).unwrap();
+    let faces: Vec<&str> = body.lines().collect();
+    work.write("later/a.obj", faces[..faces.len() - 2].join("\n"));
+    work.write("later/b.obj", &body);
+    let run = work.isv(&[&["encode", "later", "-o", "later.isv"], &sheet[..]].concat()).done();
+    assert!(run.stderr().contains("closed surface"), "{}", run.stderr());
+    assert!(run.stderr().contains("single sheets from here on"), "{}", run.stderr());
+    let near = work.isv(&["eval", "later", "later.isv", "--origin", "500000,0,0", "--json"]).json();
+    assert!(near["ref_to_test_mean_mm"].as_f64().unwrap() < 4.0, "{near}");
 }
 
 /// A name need not be text.

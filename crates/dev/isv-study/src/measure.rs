@@ -50,7 +50,7 @@ pub struct StudySettings {
 }
 
 impl StudySettings {
-    /// How published codecs make volumes of meshes: open surfaces become shells (Eq. 9), unless another way was asked for.
+    /// Settings of published codecs, which make shells of open surfaces (Eq. 9) unless another way was asked for.
     pub(crate) fn published_ingest(&self) -> MeshIngest {
         let sign = if self.ingest.sign == SignMode::Auto { SignMode::Paper } else { self.ingest.sign };
         MeshIngest { sign, ..self.ingest }

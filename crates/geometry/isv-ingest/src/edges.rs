@@ -33,17 +33,17 @@ impl Edges {
         Self { corners, positions: count, sides: sides.into_iter().map(side).collect() }
     }
 
-    /// The sides at each edge.
+    /// Iterates over edges: all sides at each.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &[FaceSide]> {
         self.sides.chunk_by(|a, b| a.ends == b.ends)
     }
 
-    /// Whether a side runs from the higher end to the lower.
+    /// Tells whether a side runs from the higher end to the lower.
     pub(crate) fn is_reversed(&self, side: FaceSide) -> bool {
         self.corners[side.face() as usize][side.side()] != side.ends()[0]
     }
 
-    /// Whether faces agree along every edge of two, and none is there twice.
+    /// Tells whether faces agree along every edge of two, and none is there twice.
     pub(crate) fn agree(&self) -> bool {
         self.iter().all(|sides| match sides {
             [_] => true,
@@ -60,12 +60,12 @@ impl FaceSide {
         self.number / 4
     }
 
-    /// Which of its sides: that from corner `side` to the next.
+    /// Number of the side, 0 to 2: the one from that corner to the next.
     pub(crate) fn side(self) -> usize {
         (self.number % 4) as usize
     }
 
-    /// The positions of its ends, the lower first.
+    /// Positions of the ends, the lower first.
     pub(crate) fn ends(self) -> [u32; 2] {
         [(self.ends >> 32) as u32, self.ends as u32]
     }

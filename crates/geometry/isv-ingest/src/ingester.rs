@@ -117,7 +117,7 @@ pub(crate) fn with_area(mesh: &TriangleMesh) -> Result<Cow<'_, TriangleMesh>, In
 /// A mesh as it is sampled: without faces that have no area, and with faces that agree where sides count.
 struct Prepared<'m> {
     mesh: Cow<'m, TriangleMesh>,
-    /// Its edges, where sides count.
+    /// Edges of the mesh, where sides count.
     edges: Option<Edges>,
 }
 

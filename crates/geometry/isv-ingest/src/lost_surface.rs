@@ -31,7 +31,7 @@ pub fn lost_surface_share(mesh: &TriangleMesh, volume: &SparseVolume, sign: Sign
 /// A point this near to voxels of a plane, in voxels, lies in it: then those on both sides are around it.
 const IN_PLANE: f64 = 0.05;
 
-/// What a volume says of a voxel.
+/// State of a voxel in a volume.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Seen {
     Nothing,

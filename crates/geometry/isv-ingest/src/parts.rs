@@ -22,7 +22,7 @@ const FEWEST_SAMPLES: usize = 64;
 /// Overlap of the bounding boxes of a part and of one in the frame before, over their union, from which both may be the same.
 const OVERLAP: f64 = 0.5;
 
-/// How many times as large or as small, by area, a part may become from one frame to the next.
+/// Growth or shrinking of a part's area from one frame to the next, as a factor, up to which it may be the same part.
 const GROWTH: f64 = 1.25;
 
 /// Most parts that are remembered; among more, each frame decides for itself.
@@ -36,10 +36,10 @@ struct ConnectedParts {
     is_watertight: Vec<bool>,
 }
 
-/// What was decided of the parts of a frame.
+/// Decisions on the parts of a frame.
 pub(crate) struct PartMemory(Vec<Remembered>);
 
-/// A part, and what was decided of it.
+/// A part and its decision.
 struct Remembered {
     bounds: [DVec3; 2],
     area: f64,
@@ -47,7 +47,7 @@ struct Remembered {
 }
 
 impl PartMemory {
-    /// What was decided of the part with the most similar bounds, if any is similar enough.
+    /// Recalls the decision on the part with the most similar bounds, if any is similar enough.
     fn recall(&self, part: &Remembered) -> Option<bool> {
         let is_alike =
             |other: &&Remembered| other.area <= GROWTH * part.area && part.area <= GROWTH * other.area;

@@ -67,7 +67,7 @@ pub(crate) struct Parts {
     /// Holes of the closed parts that stay open, if there are any.
     pub(crate) holes: Option<WideHoles>,
     pub(crate) sheets: Sheets,
-    /// Which parts are open, for the next frame.
+    /// Decisions on the parts, for the next frame.
     pub(crate) memory: PartMemory,
 }
 

@@ -42,7 +42,7 @@ const CORNERS: u32 = 4;
 pub(crate) struct Closest(pub(crate) u32);
 
 impl Closest {
-    /// No triangle is known.
+    /// Marks a voxel without a known triangle.
     pub(crate) const NONE: u32 = u32::MAX;
 
     /// Place of the triangle in the list of its tile.
@@ -70,7 +70,7 @@ impl Closest {
 pub(crate) struct TileDistances {
     /// By cubes, x fastest, and in each by its voxels.
     cubes: Vec<[f32; LANES]>,
-    /// What each is closest to ([`Closest`]); empty until that is asked for.
+    /// Closest triangle and feature of each voxel ([`Closest`]); empty until asked for.
     closest: Vec<[u32; LANES]>,
     /// The blocks that have a distance, a bit each, x lowest.
     touched: u64,

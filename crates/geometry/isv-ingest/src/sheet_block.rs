@@ -37,17 +37,17 @@ struct FeaturePlane {
 enum Kind {
     #[default]
     Unknown,
-    /// Of a sliver, which is no more than one of its sides.
+    /// Feature of a sliver, which is no more than one of its sides.
     Sliver,
-    /// Of a sheet.
+    /// Feature of a sheet.
     Sheet(Place),
-    /// Of a closed part; whether it lies on a wide hole.
+    /// Feature of a closed part; whether it lies on a wide hole.
     Body(bool),
 }
 
 /// A face that is closest to some voxel of the block.
 struct Face {
-    /// Its place in the list of the tile.
+    /// Place in the list of the tile.
     place: u32,
     facet: Facet,
 }
@@ -76,7 +76,7 @@ impl Default for SheetBlock {
     }
 }
 
-/// Where the block lies.
+/// Position of the block.
 #[derive(Clone, Copy)]
 struct Location {
     /// Centre of the tile's first voxel (voxels).

@@ -27,7 +27,7 @@ pub enum SignMode {
     /// Look at the mesh, part by part: [`Self::Closed`] if all parts are closed, else [`Self::Sheet`].
     #[default]
     Auto,
-    /// As the paper has it, for the mesh as a whole: [`Self::Closed`] if nine tenths of its area look closed, else [`Self::Offset`].
+    /// Look at the mesh as a whole, as the paper does: [`Self::Closed`] if nine tenths of its area look closed, else [`Self::Offset`].
     Paper,
     /// As for a closed surface (Eq. 8): negative inside.
     Closed,

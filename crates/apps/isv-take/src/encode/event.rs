@@ -81,6 +81,15 @@ pub enum EncodeEvent {
         /// Name of the frame.
         name: String,
     },
+    /// An open surface has fewer faces than blocks of 8 x 8 x 8 voxels.
+    LargeFaces {
+        /// Name of the frame.
+        name: String,
+        /// Triangles of the frame.
+        faces: usize,
+        /// Blocks of its volume.
+        blocks: usize,
+    },
     /// A frame has an open part, and frames before had none.
     OpenPart {
         /// Name of the frame.
@@ -132,6 +141,7 @@ impl EncodeEvent {
             | Self::VoxelChosen { .. }
             | Self::Sign { .. }
             | Self::OpenPart { .. }
+            | Self::LargeFaces { .. }
             | Self::PointSign { .. } => false,
             Self::Sides { sides, .. } => !sides.is_usable(),
             Self::Capture { remark, .. } => !matches!(
@@ -185,6 +195,10 @@ impl fmt::Display for EncodeEvent {
             Self::FacesTurned { name } => {
                 write!(f, "{name}: faces disagree on which side is outside, and are made to agree")
             }
+            Self::LargeFaces { name, faces, blocks } => write!(
+                f,
+                "{name}: {faces} triangles in {blocks} blocks of voxels: a codec of meshes, such as Draco, takes fewer bytes for large, flat triangles"
+            ),
             Self::OpenPart { name, share } => write!(
                 f,
                 "{name}: {:.1} % of the surface is in open parts, which are single sheets from here on",
@@ -192,7 +206,7 @@ impl fmt::Display for EncodeEvent {
             ),
             Self::SurfaceLost { name, share } => write!(
                 f,
-                "{name}: {:.1} % of the surface is thinner than a voxel, or open where a closed surface was asked for, and is lost",
+                "{name}: {:.1} % of the surface is open, or thinner than a voxel, and is lost",
                 100.0 * share
             ),
             Self::Tiny { name, diagonal } => {

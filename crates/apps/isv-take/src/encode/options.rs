@@ -141,7 +141,7 @@ impl Default for FieldOptions {
 }
 
 impl FieldOptions {
-    /// How meshes become volumes on a grid, of the whole band. Profile `paper` chooses as the paper does.
+    /// Settings by which meshes become volumes on a grid, of the whole band. Profile `paper` chooses the sign as the paper does.
     #[must_use]
     pub fn mesh_ingest(&self, grid: Grid, profile: ProfileChoice) -> MeshIngest {
         let Self { sign, offset_voxels, max_blocks, .. } = *self;

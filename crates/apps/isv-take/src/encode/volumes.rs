@@ -162,6 +162,10 @@ impl VolumeMaker {
             self.mesh_sign = Some(sign);
             self.tell_shell(sign == SignDecision::Offset);
             self.tell(EncodeEvent::Sign { decision: sign, evidence, mode: self.mesh.sign });
+            let (faces, blocks) = (mesh.triangles.len(), volume.block_count());
+            if sign == SignDecision::Sheet && faces < blocks {
+                self.tell(EncodeEvent::LargeFaces { name: name.to_owned(), faces, blocks });
+            }
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
         let share = lost_surface_share(mesh, &volume, sign);

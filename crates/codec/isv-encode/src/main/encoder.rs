@@ -57,7 +57,7 @@ pub struct MainEncoder<B> {
     rate: RateControl,
     /// Of the last keyframe.
     keyframe_bytes_per_block: f64,
-    /// The same of the last frame, if that was predicted.
+    /// Bytes a block of the last frame, if that was predicted.
     predicted_bytes_per_block: Option<f64>,
     /// The last frame as it was to be coded.
     source: Option<SparseVolume>,
@@ -120,7 +120,7 @@ impl State {
 /// more than this share of the bytes that those of the last keyframe took.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
-/// How much more a keyframe may cost then, if the frame is unlike those before: decoding can begin there.
+/// Cost of a keyframe over that of the predicted frame, up to which a frame unlike those before becomes one: decoding can begin there.
 const CUT_BONUS: f32 = 1.25;
 /// A frame is unlike those before if its blocks take more than this many times the bytes that those of the last frame took, given that
 /// one was predicted. What moves too fast to be predicted well, as cloth in the wind, does so in every frame, and is not cut.
