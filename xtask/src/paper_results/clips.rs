@@ -20,7 +20,7 @@ const PERSON: Clip = Clip { name: "", frames: "0..10", voxel: "5mm", spacing: "5
 /// Codecs of open surfaces. Published ones make shells of them, and profile `main` single sheets.
 const OPEN: &[&str] = &[
     "--points=3",
-    "--codecs=paper-intra,paper-zero,paper-3dof,paper-6dof,tang-scene,main-balanced,draco,draco-50,draco-25,draco-10",
+    "--codecs=paper-intra,paper-zero,paper-3dof,main-balanced,draco,draco-50,draco-25,draco-10",
 ];
 
 const CLIPS: [Clip; 5] = [
