@@ -2,8 +2,9 @@
 //!
 //! Every voxel within the truncation band of a triangle gets the distance to the closest triangle (Eq. 7), which is exact in all of the
 //! band or, where only the surface is wanted, near it ([`Reach`]). It is signed by how often the surface winds around the voxel, counted
-//! along rows of voxels, where the surface is closed (Eq. 8), or lowered by a constant where it is not (Eq. 9). With
-//! [`SignDecision::Sheet`] that is decided part by part, and open parts are signed by side. Work and memory grow with the area of the surface, never with the volume of its bounding box.
+//! along rows of voxels, where the surface is closed (Eq. 8). Open parts are single sheets, signed by side ([`SignDecision::Sheet`]); or
+//! distances to an open mesh are lowered by a constant (Eq. 9, [`SignDecision::Offset`]). Work and memory grow with the area of the
+//! surface, never with the volume of its bounding box.
 //!
 //! ```
 //! use isv_ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
@@ -31,8 +32,10 @@
 //! down from a tile to the voxels in each cell, eight at a time, and measures. `boundary` finds where a mesh is not closed, `closure`
 //! closes it, and `crossings` counts its winding numbers along rows of voxels; `sides` holds what is inside. `holes` finds the openings that
 //! must stay open, `rims` the voxels that are closest to their edges, `caps` removes what the winding number would still close there, and
-//! `trim` takes teeth and specks off the surface's ends; `parts` finds parts without inside, `sheets` on which side of them a voxel is,
-//! `sheet_tile` measures where they are near, and `false_crossings` takes away sign changes between them; `sign` tells open from closed surfaces, and `limits` refuses what
+//! `trim` takes teeth and specks off the surface's ends. `edges` lists all faces at each edge, `parts` finds parts without inside, and
+//! `sheets` on which side of them a voxel is. `sheet_block` measures where they are near, eight voxels at a time, `sheet_tile` one by one,
+//! and `false_crossings` takes away sign changes between them. `sign` tells open from closed surfaces, `lost_surface` what a volume does not
+//! show, and `limits` refuses what
 //! cannot be done. `sampler` puts the samples of a tile together. `scene` holds what a frame is made of, `reuse` finds what of it is as it
 //! was in the frame before, and `ingester` puts volumes together. Who samples elsewhere, as a GPU does, begins and ends with a `job`, which
 //! hands out the mesh on a `lattice`.

@@ -23,6 +23,9 @@ const FEATURES: usize = 8;
 /// Words of a set of the faces of a block: no more than it has voxels.
 const WORDS: usize = N.pow(3) / 64;
 
+/// Distance of a voxel whose distance is no number, as of triangles beyond all bounds (voxels).
+const FAR: f32 = 64.0;
+
 /// The plane through a feature, along its pseudonormal.
 #[derive(Clone, Copy, Default)]
 struct FeaturePlane {
@@ -223,6 +226,12 @@ impl SheetBlock {
             let corner = 2 * (cube % 4) + 2 * N * (cube / 4 % 4) + 2 * N * N * (cube / 16);
             for lane in 0..LANES {
                 let voxel = corner + (lane & 1) + N * (lane >> 1 & 1) + N * N * (lane >> 2);
+                if closest[lane] == Closest::NONE {
+                    // No face gave it a number.
+                    let side = VoxelSide { of_sheet: true, is_behind: false, is_unobserved: true };
+                    (distances[voxel], sides[voxel]) = (FAR, side);
+                    continue;
+                }
                 let [x, y, z] = [0, 1, 2].map(|axis| first[axis] + OFFSETS[axis][lane]);
                 let plane = &mut self.planes[closest[lane] as usize];
                 if plane.kind == Kind::Unknown {

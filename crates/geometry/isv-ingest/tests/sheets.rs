@@ -3,10 +3,10 @@
 mod support;
 
 use glam::DVec3;
-use isv_ingest::{MeshIngest, Reach, SignDecision, SignMode, decide_sign, ingest_mesh};
+use isv_ingest::{MeshIngest, MeshIngester, Reach, SignDecision, SignMode, decide_sign, ingest_mesh};
 use isv_spatial::Bvh;
 use isv_surface::{SurfaceOptions, extract_surface};
-use isv_testkit::{sheet, sphere};
+use isv_testkit::{Random, sheet, sphere};
 use isv_volume::{BlockEdge, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 
 /// Edge of a voxel (m).
@@ -120,6 +120,38 @@ fn closed_surfaces_are_as_by_winding_number() {
     let mesh = sphere(0.3, 24);
     let closed = SignDecision::Closed { flipped: false };
     assert_eq!(volume_of(&mesh), ingest_mesh(&mesh, &settings(Reach::Surface), closed).unwrap());
+}
+
+/// Slivers, doubles, fans and triangles of any size, in sequences of which some stays: each frame is as by itself, or an error.
+#[test]
+fn any_triangles_make_a_volume() {
+    let mut random = Random::new(77);
+    for round in 0..24 {
+        let mut mesh = TriangleMesh::default();
+        let scale = 10f64.powi(round % 4 - 4);
+        for _ in 0..30 {
+            let place = random.point();
+            mesh.vertices.push(if round % 3 == 0 { (place * 4.0).round() / 20.0 } else { scale * place });
+        }
+        for _ in 0..40 {
+            mesh.triangles.push(std::array::from_fn(|_| (random.signed().abs() * 30.0) as u32 % 30));
+        }
+        for reach in [Reach::Surface, Reach::Band] {
+            let mut ingester = MeshIngester::new(settings(reach));
+            for frame in 0..3 {
+                let volume = ingester.ingest(&mesh, SignDecision::Sheet);
+                let alone = ingest_mesh(&mesh, &settings(reach), SignDecision::Sheet);
+                if frame == 0 {
+                    assert_eq!(volume.is_ok(), alone.is_ok(), "{round}");
+                }
+                if let (Ok(volume), Ok(alone)) = (&volume, &alone) {
+                    assert!(frame > 0 || volume == alone, "{round}");
+                    assert!(volume.unobserved_masks().values().all(|mask| !mask.is_empty()));
+                }
+                mesh.vertices[frame] *= 1.01;
+            }
+        }
+    }
 }
 
 #[test]
