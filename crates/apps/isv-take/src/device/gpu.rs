@@ -13,7 +13,7 @@ use isv_gpu::{
     Gpu, GpuBackend, GpuChoice, GpuError, GpuFusion, GpuIngestError, GpuMeshIngester, GpuMotionSearch,
     GpuSurfaceExtractor, GpuVolume, VolumeStore, frame_coder,
 };
-use isv_ingest::{MeshIngest, SignDecision};
+use isv_ingest::{MeshIngest, MeshIngester, SignDecision};
 use isv_surface::SurfaceOptions;
 use isv_volume::{DepthImage, SparseVolume, TriangleMesh};
 use std::sync::Arc;
@@ -52,7 +52,8 @@ impl GpuWorkers for OpenGpu {
     }
 
     fn mesh_ingest(&self, settings: MeshIngest) -> Result<Box<dyn MeshWorker>, DeviceError> {
-        Ok(Box::new(GpuMeshIngester::new(&self.0, settings)?))
+        let on_gpu = GpuMeshIngester::new(&self.0, settings)?;
+        Ok(Box::new(GpuMeshWorker { on_gpu, sheets: MeshIngester::new(settings) }))
     }
 
     fn fuser(&self) -> Result<Box<dyn FuseWorker>, DeviceError> {
@@ -115,9 +116,18 @@ impl CodeWorker for FrameCoder<GpuBackend, GpuMotionSearch> {
     }
 }
 
-impl MeshWorker for GpuMeshIngester {
+/// An ingester of meshes, which leaves single sheets to the CPU.
+struct GpuMeshWorker {
+    on_gpu: GpuMeshIngester,
+    sheets: MeshIngester,
+}
+
+impl MeshWorker for GpuMeshWorker {
     fn ingest(&mut self, mesh: &TriangleMesh, sign: SignDecision) -> Result<SparseVolume, IngestFault> {
-        self.ingest(mesh, sign).map_err(|error| match error {
+        if sign == SignDecision::Sheet {
+            return Ok(self.sheets.ingest(mesh, sign)?);
+        }
+        self.on_gpu.ingest(mesh, sign).map_err(|error| match error {
             GpuIngestError::Ingest(error) => error.into(),
             other => IngestFault::Device(DeviceError::new(other)),
         })

@@ -9,7 +9,7 @@ use isv_decode::Lod;
 use isv_encode::{FrameWriter, MotionMode};
 use isv_format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Prediction, Profile};
 use isv_ingest::ingest_mesh;
-use isv_testkit::{Need, ball, skip, sphere};
+use isv_testkit::{Need, ball, sheet, skip, sphere};
 use isv_volume::{CameraPose, Intrinsics};
 use std::fs::File;
 use std::io::BufReader;
@@ -156,6 +156,11 @@ fn meshes_become_the_volumes_of_the_cpu() {
     let mesh = sphere(0.03, 12);
     let expected = ingest_mesh(&mesh, &settings, CLOSED).unwrap();
     assert!(auto.ingest(&mesh, CLOSED).unwrap().coords() == expected.coords());
+    // Single sheets are made on the CPU, which is no failure of the GPU.
+    let sheets = ingest_mesh(&sheet(0.05), &settings, SignDecision::Sheet).unwrap();
+    for worker in [&mut auto, &mut strict] {
+        assert!(worker.ingest(&sheet(0.05), SignDecision::Sheet).unwrap() == sheets);
+    }
     assert_eq!(bench.falls(), 0);
     bench.gpu.lose();
     assert!(matches!(strict.ingest(&mesh, CLOSED), Err(IngestFault::Device(_))));
