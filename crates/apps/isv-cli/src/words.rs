@@ -49,6 +49,7 @@ fn event_in_words(event: &Event) -> String {
                 "{name}: --viewpoint is without effect, as the points have normals: --normals estimate makes new ones"
             );
         }
+        EncodeEvent::SurfaceLost { has_sheets: true, .. } => ": smaller voxels keep it",
         EncodeEvent::SurfaceLost { .. } => ": smaller voxels keep what is thin, --sign sheet what is open",
         EncodeEvent::Tiny { .. } => ": check --units",
         EncodeEvent::ErrorMissed { .. } => ": smaller voxels reach it",

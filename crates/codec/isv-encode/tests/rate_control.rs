@@ -205,6 +205,9 @@ fn a_cut_becomes_a_keyframe_and_begins_a_gop() {
     let keyframes: Vec<usize> =
         encode(settings, &volumes).iter().enumerate().filter(|(_, f)| f.2).map(|(n, _)| n).collect();
     assert_eq!(keyframes, [0, 5, 13]);
+    // After frames that stand still as well.
+    let still: Vec<_> = std::iter::repeat_n(volumes[0].clone(), 3).chain(volumes[5..].to_vec()).collect();
+    assert!(encode(settings, &still)[3].2, "a cut after what stood still");
 }
 
 #[test]

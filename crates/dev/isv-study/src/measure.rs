@@ -51,7 +51,8 @@ pub struct StudySettings {
 
 impl StudySettings {
     /// Settings of published codecs, which make shells of open surfaces (Eq. 9) unless another way was asked for.
-    pub(crate) fn published_ingest(&self) -> MeshIngest {
+    #[must_use]
+    pub fn published_ingest(&self) -> MeshIngest {
         let sign = if self.ingest.sign == SignMode::Auto { SignMode::Paper } else { self.ingest.sign };
         MeshIngest { sign, ..self.ingest }
     }

@@ -1,14 +1,14 @@
 //! The connected parts of a mesh, and which of them have an inside.
 //!
-//! Faces that share an edge are of one part. A part without borders has an inside. Others have one if nine tenths of their area look
-//! closed, by the winding number of the part alone or of all parts whose borders meet: a body may be cut into pieces, down to single
-//! triangles. In a sequence, a part that is about where one was and about as large keeps what was decided of that one, so that nothing
-//! flickers.
+//! Faces that share an edge are of one part. A part along whose edges as many faces run one way as the other has an inside, unless it
+//! encloses nothing. Others have one if nine tenths of their area look closed, by the winding number of the part alone or of all parts
+//! whose borders meet: a body may be cut into pieces, down to single triangles. In a sequence, a part that is about where one was and
+//! about as large keeps what was decided of that one, so that nothing flickers.
 
 use crate::edges::Edges;
-use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share};
+use crate::sign::{CLOSED_SHARE, SAMPLES, closed_share, closed_share_of_first};
 use glam::DVec3;
-use isv_spatial::{DisjointSets, PointTree};
+use isv_spatial::{DisjointSets, Neighbour, PointTree};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -19,11 +19,16 @@ const FEWEST_FACES: usize = 4;
 /// Places that the smallest part is looked at in; the largest is looked at in [`SAMPLES`].
 const FEWEST_SAMPLES: usize = 64;
 
-/// Overlap of the bounding boxes of a part and of one in the frame before, over their union, from which both may be the same.
+/// Overlap of the bounding boxes of a part and of one in the frame before, as a share of the box around both, from which both may be the
+/// same.
 const OVERLAP: f64 = 0.5;
 
 /// Growth or shrinking of a part's area from one frame to the next, as a factor, up to which it may be the same part.
 const GROWTH: f64 = 1.25;
+
+/// Length of a part's vector area, as a share of its area, up to which it stays closed as it was. A closed surface has 0, one with a hole
+/// about the hole's share, a flat sheet 1.
+const OPENED: f64 = 0.25;
 
 /// Most parts that are remembered; among more, each frame decides for itself.
 const MOST_REMEMBERED: usize = 4096;
@@ -32,7 +37,7 @@ const MOST_REMEMBERED: usize = 4096;
 struct ConnectedParts {
     /// The faces of each part, ascending; parts by their first faces.
     faces: Vec<Vec<u32>>,
-    /// Whether each has no border.
+    /// Whether as many faces of each run one way along every edge as the other.
     is_watertight: Vec<bool>,
 }
 
@@ -43,6 +48,8 @@ pub(crate) struct PartMemory(Vec<Remembered>);
 struct Remembered {
     bounds: [DVec3; 2],
     area: f64,
+    /// Length of the sum of area vectors.
+    vector_area: f64,
     is_open: bool,
 }
 
@@ -54,11 +61,12 @@ impl PartMemory {
         let overlaps =
             self.0.iter().filter(is_alike).map(|other| (overlap(other.bounds, part.bounds), other));
         let best = overlaps.max_by(|a, b| a.0.total_cmp(&b.0));
-        best.filter(|(overlap, _)| *overlap >= OVERLAP).map(|(_, other)| other.is_open)
+        let decision = best.filter(|(overlap, _)| *overlap >= OVERLAP).map(|(_, other)| other.is_open);
+        decision.filter(|is_open| *is_open || part.vector_area <= OPENED * part.area)
     }
 }
 
-/// The intersection of two boxes over the box of both, along the diagonal's axes. Flat boxes are a thousandth of their length thick.
+/// Volume of the intersection of two boxes over that of the box around both. Flat boxes count as a thousandth of the diagonal thick.
 fn overlap(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
     let (low, high) = (a[0].min(b[0]), a[1].max(b[1]));
     let least = DVec3::splat(1e-3 * (high - low).length());
@@ -113,57 +121,73 @@ fn describe(mesh: &TriangleMesh, faces: &[u32], areas: &[f64]) -> Remembered {
     for corner in faces.iter().flat_map(|face| mesh.corners(*face as usize)) {
         bounds = [bounds[0].min(corner), bounds[1].max(corner)];
     }
-    Remembered { bounds, area: faces.iter().map(|face| areas[*face as usize]).sum(), is_open: false }
+    let area = faces.iter().map(|face| areas[*face as usize]).sum();
+    let vector: DVec3 = faces.iter().map(|face| mesh.area_vector(*face as usize)).sum();
+    Remembered { bounds, area, vector_area: vector.length(), is_open: false }
 }
 
-/// Decides what is left: parts whose borders meet are pieces of a body if they look closed together.
+/// Decides what is left: parts whose borders meet others are pieces of a body if they look closed together with these.
 fn decide_together(mesh: &TriangleMesh, edges: &Edges, parts: &ConnectedParts, decided: &mut [Option<bool>]) {
-    let left: Vec<usize> = (0..decided.len()).filter(|part| decided[*part].is_none()).collect();
-    let mut part_of = vec![None; mesh.triangles.len()];
-    for part in &left {
-        parts.faces[*part].iter().for_each(|face| part_of[*face as usize] = Some(*part as u32));
+    if !decided.contains(&None) {
+        return;
+    }
+    let mut part_of = vec![0; mesh.triangles.len()];
+    for (faces, part) in parts.faces.iter().zip(0..) {
+        faces.iter().for_each(|face| part_of[*face as usize] = part);
     }
     let mut groups = DisjointSets::new(decided.len() as u32);
-    for (a, b) in meeting_parts(mesh, edges, &part_of) {
-        groups.join(a, b);
-    }
+    join_meeting(mesh, edges, &part_of, &mut groups);
     let mut members: FxHashMap<u32, Vec<usize>> = FxHashMap::default();
-    left.iter().for_each(|part| members.entry(groups.find(*part as u32)).or_default().push(*part));
+    (0..decided.len()).for_each(|part| members.entry(groups.find(part as u32)).or_default().push(part));
     for group in members.values() {
-        let faces: Vec<u32> = group.iter().flat_map(|part| &parts.faces[*part]).copied().collect();
-        let is_closed = group.len() > 1
-            && faces.len() >= FEWEST_FACES
-            && closed_share(&submesh(mesh, &faces), SAMPLES) >= CLOSED_SHARE;
-        group.iter().for_each(|part| decided[*part] = Some(!is_closed));
+        let (left, others): (Vec<usize>, Vec<usize>) =
+            group.iter().partition(|part| decided[**part].is_none());
+        let faces_of = |some: &[usize]| -> Vec<u32> {
+            some.iter().flat_map(|part| &parts.faces[*part]).copied().collect()
+        };
+        let (first, rest) = (faces_of(&left), faces_of(&others));
+        let all = [&first[..], &rest].concat();
+        let is_closed = !left.is_empty()
+            && group.len() > 1
+            && all.len() >= FEWEST_FACES
+            && closed_share_of_first(&submesh(mesh, &all), first.len(), SAMPLES) >= CLOSED_SHARE;
+        left.iter().for_each(|part| decided[*part] = Some(!is_closed));
     }
 }
 
-/// Finds pairs of parts with borders that meet, for those faces whose part is given.
-fn meeting_parts(mesh: &TriangleMesh, edges: &Edges, part_of: &[Option<u32>]) -> Vec<(u32, u32)> {
+/// Joins parts with borders that meet.
+fn join_meeting(mesh: &TriangleMesh, edges: &Edges, part_of: &[u32], groups: &mut DisjointSets) {
     let reach = MEETING * mesh.bounds().map_or(0.0, |(low, high)| low.distance(high));
-    let borders = edges.iter().filter(|sides| sides.len() == 1).filter_map(|sides| {
+    let borders = edges.iter().filter(|sides| sides.len() == 1).map(|sides| {
         let face = sides[0].face() as usize;
         let corners = mesh.corners(face);
-        Some((part_of[face]?, [corners[sides[0].side()], corners[(sides[0].side() + 1) % 3]]))
+        (part_of[face], [corners[sides[0].side()], corners[(sides[0].side() + 1) % 3]])
     });
     let ends: Vec<(u32, DVec3)> = borders.flat_map(|(part, ends)| ends.map(|end| (part, end))).collect();
     if ends.is_empty() || reach == 0.0 {
-        return Vec::new();
+        return;
     }
     let tree = PointTree::new(ends.iter().map(|end| end.1).collect());
-    let near = |(part, end): &(u32, DVec3)| {
-        let mut found = Vec::new();
-        tree.k_nearest(*end, MOST_MEETING, &mut found);
-        let others = found.into_iter().filter(|near| near.distance_sq <= reach * reach);
-        let part = *part;
+    let near = |found: &mut Vec<Neighbour>, (part, end): &(u32, DVec3)| {
+        tree.k_nearest(*end, MOST_MEETING, found);
+        let near = found.iter().filter(|near| near.distance_sq <= reach * reach);
+        let mut others: Vec<u32> =
+            near.map(|near| ends[near.index as usize].0).filter(|other| other != part).collect();
+        others.sort_unstable();
+        others.dedup();
         others
-            .map(|near| ends[near.index as usize].0)
-            .filter(|other| *other != part)
-            .map(move |other| (part, other))
-            .collect::<Vec<_>>()
     };
-    ends.par_iter().flat_map_iter(near).collect()
+    // In pieces, so that no more pairs are held than those of a piece.
+    for piece in ends.chunks(MEETING_AT_ONCE) {
+        let found: Vec<Vec<u32>> = piece.par_iter().map_init(Vec::new, near).collect();
+        for ((part, _), others) in piece.iter().zip(found) {
+            others.into_iter().for_each(|other| groups.join(*part, other));
+        }
+    }
 }
+
+/// Ends of borders whose neighbours are held at one time.
+const MEETING_AT_ONCE: usize = 1 << 16;
 
 /// Distance within which borders meet, as a share of the mesh's diagonal.
 const MEETING: f64 = 1e-3;
@@ -249,6 +273,12 @@ mod tests {
         open_faces(mesh, &Edges::new(mesh), before)
     }
 
+    /// A mesh as one part.
+    fn describe_all(mesh: &TriangleMesh) -> Remembered {
+        let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
+        describe(mesh, &(0..mesh.triangles.len() as u32).collect::<Vec<_>>(), &areas)
+    }
+
     #[test]
     fn a_body_and_a_sheet_beside_it_are_told_apart_and_so_are_their_soups() {
         let mesh = beside(&ball(), &sheet(1.0), DVec3::Z);
@@ -275,9 +305,14 @@ mod tests {
         let mut random = isv_testkit::Random::new(4);
         soup.vertices.iter_mut().for_each(|vertex| *vertex += 1e-5 * random.point());
         assert_eq!(ConnectedParts::new(&soup, &Edges::new(&soup)).faces.len(), soup.triangles.len());
-        for mesh in [halves, soup] {
-            assert!(!open_in(&mesh, None).0.contains(&true));
+        for mesh in [&halves, &soup] {
+            assert!(!open_in(mesh, None).0.contains(&true));
         }
+        // One of the pieces changes, so that it is decided anew beside one that is known.
+        let (_, memory) = open_in(&halves, None);
+        let mut deeper = below.clone();
+        deeper.vertices.iter_mut().for_each(|vertex| vertex.y *= 1.8);
+        assert!(!open_in(&beside(&above, &deeper, DVec3::Y * 1e-4), Some(&memory)).0.contains(&true));
     }
 
     #[test]
@@ -309,6 +344,11 @@ mod tests {
             assert!(!is_open.contains(&false), "{y}");
             memory = next;
         }
+        // A closed part that has come to be a bowl is no longer one.
+        let (_, closed_before) = open_in(&up_to(0.399), None);
+        assert!(!open_in(&up_to(0.25), Some(&closed_before)).0.contains(&true));
+        let memory_of_bowl = PartMemory(vec![Remembered { is_open: false, ..describe_all(&open) }]);
+        assert!(!open_in(&open, Some(&memory_of_bowl)).0.contains(&false));
         // What has no border is closed whatever was before.
         assert!(!open_in(&whole, Some(&memory)).0.contains(&true));
     }

@@ -3,8 +3,8 @@
 //! The distances of a tile rest on its triangles alone. Its signs rest on the winding number as well, which far triangles may change:
 //! where something moves over a still part, or out of it. So the winding numbers of its voxels are held against those of the frame
 //! before. Around wide holes, samples of unobserved voxels rest on how all holes are closed, and caps and rims look at what is beside
-//! a tile. There the surroundings of a hole are taken over as a whole or not at all. Beside sheets, false crossings look at the voxels just
-//! across a tile's faces, so the tiles there must be the same too.
+//! a tile. There the surroundings of a hole are taken over as a whole or not at all. Beside sheets, false crossings and
+//! rims look at the voxels just around a tile, so the tiles there must be the same too.
 
 use crate::sampler::Sign;
 use crate::scene::Scene;
@@ -92,7 +92,7 @@ pub(crate) fn unchanged(now: &Stage, before: &Stage) -> Vec<Option<usize>> {
     let mut stale = flood(&around, changed.iter().copied());
     if let Sign::Parts(_) = now.sign {
         let all: FxHashSet<IVec3> = changed.into_iter().chain(stale.iter().copied()).collect();
-        stale.extend(all.into_iter().flat_map(across_faces));
+        stale.extend(all.into_iter().flat_map(|place| neighbours(place, 1)));
     }
     for (tile, same) in now.tiles.iter().zip(&mut same) {
         *same = same.filter(|_| !stale.contains(&tile.coord));
@@ -100,20 +100,16 @@ pub(crate) fn unchanged(now: &Stage, before: &Stage) -> Vec<Option<usize>> {
     same
 }
 
-/// Tiles to sample: those that are not the same, and, beside sheets, those across their faces, for which false crossings are looked for.
+/// Tiles to sample: those that are not the same, and, beside sheets, those around them, at which false crossings and rims look.
 pub(crate) fn to_sample<'a>(tiles: &[Tile<'a>], same: &[Option<usize>], sign: &Sign) -> Vec<Tile<'a>> {
     let fresh = |(_, same): &(&Tile, &Option<usize>)| same.is_none();
     let mut wanted: FxHashSet<IVec3> = FxHashSet::default();
     if let Sign::Parts(_) = sign {
-        wanted.extend(tiles.iter().zip(same).filter(fresh).flat_map(|(tile, _)| across_faces(tile.coord)));
+        let fresh = tiles.iter().zip(same).filter(fresh);
+        wanted.extend(fresh.flat_map(|(tile, _)| neighbours(tile.coord, 1)));
     }
     let is_wanted = |(tile, same): &(&Tile, &Option<usize>)| same.is_none() || wanted.contains(&tile.coord);
     tiles.iter().zip(same).filter(is_wanted).map(|(tile, _)| *tile).collect()
-}
-
-/// The places across the faces of a tile.
-fn across_faces(place: IVec3) -> impl Iterator<Item = IVec3> {
-    IVec3::AXES.into_iter().flat_map(move |axis| [place - axis, place + axis])
 }
 
 /// The places around those of tiles that touch a wide hole.

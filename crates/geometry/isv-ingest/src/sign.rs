@@ -99,14 +99,15 @@ pub fn decide_sign(mesh: &TriangleMesh, mode: SignMode) -> (SignDecision, SignEv
         };
         return (decision, SignEvidence::default());
     }
-    let mut evidence = gather_evidence(mesh, SAMPLES);
+    let mut evidence = gather_evidence(mesh, mesh.triangles.len(), SAMPLES);
     if matches!(mode, SignMode::Auto | SignMode::Sheet) {
         evidence.open_share = open_share(mesh);
     }
     let closed = SignDecision::Closed { flipped: 2.0 * evidence.inverted_share > evidence.closed_share };
     let decision = match mode {
         SignMode::Closed => closed,
-        SignMode::Auto if evidence.open_share == 0.0 && evidence.closed_share > 0.0 => closed,
+        // What looks closed only once faces agree is for sheets, which make them agree.
+        SignMode::Auto if evidence.open_share == 0.0 && evidence.closed_share >= CLOSED_SHARE => closed,
         SignMode::Paper if evidence.closed_share >= CLOSED_SHARE => closed,
         SignMode::Paper | SignMode::Offset => SignDecision::Offset,
         SignMode::Auto | SignMode::Sheet => SignDecision::Sheet,
@@ -129,15 +130,21 @@ fn open_share(mesh: &TriangleMesh) -> f64 {
 
 /// Share of a mesh's area, 0 to 1, that looks closed, looked at in so many places.
 pub(crate) fn closed_share(mesh: &TriangleMesh, samples: usize) -> f64 {
-    gather_evidence(mesh, samples).closed_share
+    gather_evidence(mesh, mesh.triangles.len(), samples).closed_share
 }
 
-fn gather_evidence(mesh: &TriangleMesh, samples: usize) -> SignEvidence {
+/// Share of the area of the first faces of a mesh, 0 to 1, that looks closed in the whole mesh. No face is there twice.
+pub(crate) fn closed_share_of_first(mesh: &TriangleMesh, faces: usize, samples: usize) -> f64 {
+    gather_evidence(mesh, faces, samples).closed_share
+}
+
+/// Looks at the first faces of a mesh.
+fn gather_evidence(mesh: &TriangleMesh, faces: usize, samples: usize) -> SignEvidence {
     // Winding numbers count what is there twice.
     let mesh = &*distinct(mesh);
     let winding = WindingNumber::new(mesh);
     let nudge = mesh.bounds().map_or(0.0, |(lo, hi)| NUDGE * lo.distance(hi));
-    let (closed, inverted) = sample_faces(mesh, samples)
+    let (closed, inverted) = sample_first_faces(mesh, faces, samples)
         .into_par_iter()
         .map(|(face, weight)| {
             let [a, b, c] = mesh.corners(face);
@@ -154,7 +161,13 @@ fn gather_evidence(mesh: &TriangleMesh, samples: usize) -> SignEvidence {
 
 /// Faces at so many evenly spaced steps of the running area, each with the number of steps it took.
 pub(crate) fn sample_faces(mesh: &TriangleMesh, steps: usize) -> Vec<(usize, usize)> {
-    let areas: Vec<f64> = (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).length()).collect();
+    sample_first_faces(mesh, mesh.triangles.len(), steps)
+}
+
+/// The same of the first faces of a mesh.
+fn sample_first_faces(mesh: &TriangleMesh, faces: usize, steps: usize) -> Vec<(usize, usize)> {
+    let faces = faces.min(mesh.triangles.len());
+    let areas: Vec<f64> = (0..faces).map(|face| mesh.area_vector(face).length()).collect();
     let step = areas.iter().sum::<f64>() / steps as f64;
     let (mut samples, mut taken, mut covered) = (Vec::new(), 0, 0.0);
     for (face, area) in areas.into_iter().enumerate() {

@@ -122,7 +122,7 @@ fn closed_surfaces_are_as_by_winding_number() {
     assert_eq!(volume_of(&mesh), ingest_mesh(&mesh, &settings(Reach::Surface), closed).unwrap());
 }
 
-/// Slivers, doubles, fans and triangles of any size, in sequences of which some stays: each frame is as by itself, or an error.
+/// Slivers, doubles, fans and triangles of several sizes, in sequences of which some stays: the first frame is as by itself, or an error.
 #[test]
 fn any_triangles_make_a_volume() {
     let mut random = Random::new(77);

@@ -196,8 +196,8 @@ struct Study {
     points: usize,
     /// What operating points are in proportion to.
     scale: Scale,
-    /// How meshes become volumes, by the first frame.
-    sign: SignDecision,
+    /// How published codecs make volumes of meshes, by the first frame.
+    published_sign: SignDecision,
     store: Store,
 }
 
@@ -231,8 +231,8 @@ impl Study {
         };
         let store = Store::new(&args.output, &take, &training, &settings)?;
         let scale = Scale::new(&first, &grid);
-        let sign = decide_sign(&first, settings.ingest.sign).0;
-        Ok(Self { take, training, settings, points: usize::from(args.points), scale, sign, store })
+        let published_sign = decide_sign(&first, settings.published_ingest().sign).0;
+        Ok(Self { take, training, settings, points: usize::from(args.points), scale, published_sign, store })
     }
 
     /// The points at which a codec is measured.
@@ -242,22 +242,19 @@ impl Study {
 
     /// What a reader of the figures must know of the take.
     fn notes(&self) -> Vec<String> {
-        match self.sign {
-            SignDecision::Closed { .. } => Vec::new(),
-            SignDecision::Sheet if self.settings.ingest.sign == SignMode::Sheet => Vec::new(),
-            sign => {
-                let voxel_m = self.settings.ingest.grid.voxel_size.metres();
-                let offset = Length::from_metres(self.settings.ingest.offset_voxels * voxel_m);
-                let which = match sign {
-                    SignDecision::Sheet => "published codecs of volumes code",
-                    _ => "codecs of volumes code",
-                };
-                vec![format!(
-                    "the surface is open: {which} a shell {offset} away from it on both sides, and their errors are of that size \
-                     whatever their settings; all others code the surface itself"
-                )]
-            }
+        if self.published_sign != SignDecision::Offset {
+            return Vec::new();
         }
+        let voxel_m = self.settings.ingest.grid.voxel_size.metres();
+        let offset = Length::from_metres(self.settings.ingest.offset_voxels * voxel_m);
+        let which = match self.settings.ingest.sign {
+            SignMode::Auto => "published codecs of volumes code",
+            _ => "codecs of volumes code",
+        };
+        vec![format!(
+            "the surface is open: {which} a shell {offset} away from it on both sides, and their errors are of that size whatever \
+             their settings; all others code the surface itself"
+        )]
     }
 
     /// The take's name without the folders it lies in.

@@ -103,6 +103,8 @@ pub enum EncodeEvent {
         name: String,
         /// Share of the surface.
         share: f64,
+        /// Whether open parts are kept as single sheets.
+        has_sheets: bool,
     },
     /// A frame is smaller than a block.
     Tiny {
@@ -204,11 +206,14 @@ impl fmt::Display for EncodeEvent {
                 "{name}: {:.1} % of the surface is in open parts, which are single sheets from here on",
                 100.0 * share
             ),
-            Self::SurfaceLost { name, share } => write!(
-                f,
-                "{name}: {:.1} % of the surface is open, or thinner than a voxel, and is lost",
-                100.0 * share
-            ),
+            Self::SurfaceLost { name, share, has_sheets } => {
+                let what = if *has_sheets { "" } else { "open, or " };
+                write!(
+                    f,
+                    "{name}: {:.1} % of the surface is {what}thinner than a voxel, and is lost",
+                    100.0 * share
+                )
+            }
             Self::Tiny { name, diagonal } => {
                 write!(f, "{name}: only {diagonal} across, less than a block")
             }

@@ -26,7 +26,7 @@ const DEFAULT_GOP: NonZero<u32> = NonZero::new(30).expect("30 is not 0");
 /// Half the thickness of a shell (voxels).
 pub const DEFAULT_OFFSET_VOXELS: f64 = 1.5;
 /// Share of a frame's surface that may be lost without a word.
-const WORTH_A_WARNING: f64 = 0.005;
+pub(super) const WORTH_A_WARNING: f64 = 0.005;
 
 /// Voxels of 5 mm in blocks of 8, truncated at 8 voxels.
 #[must_use]
@@ -364,6 +364,7 @@ impl EncodeOptions {
             face_turner: FaceTurner::default(),
             turning_said: false,
             loss_said: WORTH_A_WARNING / 2.0,
+            loss_seen: 0.0,
             points: fields.point_ingest(grid),
             point_sign: None,
             normals: fields.normals,

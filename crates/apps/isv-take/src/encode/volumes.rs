@@ -1,6 +1,6 @@
 //! Captured frames to volumes: the part of encoding before the codec.
 
-use super::options::{FusionMode, Normals};
+use super::options::{FusionMode, Normals, WORTH_A_WARNING};
 use super::{EncodeError, EncodeEvent, FrameError};
 use crate::capture::{CapturedFrame, Content};
 use crate::device::{self, IngestFault, Integrator};
@@ -48,6 +48,8 @@ pub(super) struct VolumeMaker {
     pub(super) turning_said: bool,
     /// Share of a frame's surface up to half of what is worth a warning.
     pub(super) loss_said: f64,
+    /// Share of the surface lost when a closed take was last looked at for open parts.
+    pub(super) loss_seen: f64,
     pub(super) points: PointIngest,
     pub(super) point_sign: Option<PointSign>,
     pub(super) normals: Normals,
@@ -169,11 +171,11 @@ impl VolumeMaker {
             self.warn_if_tiny(name, mesh.bounds().map(|(low, high)| low.distance(high)));
         }
         let share = lost_surface_share(mesh, &volume, sign);
-        if share <= 2.0 * self.loss_said {
-            return Ok(volume);
-        }
         // An open part that comes later makes sheets of the rest of the take: what was closed stays as it was.
-        if let (SignDecision::Closed { .. }, SignMode::Auto) = (sign, self.mesh.sign) {
+        if let (SignDecision::Closed { .. }, SignMode::Auto) = (sign, self.mesh.sign)
+            && share > self.loss_seen + WORTH_A_WARNING
+        {
+            self.loss_seen = share;
             let (now, evidence) = decide_sign(mesh, self.mesh.sign);
             if now == SignDecision::Sheet {
                 self.mesh_sign = Some(now);
@@ -181,8 +183,11 @@ impl VolumeMaker {
                 return self.mesh_to_volume_as(name, mesh, now);
             }
         }
-        self.loss_said = share;
-        self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share });
+        if share > 2.0 * self.loss_said {
+            self.loss_said = share;
+            let has_sheets = sign == SignDecision::Sheet;
+            self.tell(EncodeEvent::SurfaceLost { name: name.to_owned(), share, has_sheets });
+        }
         Ok(volume)
     }
 

@@ -117,7 +117,7 @@ impl State {
 }
 
 /// A frame is also tried as a keyframe if more than this share of its blocks is predicted from neighbours, or if its blocks take
-/// more than this share of the bytes that those of the last keyframe took.
+/// more than this share of the bytes that those of the last keyframe took and it is unlike the frame before.
 const CUT_SPATIAL_SHARE: f64 = 0.5;
 const CUT_BYTES_SHARE: f64 = 0.7;
 /// Cost of a keyframe over that of the predicted frame, up to which a frame unlike those before becomes one: decoding can begin there.
@@ -232,10 +232,10 @@ impl<B: SearchBackend> MainEncoder<B> {
                     self.rate.learn(&attempt);
                     if facts.keyframe {
                         self.keyframe_bytes_per_block = coded.bytes_per_block();
-                        self.predicted_bytes_per_block = None;
-                    } else {
-                        self.predicted_bytes_per_block = Some(coded.bytes_per_block());
                     }
+                    // After a frame of which some stayed as it was, one of which nothing does is unlike it.
+                    let bytes_per_block = if skipped.is_empty() { coded.bytes_per_block() } else { 0.0 };
+                    self.predicted_bytes_per_block = (!facts.keyframe).then_some(bytes_per_block);
                     self.settled_step = if skipped.is_empty() { step } else { self.settled_step.max(step) };
                     self.source = Some(volume.clone());
                     self.spare = replace(&mut self.state, coded.state).into_spare_buffer();
