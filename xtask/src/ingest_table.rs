@@ -1,7 +1,7 @@
 //! What ingest costs: time a frame, and a block, which stays the same where cost grows with the area of the surface.
 
 use anyhow::{Context, Result};
-use isv::raw::ingest::{MeshIngest, decide_sign, ingest_mesh};
+use isv::raw::ingest::{MeshIngest, Reach, SignMode, decide_sign, ingest_mesh};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};
 use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
 use std::time::Instant;
@@ -12,24 +12,27 @@ const RUNS: usize = 5;
 /// Frames of a sequence that are measured.
 const FRAMES: usize = 16;
 
-/// Sequences and voxel sizes in metres.
-const ROWS: [(&str, f64); 6] = [
-    ("dancer", 0.02),
-    ("dancer", 0.01),
-    ("dancer", 0.005),
-    ("monastery", 0.04),
-    ("monastery", 0.02),
-    ("monastery", 0.01),
+/// Sequences, voxel sizes in metres, and how they are ingested.
+const ROWS: [(&str, f64, SignMode, Reach); 9] = [
+    ("dancer", 0.02, SignMode::Paper, Reach::Band),
+    ("dancer", 0.01, SignMode::Paper, Reach::Band),
+    ("dancer", 0.005, SignMode::Paper, Reach::Band),
+    ("monastery", 0.04, SignMode::Paper, Reach::Band),
+    ("monastery", 0.02, SignMode::Paper, Reach::Band),
+    ("monastery", 0.01, SignMode::Paper, Reach::Band),
+    ("liam", 0.005, SignMode::Auto, Reach::Surface),
+    ("flag", 0.005, SignMode::Auto, Reach::Surface),
+    ("flag", 0.005, SignMode::Offset, Reach::Surface),
 ];
 
-/// Measures `dancer` and `monastery` in a folder of sequences, and prints a table.
+/// Measures sequences of a folder, and prints a table.
 pub(crate) fn run(data: &str) -> Result<()> {
     println!("{} threads\n", std::thread::available_parallelism()?);
     println!(
-        "| sequence | voxel, mm | triangles | blocks | wall, ms a frame | CPU, ms a frame | CPU, us a block |"
+        "| sequence | sign | reach | voxel, mm | triangles | blocks | wall, ms a frame | CPU, ms a frame | CPU, us a block |"
     );
-    println!("|---|---|---|---|---|---|---|");
-    for (sequence, voxel_m) in ROWS {
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for (sequence, voxel_m, sign, reach) in ROWS {
         let folder = format!("{}/{sequence}", data.trim_end_matches('/'));
         let paths = FrameSequence::open(&folder)?;
         let meshes: Vec<TriangleMesh> = paths
@@ -38,24 +41,21 @@ pub(crate) fn run(data: &str) -> Result<()> {
             .take(FRAMES)
             .map(|path| read_mesh(path, Unit::Metre))
             .collect::<Result<_, _>>()?;
-        print_row(sequence, voxel_m, &meshes)?;
+        let voxel_size = VoxelSize::from_metres(voxel_m).context("a voxel size in range")?;
+        let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation: Truncation::DEFAULT };
+        print_row(sequence, &MeshIngest { sign, reach, ..MeshIngest::new(grid) }, &meshes)?;
     }
     Ok(())
 }
 
-fn print_row(sequence: &str, voxel_m: f64, meshes: &[TriangleMesh]) -> Result<()> {
-    let settings = MeshIngest::new(Grid {
-        voxel_size: VoxelSize::from_metres(voxel_m).context("a voxel size in range")?,
-        edge: BlockEdge::E8,
-        truncation: Truncation::DEFAULT,
-    });
+fn print_row(sequence: &str, settings: &MeshIngest, meshes: &[TriangleMesh]) -> Result<()> {
     let sign = decide_sign(meshes.first().context("a sequence without frames")?, settings.sign).0;
     let (mut wall, mut cpu, mut blocks, mut triangles) = (0.0, 0.0, 0, 0);
     for mesh in meshes {
         let (mut best_wall, mut best_cpu) = (f64::INFINITY, f64::INFINITY);
         for run in 0..RUNS {
             let (start, before) = (Instant::now(), cpu_ms());
-            let volume = std::hint::black_box(ingest_mesh(mesh, &settings, sign)?);
+            let volume = std::hint::black_box(ingest_mesh(mesh, settings, sign)?);
             best_wall = best_wall.min(start.elapsed().as_secs_f64() * 1e3);
             best_cpu = best_cpu.min(cpu_ms().zip(before).map_or(f64::NAN, |(after, before)| after - before));
             blocks += if run == 0 { volume.block_count() } else { 0 };
@@ -64,8 +64,9 @@ fn print_row(sequence: &str, voxel_m: f64, meshes: &[TriangleMesh]) -> Result<()
     }
     let frames = meshes.len() as f64;
     println!(
-        "| {sequence} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.1} |",
-        voxel_m * 1e3,
+        "| {sequence} | {sign:?} | {:?} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.1} |",
+        settings.reach,
+        settings.grid.voxel_size.metres() * 1e3,
         triangles as f64 / frames,
         blocks as f64 / frames,
         wall / frames,

@@ -35,7 +35,7 @@ enum Command {
     },
     /// Measure decoding at reduced resolution on a mesh sequence
     LodTable { folder: String, frames: Option<usize> },
-    /// Measure the ingest of the sequences `dancer` and `monastery` in a folder
+    /// Measure the ingest of sequences in a folder: the whole band with the paper's sign, and surfaces, sheets among them
     IngestTable { folder: String },
     /// Make the paper's figures and table again on our clips: docs/results
     PaperResults {
@@ -75,7 +75,7 @@ enum Command {
     },
     /// Draw open surfaces before and after coding: docs/images/sheets.png
     SheetPictures {
-        /// Where the picture goes
+        /// Folder of the picture
         #[arg(default_value = "docs/images")]
         images: PathBuf,
     },

@@ -117,19 +117,16 @@ impl TileDistances {
         reach: f32,
         distances: &mut Vec<f32>,
     ) -> bool {
-        let [x, y, z] = position.map(|c| c as usize);
-        let bit = 1 << ((z * 4 + y) * 4 + x);
-        if self.touched & bit == 0 {
+        if !self.forget_touch(position) {
             return false;
         }
-        self.touched ^= bit;
         distances.resize(N.pow(3), 0.0);
         let pairs = distances.as_chunks_mut::<2>().0;
         let unknown = f32x8::splat(simd, f32::INFINITY);
         let mut least = unknown;
         for place in 0..BLOCK_CUBES.pow(3) {
             let [cx, cy, cz] = [place % 4, place / 4 % 4, place / 16];
-            let cube = ((z * 4 + cz) * EDGE + y * 4 + cy) * EDGE + x * 4 + cx;
+            let cube = cube_in_tile(position, [cx, cy, cz]);
             let squares = f32x8::simd_from(simd, self.cubes[cube]);
             least = least.min(squares);
             let known: [f32; LANES] = squares.sqrt().into();
@@ -152,22 +149,28 @@ impl TileDistances {
         reach: f32,
         taken: &mut [([f32; LANES], [u32; LANES]); BLOCK_CUBES.pow(3)],
     ) -> bool {
-        let [x, y, z] = position.map(|c| c as usize);
-        let bit = 1 << ((z * 4 + y) * 4 + x);
-        if self.touched & bit == 0 {
+        if !self.forget_touch(position) {
             return false;
         }
-        self.touched ^= bit;
         let mut least = f32x8::splat(simd, f32::INFINITY);
         for (place, taken) in taken.iter_mut().enumerate() {
-            let [cx, cy, cz] = [place % 4, place / 4 % 4, place / 16];
-            let cube = ((z * 4 + cz) * EDGE + y * 4 + cy) * EDGE + x * 4 + cx;
+            let cube = cube_in_tile(position, [place % 4, place / 4 % 4, place / 16]);
             least = least.min(f32x8::simd_from(simd, self.cubes[cube]));
             *taken = (self.cubes[cube], self.closest[cube]);
             self.cubes[cube] = [f32::INFINITY; LANES];
             self.closest[cube] = [Closest::NONE; LANES];
         }
         least.simd_le(reach * reach).any_true()
+    }
+
+    /// Forgets that the block at a position in the tile has a distance. Returns whether it had one.
+    #[inline(always)]
+    fn forget_touch(&mut self, position: [i32; 3]) -> bool {
+        let [x, y, z] = position.map(|c| c as usize);
+        let bit = 1 << ((z * 4 + y) * 4 + x);
+        let had = self.touched & bit != 0;
+        self.touched &= !bit;
+        had
     }
 
     /// Lowers the distances to those of some triangles, within `reach` voxels, and keeps what they are to if `CLOSEST`. `first`: the centre
@@ -273,6 +276,14 @@ impl TileDistances {
             x = start + LANES;
         }
     }
+}
+
+/// Place in its tile of a cube at a place in the block at a position.
+#[inline(always)]
+fn cube_in_tile([x, y, z]: [i32; 3], [cx, cy, cz]: [usize; 3]) -> usize {
+    ((z as usize * BLOCK_CUBES + cz) * EDGE + y as usize * BLOCK_CUBES + cy) * EDGE
+        + x as usize * BLOCK_CUBES
+        + cx
 }
 
 /// A triangle ready for cubes.

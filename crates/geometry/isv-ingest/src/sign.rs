@@ -164,7 +164,7 @@ pub(crate) fn sample_faces(mesh: &TriangleMesh, steps: usize) -> Vec<(usize, usi
     sample_first_faces(mesh, mesh.triangles.len(), steps)
 }
 
-/// The same of the first faces of a mesh.
+/// Samples only the first faces of a mesh, in the same way.
 fn sample_first_faces(mesh: &TriangleMesh, faces: usize, steps: usize) -> Vec<(usize, usize)> {
     let faces = faces.min(mesh.triangles.len());
     let areas: Vec<f64> = (0..faces).map(|face| mesh.area_vector(face).length()).collect();
