@@ -25,14 +25,15 @@ const ROWS: [(&str, f64, SignMode, Reach); 9] = [
     ("flag", 0.005, SignMode::Offset, Reach::Surface),
 ];
 
-/// Measures sequences of a folder, and prints a table.
-pub(crate) fn run(data: &str) -> Result<()> {
+/// Measures the wanted sequences of a folder, or all if none is named, and prints a table.
+pub(crate) fn run(data: &str, wanted: &[String]) -> Result<()> {
     println!("{} threads\n", std::thread::available_parallelism()?);
     println!(
         "| sequence | sign | reach | voxel, mm | triangles | blocks | wall, ms a frame | CPU, ms a frame | CPU, us a block |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for (sequence, voxel_m, sign, reach) in ROWS {
+    let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|wanted| wanted == name);
+    for (sequence, voxel_m, sign, reach) in ROWS.into_iter().filter(|row| is_wanted(row.0)) {
         let folder = format!("{}/{sequence}", data.trim_end_matches('/'));
         let paths = FrameSequence::open(&folder)?;
         let meshes: Vec<TriangleMesh> = paths

@@ -36,7 +36,11 @@ enum Command {
     /// Measure decoding at reduced resolution on a mesh sequence
     LodTable { folder: String, frames: Option<usize> },
     /// Measure the ingest of sequences in a folder: the whole band with the paper's sign, and surfaces, sheets among them
-    IngestTable { folder: String },
+    IngestTable {
+        folder: String,
+        /// Sequences to measure; without any, all
+        sequences: Vec<String>,
+    },
     /// Make the paper's figures and table again on our clips: docs/results
     PaperResults {
         /// Folder of the captures
@@ -104,7 +108,7 @@ fn main() -> Result<()> {
         Command::LodTable { folder, frames } => {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
-        Command::IngestTable { folder } => ingest_table::run(&folder),
+        Command::IngestTable { folder, sequences } => ingest_table::run(&folder, &sequences),
         Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
