@@ -129,8 +129,11 @@ pub fn ingest(bytes: &[u8]) {
     let positions: Vec<DVec3> = coordinates.chunks_exact(3).map(DVec3::from_slice).collect();
     let Some(last) = positions.len().checked_sub(1) else { return };
     let triangles = bytes.chunks_exact(3).map(|b| [b[0], b[1], b[2]].map(|i| u32::from(i).min(last as u32)));
-    let mesh =
-        TriangleMesh { vertices: positions.clone(), triangles: triangles.collect(), normals: Vec::new() };
+    let mesh = TriangleMesh {
+        vertices: positions.clone(),
+        triangles: triangles.collect(),
+        ..TriangleMesh::default()
+    };
     let grid = Grid {
         voxel_size: VoxelSize::from_metres(0.01).expect("in range"),
         edge: BlockEdge::E8,

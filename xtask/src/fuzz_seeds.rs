@@ -61,5 +61,6 @@ fn tetrahedron() -> TriangleMesh {
             .to_vec(),
         normals: Vec::new(),
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        appearance: None,
     }
 }

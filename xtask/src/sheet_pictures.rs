@@ -67,6 +67,7 @@ fn patch(n: u32, at: impl Fn(f64, f64) -> DVec3) -> TriangleMesh {
         vertices: places.map(|(u, v)| at(u, v)).collect(),
         normals: Vec::new(),
         triangles: (0..n * n).flat_map(square).collect(),
+        appearance: None,
     }
 }
 

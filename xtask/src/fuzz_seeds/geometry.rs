@@ -72,7 +72,13 @@ fn save_written(seeds: &mut Seeds) -> Result<()> {
 
 fn points() -> PointCloud {
     let positions = (0..20).map(|i| DVec3::new(f64::from(i % 5), f64::from(i / 5), 0.0) / 100.0).collect();
-    PointCloud { positions, normals: vec![DVec3::Z; 20], viewpoint: None, scans: Vec::new() }
+    PointCloud {
+        positions,
+        normals: vec![DVec3::Z; 20],
+        viewpoint: None,
+        scans: Vec::new(),
+        colours: Vec::new(),
+    }
 }
 
 /// Points of a lidar file.

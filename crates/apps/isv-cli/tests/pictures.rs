@@ -40,6 +40,7 @@ fn with_squares(work: &Workspace, folder: &str, heights_mm: &[f64]) {
             vertices: corners.map(|[x, y]| [x, y, z / 1e3].into()).to_vec(),
             normals: vec![],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
+            appearance: None,
         };
         write_mesh(&work.path(&format!("{folder}/{frame}.ply")), &mesh, Format::Ply).unwrap();
     }

@@ -87,7 +87,12 @@ mod tests {
         let right = normal.any_orthonormal_vector();
         let up = normal.cross(right);
         let vertices = vec![-right - up, right - up, right + up, -right + up];
-        TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2], [0, 2, 3]] }
+        TriangleMesh {
+            vertices,
+            normals: Vec::new(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            appearance: None,
+        }
     }
 
     fn view(mesh: &TriangleMesh) -> View {

@@ -15,6 +15,7 @@
 //! let mesh = TriangleMesh {
 //!     vertices: vec![[0.0, 0.0, 0.0].into(), [1.0, 0.0, 0.0].into(), [0.0, 1.0, 0.0].into()],
 //!     normals: vec![],
+//!     appearance: None,
 //!     triangles: vec![[0, 1, 2]],
 //! };
 //! let camera = Camera::fitting(mesh.bounds().unwrap(), [64, 64]);

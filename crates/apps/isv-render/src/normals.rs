@@ -27,7 +27,8 @@ mod tests {
         let vertices = vec![DVec3::ZERO, x, y, z, x + y];
         // Three faces around the origin; the one in z = 0 is two triangles.
         let triangles = vec![[0, 4, 1], [0, 2, 4], [0, 3, 2], [0, 1, 3]];
-        let normals = vertex_normals(&TriangleMesh { vertices, normals: vec![], triangles });
+        let normals =
+            vertex_normals(&TriangleMesh { vertices, normals: vec![], triangles, appearance: None });
         assert!(normals[0].abs_diff_eq(DVec3::NEG_ONE.normalize(), 1e-12));
     }
 }

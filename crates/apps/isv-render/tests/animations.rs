@@ -13,6 +13,7 @@ fn turn(pictures: u32, background: Background) -> Vec<Picture> {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
         normals: vec![],
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        appearance: None,
     };
     let camera = Camera::fitting(mesh.bounds().unwrap(), [40, 30]).in_orbit();
     let style = Style { background, shading: isv_render::Shading::Flat };

@@ -13,6 +13,7 @@ fn square() -> TriangleMesh {
         vertices: corners.map(DVec3::from).to_vec(),
         normals: vec![],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        appearance: None,
     }
 }
 
@@ -76,7 +77,7 @@ fn slanted_surfaces_are_darker_and_both_sides_alike() {
 
 #[test]
 fn nothing_seen_has_no_errors() {
-    let nothing = TriangleMesh { vertices: vec![], normals: vec![], triangles: vec![] };
+    let nothing = TriangleMesh { vertices: vec![], normals: vec![], triangles: vec![], appearance: None };
     let drawn = render_errors(&nothing, &camera(), &STYLE, &scale(), |_| 1.0);
     assert_eq!(drawn.seen, None);
     assert!(drawn.picture.rgba().iter().all(|byte| *byte == 0));

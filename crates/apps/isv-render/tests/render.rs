@@ -25,7 +25,7 @@ fn sphere() -> TriangleMesh {
             [[i, i + sides, next + sides], [i, next + sides, next]]
         })
         .collect();
-    TriangleMesh { vertices, normals: vec![], triangles }
+    TriangleMesh { vertices, normals: vec![], triangles, appearance: None }
 }
 
 fn camera() -> Camera {
@@ -91,6 +91,7 @@ fn flat_shading_gives_each_face_one_colour() {
         vertices: vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)],
         normals: vec![DVec3::X, DVec3::Y, DVec3::Z],
         triangles: vec![[0, 1, 2]],
+        appearance: None,
     };
     let style = Style { shading: Shading::Flat, ..TRANSPARENT };
     let picture = render(&mesh, &camera(), &style);

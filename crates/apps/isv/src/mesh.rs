@@ -21,6 +21,7 @@ impl Mesh {
             // No normals are needed: a surface's sides are those of its triangles.
             normals: Vec::new(),
             triangles: self.triangles.clone(),
+            appearance: None,
         }
     }
 

@@ -138,6 +138,7 @@ fn points() {
         normals: mesh.normals,
         viewpoint: None,
         scans: Vec::new(),
+        colours: Vec::new(),
     });
     let clouds: Vec<_> =
         clouds.flat_map(|cloud| [cloud.clone(), PointCloud { normals: vec![], ..cloud }]).collect();

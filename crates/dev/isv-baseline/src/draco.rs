@@ -117,7 +117,7 @@ fn without_normals(mesh: &TriangleMesh) -> Cow<'_, TriangleMesh> {
         Cow::Borrowed(mesh)
     } else {
         let TriangleMesh { vertices, triangles, .. } = mesh.clone();
-        Cow::Owned(TriangleMesh { vertices, normals: Vec::new(), triangles })
+        Cow::Owned(TriangleMesh { vertices, normals: Vec::new(), triangles, appearance: None })
     }
 }
 

@@ -17,6 +17,7 @@ pub fn pyramid() -> TriangleMesh {
         vertices: corners.map(DVec3::from).to_vec(),
         normals: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 2, 3], [0, 4, 1], [1, 4, 2], [2, 4, 3], [3, 4, 0]],
+        appearance: None,
     }
 }
 

@@ -65,6 +65,7 @@ pub fn sheet(half: f64) -> TriangleMesh {
         vertices: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
         normals: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        appearance: None,
     }
 }
 

@@ -376,6 +376,7 @@ mod tests {
             ],
             normals: Vec::new(),
             triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+            appearance: None,
         };
         let voxel_mesh =
             VoxelMesh { vertices: tetrahedron.vertices.clone(), triangles: (&tetrahedron.triangles).into() };

@@ -13,6 +13,7 @@
 //! let mesh = TriangleMesh {
 //!     vertices: vec![[0., 0., 0.].into(), [1., 0., 0.].into(), [0., 1., 0.].into(), [0., 0., 1.].into()],
 //!     normals: Vec::new(),
+//!     appearance: None,
 //!     triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
 //! };
 //! let settings = MeshIngest::new(Grid {

@@ -202,7 +202,7 @@ fn turn(mesh: &TriangleMesh, doubles: Doubles) -> Option<Turned> {
         }
     }
     let (vertices, normals) = (mesh.vertices.clone(), Vec::new());
-    Some(Turned { mesh: TriangleMesh { vertices, normals, triangles }, is_watertight })
+    Some(Turned { mesh: TriangleMesh { vertices, normals, triangles, appearance: None }, is_watertight })
 }
 
 /// Whether each face is turned over; not known yet of faces that were not reached.
@@ -291,6 +291,7 @@ mod tests {
             triangles: (0..mesh.triangles.len() as u32)
                 .map(|face| [3 * face, 3 * face + 1, 3 * face + 2])
                 .collect(),
+            appearance: None,
         }
     }
 

@@ -248,6 +248,7 @@ fn submesh(mesh: &TriangleMesh, faces: &[u32]) -> TriangleMesh {
         vertices: faces.iter().flat_map(corners).collect(),
         normals: Vec::new(),
         triangles: (0..faces.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect(),
+        appearance: None,
     }
 }
 

@@ -362,6 +362,7 @@ mod tests {
             .to_vec(),
             normals: Vec::new(),
             triangles: vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 5], [3, 5, 4], [0, 4, 5]],
+            appearance: None,
         };
         add(&strip, &|v| v - DVec3::new(30.0, 20.0, 4.7));
         mesh

@@ -85,6 +85,7 @@ fn by_themselves(mesh: &VoxelMesh, triangles: &[[u32; 3]]) -> TriangleMesh {
         vertices: triangles.iter().flatten().map(|vertex| mesh.vertices[*vertex as usize]).collect(),
         normals: Vec::new(),
         triangles: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        appearance: None,
     }
 }
 

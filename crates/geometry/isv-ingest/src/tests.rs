@@ -331,6 +331,7 @@ fn a_huge_thin_triangle_costs_by_its_area_and_is_exact() {
         ],
         normals: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 0, 0]],
+        appearance: None,
     };
     let settings = settings(0.1, BlockEdge::E8);
     let volume = ingest_mesh(&mesh, &settings, SignDecision::Offset).unwrap();
@@ -380,6 +381,7 @@ fn huge_triangles_over_one_another_are_refused_with_a_voxel_that_fits() {
         vertices: vec![DVec3::ZERO, DVec3::X * 5.0, DVec3::Y * 5.0],
         normals: Vec::new(),
         triangles: vec![[0, 1, 2]; 2_000],
+        appearance: None,
     };
     let settings = MeshIngest { max_blocks: 50_000, ..settings(0.005, BlockEdge::E8) };
     let one = TriangleMesh { triangles: mesh.triangles[..1].to_vec(), ..mesh.clone() };
@@ -406,6 +408,7 @@ fn a_hoop_too_wide_to_close_is_refused_with_a_voxel_that_fits() {
         vertices: (0..1000).flat_map(|i| [corner(i, 0.0), corner(i, 0.1)]).collect(),
         normals: Vec::new(),
         triangles: (0..1000).flat_map(quad).collect(),
+        appearance: None,
     };
     let limited = |voxel_m| MeshIngest {
         max_blocks: 200_000,

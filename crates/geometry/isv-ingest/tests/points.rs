@@ -35,6 +35,7 @@ fn points_of(mesh: &TriangleMesh) -> PointCloud {
         normals: samples.iter().map(|s| s.normal).collect(),
         viewpoint: None,
         scans: Vec::new(),
+        colours: Vec::new(),
     }
 }
 
@@ -235,7 +236,13 @@ fn sweep(frame: usize) -> Option<PointCloud> {
     let axis = |p: &[u8], i: usize| f64::from(f32::from_le_bytes(p[4 * i..4 * i + 4].try_into().unwrap()));
     let positions =
         bytes[body..].chunks_exact(16).map(|p| DVec3::new(axis(p, 0), axis(p, 1), axis(p, 2))).collect();
-    Some(PointCloud { positions, normals: Vec::new(), viewpoint: Some(DVec3::ZERO), scans: Vec::new() })
+    Some(PointCloud {
+        positions,
+        normals: Vec::new(),
+        viewpoint: Some(DVec3::ZERO),
+        scans: Vec::new(),
+        colours: Vec::new(),
+    })
 }
 
 /// Share of the points within a distance of the surface's vertices, and of the vertices within it of a point.

@@ -43,6 +43,6 @@ impl CloudBuilder {
 
     pub(crate) fn finish(self, viewpoint: Option<DVec3>) -> PointCloud {
         let (positions, normals) = (self.positions, self.normals.unwrap_or_default());
-        PointCloud { positions, normals, viewpoint, scans: Vec::new() }
+        PointCloud { positions, normals, viewpoint, scans: Vec::new(), colours: Vec::new() }
     }
 }

@@ -116,7 +116,12 @@ impl File {
         }
         if has_elements || vertices.is_empty() {
             let triangles = polygons.into_triangles(&vertices)?;
-            return Ok(Geometry::Mesh(TriangleMesh { vertices, normals: Vec::new(), triangles }));
+            return Ok(Geometry::Mesh(TriangleMesh {
+                vertices,
+                normals: Vec::new(),
+                triangles,
+                appearance: None,
+            }));
         }
         let known = normals.len() == vertices.len();
         let normals = if known { normals } else { Vec::new() };
@@ -126,6 +131,7 @@ impl File {
                 normals,
                 viewpoint: None,
                 scans: Vec::new(),
+                colours: Vec::new(),
             }));
         }
         if let Some(index) = points.iter().find(|index| **index as usize >= vertices.len()) {
@@ -137,7 +143,13 @@ impl File {
             false => points.iter().map(|index| of[*index as usize]).collect(),
         };
         let (positions, normals) = (named(&vertices), named(&normals));
-        Ok(Geometry::Points(PointCloud { positions, normals, viewpoint: None, scans: Vec::new() }))
+        Ok(Geometry::Points(PointCloud {
+            positions,
+            normals,
+            viewpoint: None,
+            scans: Vec::new(),
+            colours: Vec::new(),
+        }))
     }
 }
 

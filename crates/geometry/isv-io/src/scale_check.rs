@@ -156,7 +156,13 @@ mod tests {
             (DVec3::new(0.4 * (6.3 * u).cos() * (1.0 - t), 1.8 * t, 0.2 * (6.3 * u).sin()) + moved) * scale
         };
         let positions = (0..1500).map(at).chain(others.iter().copied()).collect();
-        Geometry::Points(PointCloud { positions, normals: Vec::new(), viewpoint: None, scans: Vec::new() })
+        Geometry::Points(PointCloud {
+            positions,
+            normals: Vec::new(),
+            viewpoint: None,
+            scans: Vec::new(),
+            colours: Vec::new(),
+        })
     }
 
     fn plain(scale: f64) -> Geometry {
@@ -196,6 +202,7 @@ mod tests {
                 normals: Vec::new(),
                 viewpoint: None,
                 scans: Vec::new(),
+                colours: Vec::new(),
             })
         };
         for reach in [DVec3::ZERO, DVec3::new(0.6, 1.2, 0.3)] {

@@ -181,7 +181,12 @@ mod tests {
 
     fn expected() -> TriangleMesh {
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2], [2, 1, 1]] }
+        TriangleMesh {
+            vertices,
+            normals: Vec::new(),
+            triangles: vec![[0, 1, 2], [2, 1, 1]],
+            appearance: None,
+        }
     }
 
     #[test]

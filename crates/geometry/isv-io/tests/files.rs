@@ -16,6 +16,7 @@ fn tetrahedron() -> TriangleMesh {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::new(0.0, 0.0, 0.1)],
         normals: Vec::new(),
         triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+        appearance: None,
     }
 }
 

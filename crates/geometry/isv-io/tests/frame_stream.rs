@@ -39,6 +39,7 @@ fn mesh(number: usize) -> TriangleMesh {
         vertices: (0..corners).map(corner).collect(),
         normals: vec![],
         triangles: (0..corners as u32 - 2).map(|i| [i, i + 1, i + 2]).collect(),
+        appearance: None,
     }
 }
 
@@ -102,6 +103,7 @@ fn points_come_through_pipes_too() {
         normals: vec![],
         viewpoint: None,
         scans: Vec::new(),
+        colours: Vec::new(),
     };
     let mut file = Vec::new();
     write_points_to(&mut file, &points, Format::Pcd).unwrap();

@@ -17,6 +17,7 @@ fn band(triangles: u32, height: f64) -> TriangleMesh {
         vertices: (0..triangles + 2).map(vertex).collect(),
         normals: Vec::new(),
         triangles: (0..triangles).map(|i| [i, i + 1, i + 2]).collect(),
+        appearance: None,
     }
 }
 

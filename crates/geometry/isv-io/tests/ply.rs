@@ -49,6 +49,7 @@ fn written_bytes_never_change() {
         vertices: vec![DVec3::ZERO, DVec3::X, DVec3::new(0.0, -2.0, 0.0)],
         normals: Vec::new(),
         triangles: vec![[0, 1, 2]],
+        appearance: None,
     };
     let mut expected =
         b"ply\nformat binary_little_endian 1.0\ncomment made by isv\nelement vertex 3\nproperty float x\n\

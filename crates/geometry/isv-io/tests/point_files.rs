@@ -34,6 +34,7 @@ fn cloud() -> PointCloud {
         normals: vec![DVec3::X, DVec3::ZERO, DVec3::NEG_Z],
         viewpoint: None,
         scans: Vec::new(),
+        colours: Vec::new(),
     }
 }
 
@@ -80,6 +81,7 @@ fn written_pcd_never_changes() {
         normals: vec![DVec3::Y],
         viewpoint: Some(DVec3::Z),
         scans: Vec::new(),
+        colours: Vec::new(),
     };
     let mut expected =
         b"# made by isv\nVERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\n\
@@ -99,6 +101,7 @@ fn every_pcd_encoding_reads_the_same_points_past_what_is_not_needed() {
         normals: vec![DVec3::Z, DVec3::ZERO, DVec3::NEG_Y],
         viewpoint: Some(DVec3::new(1.0, 2.0, 3.0)),
         scans: Vec::new(),
+        colours: Vec::new(),
     };
     for file in baroque_files() {
         assert_eq!(parse("a.pcd", &file).unwrap(), expected);

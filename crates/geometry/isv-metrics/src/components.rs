@@ -42,6 +42,7 @@ mod tests {
             ],
             normals: Vec::new(),
             triangles: vec![[0, 1, 2]],
+            appearance: None,
         };
         assert_eq!(connected_components(&mesh), 1);
         mesh.triangles.push([3, 5, 4]);

@@ -12,6 +12,7 @@
 //! let square = |z: f64| TriangleMesh {
 //!     vertices: [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]].map(DVec3::from).to_vec(),
 //!     normals: Vec::new(),
+//!     appearance: None,
 //!     triangles: vec![[0, 1, 2], [0, 2, 3]],
 //! };
 //! let error = compare(&square(0.0), &square(0.002), &CompareOptions::default())?;

@@ -109,6 +109,7 @@ mod tests {
             vertices: (0..8).map(corner).collect(),
             normals: Vec::new(),
             triangles: quads.into_iter().flat_map(cut).collect(),
+            appearance: None,
         }
     }
 
@@ -151,6 +152,7 @@ mod tests {
             vertices: [corners, corners].concat().into_iter().map(DVec3::from).collect(),
             normals: Vec::new(),
             triangles: vec![[0, 1, 2], [4, 7, 5]],
+            appearance: None,
         };
         let weld = || Weld::new(&mesh.vertices);
         assert_eq!(weld().count, 4);

@@ -70,6 +70,7 @@ mod tests {
             normals: vec![DVec3::X, DVec3::Y, DVec3::Z, DVec3::Z],
             viewpoint: None,
             scans: Vec::new(),
+            colours: Vec::new(),
         };
         let set = PointSet::of_cloud(&cloud);
         assert_eq!(set.points(), [DVec3::ZERO, DVec3::ONE]);

@@ -116,6 +116,7 @@ mod tests {
             vertices: corners.map(DVec3::from).to_vec(),
             normals: Vec::new(),
             triangles: vec![[0, 1, 2], [0, 1, 3]],
+            appearance: None,
         }
     }
 

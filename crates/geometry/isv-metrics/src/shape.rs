@@ -47,7 +47,8 @@ mod tests {
     #[test]
     fn the_longest_side_is_that_of_what_can_be_seen() {
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y * -3.0, DVec3::Z * 50.0];
-        let mesh = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
+        let mesh =
+            TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]], appearance: None };
         assert_eq!(Shape::from(&mesh).longest_side(), 3.0);
         let points = PointCloud { positions: mesh.vertices, ..PointCloud::default() };
         assert_eq!(Shape::from(&points).longest_side(), 50.0);

@@ -218,6 +218,7 @@ fn soup(seed: u64, faces: u32) -> TriangleMesh {
         vertices: (0..3 * faces).map(|_| random_point(&mut random)).collect(),
         normals: Vec::new(),
         triangles: (0..faces).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect(),
+        appearance: None,
     }
 }
 
@@ -263,7 +264,7 @@ fn clouds_of_voxels_agree() {
             positions.dedup();
             let mut normal = || (random_point(&mut random) - DVec3::splat(0.5)).normalize();
             let normals = positions.iter().map(|_| normal()).collect();
-            PointCloud { positions, normals, viewpoint: None, scans: Vec::new() }
+            PointCloud { positions, normals, viewpoint: None, scans: Vec::new(), colours: Vec::new() }
         };
         let (reference, test) = (voxels(120), voxels(80));
         let error = compare(&reference, &test, &CompareOptions::default()).unwrap();
@@ -280,7 +281,7 @@ fn points_and_a_mesh_agree() {
     let (mesh, normals) = (hills(8, 5), vec![DVec3::Z; 200]);
     let mut random = SplitMix64::new(2);
     let positions: Vec<DVec3> = (0..200).map(|_| random_point(&mut random)).collect();
-    let cloud = PointCloud { positions, normals, viewpoint: None, scans: Vec::new() };
+    let cloud = PointCloud { positions, normals, viewpoint: None, scans: Vec::new(), colours: Vec::new() };
     let error = compare(&mesh, &cloud, &CompareOptions { spacing_m: 0.05, seed: 6 }).unwrap();
     let (samples, sample_normals) = points_of(&mesh, 0.05, 6);
     let feet: Vec<DVec3> = cloud.positions.iter().map(|p| closest(&mesh, *p).0).collect();
@@ -304,7 +305,7 @@ fn figures_of_clouds_are_the_same_on_any_number_of_threads() {
     let mut cloud = |count: usize| {
         let positions = (0..count).map(|_| random_point(&mut random)).collect();
         let normals = (0..count).map(|_| random_point(&mut random).normalize()).collect();
-        PointCloud { positions, normals, viewpoint: None, scans: Vec::new() }
+        PointCloud { positions, normals, viewpoint: None, scans: Vec::new(), colours: Vec::new() }
     };
     let (reference, test, mesh) = (cloud(5000), cloud(7000), hills(4, 9));
     let run = |threads| {

@@ -19,6 +19,7 @@ fn square(z: f64) -> TriangleMesh {
         vertices: [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]].map(DVec3::from).to_vec(),
         normals: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        appearance: None,
     }
 }
 
@@ -30,6 +31,7 @@ fn cube(shift: DVec3) -> TriangleMesh {
         vertices: (0..8).map(|i| corner(i) + shift).collect(),
         normals: Vec::new(),
         triangles: quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        appearance: None,
     }
 }
 
@@ -41,6 +43,7 @@ fn soup(seed: u64, faces: u32) -> TriangleMesh {
         vertices: (0..3 * faces).map(|_| point()).collect(),
         normals: Vec::new(),
         triangles: (0..faces).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect(),
+        appearance: None,
     }
 }
 
@@ -139,6 +142,7 @@ fn sphere(rings: u32, turned: bool) -> TriangleMesh {
                 [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]
             })
             .collect(),
+        appearance: None,
     }
 }
 

@@ -6,7 +6,13 @@ use isv_volume::{PointCloud, TriangleMesh};
 
 fn cloud(positions: &[[f64; 3]], normals: &[DVec3]) -> PointCloud {
     let positions = positions.iter().copied().map(DVec3::from).collect();
-    PointCloud { positions, normals: normals.to_vec(), viewpoint: None, scans: Vec::new() }
+    PointCloud {
+        positions,
+        normals: normals.to_vec(),
+        viewpoint: None,
+        scans: Vec::new(),
+        colours: Vec::new(),
+    }
 }
 
 fn measured(reference: &PointCloud, test: &PointCloud) -> GeometryError {
@@ -18,6 +24,7 @@ fn square(z: f64) -> TriangleMesh {
         vertices: [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]].map(DVec3::from).to_vec(),
         normals: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        appearance: None,
     }
 }
 

@@ -22,7 +22,12 @@ fn torus(rings: u32) -> TriangleMesh {
         let corners = [at(u, v), at(u + 1, v), at(u + 1, v + 1), at(u, v + 1)];
         [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
     });
-    TriangleMesh { vertices: vertices.collect(), normals: Vec::new(), triangles: triangles.collect() }
+    TriangleMesh {
+        vertices: vertices.collect(),
+        normals: Vec::new(),
+        triangles: triangles.collect(),
+        appearance: None,
+    }
 }
 
 fn by_faces(mesh: &TriangleMesh, faces: usize) -> Simplified {
@@ -116,8 +121,12 @@ fn flat_parts_cost_nothing_and_borders_stay() {
     let triangles = quads.flat_map(|(x, y)| {
         [[at(x, y), at(x + 1, y), at(x + 1, y + 1)], [at(x, y), at(x + 1, y + 1), at(x, y + 1)]]
     });
-    let square =
-        TriangleMesh { vertices: vertices.collect(), normals: Vec::new(), triangles: triangles.collect() };
+    let square = TriangleMesh {
+        vertices: vertices.collect(),
+        normals: Vec::new(),
+        triangles: triangles.collect(),
+        appearance: None,
+    };
     let Simplified { mesh, error_m } = by_error(&square, 0.01);
     assert!(mesh.triangles.len() < 100 && error_m < 0.01, "{} faces, {error_m}", mesh.triangles.len());
     assert_eq!(mesh.bounds(), square.bounds());

@@ -23,7 +23,7 @@ pub fn weld(mesh: &TriangleMesh) -> TriangleMesh {
         .collect();
     let triangles = mesh.triangles.iter().map(|t| t.map(|v| merged[v as usize]));
     let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-    TriangleMesh { vertices, normals: Vec::new(), triangles }
+    TriangleMesh { vertices, normals: Vec::new(), triangles, appearance: None }
 }
 
 /// A mesh of these triangles with only the vertices that they name, in the order in which they are named.
@@ -44,7 +44,7 @@ pub fn without_unused(vertices: &[DVec3], triangles: &[[u32; 3]]) -> TriangleMes
             })
         })
         .collect();
-    TriangleMesh { vertices: kept, normals: Vec::new(), triangles }
+    TriangleMesh { vertices: kept, normals: Vec::new(), triangles, appearance: None }
 }
 
 #[cfg(test)]
@@ -58,6 +58,7 @@ mod tests {
             vertices: corners.map(DVec3::from).to_vec(),
             normals: Vec::new(),
             triangles: vec![[0, 1, 2], [3, 1, 0], [4, 2, 1]],
+            appearance: None,
         };
         let welded = weld(&mesh);
         assert_eq!(welded.vertices.len(), 4);

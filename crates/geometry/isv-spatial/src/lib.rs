@@ -13,6 +13,7 @@
 //! let mesh = TriangleMesh {
 //!     vertices: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
 //!     normals: Vec::new(),
+//!     appearance: None,
 //!     triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
 //! };
 //! let closest = Bvh::new(&mesh).closest_point(DVec3::new(0.2, 0.2, -0.5));

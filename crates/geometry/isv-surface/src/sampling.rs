@@ -77,7 +77,7 @@ pub fn sample_evenly(mesh: &TriangleMesh, density: PointDensity) -> Result<Point
             (interpolate(mesh.corners(face), weights), normal(mesh, face, weights))
         })
         .unzip();
-    Ok(PointCloud { positions, normals, viewpoint: None, scans: Vec::new() })
+    Ok(PointCloud { positions, normals, viewpoint: None, scans: Vec::new(), colours: Vec::new() })
 }
 
 fn point_count(area: f64, density: PointDensity) -> Result<usize, SamplingError> {

@@ -68,6 +68,7 @@ fn points_lie_in_triangles_in_proportion_to_their_area() {
         vertices: corners.map(DVec3::from).to_vec(),
         normals: Vec::new(),
         triangles: vec![[1, 1, 2], [0, 1, 2], [0, 0, 0], [0, 1, 3], [2, 2, 2]],
+        appearance: None,
     };
     let points = sample_evenly(&mesh, PointDensity::Count(400)).unwrap();
     let flat = points.normals.iter().filter(|n| **n == DVec3::Z).count();

@@ -18,6 +18,7 @@
 //! assert_eq!(volume.block_count(), 1);
 //! ```
 
+mod appearance;
 mod block_index;
 mod block_set;
 mod coord;
@@ -30,6 +31,9 @@ mod points;
 mod random;
 mod volume;
 
+pub use appearance::{
+    Appearance, AppearanceError, Image, Material, Rgb, Wrap, linear_from_srgb, srgb_from_linear,
+};
 pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 pub use block_set::{BlockCell, BlockSet};
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};

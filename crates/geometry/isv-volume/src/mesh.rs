@@ -1,6 +1,8 @@
 //! Triangle meshes.
 
+use crate::{Appearance, AppearanceError};
 use glam::DVec3;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A mesh that cannot be worked with.
@@ -25,6 +27,9 @@ pub enum MeshError {
     /// No triangles at all.
     #[error("no faces")]
     NoFaces,
+    /// Colours that do not fit the mesh.
+    #[error(transparent)]
+    Appearance(#[from] AppearanceError),
 }
 
 /// An indexed triangle mesh: positions in metres, triangles counter-clockwise seen from outside.
@@ -36,6 +41,8 @@ pub struct TriangleMesh {
     pub normals: Vec<DVec3>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// Colours, which meshes that are made from this one share; `None` without any.
+    pub appearance: Option<Arc<Appearance>>,
 }
 
 impl TriangleMesh {
@@ -58,7 +65,7 @@ impl TriangleMesh {
         (0..self.triangles.len()).map(|face| self.area_vector(face).length()).sum()
     }
 
-    /// Checks what every consumer relies on: at least one face, finite vertices, indices in range.
+    /// Checks what every consumer relies on: at least one face, finite vertices, indices in range, colours that fit.
     ///
     /// # Errors
     /// The first violation found.
@@ -73,6 +80,9 @@ impl TriangleMesh {
             if let Some(&vertex) = triangle.iter().find(|v| **v as usize >= self.vertices.len()) {
                 return Err(MeshError::IndexPastEnd { face, vertex, vertices: self.vertices.len() });
             }
+        }
+        if let Some(appearance) = &self.appearance {
+            appearance.validate(self.vertices.len(), self.triangles.len())?;
         }
         Ok(())
     }

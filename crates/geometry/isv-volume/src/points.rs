@@ -1,5 +1,6 @@
 //! Point clouds.
 
+use crate::Rgb;
 use glam::DVec3;
 use std::ops::Range;
 use thiserror::Error;
@@ -21,6 +22,14 @@ pub enum PointsError {
         /// How many points there are.
         points: usize,
     },
+    /// Colours that are neither absent nor one a point.
+    #[error("{colours} colours for {points} points")]
+    ColourCount {
+        /// How many colours there are.
+        colours: usize,
+        /// How many points there are.
+        points: usize,
+    },
     /// No points at all.
     #[error("no points")]
     NoPoints,
@@ -34,6 +43,8 @@ pub struct PointCloud {
     /// Unit normals pointing outside, one a point; empty when the cloud has none. A zero vector says that the normal of
     /// its point is not known.
     pub normals: Vec<DVec3>,
+    /// sRGB of each point; empty when the cloud has no colours.
+    pub colours: Vec<Rgb>,
     /// Where the points were seen from, in metres, if the capture tells.
     pub viewpoint: Option<DVec3>,
     /// Places of several scans, where the points were seen from more than one; those of runs of points, in order.
@@ -50,7 +61,8 @@ pub struct ScanPlace {
 }
 
 impl PointCloud {
-    /// Checks what every consumer relies on: at least one point, all finite, normals for all points or for none.
+    /// Checks what every consumer relies on: at least one point, all finite, normals and colours for all points or
+    /// for none.
     ///
     /// # Errors
     /// The first violation found.
@@ -62,6 +74,10 @@ impl PointCloud {
         if normals != 0 && normals != points {
             return Err(PointsError::NormalCount { normals, points });
         }
+        let colours = self.colours.len();
+        if colours != 0 && colours != points {
+            return Err(PointsError::ColourCount { colours, points });
+        }
         let broken = |vectors: &[DVec3]| vectors.iter().position(|v| !v.is_finite());
         match broken(&self.positions).or_else(|| broken(&self.normals)) {
             Some(point) => Err(PointsError::NotFinite { point }),
@@ -69,7 +85,7 @@ impl PointCloud {
         }
     }
 
-    /// Keeps the points whose positions are wanted, with their normals and scans.
+    /// Keeps the points whose positions are wanted, with their normals, colours and scans.
     pub fn retain(&mut self, wanted: impl Fn(DVec3) -> bool) {
         let kept: Vec<bool> = self.positions.iter().map(|position| wanted(*position)).collect();
         if !kept.contains(&false) {
@@ -85,10 +101,9 @@ impl PointCloud {
             let place = |point: usize| before[point.min(kept.len())];
             scan.points = place(scan.points.start)..place(scan.points.end);
         }
-        for list in [&mut self.positions, &mut self.normals] {
-            let mut kept = kept.iter();
-            list.retain(|_| *kept.next().unwrap_or(&true));
-        }
+        retain_marked(&mut self.positions, &kept);
+        retain_marked(&mut self.normals, &kept);
+        retain_marked(&mut self.colours, &kept);
     }
 
     /// Copies the viewpoints alone, without the points.
@@ -113,6 +128,12 @@ impl PointCloud {
         let first = *self.positions.first()?;
         Some(self.positions.iter().fold((first, first), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
     }
+}
+
+/// Keeps the items whose marks are set. An empty list stays empty.
+fn retain_marked<T>(list: &mut Vec<T>, marks: &[bool]) {
+    let mut marks = marks.iter();
+    list.retain(|_| *marks.next().unwrap_or(&true));
 }
 
 #[cfg(test)]

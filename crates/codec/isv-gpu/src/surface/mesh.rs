@@ -65,6 +65,7 @@ impl GpuMesh {
             vertices: vectors(&self.positions_m)?,
             normals: self.normals.as_ref().map(vectors).transpose()?.unwrap_or_default(),
             triangles: self.triangles.download(&self.gpu)?,
+            appearance: None,
         })
     }
 }

@@ -32,6 +32,7 @@ fn sphere() -> PointCloud {
         normals,
         viewpoint: None,
         scans: Vec::new(),
+        colours: Vec::new(),
     }
 }
 
@@ -43,7 +44,13 @@ fn sheet(half: f64, hole: impl Fn(DVec3) -> bool) -> PointCloud {
         .map(|_| DVec3::new(half * random.signed(), half * random.signed(), 0.003))
         .filter(|p| !hole(*p))
         .collect();
-    PointCloud { normals: vec![DVec3::Z; positions.len()], positions, viewpoint: None, scans: Vec::new() }
+    PointCloud {
+        normals: vec![DVec3::Z; positions.len()],
+        positions,
+        viewpoint: None,
+        scans: Vec::new(),
+        colours: Vec::new(),
+    }
 }
 
 /// Calls `check` with centre (metres), sample (voxels) and whether it is observed, for every voxel of the volume.
@@ -169,6 +176,7 @@ fn few_coincident_and_collinear_points_do_no_harm() {
             positions,
             viewpoint: None,
             scans: Vec::new(),
+            colours: Vec::new(),
         };
         let bare = estimate_normals(&cloud).unwrap();
         assert!(bare.normals.iter().all(|n| *n == DVec3::ZERO), "no plane, no normal");

@@ -28,5 +28,6 @@ fn parse(bytes: &[u8]) -> TriangleMesh {
             .chunks_exact(13)
             .map(|f| [0, 1, 2].map(|i| u32::from_le_bytes(word(&f[1..], i))))
             .collect(),
+        appearance: None,
     }
 }

@@ -142,6 +142,7 @@ impl Animation {
                 normals: Vec::new(),
                 viewpoint: None,
                 scans: Vec::new(),
+                colours: Vec::new(),
             }),
             false => Geometry::Mesh(mesh),
         };

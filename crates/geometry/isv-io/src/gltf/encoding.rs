@@ -112,7 +112,7 @@ pub(super) fn in_order(mesh: &TriangleMesh, normals: &[Vec3]) -> io::Result<(Tri
     }
     let triangles = corners.as_chunks().0.iter();
     let triangles = triangles.map(|corners: &[u32; 3]| corners.map(|c| remap.remap[c as usize])).collect();
-    Ok((TriangleMesh { vertices, normals: Vec::new(), triangles }, moved_normals))
+    Ok((TriangleMesh { vertices, normals: Vec::new(), triangles, appearance: None }, moved_normals))
 }
 
 /// Rows of four bytes or more, compressed. Version 0 is what the extension has.

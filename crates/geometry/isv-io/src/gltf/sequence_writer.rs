@@ -205,7 +205,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film.glb");
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        let mesh = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
+        let mesh =
+            TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]], appearance: None };
         let mut writer = GlbAnimationWriter::create(&path).unwrap();
         writer.push(0.0, &mesh).unwrap();
         let written = writer.document.binary_bytes;
@@ -223,7 +224,8 @@ mod tests {
     fn what_is_named_is_there_whatever_frames_are_empty() {
         let folder = tempfile::tempdir().unwrap();
         let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
-        let triangle = TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]] };
+        let triangle =
+            TriangleMesh { vertices, normals: Vec::new(), triangles: vec![[0, 1, 2]], appearance: None };
         let nothing = TriangleMesh::default();
         for (name, frames) in [
             ("none", [&nothing, &nothing, &nothing]),
@@ -263,7 +265,12 @@ mod tests {
         // Its JSON is the longest.
         let mut writer = writer.with_encoding(GlbEncoding::Meshopt);
         let vertices = vec![DVec3::splat(-1.234_567_8e-30); 3];
-        let mesh = TriangleMesh { vertices, normals: vec![DVec3::X; 3], triangles: vec![[0, 1, 2]] };
+        let mesh = TriangleMesh {
+            vertices,
+            normals: vec![DVec3::X; 3],
+            triangles: vec![[0, 1, 2]],
+            appearance: None,
+        };
         let time = |frame: u8| 1.234_567_8e30 * f64::from(frame);
         (0..50).for_each(|frame| writer.push(time(frame), &mesh).unwrap());
         push_animation(

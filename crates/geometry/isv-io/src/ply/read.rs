@@ -50,14 +50,19 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
     let none_of = |name| header.find(name).is_none_or(|element| element.count == 0);
     if none_of("face") && none_of("tristrips") {
         let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
-        let points =
-            PointCloud { positions: vertices.positions, normals, viewpoint: None, scans: Vec::new() };
+        let points = PointCloud {
+            positions: vertices.positions,
+            normals,
+            viewpoint: None,
+            scans: Vec::new(),
+            colours: Vec::new(),
+        };
         return Ok((Geometry::Points(points), values.remaining()));
     }
     let normals = vertices.unit_normals();
     let mut triangles = faces.polygons.into_triangles(&vertices.positions)?;
     triangles.append(&mut strips.polygons.into_triangles(&vertices.positions)?);
-    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles };
+    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles, appearance: None };
     Ok((Geometry::Mesh(mesh), values.remaining()))
 }
 
