@@ -16,6 +16,7 @@
 //! This crate does not read files and does not extract surfaces.
 
 pub mod backend;
+pub mod colour;
 mod decoder;
 mod error;
 // A file src/main.rs would be a program.

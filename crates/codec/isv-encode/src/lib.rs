@@ -17,6 +17,7 @@
 //! have is in `shared`.
 
 mod backend;
+pub mod colour;
 mod encoder;
 mod frame_coder;
 mod frame_writer;

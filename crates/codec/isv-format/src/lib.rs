@@ -11,6 +11,7 @@
 
 mod bytes;
 mod chain;
+mod colour;
 mod error;
 mod frame;
 mod frame_rate;
@@ -24,6 +25,7 @@ mod salvage;
 mod writer;
 
 pub use chain::{Link, PacketChain};
+pub use colour::{ColourHeader, ColourKind, ColourPayload};
 pub use error::FormatError;
 pub use frame::{
     FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,

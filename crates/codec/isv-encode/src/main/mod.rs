@@ -27,7 +27,7 @@ mod refresh;
 mod search_window;
 mod settings;
 mod slice;
-mod syntax;
+pub(crate) mod syntax;
 mod target;
 mod tools;
 mod weight_spectrum;

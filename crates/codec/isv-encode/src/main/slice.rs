@@ -199,7 +199,8 @@ impl<'a> SliceEncoder<'a> {
     fn mode_context(&self, block: usize) -> ModeContext {
         let frame = self.frame;
         let mode = |n: usize| self.coded.modes[n - self.range.start];
-        ModeContext::new(frame.targets.coords()[block], block, frame.causal, mode, frame.known)
+        let before = frame.known.and_then(|known| known.coded(frame.targets.coords()[block]));
+        ModeContext::new(block, frame.causal, mode, before)
     }
 
     /// The best of the most promising vectors.

@@ -1,10 +1,9 @@
 //! How blocks are predicted, and vectors.
 
-use crate::main::{BlockMode, CausalBlocks, MainBlocks, SliceBlocks, Vector};
+use crate::main::{BlockMode, CausalBlocks, CodedBlock, MainBlocks, SliceBlocks, Vector};
 use crate::shared::BitTally;
 use crate::shared::syntax::SyntaxError;
 use isv_entropy::{BitModel, IntegerModel, RangeDecoder};
-use isv_volume::BlockCoord;
 
 /// Candidates to merge with: up to four vectors of neighbours, that of the frame before, none.
 pub const MOST_CANDIDATES: usize = 6;
@@ -67,8 +66,8 @@ impl ModeModels {
         tally.begin(&decoder);
         let mut modes = Vec::with_capacity(range.len());
         for block in range.clone() {
-            let context =
-                ModeContext::new(coords[block], block, causal, |n| modes[n - range.start], reference);
+            let before = reference.and_then(|reference| reference.coded(coords[block]));
+            let context = ModeContext::new(block, causal, |n| modes[n - range.start], before);
             modes.push(self.read_mode(&mut decoder, &context, step)?);
             tally.charge(block - range.start, &decoder);
             if decoder.overran() {
@@ -78,7 +77,11 @@ impl ModeModels {
         Ok(modes)
     }
 
-    fn read_mode(
+    /// Reads the mode of a block. `step`: of new vectors.
+    ///
+    /// # Errors
+    /// A vector out of range.
+    pub(crate) fn read_mode(
         &mut self,
         decoder: &mut RangeDecoder,
         context: &ModeContext,
@@ -149,15 +152,14 @@ pub struct ModeContext {
 }
 
 impl ModeContext {
-    /// Context of a block, once the modes of the blocks before it are known. `reference`: the frame before, as far as the syntax looks
-    /// at it.
+    /// Context of a block, once the modes of the blocks before it are known. `coded`: the block in the frame before, as far as the
+    /// syntax looks at it.
     #[must_use]
     pub fn new(
-        coord: BlockCoord,
         block: usize,
         causal: &CausalBlocks,
         mode: impl Fn(usize) -> BlockMode,
-        reference: Option<MainBlocks>,
+        coded: Option<CodedBlock>,
     ) -> Self {
         let mut candidates = Candidates { vectors: [Vector::ZERO; MOST_CANDIDATES], count: 0 };
         let (mut spatial, mut new, mut known) = (0, 0, 0);
@@ -173,7 +175,6 @@ impl ModeContext {
                 candidates.add(vector);
             }
         }
-        let coded = reference.and_then(|reference| reference.coded(coord));
         if let Some(vector) = coded.and_then(|coded| coded.vector) {
             candidates.add(vector);
         }

@@ -1,0 +1,166 @@
+//! The colour of a stream's frames, one after the other.
+
+use super::cells::ColourCells;
+use super::frame::ColourFrame;
+use super::reconstruct::{ColourSteps, reconstruct};
+use super::reference::ColourReference;
+use super::symbols::{ColourSymbols, LayerCoefficients};
+use super::syntax::ColourSlices;
+use super::syntax::coefficients::{FrameEnergies, LayerBlocks};
+use super::syntax::modes::ModeBlocks;
+use crate::main::CausalBlocks;
+use crate::shared::syntax::SyntaxError;
+use isv_format::{ColourHeader, ColourKind, ColourPayload, FormatError, SliceLayout};
+use isv_volume::SparseVolume;
+use rayon::prelude::*;
+use thiserror::Error;
+
+/// Why the colour of a frame cannot be decoded.
+#[derive(Debug, Error)]
+pub enum ColourError {
+    /// The colour part is malformed.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Its symbols are ones that no encoder writes.
+    #[error("{0}")]
+    Syntax(&'static str),
+    /// It is predicted from a frame that is not there.
+    #[error("the colour of the frame before is missing")]
+    NoReference,
+    /// Another hash than the one that it states.
+    #[error("the colour decodes to hash {found:016x}, but {stated:016x} is stated")]
+    HashMismatch {
+        /// The hash that the frame states.
+        stated: u64,
+        /// That of what was decoded.
+        found: u64,
+    },
+}
+
+impl From<SyntaxError> for ColourError {
+    fn from(error: SyntaxError) -> Self {
+        Self::Syntax(error.0)
+    }
+}
+
+/// Decodes the colour parts of a stream's packets in order, from any keyframe on.
+#[derive(Clone, Debug)]
+pub struct ColourDecoder {
+    layers: u8,
+    entropy: ColourSlices,
+    reference: Option<ColourReference>,
+}
+
+impl ColourDecoder {
+    /// Creates a decoder for a stream of so many colour layers, 1 to 3.
+    #[must_use]
+    pub fn new(layers: u8) -> Self {
+        Self { layers, entropy: ColourSlices::default(), reference: None }
+    }
+
+    /// The last frame; `None` before the first and after an error.
+    #[must_use]
+    pub fn frame(&self) -> Option<&ColourFrame> {
+        self.reference.as_ref().map(|reference| &reference.frame)
+    }
+
+    /// Decodes a colour part. `volume`: the frame's decoded field. `at`: where the part begins in the stream.
+    ///
+    /// # Errors
+    /// See [`ColourError`]; the next frame that can be decoded is one without prediction.
+    pub fn decode(
+        &mut self,
+        volume: &SparseVolume,
+        bytes: &[u8],
+        at: u64,
+    ) -> Result<&ColourFrame, ColourError> {
+        let reference = self.reference.take();
+        let payload = ColourPayload::parse(bytes, at, self.layers)?;
+        let kind = payload.header.kind;
+        let reference = reference.filter(|_| kind.predicts());
+        if kind.predicts() && reference.is_none() {
+            return Err(ColourError::NoReference);
+        }
+        if kind != ColourKind::Predicted {
+            self.entropy = ColourSlices::default();
+        }
+        let cells = ColourCells::new(volume);
+        let known = reference.as_ref().filter(|_| kind == ColourKind::Predicted);
+        let symbols = read_symbols(&mut self.entropy, &payload, &cells, volume, known, self.layers)?;
+        let steps = steps(&payload.header);
+        let before = reference.as_ref().map(|reference| &reference.frame);
+        let frame = reconstruct(cells, volume, &symbols, &steps, before);
+        if let Some(stated) = payload.header.hash {
+            let found = frame.hash();
+            if found != stated {
+                return Err(ColourError::HashMismatch { stated, found });
+            }
+        }
+        Ok(&self.reference.insert(ColourReference::new(frame, &symbols)).frame)
+    }
+}
+
+/// The steps that a header states.
+#[must_use]
+pub fn steps(header: &ColourHeader) -> ColourSteps {
+    ColourSteps { luma: u32::from(header.luma_step), chroma: u32::from(header.chroma_step) }
+}
+
+/// Reads the symbols of a frame.
+fn read_symbols(
+    entropy: &mut ColourSlices,
+    payload: &ColourPayload,
+    cells: &ColourCells,
+    volume: &SparseVolume,
+    reference: Option<&ColourReference>,
+    layers: u8,
+) -> Result<ColourSymbols, SyntaxError> {
+    let coords = cells.coords();
+    let slices = usize::from(payload.header.slices);
+    let ranges: Vec<_> = SliceLayout::new(coords.len(), slices).ranges().collect();
+    let causal = CausalBlocks::new(coords, ranges.iter().cloned());
+    let before = match reference {
+        Some(reference) => reference.blocks_at(coords),
+        None => vec![None; coords.len()],
+    };
+    let predicts = payload.header.kind.predicts();
+    let models = entropy.slices(slices);
+    let modes: Vec<_> = models
+        .par_iter_mut()
+        .zip(&ranges)
+        .zip(&payload.modes)
+        .map(|((models, range), bytes)| {
+            let (causal, before) = (&causal, &before[..]);
+            let blocks = ModeBlocks { range: range.clone(), causal, before, predicts, max_depth: layers - 1 };
+            models.modes.read(bytes, &blocks)
+        })
+        .collect::<Result<_, _>>()?;
+    let mut symbols = ColourSymbols::default();
+    for (modes, depths) in modes {
+        symbols.modes.extend(modes);
+        symbols.depths.extend(depths);
+    }
+    // The layout is made again with the samples; what it takes is little beside them.
+    let shape = super::frame::ColourShape::new(cells.clone(), symbols.depths.clone(), volume);
+    let of_slice = |slice: usize, models: &mut super::syntax::ColourModels| {
+        let mut energies = FrameEnergies::new(coords.len());
+        let (shape, modes, causal, before) = (&shape, &symbols.modes[..], &causal, &before[..]);
+        let range = ranges[slice].clone();
+        let mut blocks = LayerBlocks { shape, range, modes, causal, before, energies: &mut energies };
+        let read = |layer: u8| {
+            models.coefficients.read(payload.layers[usize::from(layer)][slice], layer, &mut blocks)
+        };
+        (0..layers).map(read).collect::<Result<Vec<LayerCoefficients>, SyntaxError>>()
+    };
+    let read: Vec<_> = models
+        .par_iter_mut()
+        .enumerate()
+        .map(|(slice, models)| of_slice(slice, models))
+        .collect::<Result<_, _>>()?;
+    for slice in read {
+        for (layer, coefficients) in slice.iter().enumerate() {
+            symbols.layers[layer].append(coefficients);
+        }
+    }
+    Ok(symbols)
+}

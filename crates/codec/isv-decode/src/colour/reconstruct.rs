@@ -1,0 +1,557 @@
+//! Symbols to samples: what the encoder and every decoder do alike.
+
+use super::cells::ColourCells;
+use super::compensation::{MotionField, predict_block, vectors_around};
+use super::frame::{ColourFrame, ColourShape, Reader, SAMPLE_BITS, Sample, clamped};
+use super::symbols::{Coefficient, ColourSymbols};
+use super::transform::{
+    DIFFERENCES, add_difference, by_slot, dequantized, dequantized_mean, differences, side_weights,
+};
+use super::tree::{BlockTree, UPPER_LEVELS};
+use super::upsampling::{LevelMeans, ParentWindow, predict_root};
+use crate::main::BlockMode;
+use isv_volume::{NeighbourFinder, SparseVolume};
+use rayon::prelude::*;
+
+/// Blocks that a thread works on at a time.
+const CHUNK: usize = 32;
+
+/// Quantizer steps of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColourSteps {
+    /// Step of luma, in 1/16 of an 8-bit step.
+    pub luma: u32,
+    /// Step of both colour differences, in the same unit.
+    pub chroma: u32,
+}
+
+impl ColourSteps {
+    /// Step of a channel.
+    #[must_use]
+    #[inline(always)]
+    pub fn channel(&self, channel: usize) -> u32 {
+        if channel == 0 { self.luma } else { self.chroma }
+    }
+}
+
+/// Coefficients of a block in order, those that are zero too.
+#[derive(Debug)]
+struct Cursor<'a> {
+    rest: &'a [Coefficient],
+    place: u32,
+}
+
+impl<'a> Cursor<'a> {
+    fn new(coefficients: &'a [Coefficient], place: u32) -> Self {
+        let before = coefficients.partition_point(|c| c.place < place);
+        Self { rest: &coefficients[before..], place }
+    }
+
+    /// The levels at the next place, unless all are zero.
+    #[inline(always)]
+    fn next(&mut self) -> Option<[i16; 3]> {
+        let place = self.place;
+        self.place += 1;
+        let (first, rest) = self.rest.split_first().filter(|(first, _)| first.place == place)?;
+        self.rest = rest;
+        Some(first.levels)
+    }
+
+    /// The levels of the next node, by difference; `None` if all are zero.
+    #[inline(always)]
+    fn node(&mut self, children: u8) -> Option<[[i16; 3]; DIFFERENCES]> {
+        let end = self.place + children.count_ones() - 1;
+        if self.rest.first().is_none_or(|first| first.place >= end) {
+            self.place = end;
+            return None;
+        }
+        let mut levels = [[0; 3]; DIFFERENCES];
+        for difference in differences(children) {
+            levels[difference] = self.next().unwrap_or_default();
+        }
+        Some(levels)
+    }
+}
+
+/// Adds the differences of a node to the values of its children.
+#[inline(always)]
+pub fn add_differences(
+    values: &mut [[i32; 3]; 8],
+    children: u8,
+    weights: &[u32; 8],
+    levels: &[[i16; 3]; DIFFERENCES],
+    steps: &ColourSteps,
+) {
+    for difference in differences(children).filter(|difference| levels[*difference] != [0; 3]) {
+        let sides = side_weights(weights, difference);
+        let by = [0, 1, 2].map(|c| dequantized(i32::from(levels[difference][c]), steps.channel(c), sides));
+        add_difference(values, difference, by, sides);
+    }
+}
+
+/// What a block's mean changes by.
+fn mean_change(weight: u32, levels: [i16; 3], steps: &ColourSteps) -> [i32; 3] {
+    [0, 1, 2].map(|c| dequantized_mean(i32::from(levels[c]), steps.channel(c), weight))
+}
+
+/// The residual at each leaf of a tree, from the coefficients of its layers; nothing if all are zero.
+#[must_use]
+pub fn residual(tree: &BlockTree, layers: [&[Coefficient]; 3], steps: &ColourSteps) -> Option<Vec<[i32; 3]>> {
+    let depth = tree.depth();
+    if layers[..=usize::from(depth)].iter().all(|layer| layer.is_empty()) {
+        return None;
+    }
+    let mut cursor = Cursor::new(layers[0], 0);
+    let root = tree.levels()[0].weights[0];
+    let mut values = vec![mean_change(root, cursor.next().unwrap_or_default(), steps)];
+    for layer in 0..=depth {
+        if layer > 0 {
+            cursor = Cursor::new(layers[usize::from(layer)], 0);
+        }
+        for level in BlockTree::layer_levels(layer) {
+            let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);
+            let mut next = Vec::with_capacity(below.places.len());
+            let mut weights = &below.weights[..];
+            for (children, value) in nodes.children.iter().zip(&values) {
+                let (own, rest) = weights.split_at(children.count_ones() as usize);
+                weights = rest;
+                let mut of_children = [*value; 8];
+                if let Some(levels) = cursor.node(*children) {
+                    add_differences(&mut of_children, *children, &by_slot(*children, own), &levels, steps);
+                }
+                next.extend((0..8).filter(|slot| children >> slot & 1 != 0).map(|slot| of_children[slot]));
+            }
+            values = next;
+        }
+    }
+    Some(values)
+}
+
+/// Fills predictions that are missing with the mean of those that are there; with grey if none is.
+#[must_use]
+pub fn without_holes(predicted: &[Option<Sample>]) -> Vec<Sample> {
+    let (mut sums, mut count) = ([0i32; 3], 0);
+    let mut holes = false;
+    for sample in predicted {
+        match sample {
+            Some(sample) => {
+                count += 1;
+                (0..3).for_each(|c| sums[c] += i32::from(sample[c]));
+            }
+            None => holes = true,
+        }
+    }
+    let fill = match (holes, count) {
+        (false, _) => [0; 4],
+        (true, 0) => [128 << SAMPLE_BITS, 0, 0, 0],
+        (true, count) => clamped(sums.map(|sum| super::frame::rounded(sum, count))),
+    };
+    predicted.iter().map(|sample| sample.unwrap_or(fill)).collect()
+}
+
+/// The samples of a block in each layer, to be written.
+#[derive(Debug)]
+pub struct BlockLayers<'a>([&'a mut [Sample]; 3]);
+
+/// Splits the layers of a frame into those of its blocks.
+fn block_layers<'a>(shape: &ColourShape, layers: &'a mut [Vec<Sample>; 3]) -> Vec<BlockLayers<'a>> {
+    let mut rest = layers.each_mut().map(Vec::as_mut_slice);
+    let blocks = 0..shape.depths().len();
+    let of_block = |block: usize| {
+        let mut layer = 0;
+        BlockLayers(rest.each_mut().map(|rest| {
+            let samples = rest.split_off_mut(..shape.block_samples(block, layer).len());
+            layer += 1;
+            samples.expect("as many as were counted")
+        }))
+    };
+    blocks.map(of_block).collect()
+}
+
+impl BlockLayers<'_> {
+    /// Writes the samples of a tree's leaves, and their means into the layers above.
+    fn put(&mut self, tree: &BlockTree, mut leaves: impl Iterator<Item = Sample>) {
+        let depth = usize::from(tree.depth());
+        let levels = &tree.levels()[UPPER_LEVELS..];
+        for slot in tree.leaf_slots() {
+            self.0[depth][slot] = leaves.next().expect("a sample for each leaf");
+        }
+        for layer in (0..depth).rev() {
+            let [nodes, below] = [0, 1].map(|step| &levels[layer + step]);
+            let mut weights = below.weights.iter();
+            for (slot, children) in tree.slots(layer as u8).zip(&nodes.children) {
+                let (mut sums, mut all) = ([0i64; 3], 0i64);
+                for child in (0..8).filter(|child| children >> child & 1 != 0) {
+                    let weight = i64::from(*weights.next().expect("a weight for each child"));
+                    let sample = self.0[layer + 1][8 * slot + child];
+                    all += weight;
+                    (0..3).for_each(|c| sums[c] += weight * i64::from(sample[c]));
+                }
+                self.0[layer][slot] = clamped(sums.map(|sum| (sum + all / 2).div_euclid(all) as i32));
+            }
+        }
+    }
+}
+
+/// Decodes a frame from its symbols.
+///
+/// `volume`: the decoded field that `cells` were derived from. `before`: the frame before; without it all blocks are intra.
+#[must_use]
+pub fn reconstruct(
+    cells: ColourCells,
+    volume: &SparseVolume,
+    symbols: &ColourSymbols,
+    steps: &ColourSteps,
+    before: Option<&ColourFrame>,
+) -> ColourFrame {
+    let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
+    let mut layers = shape.layers();
+    if let Some(before) = before {
+        reconstruct_inter(&shape, &mut layers, symbols, steps, before);
+    }
+    if symbols.modes.contains(&BlockMode::Spatial) {
+        reconstruct_intra(&shape, &mut layers, &symbols.modes, steps, &mut ReadLevels(symbols));
+    }
+    ColourFrame { shape, layers }
+}
+
+/// Writes the samples of all blocks that are predicted from the frame before.
+pub fn reconstruct_inter(
+    shape: &ColourShape,
+    layers: &mut [Vec<Sample>; 3],
+    symbols: &ColourSymbols,
+    steps: &ColourSteps,
+    before: &ColourFrame,
+) {
+    let mut layers = block_layers(shape, layers);
+    layers.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, layers)| {
+        let mut predictor = InterPredictor::new(shape, &symbols.modes, before);
+        let mut tree = BlockTree::default();
+        for (block, layers) in (chunk * CHUNK..).zip(layers) {
+            if symbols.modes[block] == BlockMode::Spatial {
+                continue;
+            }
+            shape.build_tree(block, &mut tree);
+            let predicted = predictor.predict(block);
+            let coefficients = [0, 1, 2].map(|layer| symbols.layers[layer].of_block(block));
+            match residual(&tree, coefficients, steps) {
+                None => layers.put(&tree, predicted.iter().copied()),
+                Some(residual) => layers.put(&tree, with_residual(predicted, &residual)),
+            }
+        }
+    });
+}
+
+/// Predicted samples and their residual, within the range of samples.
+pub fn with_residual<'a>(
+    predicted: &'a [Sample],
+    residual: &'a [[i32; 3]],
+) -> impl Iterator<Item = Sample> + 'a {
+    let sum = |(sample, by): (&Sample, &[i32; 3])| clamped([0, 1, 2].map(|c| i32::from(sample[c]) + by[c]));
+    predicted.iter().zip(residual).map(sum)
+}
+
+/// Predicts blocks from the frame before.
+#[derive(Debug)]
+pub struct InterPredictor<'a> {
+    shape: &'a ColourShape,
+    modes: &'a [BlockMode],
+    finder: NeighbourFinder<'a>,
+    reader: Reader<'a>,
+    found: Vec<Option<Sample>>,
+    predicted: Vec<Sample>,
+}
+
+impl<'a> InterPredictor<'a> {
+    /// Creates a predictor. `modes`: of all blocks of the frame.
+    #[must_use]
+    pub fn new(shape: &'a ColourShape, modes: &'a [BlockMode], before: &'a ColourFrame) -> Self {
+        let (finder, reader) = (NeighbourFinder::new(shape.cells().index()), Reader::new(before));
+        Self { shape, modes, finder, reader, found: Vec::new(), predicted: Vec::new() }
+    }
+
+    /// Predicts the leaves of a block's tree.
+    pub fn predict(&mut self, block: usize) -> &[Sample] {
+        let shape = self.shape;
+        self.finder.turn_to(shape.cells().coords()[block]);
+        let around = vectors_around(&self.finder, self.modes);
+        self.found.clear();
+        let (quarters, depth) = (shape.block_quarters(block), shape.depths()[block]);
+        let field = MotionField::new(&around);
+        predict_block(&mut self.reader, shape.cells(), block, &field, quarters, depth, &mut self.found);
+        self.predicted.clear();
+        self.predicted.extend(without_holes(&self.found));
+        &self.predicted
+    }
+}
+
+/// Means of the nodes above the voxels' cells: of each block one, eight, 64.
+type UpperMeans = [Vec<Sample>; UPPER_LEVELS];
+
+/// Where the levels of intra blocks come from: the decoder reads them, the encoder chooses them once it knows what is predicted.
+pub trait IntraLevels: Sync {
+    /// What is kept of a level of a block, from node to node.
+    type Block: Send;
+
+    /// The levels of a block's mean. Called for one block after the other.
+    fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3];
+
+    /// Begins a level of a block, in a layer.
+    fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> Self::Block;
+
+    /// The levels of a node's differences; `None` if all are zero.
+    fn node(&self, block: &mut Self::Block, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]>;
+
+    /// Takes what was kept of a level of all blocks, in their order.
+    fn end(&mut self, layer: u8, level: usize, blocks: Vec<(usize, Self::Block)>);
+}
+
+/// A node of an intra block, whose children are predicted.
+#[derive(Clone, Copy, Debug)]
+pub struct IntraNode<'a> {
+    /// Its place at its level.
+    pub place: usize,
+    /// Which children it has.
+    pub children: u8,
+    /// Their weights by slot.
+    pub weights: &'a [u32; 8],
+    /// The number of its first child among the nodes of the level below.
+    pub first_child: usize,
+    /// Their means as predicted, by slot.
+    pub predicted: &'a [[i32; 3]; 8],
+}
+
+/// The levels that a frame's symbols have.
+struct ReadLevels<'a>(&'a ColourSymbols);
+
+impl<'a> IntraLevels for ReadLevels<'a> {
+    type Block = Cursor<'a>;
+
+    fn root(&mut self, block: usize, _weight: u32, _predicted: [i32; 3]) -> [i16; 3] {
+        Cursor::new(self.0.layers[0].of_block(block), 0).next().unwrap_or_default()
+    }
+
+    fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> Cursor<'a> {
+        Cursor::new(self.0.layers[usize::from(layer)].of_block(block), first_place(tree, layer, level))
+    }
+
+    fn node(&self, cursor: &mut Cursor<'a>, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]> {
+        cursor.node(node.children)
+    }
+
+    fn end(&mut self, _layer: u8, _level: usize, _blocks: Vec<(usize, Cursor<'a>)>) {}
+}
+
+/// Writes the samples of all blocks that are predicted from blocks of the same frame: level by level, from the blocks' means down.
+pub fn reconstruct_intra<L: IntraLevels>(
+    shape: &ColourShape,
+    layers: &mut [Vec<Sample>; 3],
+    modes: &[BlockMode],
+    steps: &ColourSteps,
+    source: &mut L,
+) {
+    let mut upper = upper_means(shape, &layers[0], modes);
+    let intra: Vec<usize> = (0..modes.len()).filter(|b| modes[*b] == BlockMode::Spatial).collect();
+    put_roots(shape, &mut upper[0], modes, steps, source);
+    let deepest = shape.depths().iter().max().copied().unwrap_or(0);
+    for layer in 0..=deepest {
+        for level in BlockTree::layer_levels(layer) {
+            let below = predict_level(shape, &upper, layers, steps, (layer, level), &intra, source);
+            let out = if level + 1 < UPPER_LEVELS {
+                &mut upper[level + 1]
+            } else {
+                &mut layers[usize::from(layer)]
+            };
+            let mut ended = Vec::with_capacity(below.len());
+            for LevelBlock { block, start, samples, state } in below {
+                out[start..][..samples.len()].copy_from_slice(&samples);
+                ended.push((block, state));
+            }
+            source.end(layer, level, ended);
+        }
+    }
+}
+
+/// The means above the cells of blocks that are written; zeros for the others.
+fn upper_means(shape: &ColourShape, cells: &[Sample], modes: &[BlockMode]) -> UpperMeans {
+    let count = shape.depths().len();
+    let mut upper = [1, 8, 64].map(|nodes| vec![[0; 4]; nodes * count]);
+    let mut tree = BlockTree::default();
+    for block in (0..count).filter(|block| modes[*block] != BlockMode::Spatial) {
+        shape.build_tree(block, &mut tree);
+        let mut values: Vec<Sample> = cells[shape.block_samples(block, 0)].to_vec();
+        for level in (0..UPPER_LEVELS).rev() {
+            let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);
+            let (mut rest, mut weights) = (&values[..], &below.weights[..]);
+            let mut means = Vec::with_capacity(nodes.places.len());
+            for (place, children) in nodes.places.iter().zip(&nodes.children) {
+                let count = children.count_ones() as usize;
+                let mean = weighted_mean(&rest[..count], &weights[..count]);
+                (rest, weights) = (&rest[count..], &weights[count..]);
+                means.push(mean);
+                upper[level][(block << (3 * level)) + usize::from(*place)] = mean;
+            }
+            values = means;
+        }
+    }
+    upper
+}
+
+fn weighted_mean(samples: &[Sample], weights: &[u32]) -> Sample {
+    let (mut sums, mut all) = ([0i64; 3], 0i64);
+    for (sample, weight) in samples.iter().zip(weights) {
+        all += i64::from(*weight);
+        (0..3).for_each(|c| sums[c] += i64::from(*weight) * i64::from(sample[c]));
+    }
+    clamped(sums.map(|sum| (sum + all / 2).div_euclid(all) as i32))
+}
+
+/// Writes the means of intra blocks, one after the other: each is predicted from those that precede it and from inter blocks.
+fn put_roots<L: IntraLevels>(
+    shape: &ColourShape,
+    roots: &mut [Sample],
+    modes: &[BlockMode],
+    steps: &ColourSteps,
+    source: &mut L,
+) {
+    let mut finder = NeighbourFinder::new(shape.cells().index());
+    let mut tree = BlockTree::default();
+    for block in (0..roots.len()).filter(|block| modes[*block] == BlockMode::Spatial) {
+        finder.turn_to(shape.cells().coords()[block]);
+        shape.build_tree(block, &mut tree);
+        let predicted = predicted_root(&finder, block, modes, |block| roots[block]);
+        let weight = tree.levels()[0].weights[0];
+        let change = mean_change(weight, source.root(block, weight, predicted), steps);
+        roots[block] = clamped([0, 1, 2].map(|c| predicted[c] + change[c]));
+    }
+}
+
+/// The prediction of an intra block's mean, from blocks that precede it and from inter blocks.
+#[must_use]
+pub fn predicted_root(
+    finder: &NeighbourFinder,
+    block: usize,
+    modes: &[BlockMode],
+    root: impl Fn(usize) -> Sample,
+) -> [i32; 3] {
+    let known = |other: usize| other < block || modes[other] != BlockMode::Spatial;
+    let around = finder.neighbourhood().into_iter().enumerate();
+    predict_root(around.filter_map(|(slot, other)| {
+        let other = other? as usize;
+        (slot != 13 && known(other)).then(|| (slot, root(other)))
+    }))
+}
+
+/// The means of the children of a level's nodes in an intra block.
+struct LevelBlock<S> {
+    block: usize,
+    /// Where they begin in the level below.
+    start: usize,
+    samples: Vec<Sample>,
+    state: S,
+}
+
+/// The means of the children of all nodes of a level in intra blocks.
+fn predict_level<L: IntraLevels>(
+    shape: &ColourShape,
+    upper: &UpperMeans,
+    layers: &[Vec<Sample>; 3],
+    steps: &ColourSteps,
+    (layer, level): (u8, usize),
+    intra: &[usize],
+    source: &L,
+) -> Vec<LevelBlock<L::Block>> {
+    let level_means = LevelMeans {
+        level,
+        cells: shape.cells(),
+        depths: shape.depths(),
+        means: if level < UPPER_LEVELS { &upper[level] } else { &layers[level - UPPER_LEVELS] },
+        shallow: &layers[0],
+        starts: shape.starts(),
+    };
+    // Above the cells every place has a mean.
+    let upper_count = (level + 1 < UPPER_LEVELS).then(|| 1 << (3 * (level + 1)));
+    let of_chunk = |chunk: &[usize]| {
+        let mut finder = NeighbourFinder::new(shape.cells().index());
+        let (mut window, mut tree) = (ParentWindow::default(), BlockTree::default());
+        let mut out = Vec::new();
+        for block in chunk.iter().copied().filter(|block| layer <= shape.depths()[*block]) {
+            finder.turn_to(shape.cells().coords()[block]);
+            window.gather(&level_means, &finder.neighbourhood());
+            shape.build_tree(block, &mut tree);
+            let mut state = source.begin(block, &tree, layer, level);
+            let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);
+            let (start, count) = match upper_count {
+                Some(count) => (block * count, count),
+                None => (shape.block_samples(block, layer).start, shape.block_samples(block, layer).len()),
+            };
+            let mut samples = vec![[0; 4]; count];
+            let mut slots = tree.slots(layer);
+            let mut first_child = 0;
+            for (place, children) in nodes.places.iter().zip(&nodes.children) {
+                let place = usize::from(*place);
+                let weights = by_slot(*children, &below.weights[first_child..]);
+                let mut values = predicted_children(&window, place, *children, &weights);
+                let node = IntraNode {
+                    place,
+                    children: *children,
+                    weights: &weights,
+                    first_child,
+                    predicted: &values,
+                };
+                if let Some(levels) = source.node(&mut state, &node) {
+                    add_differences(&mut values, *children, &weights, &levels, steps);
+                }
+                first_child += children.count_ones() as usize;
+                for child in (0..8).filter(|child| children >> child & 1 != 0) {
+                    let slot = match upper_count {
+                        Some(_) => place << 3 | child,
+                        None => slots.next().expect("a slot for each child"),
+                    };
+                    samples[slot] = clamped(values[child]);
+                }
+            }
+            out.push(LevelBlock { block, start, samples, state });
+        }
+        out
+    };
+    intra.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+}
+
+/// The children of a node as predicted from the nodes around it, moved so that their weighted mean is the node's.
+#[must_use]
+pub fn predicted_children(
+    window: &ParentWindow,
+    place: usize,
+    children: u8,
+    weights: &[u32; 8],
+) -> [[i32; 3]; 8] {
+    let mean = window.mean(place);
+    let mut values = [[0; 3]; 8];
+    let (mut sums, mut all) = ([0i64; 3], 0i64);
+    for child in (0..8).filter(|child| children >> child & 1 != 0) {
+        values[child] = window.predict(place << 3 | child);
+        all += i64::from(weights[child]);
+        (0..3).for_each(|c| sums[c] += i64::from(weights[child]) * i64::from(values[child][c]));
+    }
+    let by = [0, 1, 2].map(|c| i32::from(mean[c]) - (sums[c] + all / 2).div_euclid(all) as i32);
+    for value in &mut values {
+        (0..3).for_each(|c| value[c] += by[c]);
+    }
+    values
+}
+
+/// The place in its layer of the first coefficient of a level.
+#[must_use]
+pub fn first_place(tree: &BlockTree, layer: u8, level: usize) -> u32 {
+    let before = BlockTree::layer_levels(layer).start..level;
+    let root = u32::from(layer == 0);
+    root + before.map(|level| level_differences(tree, level)).sum::<u32>()
+}
+
+/// How many differences the nodes of a level have.
+#[must_use]
+pub fn level_differences(tree: &BlockTree, level: usize) -> u32 {
+    let [nodes, below] = [0, 1].map(|step| tree.levels()[level + step].places.len() as u32);
+    below - nodes
+}
