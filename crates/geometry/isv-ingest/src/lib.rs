@@ -48,6 +48,7 @@ mod caps;
 mod cells;
 mod closure;
 mod coded_field;
+mod colours;
 mod continuation;
 mod crossings;
 mod descent;
@@ -84,6 +85,7 @@ mod trim;
 mod tests;
 
 pub use coded_field::coded_field;
+pub use colours::{mesh_colours, point_colours};
 pub use error::IngestError;
 pub use ingester::MeshIngester;
 pub use job::MeshJob;
