@@ -112,11 +112,7 @@ impl StreamIndex {
         Ok(Self::parse_trailer(&trailer).filter(|at| *at < length))
     }
 
-    fn load_at(
-        source: &mut (impl Read + Seek),
-        header: &StreamHeader,
-        at: u64,
-    ) -> Result<Self, FormatError> {
+    fn load_at(source: &mut (impl Read + Seek), header: &StreamHeader, at: u64) -> Result<Self, FormatError> {
         source.seek(SeekFrom::Start(at))?;
         match PacketReader::at_packet(source, at, header).next_packet()? {
             Some(packet) if packet.header.kind == PacketKind::Index && packet.at == at => {

@@ -247,6 +247,13 @@ impl Packet {
         [&self.header.to_bytes()[..], &self.payload].concat()
     }
 
+    /// Size (bytes) of header and geometry part: all of the packet if it has no colour.
+    #[must_use]
+    pub fn geometry_packet_bytes(&self) -> usize {
+        // Nothing is made of a payload that cannot be split.
+        PacketHeader::BYTES + self.geometry().map_or(0, <[u8]>::len)
+    }
+
     /// Size of header and payload (bytes).
     #[must_use]
     pub fn total_bytes(&self) -> usize {

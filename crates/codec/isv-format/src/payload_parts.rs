@@ -29,7 +29,10 @@ impl<'a> PayloadParts<'a> {
         let length = u32::from_le_bytes(*length);
         let geometry_bytes = parts.len().checked_sub(length as usize).ok_or_else(|| {
             let length_at = at + parts.len() as u64;
-            FormatError::malformed(length_at, format!("a colour part of {length} bytes in a payload of fewer"))
+            FormatError::malformed(
+                length_at,
+                format!("a colour part of {length} bytes in a payload of fewer"),
+            )
         })?;
         let (geometry, colour) = parts.split_at(geometry_bytes);
         Ok(Self { geometry, colour: Some(colour) })
