@@ -48,7 +48,7 @@ fn outcome(source: impl Read) -> Vec<String> {
         Ok(packets) => packets,
         Err(error) => return vec![error.to_string()],
     };
-    let header = *packets.header().expect("a reader that began at the header has it");
+    let header = *packets.header();
     let mut decoder = Decoder::new(&header, LIMITS);
     let mut lines = Vec::new();
     while lines.len() < FRAMES {

@@ -90,7 +90,7 @@ fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVol
 /// The frames, each of the hash that its packet states.
 fn decode(bytes: &[u8]) -> Vec<SparseVolume> {
     let mut reader = PacketReader::new(bytes).expect("a whole stream");
-    let header = *reader.header().expect("a reader that began at the header has it");
+    let header = *reader.header();
     let mut decoder = Decoder::new(&header, crate::stream::LIMITS);
     let mut volumes = Vec::new();
     while let Some(packet) = reader.next_frame().expect("a whole stream") {
@@ -106,7 +106,7 @@ fn decode(bytes: &[u8]) -> Vec<SparseVolume> {
 /// Decodes without the second frame, and holds blocks that are said to be exact against those of all frames.
 fn lose_a_frame(bytes: &[u8], whole: &[SparseVolume]) {
     let mut reader = PacketReader::new(bytes).expect("a whole stream");
-    let header = *reader.header().expect("a reader that began at the header has it");
+    let header = *reader.header();
     let mut decoder = Decoder::new(&header, crate::stream::LIMITS);
     decoder.recover(true);
     for (frame, whole) in whole.iter().enumerate() {
@@ -139,7 +139,7 @@ fn header(fields: &mut Fields) -> StreamHeader {
     let truncation = Truncation::from_voxels(2 + u32::from(fields.below(15))).expect("2 to 16");
     let voxel_size = VoxelSize::from_metres(0.005).expect("in range");
     let frame_rate = FrameRate::DEFAULT;
-    StreamHeader { profile, grid: Grid { voxel_size, edge, truncation }, frame_rate }
+    StreamHeader::new(profile, Grid { voxel_size, edge, truncation }, frame_rate)
 }
 
 fn settings(fields: &mut Fields) -> EncoderSettings {

@@ -26,19 +26,19 @@ pub fn read_packets(bytes: &[u8]) {
 /// All pieces in words. Each is whole in itself.
 fn pieces(source: impl Read) -> Vec<String> {
     let mut packets = Packets::new(source, 0, LARGEST_PAYLOAD);
-    let (mut found, mut profile) = (Vec::new(), None);
+    let (mut found, mut stream) = (Vec::new(), None);
     while let Some(piece) = packets.next().expect("memory can be read") {
         match &piece {
             Piece::Header(header) => {
                 let read = StreamHeader::parse(&header.to_bytes()).expect("a stream header");
                 assert_eq!(read, *header);
-                profile = Some(read.profile);
+                stream = Some(read);
             }
             Piece::Frame { packet, entry } => {
-                let profile = profile.as_ref().expect("packets come after a stream header");
-                let read = PacketReader::at_packet(&packet[..], 0).next_packet();
+                let stream = stream.as_ref().expect("packets come after a stream header");
+                let read = PacketReader::at_packet(&packet[..], 0, stream).next_packet();
                 let read = read.expect("a packet").expect("a packet");
-                assert_eq!((read.total_bytes(), read.is_entry(profile)), (packet.len(), *entry));
+                assert_eq!((read.total_bytes(), read.is_entry(&stream.profile)), (packet.len(), *entry));
                 assert!(read.payload.len() <= LARGEST_PAYLOAD as usize);
             }
             Piece::End | Piece::Damage(_) => {}

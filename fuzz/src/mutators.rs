@@ -61,13 +61,15 @@ fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<
     let (header, packets) = open(&sealed)?;
     let number = choices.below(packets.len() as u32) as usize;
     let packet = packets.get(number)?;
-    let PacketKind::Frame { hashed, keyframe } = packet.header.kind else { return None };
+    let PacketKind::Frame { hashed, keyframe, .. } = packet.header.kind else { return None };
     let place = packet.payload_at() as usize..packet.at as usize + packet.total_bytes();
-    let mut payload = FramePayload::parse(&packet.payload, 0, hashed, &header.profile).ok()?;
+    let geometry = packet.geometry().ok()?;
+    let colour = &packet.payload[geometry.len()..];
+    let mut payload = FramePayload::parse(geometry, 0, hashed, &header.profile).ok()?;
     let room = max_size.saturating_sub(bytes.len());
     if choices.below(8) == 0 {
         change_field(&mut payload, &mut choices);
-        return Some(replace_payload(bytes, &place, &payload.to_bytes()));
+        return Some(replace_payload(bytes, &place, &[&payload.to_bytes(), colour].concat()));
     }
     let mut segments = segments(&mut payload);
     // A segment that is read has bytes. The set of blocks, which all others depend on, not more often than the rest together.
@@ -79,7 +81,7 @@ fn change_syntax(bytes: &[u8], max_size: usize, mut choices: Choices) -> Option<
     if chosen == 0 && (keyframe || choices.below(4) == 0) {
         fit_block_count(&mut payload, decoder, &packets[..=number]);
     }
-    Some(replace_payload(bytes, &place, &payload.to_bytes()))
+    Some(replace_payload(bytes, &place, &[&payload.to_bytes(), colour].concat()))
 }
 
 /// All segments of a payload, the block set first.
@@ -116,7 +118,8 @@ fn fit_block_count(payload: &mut FramePayload, mut decoder: Decoder, packets: &[
         payload.header.blocks = (low + high) / 2;
         before.iter().for_each(|packet| drop(decoder.decode(packet)));
         let mut packet = packet.clone();
-        packet.payload = payload.to_bytes();
+        let geometry_bytes = packet.geometry().map_or(0, <[u8]>::len);
+        packet.payload = [&payload.to_bytes(), &packet.payload[geometry_bytes..]].concat();
         match decoder.decode(&packet).err().map(|error| error.to_string()) {
             Some(refusal) if refusal.contains("holds more blocks") => low = payload.header.blocks + 1,
             Some(refusal) if refusal.contains("holds fewer blocks") && payload.header.blocks > 0 => {

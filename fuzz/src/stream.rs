@@ -28,7 +28,7 @@ pub fn decode(bytes: &[u8]) {
 /// The header of a stream and its first whole packets.
 pub(crate) fn open(bytes: &[u8]) -> Option<(StreamHeader, Vec<Packet>)> {
     let mut reader = PacketReader::new(bytes).ok()?;
-    let header = *reader.header().expect("a reader that began at the header has it");
+    let header = *reader.header();
     let packets = std::iter::from_fn(|| reader.next_frame().ok().flatten());
     Some((header, packets.take(FRAMES).collect()))
 }

@@ -4,7 +4,7 @@
  * - `not-isv`: the bytes are not an .isv stream
  * - `damaged`: part of the stream is broken
  * - `limit`: more than was allowed
- * - `unsupported`: this browser or server cannot
+ * - `unsupported`: this browser, server or player cannot
  * @typedef {'missing' | 'not-isv' | 'damaged' | 'limit' | 'unsupported'} FailureKind
  */
 

@@ -2,10 +2,13 @@
 
 import { Gops } from './gops.js';
 import { IsvFailure } from './failure.js';
+import { IsvError } from './wasm.js';
 
 const STREAM_HEADER_BYTES = 48;
 const PACKET_HEADER_BYTES = 24;
 const TRAILER_BYTES = 16;
+/** Where a packet header states the bytes of its payload. */
+const PAYLOAD_LENGTH_AT = 8;
 /** Largest packet read into memory. */
 const PACKET_LIMIT = 1 << 28;
 /** Most frames of a file: three days at 60 a second. */
@@ -32,7 +35,7 @@ export class FileSource {
     /** The 48 bytes that every decoder is opened with. */
     this.header = header;
     this.facts = facts;
-    /** Offset of each frame's packet, and one more: where the last one ends. */
+    /** Offset of each frame's packet, and one more: where the last one ends. Packets of unknown types may stand between two of them. */
     this.offsets = table.offsets;
     this.gops = new Gops(table.keyframes);
     /** Whether the file has an index; false if its writer did not finish, or its end was lost. */
@@ -59,7 +62,7 @@ export class FileSource {
     return this.gops.frames;
   }
 
-  /** Bytes of a frame's packet. @param {number} frame */
+  /** Bytes from a frame's packet to the next one. @param {number} frame */
   bytesOf(frame) {
     return this.offsets[frame + 1] - this.offsets[frame];
   }
@@ -74,12 +77,20 @@ export class FileSource {
     const size = this.bytesOf(frame);
     if (size > PACKET_LIMIT) throw new IsvFailure('limit', `frame ${frame} has ${size} bytes`);
     const bytes = await this.bytes.read(this.offsets[frame], this.offsets[frame + 1], signal);
-    return bytes.byteLength === bytes.buffer.byteLength ? bytes : bytes.slice();
+    const packet = firstPacket(bytes);
+    return packet.byteLength === packet.buffer.byteLength ? packet : packet.slice();
   }
 
   close() {
     this.bytes.close();
   }
+}
+
+/** The packet that bytes begin with, without what follows it; all of them where they are no whole packet. @param {Uint8Array} bytes */
+function firstPacket(bytes) {
+  if (bytes.byteLength < PACKET_HEADER_BYTES) return bytes;
+  const payloadBytes = new DataView(bytes.buffer, bytes.byteOffset).getUint32(PAYLOAD_LENGTH_AT, true);
+  return bytes.subarray(0, PACKET_HEADER_BYTES + payloadBytes);
 }
 
 /** @param {Parser} parse @param {Uint8Array} header @param {string} name */
@@ -128,18 +139,22 @@ async function walk(bytes, length, parse) {
     const header = parsed(parse, await bytes.read(at, at + PACKET_HEADER_BYTES), at);
     const end = at + PACKET_HEADER_BYTES + (header?.payloadBytes ?? 0);
     if (!header || header.kind === 'index' || end > length) break;
-    offsets.push(at);
-    keyframes.push(header.kind === 'keyframe' ? 1 : 0);
+    if (header.kind !== 'unknown') {
+      offsets.push(at);
+      keyframes.push(header.kind === 'keyframe' ? 1 : 0);
+    }
     at = end;
   }
   return { offsets: Float64Array.from([...offsets, at]), keyframes: Uint8Array.from(keyframes), indexed: false };
 }
 
-/** @param {Parser} parse @param {Uint8Array} bytes @param {number} at */
+/** @param {Parser} parse @param {Uint8Array} bytes @param {number} at @returns the header, or null if there is none */
 function parsed(parse, bytes, at) {
   try {
     return parse.parsePacketHeader(bytes, at);
-  } catch {
-    return null;
+  } catch (cause) {
+    // What a newer version added must not be taken for the end.
+    if (!(cause instanceof IsvError) || cause.kind !== 'unsupported') return null;
+    throw new IsvFailure('unsupported', `the stream cannot be played: ${cause.message}`, { cause });
   }
 }

@@ -18,7 +18,7 @@
 /**
  * What a packet's header says.
  * @typedef {object} PacketFacts
- * @property {'frame' | 'keyframe' | 'index'} kind
+ * @property {'frame' | 'keyframe' | 'index' | 'unknown'} kind `unknown`: to be skipped, as its type is not known.
  * @property {number} payloadBytes Bytes after the header.
  * @property {number} timestampNs When the frame is shown, in nanoseconds.
  */
@@ -64,14 +64,14 @@
 
 /**
  * `malformed`: bytes that break the format. `limit`: they ask for more memory than is allowed. `keyframe`: the frame predicts from
- * one that was not decoded. `order`: a call too early.
- * @typedef {'malformed' | 'limit' | 'keyframe' | 'order'} ErrorKind
+ * one that was not decoded. `order`: a call too early. `unsupported`: the stream needs a newer decoder.
+ * @typedef {'malformed' | 'limit' | 'keyframe' | 'order' | 'unsupported'} ErrorKind
  */
 
 /** @type {(ErrorKind | undefined)[]} By status. */
-const ERROR_KINDS = [undefined, 'malformed', 'limit', 'keyframe', 'order'];
+const ERROR_KINDS = [undefined, 'malformed', 'limit', 'keyframe', 'order', 'unsupported'];
 /** @type {PacketFacts['kind'][]} By number. */
-const PACKET_KINDS = ['frame', 'keyframe', 'index'];
+const PACKET_KINDS = ['frame', 'keyframe', 'index', 'unknown'];
 
 /** What a decoder cannot do, in words for people. */
 export class IsvError extends Error {

@@ -5,6 +5,7 @@ mod extremes;
 mod main_profile;
 mod raw;
 mod refused;
+mod version_2;
 
 use anyhow::{Context, Result};
 use isv::raw::decode::volume_hash;
@@ -94,8 +95,11 @@ pub(crate) fn run(folder: &str) -> Result<()> {
     std::fs::create_dir_all(folder.join("refused"))?;
     let paper = CASES.iter().map(|case| Ok((case.name, encode_case(case)?))).collect::<Result<Vec<_>>>()?;
     let mut table = String::new();
-    for (name, (stream, hashes)) in
-        paper.into_iter().chain(main_profile::streams()?).chain(extremes::streams()?)
+    for (name, (stream, hashes)) in paper
+        .into_iter()
+        .chain(main_profile::streams()?)
+        .chain(extremes::streams()?)
+        .chain(version_2::streams()?)
     {
         if write_new(&folder.join(format!("{name}.isv")), &stream)? {
             for (frame, hash) in hashes.iter().enumerate() {
@@ -152,7 +156,7 @@ fn header(profile: Profile, edge: u32, truncation: u32) -> Result<StreamHeader> 
         edge: BlockEdge::from_voxels(edge)?,
         truncation: Truncation::from_voxels(truncation)?,
     };
-    Ok(StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT })
+    Ok(StreamHeader::new(profile, grid, FrameRate::DEFAULT))
 }
 
 fn encode(header: &StreamHeader, settings: EncoderSettings, volumes: &[SparseVolume]) -> Result<Stream> {

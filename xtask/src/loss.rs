@@ -113,7 +113,7 @@ fn capture(folder: &Path) -> Result<(StreamHeader, Vec<SparseVolume>)> {
         let sign = *sign.get_or_insert_with(|| decide_sign(&mesh, ingest.sign).0);
         volumes.push(ingest_mesh(&mesh, &ingest, sign)?);
     }
-    Ok((StreamHeader { profile: Profile::Main, grid, frame_rate: FRAME_RATE }, volumes))
+    Ok((StreamHeader::new(Profile::Main, grid, FRAME_RATE), volumes))
 }
 
 /// Frame of a clip of `length` frames that is played forth and back.

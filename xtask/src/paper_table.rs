@@ -19,11 +19,11 @@ pub(crate) fn header() -> Result<StreamHeader> {
         truncation: Truncation::DEFAULT,
     };
     let frame_rate = FrameRate::DEFAULT;
-    Ok(StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
+    Ok(StreamHeader::new(
+        Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
         grid,
         frame_rate,
-    })
+    ))
 }
 
 /// What the paper's profile did to a sequence; rates in megabits a second at 30 frames a second, lengths in millimetres.

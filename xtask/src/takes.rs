@@ -86,7 +86,7 @@ pub(crate) fn decode_stream(
     then: impl Fn(&SparseVolume),
 ) -> Result<(Vec<SparseVolume>, Vec<f64>)> {
     let mut reader = PacketReader::new(stream)?;
-    let header = reader.header().context("a stream begins with its header")?;
+    let header = reader.header();
     let mut decoder = Decoder::new(header, Limits::default());
     let (mut volumes, mut decode_ms) = (Vec::new(), Vec::new());
     while let Some(packet) = reader.next_frame()? {

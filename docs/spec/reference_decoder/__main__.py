@@ -27,7 +27,7 @@ def decode_stream(file, after_loss=False):
     header = read_stream_header(reader)
     decode = decode_main if header.profile == MAIN else decode_paper
     reference = expected = models = None
-    for packet in read_frame_packets(reader):
+    for packet in read_frame_packets(reader, header):
         if packet.keyframe:
             reference = None
         elif reference is None or packet.since_keyframe != expected:

@@ -43,7 +43,9 @@ def check_crc(stored, *parts):
 
 @dataclass
 class StreamHeader:
+    version: int
     profile: int
+    colour_layers: int
     edge: int
     mu_codes: int
     coefficients: int                                 # K
@@ -56,18 +58,20 @@ def read_stream_header(reader):
     data = reader.up_to(48)
     if data[:8] != MAGIC[: len(data)]:
         raise Refused("foreign", "no magic")
-    if len(data) >= 10 and data[8:10] != b"\1\0":
-        raise Refused("unsupported", "version")
+    version = int.from_bytes(data[8:10], "little")
+    if len(data) >= 10 and version not in (1, 2):
+        raise Refused("unsupported", f"version {version}")
     if len(data) < 48:
         raise Refused("cut", "stream header")
     check_crc(struct.unpack("<I", data[44:])[0], data[:44])
-    (length, profile, edge_log2, truncation, reserved, voxel_nm, numerator, denominator,
-     coefficients, reserved_too, dc_step, ac_step) = struct.unpack("<HBBBBQIIHHII", data[10:44])
+    (length, profile, edge_log2, truncation, colour_layers, voxel_nm, numerator, denominator,
+     coefficients, reserved, dc_step, ac_step) = struct.unpack("<HBBBBQIIHHII", data[10:44])
     malformed_if(length != 48, "length of the stream header")
     if profile not in (PAPER, MAIN):
         raise Refused("unsupported", f"profile {profile}")
     malformed_if(not 2 <= truncation <= 16, "truncation")
-    malformed_if(reserved or reserved_too, "reserved fields of the stream header")
+    malformed_if(colour_layers > (3 if version == 2 and profile == MAIN else 0), "layers of colour")
+    malformed_if(reserved, "reserved fields of the stream header")
     malformed_if(not 10**3 <= voxel_nm <= 10**12, "voxel size")
     malformed_if(numerator == 0 or denominator == 0, "frame rate")
     if profile == PAPER:
@@ -78,7 +82,7 @@ def read_stream_header(reader):
         malformed_if(edge_log2 != 3, "edge")
         malformed_if(coefficients or dc_step or ac_step, "reserved fields of the stream header")
         coefficients = 162
-    return StreamHeader(profile, 2**edge_log2, 256 * truncation, coefficients, dc_step, ac_step)
+    return StreamHeader(version, profile, colour_layers, 2**edge_log2, 256 * truncation, coefficients, dc_step, ac_step)
 
 
 @dataclass
@@ -87,9 +91,10 @@ class Packet:
     has_hash: bool
     since_keyframe: int
     payload: bytes
+    has_colour: bool
 
 
-def read_frame_packets(reader):
+def read_frame_packets(reader, header):
     """5.1 to 5.4 and 6.2: the frame packets of a stream. Returns at its end."""
     while True:
         at = reader.at
@@ -104,16 +109,25 @@ def read_frame_packets(reader):
             raise Refused("limit", f"payload of {payload_bytes} bytes")
         payload = reader.take(payload_bytes)
         check_crc(crc, data[:20], payload)
-        malformed_if(kind not in (1, 2), f"packet type {kind}")
+        if kind not in (1, 2):
+            pass_over(header, kind)
+            continue
         if kind == 2:
             malformed_if(flags or since_keyframe, "reserved fields of an index packet")
             check_index(payload, at)
             read_trailer(reader, at)
             return
-        malformed_if(flags > 3, "reserved flags of a frame packet")
+        malformed_if(flags > (7 if header.colour_layers > 0 else 3), "reserved flags of a frame packet")
         keyframe = flags & 1 == 1
         malformed_if(keyframe and since_keyframe != 0, "since_keyframe of a keyframe")
-        yield Packet(keyframe, flags & 2 == 2, since_keyframe, payload)
+        yield Packet(keyframe, flags & 2 == 2, since_keyframe, payload, flags & 4 == 4)
+
+
+def pass_over(header, kind):
+    """5.2: a packet of an unknown type is skipped, or refused."""
+    malformed_if(header.version == 1, f"packet type {kind}")
+    if kind < 128:
+        raise Refused("unsupported", f"packet type {kind}")
 
 
 def check_index(payload, index_at):
@@ -191,9 +205,21 @@ def block_limit(header):
     return 3 * 2**30 // header.edge**3
 
 
+def split_payload(packet):
+    """6.4: geometry part and colour part, which is None if there is none."""
+    if not packet.has_colour:
+        return packet.payload, None
+    malformed_if(len(packet.payload) < 4, "the payload ends before the length of its colour part")
+    parts, colour_bytes = packet.payload[:-4], int.from_bytes(packet.payload[-4:], "little")
+    malformed_if(colour_bytes > len(parts), f"colour part of {colour_bytes} bytes")
+    at = len(parts) - colour_bytes
+    return parts[:at], parts[at:]
+
+
 def parse_frame(header, packet):
     """6.4, and what 7.1 looks at after it."""
-    payload = Payload(packet.payload)
+    geometry, _colour = split_payload(packet)
+    payload = Payload(geometry)
     frame = Frame(prediction=payload.u8())
     known = (0, 1, 2, 3) if header.profile == PAPER else (0, 2, 6, 10)
     malformed_if(frame.prediction not in known, f"prediction {frame.prediction}")
@@ -221,7 +247,7 @@ def parse_frame(header, packet):
     for motion_bytes, coefficient_bytes in lengths:
         frame.motion.append(payload.take(motion_bytes))
         frame.coefficients.append(payload.take(coefficient_bytes))
-    malformed_if(payload.at != len(payload.data), "the segments do not fill the payload")
+    malformed_if(payload.at != len(payload.data), "the segments do not fill the geometry part")
     malformed_if(packet.keyframe and frame.prediction != 0, "prediction of a keyframe")
     check_limits(header, frame)
     return frame

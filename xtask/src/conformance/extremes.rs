@@ -40,7 +40,7 @@ fn header(profile: Profile, edge: BlockEdge, truncation: u32, most: bool) -> Res
         edge,
         truncation: Truncation::from_voxels(truncation)?,
     };
-    Ok(StreamHeader { profile, grid, frame_rate: FrameRate { numerator, denominator } })
+    Ok(StreamHeader::new(profile, grid, FrameRate { numerator, denominator }))
 }
 
 /// A small stream of profile `paper`.
@@ -124,7 +124,7 @@ fn long_gop() -> Result<Stream> {
 }
 
 /// A stream that is decoded to its end.
-fn judged(bytes: Vec<u8>) -> Result<Stream> {
+pub(super) fn judged(bytes: Vec<u8>) -> Result<Stream> {
     let (hashes, error) = judge(&bytes);
     ensure!(error.is_none(), "{error:?}");
     Ok((bytes, hashes))

@@ -67,7 +67,7 @@ fn still_and_moving(truncation: u32, main: MainSettings) -> Result<Stream> {
 /// such as settled masks beside blocks that change.
 fn foreign(bytes: &[u8]) -> Result<Stream> {
     let mut reader = PacketReader::new(bytes)?;
-    let mut decoder = Decoder::new(reader.header().context("a header")?, Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     let mut hashes = Vec::new();
     while let Some(packet) = reader.next_frame()? {
         hashes.push(volume_hash(decoder.decode(&packet)?.volume));

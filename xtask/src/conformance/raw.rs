@@ -50,7 +50,12 @@ impl RawStream {
     pub(super) fn frame(&mut self, keyframe: bool, timestamp_ns: u64, hashed: bool, payload: &[u8]) {
         self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
         self.index.frames.push(IndexEntry { at: self.bytes.len() as u64, keyframe });
-        self.packet(PacketKind::Frame { keyframe, hashed }, self.since_keyframe, timestamp_ns, payload);
+        self.packet(
+            PacketKind::Frame { keyframe, hashed, colour: false },
+            self.since_keyframe,
+            timestamp_ns,
+            payload,
+        );
     }
 
     /// Adds any packet.
@@ -62,6 +67,24 @@ impl RawStream {
         payload: &[u8],
     ) {
         self.bytes.extend(PacketHeader::seal(kind, since_keyframe, timestamp_ns, payload));
+        self.bytes.extend(payload);
+    }
+
+    /// Adds a packet of any type, known or not, with these flags.
+    pub(super) fn unknown(
+        &mut self,
+        code: u8,
+        flags: u8,
+        since_keyframe: u16,
+        timestamp_ns: u64,
+        payload: &[u8],
+    ) {
+        let kind = PacketKind::Skippable { code };
+        let mut header = PacketHeader::seal(kind, since_keyframe, timestamp_ns, payload);
+        header[5] = flags;
+        let checksum = crc32(&[&header[..20], payload].concat());
+        header[20..].copy_from_slice(&checksum.to_le_bytes());
+        self.bytes.extend(header);
         self.bytes.extend(payload);
     }
 
@@ -78,6 +101,13 @@ impl RawStream {
         self.packet(PacketKind::Index, 0, 0, index);
         self.bytes.extend(StreamIndex::trailer(at));
     }
+}
+
+/// Checksum of CRC-32.
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })
+    })
 }
 
 /// A segment of what is encoded into it.
@@ -136,7 +166,7 @@ pub(super) fn judge(bytes: &[u8]) -> (Vec<u64>, Option<DecodeError>) {
 
 fn decode(bytes: &[u8], hashes: &mut Vec<u64>) -> Result<(), DecodeError> {
     let mut reader = PacketReader::new(bytes)?;
-    let mut decoder = Decoder::new(reader.header().expect("the reader began at it"), Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     while let Some(packet) = reader.next_frame()? {
         hashes.push(volume_hash(decoder.decode_and_verify(&packet)?.volume));
     }

@@ -1,7 +1,7 @@
 //! Streams that must be refused, and some that may be.
 
 use super::extremes::{MAIN, frame_of_ones, keyframe, small_main, small_paper};
-use super::raw::{RawFrame, RawStream, judge, octree, segment};
+use super::raw::{RawFrame, RawStream, crc32, judge, octree, segment};
 use anyhow::{Context, Result, bail, ensure};
 use isv::raw::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
 use isv::raw::encode::{Encoder, EncoderSettings, MotionMode};
@@ -22,7 +22,7 @@ pub(super) struct Refused {
     says: &'static str,
 }
 
-fn case(
+pub(super) fn case(
     name: &'static str,
     bytes: Vec<u8>,
     frames: usize,
@@ -38,6 +38,7 @@ pub(super) fn streams() -> Result<Vec<Refused>> {
     cases.extend(packet_cases()?);
     cases.extend(payload_cases()?);
     cases.extend(symbol_cases()?);
+    cases.extend(super::version_2::refused()?);
     for case in &cases {
         let (frames, error) = judge(&case.bytes);
         let error = error.with_context(|| format!("{} is accepted", case.name))?;
@@ -113,15 +114,8 @@ fn one_frame(header: &StreamHeader) -> Result<RawStream> {
     Ok(stream)
 }
 
-/// Checksum of CRC-32.
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })
-    })
-}
-
 /// A stream without frames, bytes of its header changed, its checksum right.
-fn with_header(header: &StreamHeader, at: usize, bytes: &[u8]) -> Vec<u8> {
+pub(super) fn with_header(header: &StreamHeader, at: usize, bytes: &[u8]) -> Vec<u8> {
     let mut out = header.to_bytes().to_vec();
     out[at..at + bytes.len()].copy_from_slice(bytes);
     let checksum = crc32(&out[..44]);
@@ -148,13 +142,12 @@ fn header_cases() -> Result<Vec<Refused>> {
             "",
         ),
         wrong("version_0", &paper, 8, &[0, 0], Unsupported),
-        wrong("version_2", &paper, 8, &[2, 0], Unsupported),
         case(
             "version_2_other_checksum",
             one_frame(&paper)?.bytes.splice_at(8, &[2]),
             0,
-            Unsupported,
-            "version 2",
+            Damaged,
+            "stream header",
         ),
         wrong("profile_2", &paper, 12, &[2], Unsupported),
         wrong("header_length_47", &paper, 10, &[47, 0], Malformed),
@@ -184,8 +177,7 @@ fn header_cases() -> Result<Vec<Refused>> {
         wrong("main_ac_step", &main, 43, &[1], Malformed),
         case("header_checksum", damaged, 0, Damaged, "stream header"),
         case("header_cut", paper.to_bytes()[..20].to_vec(), 0, Cut, "stream header"),
-        // Another version may have another length.
-        case("version_2_short", with_header(&paper, 8, &[2, 0])[..10].to_vec(), 0, Unsupported, "version 2"),
+        case("version_2_short", with_header(&paper, 8, &[2, 0])[..10].to_vec(), 0, Cut, "stream header"),
         case("empty", Vec::new(), 0, Cut, "stream header"),
         case("bytes_1", magic[..1].to_vec(), 0, Cut, "stream header"),
         case("bytes_1_foreign", b"I".to_vec(), 0, Foreign, ""),
@@ -231,14 +223,14 @@ fn packet_cases() -> Result<Vec<Refused>> {
     let since = |keyframe: bool, since: u16| {
         let mut stream = good.clone();
         let payload = if keyframe { keyframe_bytes(&header) } else { payload.clone() };
-        stream.packet(PacketKind::Frame { keyframe, hashed: false }, since, 0, &payload);
+        stream.packet(PacketKind::Frame { keyframe, hashed: false, colour: false }, since, 0, &payload);
         stream.bytes
     };
     let whole = changed(0, b"I");
     // A first packet that is no keyframe, with these flags.
     let without_keyframe = |flags: u8, payload: &[u8]| {
         let mut stream = RawStream::new(&header);
-        stream.packet(PacketKind::Frame { keyframe: false, hashed: false }, 1, 0, payload);
+        stream.packet(PacketKind::Frame { keyframe: false, hashed: false, colour: false }, 1, 0, payload);
         let bytes = stream.bytes.splice_at(48 + 5, &[flags]);
         let checksum = crc32(&[&bytes[48..68], &bytes[72..]].concat());
         bytes.splice_at(68, &checksum.to_le_bytes())
@@ -289,7 +281,7 @@ fn keyframe_bytes(header: &StreamHeader) -> Vec<u8> {
     keyframe(header, &[[0; 3]], 0).to_bytes()
 }
 
-fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
+pub(super) fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     bytes[at] ^= 0x10;
     bytes

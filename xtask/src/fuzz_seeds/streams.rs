@@ -72,7 +72,7 @@ fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
 /// Two frames, the second one predicted.
 fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile, grid: *volume.grid(), frame_rate };
+    let header = StreamHeader::new(profile, *volume.grid(), frame_rate);
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header)?;
     for _ in 0..2 {

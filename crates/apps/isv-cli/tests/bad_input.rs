@@ -241,15 +241,15 @@ fn a_voxel_size_cannot_be_chosen_by_no_frames() {
 #[test]
 fn a_surface_of_more_than_there_is_memory_for_is_refused() {
     let work = Workspace::new();
-    let header = StreamHeader {
-        profile: Profile::Main,
-        grid: Grid {
+    let header = StreamHeader::new(
+        Profile::Main,
+        Grid {
             voxel_size: VoxelSize::from_metres(0.01).unwrap(),
             edge: BlockEdge::E8,
             truncation: Truncation::DEFAULT,
         },
-        frame_rate: FrameRate::DEFAULT,
-    };
+        FrameRate::DEFAULT,
+    );
     let foam = |position: [f64; 3]| 2.0 * position.map(|x| (2.0 * x).sin()).iter().sum::<f64>();
     let mut main = Preset::Realtime.settings();
     main.quality = FrameQuality::of_quality(100.0);
@@ -434,7 +434,8 @@ fn a_newer_version() {
     let (work, mut bytes) = Workspace::with_stream(1);
     bytes[8] = 200;
     work.write("new.isv", bytes);
-    work.isv(&["info", "new.isv"]).fails(1, &["new.isv: format version 200, but this build reads version 1"]);
+    work.isv(&["info", "new.isv"])
+        .fails(1, &["new.isv: format version 200, but this build reads versions 1 to 2"]);
     work.isv(&["decode", "new.isv", "-o", "out"]).fails(1, &["new.isv: format version 200"]);
 }
 
@@ -512,7 +513,7 @@ fn a_frame_that_needs_more_memory_than_there_is() {
 fn a_hash_that_does_not_match() {
     let (work, bytes) = Workspace::with_stream(3);
     let mut reader = PacketReader::new(&bytes[..]).unwrap();
-    let header = *reader.header().unwrap();
+    let header = *reader.header();
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
     for frame in 0..3 {
         let packet = reader.next_frame().unwrap().unwrap();

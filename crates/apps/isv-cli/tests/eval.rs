@@ -24,11 +24,11 @@ fn grid() -> Grid {
 }
 
 fn stream_of(volumes: &[SparseVolume]) -> Vec<u8> {
-    let header = StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
-        grid: grid(),
-        frame_rate: FrameRate::DEFAULT,
-    };
+    let header = StreamHeader::new(
+        Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
+        grid(),
+        FrameRate::DEFAULT,
+    );
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
     for (frame, volume) in (0..).zip(volumes) {

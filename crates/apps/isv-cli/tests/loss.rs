@@ -146,7 +146,7 @@ fn frames_that_no_camera_makes_are_not_held() {
     let bytes = work.read("take.isv");
     let mut packets = PacketReader::new(&bytes[..]).unwrap();
     let frame_rate = FrameRate { numerator: u32::MAX, denominator: 1 };
-    let header = StreamHeader { frame_rate, ..*packets.header().unwrap() };
+    let header = StreamHeader { frame_rate, ..*packets.header() };
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
     for timestamp_ns in [0, 900_000_000, 900_000_001] {
         writer.copy_frame(&packets.next_frame().unwrap().unwrap(), timestamp_ns).unwrap();

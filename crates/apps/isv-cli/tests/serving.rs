@@ -3,7 +3,7 @@
 mod support;
 
 use futures_util::StreamExt;
-use isv::raw::format::PacketReader;
+use isv::raw::format::{PacketReader, StreamHeader};
 use isv_serve::{Page, message};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -193,19 +193,21 @@ fn an_encoder_on_a_pipe_is_watched_as_it_runs() {
                 return received.into_data();
             }
         };
-        let start = unix_ns();
+        let (start, mut header) = (unix_ns(), None);
         let mut before = start;
         let mut stdin = encoder.stdin.take().unwrap();
         for frame in 0..4 {
             // Each of these would wait for ever if anything on the way waited for the frame after.
             stdin.write_all(&work.read(&format!("frames/frame_{frame}.ply"))).unwrap();
             if frame == 0 {
-                let header = next().await;
-                assert_eq!((header[0], header.len()), (message::HEADER, 49));
+                let received = next().await;
+                assert_eq!((received[0], received.len()), (message::HEADER, 49));
+                header = Some(StreamHeader::parse(received[1..].try_into().unwrap()).unwrap());
             }
             let received = next().await;
             assert!(message::is_packet(&received));
-            let packet = PacketReader::at_packet(&received[9..], 0).next_packet().unwrap().unwrap();
+            let packet =
+                PacketReader::at_packet(&received[9..], 0, &header.unwrap()).next_packet().unwrap().unwrap();
             assert_eq!(packet.is_keyframe(), frame % 3 == 0);
             let stamp = packet.header.timestamp_ns;
             assert!(before < stamp && stamp <= unix_ns(), "{before} < {stamp}");

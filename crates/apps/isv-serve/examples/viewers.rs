@@ -99,7 +99,7 @@ async fn measure(
 fn read(file: &str) -> Result<(StreamHeader, Vec<Packet>), Failure> {
     let bytes = fs::read(file)?;
     let mut reader = PacketReader::new(&bytes[..])?;
-    let header = *reader.header().ok_or("no header")?;
+    let header = *reader.header();
     let mut packets = Vec::new();
     while let Some(packet) = reader.next_frame()? {
         packets.push(packet);

@@ -53,6 +53,13 @@ pub enum Event {
         /// Place of the packet, in bytes from the stream's start.
         at: u64,
     },
+    /// Packets of a stream are left out of a copy: this build does not know their types.
+    LeftOut {
+        /// Name of the stream.
+        name: String,
+        /// Number of packets.
+        packets: usize,
+    },
     /// The bytes behind the last sound frame of a stream cannot be read.
     EndsInDamage {
         /// Name of the stream.
@@ -115,6 +122,7 @@ impl Event {
             | Self::Damage { .. }
             | Self::OtherStream { .. }
             | Self::Gap { .. }
+            | Self::LeftOut { .. }
             | Self::EndsInDamage { .. } => true,
             Self::OnCpu(_) => false,
             Self::Health { health, .. } => *health != Health::Exact,
@@ -150,6 +158,7 @@ impl fmt::Display for Event {
                     None => write!(f, "at byte {at}"),
                 }
             }
+            Self::LeftOut { name, packets } => write!(f, "{name}: {}", left_out_in_words(*packets)),
             Self::EndsInDamage { name, why } => write!(f, "{name}: {why}: what is before that was copied"),
             Self::Health { name, frame, health, why } => match health {
                 Health::Exact => write!(f, "{name}: exact again from frame {frame} on"),
@@ -163,5 +172,14 @@ impl fmt::Display for Event {
             #[cfg(feature = "encode")]
             Self::Encode(event) => event.fmt(f),
         }
+    }
+}
+
+/// Packets of unknown types that a copy does not have, in words.
+#[must_use]
+pub fn left_out_in_words(packets: usize) -> String {
+    match packets {
+        1 => "1 packet of a type that only a newer isv knows is left out".to_owned(),
+        _ => format!("{packets} packets of types that only a newer isv knows are left out"),
     }
 }

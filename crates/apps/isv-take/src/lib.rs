@@ -39,7 +39,7 @@ mod evaluate;
 
 pub use cancel::Cancellation;
 pub use device::{Decoded, DecodedVolume, Device, DeviceError, DeviceVolume, OpenDevice, StreamDecoder};
-pub use event::{Event, Health, Observer};
+pub use event::{Event, Health, Observer, left_out_in_words};
 pub use frame_range::{FrameRange, FrameRangeError};
 pub use input::Input;
 pub use memory::{MemoryError, MemoryLimit};

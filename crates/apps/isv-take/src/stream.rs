@@ -75,7 +75,7 @@ fn begin(
 ) -> Result<(PacketReader<ByteSource>, StreamHeader), StreamError> {
     let packets = PacketReader::new(source).map_err(|error| StreamFault::from(error).in_stream(name))?;
     let packets = packets.with_largest_payload(memory.largest_payload());
-    let header = *packets.header().expect("a reader that began at the header has it");
+    let header = *packets.header();
     Ok((packets, header))
 }
 
@@ -159,7 +159,7 @@ impl StreamFrames {
         let mut first = 0;
         let path = input.path().filter(|path| path.is_file());
         if let (Some(range), true) = (settings.frames, path.is_some()) {
-            (packets, first) = seek(input, range, settings.memory)?;
+            (packets, first) = seek(input, &header, range, settings.memory)?;
         }
         let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
         Ok(Self { length, first, next: first, ..Self::new(input.name(), header, packets, settings)? })
@@ -268,6 +268,7 @@ impl Iterator for StreamFrames {
 /// A reader at the last keyframe before a range, and the number of that frame.
 fn seek(
     input: &Input,
+    header: &StreamHeader,
     range: FrameRange,
     memory: MemoryLimit,
 ) -> Result<(PacketReader<ByteSource>, usize), StreamError> {
@@ -282,7 +283,7 @@ fn seek(
         Ok((at, keyframe))
     };
     let (at, keyframe) = find().map_err(|fault: StreamFault| fault.in_stream(&input.name()))?;
-    let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at);
+    let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at, header);
     Ok((packets.with_largest_payload(memory.largest_payload()), keyframe))
 }
 
@@ -290,6 +291,13 @@ fn seek(
 pub fn tell_if_cut(name: &str, packets: &PacketReader<impl Read>, observer: &dyn Observer) {
     if !packets.complete() {
         observer.event(&Event::Cut { name: name.to_owned() });
+    }
+}
+
+/// Tells that a copy of a stream lacks packets whose types are not known.
+fn tell_if_left_out(name: &str, packets: usize, observer: &dyn Observer) {
+    if packets > 0 {
+        observer.event(&Event::LeftOut { name: name.to_owned(), packets });
     }
 }
 

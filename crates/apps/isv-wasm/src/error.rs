@@ -41,6 +41,8 @@ pub(crate) enum Status {
     NeedsKeyframe = 3,
     /// A call too early.
     Order = 4,
+    /// A version, a profile or a type of packet that is not known.
+    Unsupported = 5,
 }
 
 impl Status {
@@ -49,6 +51,7 @@ impl Status {
         match class {
             Some(RefusalClass::Limit) => Self::Limit,
             Some(RefusalClass::Missing) => Self::NeedsKeyframe,
+            Some(RefusalClass::Unsupported) => Self::Unsupported,
             _ => Self::Malformed,
         }
     }

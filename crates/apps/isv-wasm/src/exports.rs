@@ -149,12 +149,13 @@ extern "C" fn isv_packet(at: f64) -> f64 {
     })
 }
 
-/// What the packet is whose header was read last. 0: a frame, 1: a keyframe, 2: an index.
+/// What the packet is whose header was read last. 0: a frame, 1: a keyframe, 2: an index, 3: one to skip, whose type is not known.
 #[unsafe(no_mangle)]
 extern "C" fn isv_packet_kind() -> u32 {
     with(|session| match session.packet_header().map(|header| header.kind) {
         Some(PacketKind::Frame { keyframe: true, .. }) => 1,
         Some(PacketKind::Index) => 2,
+        Some(PacketKind::Skippable { .. }) => 3,
         Some(PacketKind::Frame { .. }) | None => 0,
     })
 }

@@ -126,6 +126,11 @@ impl Session {
         self.stream.as_ref().map(|stream| &stream.header)
     }
 
+    /// The header of the stream, without which packets have no meaning.
+    fn stream_header(&self) -> Result<&StreamHeader, SessionError> {
+        self.header().ok_or(SessionError::Order("a packet before the stream's header"))
+    }
+
     /// Where the index packet begins, if the stream ends with a trailer. Input: its last 16 bytes.
     pub(crate) fn trailer(&self) -> Option<u64> {
         StreamIndex::parse_trailer(self.input_as("a trailer").ok()?)
@@ -152,7 +157,7 @@ impl Session {
     /// Reads the header of a packet that begins at byte `at`. Input: its 24 bytes.
     pub(crate) fn read_packet_header(&mut self, at: u64) -> Result<&PacketHeader, SessionError> {
         self.packet = None;
-        let header = PacketHeader::parse(self.input_as("a packet header")?, at)?;
+        let header = PacketHeader::parse(self.input_as("a packet header")?, at, self.stream_header()?)?;
         Ok(self.packet.insert(header))
     }
 
@@ -247,7 +252,7 @@ impl Session {
     /// The input as a packet that begins at byte `at`, its checksum verified.
     fn whole_packet(&self, at: u64) -> Result<Packet, SessionError> {
         let found = self.input.len();
-        let packet = PacketReader::at_packet(&self.input[..], at).next_packet()?;
+        let packet = PacketReader::at_packet(&self.input[..], at, self.stream_header()?).next_packet()?;
         let expected = packet.as_ref().map_or(PacketHeader::BYTES, Packet::total_bytes);
         packet.filter(|_| found == expected).ok_or(SessionError::Length { what: "a packet", expected, found })
     }

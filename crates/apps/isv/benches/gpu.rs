@@ -80,7 +80,7 @@ fn measure(name: &str, voxel_m: f64, meshes: &[TriangleMesh], copy_rate: f64) ->
     let paper = PaperParameters { coefficients: 48, dc_step: 819, ac_step: 8192 };
     let profiles = [("main", Profile::Main, Reach::Surface), ("paper", Profile::Paper(paper), Reach::Band)];
     for (profile_name, profile, reach) in profiles {
-        let header = StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT };
+        let header = StreamHeader::new(profile, grid, FrameRate::DEFAULT);
         let ingest = Ingest::new(grid, reach, meshes)?;
         let (volumes, ingest_on_cpu) = ingest.on_cpu()?;
         let (stream, encode_on_cpu) = encode(&header, &volumes, |settings| {

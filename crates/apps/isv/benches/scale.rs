@@ -105,7 +105,7 @@ fn measure(name: &str) -> Result<()> {
     let Some(Scene { voxel_m, frames, mesh }) = scene(name)? else { return Ok(()) };
     let truncation = Truncation::DEFAULT;
     let grid = Grid { voxel_size: VoxelSize::from_metres(voxel_m)?, edge: BlockEdge::E8, truncation };
-    let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
+    let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
     let settings = MeshIngest { reach: Reach::Surface, max_blocks: MAX_BLOCKS, ..MeshIngest::new(grid) };
     let mut ingester = MeshIngester::new(settings);
     let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };

@@ -100,7 +100,7 @@ fn encode(
     table: &mut Table,
 ) -> Result<(Vec<u8>, usize)> {
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
+    let header = StreamHeader::new(Profile::Main, grid, frame_rate);
     let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };
     let mut encoder = Encoder::new(&header, settings);
     let mut writer = PacketWriter::new(Vec::new(), &header)?;
@@ -122,7 +122,7 @@ fn encode(
 /// Decodes the stream and extracts its surface; the last volume.
 fn decode(stream: &[u8], stages: &Stages, table: &mut Table) -> Result<SparseVolume> {
     let mut reader = PacketReader::new(stream)?;
-    let mut decoder = Decoder::new(reader.header().context("a stream with a header")?, Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     let (mut decode_times, mut surface_times, mut last) = (Vec::new(), Vec::new(), None);
     while let Some(packet) = reader.next_frame()? {
         let is_first = last.is_none();

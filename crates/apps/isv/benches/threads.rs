@@ -80,7 +80,7 @@ impl Side {
     fn new(grid: Grid, threads: usize, meshes: &[TriangleMesh]) -> Result<Self> {
         let ingest = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
         let frame_rate = FrameRate::DEFAULT;
-        let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
+        let header = StreamHeader::new(Profile::Main, grid, frame_rate);
         let settings = EncoderSettings { main: Preset::Realtime.settings(), ..EncoderSettings::default() };
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(threads).build()?,

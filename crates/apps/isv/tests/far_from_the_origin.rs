@@ -17,7 +17,7 @@ const CUBE_BLOCKS: i32 = 64;
 fn header() -> StreamHeader {
     let voxel_size = VoxelSize::from_nanometres(VOXEL_NM).unwrap();
     let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation: Truncation::DEFAULT };
-    StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT }
+    StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT)
 }
 
 /// A ball in the cube of 2 m from the origin on, a little further on in each frame; that cube is moved by whole cubes.

@@ -10,15 +10,15 @@ use isv::raw::volume::{BlockEdge, CODES_PER_VOXEL, Grid, SparseVolume, Truncatio
 use isv_testkit::{capture, volume_of};
 
 fn header(truncation: u32) -> StreamHeader {
-    StreamHeader {
-        profile: Profile::Main,
-        grid: Grid {
+    StreamHeader::new(
+        Profile::Main,
+        Grid {
             voxel_size: VoxelSize::from_metres(0.01).unwrap(),
             edge: BlockEdge::E8,
             truncation: Truncation::from_voxels(truncation).unwrap(),
         },
-        frame_rate: FrameRate::DEFAULT,
-    }
+        FrameRate::DEFAULT,
+    )
 }
 
 /// A room of 40 x 32 x 40 voxels, seen from within: free space, a pillar, the band behind its walls. What lies behind a slanted
@@ -51,7 +51,7 @@ fn decoded(
     writer.write_frame(frame.keyframe, 0, &frame.payload()).unwrap();
     let bytes = writer.finish().unwrap();
     let mut reader = PacketReader::new(&bytes[..]).unwrap();
-    let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     let packet = reader.next_frame().unwrap().unwrap();
     let volume = decoder.decode(&packet).unwrap().volume.clone();
     let field = coded_field(&volume, decoder.coded_blocks().unwrap());

@@ -81,7 +81,7 @@ fn results(
     volumes.iter().for_each(|volume| results.add("ingest", volume));
     for (name, profile, settings) in codings.iter().cloned() {
         let frame_rate = FrameRate::DEFAULT;
-        let header = StreamHeader { profile, grid: grid(voxel_m), frame_rate };
+        let header = StreamHeader::new(profile, grid(voxel_m), frame_rate);
         let stream = encode(&header, settings, &volumes);
         let mut reader = PacketReader::new(&stream[..]).unwrap();
         let mut decoder = Decoder::new(&header, Limits::default());

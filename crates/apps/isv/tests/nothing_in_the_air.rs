@@ -37,21 +37,21 @@ fn stream(header: &StreamHeader, meshes: &[TriangleMesh], quality: f32) -> Vec<u
 #[test]
 fn of_a_dancer_with_open_soles_nothing_is_left_in_the_air() {
     let Some(meshes) = dancer() else { return };
-    let header = StreamHeader {
-        profile: Profile::Main,
-        grid: Grid {
+    let header = StreamHeader::new(
+        Profile::Main,
+        Grid {
             voxel_size: VoxelSize::from_metres(VOXEL).unwrap(),
             edge: BlockEdge::E8,
             truncation: Truncation::DEFAULT,
         },
-        frame_rate: FrameRate::DEFAULT,
-    };
+        FrameRate::DEFAULT,
+    );
     for quality in [50.0, 20.0] {
         let bytes = stream(&header, &meshes, quality);
         // In voxels of the resolution.
         for (lod, most) in [(Lod::Full, 2.5), (Lod::Half, 2.0), (Lod::Quarter, 2.0)] {
             let mut reader = PacketReader::new(&bytes[..]).unwrap();
-            let mut decoder = Decoder::with_lod(reader.header().unwrap(), Limits::default(), lod).unwrap();
+            let mut decoder = Decoder::with_lod(reader.header(), Limits::default(), lod).unwrap();
             for mesh in &meshes {
                 let bvh = Bvh::new(mesh);
                 let packet = reader.next_frame().unwrap().unwrap();
@@ -84,7 +84,7 @@ fn decoded_sheets_lie_where_the_source_has_them() {
         let Some(folder) = capture(name) else { return };
         let voxel_size = VoxelSize::from_metres(voxel_m).unwrap();
         let grid = Grid { voxel_size, edge: BlockEdge::E8, truncation: Truncation::DEFAULT };
-        let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
+        let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
         let settings = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
         let mut encoder = Encoder::new(&header, EncoderSettings::default());
         for path in FrameSequence::open(folder).unwrap().paths().iter().take(frames) {

@@ -85,7 +85,7 @@ fn soak(name: &str, profile: Profile, gop: u32, take: impl FnOnce() -> Option<Ve
     let Some(take) = take() else { return };
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("soak-{name}.isv"));
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile, grid: *take[0].grid(), frame_rate };
+    let header = StreamHeader::new(profile, *take[0].grid(), frame_rate);
     let main = Preset::Realtime.settings();
     let settings = EncoderSettings { gop, checksums: true, main, ..EncoderSettings::default() };
     let mut encoder = Encoder::new(&header, settings);

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Decodes a stream to its end, or to what is refused, and prints each frame.
 fn decode(source: impl Read, out: &mut impl Write) -> Result<(), DecodeError> {
     let mut reader = PacketReader::new(source)?;
-    let mut decoder = Decoder::new(reader.header().expect("the reader began at it"), Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     let mut frame = 0;
     while let Some(packet) = reader.next_frame()? {
         let hash = volume_hash(decoder.decode_and_verify(&packet)?.volume);

@@ -25,7 +25,7 @@ fn header(profile: Profile) -> StreamHeader {
         edge: BlockEdge::E8,
         truncation: Truncation::DEFAULT,
     };
-    StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT }
+    StreamHeader::new(profile, grid, FrameRate::DEFAULT)
 }
 
 /// A stream of one keyframe, whose segments, but for the block set, are zeros, which decode to ones.
@@ -50,7 +50,7 @@ fn bomb(profile: Profile, blocks: u32, slices: u16, block_set: &[u8]) -> Vec<u8>
         slices: vec![SlicePayload { modes: &[], coefficients: &[0; 4] }; usize::from(slices)],
     };
     let payload = payload.to_bytes();
-    let kind = PacketKind::Frame { keyframe: true, hashed: false };
+    let kind = PacketKind::Frame { keyframe: true, hashed: false, colour: false };
     let packet = PacketHeader::seal(kind, 0, 0, &payload);
     [&header(profile).to_bytes()[..], &packet, &payload].concat()
 }
@@ -104,7 +104,7 @@ fn few_bytes_take_little_memory() {
     for (name, class, bytes) in bombs {
         let start = Instant::now();
         let mut reader = PacketReader::new(&bytes[..]).unwrap();
-        let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+        let mut decoder = Decoder::new(reader.header(), Limits::default());
         let error = reader
             .next_frame()
             .map_err(|error| error.class())

@@ -29,7 +29,7 @@ fn decode(bytes: &[u8]) -> (Vec<u64>, Result<bool, DecodeError>) {
     let mut hashes = Vec::new();
     let mut decode = || {
         let mut reader = PacketReader::new(bytes)?;
-        let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+        let mut decoder = Decoder::new(reader.header(), Limits::default());
         while let Some(packet) = reader.next_frame()? {
             hashes.push(volume_hash(decoder.decode_and_verify(&packet)?.volume));
         }
@@ -109,7 +109,7 @@ fn exact_part(volume: &SparseVolume, exact: &ExactBlocks) -> SparseVolume {
 /// not exact, and the hash of those that are.
 fn decode_with_losses(bytes: &[u8], lost: &[usize]) -> Vec<String> {
     let mut reader = PacketReader::new(bytes).unwrap();
-    let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     decoder.recover(true);
     let mut found = Vec::new();
     for frame in 0.. {

@@ -53,7 +53,7 @@ fn prefixes_decode_at_reduced_resolution_too() {
     for (lod, length) in [Lod::Half, Lod::Quarter].into_iter().flat_map(|l| [(l, 2000), (l, bytes.len())]) {
         let length = length.min(bytes.len());
         let mut reader = PacketReader::new(&bytes[..length]).unwrap();
-        let mut decoder = Decoder::with_lod(reader.header().unwrap(), Limits::default(), lod).unwrap();
+        let mut decoder = Decoder::with_lod(reader.header(), Limits::default(), lod).unwrap();
         let mut frames = 0;
         while let Ok(Some(packet)) = reader.next_frame() {
             decoder.decode(&packet).unwrap();
@@ -67,7 +67,7 @@ fn prefixes_decode_at_reduced_resolution_too() {
 fn an_inter_frame_without_its_reference_is_refused() {
     let bytes = stream();
     let reader = PacketReader::new(&bytes[..]).unwrap();
-    let mut decoder = Decoder::new(reader.header().unwrap(), Limits::default());
+    let mut decoder = Decoder::new(reader.header(), Limits::default());
     let packets = packets(&bytes);
     assert!(matches!(decoder.decode(&packets[1]), Err(DecodeError::NoReference { .. })));
     assert!(decoder.decode(&packets[2]).is_ok(), "and the next keyframe decodes");
@@ -92,8 +92,7 @@ fn a_missing_packet_is_noticed_and_the_next_keyframe_decodes() {
 fn too_many_blocks_are_refused_before_memory_is_taken() {
     let bytes = stream();
     let reader = PacketReader::new(&bytes[..]).unwrap();
-    let mut decoder =
-        Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 512_000, ..Limits::default() });
+    let mut decoder = Decoder::new(reader.header(), Limits { frame_voxels: 512_000, ..Limits::default() });
     let payload = FramePayload {
         header: FrameHeader {
             blocks: u32::MAX,
@@ -106,7 +105,7 @@ fn too_many_blocks_are_refused_before_memory_is_taken() {
         slices: vec![SlicePayload::default()],
     };
     let mut packet = forged(&packets(&bytes)[0], payload.to_bytes());
-    packet.header.kind = PacketKind::Frame { keyframe: true, hashed: false };
+    packet.header.kind = PacketKind::Frame { keyframe: true, hashed: false, colour: false };
     let error = decoder.decode(&packet).unwrap_err();
     assert!(matches!(error, DecodeError::TooManyBlocks { limit: 1000, .. }), "{error}");
 }
@@ -125,7 +124,7 @@ proptest! {
         let bytes = stream_once();
         let reader = PacketReader::new(bytes).unwrap();
         let limits = Limits { frame_voxels: 1 << 22, ..Limits::default() };
-        let mut decoder = Decoder::with_lod(reader.header().unwrap(), limits, lod).unwrap();
+        let mut decoder = Decoder::with_lod(reader.header(), limits, lod).unwrap();
         let packets = packets(bytes);
         for packet in &packets[frame / 2 * 2..frame] {
             decoder.decode(packet).unwrap();

@@ -20,7 +20,7 @@ fn stream(header: &StreamHeader, motion: Prediction, frames: usize) -> Vec<u8> {
 
 fn decode(bytes: &[u8], lod: Lod) -> Vec<SparseVolume> {
     let mut reader = PacketReader::new(bytes).unwrap();
-    let mut decoder = Decoder::with_lod(reader.header().unwrap(), Limits::default(), lod).unwrap();
+    let mut decoder = Decoder::with_lod(reader.header(), Limits::default(), lod).unwrap();
     let mut volumes = Vec::new();
     while let Some(packet) = reader.next_frame().unwrap() {
         let frame = decoder.decode_and_verify(&packet).unwrap();

@@ -40,7 +40,7 @@ fn header(profile: Profile, edge: BlockEdge) -> StreamHeader {
         edge,
         truncation: Truncation::from_voxels(4).unwrap(),
     };
-    StreamHeader { profile, grid, frame_rate: FrameRate::DEFAULT }
+    StreamHeader::new(profile, grid, FrameRate::DEFAULT)
 }
 
 fn check(header: &StreamHeader) {

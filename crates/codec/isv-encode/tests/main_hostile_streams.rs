@@ -257,7 +257,7 @@ fn a_block_that_is_flagged_and_in_the_octree_too_is_refused() {
         decoder.decode(&packets[0]).unwrap();
         // The encoder may have made it a keyframe.
         let mut packet = forged(&packets[1], payload.to_bytes());
-        packet.header.kind = PacketKind::Frame { keyframe: false, hashed: true };
+        packet.header.kind = PacketKind::Frame { keyframe: false, hashed: true, colour: false };
         packet.header.since_keyframe = 1;
         let decoded = decoder.decode(&packet);
         assert_malformed(decoded.map(|frame| frame.volume.clone()), wanted);

@@ -85,9 +85,13 @@ mod tests {
     use crate::PacketKind;
 
     fn packet(since_keyframe: u16, timestamp_ns: u64) -> Packet {
-        let kind = PacketKind::Frame { keyframe: since_keyframe == 0, hashed: false };
+        let kind = PacketKind::Frame { keyframe: since_keyframe == 0, hashed: false, colour: false };
         let header = PacketHeader::seal(kind, since_keyframe, timestamp_ns, &[]);
-        Packet { header: PacketHeader::parse(&header, 0).unwrap(), at: 0, payload: Vec::new() }
+        Packet {
+            header: PacketHeader::parse(&header, 0, &crate::header::tests::header()).unwrap(),
+            at: 0,
+            payload: Vec::new(),
+        }
     }
 
     /// The links of packets with these counts, each a nanosecond later.
@@ -110,9 +114,13 @@ mod tests {
         let mut chain = PacketChain::default();
         chain.push(&packet(u16::MAX, 1));
         let wrapped = |count: u16| {
-            let kind = PacketKind::Frame { keyframe: false, hashed: false };
+            let kind = PacketKind::Frame { keyframe: false, hashed: false, colour: false };
             let header = PacketHeader::seal(kind, count, 2, &[]);
-            Packet { header: PacketHeader::parse(&header, 0).unwrap(), at: 0, payload: Vec::new() }
+            Packet {
+                header: PacketHeader::parse(&header, 0, &crate::header::tests::header()).unwrap(),
+                at: 0,
+                payload: Vec::new(),
+            }
         };
         assert_eq!(chain.expected(), 0);
         assert_eq!(chain.link(&wrapped(0)), Link::Next);

@@ -11,11 +11,11 @@ pub enum FormatError {
     #[error("not an .isv stream: it does not begin with the .isv magic")]
     NotIsv,
     /// A format version that this build does not know.
-    #[error("format version {found}, but this build reads version {supported}: use a matching isv")]
+    #[error("format version {found}, but this build reads versions 1 to {supported}: use a newer isv")]
     Version {
         /// The version the stream states.
         found: u16,
-        /// The version this build reads.
+        /// The newest version this build reads.
         supported: u16,
     },
     /// A profile that this build does not know.
@@ -23,6 +23,14 @@ pub enum FormatError {
     Profile {
         /// The profile that the stream states.
         found: u8,
+    },
+    /// A packet whose type this build does not know, and which must not be skipped.
+    #[error("packet type {found} at byte {at} is not known: use a newer isv")]
+    PacketType {
+        /// The type that the packet states.
+        found: u8,
+        /// Where its header begins.
+        at: u64,
     },
     /// The bytes break the format.
     #[error("{what} at byte {at}")]
@@ -71,12 +79,19 @@ impl FormatError {
         Self::Malformed { at, what: what.into() }
     }
 
+    /// A packet at byte `at` whose payload has more bytes than are allowed.
+    pub(crate) fn payload_above(asked: u64, allowed: u32, at: u64) -> Self {
+        Self::LimitExceeded { at, what: "packet payload bytes", asked, allowed: allowed.into() }
+    }
+
     /// The class of the refusal; `None` if the source is at fault and not its bytes.
     #[must_use]
     pub fn class(&self) -> Option<RefusalClass> {
         match self {
             Self::NotIsv => Some(RefusalClass::Foreign),
-            Self::Version { .. } | Self::Profile { .. } => Some(RefusalClass::Unsupported),
+            Self::Version { .. } | Self::Profile { .. } | Self::PacketType { .. } => {
+                Some(RefusalClass::Unsupported)
+            }
             Self::Malformed { .. } => Some(RefusalClass::Malformed),
             Self::Truncated { .. } => Some(RefusalClass::Cut),
             Self::Checksum { .. } => Some(RefusalClass::Damaged),

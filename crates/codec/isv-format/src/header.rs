@@ -1,17 +1,14 @@
 //! The stream header: what holds for every frame.
 
-use crate::FormatError;
-use crate::FrameRate;
 use crate::bytes::ByteReader;
 use crate::reader::read_up_to;
+use crate::{ColourLayers, FormatError, FormatVersion, FrameRate};
 use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use std::io::Read;
 
 /// First bytes of a stream. As in PNG, the first is not ASCII, so no text begins so, and the line ends show a transfer that
 /// rewrote them.
 pub const MAGIC: [u8; 8] = *b"\x89ISV\r\n\x1a\n";
-/// The version this build writes and reads.
-pub const FORMAT_VERSION: u16 = 1;
 
 /// Largest quantizer step, in sixteenths of a code.
 pub(crate) const STEP_LIMIT: u32 = 1 << 20;
@@ -68,24 +65,42 @@ impl PaperParameters {
 /// What holds for every frame of a stream. 48 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamHeader {
+    /// The version of the format. Streams that use nothing of version 2 are written as version 1, which older programs read too.
+    pub version: FormatVersion,
     /// The set of tools and its parameters.
     pub profile: Profile,
     /// Voxel size, block edge and truncation.
     pub grid: Grid,
     /// Nominal frame rate.
     pub frame_rate: FrameRate,
+    /// Layers of colour that frames may have; none in version 1 and in profile `paper`.
+    pub colour_layers: ColourLayers,
 }
 
 impl StreamHeader {
     /// Size in bytes.
     pub const BYTES: usize = 48;
 
+    /// The header of a stream of geometry alone, in version 1.
+    #[must_use]
+    pub fn new(profile: Profile, grid: Grid, frame_rate: FrameRate) -> Self {
+        let (version, colour_layers) = (FormatVersion::V1, ColourLayers::None);
+        Self { version, profile, grid, frame_rate, colour_layers }
+    }
+
+    /// The same stream with these layers of colour, for which it needs version 2.
+    #[must_use]
+    pub fn with_colour(self, colour_layers: ColourLayers) -> Self {
+        let version = if colour_layers.is_some() { FormatVersion::V2 } else { self.version };
+        Self { version, colour_layers, ..self }
+    }
+
     /// The header as bytes.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::BYTES] {
         let mut out = Vec::with_capacity(Self::BYTES);
         out.extend(MAGIC);
-        out.extend(FORMAT_VERSION.to_le_bytes());
+        out.extend(self.version.number().to_le_bytes());
         out.extend((Self::BYTES as u16).to_le_bytes());
         out.push(match self.profile {
             Profile::Paper(_) => PAPER,
@@ -93,7 +108,7 @@ impl StreamHeader {
         });
         out.push(self.grid.edge.log2() as u8);
         out.push(self.grid.truncation.voxels() as u8);
-        out.push(0);
+        out.push(self.colour_layers.count());
         out.extend(self.grid.voxel_size.nanometres().to_le_bytes());
         out.extend(self.frame_rate.numerator.to_le_bytes());
         out.extend(self.frame_rate.denominator.to_le_bytes());
@@ -120,7 +135,7 @@ impl StreamHeader {
         if length == bytes.len() {
             return Self::parse(&bytes);
         }
-        check_version(&bytes[..length])?;
+        find_version(&bytes[..length])?;
         Err(FormatError::Truncated { at: length as u64, inside: "the stream header" })
     }
 
@@ -129,7 +144,7 @@ impl StreamHeader {
     /// # Errors
     /// Any of the format errors; the version is looked at before anything else may be judged.
     pub fn parse(bytes: &[u8; Self::BYTES]) -> Result<Self, FormatError> {
-        check_version(bytes)?;
+        let version = find_version(bytes)?;
         let mut fields = ByteReader::new(bytes, 0, "the stream header");
         fields.take(MAGIC.len() + 2)?;
         let (body, checksum) = bytes.split_at(Self::BYTES - 4);
@@ -138,13 +153,13 @@ impl StreamHeader {
         }
         let length = fields.u16()?;
         require(usize::from(length) == Self::BYTES, 10, || format!("header length {length}"))?;
-        let header = Self::parse_fields(&mut fields)?;
+        let header = Self::parse_fields(version, &mut fields)?;
         header.check()?;
         Ok(header)
     }
 
     /// The fields after the length, in order.
-    fn parse_fields(fields: &mut ByteReader) -> Result<Self, FormatError> {
+    fn parse_fields(version: FormatVersion, fields: &mut ByteReader) -> Result<Self, FormatError> {
         let profile = fields.u8()?;
         if profile != PAPER && profile != MAIN {
             return Err(FormatError::Profile { found: profile });
@@ -152,13 +167,13 @@ impl StreamHeader {
         let edge_log2 = fields.u8()?;
         let edge = BlockEdge::from_voxels(1u32.checked_shl(u32::from(edge_log2)).unwrap_or(0));
         let truncation = Truncation::from_voxels(u32::from(fields.u8()?));
-        let reserved = fields.u8()?;
-        require(reserved == 0, 15, || format!("reserved byte is {reserved}"))?;
+        let colour_layers = parse_colour_layers(version, fields.u8()?)?;
         let voxel_size = VoxelSize::from_nanometres(fields.u64()?);
         let frame_rate = FrameRate { numerator: fields.u32()?, denominator: fields.u32()? };
         let profile = Self::parse_profile(profile, fields)?;
         let malformed = |at, error: isv_volume::GridError| FormatError::malformed(at, error.to_string());
         Ok(Self {
+            version,
             profile,
             grid: Grid {
                 edge: edge.map_err(|e| malformed(13, e))?,
@@ -166,6 +181,7 @@ impl StreamHeader {
                 voxel_size: voxel_size.map_err(|e| malformed(16, e))?,
             },
             frame_rate,
+            colour_layers,
         })
     }
 
@@ -192,7 +208,10 @@ impl StreamHeader {
         })?;
         let edge = self.grid.edge;
         match self.profile {
-            Profile::Paper(paper) => paper.check(edge.block_voxels()),
+            Profile::Paper(paper) => {
+                require(!self.colour_layers.is_some(), 15, || "colour in profile paper".to_owned())?;
+                paper.check(edge.block_voxels())
+            }
             Profile::Main => require(edge == BlockEdge::E8, 13, || {
                 format!("block edge {} in profile main, which has edge 8", edge.voxels())
             }),
@@ -200,18 +219,26 @@ impl StreamHeader {
     }
 }
 
-/// Whether these are the first bytes of a stream of the version that is read here, as far as they go.
-fn check_version(bytes: &[u8]) -> Result<(), FormatError> {
+/// The version of a stream that begins with these bytes, as far as they go: the newest where they end before it.
+fn find_version(bytes: &[u8]) -> Result<FormatVersion, FormatError> {
     let (magic, rest) = bytes.split_at(bytes.len().min(MAGIC.len()));
     if magic != &MAGIC[..magic.len()] {
         return Err(FormatError::NotIsv);
     }
-    match rest.first_chunk().map(|version| u16::from_le_bytes(*version)) {
-        Some(found) if found != FORMAT_VERSION => {
-            Err(FormatError::Version { found, supported: FORMAT_VERSION })
-        }
-        _ => Ok(()),
-    }
+    let Some(found) = rest.first_chunk().map(|version| u16::from_le_bytes(*version)) else {
+        return Ok(FormatVersion::NEWEST);
+    };
+    let supported = FormatVersion::NEWEST.number();
+    FormatVersion::from_number(found).ok_or(FormatError::Version { found, supported })
+}
+
+/// Byte 15: the layers of colour in version 2, reserved in version 1.
+fn parse_colour_layers(version: FormatVersion, byte: u8) -> Result<ColourLayers, FormatError> {
+    let layers = match version {
+        FormatVersion::V1 => (byte == 0).then_some(ColourLayers::None),
+        FormatVersion::V2 => ColourLayers::from_count(byte),
+    };
+    layers.ok_or_else(|| FormatError::malformed(15, format!("reserved bits are set in {byte:#x}")))
 }
 
 fn require(condition: bool, at: u64, what: impl FnOnce() -> String) -> Result<(), FormatError> {
@@ -226,19 +253,21 @@ pub(crate) mod tests {
         PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 };
 
     pub(crate) fn header() -> StreamHeader {
-        StreamHeader {
-            profile: Profile::Paper(PAPER_PARAMETERS),
-            grid: Grid {
-                voxel_size: VoxelSize::from_metres(0.005).unwrap(),
-                edge: BlockEdge::E8,
-                truncation: Truncation::DEFAULT,
-            },
-            frame_rate: FrameRate::DEFAULT,
-        }
+        let grid = Grid {
+            voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::DEFAULT,
+        };
+        StreamHeader::new(Profile::Paper(PAPER_PARAMETERS), grid, FrameRate::DEFAULT)
     }
 
-    fn main_header() -> StreamHeader {
+    pub(crate) fn main_header() -> StreamHeader {
         StreamHeader { profile: Profile::Main, ..header() }
+    }
+
+    /// A header of version 2, of a stream with colour.
+    pub(crate) fn colour_header() -> StreamHeader {
+        main_header().with_colour(ColourLayers::HalfVoxels)
     }
 
     /// Asserts that a header is refused for the field at byte `place`.
@@ -251,14 +280,14 @@ pub(crate) mod tests {
 
     #[test]
     fn header_roundtrips() {
-        for header in [header(), main_header()] {
+        for header in [header(), main_header(), colour_header(), second(header())] {
             assert_eq!(StreamHeader::parse(&header.to_bytes()).unwrap(), header);
         }
     }
 
     #[test]
     fn every_flipped_bit_is_noticed() {
-        for bytes in [header(), main_header()].map(|header| header.to_bytes()) {
+        for bytes in [header(), main_header(), colour_header()].map(|header| header.to_bytes()) {
             for bit in 0..bytes.len() * 8 {
                 let mut damaged = bytes;
                 damaged[bit / 8] ^= 1 << (bit % 8);
@@ -300,6 +329,32 @@ pub(crate) mod tests {
         assert!(matches!(error, FormatError::Profile { found: 2 }), "{error}");
     }
 
+    /// A header in version 2.
+    fn second(header: StreamHeader) -> StreamHeader {
+        StreamHeader { version: FormatVersion::V2, ..header }
+    }
+
+    #[test]
+    fn colour_is_counted_in_version_2_of_profile_main() {
+        for layers in ColourLayers::ALL {
+            let bytes = second(main_header()).with_colour(layers).to_bytes();
+            assert_eq!((bytes[8], bytes[15]), (2, layers.count()));
+            assert_eq!(StreamHeader::parse(&bytes).unwrap().colour_layers, layers);
+        }
+        for byte in 4..=u8::MAX {
+            assert_malformed(&with_byte(&second(main_header()), 15, byte), 15);
+        }
+        assert_malformed(&header().with_colour(ColourLayers::Voxels).to_bytes(), 15);
+        let first = StreamHeader { version: FormatVersion::V1, ..colour_header() };
+        assert_malformed(&first.to_bytes(), 15);
+    }
+
+    #[test]
+    fn what_has_no_colour_stays_in_version_1() {
+        let header = main_header().with_colour(ColourLayers::None);
+        assert_eq!((header, header.version), (main_header(), FormatVersion::V1));
+    }
+
     /// A header with one byte changed, its checksum right.
     fn with_byte(header: &StreamHeader, byte: usize, value: u8) -> [u8; StreamHeader::BYTES] {
         let mut bytes = header.to_bytes();
@@ -312,9 +367,9 @@ pub(crate) mod tests {
     #[test]
     fn a_newer_version_is_named_before_its_checksum_is_judged() {
         let mut bytes = header().to_bytes();
-        bytes[8] = 2;
+        bytes[8] = 3;
         let error = StreamHeader::parse(&bytes).unwrap_err();
-        assert!(matches!(error, FormatError::Version { found: 2, supported: 1 }), "{error}");
+        assert!(matches!(error, FormatError::Version { found: 3, supported: 2 }), "{error}");
     }
 
     #[test]

@@ -87,12 +87,14 @@ impl StreamIndex {
     /// after a crash of the writer, or damaged. Then frames before a cut or damage are found; neither is an error here.
     ///
     /// # Errors
-    /// Those of the source, and bytes that do not begin with a stream header of this version.
+    /// Those of the source, and bytes that do not begin with a stream header of a known version.
     pub fn load(source: &mut (impl Read + Seek)) -> Result<Self, FormatError> {
-        let Some(at) = Self::index_at(source)? else { return Self::walk(source, None) };
-        match Self::load_at(source, at) {
+        source.seek(SeekFrom::Start(0))?;
+        let header = StreamHeader::read(source)?;
+        let Some(at) = Self::index_at(source)? else { return Self::walk(source, &header, None) };
+        match Self::load_at(source, &header, at) {
             Err(FormatError::Io(error)) => Err(error.into()),
-            Err(_) => Self::walk(source, Some(at)),
+            Err(_) => Self::walk(source, &header, Some(at)),
             index => index,
         }
     }
@@ -110,22 +112,30 @@ impl StreamIndex {
         Ok(Self::parse_trailer(&trailer).filter(|at| *at < length))
     }
 
-    fn load_at(source: &mut (impl Read + Seek), at: u64) -> Result<Self, FormatError> {
+    fn load_at(source: &mut (impl Read + Seek), header: &StreamHeader, at: u64) -> Result<Self, FormatError> {
         source.seek(SeekFrom::Start(at))?;
-        match PacketReader::at_packet(source, at).next_packet()? {
-            Some(packet) if packet.header.kind == PacketKind::Index => Self::parse(&packet.payload, at),
+        match PacketReader::at_packet(source, at, header).next_packet()? {
+            Some(packet) if packet.header.kind == PacketKind::Index && packet.at == at => {
+                Self::parse(&packet.payload, at)
+            }
             _ => Err(FormatError::malformed(at, "the trailer points to no index")),
         }
     }
 
     /// Makes the index of the packets there are. `end`: where the index packet begins, which may be damaged.
-    fn walk(source: &mut (impl Read + Seek), end: Option<u64>) -> Result<Self, FormatError> {
-        source.seek(SeekFrom::Start(0))?;
-        let mut reader = PacketReader::new(source)?;
+    fn walk(
+        source: &mut (impl Read + Seek),
+        header: &StreamHeader,
+        end: Option<u64>,
+    ) -> Result<Self, FormatError> {
+        let begin = StreamHeader::BYTES as u64;
+        source.seek(SeekFrom::Start(begin))?;
+        let mut reader = PacketReader::at_packet(source, begin, header);
         let mut index = Self::default();
         while Some(reader.at()) != end {
             match reader.next_packet() {
-                Ok(Some(packet)) if packet.header.kind != PacketKind::Index => {
+                // A packet that was skipped may stand before the index.
+                Ok(Some(packet)) if packet.header.kind.is_frame() && Some(packet.at) != end => {
                     index.frames.push(IndexEntry { at: packet.at, keyframe: packet.is_keyframe() });
                 }
                 Err(FormatError::Io(error)) => return Err(error.into()),

@@ -3,7 +3,8 @@
 //! ```text
 //! stream = StreamHeader, packet ..., [index packet, trailer]
 //! packet = PacketHeader (length, type, keyframe flag, timestamp, checksum), payload
-//! frame payload = FrameHeader, block-set segment, mask segment, then a segment of modes and one of coefficients a slice
+//! frame payload = geometry part, [colour part and its length]
+//! geometry part = FrameHeader, block-set segment, mask segment, then a segment of modes and one of coefficients a slice
 //! ```
 //!
 //! Everything can be written to a pipe and read from one: no field is patched afterwards and nothing needs the index,
@@ -12,30 +13,36 @@
 mod bytes;
 mod chain;
 mod colour;
+mod colour_layers;
 mod error;
 mod frame;
 mod frame_rate;
 mod header;
 mod index;
 mod packet;
+mod payload_parts;
 mod reader;
 mod refusal;
 mod resynchroniser;
 mod salvage;
+mod version;
 mod writer;
 
 pub use chain::{Link, PacketChain};
 pub use colour::{ColourHeader, ColourKind, ColourPayload};
+pub use colour_layers::ColourLayers;
 pub use error::FormatError;
 pub use frame::{
     FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, Prediction, SliceLayout, SlicePayload,
 };
 pub use frame_rate::{FrameRate, ParseFrameRateError};
-pub use header::{FORMAT_VERSION, MAGIC, PaperParameters, Profile, StreamHeader};
+pub use header::{MAGIC, PaperParameters, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
+pub use payload_parts::PayloadParts;
 pub use reader::PacketReader;
 pub use refusal::RefusalClass;
 pub use resynchroniser::{Piece, Resynchroniser};
 pub use salvage::{SalvageReader, Salvaged};
+pub use version::FormatVersion;
 pub use writer::PacketWriter;

@@ -1,17 +1,21 @@
 //! Packets off a byte source, one after the other.
 
-use crate::packet::checksum;
 use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
 use std::io::Read;
+
+/// Most bytes held of a packet that is passed over.
+const PIECE: usize = 1 << 12;
 
 /// Reads packets from anything that gives bytes, a pipe or a socket included. Never seeks.
 #[derive(Debug)]
 pub struct PacketReader<R> {
     source: R,
-    header: Option<StreamHeader>,
+    header: StreamHeader,
     at: u64,
     largest_payload: u32,
     saw_index: bool,
+    /// Number of packets passed over, as their types are not known.
+    skipped: usize,
     /// The index, once it and the trailer have been read.
     index: Option<StreamIndex>,
 }
@@ -23,20 +27,13 @@ impl<R: Read> PacketReader<R> {
     /// Bytes that are not a stream header of this version.
     pub fn new(mut source: R) -> Result<Self, FormatError> {
         let header = StreamHeader::read(&mut source)?;
-        Ok(Self {
-            source,
-            header: Some(header),
-            at: StreamHeader::BYTES as u64,
-            largest_payload: MAX_PAYLOAD,
-            saw_index: false,
-            index: None,
-        })
+        Ok(Self::at_packet(source, StreamHeader::BYTES as u64, &header))
     }
 
-    /// Continues at a packet that begins at byte `at`, to which `source` has been brought.
-    pub fn at_packet(source: R, at: u64) -> Self {
-        let largest_payload = MAX_PAYLOAD;
-        Self { source, header: None, at, largest_payload, saw_index: false, index: None }
+    /// Continues at a packet that begins at byte `at` of a stream with this header, to which `source` has been brought.
+    pub fn at_packet(source: R, at: u64, header: &StreamHeader) -> Self {
+        let (header, largest_payload) = (*header, MAX_PAYLOAD);
+        Self { source, header, at, largest_payload, saw_index: false, skipped: 0, index: None }
     }
 
     /// Refuses packets whose payload is larger than this, before a byte of it is read.
@@ -45,9 +42,9 @@ impl<R: Read> PacketReader<R> {
         Self { largest_payload: bytes, ..self }
     }
 
-    /// The stream header, if this reader began at it.
-    pub fn header(&self) -> Option<&StreamHeader> {
-        self.header.as_ref()
+    /// The stream header.
+    pub fn header(&self) -> &StreamHeader {
+        &self.header
     }
 
     /// Whether index and trailer have been read: the stream ended as its writer meant it to.
@@ -65,6 +62,11 @@ impl<R: Read> PacketReader<R> {
         self.at
     }
 
+    /// Number of packets passed over so far, as this build does not know their types and may skip them.
+    pub fn skipped(&self) -> usize {
+        self.skipped
+    }
+
     /// Whether bytes follow what was read: behind the end of a stream there should be none. Waits for a byte of a source that has not
     /// ended.
     ///
@@ -74,38 +76,48 @@ impl<R: Read> PacketReader<R> {
         Ok(read_up_to(&mut self.source, &mut [0])? > 0)
     }
 
-    /// The next packet, its checksum verified; `None` at the end of the bytes or after the index. The trailer is not looked at.
+    /// The next packet of a known type, its checksum verified; `None` at the end of the bytes or after the index. The trailer is not
+    /// looked at. Packets that may be skipped are checked and passed over; their payloads are not held.
     ///
     /// # Errors
-    /// Bytes that end inside a packet, or are none.
+    /// Bytes that end inside a packet, or are none. A packet of another version's type that must not be skipped.
     pub fn next_packet(&mut self) -> Result<Option<Packet>, FormatError> {
-        if self.saw_index {
-            return Ok(None);
+        while !self.saw_index {
+            let Some(bytes) = self.read_header()? else { return Ok(None) };
+            let payload_bytes = PacketHeader::length(&bytes, self.at)?;
+            if payload_bytes > self.largest_payload {
+                return Err(FormatError::payload_above(payload_bytes.into(), self.largest_payload, self.at));
+            }
+            // The type counts once the checksum was compared. Until then it decides what is held, and nothing else.
+            let mut payload = PacketHeader::is_of_known_type(&bytes).then(Vec::new);
+            let (fields, stated) = bytes.split_at(PacketHeader::BYTES - 4);
+            if self.read_payload(fields, payload_bytes, payload.as_mut())?.to_le_bytes() != stated {
+                return Err(FormatError::Checksum { at: self.at, what: "the packet" });
+            }
+            let header = PacketHeader::parse(&bytes, self.at, &self.header)?;
+            let at = self.at;
+            self.at += PacketHeader::BYTES as u64 + u64::from(payload_bytes);
+            match payload {
+                Some(payload) => {
+                    self.saw_index = header.kind == PacketKind::Index;
+                    return Ok(Some(Packet { header, at, payload }));
+                }
+                None => self.skipped += 1,
+            }
         }
+        Ok(None)
+    }
+
+    /// The bytes of a packet's header; `None` at the end of the bytes.
+    fn read_header(&mut self) -> Result<Option<[u8; PacketHeader::BYTES]>, FormatError> {
         let mut bytes = [0; PacketHeader::BYTES];
-        let length = read_up_to(&mut self.source, &mut bytes)?;
-        if length == 0 {
-            return Ok(None);
+        match read_up_to(&mut self.source, &mut bytes)? {
+            0 => Ok(None),
+            length if length < bytes.len() => {
+                Err(FormatError::Truncated { at: self.at + length as u64, inside: "a packet header" })
+            }
+            _ => Ok(Some(bytes)),
         }
-        if length < bytes.len() {
-            return Err(FormatError::Truncated { at: self.at + length as u64, inside: "a packet header" });
-        }
-        let payload_bytes = PacketHeader::length(&bytes, self.at)?;
-        if payload_bytes > self.largest_payload {
-            let (asked, allowed) = (u64::from(payload_bytes), u64::from(self.largest_payload));
-            let what = "packet payload bytes";
-            return Err(FormatError::LimitExceeded { at: self.at, what, asked, allowed });
-        }
-        let payload = self.read_payload(payload_bytes)?;
-        let (fields, stated) = bytes.split_at(PacketHeader::BYTES - 4);
-        if checksum(fields, &payload).to_le_bytes() != stated {
-            return Err(FormatError::Checksum { at: self.at, what: "the packet" });
-        }
-        let header = PacketHeader::parse(&bytes, self.at)?;
-        let packet = Packet { header, at: self.at, payload };
-        self.at += packet.total_bytes() as u64;
-        self.saw_index = header.kind == PacketKind::Index;
-        Ok(Some(packet))
     }
 
     /// The next frame packet; `None` at the end of the stream. Index and trailer, when they come, are checked and passed over.
@@ -124,15 +136,30 @@ impl<R: Read> PacketReader<R> {
         }
     }
 
-    /// Reads as many bytes as there are, so that a false length takes no memory.
-    fn read_payload(&mut self, length: u32) -> Result<Vec<u8>, FormatError> {
-        let mut payload = Vec::new();
-        self.source.by_ref().take(u64::from(length)).read_to_end(&mut payload)?;
-        if payload.len() < length as usize {
-            let at = self.at + (PacketHeader::BYTES + payload.len()) as u64;
+    /// Reads a payload, and returns its checksum with the `fields` before it. Only as many bytes are held as there are, so that a false
+    /// length takes no memory; without `payload` a piece at a time.
+    fn read_payload(
+        &mut self,
+        fields: &[u8],
+        length: u32,
+        payload: Option<&mut Vec<u8>>,
+    ) -> Result<u32, FormatError> {
+        let mut source = self.source.by_ref().take(u64::from(length));
+        let mut checksum = crc32fast::Hasher::new();
+        checksum.update(fields);
+        let read = match payload {
+            Some(payload) => {
+                source.read_to_end(payload)?;
+                checksum.update(payload);
+                payload.len()
+            }
+            None => pass(&mut source, &mut checksum)?,
+        };
+        if read < length as usize {
+            let at = self.at + (PacketHeader::BYTES + read) as u64;
             return Err(FormatError::Truncated { at, inside: "a packet" });
         }
-        Ok(payload)
+        Ok(checksum.finalize())
     }
 
     fn check_trailer(&mut self, index_at: u64) -> Result<(), FormatError> {
@@ -151,6 +178,20 @@ impl<R: Read> PacketReader<R> {
             }
             Some(_) => Err(FormatError::malformed(self.at, "the trailer does not match the index")),
             None => Err(FormatError::Checksum { at: self.at, what: "the trailer" }),
+        }
+    }
+}
+
+/// Reads a source to its end, adds its bytes to a checksum, and returns how many they were.
+fn pass(source: &mut impl Read, checksum: &mut crc32fast::Hasher) -> std::io::Result<usize> {
+    let mut piece = [0; PIECE];
+    let mut passed = 0;
+    loop {
+        let length = read_up_to(source, &mut piece)?;
+        checksum.update(&piece[..length]);
+        passed += length;
+        if length < piece.len() {
+            return Ok(passed);
         }
     }
 }

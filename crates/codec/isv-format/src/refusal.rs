@@ -8,7 +8,7 @@ use std::fmt;
 pub enum RefusalClass {
     /// The bytes do not begin with the magic.
     Foreign,
-    /// A version or a profile that the document gives no meaning to.
+    /// A version, a profile or a type of packet that the document gives no meaning to.
     Unsupported,
     /// A checksum does not match, or the hash of a decoded volume does not.
     Damaged,

@@ -30,6 +30,11 @@ pub enum Piece {
         /// Whether a sound trailer follows, with which a writer ends.
         is_end: bool,
     },
+    /// A whole packet that was skipped: this build does not know its type, and may pass it over.
+    Skipped,
+    /// A whole packet of a type that this build does not know and must not skip, as an error. Nothing behind it has a meaning, up to the
+    /// next header of a stream.
+    Unsupported(FormatError),
     /// Bytes that are none of these, up to the next piece.
     Damage(FormatError),
 }
@@ -43,8 +48,8 @@ pub struct Resynchroniser<R> {
     window: Window<R>,
     /// Place of the window in the stream, in bytes.
     at: u64,
-    /// Whether the header of a stream came, without which packets have no meaning.
-    in_stream: bool,
+    /// The header of the stream, without which packets have no meaning.
+    stream: Option<StreamHeader>,
     largest_payload: u32,
     /// Whether damage was told that the window is in.
     in_damage: bool,
@@ -60,7 +65,7 @@ impl<R: Read> Resynchroniser<R> {
         Self {
             window: Window::new(source),
             at: 0,
-            in_stream: false,
+            stream: None,
             largest_payload: MAX_PAYLOAD,
             in_damage: false,
             must_pass: false,
@@ -68,9 +73,9 @@ impl<R: Read> Resynchroniser<R> {
         }
     }
 
-    /// A reader inside of a stream whose header is known; the source is at byte `at` of it.
-    pub fn inside(source: R, at: u64) -> Self {
-        Self { at, in_stream: true, ..Self::new(source) }
+    /// A reader inside of a stream with this header; the source is at byte `at` of it.
+    pub fn inside(source: R, at: u64, header: &StreamHeader) -> Self {
+        Self { at, stream: Some(*header), ..Self::new(source) }
     }
 
     /// Takes packets whose payload is larger than this for damage.
@@ -91,7 +96,7 @@ impl<R: Read> Resynchroniser<R> {
 
     /// The stream is over: packets have no meaning up to the next header.
     pub fn leave_stream(&mut self) {
-        self.in_stream = false;
+        self.stream = None;
     }
 
     /// The next piece and the place in the stream where it begins, for which it waits; `None` at the end of the bytes.
@@ -109,7 +114,8 @@ impl<R: Read> Resynchroniser<R> {
             let at = self.at;
             match self.piece_here() {
                 Ok(piece) => {
-                    self.in_damage = false;
+                    // What has no meaning behind an unknown packet is not told as damage too.
+                    self.in_damage = matches!(piece, Piece::Unsupported(_));
                     return Ok(Some((at, piece)));
                 }
                 Err(FormatError::Io(error)) => return Err(error),
@@ -128,19 +134,34 @@ impl<R: Read> Resynchroniser<R> {
     fn piece_here(&mut self) -> Result<Piece, FormatError> {
         if self.window.peek(MAGIC.len())? == MAGIC {
             let header = self.header_here()?;
-            self.in_stream = true;
+            self.stream = Some(header);
             self.pass(StreamHeader::BYTES);
             return Ok(Piece::Header(header));
         }
-        if !self.in_stream {
-            return Err(FormatError::NotIsv);
-        }
-        let packet = self.packet_here()?;
-        self.pass(packet.total_bytes());
-        match packet.header.kind {
-            PacketKind::Frame { .. } => Ok(Piece::Frame(packet)),
+        let Some(stream) = self.stream else { return Err(FormatError::NotIsv) };
+        let (header, packet_bytes) = self.packet_here(&stream)?;
+        let header = match header {
+            Ok(header) => header,
+            Err(error) => {
+                self.pass(packet_bytes);
+                self.leave_stream();
+                return Ok(Piece::Unsupported(error));
+            }
+        };
+        match header.kind {
+            PacketKind::Frame { .. } => {
+                let at = self.at;
+                let payload = self.window.peek(packet_bytes)?[PacketHeader::BYTES..].to_vec();
+                self.pass(packet_bytes);
+                Ok(Piece::Frame(Packet { header, at, payload }))
+            }
+            PacketKind::Skippable { .. } => {
+                self.pass(packet_bytes);
+                Ok(Piece::Skipped)
+            }
             PacketKind::Index => {
-                let frames = packet.payload.len() / StreamIndex::ENTRY_BYTES;
+                self.pass(packet_bytes);
+                let frames = header.payload_bytes as usize / StreamIndex::ENTRY_BYTES;
                 // Where bytes are lost before it, the trailer says where the index was.
                 let trailer = self.window.peek(StreamIndex::TRAILER_BYTES)?;
                 let trailer = trailer.first_chunk().and_then(StreamIndex::parse_trailer);
@@ -156,7 +177,12 @@ impl<R: Read> Resynchroniser<R> {
         StreamHeader::read(&mut self.window.peek(StreamHeader::BYTES)?)
     }
 
-    fn packet_here(&mut self) -> Result<Packet, FormatError> {
+    /// The header of the whole packet that begins where the window does, and the bytes of both. In place of a header the error of a type
+    /// that must not be skipped: its packet is as whole.
+    fn packet_here(
+        &mut self,
+        stream: &StreamHeader,
+    ) -> Result<(Result<PacketHeader, FormatError>, usize), FormatError> {
         let at = self.at;
         let found = self.window.peek(PacketHeader::BYTES)?;
         let truncated = |bytes: usize, inside| FormatError::Truncated { at: at + bytes as u64, inside };
@@ -164,22 +190,26 @@ impl<R: Read> Resynchroniser<R> {
         if !PacketHeader::MAGIC.starts_with(&found[..found.len().min(PacketHeader::MAGIC.len())]) {
             return Err(FormatError::malformed(at, "no packet begins where one should"));
         }
-        let Some(fields) = found.first_chunk().copied() else {
+        let Some(bytes) = found.first_chunk().copied() else {
             return Err(truncated(found.len(), "a packet header"));
         };
-        let header = PacketHeader::parse(&fields, at)?;
-        let payload = header.payload_bytes as usize;
+        let header = match PacketHeader::parse(&bytes, at, stream) {
+            Err(error) if !matches!(error, FormatError::PacketType { .. }) => return Err(error),
+            header => header,
+        };
+        let payload_bytes = PacketHeader::length(&bytes, at)?;
         let allowed = (self.largest_payload as usize).min(self.patience.max(SHORT));
-        if payload > allowed {
-            let (asked, allowed) = (payload as u64, allowed as u64);
-            return Err(FormatError::LimitExceeded { at, what: "packet payload bytes", asked, allowed });
+        if payload_bytes as usize > allowed {
+            return Err(FormatError::payload_above(payload_bytes.into(), allowed as u32, at));
         }
-        let bytes = self.window.peek(PacketHeader::BYTES + payload)?;
-        let length = bytes.len();
-        let payload = &bytes[PacketHeader::BYTES..];
-        let is_whole = payload.len() == header.payload_bytes as usize;
-        if is_whole && checksum(&fields[..PacketHeader::BYTES - 4], payload) == header.checksum {
-            return Ok(Packet { header, at, payload: payload.to_vec() });
+        let packet_bytes = PacketHeader::BYTES + payload_bytes as usize;
+        let packet = self.window.peek(packet_bytes)?;
+        let length = packet.len();
+        let is_whole = length == packet_bytes;
+        let payload = &packet[PacketHeader::BYTES..];
+        let (fields, stated) = bytes.split_at(PacketHeader::BYTES - 4);
+        if is_whole && checksum(fields, payload).to_le_bytes() == stated {
+            return Ok((header, packet_bytes));
         }
         self.patience = self.patience.saturating_sub(payload.len());
         match is_whole {
@@ -191,12 +221,13 @@ impl<R: Read> Resynchroniser<R> {
     /// Passes over at least a byte, up to what looks like the begin of a packet or of a stream.
     fn pass_to_magic(&mut self) -> io::Result<()> {
         self.pass(1);
+        let in_stream = self.stream.is_some();
         loop {
             let is_whole = self.window.peek(LONGEST_MAGIC)?.len() == LONGEST_MAGIC;
             let bytes = self.window.unread();
             let begins = |at: &usize| {
                 let rest = &bytes[*at..];
-                rest.starts_with(&MAGIC) || self.in_stream && rest.starts_with(&PacketHeader::MAGIC)
+                rest.starts_with(&MAGIC) || in_stream && rest.starts_with(&PacketHeader::MAGIC)
             };
             // What may be the begin of a magic stays.
             let looked_at = (bytes.len() + 1).saturating_sub(if is_whole { LONGEST_MAGIC } else { 1 });
@@ -297,7 +328,7 @@ mod tests {
     /// A packet with its number as timestamp.
     fn packet(number: u64, payload_bytes: usize) -> Vec<u8> {
         let payload = vec![0; payload_bytes];
-        let kind = PacketKind::Frame { keyframe: true, hashed: false };
+        let kind = PacketKind::Frame { keyframe: true, hashed: false, colour: false };
         [&PacketHeader::seal(kind, 0, number, &payload)[..], &payload].concat()
     }
 
@@ -310,7 +341,8 @@ mod tests {
                 Piece::Header(_) => "header".to_owned(),
                 Piece::Frame(packet) => format!("frame {}", packet.header.timestamp_ns),
                 Piece::Index { frames, is_end } => format!("index of {frames}, end {is_end}"),
-                Piece::Damage(why) => why.to_string(),
+                Piece::Skipped => "skipped".to_owned(),
+                Piece::Unsupported(why) | Piece::Damage(why) => why.to_string(),
             });
         }
         pieces
@@ -355,7 +387,7 @@ mod tests {
     #[test]
     fn behind_the_end_of_a_stream_packets_are_damage_up_to_a_header() {
         let bytes = [&packet(1, 9)[..], &packet(2, 9), &header().to_bytes(), &packet(3, 9)].concat();
-        let mut reader = Resynchroniser::inside(&bytes[..], 48);
+        let mut reader = Resynchroniser::inside(&bytes[..], 48, &header());
         assert!(matches!(reader.next_piece().unwrap(), Some((48, Piece::Frame(_)))));
         reader.leave_stream();
         assert!(matches!(reader.next_piece().unwrap(), Some((81, Piece::Damage(FormatError::NotIsv)))));

@@ -38,6 +38,8 @@ pub struct SalvageReader<R> {
     saw_trailer: bool,
     /// How many frames the last sound index has.
     indexed: Option<usize>,
+    /// Number of sound packets passed over, as their types are not known.
+    skipped: usize,
 }
 
 impl<R: Read> SalvageReader<R> {
@@ -58,13 +60,14 @@ impl<R: Read> SalvageReader<R> {
 
     fn from_place(source: R, at: u64, header: StreamHeader) -> Self {
         Self {
-            pieces: Resynchroniser::inside(source, at),
+            pieces: Resynchroniser::inside(source, at, &header),
             header,
             damaged_since: None,
             found: None,
             other_stream: false,
             saw_trailer: false,
             indexed: None,
+            skipped: 0,
         }
     }
 
@@ -89,11 +92,16 @@ impl<R: Read> SalvageReader<R> {
         self.indexed
     }
 
+    /// Number of sound packets passed over so far, as this build does not know their types and may skip them.
+    pub fn skipped(&self) -> usize {
+        self.skipped
+    }
+
     /// The next frame, or what lies before it; `None` at the end of the bytes and where another stream begins. Index and trailer are
     /// passed over where they are sound; so is a header that is this stream's again.
     ///
     /// # Errors
-    /// Those of the source.
+    /// Those of the source, and a sound packet whose type is not known and must not be skipped: a newer build may read on.
     pub fn next_frame(&mut self) -> Result<Option<Salvaged>, FormatError> {
         if let Some(found) = self.found.take() {
             return Ok(Some(found));
@@ -116,6 +124,11 @@ impl<R: Read> SalvageReader<R> {
                     self.saw_trailer |= is_end;
                     None
                 }
+                Piece::Skipped => {
+                    self.skipped += 1;
+                    None
+                }
+                Piece::Unsupported(error) => return Err(error),
                 Piece::Header(header) => {
                     self.other_stream = header != self.header;
                     self.other_stream.then_some(Salvaged::OtherStream { at })
@@ -312,7 +325,7 @@ mod tests {
         let count = 100_000;
         for n in 0..count {
             let rest = (count - n - 1) * PacketHeader::BYTES;
-            let kind = PacketKind::Frame { keyframe: true, hashed: false };
+            let kind = PacketKind::Frame { keyframe: true, hashed: false, colour: false };
             let mut fields = PacketHeader::seal(kind, 0, 0, &[]);
             fields[8..12].copy_from_slice(&(rest as u32).to_le_bytes());
             bytes.extend(fields);

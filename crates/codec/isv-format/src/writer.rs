@@ -1,13 +1,14 @@
 //! Packets into a byte sink, one after the other.
 
 use crate::packet::{MAX_PAYLOAD, PacketHeader, PacketKind};
-use crate::{FormatError, FramePayload, IndexEntry, Packet, StreamHeader, StreamIndex};
+use crate::{FormatError, FramePayload, IndexEntry, Packet, PayloadParts, StreamHeader, StreamIndex};
 use std::io::Write;
 
 /// Writes a stream to anything that takes bytes. Never seeks, patches nothing.
 #[derive(Debug)]
 pub struct PacketWriter<W> {
     sink: W,
+    has_colour: bool,
     at: u64,
     since_keyframe: u16,
     /// Where frames are, up to one more than an index can hold.
@@ -25,6 +26,7 @@ impl<W: Write> PacketWriter<W> {
         sink.flush()?;
         Ok(Self {
             sink,
+            has_colour: header.colour_layers.is_some(),
             at: StreamHeader::BYTES as u64,
             since_keyframe: 0,
             index: StreamIndex::default(),
@@ -48,26 +50,49 @@ impl<W: Write> PacketWriter<W> {
         timestamp_ns: u64,
         frame: &FramePayload,
     ) -> Result<usize, FormatError> {
+        self.write_coloured_frame(keyframe, timestamp_ns, frame, None)
+    }
+
+    /// Writes a frame packet with a colour part, if there is one, and returns its size in bytes.
+    ///
+    /// # Errors
+    /// As [`Self::write_frame`].
+    ///
+    /// # Panics
+    /// If there is a colour part in a stream whose header has no layers of colour.
+    pub fn write_coloured_frame(
+        &mut self,
+        keyframe: bool,
+        timestamp_ns: u64,
+        frame: &FramePayload,
+        colour: Option<&[u8]>,
+    ) -> Result<usize, FormatError> {
+        assert!(colour.is_none() || self.has_colour, "a colour part in a stream without colour");
+        let (at, geometry) = (self.at, frame.to_bytes());
         let hashed = frame.header.volume_hash.is_some();
-        let at = self.at;
+        let kind = PacketKind::Frame { keyframe, hashed, colour: colour.is_some() };
+        let payload = match colour {
+            Some(colour) => PayloadParts::join(geometry, colour, at)?,
+            None => geometry,
+        };
         self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
-        let bytes =
-            self.write_packet(PacketKind::Frame { keyframe, hashed }, timestamp_ns, &frame.to_bytes())?;
+        let bytes = self.write_packet(kind, timestamp_ns, &payload)?;
         self.sink.flush()?;
         self.note(IndexEntry { at, keyframe });
         Ok(bytes)
     }
 
-    /// Writes a frame packet of a stream with the same header as it is, but for its time, and returns its size in bytes.
+    /// Writes a frame packet of a stream with the same header as it is, colour part and all, but for its time, and returns its size in
+    /// bytes.
     ///
     /// # Errors
     /// I/O errors of the sink.
     ///
     /// # Panics
-    /// If the packet is an index.
+    /// If the packet is no frame.
     pub fn copy_frame(&mut self, packet: &Packet, timestamp_ns: u64) -> Result<usize, FormatError> {
         let PacketKind::Frame { keyframe, .. } = packet.header.kind else {
-            panic!("an index is made anew by `finish`")
+            panic!("a frame is copied, and an index is made anew by `finish`")
         };
         let at = self.at;
         self.since_keyframe = packet.header.since_keyframe;
@@ -107,13 +132,7 @@ impl<W: Write> PacketWriter<W> {
         payload: &[u8],
     ) -> Result<usize, FormatError> {
         if payload.len() > MAX_PAYLOAD as usize {
-            let (asked, allowed) = (payload.len() as u64, u64::from(MAX_PAYLOAD));
-            return Err(FormatError::LimitExceeded {
-                at: self.at,
-                what: "packet payload bytes",
-                asked,
-                allowed,
-            });
+            return Err(FormatError::payload_above(payload.len() as u64, MAX_PAYLOAD, self.at));
         }
         self.sink.write_all(&PacketHeader::seal(kind, self.since_keyframe, timestamp_ns, payload))?;
         self.sink.write_all(payload)?;
@@ -181,7 +200,7 @@ mod tests {
         assert_eq!(index.keyframe_before(2), Some(2));
         assert_eq!(index.keyframe_before(3), None);
         for entry in &index.frames {
-            let packet = PacketReader::at_packet(&bytes[entry.at as usize..], entry.at)
+            let packet = PacketReader::at_packet(&bytes[entry.at as usize..], entry.at, &header())
                 .next_packet()
                 .unwrap()
                 .unwrap();

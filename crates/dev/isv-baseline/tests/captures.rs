@@ -65,11 +65,11 @@ fn energy_compaction_of_dct_and_klt() {
 fn under_the_dct_it_is_isv_intra() {
     let Some(volumes) = volumes("dancer", 1) else { return };
     for step in [1024, 2048, 4096] {
-        let header = StreamHeader {
-            profile: Profile::Paper(PaperParameters { coefficients: 48, dc_step: step, ac_step: step }),
-            grid: grid(),
-            frame_rate: FrameRate::DEFAULT,
-        };
+        let header = StreamHeader::new(
+            Profile::Paper(PaperParameters { coefficients: 48, dc_step: step, ac_step: step }),
+            grid(),
+            FrameRate::DEFAULT,
+        );
         let mut isv = Encoder::new(&header, EncoderSettings { gop: 1, ..EncoderSettings::default() });
         let isv_bytes = isv.encode(&volumes[0]).payload().to_bytes().len();
         let settings = TangSettings { grid: grid(), coefficients: 48, step: StepSize::new(step).unwrap() };

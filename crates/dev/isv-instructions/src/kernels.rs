@@ -89,7 +89,7 @@ impl Inputs {
         let truncation = Truncation::DEFAULT;
         let grid = Grid { voxel_size: VoxelSize::from_metres(0.005)?, edge: BlockEdge::E8, truncation };
         let frame_rate = FrameRate::DEFAULT;
-        let header = StreamHeader { profile: Profile::Main, grid, frame_rate };
+        let header = StreamHeader::new(Profile::Main, grid, frame_rate);
         let volumes = [0.0, 1.0].map(|t| ball(grid, t));
         let (mut encoder, mut writer) = (encoder(&header), PacketWriter::new(Vec::new(), &header)?);
         let (mut block_sets, mut blocks) = (Vec::new(), Vec::new());

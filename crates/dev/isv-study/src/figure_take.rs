@@ -122,7 +122,7 @@ impl FigureTake {
         settings: EncoderSettings,
         mut on_frame: impl FnMut(),
     ) -> Result<CodedFigure, StudyError> {
-        let header = StreamHeader { profile, grid: self.grid, frame_rate: FrameRate::DEFAULT };
+        let header = StreamHeader::new(profile, self.grid, FrameRate::DEFAULT);
         let mut encoder = Encoder::new(&header, settings);
         let mut writer = PacketWriter::new(Vec::new(), &header)?;
         let (mut surface_rms, mut encode_ms) = (0.0, 0.0);
@@ -146,7 +146,7 @@ impl FigureTake {
     /// [`StudyError::Format`] and [`StudyError::Decode`].
     pub fn decode(&self, bytes: &[u8], mut on_frame: impl FnMut()) -> Result<DecodedFigure, StudyError> {
         let mut packets = PacketReader::new(bytes)?;
-        let header = packets.header().expect("a reader that began at the header has it");
+        let header = packets.header();
         let mut decoder = Decoder::new(header, Limits::default());
         let mut decoded = DecodedFigure { shown: Vec::new(), decode_ms: 0.0 };
         let mut frame = 0;

@@ -75,11 +75,11 @@ fn unobserved(volume: &SparseVolume) -> usize {
 
 /// Bytes of all frames coded with the paper's profile and 3-DoF motion, and the mean error of what is decoded.
 fn code(meshes: &[TriangleMesh], volumes: &[SparseVolume]) -> (usize, f64) {
-    let header = StreamHeader {
-        profile: Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
-        grid: *volumes[0].grid(),
-        frame_rate: FrameRate::DEFAULT,
-    };
+    let header = StreamHeader::new(
+        Profile::Paper(PaperParameters { coefficients: 64, dc_step: 819, ac_step: 8192 }),
+        *volumes[0].grid(),
+        FrameRate::DEFAULT,
+    );
     let settings = EncoderSettings { motion: MotionMode::Fixed(Prediction::ThreeDof), ..Default::default() };
     let mut encoder = Encoder::new(&header, settings);
     let (mut bytes, mut error_mm) = (0, 0.0);

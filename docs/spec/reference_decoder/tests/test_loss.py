@@ -45,7 +45,7 @@ class Loss(unittest.TestCase):
         self.keyframe, self.inter = stream[at:end], stream[second_at:second_end]
         reader = container.Reader(io.BytesIO(stream))
         stream_header = container.read_stream_header(reader)
-        self.frame = container.parse_frame(stream_header, next(container.read_frame_packets(reader)))
+        self.frame = container.parse_frame(stream_header, next(container.read_frame_packets(reader, stream_header)))
 
     def resilient(self, since_keyframe, spatial, filter_strength=0):
         """A packet that decodes: of random symbols some say that a vector is too long."""

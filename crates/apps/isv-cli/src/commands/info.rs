@@ -6,7 +6,7 @@ use crate::output::{frames_in_words, print, say};
 use crate::stream;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
-use isv::raw::format::{FORMAT_VERSION, PaperParameters, Profile, StreamHeader};
+use isv::raw::format::{PaperParameters, Profile, StreamHeader};
 use isv::raw::kernels::quant::STEP_FRACTION_BITS;
 use isv::raw::take::stream::{PacketSummary, StreamSummary};
 use isv::raw::take::{Input, Length};
@@ -31,6 +31,8 @@ pub(crate) struct Args {
 #[derive(Debug, Serialize)]
 struct StreamInfo {
     format_version: u16,
+    /// How many layers of colour samples frames may have.
+    colour_layers: u8,
     profile: &'static str,
     frames: usize,
     fps: f64,
@@ -43,11 +45,17 @@ struct StreamInfo {
     duration_s: f64,
     /// The whole file.
     bytes: u64,
+    /// The geometry parts of all frames.
+    bytes_geometry: usize,
+    /// The colour parts of all frames, without their lengths.
+    bytes_colour: usize,
     bitrate_mbps: f64,
     /// Whether index and trailer are there, with which a writer ends.
     complete: bool,
     /// Bytes of the file behind its end, where there should be none.
     bytes_behind: u64,
+    /// Packets whose types are not known and may be skipped.
+    unknown_packets: usize,
     /// Frame numbers.
     keyframes: Vec<usize>,
     packets: Vec<PacketInfo>,
@@ -65,6 +73,10 @@ struct PaperInfo {
 struct PacketInfo {
     /// Header and payload.
     bytes: usize,
+    /// The geometry part of the payload.
+    bytes_geometry: usize,
+    /// The colour part of the payload, without its length.
+    bytes_colour: usize,
     keyframe: bool,
     blocks: u32,
     prediction: &'static str,
@@ -131,7 +143,8 @@ impl StreamInfo {
         let (header, packets) = (&summary.header, &summary.packets);
         let keyframes = packets.iter().enumerate().filter(|(_, p)| p.keyframe).map(|(frame, _)| frame);
         Ok(Self {
-            format_version: FORMAT_VERSION,
+            format_version: header.version.number(),
+            colour_layers: header.colour_layers.count(),
             profile: header.profile.name(),
             frames: packets.len(),
             fps: header.frame_rate.per_second(),
@@ -140,10 +153,13 @@ impl StreamInfo {
             block_edge: header.grid.edge.voxels(),
             paper: PaperInfo::new(header),
             bytes: summary.bytes,
+            bytes_geometry: packets.iter().map(|packet| packet.bytes_geometry).sum(),
+            bytes_colour: packets.iter().map(|packet| packet.bytes_colour).sum(),
             duration_s: summary.duration_s,
             bitrate_mbps: summary.mbps(),
             complete: summary.is_complete,
             bytes_behind: summary.bytes_behind,
+            unknown_packets: summary.unknown_packets,
             keyframes: keyframes.collect(),
             packets: packets.iter().map(PacketInfo::new).collect(),
         })
@@ -180,6 +196,12 @@ impl StreamInfo {
                 format!("{}, on average {bytes} bytes and {blocks} blocks", frames_in_words(packets.len())),
             );
         }
+        if self.colour_layers > 0 {
+            row("colour", self.colour_in_words());
+        }
+        if self.unknown_packets > 0 {
+            row("unknown", format!("{} packets of types that only a newer isv knows", self.unknown_packets));
+        }
         if !self.complete {
             row(
                 "end",
@@ -190,6 +212,15 @@ impl StreamInfo {
             row("behind", format!("{} bytes that are no part of the stream", self.bytes_behind));
         }
         table.trim_fmt()
+    }
+
+    /// Layers, and what part of the bytes is for colour.
+    fn colour_in_words(&self) -> String {
+        let layers = match self.colour_layers {
+            1 => "1 layer".to_owned(),
+            layers => format!("{layers} layers"),
+        };
+        format!("{layers}, {} bytes; geometry {} bytes", self.bytes_colour, self.bytes_geometry)
     }
 
     /// The packets of each kind that occurs.
@@ -220,6 +251,8 @@ impl PacketInfo {
     fn new(packet: &PacketSummary) -> Self {
         Self {
             bytes: packet.bytes,
+            bytes_geometry: packet.bytes_geometry,
+            bytes_colour: packet.bytes_colour,
             keyframe: packet.keyframe,
             blocks: packet.blocks,
             prediction: cli_enums::prediction(packet.prediction),

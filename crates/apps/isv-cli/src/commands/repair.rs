@@ -3,8 +3,8 @@
 use crate::output::{check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::Result;
-use isv::raw::take::Input;
 use isv::raw::take::stream::{Repaired, damage_in_words, repair};
+use isv::raw::take::{Input, left_out_in_words};
 use std::iter;
 use std::path::{Path, PathBuf};
 
@@ -53,6 +53,9 @@ fn in_words(report: &Repaired) -> String {
     if report.doubled > 0 {
         let are = if report.doubled == 1 { "is" } else { "are" };
         words += &format!(", {} left out that {are} there twice", frames_in_words(report.doubled));
+    }
+    if report.unknown > 0 {
+        words += &format!(", {}", left_out_in_words(report.unknown));
     }
     if report.behind_loss > 0 {
         words += &format!(

@@ -134,11 +134,11 @@ fn last_entry(file: &File) -> Option<u64> {
     let mut bytes = BufReader::new(file);
     let index = StreamIndex::load(&mut bytes).ok()?;
     bytes.seek(SeekFrom::Start(0)).ok()?;
-    let profile = PacketReader::new(&mut bytes).ok()?.header()?.profile;
+    let header = *PacketReader::new(&mut bytes).ok()?.header();
     let last = index.frames.last()?.at;
     bytes.seek(SeekFrom::Start(last)).ok()?;
-    let packet = PacketReader::at_packet(&mut bytes, last).next_frame().ok()??;
-    if packet.is_entry(&profile) {
+    let packet = PacketReader::at_packet(&mut bytes, last, &header).next_frame().ok()??;
+    if packet.is_entry(&header.profile) {
         return Some(last);
     }
     index.frames.iter().rfind(|frame| frame.keyframe).map(|frame| frame.at)

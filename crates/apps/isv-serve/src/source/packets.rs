@@ -55,9 +55,9 @@ impl<R: Read> Packets<R> {
                     self.pieces.leave_stream();
                     Piece::End
                 }
-                // Viewers have no use for it.
-                Found::Index { is_end: false, .. } => continue,
-                Found::Damage(why) => Piece::Damage(why.to_string()),
+                // Viewers have no use for these.
+                Found::Index { is_end: false, .. } | Found::Skipped => continue,
+                Found::Unsupported(why) | Found::Damage(why) => Piece::Damage(why.to_string()),
             }));
         }
         Ok(None)

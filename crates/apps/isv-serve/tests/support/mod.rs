@@ -168,7 +168,7 @@ pub(crate) fn stream_header() -> [u8; StreamHeader::BYTES] {
 /// A packet with its number as timestamp and so many bytes of payload; every tenth is a keyframe.
 pub(crate) fn packet(number: u64, payload_bytes: usize) -> Vec<u8> {
     let payload: Vec<u8> = (0..payload_bytes as u64).map(|at| (number * 31 + at) as u8).collect();
-    let kind = PacketKind::Frame { keyframe: number.is_multiple_of(10), hashed: false };
+    let kind = PacketKind::Frame { keyframe: number.is_multiple_of(10), hashed: false, colour: false };
     [&PacketHeader::seal(kind, (number % 10) as u16, number, &payload)[..], &payload].concat()
 }
 
@@ -180,7 +180,8 @@ pub(crate) fn publish(hub: &Hub, numbers: std::ops::Range<u64>, payload_bytes: u
 
 /// The number of a packet, all of which must be sound.
 pub(crate) fn number_of(bytes: &[u8]) -> u64 {
-    let packet = PacketReader::at_packet(bytes, 0).next_packet().unwrap().unwrap();
+    let header = StreamHeader::parse(&stream_header()).unwrap();
+    let packet = PacketReader::at_packet(bytes, 0, &header).next_packet().unwrap().unwrap();
     assert_eq!(packet.total_bytes(), bytes.len());
     packet.header.timestamp_ns
 }

@@ -284,11 +284,11 @@ impl EncodeOptions {
         if !(offset > 0.0 && offset <= f64::from(truncation)) {
             return Err(OptionsError::Offset { asked: offset, truncation });
         }
-        Ok(StreamHeader {
-            profile: self.profile(&grid)?,
+        Ok(StreamHeader::new(
+            self.profile(&grid)?,
             grid,
-            frame_rate: self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT),
-        })
+            self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT),
+        ))
     }
 
     /// The profile asked for, or the default: main, but for the whole band, of which it has no place for the unobserved voxels.

@@ -1,12 +1,12 @@
 //! Frames of a stream, as they are, in a stream of their own.
 
-use super::{EditError, StreamFault, load_index, open, open_file, tell_if_cut};
+use super::{EditError, StreamFault, load_index, open, open_file, tell_if_cut, tell_if_left_out};
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer};
 use isv_format::{PacketChain, PacketReader, PacketWriter, StreamIndex};
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Copies frames of a stream in a file, from a keyframe on, without coding anything anew. The copy begins at time 0. Returns the sink and
-/// the number of frames; `create` is called once there is a frame to write.
+/// Copies frames of a stream in a file, from a keyframe on, without coding anything anew. The copy begins at time 0. Packets of unknown
+/// types between the frames are left out, and the observer is told. Returns the sink and the number of frames; `create` is called once there is a frame to write.
 ///
 /// # Errors
 /// [`EditError`]: frames that are not there, a first frame that is no keyframe, and what reading and writing may fail by.
@@ -28,12 +28,13 @@ pub fn cut<W: Write>(
     let at = index.frames[range.start].at;
     let mut file = open_file(input)?;
     file.seek(SeekFrom::Start(at)).map_err(|error| fault(error.into()))?;
-    let mut packets = PacketReader::at_packet(file, at).with_largest_payload(memory.largest_payload());
-    let mut next = |frame| match packets.next_frame() {
+    let mut packets =
+        PacketReader::at_packet(file, at, &header).with_largest_payload(memory.largest_payload());
+    let next = |packets: &mut PacketReader<_>, frame| match packets.next_frame() {
         Ok(packet) => packet.ok_or_else(|| fault(StreamFault::EndsBefore { frame })),
         Err(error) => Err(fault(error.into())),
     };
-    let mut packet = next(range.start)?;
+    let mut packet = next(&mut packets, range.start)?;
     if !packet.is_keyframe() {
         return Err(fault(StreamFault::FalseKeyframe { frame: range.start }).into());
     }
@@ -42,7 +43,7 @@ pub fn cut<W: Write>(
     let mut chain = PacketChain::default();
     for frame in range.clone() {
         if frame > range.start {
-            packet = next(frame)?;
+            packet = next(&mut packets, frame)?;
         }
         if !chain.push(&packet).is_in_order() {
             observer.event(&Event::Gap { name: name.clone(), frame: Some(frame), at: packet.at });
@@ -56,6 +57,7 @@ pub fn cut<W: Write>(
             Err(why) => observer.event(&Event::EndsInDamage { name: name.clone(), why: why.to_string() }),
         }
     }
+    tell_if_left_out(&name, packets.skipped(), observer);
     Ok((writer.finish()?, range.len()))
 }
 

@@ -1,13 +1,13 @@
 //! Streams one after the other, as one.
 
-use super::{EditError, StreamFault, open, tell_if_cut};
+use super::{EditError, StreamFault, open, tell_if_cut, tell_if_left_out};
 use crate::timeline::frame_at;
 use crate::{Event, Input, MemoryLimit, Observer};
 use isv_format::{PacketChain, PacketWriter, StreamHeader};
 use std::io::{self, Write};
 
-/// Copies streams one after the other, without coding anything anew. They have one profile, grid and frame rate. Returns the sink and the
-/// number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
+/// Copies streams one after the other, without coding anything anew. They have one version, profile, grid, frame rate and number of colour
+/// layers. Packets of unknown types are left out, and the observer is told. Returns the sink and the number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
 ///
 /// # Errors
 /// [`EditError`]: a pipe, streams that do not go together or begin with no keyframe, and what reading and writing may fail by.
@@ -63,6 +63,7 @@ pub fn join<W: Write>(
             };
             frames += 1;
         }
+        tell_if_left_out(&name, packets.skipped(), observer);
         tell_if_cut(&name, &packets, observer);
     }
     Ok((writer.finish()?, frames))
@@ -76,6 +77,8 @@ fn difference(a: &StreamHeader, b: &StreamHeader) -> Option<&'static str> {
         (a.grid.voxel_size != b.grid.voxel_size, "voxel size"),
         (a.grid != b.grid, "grid"),
         (a.frame_rate != b.frame_rate, "frame rate"),
+        (a.colour_layers != b.colour_layers, "number of colour layers"),
+        (a.version != b.version, "format version"),
     ]
     .into_iter()
     .find_map(|(differs, what)| differs.then_some(what))

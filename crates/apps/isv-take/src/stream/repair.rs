@@ -20,6 +20,8 @@ pub struct Repaired {
     pub behind_loss: usize,
     /// Packets left out, as they were there twice in a row.
     pub doubled: usize,
+    /// Packets left out, as this build does not know their types.
+    pub unknown: usize,
     /// Places that are damaged: the first byte and the number of bytes of each.
     pub damage: Vec<(u64, u64)>,
     /// Place (bytes) of the header of another stream, at which this one ends.
@@ -28,7 +30,8 @@ pub struct Repaired {
     pub had_end: bool,
 }
 
-/// Copies what is sound of a damaged, cut or unfinished stream, byte for byte; frames that need a lost one go with it. `header_from`: a
+/// Copies what is sound of a damaged, cut or unfinished stream, byte for byte; frames that need a lost one go with it, and so do packets of
+/// unknown types. `header_from`: a
 /// stream of the same take whose header stands for the damaged one of this. `create` is called once there is a frame to write.
 ///
 /// # Errors
@@ -82,6 +85,7 @@ pub fn repair<W: Write>(
         }
     }
     report.had_end = packets.complete();
+    report.unknown = packets.skipped();
     let Some(writer) = writer else {
         return Err(fault(StreamFault::NothingDecodes { damage: report.damage }).into());
     };
@@ -163,7 +167,7 @@ mod tests {
     #[test]
     fn bytes_before_a_loss_count_and_what_has_too_few_is_kept() {
         let grid = Grid { voxel_size: VoxelSize::from_metres(0.01).unwrap(), ..default_grid() };
-        let header = StreamHeader { profile: Profile::Main, grid, frame_rate: FrameRate::DEFAULT };
+        let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
         let mut floor = VolumeBuilder::new(grid);
         for place in 0..64 * 64 {
             let samples = (0..512).map(|voxel| 256 * (voxel / 64) - 1000).collect();

@@ -15,6 +15,8 @@ pub struct StreamSummary {
     pub header: StreamHeader,
     /// Frame packets, up to the end or a cut.
     pub packets: Vec<PacketSummary>,
+    /// Number of other packets, whose types this build does not know.
+    pub unknown_packets: usize,
     /// Time (s) from when the first frame is shown to when the last one is no longer.
     pub duration_s: f64,
     /// Bytes of the file; of a pipe, those of the stream.
@@ -31,6 +33,10 @@ pub struct StreamSummary {
 pub struct PacketSummary {
     /// Bytes of header and payload.
     pub bytes: usize,
+    /// Bytes of the geometry part of the payload.
+    pub bytes_geometry: usize,
+    /// Bytes of the colour part of the payload, without its length; 0 if there is none.
+    pub bytes_colour: usize,
     /// Whether decoding can begin here.
     pub keyframe: bool,
     /// Blocks that it codes.
@@ -53,15 +59,17 @@ impl StreamSummary {
         let read = || {
             let file = source.get_ref().metadata()?;
             let mut reader = PacketReader::new(source)?;
-            let header = *reader.header().expect("a reader that began at the header has it");
+            let header = *reader.header();
             let packets = read_packets(&mut reader, &header.profile)?;
             // A pipe has no length but what was read of it.
             let bytes = if file.is_file() { file.len() } else { reader.at() };
             let is_complete = reader.complete();
             let bytes_behind = if is_complete { bytes.saturating_sub(reader.at()) } else { 0 };
+            let unknown_packets = reader.skipped();
             let mut timeline = Timeline::new(header.frame_rate);
             packets.iter().for_each(|packet: &PacketSummary| _ = timeline.place(packet.timestamp_ns));
-            Ok(Self { header, packets, duration_s: timeline.end_s(), bytes, bytes_behind, is_complete })
+            let duration_s = timeline.end_s();
+            Ok(Self { header, packets, unknown_packets, duration_s, bytes, bytes_behind, is_complete })
         };
         read().map_err(|fault: StreamFault| fault.in_stream(&input.name()))
     }
@@ -92,9 +100,12 @@ fn read_packets(
 impl PacketSummary {
     fn new(packet: &Packet, profile: &Profile) -> Result<Self, FormatError> {
         let hashed = matches!(packet.header.kind, PacketKind::Frame { hashed: true, .. });
-        let frame = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, profile)?.header;
+        let parts = packet.parts()?;
+        let frame = FramePayload::parse(parts.geometry, packet.payload_at(), hashed, profile)?.header;
         Ok(Self {
             bytes: packet.total_bytes(),
+            bytes_geometry: parts.geometry.len(),
+            bytes_colour: parts.colour.map_or(0, <[u8]>::len),
             keyframe: packet.is_keyframe(),
             blocks: frame.blocks,
             prediction: frame.prediction(),

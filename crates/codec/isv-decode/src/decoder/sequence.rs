@@ -9,7 +9,7 @@ pub(crate) struct Sequence {
     /// Packets of the frames decoded.
     chain: PacketChain,
     frames: u64,
-    /// Bytes of the packets from the last keyframe on, refused ones too.
+    /// Bytes of the packets from the last keyframe on, refused ones too, without their colour parts.
     bytes: u64,
 }
 
@@ -32,10 +32,10 @@ impl Sequence {
         self.bytes = self.gop_bytes(packet);
     }
 
-    /// Bytes of the packets from the last keyframe up to this one.
+    /// Bytes of the packets from the last keyframe up to this one, without their colour parts: those make no blocks.
     pub(crate) fn gop_bytes(self, packet: &Packet) -> u64 {
         let before = if packet.is_keyframe() { 0 } else { self.bytes };
-        before + packet.total_bytes() as u64
+        before + packet.geometry_packet_bytes() as u64
     }
 
     /// What is wrong with the frame that is being decoded.

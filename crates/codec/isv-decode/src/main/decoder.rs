@@ -126,7 +126,7 @@ impl<B: Backend> MainDecoder<B> {
         backend: &mut B,
         details: &mut Details,
     ) -> Result<(Decoded<B::Main>, FrameFacts), DecodeError> {
-        let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
+        let PacketKind::Frame { keyframe, hashed, .. } = packet.header.kind else {
             return Err(self.sequence.malformed(packet, "an index where a frame should be"));
         };
         let lost = match keyframe {
@@ -138,7 +138,7 @@ impl<B: Backend> MainDecoder<B> {
         {
             return Err(lost);
         }
-        let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &Profile::Main)?;
+        let payload = FramePayload::parse(packet.geometry()?, packet.payload_at(), hashed, &Profile::Main)?;
         if keyframe && payload.header.prediction() != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }

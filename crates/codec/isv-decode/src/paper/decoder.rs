@@ -57,7 +57,7 @@ impl<B: Backend> PaperDecoder<B> {
     ) -> Result<FrameFacts, DecodeError> {
         // Taken out, so that an error leaves no reference behind.
         let reference = self.reference.take();
-        let PacketKind::Frame { keyframe, hashed } = packet.header.kind else {
+        let PacketKind::Frame { keyframe, hashed, .. } = packet.header.kind else {
             return Err(self.sequence.malformed(packet, "an index where a frame should be"));
         };
         if keyframe {
@@ -66,7 +66,7 @@ impl<B: Backend> PaperDecoder<B> {
             self.sequence.check(packet, reference.is_some())?;
         }
         let reference = reference.filter(|_| !keyframe);
-        let payload = FramePayload::parse(&packet.payload, packet.payload_at(), hashed, &self.profile)?;
+        let payload = FramePayload::parse(packet.geometry()?, packet.payload_at(), hashed, &self.profile)?;
         if keyframe && payload.header.prediction() != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
         }

@@ -17,15 +17,15 @@ pub(crate) fn main_header(truncation: u32) -> StreamHeader {
 }
 
 fn header_of(profile: Profile, edge: u32, truncation: u32) -> StreamHeader {
-    StreamHeader {
+    StreamHeader::new(
         profile,
-        grid: Grid {
+        Grid {
             voxel_size: VoxelSize::from_metres(0.005).unwrap(),
             edge: BlockEdge::from_voxels(edge).unwrap(),
             truncation: Truncation::from_voxels(truncation).unwrap(),
         },
-        frame_rate: FrameRate::DEFAULT,
-    }
+        FrameRate::DEFAULT,
+    )
 }
 
 /// Encodes volumes; returns the stream and the hash of the encoder's own reconstruction of each frame.
@@ -52,7 +52,7 @@ pub(crate) fn decode(bytes: &[u8]) -> (Vec<SparseVolume>, Result<(), DecodeError
     let end = (|| {
         let mut reader = PacketReader::new(bytes)?;
         let mut decoder =
-            Decoder::new(reader.header().unwrap(), Limits { frame_voxels: 1 << 24, ..Limits::default() });
+            Decoder::new(reader.header(), Limits { frame_voxels: 1 << 24, ..Limits::default() });
         while let Some(packet) = reader.next_frame()? {
             volumes.push(decoder.decode_and_verify(&packet)?.volume.clone());
         }

@@ -141,7 +141,7 @@ fn all_streams_decode_to_the_same_bits() {
     let mut decoded = 0;
     for path in streams() {
         let mut packets = open(&path);
-        let header = *packets.header().unwrap();
+        let header = *packets.header();
         let name = path.file_name().unwrap().display();
         let store = VolumeStore::new(&gpu).unwrap();
         let both = Both { cpu: Cpu::default(), gpu: GpuBackend::new(&store).unwrap() };
@@ -182,7 +182,7 @@ fn long_chains_of_blocks_are_decoded() {
     let samples = (0..300 * 512).map(sample).collect();
     let volume = SparseVolume::from_parts(grid(), coords, samples, BTreeMap::new());
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile: Profile::Main, grid: grid(), frame_rate };
+    let header = StreamHeader::new(Profile::Main, grid(), frame_rate);
     let settings = EncoderSettings { checksums: true, ..EncoderSettings::default() };
     let frame = Encoder::new(&header, settings).encode(&volume);
     assert!(frame.payload().header.blocks >= 300);

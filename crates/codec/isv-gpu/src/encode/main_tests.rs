@@ -38,7 +38,7 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
         return;
     };
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile: Profile::Main, grid: grid(), frame_rate };
+    let header = StreamHeader::new(Profile::Main, grid(), frame_rate);
     for (name, volumes) in sequences(3) {
         for preset in
             [Preset::Balanced, Preset::Realtime].into_iter().take(if name == "ball" { 2 } else { 1 })

@@ -186,7 +186,7 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
         return;
     };
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile: Profile::Paper(PAPER), grid: grid(), frame_rate };
+    let header = StreamHeader::new(Profile::Paper(PAPER), grid(), frame_rate);
     let modes =
         [MotionMode::Fixed(Prediction::ThreeDof), MotionMode::Fixed(Prediction::SixDof), MotionMode::Auto];
     for (name, volumes) in sequences(4) {
@@ -262,7 +262,7 @@ fn blocks_of_another_edge_are_not_coded_on_a_gpu() {
     let Some(gpu) = gpu_for_tests() else { return };
     let grid = Grid { edge: BlockEdge::E16, ..grid() };
     let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader { profile: Profile::Paper(PAPER), grid, frame_rate };
+    let header = StreamHeader::new(Profile::Paper(PAPER), grid, frame_rate);
     let coder = frame_coder(&header, EncoderSettings::default(), &VolumeStore::new(&gpu).unwrap());
     assert!(matches!(coder, Err(GpuError::Unsupported(_))));
 }

@@ -53,7 +53,7 @@ impl IsvEncoding {
         frame_rate: FrameRate,
         settings: &StudySettings,
     ) -> Result<Self, StudyError> {
-        let header = StreamHeader { profile, grid: settings.ingest.grid, frame_rate };
+        let header = StreamHeader::new(profile, settings.ingest.grid, frame_rate);
         Ok(Self {
             header,
             volumes: match profile {
@@ -107,7 +107,7 @@ impl Stream for IsvStream {
 
     fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         let mut reader = PacketReader::new(&self.bytes[..])?;
-        let header = *reader.header().expect("a stream opens with its header");
+        let header = *reader.header();
         let mut decoder = Decoder::new(&header, Limits::default());
         Ok(Box::new(std::iter::from_fn(move || {
             let packet = match reader.next_frame() {

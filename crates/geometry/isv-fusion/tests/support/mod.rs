@@ -20,15 +20,11 @@ pub(crate) struct Coder(Encoder);
 impl Coder {
     pub(crate) fn new(grid: Grid) -> Self {
         let step = |metres: f64| (metres / grid.voxel_size.metres() * 256.0 * 16.0).round() as u32;
-        let header = StreamHeader {
-            profile: Profile::Paper(PaperParameters {
-                coefficients: 64,
-                dc_step: step(0.001),
-                ac_step: step(0.01),
-            }),
+        let header = StreamHeader::new(
+            Profile::Paper(PaperParameters { coefficients: 64, dc_step: step(0.001), ac_step: step(0.01) }),
             grid,
-            frame_rate: FrameRate::DEFAULT,
-        };
+            FrameRate::DEFAULT,
+        );
         Self(Encoder::new(&header, EncoderSettings::default()))
     }
 

@@ -55,7 +55,7 @@ impl Bench {
 }
 
 fn header(profile: Profile) -> StreamHeader {
-    StreamHeader { profile, grid: default_grid(), frame_rate: FrameRate::DEFAULT }
+    StreamHeader::new(profile, default_grid(), FrameRate::DEFAULT)
 }
 
 /// Decodes a stream whose GPU is lost before frame 2.
@@ -63,7 +63,7 @@ fn decode_with_a_loss(name: &str, falls_back: bool) -> Option<Result<usize, Deco
     let bench = Bench::open(falls_back)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance").join(name);
     let mut packets = PacketReader::new(BufReader::new(File::open(path).unwrap())).unwrap();
-    let header = *packets.header().unwrap();
+    let header = *packets.header();
     let limits = Limits::default();
     let mut decoder = bench.device.decoder(&header, limits, Lod::Full, &bench.observer).unwrap();
     let mut oracle = Decoder::new(&header, limits);
