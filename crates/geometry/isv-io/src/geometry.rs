@@ -297,12 +297,17 @@ fn mesh_of(path: &Path, geometry: Geometry) -> Result<TriangleMesh, ReadError> {
 
 /// Writes a mesh to a file, in metres; the file appears whole or not at all. Same mesh, same bytes.
 ///
+/// Materials of an OBJ file get files of their own beside it: see [`write_obj_files`](crate::write_obj_files).
+///
 /// # Errors
 /// [`WriteError`], naming the file.
 ///
 /// # Panics
 /// As [`write_mesh_to`].
 pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<(), WriteError> {
+    if format == Format::Obj {
+        return obj::write_obj_files(path, mesh, &Placement::default());
+    }
     let mut file = AtomicFile::create(path)?;
     write_mesh_to(&mut file, mesh, format).map_err(|cause| WriteError::new(path, cause))?;
     file.commit()
@@ -310,14 +315,15 @@ pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<()
 
 /// Writes a mesh to anything that takes bytes, in many small pieces: give it a buffer.
 ///
-/// Coordinates are rounded to `f32`. Normals are written when the mesh has them; STL gives facets their own.
+/// Coordinates are rounded to `f32`. Normals are written when the mesh has them; STL gives facets their own. PLY, OBJ and GLB keep
+/// vertex colours. GLB keeps materials and their images, too.
 ///
 /// # Errors
 /// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_mesh), and others
 /// for a mesh that the format cannot hold.
 ///
 /// # Panics
-/// If the mesh has normals but not one a vertex.
+/// If the mesh has normals but not one a vertex, or an appearance that does not fit it.
 pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io::Result<()> {
     write_mesh_placed(out, mesh, format, &Placement::default())
 }
@@ -339,6 +345,7 @@ pub fn write_mesh_placed(
         mesh.normals.is_empty() || mesh.normals.len() == mesh.vertices.len(),
         "one normal a vertex or none"
     );
+    assert_appearance_fits(mesh);
     match format {
         Format::Ply => ply::write(out, mesh, placement),
         Format::Obj => obj::write(out, mesh, placement),
@@ -366,13 +373,13 @@ pub fn write_points(path: &Path, points: &PointCloud, format: Format) -> Result<
 /// Writes points to anything that takes bytes, in many small pieces: give it a buffer.
 ///
 /// Coordinates are rounded to `f32`, except in XYZ, which keeps them as they are. Normals are written when the points
-/// have them; an unknown one is zero there too. Only PCD keeps the viewpoint.
+/// have them; an unknown one is zero there too. Colours are written when the points have them. Only PCD keeps the viewpoint.
 ///
 /// # Errors
 /// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_points).
 ///
 /// # Panics
-/// If the points have normals but not one each.
+/// If the points have normals or colours but not one each.
 pub fn write_points_to(out: impl Write, points: &PointCloud, format: Format) -> io::Result<()> {
     write_points_placed(out, points, format, &Placement::default())
 }
@@ -394,6 +401,10 @@ pub fn write_points_placed(
         points.normals.is_empty() || points.normals.len() == points.positions.len(),
         "one normal a point or none"
     );
+    assert!(
+        points.colours.is_empty() || points.colours.len() == points.positions.len(),
+        "one colour a point or none"
+    );
     match format {
         Format::Ply => ply::write_points(out, points, placement),
         Format::Pcd => pcd::write(out, points, placement),
@@ -406,6 +417,14 @@ pub fn write_points_placed(
         | Format::Las
         | Format::Laz
         | Format::E57 => Err(not_written(format, "points")),
+    }
+}
+
+/// Panics if a mesh that is to be written has an appearance that does not fit it.
+pub(crate) fn assert_appearance_fits(mesh: &TriangleMesh) {
+    if let Some(appearance) = &mesh.appearance {
+        let fits = appearance.validate(mesh.vertices.len(), mesh.triangles.len());
+        assert_eq!(fits, Ok(()), "an appearance fits its mesh");
     }
 }
 

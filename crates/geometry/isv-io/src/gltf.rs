@@ -19,10 +19,12 @@ mod look_schema;
 mod looks;
 mod meshopt;
 mod parts;
+mod pieces;
 mod scene;
 mod schema;
 mod sequence_writer;
 mod write;
+mod write_looks;
 
 pub use animation::{Animation, MAX_DURATION_S};
 pub use encoding::GlbEncoding;

@@ -77,6 +77,7 @@ pub use geometry::{
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use image::{ImageError, ImageFault, MAX_IMAGE_PIXELS, MAX_IMAGE_SIDE, decode_image};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
+pub use obj::write_obj_files;
 pub use options::{Colours, ReadOptions};
 pub use output::{
     Output, OutputError, check_file_name, check_folder_name, check_frame_output, check_not_input,

@@ -18,6 +18,7 @@ use glam::DVec3;
 use isv_volume::{PointCloud, Rgb, TriangleMesh};
 use std::sync::Arc;
 pub(crate) use write::write;
+pub use write::write_obj_files;
 
 /// Parses an OBJ file in memory: points if it has vertices but neither faces nor lines, else a mesh. A file that has no vertices
 /// either is an empty mesh if it has nothing but comments and records of OBJ. Colours are read if linked files are given.

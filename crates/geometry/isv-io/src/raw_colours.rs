@@ -11,6 +11,8 @@ pub(crate) enum Scale {
     Short,
     /// 0 to 1; 0 to 255 if a number is larger than 1.
     Unit,
+    /// 0 to 255; 0 to 1 if no number is larger than 1 and some are no whole numbers.
+    ByteOrUnit,
 }
 
 /// The colours of vertices or points, until all are there.
@@ -19,18 +21,20 @@ pub(crate) struct RawColours {
     scale: Scale,
     values: Vec<[f32; 3]>,
     largest: f32,
+    any_fraction: bool,
 }
 
 impl RawColours {
     /// No colours yet; `room` is a number of colours whose bytes are there.
     pub(crate) fn new(scale: Scale, room: usize) -> Self {
-        Self { scale, values: Vec::with_capacity(room), largest: 0.0 }
+        Self { scale, values: Vec::with_capacity(room), largest: 0.0, any_fraction: false }
     }
 
     /// Appends a colour. NaN stands for one that is not known, which becomes white.
     pub(crate) fn push(&mut self, colour: [f64; 3]) {
         let colour = colour.map(|value| value as f32);
         self.largest = colour.iter().fold(self.largest, |largest, value| largest.max(*value));
+        self.any_fraction |= colour.iter().any(|value| value.is_finite() && value.fract() != 0.0);
         self.values.push(colour);
     }
 
@@ -52,7 +56,8 @@ impl RawColours {
             Scale::Byte => 255.0,
             Scale::Short if self.largest > 255.0 => 65535.0,
             Scale::Unit if self.largest <= 1.0 => 1.0,
-            Scale::Short | Scale::Unit => 255.0,
+            Scale::ByteOrUnit if self.largest <= 1.0 && self.any_fraction => 1.0,
+            Scale::Short | Scale::Unit | Scale::ByteOrUnit => 255.0,
         };
         let byte = |value: f32| if value.is_nan() { 255 } else { (value / full * 255.0).round() as u8 };
         self.values.into_iter().map(|colour| colour.map(byte)).collect()
@@ -76,6 +81,8 @@ mod tests {
         assert_eq!(bytes(Scale::Short, &[0.0, 257.0, 65535.0]), [0, 1, 255]);
         assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 1.0]), [0, 128, 255]);
         assert_eq!(bytes(Scale::Unit, &[0.0, 0.5, 1.0, 2.0]), [0, 1, 1, 2]);
+        assert_eq!(bytes(Scale::ByteOrUnit, &[0.0, 1.0]), [0, 1]);
+        assert_eq!(bytes(Scale::ByteOrUnit, &[0.0, 0.5, 1.0]), [0, 128, 255]);
     }
 
     #[test]

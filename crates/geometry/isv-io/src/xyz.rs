@@ -66,7 +66,7 @@ pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Fla
     if !keeps_colours {
         columns.slots[COLOUR..].fill(None);
     }
-    let scale = columns.slots[COLOUR].map(|_| Scale::Unit);
+    let scale = columns.slots[COLOUR].map(|_| Scale::ByteOrUnit);
     let mut cloud = CloudBuilder::new(columns.slots[3].is_some(), 0).with_colours(scale);
     let mut found = 0;
     let mut last = 1;
@@ -216,13 +216,20 @@ fn count(word: &[u8]) -> Result<u64, Malformation> {
     parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })
 }
 
-/// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number.
+/// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number. Colours follow as `r g b`, 0 to 255,
+/// and a comment names the columns then.
 pub(crate) fn write(mut out: impl Write, points: &PointCloud, placement: &Placement) -> io::Result<()> {
+    if !points.colours.is_empty() {
+        writeln!(out, "# x y z{} r g b", if points.normals.is_empty() { "" } else { " nx ny nz" })?;
+    }
     for (index, position) in points.positions.iter().enumerate() {
         let DVec3 { x, y, z } = placement.place(*position);
         write!(out, "{x} {y} {z}")?;
         if let Some(DVec3 { x, y, z }) = points.normals.get(index) {
             write!(out, " {x} {y} {z}")?;
+        }
+        if let Some([red, green, blue]) = points.colours.get(index) {
+            write!(out, " {red} {green} {blue}")?;
         }
         writeln!(out)?;
     }

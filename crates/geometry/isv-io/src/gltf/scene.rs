@@ -385,7 +385,7 @@ mod tests {
         let buffers = Buffers::load(&document.buffers, None, None).unwrap();
         let accessors = Accessors::new(&document, buffers, Limit::for_bytes(json.len(), false));
         let scene = Scene::load(&document, &accessors, None).unwrap();
-        assert_eq!(scene.pose(&[], 0.mesh).0.triangles.len(), parts);
+        assert_eq!(scene.pose(&[], 0.0).mesh.triangles.len(), parts);
         assert_eq!(LOOKED_AT.get(), joints + 1, "the joints, and the node itself");
     }
 }

@@ -98,8 +98,13 @@ impl Map {
 
     /// A texture coordinate of OBJ, whose v goes up, as one of an image, whose v goes down from the upper left corner.
     pub(super) fn place(&self, [u, v]: [f32; 2]) -> [f32; 2] {
-        [u * self.scale[0] + self.offset[0], 1.0 - (v * self.scale[1] + self.offset[1])]
+        upside_down([u * self.scale[0] + self.offset[0], v * self.scale[1] + self.offset[1]])
     }
+}
+
+/// A texture coordinate with the other direction of v.
+pub(super) fn upside_down([u, v]: [f32; 2]) -> [f32; 2] {
+    [u, 1.0 - v]
 }
 
 /// As many as `most` numbers, as long as a word follows them, and that word.
