@@ -43,7 +43,7 @@ pub fn gradients() -> Vec<(&'static str, Vec<u8>, u8)> {
         ("lossy.webp", LOSSY_WEBP.to_vec(), 16),
         ("lossless.webp", LOSSLESS_WEBP.to_vec(), 0),
         ("alpha.webp", ALPHA_WEBP.to_vec(), 20),
-        ("etc1s.ktx2", ETC1S_KTX2.to_vec(), 24),
+        ("etc1s.ktx2", ETC1S_KTX2.to_vec(), 48),
         ("uastc.ktx2", UASTC_KTX2.to_vec(), 8),
     ];
     let pixels: Vec<[u8; 3]> =

@@ -4,8 +4,8 @@ use crate::error::Flaw;
 use crate::linked::Linked;
 use crate::regular_file;
 use crate::{
-    AtomicFile, Colours, Format, Placement, ReadError, ReadOptions, Unit, WriteError, e57, gltf, las, obj, off,
-    pcd, ply, stl, xyz,
+    AtomicFile, Colours, Format, Placement, ReadError, ReadOptions, Unit, WriteError, e57, gltf, las, obj,
+    off, pcd, ply, stl, xyz,
 };
 use glam::{DMat3, DVec3};
 use isv_volume::{PointCloud, TriangleMesh};

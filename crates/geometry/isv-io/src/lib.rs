@@ -70,9 +70,9 @@ pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
 pub use geometry::{
-    Geometry, InvalidPoints, MAX_COORDINATE_M, parse_geometry, parse_geometry_as, parse_geometry_with, parse_mesh,
-    read_geometry, read_geometry_as, read_geometry_with, read_mesh, write_mesh, write_mesh_placed, write_mesh_to, write_points,
-    write_points_placed, write_points_to,
+    Geometry, InvalidPoints, MAX_COORDINATE_M, parse_geometry, parse_geometry_as, parse_geometry_with,
+    parse_mesh, read_geometry, read_geometry_as, read_geometry_with, read_mesh, write_mesh,
+    write_mesh_placed, write_mesh_to, write_points, write_points_placed, write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use image::{ImageError, ImageFault, MAX_IMAGE_PIXELS, MAX_IMAGE_SIDE, decode_image};

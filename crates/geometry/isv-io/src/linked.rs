@@ -42,7 +42,9 @@ impl<'a> Linked<'a> {
     /// Reads a file whole; `None` if it is not there. A name that leads out of the folder is a fault all the same.
     pub(crate) fn read_if_there(&self, name: &str) -> Result<Option<Vec<u8>>, ImageFault> {
         match self.folder {
-            Some(folder) if inside(folder, name).is_none() || self.is_there(name) => self.read(name).map(Some),
+            Some(folder) if inside(folder, name).is_none() || self.is_there(name) => {
+                self.read(name).map(Some)
+            }
             _ => Ok(None),
         }
     }

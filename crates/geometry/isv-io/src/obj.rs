@@ -129,7 +129,8 @@ impl File {
         self.coordinates.clear();
         for corner in corners {
             self.polygon.push(vertex_of_corner(corner, self.vertices.len())?);
-            self.coordinates.extend(self.colours.as_ref().map(|colours| colours.coordinate_of_corner(corner)));
+            self.coordinates
+                .extend(self.colours.as_ref().map(|colours| colours.coordinate_of_corner(corner)));
         }
         match &mut self.colours {
             Some(colours) => {

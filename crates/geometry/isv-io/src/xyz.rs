@@ -71,7 +71,8 @@ pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Fla
     let mut found = 0;
     let mut last = 1;
     for (at, line) in lines {
-        let [x, y, z, nx, ny, nz, colour @ ..] = columns.values(line).map_err(|why| Flaw::at_line(at, why))?;
+        let [x, y, z, nx, ny, nz, colour @ ..] =
+            columns.values(line).map_err(|why| Flaw::at_line(at, why))?;
         cloud.push(DVec3::new(x, y, z), DVec3::new(nx, ny, nz));
         cloud.push_colour(colour);
         (found, last) = (found + 1, at);

@@ -1,8 +1,8 @@
 //! PLY files one after another. Each says how long it is, but only to who reads all of it.
 
 use super::{FrameStreamError, MAX_FRAME_BYTES};
-use crate::text::UTF8_MARK;
 use crate::linked::Linked;
+use crate::text::UTF8_MARK;
 use crate::{Colours, Geometry, ply};
 use std::io::{self, Read};
 use std::path::PathBuf;

@@ -211,11 +211,7 @@ impl<'a> Accessors<'a> {
 
     /// The type of an accessor's elements, in the specification's words, and what makes its numbers 0 to 1, should they be
     /// integers that are not normalised.
-    pub(super) fn shape_and_largest(
-        &self,
-        index: usize,
-        named_by: ObjectName,
-    ) -> Result<(&str, f32), Flaw> {
+    pub(super) fn shape_and_largest(&self, index: usize, named_by: ObjectName) -> Result<(&str, f32), Flaw> {
         let accessor = object(&self.document.accessors, "accessor", index, named_by)?;
         let component = Component::of_code(accessor.component_type).filter(|_| !accessor.normalized);
         Ok((&accessor.shape, component.map_or(1.0, Component::largest)))

@@ -217,11 +217,7 @@ impl Animation {
     }
 }
 
-fn load(
-    folder: Option<&Path>,
-    bytes: &[u8],
-    colours: Colours,
-) -> Result<(Scene, Vec<Clip>), Flaw> {
+fn load(folder: Option<&Path>, bytes: &[u8], colours: Colours) -> Result<(Scene, Vec<Clip>), Flaw> {
     let text = if bytes.starts_with(MAGIC) { Cow::Borrowed(bytes) } else { text::decode(bytes) };
     let bytes = &*text;
     let container = Container::parse(bytes)?;

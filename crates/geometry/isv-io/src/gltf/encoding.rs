@@ -104,9 +104,7 @@ pub(super) fn quantized_normal(normal: Vec3) -> [i8; 4] {
 
 /// A colour as linear light in normalised integers, with alpha. Every colour comes back.
 pub(super) fn linear_colour(colour: Rgb) -> [u16; 4] {
-    let light = |value: u8| {
-        (f32::from(u16::MAX) * linear_from_srgb(f32::from(value) / 255.0)).round() as u16
-    };
+    let light = |value: u8| (f32::from(u16::MAX) * linear_from_srgb(f32::from(value) / 255.0)).round() as u16;
     let [red, green, blue] = colour.map(light);
     [red, green, blue, u16::MAX]
 }

@@ -164,7 +164,10 @@ impl VertexSource {
         let name = "COLOR_0";
         if shape == "VEC4" {
             let colours = self.floats::<4>(accessors, draco, name, (index, "VEC4"), named_by)?;
-            return Ok(colours.into_iter().map(|[red, green, blue, _]| from_light([red, green, blue])).collect());
+            return Ok(colours
+                .into_iter()
+                .map(|[red, green, blue, _]| from_light([red, green, blue]))
+                .collect());
         }
         let colours = self.floats::<3>(accessors, draco, name, (index, "VEC3"), named_by)?;
         Ok(colours.into_iter().map(from_light).collect())
@@ -186,7 +189,8 @@ impl Shape {
         for primitive in &mesh.primitives {
             refuse_compression(primitive).map_err(|fault| Flaw::in_object("mesh", index, fault))?;
             let is_read = primitive.mode == Primitive::POINTS || primitive.mode >= Primitive::TRIANGLES;
-            let Some(source) = VertexSource::from_primitive(primitive, looks.is_some()).filter(|_| is_read) else {
+            let Some(source) = VertexSource::from_primitive(primitive, looks.is_some()).filter(|_| is_read)
+            else {
                 continue;
             };
             let draco = source.draco.as_ref().map(|stream| {

@@ -254,13 +254,7 @@ impl Scene {
     }
 
     /// Appends an instance, given the transforms of all nodes to the scene.
-    fn append(
-        &self,
-        instance: &Instance,
-        transforms: &[DAffine3],
-        weights: &[f64],
-        pose: &mut Pose,
-    ) {
+    fn append(&self, instance: &Instance, transforms: &[DAffine3], weights: &[f64], pose: &mut Pose) {
         let own = Placing::by(vec![transforms[instance.node]]);
         let joints = instance.skin.map(|skin| Placing::by(self.skins[skin].transforms(transforms)));
         for part in &self.shapes[instance.shape].parts {

@@ -184,8 +184,7 @@ impl<W: Write> Document<W> {
             }
             let indices = self.push_indices(piece)?;
             let material = self.push_material(piece)?;
-            primitives
-                .push(json!({ "attributes": attributes, "indices": indices, "material": material }));
+            primitives.push(json!({ "attributes": attributes, "indices": indices, "material": material }));
         }
         let index = self.meshes.push(&json!({ "primitives": primitives }));
         let placing = lattice.map(|Lattice { origin, step }| {
@@ -245,13 +244,7 @@ impl<W: Write> Document<W> {
     }
 
     /// Adds rows of an attribute, compressed if the encoding asks for it, and gives the accessor that is to be added for them.
-    fn push_rows(
-        &mut self,
-        bytes: Vec<u8>,
-        stride: usize,
-        component: u32,
-        shape: &str,
-    ) -> io::Result<Value> {
+    fn push_rows(&mut self, bytes: Vec<u8>, stride: usize, component: u32, shape: &str) -> io::Result<Value> {
         let count = bytes.len() / stride;
         let compresses = self.encoding == GlbEncoding::Meshopt;
         let compressed = compresses.then(|| compress_rows(&bytes, count, stride)).transpose()?;

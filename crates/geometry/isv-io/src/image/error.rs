@@ -41,9 +41,7 @@ pub enum ImageFault {
         variant: &'static str,
     },
     /// An image beyond [`MAX_IMAGE_SIDE`] or [`MAX_IMAGE_PIXELS`], or of no pixels.
-    #[error(
-        "{width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side and {MAX_IMAGE_PIXELS} in all"
-    )]
+    #[error("{width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side and {MAX_IMAGE_PIXELS} in all")]
     Size {
         /// Width in pixels.
         width: u64,

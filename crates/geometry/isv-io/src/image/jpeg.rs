@@ -27,6 +27,9 @@ fn read_unguarded(bytes: &[u8]) -> Result<Image, ImageFault> {
     // A cut image is an error, not grey where its pixels are missing.
     let options = DecoderOptions::default()
         .set_strict_mode(true)
+        // Sizes are checked here.
+        .set_max_width(usize::MAX)
+        .set_max_height(usize::MAX)
         .jpeg_set_max_scans(MOST_SCANS)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);

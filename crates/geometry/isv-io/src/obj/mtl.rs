@@ -128,15 +128,14 @@ mod tests {
                     newmtl \"b\"\nkd spectral file.rfl\nMAP_KD -clamp on -s 2 3 4 -o 0.5 tex\\b.jpg\nKd 0.5\n\
                     newmtl c\nmap_Kd -mm 0 1 -blendu off -bm 0.5 -imfchan m -texres 512 -o 1 2 3 -cc on 7.png\nmap_Kd\nKd nan 0 0";
         let found = parse(text.as_bytes());
-        let map = |file: &str| Map {
-            file: file.to_owned(),
-            scale: [1.0; 2],
-            offset: [0.0; 2],
-            wrap: Wrap::Repeat,
-        };
+        let map =
+            |file: &str| Map { file: file.to_owned(), scale: [1.0; 2], offset: [0.0; 2], wrap: Wrap::Repeat };
         assert_eq!(found.len(), 3);
         assert_eq!(found[0].name, "Material #25");
-        assert_eq!((found[0].diffuse, found[0].map.clone()), (Some([0.5, 0.25, 1.0]), Some(map("my skin #1.png"))));
+        assert_eq!(
+            (found[0].diffuse, found[0].map.clone()),
+            (Some([0.5, 0.25, 1.0]), Some(map("my skin #1.png")))
+        );
         let clamped = Map { scale: [2.0, 3.0], offset: [0.5, 0.0], wrap: Wrap::Clamp, ..map("tex\\b.jpg") };
         assert_eq!((found[1].name.as_str(), found[1].diffuse), ("b", Some([0.5; 3])));
         assert_eq!(found[1].map, Some(clamped));

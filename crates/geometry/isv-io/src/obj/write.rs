@@ -54,7 +54,8 @@ pub fn write_obj_files(path: &Path, mesh: &TriangleMesh, placement: &Placement) 
 fn stem_of(path: &Path) -> io::Result<String> {
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     let stem = stem.filter(|stem| !stem.chars().any(char::is_control) && stem.trim() == *stem);
-    let refused = "materials need a name that can stand in a text: no control characters, no blanks at its ends";
+    let refused =
+        "materials need a name that can stand in a text: no control characters, no blanks at its ends";
     stem.map(str::to_owned).ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, refused))
 }
 

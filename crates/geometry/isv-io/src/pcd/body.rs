@@ -65,7 +65,11 @@ impl<'a> Points<'a> {
         if !(self.header.organised && position.is_nan()) {
             self.cloud.push(position, DVec3::new(nx, ny, nz));
             // A packed colour is an integer by now.
-            self.cloud.push_colour(if self.packed { unpacked(red as i64 as u32) } else { [red, green, blue] });
+            self.cloud.push_colour(if self.packed {
+                unpacked(red as i64 as u32)
+            } else {
+                [red, green, blue]
+            });
         }
     }
 

@@ -22,9 +22,8 @@ const NONE: u32 = u32::MAX;
 
 /// The scalar properties of the first set of names that an element has all of.
 fn find<const N: usize>(element: &Element, sets: &[[&str; N]]) -> Option<[usize; N]> {
-    let scalar = |name: &str| {
-        element.find(name).filter(|i| matches!(element.properties[*i].kind, Kind::Scalar(_)))
-    };
+    let scalar =
+        |name: &str| element.find(name).filter(|i| matches!(element.properties[*i].kind, Kind::Scalar(_)));
     let mut found = sets.iter().map(|names| names.map(scalar));
     found.find_map(|columns| {
         columns.iter().all(Option::is_some).then(|| columns.map(Option::unwrap_or_default))
@@ -165,7 +164,9 @@ impl Colours<'_> {
         };
         let mut texture_coordinates: Vec<_> = match &self.coordinates {
             _ if self.textures.is_empty() => Vec::new(),
-            _ if !coordinates.is_empty() => corners.iter().map(|corners| found(&coordinates, corners)).collect(),
+            _ if !coordinates.is_empty() => {
+                corners.iter().map(|corners| found(&coordinates, corners)).collect()
+            }
             Some(coordinates) => triangles.iter().map(|triangle| found(coordinates, triangle)).collect(),
             None => Vec::new(),
         };

@@ -285,8 +285,7 @@ impl Faces {
 
 impl Sink for Faces {
     fn wants(&self, property: usize) -> bool {
-        self.indices == Some(property)
-            || self.colours.as_ref().is_some_and(|colours| colours.wants(property))
+        self.indices == Some(property) || self.colours.as_ref().is_some_and(|colours| colours.wants(property))
     }
 
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
