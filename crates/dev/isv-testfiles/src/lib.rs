@@ -7,6 +7,7 @@ pub mod compressed;
 pub mod e57;
 pub mod exr;
 pub mod gltf;
+pub mod image;
 pub mod lidar;
 pub mod npy;
 pub mod pcd;

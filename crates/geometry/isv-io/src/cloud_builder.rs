@@ -1,6 +1,7 @@
 //! A point cloud that grows point by point.
 
 use crate::error::Malformation;
+use crate::raw_colours::{RawColours, Scale};
 use glam::DVec3;
 use isv_volume::PointCloud;
 
@@ -19,13 +20,26 @@ pub(crate) fn check_compressed(points: u64, bytes: usize) -> Result<(), Malforma
 pub(crate) struct CloudBuilder {
     positions: Vec<DVec3>,
     normals: Option<Vec<DVec3>>,
+    colours: Option<RawColours>,
 }
 
 impl CloudBuilder {
     /// Starts a cloud; `room` is a number of points whose bytes are there, so that it bounds the memory taken.
     pub(crate) fn new(with_normals: bool, room: usize) -> Self {
         let reserved = || Vec::with_capacity(room);
-        Self { positions: reserved(), normals: with_normals.then(reserved) }
+        Self { positions: reserved(), normals: with_normals.then(reserved), colours: None }
+    }
+
+    /// Says that points have colours of a scale, if they have any.
+    pub(crate) fn with_colours(self, scale: Option<Scale>) -> Self {
+        Self { colours: scale.map(|scale| RawColours::new(scale, 0)), ..self }
+    }
+
+    /// Gives the point added last its colour, which is passed over if the cloud has none.
+    pub(crate) fn push_colour(&mut self, colour: [f64; 3]) {
+        if let Some(colours) = &mut self.colours {
+            colours.push(colour);
+        }
     }
 
     /// Adds a point; its normal may have any length, and is passed over if the cloud has none.
@@ -43,6 +57,7 @@ impl CloudBuilder {
 
     pub(crate) fn finish(self, viewpoint: Option<DVec3>) -> PointCloud {
         let (positions, normals) = (self.positions, self.normals.unwrap_or_default());
-        PointCloud { positions, normals, viewpoint, scans: Vec::new(), colours: Vec::new() }
+        let colours = self.colours.map(RawColours::finish).unwrap_or_default();
+        PointCloud { positions, normals, colours, viewpoint, scans: Vec::new() }
     }
 }

@@ -7,6 +7,7 @@
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation};
 use crate::foreign::catch_panic;
+use crate::raw_colours::Scale;
 use e57::{E57Reader, Record, RecordDataType, RecordName as Name, RecordValue};
 use glam::{DQuat, DVec3};
 use isv_volume::{PointCloud, ScanPlace};
@@ -35,13 +36,14 @@ type Reader<'a> = E57Reader<Cursor<&'a [u8]>>;
 /// Parses an E57 file in memory: the points of all scans, each moved by its scan's pose. Cartesian coordinates are
 /// taken where they are valid, else spherical ones; a point with neither is dropped. Normals of the extension `nor`
 /// (`normalX`, `normalY`, `normalZ`) are read; they are unknown, zero, in scans without. The viewpoint is the
-/// scanner's place if there is one scan and it has a pose; of several scans each has its own.
-pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+/// scanner's place if there is one scan and it has a pose; of several scans each has its own. Colours are read if they are asked for;
+/// points without a valid one are white.
+pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     if !bytes.starts_with(b"ASTM-E57") {
         return Err(Flaw::at_byte(0, Malformation::Magic { format: "E57", magic: "ASTM-E57" }));
     }
     let damaged = || Flaw::unreadable("E57", 0, &"its XML or its packets are damaged");
-    catch_panic(|| read(bytes)).unwrap_or_else(|| Err(damaged()))
+    catch_panic(|| read(bytes, keeps_colours)).unwrap_or_else(|| Err(damaged()))
 }
 
 /// Whether points of any scan have colours.
@@ -64,13 +66,14 @@ pub(crate) fn start_s(bytes: &[u8]) -> Option<f64> {
     catch_panic(start).flatten()
 }
 
-fn read(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+fn read(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     check_xml(bytes)?;
     let mut reader = Reader::new(Cursor::new(bytes)).map_err(|why| Flaw::unreadable("E57", 0, &why))?;
     let scans = reader.pointclouds();
     check_sizes(bytes, &scans)?;
     let normals = scans.iter().any(|scan| Attributes::new(scan).normal.is_some());
-    let mut cloud = CloudBuilder::new(normals, 0);
+    let coloured = keeps_colours && scans.iter().any(|scan| Attributes::new(scan).colour.is_some());
+    let mut cloud = CloudBuilder::new(normals, 0).with_colours(coloured.then_some(Scale::Byte));
     let any_pose = scans.iter().any(|scan| scan.transform.as_ref().is_some_and(|pose| !is_identity(pose)));
     let mut places = Vec::new();
     for scan in &scans {
@@ -191,6 +194,8 @@ fn read_scan(reader: &mut Reader, scan: &e57::PointCloud, cloud: &mut CloudBuild
             let normal = attributes.normal.map_or(Ok(DVec3::ZERO), |columns| point.vector(columns));
             let normal = normal.map_err(|why| flaw(&why))?;
             cloud.push(rotation * position + translation, rotation * normal);
+            let colour = attributes.colour.as_ref().map(|colour| colour.of_point(&point)).transpose();
+            cloud.push_colour(colour.map_err(|why| flaw(&why))?.flatten().unwrap_or([f64::NAN; 3]));
         }
     }
     Ok(())
@@ -216,6 +221,7 @@ struct Attributes {
     spherical: Option<[usize; 3]>,
     spherical_state: Option<usize>,
     normal: Option<[usize; 3]>,
+    colour: Option<ColourAttributes>,
 }
 
 impl Attributes {
@@ -236,6 +242,10 @@ impl Attributes {
             spherical: all([Name::SphericalRange, Name::SphericalAzimuth, Name::SphericalElevation].map(find)),
             spherical_state: find(Name::SphericalInvalidState),
             normal: all(["normalX", "normalY", "normalZ"].map(find_normal)),
+            colour: all([Name::ColorRed, Name::ColorGreen, Name::ColorBlue].map(find)).map(|columns| {
+                let state = find(Name::IsColorInvalid);
+                ColourAttributes { columns, state, ranges: columns.map(|column| range_of(scan, column)) }
+            }),
         }
     }
 
@@ -256,6 +266,50 @@ impl Attributes {
         }
         Ok(None)
     }
+}
+
+/// Where the colour of a point is, and what its numbers go from and to.
+struct ColourAttributes {
+    columns: [usize; 3],
+    state: Option<usize>,
+    ranges: [[f64; 2]; 3],
+}
+
+impl ColourAttributes {
+    /// A point's colour, 0 to 255; none if the file says that it has none.
+    fn of_point(&self, point: &Values) -> e57::Result<Option<[f64; 3]>> {
+        if !point.is_valid(self.state)? {
+            return Ok(None);
+        }
+        let values = point.vector(self.columns)?.to_array();
+        Ok(Some(std::array::from_fn(|channel| {
+            let [least, most] = self.ranges[channel];
+            255.0 * ((values[channel] - least) / (most - least)).clamp(0.0, 1.0)
+        })))
+    }
+}
+
+/// Smallest and largest value of a colour: the limits that the scan states, else those of the column's type, else 0 to 1.
+fn range_of(scan: &e57::PointCloud, column: usize) -> [f64; 2] {
+    let record = &scan.prototype[column];
+    let limits = scan.color_limits.as_ref().map(|limits| match record.name {
+        Name::ColorRed => (&limits.red_min, &limits.red_max),
+        Name::ColorGreen => (&limits.green_min, &limits.green_max),
+        _ => (&limits.blue_min, &limits.blue_max),
+    });
+    let number = |value: &Option<RecordValue>| value.as_ref()?.to_f64(&record.data_type).ok();
+    let stated = limits.and_then(|(least, most)| number(least).zip(number(most)));
+    let of_type = match record.data_type {
+        RecordDataType::Integer { min, max } => Some((min as f64, max as f64)),
+        RecordDataType::ScaledInteger { min, max, scale, offset } => {
+            Some((min as f64 * scale + offset, max as f64 * scale + offset))
+        }
+        RecordDataType::Single { min, max } => min.zip(max).map(|(min, max)| (min.into(), max.into())),
+        RecordDataType::Double { min, max } => min.zip(max),
+    };
+    let is_range = |(least, most): &(f64, f64)| least < most && (most - least).is_finite();
+    let (least, most) = stated.filter(is_range).or(of_type.filter(is_range)).unwrap_or((0.0, 1.0));
+    [least, most]
 }
 
 /// What the file holds of one point.

@@ -1,6 +1,6 @@
 //! What can go wrong with a file. Every message is one sentence that starts with the file's name.
 
-use crate::{Format, GltfFault};
+use crate::{Format, GltfFault, ImageError, ImageFault};
 use isv_volume::{MeshError, PointsError};
 use std::fmt;
 use std::io;
@@ -82,7 +82,7 @@ pub enum Position {
     Byte(u64),
     /// Line of a text file, counted from 1.
     Line(u64),
-    /// An object of a glTF file, such as `node 3`.
+    /// An object of a file, such as `node 3` of glTF or `material 0` of OBJ.
     Object {
         /// Its kind.
         kind: &'static str,
@@ -183,6 +183,23 @@ pub enum Malformation {
     OffVariant {
         /// How the file names its kind.
         text: String,
+    },
+    /// An image that the file names and that cannot be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A material library that the file names and that cannot be read, though it is there.
+    #[error("material library `{name}`: {fault}")]
+    Library {
+        /// Its name, shortened.
+        name: String,
+        /// Reason why it cannot be read.
+        fault: ImageFault,
+    },
+    /// More materials than a mesh can have.
+    #[error("its faces have more than {limit} materials")]
+    TooManyMaterials {
+        /// The most that a mesh can have.
+        limit: usize,
     },
     /// What only a glTF file can get wrong.
     #[error(transparent)]

@@ -4,7 +4,7 @@ mod ply_files;
 mod tar_archive;
 
 use crate::text::UTF8_MARK;
-use crate::{Format, Geometry, InvalidPoints, ReadError, Unit, parse_geometry_with};
+use crate::{Colours, Format, Geometry, InvalidPoints, ReadError, ReadOptions, Unit, parse_geometry_as};
 use ply_files::PlyFiles;
 use std::io::{self, Chain, Cursor, Read};
 use std::path::PathBuf;
@@ -44,8 +44,7 @@ type Joined<R> = Chain<Cursor<Vec<u8>>, R>;
 /// ```
 pub struct FrameStream<R> {
     frames: Frames<Joined<R>>,
-    unit: Unit,
-    invalid: InvalidPoints,
+    options: ReadOptions,
     /// Whether the last item was given.
     ended: bool,
 }
@@ -142,13 +141,19 @@ impl<R: Read> FrameStream<R> {
         } else {
             return Err(FrameStreamError::NotFrames);
         };
-        Ok(Self { frames, unit, invalid: InvalidPoints::Refuse, ended: false })
+        Ok(Self { frames, options: ReadOptions::new(unit), ended: false })
     }
 
     /// Says what becomes of points that are nowhere.
     #[must_use]
     pub fn with_invalid_points(self, invalid: InvalidPoints) -> Self {
-        Self { invalid, ..self }
+        Self { options: self.options.with_invalid_points(invalid), ..self }
+    }
+
+    /// Says what becomes of colours. Nothing lies beside a frame in a pipe: an image in another file is an error if colours are kept.
+    #[must_use]
+    pub fn with_colours(self, colours: Colours) -> Self {
+        Self { options: self.options.with_colours(colours), ..self }
     }
 }
 
@@ -160,15 +165,14 @@ impl<R: Read> Iterator for FrameStream<R> {
             return None;
         }
         let frame = match &mut self.frames {
-            Frames::Ply(files) => files.next_frame().map(|frame| {
+            Frames::Ply(files) => files.next_frame(self.options.colours).map(|frame| {
                 frame.map(|(path, geometry)| {
-                    geometry.checked(&path, self.unit, self.invalid).map(|geometry| (path, geometry))
+                    geometry.checked(&path, &self.options).map(|geometry| (path, geometry))
                 })
             }),
             Frames::Tar(archive) => archive.next_file().map(|file| {
                 file.map(|(path, bytes)| {
-                    parse_geometry_with(&path, &bytes, self.unit, self.invalid)
-                        .map(|geometry| (path, geometry))
+                    parse_geometry_as(&path, &bytes, &self.options).map(|geometry| (path, geometry))
                 })
             }),
         };

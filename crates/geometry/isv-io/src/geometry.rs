@@ -1,9 +1,11 @@
 //! Files of meshes or points, of any format, by extension.
 
 use crate::error::Flaw;
+use crate::linked::Linked;
 use crate::regular_file;
 use crate::{
-    AtomicFile, Format, Placement, ReadError, Unit, WriteError, e57, gltf, las, obj, off, pcd, ply, stl, xyz,
+    AtomicFile, Colours, Format, Placement, ReadError, ReadOptions, Unit, WriteError, e57, gltf, las, obj,
+    off, pcd, ply, stl, xyz,
 };
 use glam::{DMat3, DVec3};
 use isv_volume::{PointCloud, TriangleMesh};
@@ -102,9 +104,9 @@ impl Geometry {
     }
 
     /// The same in metres, as [`read_geometry`] promises it.
-    pub(crate) fn checked(self, path: &Path, unit: Unit, invalid: InvalidPoints) -> Result<Self, ReadError> {
-        let mut geometry = self.in_metres(unit);
-        match (&mut geometry, invalid) {
+    pub(crate) fn checked(self, path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
+        let mut geometry = self.in_metres(options.unit);
+        match (&mut geometry, options.invalid_points) {
             (Self::Mesh(mesh), _) => drop_stray_vertices(mesh),
             (Self::Points(points), InvalidPoints::Drop) => {
                 points.retain(|position| position.is_finite() && position != DVec3::ZERO);
@@ -145,7 +147,8 @@ impl Geometry {
     }
 }
 
-/// Moves vertices that no triangle uses and that are nowhere to the origin. Nothing is seen of them.
+/// Moves vertices that no triangle uses and that are nowhere to the origin. Nothing is seen of them. No vertex loses its number, so the
+/// appearance stays as it is.
 fn drop_stray_vertices(mesh: &mut TriangleMesh) {
     let is_nowhere = |v: &DVec3| !v.is_finite() || v.abs().max_element() > MAX_COORDINATE_M;
     if !mesh.vertices.iter().any(is_nowhere) {
@@ -181,13 +184,24 @@ pub fn read_geometry(path: &Path, unit: Unit) -> Result<Geometry, ReadError> {
 /// # Errors
 /// Errors of [`read_geometry`].
 pub fn read_geometry_with(path: &Path, unit: Unit, invalid: InvalidPoints) -> Result<Geometry, ReadError> {
+    read_geometry_as(path, &ReadOptions::new(unit).with_invalid_points(invalid))
+}
+
+/// Reads a mesh or points as [`read_geometry`] does, with its colours if the options ask for them.
+///
+/// Material libraries and images lie in the folder of the file or below. A library that is not there gives white materials; an image
+/// that is not there or cannot be decoded is an error.
+///
+/// # Errors
+/// Errors of [`read_geometry`]; [`Malformation::Image`](crate::Malformation::Image) names the image.
+pub fn read_geometry_as(path: &Path, options: &ReadOptions) -> Result<Geometry, ReadError> {
     // Asked before the file is opened, so that a wrong kind of file is refused by its name however large it is.
     Format::of_path(path).ok_or_else(|| ReadError::UnsupportedExtension { path: path.to_owned() })?;
     if let Some(Format::Glb | Format::Gltf) = Format::of_path(path) {
-        return gltf::Animation::open(path, unit)?.with_invalid_points(invalid).geometry_at(0.0);
+        return gltf::Animation::open_with(path, options)?.geometry_at(0.0);
     }
     let bytes = regular_file::read(path).map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
-    parse_geometry_with(path, &bytes, unit, invalid)
+    parse(path, &bytes, options, Linked::beside(path))
 }
 
 /// Reads a mesh or points from bytes; `path` picks the format and names the file in errors. Nothing is read from the disk: a `.gltf` that
@@ -209,30 +223,51 @@ pub fn parse_geometry_with(
     unit: Unit,
     invalid: InvalidPoints,
 ) -> Result<Geometry, ReadError> {
+    parse_geometry_as(path, bytes, &ReadOptions::new(unit).with_invalid_points(invalid))
+}
+
+/// Reads a mesh or points from bytes as [`parse_geometry`] does, with its colours if the options ask for them. An image in another
+/// file is an error; a material library in another file counts as missing.
+///
+/// # Errors
+/// Errors of [`parse_geometry`]; [`Malformation::Image`](crate::Malformation::Image) names the image.
+pub fn parse_geometry_as(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Geometry, ReadError> {
     match Format::of_path(path) {
         Some(Format::Glb | Format::Gltf) => {
-            gltf::Animation::parse(path, bytes, unit)?.with_invalid_points(invalid).geometry_at(0.0)
+            gltf::Animation::parse_with(path, bytes, options)?.geometry_at(0.0)
         }
-        _ => parse_unchecked(path, bytes)?.checked(path, unit, invalid),
+        _ => parse(path, bytes, options, Linked::new(None)),
     }
 }
 
-/// Geometry of a file that does not move, in the file's unit.
-fn parse_unchecked(path: &Path, bytes: &[u8]) -> Result<Geometry, ReadError> {
-    let parse: fn(&[u8]) -> Result<Geometry, Flaw> = match Format::of_path(path) {
-        Some(Format::Ply) => ply::parse,
-        Some(Format::Obj) => obj::parse,
-        Some(Format::Stl) => |bytes| stl::parse(bytes).map(Geometry::Mesh),
-        Some(Format::Off) => |bytes| off::parse(bytes).map(Geometry::Mesh),
-        Some(Format::Pcd) => |bytes| pcd::parse(bytes).map(Geometry::Points),
-        Some(Format::Xyz) => |bytes| xyz::parse(bytes).map(Geometry::Points),
-        Some(Format::Las | Format::Laz) => |bytes| las::parse(bytes).map(Geometry::Points),
-        Some(Format::E57) => |bytes| e57::parse(bytes).map(Geometry::Points),
+/// Geometry of a file that does not move.
+fn parse(
+    path: &Path,
+    bytes: &[u8],
+    options: &ReadOptions,
+    mut linked: Linked,
+) -> Result<Geometry, ReadError> {
+    let linked = (options.colours == Colours::Keep).then_some(&mut linked);
+    parse_unchecked(path, bytes, linked)?.checked(path, options)
+}
+
+/// Geometry of a file that does not move, in the file's unit. Colours are read if linked files are given.
+fn parse_unchecked(path: &Path, bytes: &[u8], linked: Option<&mut Linked>) -> Result<Geometry, ReadError> {
+    let keeps = linked.is_some();
+    let parsed: Result<Geometry, Flaw> = match Format::of_path(path) {
+        Some(Format::Ply) => ply::parse(bytes, linked),
+        Some(Format::Obj) => obj::parse(bytes, linked),
+        Some(Format::Stl) => stl::parse(bytes).map(Geometry::Mesh),
+        Some(Format::Off) => off::parse(bytes, keeps).map(Geometry::Mesh),
+        Some(Format::Pcd) => pcd::parse(bytes, keeps).map(Geometry::Points),
+        Some(Format::Xyz) => xyz::parse(bytes, keeps).map(Geometry::Points),
+        Some(Format::Las | Format::Laz) => las::parse(bytes, keeps).map(Geometry::Points),
+        Some(Format::E57) => e57::parse(bytes, keeps).map(Geometry::Points),
         Some(Format::Glb | Format::Gltf) | None => {
             return Err(ReadError::UnsupportedExtension { path: path.to_owned() });
         }
     };
-    parse(bytes).map_err(|flaw| flaw.in_file(path))
+    parsed.map_err(|flaw| flaw.in_file(path))
 }
 
 /// As [`read_geometry`], where only a mesh will do.
@@ -262,12 +297,17 @@ fn mesh_of(path: &Path, geometry: Geometry) -> Result<TriangleMesh, ReadError> {
 
 /// Writes a mesh to a file, in metres; the file appears whole or not at all. Same mesh, same bytes.
 ///
+/// Materials of an OBJ file get files of their own beside it: see [`write_obj_files`](crate::write_obj_files).
+///
 /// # Errors
 /// [`WriteError`], naming the file.
 ///
 /// # Panics
 /// As [`write_mesh_to`].
 pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<(), WriteError> {
+    if format == Format::Obj {
+        return obj::write_obj_files(path, mesh, &Placement::default());
+    }
     let mut file = AtomicFile::create(path)?;
     write_mesh_to(&mut file, mesh, format).map_err(|cause| WriteError::new(path, cause))?;
     file.commit()
@@ -275,14 +315,15 @@ pub fn write_mesh(path: &Path, mesh: &TriangleMesh, format: Format) -> Result<()
 
 /// Writes a mesh to anything that takes bytes, in many small pieces: give it a buffer.
 ///
-/// Coordinates are rounded to `f32`. Normals are written when the mesh has them; STL gives facets their own.
+/// Coordinates are rounded to `f32`. Normals are written when the mesh has them; STL gives facets their own. PLY, OBJ and GLB keep
+/// vertex colours. GLB keeps materials and their images, too.
 ///
 /// # Errors
 /// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_mesh), and others
 /// for a mesh that the format cannot hold.
 ///
 /// # Panics
-/// If the mesh has normals but not one a vertex.
+/// If the mesh has normals but not one a vertex, or an appearance that does not fit it.
 pub fn write_mesh_to(out: impl Write, mesh: &TriangleMesh, format: Format) -> io::Result<()> {
     write_mesh_placed(out, mesh, format, &Placement::default())
 }
@@ -304,6 +345,7 @@ pub fn write_mesh_placed(
         mesh.normals.is_empty() || mesh.normals.len() == mesh.vertices.len(),
         "one normal a vertex or none"
     );
+    assert_appearance_fits(mesh);
     match format {
         Format::Ply => ply::write(out, mesh, placement),
         Format::Obj => obj::write(out, mesh, placement),
@@ -331,13 +373,13 @@ pub fn write_points(path: &Path, points: &PointCloud, format: Format) -> Result<
 /// Writes points to anything that takes bytes, in many small pieces: give it a buffer.
 ///
 /// Coordinates are rounded to `f32`, except in XYZ, which keeps them as they are. Normals are written when the points
-/// have them; an unknown one is zero there too. Only PCD keeps the viewpoint.
+/// have them; an unknown one is zero there too. Colours are written when the points have them. Only PCD keeps the viewpoint.
 ///
 /// # Errors
 /// Whatever `out` says; [`io::ErrorKind::Unsupported`] for a format that is [not written](Format::writes_points).
 ///
 /// # Panics
-/// If the points have normals but not one each.
+/// If the points have normals or colours but not one each.
 pub fn write_points_to(out: impl Write, points: &PointCloud, format: Format) -> io::Result<()> {
     write_points_placed(out, points, format, &Placement::default())
 }
@@ -359,6 +401,10 @@ pub fn write_points_placed(
         points.normals.is_empty() || points.normals.len() == points.positions.len(),
         "one normal a point or none"
     );
+    assert!(
+        points.colours.is_empty() || points.colours.len() == points.positions.len(),
+        "one colour a point or none"
+    );
     match format {
         Format::Ply => ply::write_points(out, points, placement),
         Format::Pcd => pcd::write(out, points, placement),
@@ -371,6 +417,14 @@ pub fn write_points_placed(
         | Format::Las
         | Format::Laz
         | Format::E57 => Err(not_written(format, "points")),
+    }
+}
+
+/// Panics if a mesh that is to be written has an appearance that does not fit it.
+pub(crate) fn assert_appearance_fits(mesh: &TriangleMesh) {
+    if let Some(appearance) = &mesh.appearance {
+        let fits = appearance.validate(mesh.vertices.len(), mesh.triangles.len());
+        assert_eq!(fits, Ok(()), "an appearance fits its mesh");
     }
 }
 

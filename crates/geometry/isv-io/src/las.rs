@@ -11,18 +11,22 @@ mod laszip;
 
 use crate::cloud_builder::{CloudBuilder, check_compressed};
 use crate::error::{Flaw, Malformation};
+use crate::raw_colours::Scale;
 use glam::DVec3;
-use header::Header;
+use header::{Header, u16_at};
 use isv_volume::PointCloud;
 
 /// Parses a LAS or LAZ file in memory; which of the two, its header tells. Points marked as withheld, which the
-/// specification calls synonymous with deleted, are dropped. There are no normals and no viewpoint.
-pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+/// specification calls synonymous with deleted, are dropped. There are no normals and no viewpoint. Colours of 16 bits are read if they
+/// are asked for; they have 8 bits if none of the file is larger than 255.
+pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     let header = Header::parse(bytes)?;
-    let mut points = Points { cloud: CloudBuilder::new(false, 0), header: &header };
+    let colours = colours_at(header.format).filter(|_| keeps_colours);
+    let cloud = CloudBuilder::new(false, 0).with_colours(colours.map(|_| Scale::Short));
+    let mut points = Points { cloud, colours, header: &header };
     if header.compressed {
         check_compressed(header.points, bytes.len()).map_err(|why| Flaw::at_byte(bytes.len(), why))?;
-        laszip::decompress(bytes, &header, |record| points.push(record))?;
+        laszip::decompress(bytes, &header, colours.is_some(), |record| points.push(record))?;
     } else {
         let records = &bytes[header.points_offset..];
         let found = (records.len() / header.record_bytes) as u64;
@@ -37,10 +41,19 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(points.cloud.finish(None))
 }
 
+/// Place of red, green and blue in the records of a point format that has them.
+fn colours_at(format: u8) -> Option<usize> {
+    match format {
+        2 => Some(20),
+        3 | 5 => Some(28),
+        7 | 8 | 10 => Some(30),
+        _ => None,
+    }
+}
+
 /// Whether the point format has colours.
 pub(crate) fn has_colours(start: &[u8]) -> bool {
-    start.starts_with(b"LASF")
-        && start.get(104).is_some_and(|format| matches!(format & 0x3f, 2 | 3 | 5 | 7 | 8 | 10))
+    start.starts_with(b"LASF") && start.get(104).is_some_and(|format| colours_at(format & 0x3f).is_some())
 }
 
 /// GPS time of the first point, in seconds, where the point format has one. A compressed point is written as it is where a chunk starts,
@@ -59,6 +72,8 @@ pub(crate) fn first_time_s(bytes: &[u8]) -> Option<f64> {
 
 struct Points<'a> {
     header: &'a Header,
+    /// Place of the colour in a record, if it is asked for.
+    colours: Option<usize>,
     cloud: CloudBuilder,
 }
 
@@ -70,6 +85,9 @@ impl Points<'_> {
             let raw = [0, 4, 8].map(|at| i32::from_le_bytes([0, 1, 2, 3].map(|byte| record[at + byte])));
             let raw = DVec3::from(raw.map(f64::from));
             self.cloud.push(raw * self.header.scale + self.header.offset, DVec3::ZERO);
+            if let Some(at) = self.colours {
+                self.cloud.push_colour([0, 2, 4].map(|channel| u16_at(record, at + channel).into()));
+            }
         }
     }
 }

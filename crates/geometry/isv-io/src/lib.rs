@@ -31,11 +31,15 @@ mod frame_stream;
 mod frame_times;
 mod geometry;
 mod gltf;
+mod image;
 mod inside;
 mod las;
+mod linked;
+mod materials;
 mod natural_order;
 mod obj;
 mod off;
+mod options;
 mod output;
 mod own;
 mod passed_over;
@@ -43,6 +47,7 @@ mod pcd;
 mod placement;
 mod ply;
 mod polygon;
+mod raw_colours;
 mod regular_file;
 mod scale_check;
 mod sequence;
@@ -65,12 +70,15 @@ pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
 pub use geometry::{
-    Geometry, InvalidPoints, MAX_COORDINATE_M, parse_geometry, parse_geometry_with, parse_mesh,
-    read_geometry, read_geometry_with, read_mesh, write_mesh, write_mesh_placed, write_mesh_to, write_points,
-    write_points_placed, write_points_to,
+    Geometry, InvalidPoints, MAX_COORDINATE_M, parse_geometry, parse_geometry_as, parse_geometry_with,
+    parse_mesh, read_geometry, read_geometry_as, read_geometry_with, read_mesh, write_mesh,
+    write_mesh_placed, write_mesh_to, write_points, write_points_placed, write_points_to,
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
+pub use image::{ImageError, ImageFault, MAX_IMAGE_PIXELS, MAX_IMAGE_SIDE, decode_image};
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
+pub use obj::write_obj_files;
+pub use options::{Colours, ReadOptions};
 pub use output::{
     Output, OutputError, check_file_name, check_folder_name, check_frame_output, check_not_input,
     check_overwriting, check_stream_name, check_volume_output, is_folder, is_pipe, is_same_file,

@@ -1,23 +1,30 @@
-//! Wavefront OBJ, after the "Advanced Visualizer" appendix B1: the `v`, `f` and `p` records; all others are ignored.
+//! Wavefront OBJ, after the "Advanced Visualizer" appendix B1: the `v`, `f` and `p` records, and for colours `vt`, `usemtl` and
+//! `mtllib`; all others are ignored.
 //!
 //! `vn` records of meshes are ignored on reading too: OBJ gives normals to the corners of faces, a mesh here to its vertices. Points
 //! have the normals of a file that has one a vertex.
 
+mod colours;
+mod mtl;
+mod write;
+
 use crate::error::{Flaw, Malformation, quote};
 use crate::geometry::Geometry;
-use crate::own::COMMENT;
-use crate::placement::Placement;
+use crate::linked::Linked;
 use crate::polygon::Polygons;
 use crate::text::{self, coordinates, parse_word, words};
+use colours::Colours;
 use glam::DVec3;
-use isv_volume::{PointCloud, TriangleMesh};
-use std::io::{self, Write};
+use isv_volume::{PointCloud, Rgb, TriangleMesh};
+use std::sync::Arc;
+pub(crate) use write::write;
+pub use write::write_obj_files;
 
 /// Parses an OBJ file in memory: points if it has vertices but neither faces nor lines, else a mesh. A file that has no vertices
-/// either is an empty mesh if it has nothing but comments and records of OBJ.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
+/// either is an empty mesh if it has nothing but comments and records of OBJ. Colours are read if linked files are given.
+pub(crate) fn parse(bytes: &[u8], linked: Option<&mut Linked>) -> Result<Geometry, Flaw> {
     let bytes = &text::decode(bytes);
-    let mut file = File::default();
+    let mut file = File { colours: linked.is_some().then(Colours::new), ..File::default() };
     let mut lines = text::lines(bytes).enumerate();
     let mut joined = Vec::new();
     while let Some((index, line)) = lines.next() {
@@ -31,7 +38,7 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
         }
         file.record(&joined, index + 1).map_err(|why| Flaw::at_line(index + 1, why))?;
     }
-    file.finish()
+    file.finish(linked)
 }
 
 /// What the records so far say.
@@ -47,20 +54,20 @@ struct File {
     has_elements: bool,
     /// The first word that is no keyword of OBJ, and its line.
     unknown: Option<(usize, String)>,
-    /// Scratch space.
+    /// Colours, if they are asked for.
+    colours: Option<Colours>,
+    /// Vertices of a face and the numbers of its texture coordinates; scratch space.
     polygon: Vec<u32>,
+    coordinates: Vec<u32>,
 }
 
 /// Keywords of OBJ that are neither vertices nor elements, and those that programs have added.
-const PASSED_OVER: [&str; 19] = [
-    "vt",
+const PASSED_OVER: [&str; 16] = [
     "vp",
     "o",
     "g",
     "s",
     "mg",
-    "usemtl",
-    "mtllib",
     "usemap",
     "maplib",
     "bevel",
@@ -76,21 +83,32 @@ const PASSED_OVER: [&str; 19] = [
 
 impl File {
     /// Takes a line.
-    fn record(&mut self, line: &[u8], number: usize) -> Result<(), Malformation> {
-        let line = text::without_comment(line);
+    fn record(&mut self, whole_line: &[u8], number: usize) -> Result<(), Malformation> {
+        let line = text::without_comment(whole_line);
         let mut words = words(line);
         match words.next() {
             None => {}
             // A weight or a colour may follow.
-            Some(b"v") => self.vertices.push(coordinates(&mut words)?),
+            Some(b"v") => {
+                self.vertices.push(coordinates(&mut words)?);
+                if let Some(colours) = &mut self.colours {
+                    colours.vertex(self.vertices.len() - 1, words);
+                }
+            }
+            Some(b"vt") => {
+                if let Some(colours) = &mut self.colours {
+                    colours.coordinate(words);
+                }
+            }
+            Some(b"usemtl" | b"mtllib") => {
+                if let Some(colours) = &mut self.colours {
+                    colours.names(whole_line);
+                }
+            }
             Some(b"vn") => self.normals.push(coordinates(&mut words).unwrap_or_default().normalize_or_zero()),
             Some(b"f" | b"fo") => {
                 self.has_elements = true;
-                self.polygon.clear();
-                for corner in words {
-                    self.polygon.push(vertex_of_corner(corner, self.vertices.len())?);
-                }
-                self.polygons.push(&self.polygon);
+                self.face(words)?;
             }
             Some(b"p") => {
                 for corner in words {
@@ -106,8 +124,26 @@ impl File {
         Ok(())
     }
 
-    fn finish(self) -> Result<Geometry, Flaw> {
-        let Self { vertices, normals, polygons, points, has_elements, unknown, .. } = self;
+    fn face<'a>(&mut self, corners: impl Iterator<Item = &'a [u8]>) -> Result<(), Malformation> {
+        self.polygon.clear();
+        self.coordinates.clear();
+        for corner in corners {
+            self.polygon.push(vertex_of_corner(corner, self.vertices.len())?);
+            self.coordinates
+                .extend(self.colours.as_ref().map(|colours| colours.coordinate_of_corner(corner)));
+        }
+        match &mut self.colours {
+            Some(colours) => {
+                self.polygons.push_textured(&self.polygon, &self.coordinates);
+                colours.paint(self.polygons.triangle_count());
+            }
+            None => self.polygons.push(&self.polygon),
+        }
+        Ok(())
+    }
+
+    fn finish(self, linked: Option<&mut Linked>) -> Result<Geometry, Flaw> {
+        let Self { vertices, normals, polygons, points, has_elements, unknown, colours, .. } = self;
         if vertices.is_empty()
             && !has_elements
             && let Some((line, text)) = unknown
@@ -115,42 +151,39 @@ impl File {
             return Err(Flaw::at_line(line, Malformation::Keyword { format: "OBJ", text }));
         }
         if has_elements || vertices.is_empty() {
-            let triangles = polygons.into_triangles(&vertices)?;
-            return Ok(Geometry::Mesh(TriangleMesh {
-                vertices,
-                normals: Vec::new(),
-                triangles,
-                appearance: None,
-            }));
+            let (triangles, corners) = polygons.into_textured(&vertices)?;
+            let appearance = match (colours, linked) {
+                (Some(colours), Some(linked)) => colours.finish(vertices.len(), &corners, linked)?,
+                _ => None,
+            };
+            let appearance = appearance.map(Arc::new);
+            return Ok(Geometry::Mesh(TriangleMesh { vertices, normals: Vec::new(), triangles, appearance }));
         }
+        let colours = colours.map(|colours| colours.of_vertices(vertices.len())).unwrap_or_default();
         let known = normals.len() == vertices.len();
         let normals = if known { normals } else { Vec::new() };
         if points.is_empty() {
-            return Ok(Geometry::Points(PointCloud {
-                positions: vertices,
-                normals,
-                viewpoint: None,
-                scans: Vec::new(),
-                colours: Vec::new(),
-            }));
+            return Ok(Geometry::Points(cloud(vertices, normals, colours)));
         }
         if let Some(index) = points.iter().find(|index| **index as usize >= vertices.len()) {
             let text = (u64::from(*index) + 1).to_string();
             return Err(Flaw::in_object("point", 0, Malformation::Index { text }));
         }
-        let named = |of: &[DVec3]| match of.is_empty() {
-            true => Vec::new(),
-            false => points.iter().map(|index| of[*index as usize]).collect(),
-        };
-        let (positions, normals) = (named(&vertices), named(&normals));
-        Ok(Geometry::Points(PointCloud {
-            positions,
-            normals,
-            viewpoint: None,
-            scans: Vec::new(),
-            colours: Vec::new(),
-        }))
+        Ok(Geometry::Points(cloud(
+            named(&points, &vertices),
+            named(&points, &normals),
+            named(&points, &colours),
+        )))
     }
+}
+
+/// The entries of a list that points name; none of an empty list.
+fn named<T: Copy>(points: &[u32], list: &[T]) -> Vec<T> {
+    points.iter().filter_map(|index| list.get(*index as usize).copied()).collect()
+}
+
+fn cloud(positions: Vec<DVec3>, normals: Vec<DVec3>, colours: Vec<Rgb>) -> PointCloud {
+    PointCloud { positions, normals, colours, ..PointCloud::default() }
 }
 
 /// The vertex that a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` names, from 0. In the file positive numbers count from
@@ -166,44 +199,16 @@ fn vertex_of_corner(corner: &[u8], vertices_so_far: usize) -> Result<u32, Malfor
     index.and_then(|i| u32::try_from(i).ok()).ok_or_else(|| Malformation::Index { text: quote(corner) })
 }
 
-/// Writes a mesh. Numbers have as many digits as identify them, as `f32` unless the placement needs `f64`.
-pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
-    writeln!(out, "# {COMMENT}")?;
-    let double = placement.needs_double(&mesh.vertices);
-    for vertex in &mesh.vertices {
-        let vertex = placement.place(*vertex);
-        if double {
-            writeln!(out, "v {} {} {}", vertex.x, vertex.y, vertex.z)?;
-        } else {
-            let [x, y, z] = vertex.as_vec3().to_array();
-            writeln!(out, "v {x} {y} {z}")?;
-        }
-    }
-    for normal in &mesh.normals {
-        let [x, y, z] = normal.as_vec3().to_array();
-        writeln!(out, "vn {x} {y} {z}")?;
-    }
-    for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|v| u64::from(v) + 1);
-        if mesh.normals.is_empty() {
-            writeln!(out, "f {a} {b} {c}")?;
-        } else {
-            writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?;
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn flaw(text: &str) -> Flaw {
-        parse(text.as_bytes()).unwrap_err()
+        parse(text.as_bytes(), None).unwrap_err()
     }
 
     fn mesh(text: &str) -> TriangleMesh {
-        match parse(text.as_bytes()).unwrap() {
+        match parse(text.as_bytes(), None).unwrap() {
             Geometry::Mesh(mesh) => mesh,
             other => panic!("{other:?}"),
         }
@@ -211,13 +216,13 @@ mod tests {
 
     #[test]
     fn vertices_without_elements_are_points_and_p_names_some_of_them() {
-        let points = |text: &str| match parse(text.as_bytes()).unwrap() {
+        let points = |text: &str| match parse(text.as_bytes(), None).unwrap() {
             Geometry::Points(points) => points.positions,
             other => panic!("{other:?}"),
         };
         assert_eq!(points("v 1 0 0\nv 0 1 0\n"), [DVec3::X, DVec3::Y]);
         assert_eq!(points("v 1 0 0\nv 0 1 0\np -1 1\n"), [DVec3::Y, DVec3::X]);
-        assert!(parse(b"v 1 0 0\np 2\n").is_err());
+        assert!(parse(b"v 1 0 0\np 2\n", None).is_err());
         assert_eq!(mesh("v 0 0 0\nv 1 0 0\nl 1 2\n").triangles.len(), 0, "lines are no points");
     }
 

@@ -1,25 +1,28 @@
 //! OFF, the Object File Format of Geomview (its manual, "OFF: Object File Format"), as text: `OFF` and the variants that
-//! add texture coordinates, colours or normals to vertices, which are read past.
+//! add texture coordinates, colours or normals to vertices. Colours are read if they are asked for, the others are read past.
 //!
 //! A row usually is a line, where a colour of any length may follow what is needed. Files whose rows are not lines are read value by
 //! value, with as many values a vertex as the keyword says.
 
+mod colours;
+
 use crate::error::{Flaw, Malformation, quote};
 use crate::polygon::Polygons;
 use crate::text::{self, Words, coordinates, parse_word, words};
+use colours::Colours;
 use isv_volume::TriangleMesh;
 
 /// Fewest bytes of a vertex and of a triangle, `0 0 0` and `3 0 1 2` and the ends of their lines.
 const LEAST_BYTES: [usize; 2] = [6, 8];
 
-/// Parses an OFF file in memory. Lines after the last face are ignored.
-pub(crate) fn parse(bytes: &[u8]) -> Result<TriangleMesh, Flaw> {
+/// Parses an OFF file in memory, with its colours if they are asked for. Lines after the last face are ignored.
+pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<TriangleMesh, Flaw> {
     let bytes = &text::decode(bytes);
-    let header = Header::parse(bytes)?;
+    let header = Header { keeps_colours, ..Header::parse(bytes)? };
     read_lines(&header).or_else(|flaw| {
         // Of three readings the first that fits; the flaw is that of rows as lines.
-        let drops_colours = [true, false];
-        drops_colours.iter().find_map(|drops| read_values(&header, *drops)).ok_or(flaw)
+        let faces_have_colours = [true, false];
+        faces_have_colours.iter().find_map(|have| read_values(&header, *have)).ok_or(flaw)
     })
 }
 
@@ -28,7 +31,9 @@ struct Header<'a> {
     vertices: u64,
     faces: u64,
     /// Values a vertex.
-    values: usize,
+    values: Variant,
+    /// Whether colours are asked for.
+    keeps_colours: bool,
     body: &'a [u8],
     /// Line that the body starts on, from 1.
     line: usize,
@@ -42,7 +47,7 @@ impl<'a> Header<'a> {
         let mut first = lines.next().ok_or(Flaw::at_line(0, Malformation::NotOff))?;
         let flaw = |lines: &Lines, why| Flaw::at_line(lines.number, why);
         let word = words(first).next().unwrap_or_default();
-        let mut values = 3;
+        let mut values = Variant::default();
         if parse_word::<u64>(word).is_none() {
             let (variant, glued) = keyword(word).map_err(|why| flaw(&lines, why))?;
             values = variant;
@@ -63,7 +68,8 @@ impl<'a> Header<'a> {
                 |word: &[u8]| parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) });
             let both = count(vertices).and_then(|vertices| Ok((vertices, count(faces)?)));
             let (vertices, faces) = both.map_err(|why| flaw(&lines, why))?;
-            return Ok(Self { vertices, faces, values, body: lines.rest, line: lines.number + 1 });
+            let (body, line) = (lines.rest, lines.number + 1);
+            return Ok(Self { vertices, faces, values, keeps_colours: false, body, line });
         }
         // A count a line, all three of them.
         let mut found = [0; 3];
@@ -77,7 +83,8 @@ impl<'a> Header<'a> {
             };
             *count = number(word.ok_or_else(few)?)?;
         }
-        Ok(Self { vertices: found[0], faces: found[1], values, body: words.rest(), line: words.line() })
+        let [vertices, faces, _] = found;
+        Ok(Self { vertices, faces, values, keeps_colours: false, body: words.rest(), line: words.line() })
     }
 
     /// How many rows to reserve memory for: as many as claimed, but never more than the body could hold.
@@ -87,8 +94,23 @@ impl<'a> Header<'a> {
     }
 }
 
+/// What a vertex has beside its position.
+#[derive(Clone, Copy, Debug, Default)]
+struct Variant {
+    normals: bool,
+    colours: bool,
+    coordinates: bool,
+}
+
+impl Variant {
+    /// Values behind the position.
+    fn rest(self) -> usize {
+        3 * usize::from(self.normals) + 4 * usize::from(self.colours) + 2 * usize::from(self.coordinates)
+    }
+}
+
 /// Values a vertex, and what is glued to the keyword: `OFF` in either case, with `ST`, `C` and `N` before it.
-fn keyword(word: &[u8]) -> Result<(usize, &[u8]), Malformation> {
+fn keyword(word: &[u8]) -> Result<(Variant, &[u8]), Malformation> {
     let at =
         word.windows(3).position(|three| three.eq_ignore_ascii_case(b"OFF")).ok_or(Malformation::NotOff)?;
     let (prefix, rest) = word.split_at(at);
@@ -103,59 +125,71 @@ fn keyword(word: &[u8]) -> Result<(usize, &[u8]), Malformation> {
     }
     let prefix = prefix.to_ascii_uppercase();
     let textured = prefix.strip_prefix(b"ST");
-    let values = match textured.unwrap_or(&prefix) {
-        b"" => 3,
-        b"C" => 3 + 4,
-        b"N" => 3 + 3,
-        b"CN" | b"NC" => 3 + 3 + 4,
+    let (normals, colours) = match textured.unwrap_or(&prefix) {
+        b"" => (false, false),
+        b"C" => (false, true),
+        b"N" => (true, false),
+        b"CN" | b"NC" => (true, true),
         _ => return Err(variant()),
     };
-    Ok((values + if textured.is_some() { 2 } else { 0 }, glued))
+    Ok((Variant { normals, colours, coordinates: textured.is_some() }, glued))
 }
 
 /// Reads a row a line.
 fn read_lines(header: &Header) -> Result<TriangleMesh, Flaw> {
     let mut lines = Lines::new(header.body, header.line);
     let mut mesh = TriangleMesh::default();
+    let mut colours = Colours::new(header.keeps_colours);
     mesh.vertices.reserve(header.rows_to_reserve(header.vertices, LEAST_BYTES[0]));
     for found in 0..header.vertices {
         let line = lines.row("vertices", header.vertices, found)?;
-        let vertex = coordinates(&mut words(line)).map_err(|why| Flaw::at_line(lines.number, why))?;
+        let mut words = words(line);
+        let vertex = coordinates(&mut words).map_err(|why| Flaw::at_line(lines.number, why))?;
         mesh.vertices.push(vertex);
+        colours.vertex(header.values, words);
     }
     let mut polygons = Polygons::default();
     polygons.reserve(header.rows_to_reserve(header.faces, LEAST_BYTES[1]));
     let mut polygon = Vec::new();
     for found in 0..header.faces {
         let line = lines.row("faces", header.faces, found)?;
-        parse_face(&mut words(line), &mut polygon).map_err(|why| Flaw::at_line(lines.number, why))?;
+        let mut words = words(line);
+        parse_face(&mut words, &mut polygon).map_err(|why| Flaw::at_line(lines.number, why))?;
         polygons.push(&polygon);
+        colours.face(words, polygons.triangle_count());
     }
     mesh.triangles = polygons.into_triangles(&mesh.vertices)?;
+    mesh.appearance = colours.finish(mesh.triangles.len());
     Ok(mesh)
 }
 
-/// Reads value by value, if nothing but that fits; `drops_colours`: what follows a face on its line is a colour.
-fn read_values(header: &Header, drops_colours: bool) -> Option<TriangleMesh> {
+/// Reads value by value, if nothing but that fits; `faces_have_colours`: what follows a face on its line is its colour.
+fn read_values(header: &Header, faces_have_colours: bool) -> Option<TriangleMesh> {
     let mut words = Words::new(header.body, header.line, true);
     let mut mesh = TriangleMesh::default();
+    let mut colours = Colours::new(header.keeps_colours);
     mesh.vertices.reserve(header.rows_to_reserve(header.vertices, LEAST_BYTES[0]));
     for _ in 0..header.vertices {
         mesh.vertices.push(coordinates(&mut words).ok()?);
-        for _ in 3..header.values {
-            words.next()?;
+        let rest: Vec<_> = words.by_ref().take(header.values.rest()).collect();
+        if rest.len() < header.values.rest() {
+            return None;
         }
+        colours.vertex(header.values, rest.into_iter());
     }
     let mut polygons = Polygons::default();
     let mut polygon = Vec::new();
     for _ in 0..header.faces {
         parse_face(&mut words, &mut polygon).ok()?;
         polygons.push(&polygon);
-        while drops_colours && words.line_goes_on() {
-            words.next();
+        let mut rest = Vec::new();
+        while faces_have_colours && words.line_goes_on() {
+            rest.extend(words.next());
         }
+        colours.face(rest.into_iter(), polygons.triangle_count());
     }
     mesh.triangles = polygons.into_triangles(&mesh.vertices).ok()?;
+    mesh.appearance = colours.finish(mesh.triangles.len());
     let in_range = |vertex: &u32| (*vertex as usize) < mesh.vertices.len();
     (words.next().is_none() && mesh.triangles.as_flattened().iter().all(in_range)).then_some(mesh)
 }
@@ -220,7 +254,7 @@ mod tests {
 
     #[test]
     fn all_text_variants_read_the_same() {
-        let mesh = parse(PLAIN.as_bytes()).unwrap();
+        let mesh = parse(PLAIN.as_bytes(), false).unwrap();
         assert_eq!(mesh.vertices[2], DVec3::new(1.0, 1.0, 0.0));
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
         for other in [
@@ -229,21 +263,22 @@ mod tests {
             "NOFF 4 1 4\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n4 0 1 2 3 7\nmore",
             "STCNOFF\n4 2 0\n0 0 0 9 9 9 9 9\n1 0 0 9 9\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3",
         ] {
-            assert_eq!(parse(other.as_bytes()).unwrap(), mesh, "{other}");
+            assert_eq!(parse(other.as_bytes(), false).unwrap(), mesh, "{other}");
         }
     }
 
     #[test]
     fn every_truncation_fails() {
         for length in 0..PLAIN.trim_end().len() {
-            assert!(parse(&PLAIN.as_bytes()[..length]).is_err(), "cut at {length}");
+            assert!(parse(&PLAIN.as_bytes()[..length], true).is_err(), "cut at {length}");
         }
     }
 
     #[test]
     fn faults_say_where_and_what() {
-        let fault =
-            |text: &str, line, why| assert_eq!(parse(text.as_bytes()).unwrap_err(), Flaw::at_line(line, why));
+        let fault = |text: &str, line, why| {
+            assert_eq!(parse(text.as_bytes(), false).unwrap_err(), Flaw::at_line(line, why))
+        };
         fault("", 0, Malformation::NotOff);
         fault("ply\n", 1, Malformation::NotOff);
         for variant in ["4OFF", "nOFF", "C4OFF"] {
@@ -258,7 +293,7 @@ mod tests {
         fault("OFF 1 1\n0 0 0\n18446744073709551615 0 0\n", 3, Malformation::LineLength { too_many: false });
         for (vertices, faces) in [(u64::MAX, 1), (1, u64::MAX)] {
             let text = format!("OFF {vertices} {faces}\n0 0 0\n1 0\n");
-            assert!(parse(text.as_bytes()).is_err());
+            assert!(parse(text.as_bytes(), false).is_err());
         }
     }
 }

@@ -2,6 +2,7 @@
 //! their properties, then the rows of each element in the header's order, as text or binary in either byte order.
 
 mod arriving;
+mod colours;
 mod header;
 mod read;
 mod values;

@@ -18,6 +18,8 @@ const OUTSIDE: f64 = 1e-3;
 #[derive(Debug, Default)]
 pub(crate) struct Polygons {
     triangles: Vec<[u32; 3]>,
+    /// Texture coordinates of the corners, by their numbers; as long as `triangles`, or empty.
+    coordinates: Vec<[u32; 3]>,
     /// The runs of `triangles` that are fans of polygons with more than three corners.
     fans: Vec<Range<usize>>,
 }
@@ -30,12 +32,22 @@ impl Polygons {
 
     /// Takes a polygon; one of fewer than three corners is nothing.
     pub(crate) fn push(&mut self, corners: &[u32]) {
-        let [apex, rim @ ..] = corners else { return };
         let start = self.triangles.len();
-        self.triangles.extend(rim.windows(2).map(|edge| [*apex, edge[0], edge[1]]));
+        self.triangles.extend(fan(corners));
         if corners.len() > 3 {
             self.fans.push(start..self.triangles.len());
         }
+    }
+
+    /// Takes a polygon and the numbers of its corners' texture coordinates. All polygons have them, or none.
+    pub(crate) fn push_textured(&mut self, corners: &[u32], coordinates: &[u32]) {
+        self.push(corners);
+        self.coordinates.extend(fan(coordinates));
+    }
+
+    /// How many triangles the polygons so far make.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.triangles.len()
     }
 
     /// The triangles, in the order of the polygons; one of `n` corners gives `n - 2`. A polygon that is not planar is
@@ -43,14 +55,45 @@ impl Polygons {
     ///
     /// # Errors
     /// [`Malformation::LargePolygon`].
-    pub(crate) fn into_triangles(mut self, vertices: &[DVec3]) -> Result<Vec<[u32; 3]>, Flaw> {
-        for fan in self.fans {
-            let first = fan.start;
-            clip_fan(&mut self.triangles[fan], vertices)
-                .map_err(|why| Flaw::in_object("face", first, why))?;
-        }
-        Ok(self.triangles)
+    pub(crate) fn into_triangles(self, vertices: &[DVec3]) -> Result<Vec<[u32; 3]>, Flaw> {
+        self.into_textured(vertices).map(|(triangles, _)| triangles)
     }
+
+    /// The triangles as [`Self::into_triangles`] gives them, and the numbers of their corners' texture coordinates.
+    ///
+    /// # Errors
+    /// [`Malformation::LargePolygon`].
+    pub(crate) fn into_textured(mut self, vertices: &[DVec3]) -> Result<(Triangles, Triangles), Flaw> {
+        for fan in self.fans {
+            let corners = corners_of_fan(&self.triangles[fan.clone()]);
+            let ears = ears(&corners, vertices).map_err(|why| Flaw::in_object("face", fan.start, why))?;
+            let Some(ears) = ears else { continue };
+            let place = |list: &mut [[u32; 3]], names: &[u32]| {
+                list.iter_mut().zip(&ears).for_each(|(triangle, ear)| *triangle = ear.map(|i| names[i]));
+            };
+            place(&mut self.triangles[fan.clone()], &corners);
+            if let Some(coordinates) = self.coordinates.get_mut(fan) {
+                let names = corners_of_fan(coordinates);
+                place(coordinates, &names);
+            }
+        }
+        Ok((self.triangles, self.coordinates))
+    }
+}
+
+/// Corners of triangles.
+type Triangles = Vec<[u32; 3]>;
+
+/// The triangles around the first corner of a polygon.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    let (apex, rim) = corners.split_first().unwrap_or((&0, &[]));
+    rim.windows(2).map(|edge| [*apex, edge[0], edge[1]])
+}
+
+/// The corners of the polygon that a fan was made of.
+fn corners_of_fan(fan: &[[u32; 3]]) -> Vec<u32> {
+    let [apex, first, _] = fan[0];
+    [apex, first].into_iter().chain(fan.iter().map(|t| t[2])).collect()
 }
 
 /// The triangles of a strip, every second one turned back to face the same way. Those that name a vertex twice only
@@ -63,27 +106,21 @@ pub(crate) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     triangles.filter(|[a, b, c]| a != b && b != c && c != a)
 }
 
-/// Replaces the triangles of a fan by others of the same polygon where the fan would leave it.
-fn clip_fan(fan: &mut [[u32; 3]], vertices: &[DVec3]) -> Result<(), Malformation> {
-    let [apex, first, _] = fan[0];
-    let corners: Vec<u32> = [apex, first].into_iter().chain(fan.iter().map(|t| t[2])).collect();
+/// Triangles of a polygon, as places in `corners`, where a fan around the first corner would leave it; `None` where the fan will do.
+fn ears(corners: &[u32], vertices: &[DVec3]) -> Result<Option<Vec<[usize; 3]>>, Malformation> {
     // Corners that name no vertex are reported later, where all triangles are checked.
     let positions = corners.iter().map(|c| vertices.get(*c as usize).copied()).collect::<Option<Vec<_>>>();
-    let Some(points) = positions.and_then(|positions| flatten(&positions)) else { return Ok(()) };
+    let Some(points) = positions.and_then(|positions| flatten(&positions)) else { return Ok(None) };
     if corners.len() > MOST_CORNERS {
         let fits = fan_covers(&points);
-        return fits
-            .then_some(())
-            .ok_or(Malformation::LargePolygon { corners: corners.len(), limit: MOST_CORNERS });
+        let refused = Malformation::LargePolygon { corners: corners.len(), limit: MOST_CORNERS };
+        return if fits { Ok(None) } else { Err(refused) };
     }
     let mut ring = Ring::new(points);
     if ring.turns.iter().all(|turn| *turn >= 0.0) {
-        return Ok(());
+        return Ok(None);
     }
-    for (index, triangle) in fan.iter_mut().enumerate() {
-        *triangle = ring.clip(corners.len() - index).map(|i| corners[i]);
-    }
-    Ok(())
+    Ok(Some((3..=corners.len()).rev().map(|left| ring.clip(left)).collect()))
 }
 
 /// Whether a fan around the first corner stays within a polygon: none of its triangles is turned over.

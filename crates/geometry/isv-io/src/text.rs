@@ -96,6 +96,14 @@ pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
+/// The first word of a line and what follows it, without the blanks around; `None` for an empty line.
+pub(crate) fn first_word(line: &[u8]) -> Option<(&[u8], &[u8])> {
+    let line = line.trim_ascii();
+    let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    let (word, rest) = line.split_at(end);
+    (!word.is_empty()).then_some((word, rest.trim_ascii()))
+}
+
 /// The words of a text and the lines that they are on, where line ends are white space like any other.
 #[derive(Clone)]
 pub(crate) struct Words<'a> {

@@ -9,11 +9,14 @@
 //!   either case.
 //! - Without names, the first three columns are the position. The last three of six are the normal if in each of the
 //!   first 100 lines they have length 1, within 2 %, or are all 0, and not all 0 in every one.
-//! - All other columns, such as intensity or colour, are ignored. All lines have as many as the first.
+//! - Colours, if they are asked for: columns `r g b`, `red green blue` or `Rf Gf Bf`; without names, the last three of six or seven if
+//!   they are no normal and in each of the first 100 lines whole numbers from 0 to 255, not all of them below 2.
+//! - All other columns, such as intensity, are ignored. All lines have as many as the first.
 
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation, quote};
 use crate::placement::Placement;
+use crate::raw_colours::Scale;
 use crate::text::{self, parse_float, parse_word};
 use glam::DVec3;
 use isv_volume::PointCloud;
@@ -28,15 +31,19 @@ const LENGTH_TOLERANCE: f64 = 0.02;
 /// Most columns that are looked at; real files stay below twenty.
 const MAX_COLUMNS: usize = 1024;
 
-/// Which columns are the position and the normal.
+/// Values of a point: the position, the normal and the colour.
+const SLOTS: usize = 9;
+const COLOUR: usize = 6;
+
+/// Which columns are the position, the normal and the colour.
 struct Columns {
-    slots: [Option<usize>; 6],
+    slots: [Option<usize>; SLOTS],
     /// Values a line; not known before the first one of a file with neither names nor points.
     count: usize,
 }
 
-/// Parses a file in memory.
-pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+/// Parses a file in memory, with its colours if they are asked for.
+pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     let bytes = &text::decode(bytes);
     let mut lines = lines(bytes).peekable();
     let mut promised = None;
@@ -55,13 +62,19 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     // Names in a comment do not stop a file: they may be a sentence.
     let named = named.or_else(|| Columns::in_comments(bytes, lines.peek().map(|(_, line)| *line)));
     let says_points = promised.is_some() || named.is_some();
-    let columns = named.unwrap_or_else(|| Columns::guessed(lines.clone().map(|(_, line)| line)));
-    let mut cloud = CloudBuilder::new(columns.slots[3].is_some(), 0);
+    let mut columns = named.unwrap_or_else(|| Columns::guessed(lines.clone().map(|(_, line)| line)));
+    if !keeps_colours {
+        columns.slots[COLOUR..].fill(None);
+    }
+    let scale = columns.slots[COLOUR].map(|_| Scale::ByteOrUnit);
+    let mut cloud = CloudBuilder::new(columns.slots[3].is_some(), 0).with_colours(scale);
     let mut found = 0;
     let mut last = 1;
     for (at, line) in lines {
-        let [x, y, z, nx, ny, nz] = columns.values(line).map_err(|why| Flaw::at_line(at, why))?;
+        let [x, y, z, nx, ny, nz, colour @ ..] =
+            columns.values(line).map_err(|why| Flaw::at_line(at, why))?;
         cloud.push(DVec3::new(x, y, z), DVec3::new(nx, ny, nz));
+        cloud.push_colour(colour);
         (found, last) = (found + 1, at);
     }
     match promised {
@@ -79,15 +92,21 @@ impl Columns {
             return Err(Malformation::HeaderSize { limit: MAX_COLUMNS });
         }
         let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted.as_bytes()));
-        let mut slots = ["x", "y", "z", "nx", "ny", "nz"].map(find);
-        for (slot, name) in slots[3..].iter_mut().zip(["normal_x", "normal_y", "normal_z"]) {
+        let mut slots = ["x", "y", "z", "nx", "ny", "nz", "r", "g", "b"].map(find);
+        let more = ["normal_x", "normal_y", "normal_z", "red", "green", "blue"];
+        for (slot, name) in slots[3..].iter_mut().zip(more) {
+            *slot = slot.or_else(|| find(name));
+        }
+        for (slot, name) in slots[COLOUR..].iter_mut().zip(["rf", "gf", "bf"]) {
             *slot = slot.or_else(|| find(name));
         }
         if slots[..3].contains(&None) {
             return Err(Malformation::Missing { what: "columns named x, y and z" });
         }
-        if slots[3..].contains(&None) {
-            slots[3..].fill(None);
+        for three in [3..COLOUR, COLOUR..SLOTS] {
+            if slots[three.clone()].contains(&None) {
+                slots[three].fill(None);
+            }
         }
         Ok(Self { slots, count: names.len() })
     }
@@ -113,21 +132,39 @@ impl Columns {
     /// Columns without names, from what the first lines hold.
     fn guessed<'a>(lines: impl Iterator<Item = &'a [u8]> + Clone) -> Self {
         let count = lines.clone().next().map_or(3, |line| words(line).count().max(3));
-        let slots = |used: usize| std::array::from_fn(|slot| (slot < used).then_some(slot));
-        let six = Self { slots: slots(6), count };
-        let lengths = lines.take(LINES_ASKED).map(|line| match six.values(line) {
-            Ok([_, _, _, nx, ny, nz]) => DVec3::new(nx, ny, nz).length(),
+        let from_third = |slot: usize, column: usize| {
+            let mut slots = [Some(0), Some(1), Some(2), None, None, None, None, None, None];
+            (0..3).for_each(|i| slots[slot + i] = Some(column + i));
+            Self { slots, count }
+        };
+        let lines = lines.take(LINES_ASKED);
+        let six = from_third(3, 3);
+        let lengths = lines.clone().map(|line| match six.values(line) {
+            Ok([_, _, _, nx, ny, nz, ..]) => DVec3::new(nx, ny, nz).length(),
             Err(_) => f64::NAN,
         });
         let is_unit = |length: f64| (length - 1.0).abs() <= LENGTH_TOLERANCE;
-        let normals =
-            count == 6 && lengths.clone().all(|l| l == 0.0 || is_unit(l)) && lengths.clone().any(is_unit);
-        Self { slots: slots(if normals { 6 } else { 3 }), count }
+        if count == 6 && lengths.clone().all(|l| l == 0.0 || is_unit(l)) && lengths.clone().any(is_unit) {
+            return six;
+        }
+        let coloured = from_third(COLOUR, count.max(6) - 3);
+        let colours = lines.map(|line| match coloured.values(line) {
+            Ok([_, _, _, _, _, _, colour @ ..]) => colour,
+            Err(_) => [f64::NAN; 3],
+        });
+        let is_byte = |value: &f64| (0.0..=255.0).contains(value) && value.fract() == 0.0;
+        if (6..=7).contains(&count)
+            && colours.clone().all(|colour| colour.iter().all(is_byte))
+            && colours.flatten().any(|value| value > 1.0)
+        {
+            return coloured;
+        }
+        Self { slots: [Some(0), Some(1), Some(2), None, None, None, None, None, None], count }
     }
 
-    /// The position and the normal of a line.
-    fn values(&self, line: &[u8]) -> Result<[f64; 6], Malformation> {
-        let mut values = [0.0; 6];
+    /// The position, the normal and the colour of a line.
+    fn values(&self, line: &[u8]) -> Result<[f64; SLOTS], Malformation> {
+        let mut values = [0.0; SLOTS];
         let mut found = 0;
         if let Some(word) = decimal_comma(line) {
             return Err(Malformation::Number { text: quote(word) });
@@ -180,13 +217,20 @@ fn count(word: &[u8]) -> Result<u64, Malformation> {
     parse_word(word).ok_or_else(|| Malformation::Number { text: quote(word) })
 }
 
-/// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number.
+/// Writes points, `x y z` or `x y z nx ny nz` a line, with as many digits as identify each number. Colours follow as `r g b`, 0 to 255,
+/// and a comment names the columns then.
 pub(crate) fn write(mut out: impl Write, points: &PointCloud, placement: &Placement) -> io::Result<()> {
+    if !points.colours.is_empty() {
+        writeln!(out, "# x y z{} r g b", if points.normals.is_empty() { "" } else { " nx ny nz" })?;
+    }
     for (index, position) in points.positions.iter().enumerate() {
         let DVec3 { x, y, z } = placement.place(*position);
         write!(out, "{x} {y} {z}")?;
         if let Some(DVec3 { x, y, z }) = points.normals.get(index) {
             write!(out, " {x} {y} {z}")?;
+        }
+        if let Some([red, green, blue]) = points.colours.get(index) {
+            write!(out, " {red} {green} {blue}")?;
         }
         writeln!(out)?;
     }

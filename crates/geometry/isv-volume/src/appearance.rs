@@ -115,9 +115,11 @@ impl Default for Material {
 
 impl Material {
     /// Colour at a texture coordinate, as sRGB of 0 to 255 a channel. `u` goes right and `v` down from the image's upper left corner.
+    /// A coordinate that is not finite gives the base colour.
     #[must_use]
     pub fn colour(&self, [u, v]: [f32; 2]) -> [f32; 3] {
-        let texel = self.texture.as_ref().map(|image| {
+        let image = self.texture.as_ref().filter(|_| u.is_finite() && v.is_finite());
+        let texel = image.map(|image| {
             let [u, v] = [self.wrap[0].place(f64::from(u)), self.wrap[1].place(f64::from(v))];
             image.bilinear(u * f64::from(image.width()), v * f64::from(image.height()))
         });
@@ -179,7 +181,7 @@ pub struct Appearance {
     /// sRGB of each vertex; empty without vertex colours.
     pub vertex_colours: Vec<Rgb>,
     /// Texture coordinates of each triangle's corners, right and down from the upper left corner; empty without textures. A triangle
-    /// that has none in its file has NaN.
+    /// that has none in its file has NaN, and its material's base colour.
     pub texture_coordinates: Vec<[[f32; 2]; 3]>,
     /// Material of each triangle; empty if all have the first.
     pub face_materials: Vec<u16>,
@@ -222,7 +224,7 @@ impl Appearance {
     pub fn colour(&self, face: usize, triangle: [u32; 3], weights: [f32; 3]) -> [f32; 3] {
         let material = self.face_materials.get(face).map_or(0, |m| usize::from(*m));
         let of_material = self.materials.get(material).map(|material| {
-            let corners = self.texture_coordinates.get(face).copied().unwrap_or([[0.0; 2]; 3]);
+            let corners = self.texture_coordinates.get(face).copied().unwrap_or([[f32::NAN; 2]; 3]);
             material.colour([0, 1].map(|axis| (0..3).map(|i| weights[i] * corners[i][axis]).sum()))
         });
         let of_vertices = (!self.vertex_colours.is_empty()).then(|| {
@@ -279,6 +281,20 @@ mod tests {
         assert!((grey - 187.5).abs() < 0.1, "{grey}");
         let textured = Material { texture: Some(Arc::new(checks())), ..Material::default() };
         assert_eq!(textured.colour([0.75, 0.25]), [255.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn without_a_coordinate_the_base_colour_counts() {
+        let material = Material {
+            base_colour: [1.0, 0.0, 1.0],
+            texture: Some(Arc::new(checks())),
+            ..Material::default()
+        };
+        for coordinate in [[f32::NAN, 0.5], [0.5, f32::INFINITY]] {
+            assert_eq!(material.colour(coordinate), [255.0, 0.0, 255.0]);
+        }
+        let appearance = Appearance { materials: vec![material], ..Appearance::default() };
+        assert_eq!(appearance.colour(0, [0, 1, 2], [1.0, 0.0, 0.0]), [255.0, 0.0, 255.0]);
     }
 
     #[test]

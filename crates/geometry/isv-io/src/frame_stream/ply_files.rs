@@ -1,8 +1,9 @@
 //! PLY files one after another. Each says how long it is, but only to who reads all of it.
 
 use super::{FrameStreamError, MAX_FRAME_BYTES};
+use crate::linked::Linked;
 use crate::text::UTF8_MARK;
-use crate::{Geometry, ply};
+use crate::{Colours, Geometry, ply};
 use std::io::{self, Read};
 use std::path::PathBuf;
 
@@ -34,7 +35,10 @@ impl<R: Read> PlyFiles<R> {
     }
 
     /// The next frame as it is in its file, as soon as its last byte is there; none at the end.
-    pub(super) fn next_frame(&mut self) -> Result<Option<(PathBuf, Geometry)>, FrameStreamError> {
+    pub(super) fn next_frame(
+        &mut self,
+        colours: Colours,
+    ) -> Result<Option<(PathBuf, Geometry)>, FrameStreamError> {
         let path = PathBuf::from(format!("frame_{:06}.ply", self.frames));
         loop {
             self.skip_space();
@@ -42,9 +46,10 @@ impl<R: Read> PlyFiles<R> {
             if file.is_empty() && self.ended {
                 return Ok(None);
             }
-            if let Some((geometry, length)) =
-                self.arriving.parse(file, self.ended).map_err(|flaw| flaw.in_file(&path))?
-            {
+            let mut linked = Linked::new(None);
+            let linked = (colours == Colours::Keep).then_some(&mut linked);
+            let parsed = self.arriving.parse(file, self.ended, linked);
+            if let Some((geometry, length)) = parsed.map_err(|flaw| flaw.in_file(&path))? {
                 self.arriving = ply::Arriving::default();
                 self.start += length;
                 self.frames += 1;

@@ -209,6 +209,14 @@ impl<'a> Accessors<'a> {
         Ok(component.map_or(1.0, Component::largest))
     }
 
+    /// The type of an accessor's elements, in the specification's words, and what makes its numbers 0 to 1, should they be
+    /// integers that are not normalised.
+    pub(super) fn shape_and_largest(&self, index: usize, named_by: ObjectName) -> Result<(&str, f32), Flaw> {
+        let accessor = object(&self.document.accessors, "accessor", index, named_by)?;
+        let component = Component::of_code(accessor.component_type).filter(|_| !accessor.normalized);
+        Ok((&accessor.shape, component.map_or(1.0, Component::largest)))
+    }
+
     /// The bytes of a view.
     pub(super) fn bytes(&self, view: usize, named_by: ObjectName) -> Result<&[u8], Flaw> {
         Ok(self.view(view, named_by)?.bytes)

@@ -1,18 +1,21 @@
 //! A glTF file as a mesh over time.
 
 use super::accessor::Accessors;
+use super::appearance::Side;
 use super::buffers::Buffers;
 use super::container::{Container, MAGIC};
 use super::fault::GltfFault;
 use super::limit::Limit;
+use super::looks::Looks;
 use super::scene::{Channel, Scene};
-use super::schema::Document;
+use super::schema::{Document, parse_json};
 use crate::error::Flaw;
 use crate::text;
-use crate::{Geometry, InvalidPoints, ReadError, Unit};
-use isv_volume::{PointCloud, TriangleMesh};
+use crate::{Colours, Geometry, InvalidPoints, ReadError, ReadOptions, Unit};
+use isv_volume::{Appearance, PointCloud, TriangleMesh};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Longest animation, in seconds: a day. Keyframes beyond it are damage, and would be sampled for ever.
 pub const MAX_DURATION_S: f64 = 86_400.0;
@@ -23,6 +26,9 @@ pub const MAX_DURATION_S: f64 = 86_400.0;
 /// cubic keyframes. A node scaled to zero is hidden. Lines are left out, and points beside triangles; normals are not kept. Buffers of a
 /// `.gltf` must lie in its folder or below. Everything is held in memory, which is bounded by the size of the file and its
 /// buffers.
+///
+/// Colours are read where the options keep them: [`Self::open_with`]. Images are decoded when the file is opened. Poses that show the
+/// same parts share one [`Appearance`].
 ///
 /// ```no_run
 /// # fn main() -> Result<(), isv_io::ReadError> {
@@ -36,12 +42,20 @@ pub const MAX_DURATION_S: f64 = 86_400.0;
 #[derive(Debug)]
 pub struct Animation {
     path: PathBuf,
-    unit: Unit,
+    options: ReadOptions,
     scene: Scene,
     clips: Vec<Clip>,
     /// The clip that plays.
     playing: usize,
-    invalid: InvalidPoints,
+    /// Colours of the pose asked for last.
+    look: Mutex<Option<Look>>,
+}
+
+/// The colours of all poses that show the same sides of the same parts.
+#[derive(Debug)]
+struct Look {
+    sides: Vec<Side>,
+    appearance: Option<Arc<Appearance>>,
 }
 
 /// One of the animations of a file.
@@ -58,10 +72,18 @@ impl Animation {
     /// # Errors
     /// [`ReadError::Io`], and [`ReadError::Malformed`] with a [`GltfFault`].
     pub fn open(path: &Path, unit: Unit) -> Result<Self, ReadError> {
+        Self::open_with(path, &ReadOptions::new(unit))
+    }
+
+    /// Reads a file as [`Self::open`] does, with its colours if the options ask for them.
+    ///
+    /// # Errors
+    /// Errors of [`Self::open`]; [`Malformation::Image`](crate::Malformation::Image) names an image that cannot be read.
+    pub fn open_with(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
         let bytes = crate::regular_file::read(path)
             .map_err(|cause| ReadError::Io { path: path.to_owned(), cause })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Self::parse_in(Some(folder), path, &bytes, unit)
+        Self::parse_in(Some(folder), path, &bytes, options)
     }
 
     /// As [`Self::open`], from bytes; `path` names the file in errors. Buffers in other files are refused: nothing is read from the disk.
@@ -69,19 +91,33 @@ impl Animation {
     /// # Errors
     /// As [`Self::open`], without [`ReadError::Io`].
     pub fn parse(path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
-        Self::parse_in(None, path, bytes, unit)
+        Self::parse_with(path, bytes, &ReadOptions::new(unit))
     }
 
-    /// The same with buffers in the files of a folder, if there is one.
-    fn parse_in(folder: Option<&Path>, path: &Path, bytes: &[u8], unit: Unit) -> Result<Self, ReadError> {
-        let (scene, clips) = load(folder, bytes).map_err(|flaw| flaw.in_file(path))?;
-        Ok(Self { path: path.to_owned(), unit, scene, clips, playing: 0, invalid: InvalidPoints::Refuse })
+    /// Reads bytes as [`Self::parse`] does, with their colours if the options ask for them. Images in other files are refused, too.
+    ///
+    /// # Errors
+    /// Errors of [`Self::open_with`], without [`ReadError::Io`].
+    pub fn parse_with(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self, ReadError> {
+        Self::parse_in(None, path, bytes, options)
+    }
+
+    /// The same with buffers and images in the files of a folder, if there is one.
+    fn parse_in(
+        folder: Option<&Path>,
+        path: &Path,
+        bytes: &[u8],
+        options: &ReadOptions,
+    ) -> Result<Self, ReadError> {
+        let (scene, clips) = load(folder, bytes, options.colours).map_err(|flaw| flaw.in_file(path))?;
+        let (path, options, look) = (path.to_owned(), *options, Mutex::new(None));
+        Ok(Self { path, options, scene, clips, playing: 0, look })
     }
 
     /// Says what becomes of points that are nowhere.
     #[must_use]
     pub fn with_invalid_points(self, invalid: InvalidPoints) -> Self {
-        Self { invalid, ..self }
+        Self { options: self.options.with_invalid_points(invalid), ..self }
     }
 
     /// The names of the file's animations; many have none.
@@ -135,18 +171,33 @@ impl Animation {
     /// # Errors
     /// [`ReadError::Mesh`] or [`ReadError::Points`] if a vertex is nowhere, [`ReadError::OutOfRange`].
     pub fn geometry_at(&self, seconds: f64) -> Result<Geometry, ReadError> {
-        let (mesh, positions) = self.scene.pose(self.channels(), seconds);
+        let mut pose = self.scene.pose(self.channels(), seconds);
         let geometry = match self.scene.is_points() {
             true => Geometry::Points(PointCloud {
-                positions,
-                normals: Vec::new(),
-                viewpoint: None,
-                scans: Vec::new(),
-                colours: Vec::new(),
+                positions: pose.points,
+                colours: pose.point_colours,
+                ..PointCloud::default()
             }),
-            false => Geometry::Mesh(mesh),
+            false => {
+                if self.options.colours == Colours::Keep && !pose.mesh.triangles.is_empty() {
+                    pose.mesh.appearance = self.appearance(pose.sides);
+                }
+                Geometry::Mesh(pose.mesh)
+            }
         };
-        geometry.checked(&self.path, self.unit, self.invalid)
+        geometry.checked(&self.path, &self.options)
+    }
+
+    /// The colours of a pose with these sides: those of the pose before, if it had the same.
+    fn appearance(&self, sides: Vec<Side>) -> Option<Arc<Appearance>> {
+        // Nothing is half done where a thread panics: a look is put in whole.
+        let mut look = self.look.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(look) = look.as_ref().filter(|look| look.sides == sides) {
+            return look.appearance.clone();
+        }
+        let appearance = self.scene.appearance(&sides).map(Arc::new);
+        *look = Some(Look { sides, appearance: appearance.clone() });
+        appearance
     }
 
     /// The mesh at an instant, in metres; before the first and after the last keyframe that of the keyframe. Empty while nothing is to be
@@ -166,15 +217,20 @@ impl Animation {
     }
 }
 
-fn load(folder: Option<&Path>, bytes: &[u8]) -> Result<(Scene, Vec<Clip>), Flaw> {
+fn load(folder: Option<&Path>, bytes: &[u8], colours: Colours) -> Result<(Scene, Vec<Clip>), Flaw> {
     let text = if bytes.starts_with(MAGIC) { Cow::Borrowed(bytes) } else { text::decode(bytes) };
     let bytes = &*text;
     let container = Container::parse(bytes)?;
     let document = Document::parse(container.json, container.json_offset)?;
     let buffers = Buffers::load(&document.buffers, folder, container.binary)?;
-    let limit = Limit::for_bytes(bytes.len().saturating_add(buffers.total_bytes()));
+    let keeps_colours = colours == Colours::Keep;
+    let limit = Limit::for_bytes(bytes.len().saturating_add(buffers.total_bytes()), keeps_colours);
     let accessors = Accessors::new(&document, buffers, limit);
-    let scene = Scene::load(&document, &accessors)?;
+    let looks = match keeps_colours {
+        true => Some(Looks::new(parse_json(container.json, container.json_offset)?, folder)),
+        false => None,
+    };
+    let scene = Scene::load(&document, &accessors, looks)?;
     let mut clips = Vec::new();
     for (index, animation) in document.animations.iter().enumerate() {
         let channels = scene.load_channels(&accessors, animation, index)?;

@@ -79,9 +79,8 @@ impl<'a> Buffers<'a> {
 
 fn fetch(uri: &str, folder: Option<&Path>, least_bytes: usize) -> Result<Vec<u8>, GltfFault> {
     let refused = |why| GltfFault::Uri { uri: quote(uri.as_bytes()), why };
-    if let Some(data) = uri.strip_prefix("data:") {
-        let text = data.split_once(";base64,").ok_or(refused("is data, but not base64"))?.1;
-        return BASE64.decode(text).map_err(|_| refused("is broken base64"));
+    if let Some(data) = data_of(uri) {
+        return data.map_err(refused);
     }
     let folder = folder.ok_or(refused("is another file, and this one came without any"))?;
     let path = path_inside(folder, uri).map_err(refused)?;
@@ -89,17 +88,34 @@ fn fetch(uri: &str, folder: Option<&Path>, least_bytes: usize) -> Result<Vec<u8>
         .map_err(|cause| GltfFault::File { uri: quote(uri.as_bytes()), cause: cause.to_string() })
 }
 
+/// The bytes of an address that holds them, or why it does not; `None` for the address of a file.
+pub(super) fn data_of(uri: &str) -> Option<Result<Vec<u8>, &'static str>> {
+    let data = uri.strip_prefix("data:")?;
+    let text = data.split_once(";base64,").map(|(_, text)| text);
+    Some(match text {
+        Some(text) => BASE64.decode(text).map_err(|_| "is broken base64"),
+        None => Err("is data, but not base64"),
+    })
+}
+
 /// The path that an address means. What does not lie in the folder of the glTF file or below is refused, so that opening a
 /// file from elsewhere reads nothing else.
 fn path_inside(folder: &Path, uri: &str) -> Result<PathBuf, &'static str> {
+    let decoded = name_of(uri)?;
+    inside(folder, &decoded).ok_or("leaves the folder of the file; buffers must lie beside it")
+}
+
+/// The name of a file that an address means.
+pub(super) fn name_of(uri: &str) -> Result<Cow<'_, str>, &'static str> {
     let decoded = percent_decode_str(uri).decode_utf8().map_err(|_| "is not UTF-8")?;
     let scheme = decoded
         .split_once(':')
         .is_some_and(|(scheme, _)| scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b)));
     if scheme {
-        return Err("is absolute or remote; buffers must lie beside the file");
+        Err("is absolute or remote; buffers and images must lie beside the file")
+    } else {
+        Ok(decoded)
     }
-    inside(folder, &decoded).ok_or("leaves the folder of the file; buffers must lie beside it")
 }
 
 /// Reads a file that has at least the bytes that are wanted.

@@ -1,7 +1,7 @@
 //! How compactly meshes are written.
 
 use glam::{DVec3, Vec3};
-use isv_volume::TriangleMesh;
+use isv_volume::{Rgb, linear_from_srgb};
 use meshoptimizer_rs::codec::{
     IndexEncoding, VertexEncoding, encode_filter_oct, encode_index_buffer, encode_vertex_buffer,
 };
@@ -48,28 +48,39 @@ const NORMAL_BITS: u32 = 8;
 pub(super) struct Quantized {
     /// With a fourth number that pads them to a multiple of four bytes.
     pub(super) positions: Vec<[u16; 4]>,
+}
+
+/// Places of the integers of all pieces of a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lattice {
     /// The position of the integers 0, 0, 0.
     pub(super) origin: DVec3,
     /// Length of a step.
     pub(super) step: f64,
 }
 
-impl Quantized {
-    /// Rounds positions to the nearest steps.
-    pub(super) fn new(vertices: &[DVec3]) -> Self {
-        let bounds = vertices.iter().fold(None, |bounds, v| match bounds {
+impl Lattice {
+    /// A lattice as fine as positions allow.
+    pub(super) fn around<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Self {
+        let bounds = positions.fold(None, |bounds, v| match bounds {
             None => Some((*v, *v)),
             Some((low, high)) => Some((v.min(low), v.max(high))),
         });
         let (origin, high) = bounds.unwrap_or_default();
         let extent = (high - origin).max_element();
         // A scale of 0 would hide the mesh.
-        let step = if extent > 0.0 { extent / STEPS } else { 1.0 };
+        Self { origin, step: if extent > 0.0 { extent / STEPS } else { 1.0 } }
+    }
+}
+
+impl Quantized {
+    /// Rounds positions to the nearest steps.
+    pub(super) fn new(vertices: &[DVec3], Lattice { origin, step }: Lattice) -> Self {
         let quantize = |v: &DVec3| {
             let [x, y, z] = ((*v - origin) / step).to_array().map(|steps| steps.round().min(STEPS) as u16);
             [x, y, z, 0]
         };
-        Self { positions: vertices.iter().map(quantize).collect(), origin, step }
+        Self { positions: vertices.iter().map(quantize).collect() }
     }
 
     /// Smallest and largest integers.
@@ -91,28 +102,35 @@ pub(super) fn quantized_normal(normal: Vec3) -> [i8; 4] {
     [x, y, z, 0]
 }
 
+/// A colour as linear light in normalised integers, with alpha. Every colour comes back.
+pub(super) fn linear_colour(colour: Rgb) -> [u16; 4] {
+    let light = |value: u8| (f32::from(u16::MAX) * linear_from_srgb(f32::from(value) / 255.0)).round() as u16;
+    let [red, green, blue] = colour.map(light);
+    [red, green, blue, u16::MAX]
+}
+
+/// Triangles in another order, and the vertices that they use: of each, its place among the old ones.
+pub(super) struct Remapped {
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) vertices: Vec<u32>,
+}
+
 /// Orders triangles for neighbours to follow each other, and vertices by their first use, which is what the codecs below are
 /// made for.
-pub(super) fn in_order(mesh: &TriangleMesh, normals: &[Vec3]) -> io::Result<(TriangleMesh, Vec<Vec3>)> {
+pub(super) fn in_order(triangles: &[[u32; 3]], count: usize) -> io::Result<Remapped> {
     let mut workspace = workspace();
-    let count = mesh.vertices.len();
-    let corners = optimize_vertex_cache(mesh.triangles.as_flattened(), count, &mut workspace);
+    let corners = optimize_vertex_cache(triangles.as_flattened(), count, &mut workspace);
     let corners = corners.map_err(failed)?;
     let remap = optimize_vertex_fetch_remap(&corners, count, &mut workspace).map_err(failed)?;
-    let mut vertices = vec![DVec3::ZERO; remap.vertex_count];
-    let mut moved_normals = vec![Vec3::ZERO; if normals.is_empty() { 0 } else { remap.vertex_count }];
-    for (vertex, place) in remap.remap.iter().enumerate() {
-        let place = *place as usize;
-        if let Some(moved) = vertices.get_mut(place) {
-            *moved = mesh.vertices[vertex];
-        }
-        if let Some(moved) = moved_normals.get_mut(place) {
-            *moved = normals[vertex];
+    let mut vertices = vec![0; remap.vertex_count];
+    for (vertex, place) in (0..).zip(&remap.remap) {
+        if let Some(moved) = vertices.get_mut(*place as usize) {
+            *moved = vertex;
         }
     }
     let triangles = corners.as_chunks().0.iter();
     let triangles = triangles.map(|corners: &[u32; 3]| corners.map(|c| remap.remap[c as usize])).collect();
-    Ok((TriangleMesh { vertices, normals: Vec::new(), triangles, appearance: None }, moved_normals))
+    Ok(Remapped { triangles, vertices })
 }
 
 /// Rows of four bytes or more, compressed. Version 0 is what the extension has.

@@ -151,6 +151,9 @@ pub enum GltfFault {
     /// The scene has no triangles.
     #[error("no mesh with triangles in the scene")]
     NoMeshes,
+    /// A texture without an image, or an image without bytes.
+    #[error("has no image that can be read")]
+    NoImage,
     /// An animation was asked for that is not there.
     #[error("animation {index} asked for, but there are {count}")]
     NoSuchAnimation {

@@ -27,10 +27,12 @@ pub(super) struct Limit {
 }
 
 impl Limit {
-    pub(super) fn for_bytes(bytes: usize) -> Self {
+    /// The limit of a file of so many bytes. With colours a file may ask for twice as much: triangles have texture coordinates then.
+    pub(super) fn for_bytes(bytes: usize, colours: bool) -> Self {
         let bytes = bytes as u64;
+        let numbers = bytes.saturating_mul(if colours { 8 } else { 4 });
         Self {
-            limit: Cell::new(bytes.saturating_mul(4).clamp(LEAST_LIMIT, u32::MAX.into())),
+            limit: Cell::new(numbers.clamp(LEAST_LIMIT, u32::MAX.into())),
             taken: Cell::new(0),
             most_decompressed: bytes.saturating_mul(MOST_RATIO).max(LEAST_DECOMPRESSED),
             decompressed: Cell::new(0),

@@ -3,9 +3,11 @@
 use super::accessor::Accessors;
 use super::draco::DracoMesh;
 use super::fault::GltfFault;
+use super::looks::Looks;
 use super::schema::{self, Document, Draco, ObjectName, Primitive, object};
 use crate::error::{Flaw, quote};
 use crate::polygon::strip;
+use isv_volume::{Rgb, srgb_from_linear};
 use std::collections::BTreeMap;
 
 /// A mesh of the file: vertices and triangles in the space of the node that shows it.
@@ -27,6 +29,11 @@ pub(super) struct Part {
     pub(super) influences: Vec<Influences>,
     /// Displacements of each vertex by each morph target; none for a target that moves nothing.
     pub(super) targets: Vec<Vec<[f32; 3]>>,
+    /// Colour of each vertex; empty if the file has none, or nobody asks.
+    pub(super) colours: Vec<Rgb>,
+    /// Material of each triangle, and texture coordinates of its corners; empty if nobody asks.
+    pub(super) materials: Vec<u16>,
+    pub(super) coordinates: Vec<[[f32; 2]; 3]>,
 }
 
 /// A set of four joints for each vertex.
@@ -42,19 +49,21 @@ struct VertexSource {
     positions: usize,
     influences: Vec<(usize, usize)>,
     targets: Vec<Option<usize>>,
+    colours: Option<usize>,
     /// The stream that some of the accessors stand for.
     draco: Option<Draco>,
 }
 
 impl VertexSource {
     /// `None` for a primitive without positions, which the specification leaves to extensions.
-    fn from_primitive(primitive: &Primitive) -> Option<Self> {
+    fn from_primitive(primitive: &Primitive, keeps_colours: bool) -> Option<Self> {
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let set = |n: usize| Some((attribute(&format!("JOINTS_{n}"))?, attribute(&format!("WEIGHTS_{n}"))?));
         Some(Self {
             positions: attribute("POSITION")?,
             influences: (0..).map_while(set).collect(),
             targets: primitive.targets.iter().map(|target| target.get("POSITION").copied()).collect(),
+            colours: attribute("COLOR_0").filter(|_| keeps_colours),
             draco: primitive.extensions.draco.clone(),
         })
     }
@@ -97,7 +106,8 @@ impl VertexSource {
             let joints = (!in_stream(format!("JOINTS_{set}"))).then_some(*joints);
             [joints, (!in_stream(format!("WEIGHTS_{set}"))).then_some(*weights)]
         });
-        for index in influences.flatten().chain(self.targets.iter().flatten().copied()) {
+        let colours = self.colours.filter(|_| !in_stream("COLOR_0".to_owned()));
+        for index in influences.flatten().chain(self.targets.iter().flatten().copied()).chain(colours) {
             let found = accessors.count(index, named_by)?;
             if found != count {
                 let fault = GltfFault::Count { wanted: count as u64, found: found as u64 };
@@ -110,6 +120,9 @@ impl VertexSource {
             points: Vec::new(),
             influences: Vec::new(),
             targets: Vec::new(),
+            colours: self.load_colours(accessors, draco, named_by)?,
+            materials: Vec::new(),
+            coordinates: Vec::new(),
         };
         for (set, (joints, weights)) in self.influences.iter().enumerate() {
             let [joints_name, weights_name] = ["JOINTS", "WEIGHTS"].map(|name| format!("{name}_{set}"));
@@ -133,11 +146,40 @@ impl VertexSource {
     }
 }
 
+impl VertexSource {
+    /// Colours of the vertices, which are linear in the file; alpha is dropped.
+    fn load_colours(
+        &self,
+        accessors: &Accessors,
+        draco: Option<&DracoMesh>,
+        named_by: ObjectName,
+    ) -> Result<Vec<Rgb>, Flaw> {
+        let Some(index) = self.colours else { return Ok(Vec::new()) };
+        let (shape, largest) = accessors.shape_and_largest(index, named_by)?;
+        let byte = |light: f32| {
+            let light = light / largest;
+            if light.is_nan() { 255 } else { (255.0 * srgb_from_linear(light.clamp(0.0, 1.0))).round() as u8 }
+        };
+        let from_light = |[red, green, blue]: [f32; 3]| [byte(red), byte(green), byte(blue)];
+        let name = "COLOR_0";
+        if shape == "VEC4" {
+            let colours = self.floats::<4>(accessors, draco, name, (index, "VEC4"), named_by)?;
+            return Ok(colours
+                .into_iter()
+                .map(|[red, green, blue, _]| from_light([red, green, blue]))
+                .collect());
+        }
+        let colours = self.floats::<3>(accessors, draco, name, (index, "VEC3"), named_by)?;
+        Ok(colours.into_iter().map(from_light).collect())
+    }
+}
+
 impl Shape {
-    /// Loads mesh `index`, named by a node. Lines are left out.
+    /// Loads mesh `index`, named by a node, with its looks if they are asked for. Lines are left out.
     pub(super) fn load(
         document: &Document,
         accessors: &Accessors,
+        mut looks: Option<&mut Looks>,
         index: usize,
         node: usize,
     ) -> Result<Self, Flaw> {
@@ -147,7 +189,8 @@ impl Shape {
         for primitive in &mesh.primitives {
             refuse_compression(primitive).map_err(|fault| Flaw::in_object("mesh", index, fault))?;
             let is_read = primitive.mode == Primitive::POINTS || primitive.mode >= Primitive::TRIANGLES;
-            let Some(source) = VertexSource::from_primitive(primitive).filter(|_| is_read) else {
+            let Some(source) = VertexSource::from_primitive(primitive, looks.is_some()).filter(|_| is_read)
+            else {
                 continue;
             };
             let draco = source.draco.as_ref().map(|stream| {
@@ -161,12 +204,15 @@ impl Shape {
                 None => {
                     shape.parts.push(source.load(accessors, draco.as_ref(), ("mesh", index))?);
                     shape.targets = shape.targets.max(source.targets.len());
-                    places.insert(source, shape.parts.len() - 1);
+                    places.insert(source.clone(), shape.parts.len() - 1);
                     shape.parts.len() - 1
                 }
             };
             let part = &mut shape.parts[place];
             append_triangles(part, primitive, accessors, draco.as_ref(), ("mesh", index))?;
+            if let Some(looks) = looks.as_deref_mut() {
+                append_looks(part, (primitive, &source), accessors, draco.as_ref(), looks, index)?;
+            }
         }
         shape.parts.retain(|part| !part.triangles.is_empty() || !part.points.is_empty());
         Ok(shape)
@@ -230,6 +276,42 @@ fn append_triangles(
             }));
         }
     }
+    Ok(())
+}
+
+/// Appends the material and the texture coordinates of the triangles that a primitive has appended to `part`.
+fn append_looks(
+    part: &mut Part,
+    (primitive, source): (&Primitive, &VertexSource),
+    accessors: &Accessors,
+    draco: Option<&DracoMesh>,
+    looks: &mut Looks,
+    mesh: usize,
+) -> Result<(), Flaw> {
+    let flaw = |fault: GltfFault| Flaw::in_object("mesh", mesh, fault);
+    let start = part.materials.len();
+    if part.triangles.len() == start {
+        return Ok(());
+    }
+    let surface = looks.surface(primitive.material(), accessors, mesh)?;
+    accessors.limit.take(part.triangles.len() - start, 7).map_err(flaw)?;
+    part.materials.resize(part.triangles.len(), surface.material);
+    let set = surface.coordinates.and_then(|(set, transform)| {
+        let name = format!("TEXCOORD_{set}");
+        primitive.attributes.get(&name).map(|index| (name, *index, transform))
+    });
+    let Some((name, index, transform)) = set else {
+        part.coordinates.resize(part.triangles.len(), [[f32::NAN; 2]; 3]);
+        return Ok(());
+    };
+    let mut coordinates = source.floats::<2>(accessors, draco, &name, (index, "VEC2"), ("mesh", mesh))?;
+    if coordinates.len() != part.positions.len() {
+        let (wanted, found) = (part.positions.len() as u64, coordinates.len() as u64);
+        return Err(Flaw::in_object("accessor", index, GltfFault::Count { wanted, found }));
+    }
+    coordinates.iter_mut().for_each(|coordinate| *coordinate = transform.place(*coordinate));
+    let corners = part.triangles[start..].iter();
+    part.coordinates.extend(corners.map(|triangle| triangle.map(|vertex| coordinates[vertex as usize])));
     Ok(())
 }
 

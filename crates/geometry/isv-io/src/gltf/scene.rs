@@ -1,15 +1,17 @@
 //! The shapes of the default scene, and their pose at an instant.
 
 use super::accessor::Accessors;
+use super::appearance::{Side, assemble};
 use super::deform::Skin;
 use super::fault::GltfFault;
 use super::hierarchy::{Hierarchy, Transform, rest_transform};
 use super::keyframes::{Curve, Moved};
+use super::looks::Looks;
 use super::parts::Shape;
 use super::schema::{self, Document, Node, object};
 use crate::error::Flaw;
 use glam::{DAffine3, DMat3, DVec3};
-use isv_volume::TriangleMesh;
+use isv_volume::{Appearance, Material, Rgb, TriangleMesh};
 
 /// What of a scene can be seen.
 #[derive(Debug)]
@@ -23,6 +25,19 @@ pub(super) struct Scene {
     instances: Vec<Instance>,
     /// Whether a node has a part in where a vertex is.
     matters: Vec<bool>,
+    /// Materials of all parts; none if they say nothing of colours, or nobody asks.
+    materials: Vec<Material>,
+}
+
+/// A scene at an instant.
+#[derive(Debug, Default)]
+pub(super) struct Pose {
+    pub(super) mesh: TriangleMesh,
+    pub(super) points: Vec<DVec3>,
+    /// Colour of each point; empty if none of them has one.
+    pub(super) point_colours: Vec<Rgb>,
+    /// Every part of every instance, in order: what decides which colours the mesh has.
+    pub(super) sides: Vec<Side>,
 }
 
 /// A shape in its place.
@@ -44,8 +59,12 @@ pub(super) struct Channel {
 }
 
 impl Scene {
-    /// Loads the default scene: the one that the file names, else the first, else all nodes.
-    pub(super) fn load(document: &Document, accessors: &Accessors) -> Result<Self, Flaw> {
+    /// Loads the default scene: the one that the file names, else the first, else all nodes. Its looks are loaded if they are asked for.
+    pub(super) fn load(
+        document: &Document,
+        accessors: &Accessors,
+        mut looks: Option<Looks>,
+    ) -> Result<Self, Flaw> {
         let hierarchy = Hierarchy::new(&document.nodes)?;
         let default = document.scene.unwrap_or(0);
         let shown = shown_nodes(document, &hierarchy, default)?;
@@ -57,11 +76,13 @@ impl Scene {
             skins: Vec::new(),
             instances: Vec::new(),
             matters: vec![false; document.nodes.len()],
+            materials: Vec::new(),
         };
         for skin in 0..document.skins.len() {
             scene.skins.push(Skin::load(document, accessors, skin)?);
         }
-        scene.load_instances(document, accessors, &shown)?;
+        scene.load_instances(document, accessors, looks.as_mut(), &shown)?;
+        scene.materials = looks.map(Looks::into_materials).unwrap_or_default();
         // A scene with nobody in it is one; a scene of what cannot be read is not.
         if scene.instances.is_empty() && document.meshes.iter().any(|mesh| !mesh.primitives.is_empty()) {
             return Err(Flaw::in_object("scene", default, GltfFault::NoMeshes));
@@ -73,6 +94,7 @@ impl Scene {
         &mut self,
         document: &Document,
         accessors: &Accessors,
+        mut looks: Option<&mut Looks>,
         shown: &[bool],
     ) -> Result<(), Flaw> {
         let mut places = vec![None; document.meshes.len()];
@@ -86,7 +108,8 @@ impl Scene {
             let shape = match loaded {
                 Some(shape) => shape,
                 None => {
-                    self.shapes.push(Shape::load(document, accessors, mesh, index)?);
+                    let looks = looks.as_deref_mut();
+                    self.shapes.push(Shape::load(document, accessors, looks, mesh, index)?);
                     places[mesh] = Some(self.shapes.len() - 1);
                     self.shapes.len() - 1
                 }
@@ -125,6 +148,8 @@ impl Scene {
             let per_vertex = 1 + part.influences.len() + part.targets.len();
             accessors.limit.take(part.positions.len(), 3 * per_vertex).map_err(flaw)?;
             accessors.limit.take(part.triangles.len(), 3).map_err(flaw)?;
+            // Corners have two coordinates each; the material is one number more.
+            accessors.limit.take(part.coordinates.len(), 7).map_err(flaw)?;
             accessors.limit.take(part.points.len(), 3 * per_vertex).map_err(flaw)?;
             let Some(skin) = skin else { continue };
             let influences = part.influences.iter().flat_map(|set| set.joints.iter().zip(&set.weights));
@@ -187,8 +212,14 @@ impl Scene {
         parts.peek().is_some() && parts.all(|part| part.triangles.is_empty())
     }
 
-    /// The mesh at an instant, and the points. A shape that is scaled to nothing is hidden and gives none.
-    pub(super) fn pose(&self, channels: &[Channel], seconds: f64) -> (TriangleMesh, Vec<DVec3>) {
+    /// The colours of a pose with these sides; none if the file says nothing of them, or nobody asks.
+    pub(super) fn appearance(&self, sides: &[Side]) -> Option<Appearance> {
+        let parts = self.instances.iter().flat_map(|instance| &self.shapes[instance.shape].parts);
+        assemble(parts.zip(sides.iter().copied()), &self.materials)
+    }
+
+    /// The mesh at an instant, and the points. A shape that is scaled to nothing is hidden and gives none. The mesh has no colours yet.
+    pub(super) fn pose(&self, channels: &[Channel], seconds: f64) -> Pose {
         let mut transforms = self.rest.clone();
         let mut weights: Vec<_> = self.instances.iter().map(|instance| instance.weights.clone()).collect();
         for of_node in channels.chunk_by(|a, b| a.node == b.node) {
@@ -211,28 +242,26 @@ impl Scene {
             }
         }
         let transforms = self.hierarchy.to_scene(transforms);
-        let (mut mesh, mut points) = (TriangleMesh::default(), Vec::new());
+        let mut pose = Pose::default();
         for (instance, weights) in self.instances.iter().zip(&weights) {
-            self.append(instance, &transforms, weights, &mut mesh, &mut points);
+            self.append(instance, &transforms, weights, &mut pose);
         }
-        (mesh, points)
+        // Points without colours are white beside others.
+        if !pose.point_colours.is_empty() {
+            pose.point_colours.resize(pose.points.len(), [255; 3]);
+        }
+        pose
     }
 
     /// Appends an instance, given the transforms of all nodes to the scene.
-    fn append(
-        &self,
-        instance: &Instance,
-        transforms: &[DAffine3],
-        weights: &[f64],
-        mesh: &mut TriangleMesh,
-        points: &mut Vec<DVec3>,
-    ) {
+    fn append(&self, instance: &Instance, transforms: &[DAffine3], weights: &[f64], pose: &mut Pose) {
         let own = Placing::by(vec![transforms[instance.node]]);
         let joints = instance.skin.map(|skin| Placing::by(self.skins[skin].transforms(transforms)));
         for part in &self.shapes[instance.shape].parts {
             // Joints place a skinned shape in the scene by themselves: its node's own transform has no part in it.
             let joints = joints.as_ref().filter(|_| !part.influences.is_empty());
             let placing = joints.unwrap_or(&own);
+            pose.sides.push(placing.side());
             if placing.hidden {
                 continue;
             }
@@ -243,10 +272,17 @@ impl Scene {
                     None => own.transforms[0].transform_point3(position),
                 }
             };
-            points.extend(part.points.iter().map(|vertex| place(*vertex as usize)));
+            let first_point = pose.points.len();
+            pose.points.extend(part.points.iter().map(|vertex| place(*vertex as usize)));
+            if !part.points.is_empty() && !part.colours.is_empty() {
+                pose.point_colours.resize(first_point, [255; 3]);
+                let colours = part.points.iter().map(|vertex| part.colours[*vertex as usize]);
+                pose.point_colours.extend(colours);
+            }
             if part.triangles.is_empty() {
                 continue;
             }
+            let mesh = &mut pose.mesh;
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend((0..part.positions.len()).map(place));
             mesh.triangles.extend(part.triangles.iter().map(|triangle| {
@@ -276,6 +312,14 @@ impl Placing {
         let mirrors = transforms.iter().filter(|transform| transform.matrix3.determinant() < 0.0).count();
         let mirrored = 2 * mirrors > transforms.len();
         Self { transforms, hidden, mirrored }
+    }
+
+    fn side(&self) -> Side {
+        match (self.hidden, self.mirrored) {
+            (true, _) => Side::Hidden,
+            (false, false) => Side::Front,
+            (false, true) => Side::Turned,
+        }
     }
 }
 
@@ -333,9 +377,9 @@ mod tests {
         let json = json.to_string().into_bytes();
         let document = Document::parse(&json, 0).unwrap();
         let buffers = Buffers::load(&document.buffers, None, None).unwrap();
-        let accessors = Accessors::new(&document, buffers, Limit::for_bytes(json.len()));
-        let scene = Scene::load(&document, &accessors).unwrap();
-        assert_eq!(scene.pose(&[], 0.0).0.triangles.len(), parts);
+        let accessors = Accessors::new(&document, buffers, Limit::for_bytes(json.len(), false));
+        let scene = Scene::load(&document, &accessors, None).unwrap();
+        assert_eq!(scene.pose(&[], 0.0).mesh.triangles.len(), parts);
         assert_eq!(LOOKED_AT.get(), joints + 1, "the joints, and the node itself");
     }
 }

@@ -5,7 +5,8 @@ use super::fault::GltfFault;
 use crate::error::{Flaw, quote};
 use crate::text;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Kind and index of an object, for messages.
@@ -138,6 +139,8 @@ pub(super) struct Mesh {
 pub(super) struct Primitive {
     pub(super) attributes: BTreeMap<String, usize>,
     pub(super) indices: Option<usize>,
+    /// Whatever it is: it stops nobody who wants no colours.
+    material: Option<Value>,
     #[serde(default = "Primitive::triangles")]
     pub(super) mode: u32,
     #[serde(default)]
@@ -172,6 +175,11 @@ impl Primitive {
 
     fn triangles() -> u32 {
         Self::TRIANGLES
+    }
+
+    /// Index of its material. What is no index is none.
+    pub(super) fn material(&self) -> Option<usize> {
+        usize::try_from(self.material.as_ref()?.as_u64()?).ok()
     }
 }
 
@@ -340,11 +348,8 @@ impl Buffer {
 impl Document {
     /// Parses the JSON of a file, which starts at `offset` in it. Zero bytes behind it are padding, as some programs write it.
     pub(super) fn parse(json: &[u8], offset: usize) -> Result<Self, Flaw> {
-        let json = &text::decode(json);
-        let padding = json.iter().rev().take_while(|b| **b == 0 || b.is_ascii_whitespace()).count();
-        let json = &json[..json.len() - padding];
-        check_version(json, offset)?;
-        let document: Self = serde_json::from_slice(json).map_err(|error| json_flaw(json, offset, &error))?;
+        check_version(without_padding(&text::decode(json)), offset)?;
+        let document: Self = parse_json(json, offset)?;
         match document.extensions_required.iter().find(|name| document.moves(name)) {
             Some(name) => {
                 let extension = quote(name.as_bytes());
@@ -372,6 +377,18 @@ impl Document {
                 .flat_map(|mesh| &mesh.primitives)
                 .any(|part| part.extensions.others.contains_key(name))
     }
+}
+
+/// Parses a JSON, which starts at `offset` in its file.
+pub(super) fn parse_json<T: DeserializeOwned>(json: &[u8], offset: usize) -> Result<T, Flaw> {
+    let json = &text::decode(json);
+    let json = without_padding(json);
+    serde_json::from_slice(json).map_err(|error| json_flaw(json, offset, &error))
+}
+
+fn without_padding(json: &[u8]) -> &[u8] {
+    let padding = json.iter().rev().take_while(|b| **b == 0 || b.is_ascii_whitespace()).count();
+    &json[..json.len() - padding]
 }
 
 /// Refuses other versions by their names: what they hold may be of another shape.

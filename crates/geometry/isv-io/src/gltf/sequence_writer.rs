@@ -15,6 +15,9 @@ use std::path::{Path, PathBuf};
 /// Most bytes of JSON that a frame takes in the end.
 const JSON_BYTES_OF_FRAME: u64 = 3072;
 
+/// Most bytes of JSON that each primitive of a frame takes, with its material.
+const JSON_BYTES_OF_PIECE: u64 = 3072;
+
 /// The scales between which nodes step: rows of x, y, z. A frame that starts the sequence is seen and then hidden, one in
 /// the middle hidden, seen and hidden, the last one hidden, seen and still seen at the end. All are runs of this table.
 const SCALES: [f32; 5] = [0.0, 1.0, 0.0, 1.0, 1.0];
@@ -23,7 +26,8 @@ const SCALES: [f32; 5] = [0.0, 1.0, 0.0, 1.0, 1.0];
 ///
 /// Each frame is a node with a mesh of its own; an animation of steps scales it to 1 while it is seen and to 0 otherwise.
 /// Viewers need no extension for that (docs/design/014-animated-glb.md), those that play no animations show the first frame,
-/// and [`Animation`](crate::Animation) reads the frames back.
+/// and [`Animation`](crate::Animation) reads the frames back. Vertex colours, materials and textures may differ from frame to frame; an
+/// image that frames share is written once.
 ///
 /// Memory is bounded by the largest frame, and about 1 KB for each frame: bytes go to a nameless file beside the output, and
 /// behind the JSON when its length is known. The file appears whole or not at all.
@@ -84,8 +88,9 @@ impl GlbAnimationWriter {
     /// 4 GiB that GLB can hold. But for the first case the frames so far are whole and can be [finished](Self::finish).
     pub fn push(&mut self, start_s: f64, mesh: &TriangleMesh) -> Result<(), WriteError> {
         let start = self.time(start_s)?;
-        let json = self.document.json_bytes() + JSON_BYTES_OF_FRAME * (self.frames.len() as u64 + 2);
-        let binary = self.document.binary_bytes + Document::<File>::bytes_of_mesh(mesh);
+        let pieces = JSON_BYTES_OF_PIECE * Document::<BufWriter<File>>::most_pieces(mesh);
+        let json = self.document.json_bytes() + JSON_BYTES_OF_FRAME * (self.frames.len() as u64 + 2) + pieces;
+        let binary = self.document.binary_bytes + self.document.bytes_of_mesh(mesh);
         let pushed = if file_bytes(json, binary) > u32::MAX.into() {
             Err(too_large())
         } else {

@@ -1,10 +1,14 @@
-//! Writing binary glTF: meshes as `f32` positions or as integers, normals where there are any, and the shortest indices that do.
+//! Writing binary glTF: meshes as `f32` positions or as integers, normals and colours where there are any, and the shortest indices
+//! that do.
 
 use super::container::{BIN_CHUNK, CHUNK_HEADER_BYTES, HEADER_BYTES, JSON_CHUNK, MAGIC, VERSION};
 use super::encoding::{
-    GlbEncoding, MESHOPT, Quantized, compress_rows, compress_triangles, in_order, octahedral,
+    GlbEncoding, Lattice, MESHOPT, Quantized, compress_rows, compress_triangles, linear_colour, octahedral,
     quantized_normal,
 };
+use super::pieces::Piece;
+use super::write_looks::Looks;
+use crate::geometry::assert_appearance_fits;
 use crate::own::GENERATOR;
 use crate::placement::Placement;
 use glam::{DVec3, Vec3};
@@ -32,10 +36,13 @@ pub(crate) fn write(out: impl Write, mesh: &TriangleMesh, placement: &Placement)
 }
 
 /// Writes a mesh as a GLB file to anything that takes bytes. A placement moves its node: vertices stay exact, as they are
-/// relative to it.
+/// relative to it. Vertex colours become linear light; materials and images are written with their texture coordinates, images as PNG.
 ///
 /// # Errors
 /// Whatever `out` says, and for a mesh that the format cannot hold.
+///
+/// # Panics
+/// If the mesh has an appearance that does not fit it.
 pub fn write_glb_to(
     mut out: impl Write,
     mesh: &TriangleMesh,
@@ -75,6 +82,7 @@ pub(super) struct Document<W> {
     meshes: List,
     accessors: List,
     views: List,
+    looks: Looks,
 }
 
 /// A mesh of the file, as a node shows it.
@@ -113,6 +121,7 @@ impl<W: Write> Document<W> {
             meshes,
             accessors,
             views,
+            looks: Looks::new(),
         }
     }
 
@@ -148,50 +157,82 @@ impl<W: Write> Document<W> {
         let normals: Option<Vec<Vec3>> =
             mesh.normals.iter().map(|n| n.normalize_or_zero().as_vec3().try_normalize()).collect();
         let normals = normals.unwrap_or_default();
-        match self.encoding {
-            GlbEncoding::Plain => {}
-            GlbEncoding::Quantized => return self.push_quantized(mesh, &normals).map(Some),
-            GlbEncoding::Meshopt => {
-                let (mesh, normals) = in_order(mesh, &normals)?;
-                return self.push_quantized(&mesh, &normals).map(Some);
-            }
+        assert_appearance_fits(mesh);
+        let mut pieces = Piece::split(mesh, &normals);
+        if self.encoding == GlbEncoding::Meshopt {
+            pieces = pieces.into_iter().map(Piece::in_order).collect::<io::Result<_>>()?;
         }
+        let lattice = (self.encoding != GlbEncoding::Plain)
+            .then(|| Lattice::around(pieces.iter().flat_map(|piece| piece.vertices.iter())));
+        let mut primitives = Vec::new();
+        for piece in &pieces {
+            let mut attributes = match lattice {
+                None => self.push_plain(piece)?,
+                Some(lattice) => self.push_quantized(piece, lattice)?,
+            };
+            if !piece.colours.is_empty() {
+                let colours = piece.colours.iter().map(|colour| linear_colour(*colour));
+                let bytes = colours.flatten().flat_map(u16::to_le_bytes).collect();
+                let mut colours = self.push_rows(bytes, 8, UNSIGNED_SHORT, "VEC4")?;
+                colours["normalized"] = true.into();
+                attributes["COLOR_0"] = self.accessors.push(&colours).into();
+            }
+            if !piece.coordinates.is_empty() {
+                let bytes = piece.coordinates.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
+                let coordinates = self.push_rows(bytes, 8, FLOAT, "VEC2")?;
+                attributes["TEXCOORD_0"] = self.accessors.push(&coordinates).into();
+            }
+            let indices = self.push_indices(piece)?;
+            let material = self.push_material(piece)?;
+            primitives.push(json!({ "attributes": attributes, "indices": indices, "material": material }));
+        }
+        let index = self.meshes.push(&json!({ "primitives": primitives }));
+        let placing = lattice.map(|Lattice { origin, step }| {
+            json!({ "translation": origin.to_array(), "scale": [step, step, step] })
+        });
+        Ok(Some(ShownMesh { index, placing }))
+    }
+
+    /// Index of a piece's material, with its image, which is written at its first use.
+    fn push_material(&mut self, piece: &Piece) -> io::Result<usize> {
+        // Views are added while the lists of materials are.
+        let mut looks = std::mem::replace(&mut self.looks, Looks::new());
+        let index = looks
+            .push(piece.material.as_ref(), |bytes| self.push_view(bytes.iter().map(|byte| [*byte]), None));
+        self.looks = looks;
+        index
+    }
+
+    /// Adds the positions and normals of a piece as they are, and gives its attributes.
+    fn push_plain(&mut self, piece: &Piece) -> io::Result<Value> {
+        let positions: Vec<Vec3> = piece.vertices.iter().map(|v| v.as_vec3()).collect();
         let (low, high) = positions
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let mut attributes = json!({ "POSITION": self.push_vectors(&positions, Some((low, high)))? });
-        if !normals.is_empty() {
-            attributes["NORMAL"] = self.push_vectors(&normals, None)?.into();
+        if !piece.normals.is_empty() {
+            attributes["NORMAL"] = self.push_vectors(&piece.normals, None)?.into();
         }
-        let indices = self.push_indices(mesh)?;
-        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
-        let index = self.meshes.push(&json!({ "primitives": [primitive] }));
-        Ok(Some(ShownMesh { index, placing: None }))
+        Ok(attributes)
     }
 
-    /// Appends a mesh as [`Self::push_mesh`] does, with integers for its coordinates.
-    fn push_quantized(&mut self, mesh: &TriangleMesh, normals: &[Vec3]) -> io::Result<ShownMesh> {
-        let compresses = self.encoding == GlbEncoding::Meshopt;
-        let quantized = Quantized::new(&mesh.vertices);
-        let count = mesh.vertices.len();
-        let bytes: Vec<u8> =
-            quantized.positions.as_flattened().iter().flat_map(|p| p.to_le_bytes()).collect();
-        let compressed = compresses.then(|| compress_rows(&bytes, count, 8)).transpose()?;
-        let compressed = compressed.map(|bytes| ("ATTRIBUTES", "NONE", bytes));
-        let view =
-            self.push_elements(Elements { bytes, count, stride: 8, target: ARRAY_BUFFER, compressed })?;
-        let mut positions = accessor(view, UNSIGNED_SHORT, "VEC3", count);
+    /// Adds the positions and normals of a piece as integers, and gives its attributes.
+    fn push_quantized(&mut self, piece: &Piece, lattice: Lattice) -> io::Result<Value> {
+        let quantized = Quantized::new(&piece.vertices, lattice);
+        let bytes = quantized.positions.as_flattened().iter().flat_map(|p| p.to_le_bytes()).collect();
+        let mut positions = self.push_rows(bytes, 8, UNSIGNED_SHORT, "VEC3")?;
         let [low, high] = quantized.bounds();
         positions["min"] = json!(low);
         positions["max"] = json!(high);
         let mut attributes = json!({ "POSITION": self.accessors.push(&positions) });
-        if !normals.is_empty() {
-            let (bytes, compressed) = if compresses {
-                let bytes = octahedral(normals)?;
+        if !piece.normals.is_empty() {
+            let count = piece.normals.len();
+            let (bytes, compressed) = if self.encoding == GlbEncoding::Meshopt {
+                let bytes = octahedral(&piece.normals)?;
                 let compressed = compress_rows(&bytes, count, 4)?;
                 (bytes, Some(("ATTRIBUTES", "OCTAHEDRAL", compressed)))
             } else {
-                (normals.iter().flat_map(|n| quantized_normal(*n).map(|c| c as u8)).collect(), None)
+                (piece.normals.iter().flat_map(|n| quantized_normal(*n).map(|c| c as u8)).collect(), None)
             };
             let view =
                 self.push_elements(Elements { bytes, count, stride: 4, target: ARRAY_BUFFER, compressed })?;
@@ -199,21 +240,17 @@ impl<W: Write> Document<W> {
             normals["normalized"] = true.into();
             attributes["NORMAL"] = self.accessors.push(&normals).into();
         }
-        let indices = if compresses {
-            let is_short = count <= MOST_SHORT_VERTICES;
-            let (stride, component) = if is_short { (2, UNSIGNED_SHORT) } else { (4, UNSIGNED_INT) };
-            let compressed = Some(("TRIANGLES", "NONE", compress_triangles(&mesh.triangles)?));
-            let (bytes, count, target) = (Vec::new(), 3 * mesh.triangles.len(), ELEMENT_ARRAY_BUFFER);
-            let view = self.push_elements(Elements { bytes, count, stride, target, compressed })?;
-            self.accessors.push(&accessor(view, component, "SCALAR", count))
-        } else {
-            self.push_indices(mesh)?
-        };
-        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
-        let index = self.meshes.push(&json!({ "primitives": [primitive] }));
-        let scale = [quantized.step; 3];
-        let placing = json!({ "translation": quantized.origin.to_array(), "scale": scale });
-        Ok(ShownMesh { index, placing: Some(placing) })
+        Ok(attributes)
+    }
+
+    /// Adds rows of an attribute, compressed if the encoding asks for it, and gives the accessor that is to be added for them.
+    fn push_rows(&mut self, bytes: Vec<u8>, stride: usize, component: u32, shape: &str) -> io::Result<Value> {
+        let count = bytes.len() / stride;
+        let compresses = self.encoding == GlbEncoding::Meshopt;
+        let compressed = compresses.then(|| compress_rows(&bytes, count, stride)).transpose()?;
+        let compressed = compressed.map(|bytes| ("ATTRIBUTES", "NONE", bytes));
+        let view = self.push_elements(Elements { bytes, count, stride, target: ARRAY_BUFFER, compressed })?;
+        Ok(accessor(view, component, shape, count))
     }
 
     /// Adds a view, whose bytes are compressed or not.
@@ -247,11 +284,26 @@ impl<W: Write> Document<W> {
     }
 
     /// Most bytes of the binary chunk that [`Self::push_mesh`] takes.
-    pub(super) fn bytes_of_mesh(mesh: &TriangleMesh) -> u64 {
+    pub(super) fn bytes_of_mesh(&self, mesh: &TriangleMesh) -> u64 {
         let vectors = (mesh.vertices.len() + mesh.normals.len()) as u64;
         // A triangle that cannot be compressed takes up to 16 bytes, and each compressed view a head and a tail.
         const VIEWS: u64 = 1024;
-        12 * vectors + 16 * mesh.triangles.len() as u64 + VIEWS
+        let plain = 12 * vectors + 16 * mesh.triangles.len() as u64 + VIEWS;
+        let Some(appearance) = mesh.appearance.as_deref() else { return plain };
+        let colours = 8 * appearance.vertex_colours.len() as u64;
+        // Every corner may become a vertex, with a position, a normal, a colour and a texture coordinate.
+        let split = if appearance.materials.len() > 1 || !appearance.texture_coordinates.is_empty() {
+            3 * 40 * mesh.triangles.len() as u64
+        } else {
+            0
+        };
+        let views = VIEWS * Self::most_pieces(mesh);
+        plain + colours + split + views + self.looks.bytes_of_images(&appearance.materials)
+    }
+
+    /// Most primitives that a mesh becomes.
+    pub(super) fn most_pieces(mesh: &TriangleMesh) -> u64 {
+        2 * mesh.appearance.as_ref().map_or(1, |appearance| appearance.materials.len().max(1)) as u64
     }
 
     fn push_vectors(&mut self, vectors: &[Vec3], bounds: Option<(Vec3, Vec3)>) -> io::Result<usize> {
@@ -265,16 +317,25 @@ impl<W: Write> Document<W> {
         Ok(self.accessors.push(&accessor))
     }
 
-    fn push_indices(&mut self, mesh: &TriangleMesh) -> io::Result<usize> {
-        let corners = mesh.triangles.iter().flatten();
-        let (view, component) = if mesh.vertices.len() <= MOST_SHORT_VERTICES {
+    fn push_indices(&mut self, piece: &Piece) -> io::Result<usize> {
+        let is_short = piece.vertices.len() <= MOST_SHORT_VERTICES;
+        let count = 3 * piece.triangles.len();
+        if self.encoding == GlbEncoding::Meshopt {
+            let (stride, component) = if is_short { (2, UNSIGNED_SHORT) } else { (4, UNSIGNED_INT) };
+            let compressed = Some(("TRIANGLES", "NONE", compress_triangles(&piece.triangles)?));
+            let (bytes, target) = (Vec::new(), ELEMENT_ARRAY_BUFFER);
+            let view = self.push_elements(Elements { bytes, count, stride, target, compressed })?;
+            return Ok(self.accessors.push(&accessor(view, component, "SCALAR", count)));
+        }
+        let corners = piece.triangles.iter().flatten();
+        let (view, component) = if is_short {
             let bytes = corners.map(|corner| (*corner as u16).to_le_bytes());
             (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_SHORT)
         } else {
             let bytes = corners.map(|corner| corner.to_le_bytes());
             (self.push_view(bytes, Some(ELEMENT_ARRAY_BUFFER))?, UNSIGNED_INT)
         };
-        Ok(self.accessors.push(&accessor(view, component, "SCALAR", 3 * mesh.triangles.len())))
+        Ok(self.accessors.push(&accessor(view, component, "SCALAR", count)))
     }
 
     /// Adds numbers to the binary chunk and gives the index of their view; `target` says what of a mesh they are.
@@ -327,8 +388,10 @@ impl<W: Write> Document<W> {
 
     /// Bytes of the JSON so far, nearly.
     pub(super) fn json_bytes(&self) -> u64 {
-        let Self { nodes, channels, samplers, meshes, accessors, views, .. } = self;
-        [nodes, channels, samplers, meshes, accessors, views].map(|list| list.text.len() as u64).iter().sum()
+        let Self { nodes, channels, samplers, meshes, accessors, views, looks, .. } = self;
+        let lists = [nodes, channels, samplers, meshes, accessors, views];
+        let of_looks = [&looks.materials, &looks.textures, &looks.images, &looks.samplers];
+        lists.iter().chain(&of_looks).map(|list| list.text.len() as u64).sum()
     }
 
     /// The JSON, with all nodes that are no children in the scene. Lists without objects are left out, as glTF has it.
@@ -342,7 +405,13 @@ impl<W: Write> Document<W> {
         let scene: Vec<_> = self.roots.iter().map(ToString::to_string).collect();
         json += &format!(r#","scenes":[{{"nodes":[{}]}}],"nodes":[{}]"#, scene.join(","), self.nodes.text);
         if self.meshes.len > 0 {
-            json += &format!(r#","meshes":[{}],"materials":[{}]"#, self.meshes.text, material());
+            let Looks { materials, textures, images, samplers, .. } = &self.looks;
+            json += &format!(r#","meshes":[{}],"materials":[{}]"#, self.meshes.text, materials.text);
+            for (name, list) in [("textures", textures), ("images", images), ("samplers", samplers)] {
+                if list.len > 0 {
+                    json += &format!(r#","{name}":[{}]"#, list.text);
+                }
+            }
         }
         if self.accessors.len > 0 {
             let (accessors, views) = (&self.accessors.text, &self.views.text);
@@ -365,11 +434,6 @@ impl<W: Write> Document<W> {
         json.push('}');
         json
     }
-}
-
-/// Matt, and seen from both sides, as captured surfaces may be open.
-fn material() -> Value {
-    json!({ "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0.8 }, "doubleSided": true })
 }
 
 pub(super) fn accessor(view: usize, component: u32, shape: &str, count: usize) -> Value {

@@ -22,8 +22,13 @@ const POINTWISE: u16 = 1;
 const POINTWISE_CHUNKED: u16 = 2;
 const LAYERED_CHUNKED: u16 = 3;
 
-/// Calls `sink` with every record.
-pub(super) fn decompress(bytes: &[u8], header: &Header, sink: impl FnMut(&[u8])) -> Result<(), Flaw> {
+/// Calls `sink` with every record, with its colour if that is asked for.
+pub(super) fn decompress(
+    bytes: &[u8],
+    header: &Header,
+    colours: bool,
+    sink: impl FnMut(&[u8]),
+) -> Result<(), Flaw> {
     let data = header.laszip.clone().ok_or_else(|| {
         Flaw::unreadable(
             "LAZ",
@@ -35,7 +40,7 @@ pub(super) fn decompress(bytes: &[u8], header: &Header, sink: impl FnMut(&[u8]))
         .map_err(|why| Flaw::unreadable("LAZ", data.start, &why))?;
     let points_flaw = |why: &dyn std::fmt::Display| Flaw::unreadable("LAZ", header.points_offset, why);
     let decompressed = catch_panic(|| match record.layout {
-        LAYERED_CHUNKED => layered(bytes, header, &record, sink),
+        LAYERED_CHUNKED => layered(bytes, header, (&record, colours), sink),
         _ => pointwise(bytes, header, &record, sink),
     });
     decompressed
@@ -177,14 +182,15 @@ fn check_chunk_count(bytes: &[u8], header: &Header) -> Option<()> {
 }
 
 /// Point formats 6 to 10: a chunk is a record, the number of its points, the lengths of its layers, and the layers.
-/// Only those that hold the coordinates and the flags are decompressed.
+/// Only those that hold the coordinates and the flags are decompressed, and the colours if they are asked for.
 fn layered(
     bytes: &[u8],
     header: &Header,
-    record: &Record,
+    (record, colours): (&Record, bool),
     mut sink: impl FnMut(&[u8]),
 ) -> Result<(), LasZipError> {
-    let wanted = DecompressionSelection(DecompressionSelection::Z | DecompressionSelection::FLAGS);
+    let colours = if colours { DecompressionSelection::RGB } else { 0 };
+    let wanted = DecompressionSelection(DecompressionSelection::Z | DecompressionSelection::FLAGS | colours);
     let mut point = vec![0; header.record_bytes];
     let mut left = header.points;
     let mut at = header.points_offset + ChunkTable::OFFSET_SIZE;

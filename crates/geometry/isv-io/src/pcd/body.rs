@@ -1,9 +1,11 @@
-//! The points in a PCD file: `x y z` and, if all three are there, `normal_x normal_y normal_z`; other fields are skipped.
+//! The points in a PCD file: `x y z`; if all three are there, `normal_x normal_y normal_z`; and colours, if they are asked for. Other
+//! fields are skipped.
 
 use super::header::{Encoding, Field, Header, Kind, READ};
 use super::lzf;
 use crate::cloud_builder::{CloudBuilder, check_compressed};
 use crate::error::{Flaw, Malformation, quote};
+use crate::raw_colours::Scale;
 use crate::text::{self, parse_float};
 use glam::DVec3;
 use isv_volume::PointCloud;
@@ -12,10 +14,10 @@ use isv_volume::PointCloud;
 ///
 /// Of an organised cloud, which is an image whose pixels are points, those without a reading are dropped: any of
 /// their coordinates is NaN.
-pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
+pub(crate) fn parse(bytes: &[u8], keeps_colours: bool) -> Result<PointCloud, Flaw> {
     let bytes = &text::decode(bytes);
     let header = Header::parse(bytes)?;
-    let mut points = Points::new(&header).map_err(|why| Flaw::at_line(header.lines, why))?;
+    let mut points = Points::new(&header, keeps_colours).map_err(|why| Flaw::at_line(header.lines, why))?;
     let body = &bytes[header.body_offset..];
     match header.encoding {
         Encoding::Ascii => points.read_text(body)?,
@@ -25,32 +27,61 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCloud, Flaw> {
     Ok(points.cloud.finish(header.viewpoint))
 }
 
+/// Fields that a point is read from: x, y, z, the normal, and a colour packed into the first of three fields or spread over them.
+const COLUMNS: usize = 9;
+const COLOUR: usize = 6;
+
 struct Points<'a> {
     header: &'a Header,
-    /// The fields of x, y, z and of the normal.
-    columns: [Option<usize>; 6],
+    /// The fields that are read.
+    columns: [Option<usize>; COLUMNS],
+    /// Whether one field has all of a colour.
+    packed: bool,
     cloud: CloudBuilder,
 }
 
 impl<'a> Points<'a> {
-    fn new(header: &'a Header) -> Result<Self, Malformation> {
-        let mut columns = READ.map(|name| header.find(name));
+    fn new(header: &'a Header, keeps_colours: bool) -> Result<Self, Malformation> {
+        let mut columns = [None; COLUMNS];
+        columns[..COLOUR].copy_from_slice(&READ.map(|name| header.find(name)));
         if columns[..3].contains(&None) {
             return Err(Malformation::Missing { what: "fields x, y and z" });
         }
-        let normals = !columns[3..].contains(&None);
+        let normals = !columns[3..COLOUR].contains(&None);
         if !normals {
-            columns[3..].fill(None);
+            columns[3..COLOUR].fill(None);
         }
-        Ok(Self { header, columns, cloud: CloudBuilder::new(normals, 0) })
+        let colours = if keeps_colours { Colours::find(header) } else { None };
+        let scale = colours.as_ref().map(|colours| colours.scale);
+        let packed = colours.as_ref().is_some_and(|colours| colours.packed);
+        columns[COLOUR..].copy_from_slice(&colours.map(|colours| colours.columns).unwrap_or_default());
+        Ok(Self { header, columns, packed, cloud: CloudBuilder::new(normals, 0).with_colours(scale) })
     }
 
-    /// Takes a point's x, y, z and normal.
-    fn push(&mut self, values: [f64; 6]) {
-        let [x, y, z, nx, ny, nz] = values;
+    /// Takes the values of a point.
+    fn push(&mut self, values: [f64; COLUMNS]) {
+        let [x, y, z, nx, ny, nz, red, green, blue] = values;
         let position = DVec3::new(x, y, z);
         if !(self.header.organised && position.is_nan()) {
             self.cloud.push(position, DVec3::new(nx, ny, nz));
+            // A packed colour is an integer by now.
+            self.cloud.push_colour(if self.packed {
+                unpacked(red as i64 as u32)
+            } else {
+                [red, green, blue]
+            });
+        }
+    }
+
+    /// The value of a column from its word.
+    fn word(&self, slot: usize, word: &[u8]) -> Result<f64, Malformation> {
+        let number = parse_float(word).ok_or_else(|| Malformation::Number { text: quote(word) })?;
+        let field = self.columns[slot].map(|index| &self.header.fields[index]);
+        match field {
+            Some(field) if self.packed && slot == COLOUR && field.kind == Kind::Float => {
+                Ok((number as f32).to_bits().into())
+            }
+            _ => Ok(number),
         }
     }
 
@@ -68,7 +99,7 @@ impl<'a> Points<'a> {
         for found in 0..self.header.points {
             let (at, line) = lines.next().ok_or_else(|| self.truncated(found, body.len()))?;
             let line_number = self.header.lines + 1 + at;
-            let values = text_row(line, starts, words_of_a_point);
+            let values = self.text_row(line, starts, words_of_a_point);
             self.push(values.map_err(|why| Flaw::at_line(line_number, why))?);
         }
         Ok(())
@@ -134,9 +165,36 @@ impl<'a> Points<'a> {
     }
 
     /// A point's values, each from the bytes that its field starts with.
-    fn values<'b>(&self, bytes_of: impl Fn(usize) -> &'b [u8]) -> [f64; 6] {
-        self.columns
-            .map(|column| column.map_or(0.0, |index| value(&self.header.fields[index], bytes_of(index))))
+    fn values<'b>(&self, bytes_of: impl Fn(usize) -> &'b [u8]) -> [f64; COLUMNS] {
+        let mut values = [0.0; COLUMNS];
+        for (slot, column) in self.columns.iter().enumerate() {
+            let Some(index) = *column else { continue };
+            let bytes = bytes_of(index);
+            values[slot] = match bytes.first_chunk() {
+                // As a float, a packed colour may be NaN, which would not keep its bits.
+                Some(bits) if self.packed && slot == COLOUR => u32::from_le_bytes(*bits).into(),
+                _ => value(&self.header.fields[index], bytes),
+            };
+        }
+        values
+    }
+
+    /// The values of a point from a line of `words` words; `starts` tells which ones.
+    fn text_row(
+        &self,
+        line: &[u8],
+        starts: [Option<u64>; COLUMNS],
+        words: u64,
+    ) -> Result<[f64; COLUMNS], Malformation> {
+        let mut values = [0.0; COLUMNS];
+        let mut found = 0;
+        for word in text::words(line) {
+            if let Some(slot) = starts.iter().position(|start| *start == Some(found)) {
+                values[slot] = self.word(slot, word)?;
+            }
+            found += 1;
+        }
+        if found == words { Ok(values) } else { Err(Malformation::LineLength { too_many: found > words }) }
     }
 
     fn truncated(&self, found: u64, body_bytes: usize) -> Flaw {
@@ -145,17 +203,37 @@ impl<'a> Points<'a> {
     }
 }
 
-/// The values of a point from a line of `words` words; `starts` tells which ones.
-fn text_row(line: &[u8], starts: [Option<u64>; 6], words: u64) -> Result<[f64; 6], Malformation> {
-    let mut values = [0.0; 6];
-    let mut found = 0;
-    for word in text::words(line) {
-        if let Some(slot) = starts.iter().position(|start| *start == Some(found)) {
-            values[slot] = parse_float(word).ok_or_else(|| Malformation::Number { text: quote(word) })?;
+/// The fields of a colour.
+struct Colours {
+    columns: [Option<usize>; 3],
+    packed: bool,
+    scale: Scale,
+}
+
+impl Colours {
+    /// One field of 32 bits, `rgb` or `rgba`, or three fields.
+    fn find(header: &Header) -> Option<Self> {
+        let packed = ["rgb", "rgba"].iter().find_map(|name| header.find(name));
+        if let Some(field) = packed.filter(|field| header.fields[*field].size == 4) {
+            return Some(Self { columns: [Some(field), None, None], packed: true, scale: Scale::Byte });
         }
-        found += 1;
+        let sets = [["r", "g", "b"], ["red", "green", "blue"]];
+        let mut found = sets.iter().map(|names| names.map(|name| header.find(name)));
+        let columns = found.find(|columns| !columns.contains(&None))?;
+        let red = columns[0].map(|index| &header.fields[index])?;
+        let scale = match (red.kind, red.size) {
+            (Kind::Float, _) => Scale::Unit,
+            (Kind::Unsigned, 2) => Scale::Short,
+            _ => Scale::Byte,
+        };
+        Some(Self { columns, packed: false, scale })
     }
-    if found == words { Ok(values) } else { Err(Malformation::LineLength { too_many: found > words }) }
+}
+
+/// Red, green and blue of 8 bits each, from the third byte down; the highest is alpha or nothing.
+fn unpacked(bits: u32) -> [f64; 3] {
+    let [blue, green, red, _] = bits.to_le_bytes();
+    [red, green, blue].map(f64::from)
 }
 
 /// The number that little-endian bytes start with.

@@ -7,15 +7,22 @@ use isv_volume::PointCloud;
 use std::io::{self, Write};
 
 /// Writes points as one row of them. Fields are `float`, coordinates `double` where the placement needs it. The viewpoint line is
-/// there if the viewpoint is known.
+/// there if the viewpoint is known. Colours are `rgb`, packed into a `float` as the Point Cloud Library has them.
 pub(crate) fn write(mut out: impl Write, points: &PointCloud, placement: &Placement) -> io::Result<()> {
-    let (count, fields) = (points.positions.len(), if points.normals.is_empty() { 3 } else { 6 });
-    let names = ["x", "y", "z", "normal_x", "normal_y", "normal_z"][..fields].join(" ");
-    let each = |word: &str| vec![word; fields].join(" ");
+    let count = points.positions.len();
+    let mut names = vec!["x", "y", "z"];
+    if !points.normals.is_empty() {
+        names.extend(["normal_x", "normal_y", "normal_z"]);
+    }
+    if !points.colours.is_empty() {
+        names.push("rgb");
+    }
     let double = placement.needs_double(&points.positions);
-    let sizes = if double { ["8", "8", "8", "4", "4", "4"] } else { ["4"; 6] };
-    writeln!(out, "# {COMMENT}\nVERSION 0.7\nFIELDS {names}")?;
-    writeln!(out, "SIZE {}\nTYPE {}\nCOUNT {}", sizes[..fields].join(" "), each("F"), each("1"))?;
+    let mut sizes = vec!["4"; names.len()];
+    sizes[..3].fill(if double { "8" } else { "4" });
+    let each = |word: &str| vec![word; names.len()].join(" ");
+    writeln!(out, "# {COMMENT}\nVERSION 0.7\nFIELDS {}", names.join(" "))?;
+    writeln!(out, "SIZE {}\nTYPE {}\nCOUNT {}", sizes.join(" "), each("F"), each("1"))?;
     writeln!(out, "WIDTH {count}\nHEIGHT 1")?;
     if let Some(viewpoint) = points.viewpoint {
         let DVec3 { x, y, z } = placement.place(viewpoint);
@@ -26,6 +33,9 @@ pub(crate) fn write(mut out: impl Write, points: &PointCloud, placement: &Placem
         write_components(&mut out, placement.place(*position), double)?;
         if let Some(normal) = points.normals.get(index) {
             write_components(&mut out, *normal, false)?;
+        }
+        if let Some([red, green, blue]) = points.colours.get(index) {
+            out.write_all(&[*blue, *green, *red, 0])?;
         }
     }
     Ok(())

@@ -7,6 +7,7 @@ use super::read::parse_body;
 use super::values::{Binary, Fault};
 use crate::error::Flaw;
 use crate::geometry::Geometry;
+use crate::linked::Linked;
 use crate::text::{is_space, parse_word};
 
 /// What is known of the file so far.
@@ -19,10 +20,15 @@ pub(crate) struct Arriving {
 impl Arriving {
     /// Parses the file that `bytes` start with, and says how many bytes it takes. `None` if it ends later than `bytes` do and
     /// more bytes will come: if not `ended`. They must be the bytes of the calls before, with more behind them. An ASCII
-    /// file ends with the line of its last row.
-    pub(crate) fn parse(&mut self, bytes: &[u8], ended: bool) -> Result<Option<(Geometry, usize)>, Flaw> {
+    /// file ends with the line of its last row. Colours are read if linked files are given.
+    pub(crate) fn parse(
+        &mut self,
+        bytes: &[u8],
+        ended: bool,
+        linked: Option<&mut Linked>,
+    ) -> Result<Option<(Geometry, usize)>, Flaw> {
         if ended {
-            return parse_body(bytes, &Header::parse(bytes)?, true).map(Some);
+            return parse_body(bytes, &Header::parse(bytes)?, true, linked).map(Some);
         }
         if self.body.is_none() {
             self.body = self.header.read(bytes)?.map(|header| {
@@ -34,7 +40,7 @@ impl Arriving {
         if !rows.find_all(bytes, header) {
             return Ok(None);
         }
-        parse_body(bytes, header, false).map(Some)
+        parse_body(bytes, header, false, linked).map(Some)
     }
 }
 
@@ -189,15 +195,15 @@ mod tests {
     fn a_file_comes_with_its_last_byte_and_not_before() {
         for pieces in [text(), binary(false), binary(true)] {
             let file = pieces.concat();
-            let expected = Arriving::default().parse(&file, true).unwrap().unwrap();
+            let expected = Arriving::default().parse(&file, true, None).unwrap().unwrap();
             assert_eq!(expected.1, file.len());
             let following = [&file[..], b"ply\nformat"].concat();
             for step in 1..40 {
                 let mut arriving = Arriving::default();
                 for length in (0..file.len()).step_by(step) {
-                    assert_eq!(arriving.parse(&file[..length], false).unwrap(), None, "{length} bytes");
+                    assert_eq!(arriving.parse(&file[..length], false, None).unwrap(), None, "{length} bytes");
                 }
-                assert_eq!(arriving.parse(&following, false).unwrap().unwrap(), expected);
+                assert_eq!(arriving.parse(&following, false, None).unwrap().unwrap(), expected);
             }
         }
     }
@@ -215,11 +221,11 @@ mod tests {
                 for piece in &pieces[..pieces.len() - 1] {
                     for length in [piece.len() / 2, piece.len()] {
                         let bytes = [ruin(seen, rubbish), piece[..length].to_vec()].concat();
-                        assert_eq!(arriving.parse(&bytes, false).unwrap(), None);
+                        assert_eq!(arriving.parse(&bytes, false, None).unwrap(), None);
                     }
                     seen += piece.len();
                 }
-                assert!(arriving.parse(&file, false).unwrap().is_some());
+                assert!(arriving.parse(&file, false, None).unwrap().is_some());
             }
         }
     }
@@ -230,16 +236,16 @@ mod tests {
         for before in ["ply\ncomment ".to_owned(), "ply ".to_owned(), format!("{header}0 0 ")] {
             let mut arriving = Arriving::default();
             let line = " ".repeat(1000);
-            assert_eq!(arriving.parse((before.clone() + &line).as_bytes(), false).unwrap(), None);
+            assert_eq!(arriving.parse((before.clone() + &line).as_bytes(), false, None).unwrap(), None);
             // Line ends that come where none was.
             let more = before.clone() + &"?\n".repeat(500) + &line;
-            assert_eq!(arriving.parse(more.as_bytes(), false).unwrap(), None);
+            assert_eq!(arriving.parse(more.as_bytes(), false, None).unwrap(), None);
         }
     }
 
     #[test]
     fn faults_are_told_when_they_are_there() {
-        let fault = |text: &str| Arriving::default().parse(text.as_bytes(), false).unwrap_err();
+        let fault = |text: &str| Arriving::default().parse(text.as_bytes(), false, None).unwrap_err();
         assert_eq!(fault("plywood\n"), Flaw::at_line(1, Malformation::NotPly));
         let text = "rubbish".to_owned();
         let expected = Flaw::at_line(3, Malformation::HeaderLine { text });
@@ -248,6 +254,6 @@ mod tests {
         let last = pieces.len() - 1;
         pieces[last - 2] = vec![0xff; 4];
         pieces.truncate(last - 1);
-        assert!(Arriving::default().parse(&pieces.concat(), false).is_err(), "a list of -1 items");
+        assert!(Arriving::default().parse(&pieces.concat(), false, None).is_err(), "a list of -1 items");
     }
 }

@@ -1,6 +1,7 @@
 //! The header: what the body holds, and in which encoding.
 
 use crate::error::{Flaw, Malformation, quote};
+use crate::text::first_word;
 use std::ops::RangeInclusive;
 
 /// Most elements of a header and most properties of an element. Real files stay below a hundred; the search for
@@ -137,6 +138,8 @@ impl Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
+    /// Names of textures, as `comment TextureFile` has them.
+    pub(super) textures: Vec<String>,
     /// Where the body starts, in bytes from the start of the file.
     pub(super) body_offset: usize,
     /// Lines of the header.
@@ -205,9 +208,9 @@ impl HeaderReader {
                     return Err(flaw(Malformation::NotPly));
                 }
             } else if is_last {
-                let Parser { encoding, elements } = std::mem::take(&mut self.parser);
+                let Parser { encoding, elements, textures } = std::mem::take(&mut self.parser);
                 let encoding = encoding.ok_or(flaw(Malformation::NoFormat))?;
-                return Ok(Some(Header { encoding, elements, body_offset: end, lines }));
+                return Ok(Some(Header { encoding, elements, textures, body_offset: end, lines }));
             } else {
                 self.parser.line(raw, &said).map_err(flaw)?;
             }
@@ -231,6 +234,7 @@ fn words(line: &[u8]) -> Vec<&[u8]> {
 struct Parser {
     encoding: Option<Encoding>,
     elements: Vec<Element>,
+    textures: Vec<String>,
 }
 
 impl Parser {
@@ -238,6 +242,12 @@ impl Parser {
         let not_understood = || Malformation::HeaderLine { text: quote(raw.trim_ascii()) };
         let [keyword, rest @ ..] = words else { return Ok(()) };
         match (keyword.to_ascii_lowercase().as_slice(), rest) {
+            (b"comment", [word, _, ..]) if word.eq_ignore_ascii_case(b"TextureFile") => {
+                // All that is left of the line: names may have blanks.
+                let name = first_word(raw).and_then(|(_, rest)| first_word(rest)).unwrap_or_default().1;
+                self.textures.push(String::from_utf8_lossy(name).into_owned());
+                Ok(())
+            }
             (b"comment" | b"obj_info", _) => Ok(()),
             (b"format", [encoding, b"1.0"]) => self.format(encoding),
             (b"format", _) => Err(Malformation::NoFormat),

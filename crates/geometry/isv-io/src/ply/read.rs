@@ -1,37 +1,52 @@
 //! The mesh or points in a PLY file: the `vertex`, `face` and `tristrips` elements; all others are skipped.
 
+use super::colours::{Colours, FaceColours, find_colours, find_coordinates};
 use super::header::{Element, Encoding, Header, Kind, Scalar};
 use super::values::{Ascii, Binary, Fault, Values};
 use crate::error::{Flaw, Malformation};
 use crate::geometry::Geometry;
+use crate::linked::Linked;
 use crate::polygon::{Polygons, strip};
+use crate::raw_colours::RawColours;
 use crate::text;
 use glam::DVec3;
 use isv_volume::{PointCloud, TriangleMesh};
+use std::sync::Arc;
 
 /// Parses a PLY file in memory: points if it has no faces or strips, else a mesh. Bytes after the last element are ignored, as
-/// other readers do.
-pub(crate) fn parse(bytes: &[u8]) -> Result<Geometry, Flaw> {
+/// other readers do. Colours are read if linked files are given.
+pub(crate) fn parse(bytes: &[u8], linked: Option<&mut Linked>) -> Result<Geometry, Flaw> {
     let bytes = &text::decode(bytes);
-    parse_body(bytes, &Header::parse(bytes)?, true).map(|(geometry, _)| geometry)
+    parse_body(bytes, &Header::parse(bytes)?, true, linked).map(|(geometry, _)| geometry)
 }
 
 /// The geometry, and how many bytes it takes with its header.
-pub(super) fn parse_body(bytes: &[u8], header: &Header, ended: bool) -> Result<(Geometry, usize), Flaw> {
+pub(super) fn parse_body(
+    bytes: &[u8],
+    header: &Header,
+    ended: bool,
+    linked: Option<&mut Linked>,
+) -> Result<(Geometry, usize), Flaw> {
+    let binary = |big_endian| Binary::new(bytes, header.body_offset, big_endian);
     match header.encoding {
-        Encoding::Ascii => read_body(header, Ascii::new(bytes, header, ended)),
-        Encoding::BinaryLittleEndian => read_body(header, Binary::new(bytes, header.body_offset, false)),
-        Encoding::BinaryBigEndian => read_body(header, Binary::new(bytes, header.body_offset, true)),
+        Encoding::Ascii => read_body(header, Ascii::new(bytes, header, ended), linked),
+        Encoding::BinaryLittleEndian => read_body(header, binary(false), linked),
+        Encoding::BinaryBigEndian => read_body(header, binary(true), linked),
     }
     .map(|(geometry, remaining)| (geometry, bytes.len() - remaining))
 }
 
 /// What the body holds, and how many bytes follow it.
-fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usize), Flaw> {
+fn read_body(
+    header: &Header,
+    mut values: impl Values,
+    linked: Option<&mut Linked>,
+) -> Result<(Geometry, usize), Flaw> {
     let in_header = |why| Flaw::at_line(header.lines, why);
-    let mut vertices = Vertices::new(header).map_err(in_header)?;
-    let mut faces = Faces::new(header, "face").map_err(in_header)?;
-    let mut strips = Faces::new(header, "tristrips").map_err(in_header)?;
+    let keeps = linked.is_some();
+    let mut vertices = Vertices::new(header, keeps).map_err(in_header)?;
+    let mut faces = Faces::new(header, "face", keeps).map_err(in_header)?;
+    let mut strips = Faces::new(header, "tristrips", false).map_err(in_header)?;
     for element in &header.elements {
         match element {
             _ if element.is("vertex") => {
@@ -49,20 +64,24 @@ fn read_body(header: &Header, mut values: impl Values) -> Result<(Geometry, usiz
     values.finish().map_err(|why| Flaw { at: values.position(), why })?;
     let none_of = |name| header.find(name).is_none_or(|element| element.count == 0);
     if none_of("face") && none_of("tristrips") {
-        let normals = vertices.normals.iter().map(|n| n.normalize_or_zero()).collect();
-        let points = PointCloud {
-            positions: vertices.positions,
-            normals,
-            viewpoint: None,
-            scans: Vec::new(),
-            colours: Vec::new(),
-        };
-        return Ok((Geometry::Points(points), values.remaining()));
+        return Ok((Geometry::Points(vertices.into_points()), values.remaining()));
     }
     let normals = vertices.unit_normals();
-    let mut triangles = faces.polygons.into_triangles(&vertices.positions)?;
+    let (mut triangles, corners) = faces.polygons.into_textured(&vertices.positions)?;
     triangles.append(&mut strips.polygons.into_triangles(&vertices.positions)?);
-    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles, appearance: None };
+    let appearance = match linked {
+        Some(linked) => {
+            let colours = Colours {
+                textures: &header.textures,
+                of_vertices: vertices.colours,
+                coordinates: vertices.coordinates,
+                of_faces: faces.colours.unwrap_or_default(),
+            };
+            colours.finish(&triangles, &corners, linked)?.map(Arc::new)
+        }
+        None => None,
+    };
+    let mesh = TriangleMesh { vertices: vertices.positions, normals, triangles, appearance };
     Ok((Geometry::Mesh(mesh), values.remaining()))
 }
 
@@ -129,20 +148,27 @@ impl Sink for Skip {
     fn end_row(&mut self) {}
 }
 
+/// Values of a vertex that are read: x, y, z, nx, ny, nz, red, green, blue, u, v.
+const SLOTS: usize = 11;
+
 /// Sink for the `vertex` element.
 struct Vertices {
     /// For each property, its place in `row`.
     slots: Vec<Option<usize>>,
-    /// x, y, z, nx, ny, nz of the current row.
-    row: [f64; 6],
+    /// Values of the current row.
+    row: [f64; SLOTS],
     has_normals: bool,
     positions: Vec<DVec3>,
     /// As in the file, of any length; empty without nx, ny and nz.
     normals: Vec<DVec3>,
+    /// Colours, if they are there and asked for.
+    colours: Option<RawColours>,
+    /// Texture coordinates, if they are there and asked for.
+    coordinates: Option<Vec<[f32; 2]>>,
 }
 
 impl Vertices {
-    fn new(header: &Header) -> Result<Self, Malformation> {
+    fn new(header: &Header, keeps_colours: bool) -> Result<Self, Malformation> {
         let element = header.find("vertex").ok_or(Malformation::Missing { what: "vertex element" })?;
         let scalar =
             |name| element.find(name).filter(|i| matches!(element.properties[*i].kind, Kind::Scalar(_)));
@@ -156,8 +182,21 @@ impl Vertices {
                 slots[column] = Some(slot);
             }
         }
-        let has_normals = !columns[3..].contains(&None);
-        Ok(Self { slots, row: [0.0; 6], has_normals, positions: Vec::new(), normals: Vec::new() })
+        let colours = find_colours(element).filter(|_| keeps_colours);
+        let coordinates = find_coordinates(element).filter(|_| keeps_colours);
+        let looks = colours.map(|(columns, _)| columns).into_iter().flatten().zip(6..);
+        for (column, slot) in looks.chain(coordinates.into_iter().flatten().zip(9..)) {
+            slots[column] = Some(slot);
+        }
+        Ok(Self {
+            slots,
+            row: [0.0; SLOTS],
+            has_normals: !columns[3..].contains(&None),
+            positions: Vec::new(),
+            normals: Vec::new(),
+            colours: colours.map(|(_, scale)| RawColours::new(scale, 0)),
+            coordinates: coordinates.map(|_| Vec::new()),
+        })
     }
 
     fn reserve(&mut self, rows: usize) {
@@ -170,6 +209,15 @@ impl Vertices {
     /// The normals at length 1; none at all if one of them has no direction, since a mesh has all or none.
     fn unit_normals(&self) -> Vec<DVec3> {
         self.normals.iter().map(|n| n.try_normalize()).collect::<Option<_>>().unwrap_or_default()
+    }
+
+    fn into_points(self) -> PointCloud {
+        PointCloud {
+            positions: self.positions,
+            normals: self.normals.iter().map(|n| n.normalize_or_zero()).collect(),
+            colours: self.colours.map(RawColours::finish).unwrap_or_default(),
+            ..PointCloud::default()
+        }
     }
 }
 
@@ -186,10 +234,16 @@ impl Sink for Vertices {
     }
 
     fn end_row(&mut self) {
-        let [x, y, z, nx, ny, nz] = self.row;
+        let [x, y, z, nx, ny, nz, red, green, blue, u, v] = self.row;
         self.positions.push(DVec3::new(x, y, z));
         if self.has_normals {
             self.normals.push(DVec3::new(nx, ny, nz));
+        }
+        if let Some(colours) = &mut self.colours {
+            colours.push([red, green, blue]);
+        }
+        if let Some(coordinates) = &mut self.coordinates {
+            coordinates.push([u, v].map(|value| value as f32));
         }
     }
 }
@@ -200,13 +254,19 @@ struct Faces {
     indices: Option<usize>,
     polygon: Vec<u32>,
     polygons: Polygons,
+    /// Colours, if they are asked for.
+    colours: Option<FaceColours>,
+    /// Numbers of the texture coordinates of the current row's corners; scratch space.
+    numbers: Vec<u32>,
 }
 
 impl Faces {
-    fn new(header: &Header, element: &str) -> Result<Self, Malformation> {
+    fn new(header: &Header, element: &str, keeps_colours: bool) -> Result<Self, Malformation> {
         let rows = header.find(element).filter(|element| element.count > 0);
         let indices = rows.map(Self::find_indices).transpose()?;
-        Ok(Self { indices, polygon: Vec::new(), polygons: Polygons::default() })
+        let colours = rows.filter(|_| keeps_colours).map(FaceColours::new);
+        let (polygon, polygons, numbers) = (Vec::new(), Polygons::default(), Vec::new());
+        Ok(Self { indices, polygon, polygons, colours, numbers })
     }
 
     fn find_indices(element: &Element) -> Result<usize, Malformation> {
@@ -225,7 +285,7 @@ impl Faces {
 
 impl Sink for Faces {
     fn wants(&self, property: usize) -> bool {
-        self.indices == Some(property)
+        self.indices == Some(property) || self.colours.as_ref().is_some_and(|colours| colours.wants(property))
     }
 
     fn value(&mut self, property: usize, value: f64) -> Result<(), Malformation> {
@@ -234,12 +294,23 @@ impl Sink for Faces {
                 return Err(Malformation::Index { text: value.to_string() });
             }
             self.polygon.push(value as u32);
+        } else if let Some(colours) = &mut self.colours {
+            colours.value(property, value);
         }
         Ok(())
     }
 
     fn end_row(&mut self) {
-        self.polygons.push(&self.polygon);
+        match &mut self.colours {
+            Some(colours) if colours.has_coordinates() => {
+                colours.numbers(self.polygon.len(), &mut self.numbers);
+                self.polygons.push_textured(&self.polygon, &self.numbers);
+            }
+            _ => self.polygons.push(&self.polygon),
+        }
+        if let Some(colours) = &mut self.colours {
+            colours.end_row(self.polygons.triangle_count());
+        }
         self.polygon.clear();
     }
 }

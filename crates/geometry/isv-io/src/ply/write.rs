@@ -3,12 +3,14 @@
 use crate::Placement;
 use crate::own::COMMENT;
 use glam::DVec3;
-use isv_volume::{PointCloud, TriangleMesh};
+use isv_volume::{PointCloud, Rgb, TriangleMesh};
 use std::io::{self, Write};
 
-/// Writes a mesh. Coordinates are `float`, or `double` where the placement needs it; normals are written when the mesh has them.
+/// Writes a mesh. Coordinates are `float`, or `double` where the placement needs it; normals and vertex colours are written when the
+/// mesh has them.
 pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placement) -> io::Result<()> {
-    let vertices = Vertices::new(&mesh.vertices, &mesh.normals, placement);
+    let colours = mesh.appearance.as_ref().map_or(&[][..], |appearance| &appearance.vertex_colours);
+    let vertices = Vertices::new(&mesh.vertices, &mesh.normals, colours, placement);
     vertices.write_header(&mut out)?;
     let faces = mesh.triangles.len();
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
@@ -21,13 +23,13 @@ pub(crate) fn write(mut out: impl Write, mesh: &TriangleMesh, placement: &Placem
     })
 }
 
-/// Writes points: vertices without a face element. Coordinates and normals as with meshes.
+/// Writes points: vertices without a face element. Coordinates, normals and colours as with meshes.
 pub(crate) fn write_points(
     mut out: impl Write,
     points: &PointCloud,
     placement: &Placement,
 ) -> io::Result<()> {
-    let vertices = Vertices::new(&points.positions, &points.normals, placement);
+    let vertices = Vertices::new(&points.positions, &points.normals, &points.colours, placement);
     vertices.write_header(&mut out)?;
     writeln!(out, "end_header")?;
     vertices.write(&mut out)
@@ -38,14 +40,21 @@ struct Vertices<'a> {
     positions: &'a [DVec3],
     /// Normals as `float`; none or one a position.
     normals: &'a [DVec3],
+    /// Colours as `uchar`; none or one a position.
+    colours: &'a [Rgb],
     placement: &'a Placement,
     /// Whether coordinates are `double`.
     double: bool,
 }
 
 impl<'a> Vertices<'a> {
-    fn new(positions: &'a [DVec3], normals: &'a [DVec3], placement: &'a Placement) -> Self {
-        Self { positions, normals, placement, double: placement.needs_double(positions) }
+    fn new(
+        positions: &'a [DVec3],
+        normals: &'a [DVec3],
+        colours: &'a [Rgb],
+        placement: &'a Placement,
+    ) -> Self {
+        Self { positions, normals, colours, placement, double: placement.needs_double(positions) }
     }
 
     fn write_header(&self, out: &mut impl Write) -> io::Result<()> {
@@ -60,30 +69,43 @@ impl<'a> Vertices<'a> {
                 writeln!(out, "property float {name}")?;
             }
         }
+        if !self.colours.is_empty() {
+            for name in ["red", "green", "blue"] {
+                writeln!(out, "property uchar {name}")?;
+            }
+        }
         Ok(())
     }
 
     fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let count = self.positions.len();
-        match (self.double, self.normals.is_empty()) {
-            (false, true) => write_records::<12>(out, count, |vertex| self.record(vertex)),
-            (false, false) => write_records::<24>(out, count, |vertex| self.record(vertex)),
-            (true, true) => write_records::<24>(out, count, |vertex| self.record(vertex)),
-            (true, false) => write_records::<36>(out, count, |vertex| self.record(vertex)),
+        let vectors = 1 + usize::from(self.double) + usize::from(!self.normals.is_empty());
+        match (vectors, self.colours.is_empty()) {
+            (1, true) => write_records::<12>(out, count, |vertex| self.record(vertex)),
+            (2, true) => write_records::<24>(out, count, |vertex| self.record(vertex)),
+            (_, true) => write_records::<36>(out, count, |vertex| self.record(vertex)),
+            (1, false) => write_records::<15>(out, count, |vertex| self.record(vertex)),
+            (2, false) => write_records::<27>(out, count, |vertex| self.record(vertex)),
+            (_, false) => write_records::<39>(out, count, |vertex| self.record(vertex)),
         }
     }
 
-    /// A vertex: its position, and its normal in what room is left.
+    /// A vertex: its position, and its normal and its colour in what room is left.
     fn record<const BYTES: usize>(&self, vertex: usize) -> [u8; BYTES] {
         let position = self.placement.place(self.positions[vertex]);
         let mut record = [0; BYTES];
-        let (place, rest) = record.split_at_mut(if self.double { 24 } else { 12 });
+        let (place, mut rest) = record.split_at_mut(if self.double { 24 } else { 12 });
         match self.double {
             true => put_words(place, position.to_array().map(f64::to_le_bytes)),
             false => put_words(place, words(position)),
         }
         if let Some(normal) = self.normals.get(vertex) {
-            put_words(rest, words(*normal));
+            let (place, after) = rest.split_at_mut(12);
+            put_words(place, words(*normal));
+            rest = after;
+        }
+        if let Some(colour) = self.colours.get(vertex) {
+            rest.copy_from_slice(colour);
         }
         record
     }

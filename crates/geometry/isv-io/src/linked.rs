@@ -1,0 +1,86 @@
+//! Files that a frame's file names: material libraries and images. They lie in its folder or below.
+
+use crate::image::{self, ImageError, ImageFault};
+use crate::inside::inside;
+use crate::regular_file;
+use isv_volume::Image;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most pixels of all images of a mesh: 768 MiB.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// Most bytes of a linked file.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// The images of a mesh, each decoded once, and the folder that linked files lie in.
+#[derive(Debug)]
+pub(crate) struct Linked<'a> {
+    /// Folder of the frame's file; `None` for a frame that came without files beside it.
+    folder: Option<&'a Path>,
+    images: HashMap<String, Arc<Image>>,
+    pixels: u64,
+}
+
+impl<'a> Linked<'a> {
+    /// Files beside a frame's file, in a folder; none may be opened without a folder.
+    pub(crate) fn new(folder: Option<&'a Path>) -> Self {
+        Self { folder, images: HashMap::new(), pixels: 0 }
+    }
+
+    /// Files beside the file at a path.
+    pub(crate) fn beside(path: &'a Path) -> Self {
+        Self::new(Some(path.parent().unwrap_or(Path::new(""))))
+    }
+
+    /// Whether a name leads to a file.
+    pub(crate) fn is_there(&self, name: &str) -> bool {
+        self.folder.and_then(|folder| inside(folder, name)).is_some_and(|path| path.is_file())
+    }
+
+    /// Reads a file whole; `None` if it is not there. A name that leads out of the folder is a fault all the same.
+    pub(crate) fn read_if_there(&self, name: &str) -> Result<Option<Vec<u8>>, ImageFault> {
+        match self.folder {
+            Some(folder) if inside(folder, name).is_none() || self.is_there(name) => {
+                self.read(name).map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Reads a file whole.
+    fn read(&self, name: &str) -> Result<Vec<u8>, ImageFault> {
+        const ALONE: &str = "is another file, and this one came without any";
+        const OUTSIDE: &str = "leaves the folder of the file; linked files must lie beside it or below";
+        let folder = self.folder.ok_or(ImageFault::Name { why: ALONE })?;
+        let path = inside(folder, name).ok_or(ImageFault::Name { why: OUTSIDE })?;
+        let fault = |cause: std::io::Error| ImageFault::File { cause: cause.to_string() };
+        let (_, length) = regular_file::open(&path).map_err(fault)?;
+        if length > MAX_BYTES {
+            return Err(ImageFault::File { cause: format!("it has more than {MAX_BYTES} bytes") });
+        }
+        regular_file::read(&path).map_err(fault)
+    }
+
+    /// Reads an image by its name. One of the same name is decoded once.
+    pub(crate) fn image(&mut self, name: &str) -> Result<Arc<Image>, ImageError> {
+        if let Some(image) = self.images.get(name) {
+            return Ok(Arc::clone(image));
+        }
+        let bytes = self.read(name).map_err(|fault| fault.of_image(name))?;
+        let image = self.decode(&bytes, name)?;
+        self.images.insert(name.to_owned(), Arc::clone(&image));
+        Ok(image)
+    }
+
+    /// Decodes an image, which counts to the limit of the mesh.
+    pub(crate) fn decode(&mut self, bytes: &[u8], name: &str) -> Result<Arc<Image>, ImageError> {
+        let image = image::decode(bytes).map_err(|fault| fault.of_image(name))?;
+        self.pixels += u64::from(image.width()) * u64::from(image.height());
+        if self.pixels > MAX_PIXELS {
+            return Err(ImageFault::Total { limit: MAX_PIXELS }.of_image(name));
+        }
+        Ok(Arc::new(image))
+    }
+}
