@@ -4,15 +4,15 @@ mod at_surface;
 mod cameras;
 mod coloured;
 mod picture;
-mod pictures;
 mod ssim;
+mod views;
 mod ycbcr;
 
 pub use ycbcr::MAX_COLOUR_PSNR_DB;
 
 use crate::chamfer::second_seed;
-use crate::compare::{CompareError, CompareOptions, checked_areas};
-use crate::{ColourError, Shape};
+use crate::compare::checked_areas;
+use crate::{ColourError, CompareError, CompareOptions, Shape};
 use at_surface::ErrorsAtPoints;
 use coloured::Coloured;
 
@@ -41,16 +41,16 @@ pub fn compare_colours<'a>(
     );
     let back = ErrorsAtPoints::new(&on_test, &on_reference);
     let there = ErrorsAtPoints::new(&on_reference, &on_test);
-    let pictures = match (reference, test) {
-        (Shape::Mesh(reference), Shape::Mesh(test)) => pictures::compare(reference, test),
-        _ => pictures::PictureErrors::default(),
+    let views = match (reference, test) {
+        (Shape::Mesh(reference), Shape::Mesh(test)) => views::compare(reference, test),
+        _ => views::ViewErrors::default(),
     };
     Ok(ColourError {
         colour_y_psnr_db: Some(back.y_psnr_db()),
         colour_ycc_psnr_db: Some(back.ycc_psnr_db()),
         colour_y_symmetric_psnr_db: Some(back.y_psnr_db().min(there.y_psnr_db())),
         colour_ycc_symmetric_psnr_db: Some(back.ycc_psnr_db().min(there.ycc_psnr_db())),
-        render_y_psnr_db: pictures.y_psnr_db,
-        render_ssim: pictures.ssim,
+        render_y_psnr_db: views.y_psnr_db,
+        render_ssim: views.ssim,
     })
 }

@@ -1,4 +1,4 @@
-//! Errors in pictures from fixed sides.
+//! Errors of colours in views from fixed sides.
 
 use super::cameras::Camera;
 use super::picture::{Picture, draw};
@@ -7,9 +7,9 @@ use super::ycbcr::psnr_db;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 
-/// What pictures of two meshes say of their colours.
+/// Errors of the colours of two meshes, as their pictures show them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct PictureErrors {
+pub(super) struct ViewErrors {
     /// PSNR of Y; none if no pixel shows both.
     pub(super) y_psnr_db: Option<f64>,
     /// SSIM of Y; none if there is nowhere to measure it.
@@ -17,8 +17,8 @@ pub(super) struct PictureErrors {
 }
 
 /// Draws both meshes by the cameras around the reference's box, and compares the pictures. Each picture that shows something counts the same.
-pub(super) fn compare(reference: &TriangleMesh, test: &TriangleMesh) -> PictureErrors {
-    let Some(bounds) = reference.bounds() else { return PictureErrors::default() };
+pub(super) fn compare(reference: &TriangleMesh, test: &TriangleMesh) -> ViewErrors {
+    let Some(bounds) = reference.bounds() else { return ViewErrors::default() };
     let errors: Vec<(Option<f64>, Option<f64>)> = Camera::ring(bounds)
         .par_iter()
         .map(|camera| {
@@ -26,7 +26,7 @@ pub(super) fn compare(reference: &TriangleMesh, test: &TriangleMesh) -> PictureE
             (mean_squared_error(&reference, &test), ssim(&reference, &test))
         })
         .collect();
-    PictureErrors {
+    ViewErrors {
         y_psnr_db: mean(errors.iter().filter_map(|(mse, _)| *mse)).map(psnr_db),
         ssim: mean(errors.iter().filter_map(|(_, ssim)| *ssim)),
     }
