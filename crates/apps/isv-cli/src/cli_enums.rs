@@ -10,7 +10,7 @@ use isv::raw::take::Up;
 use isv::raw::take::decode::Form;
 use isv::raw::take::encode::{FusionMode, Normals, ProfileChoice, TimestampSource};
 use isv::raw::take::stream::AfterLoss;
-use isv_render::{Background, PictureFormat, Shading};
+use isv_render::{Background, NormalKind, PictureFormat, Shading};
 
 /// An enumeration of the command line, each value with what it means to a library.
 macro_rules! cli_enum {
@@ -246,13 +246,38 @@ cli_enum! {
     }
 }
 
+/// Look of a surface: what its colours mean, and the normals that light falls on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Look {
+    pub(crate) shading: Shading,
+    pub(crate) normals: NormalKind,
+}
+
+impl Look {
+    /// The look of a sequence for which none was asked: its colours if it has any, else its normals.
+    pub(crate) fn of_sequence(has_colours: bool) -> Self {
+        Self::smooth(if has_colours { Shading::Colour } else { Shading::Normals })
+    }
+
+    fn smooth(shading: Shading) -> Self {
+        Self { shading, normals: NormalKind::Smooth }
+    }
+}
+
 cli_enum! {
     /// `--shade`
-    ShadeName for Shading {
-        /// Vertex normals: a smooth surface
-        Smooth => Shading::Smooth,
-        /// Face normals: the triangles show
-        Flat => Shading::Flat,
+    ShadeName for Look {
+        /// Colours of the input as they are
+        Colour => Look::smooth(Shading::Colour),
+        /// Colours of the input in soft light
+        Lit => Look::smooth(Shading::LitColour),
+        /// Grey in soft light
+        Shaded => Look::smooth(Shading::Shaded),
+        /// Vertex normals as colours
+        #[value(alias = "smooth")]
+        Normals => Look::smooth(Shading::Normals),
+        /// Face normals as colours: the triangles show
+        Flat => Look { shading: Shading::Normals, normals: NormalKind::Flat },
     }
 }
 

@@ -139,7 +139,11 @@ fn captions_and_backgrounds() {
         (light[..3].to_vec(), dark[..3].to_vec(), nothing[3]),
         (vec![250, 250, 248], vec![22, 23, 27], 0)
     );
-    assert_ne!(still(&["--shade", "flat"]).1, light);
+    let looks = ["flat", "normals", "shaded", "lit", "colour"].map(|shade| still(&["--shade", shade]).1);
+    let [flat, normals, shaded, lit, colour] = looks;
+    assert!(flat != light && normals == light && shaded != light);
+    assert!(lit == shaded && colour == shaded, "the figure has no colours");
+    assert!(shaded.chunks(4).all(|pixel| pixel[0].abs_diff(pixel[2]) <= 2), "greys alone");
     // Errors have lines of their own where one is not wide enough, in all pictures of an animation.
     let lines = |size: &str| {
         let picture = ["render", "frames", "-o", "out.png", "--size", size, "--against", "frames"];

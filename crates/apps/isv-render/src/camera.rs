@@ -119,6 +119,12 @@ impl Projection {
         DVec3::new(x + self.centre[0], y + self.centre[1], view.z * nearer)
     }
 
+    /// How much larger a thing at a depth of [`Self::project`] is drawn than at the target: 1 in a parallel projection.
+    pub(crate) fn magnification(&self, depth: f64) -> f64 {
+        // 1 / (1 - z / distance), where the depth is z / (1 - z / distance).
+        1.0 + depth * self.per_distance
+    }
+
     /// The point at pixel coordinates and a depth: the inverse of [`Self::project`].
     pub(crate) fn unproject(&self, pixel: DVec3) -> DVec3 {
         let from_eye = 1.0 / (1.0 + pixel.z * self.per_distance);
@@ -182,7 +188,12 @@ mod tests {
             let camera = Camera { opening_degrees, ..camera }.from_direction(-50.0, 35.0);
             let projection = camera.projection(3);
             for point in [DVec3::ZERO, DVec3::new(2.9, -0.3, 0.8), DVec3::new(-1.0, 2.0, -1.0)] {
-                let back = projection.unproject(projection.project(point));
+                let pixel = projection.project(point);
+                let back = projection.unproject(pixel);
+                let right = projection.to_view.row(0) * 1e-6;
+                let drawn =
+                    (projection.project(point + right).x - pixel.x) / 1e-6 / projection.pixels_a_metre;
+                assert!((projection.magnification(pixel.z) - drawn).abs() < 1e-6, "{point}: {drawn}");
                 assert!(back.abs_diff_eq(point, 1e-12), "{point} {back}");
             }
         }

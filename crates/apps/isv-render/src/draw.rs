@@ -10,14 +10,15 @@ use glam::{DVec3, Vec3};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 
-/// Draws a mesh, coloured by normal. The same mesh, camera and style give the same picture with any number of threads.
+/// Draws a mesh in the colours of the style. The same mesh, camera and style give the same picture with any number of threads.
 ///
 /// # Panics
-/// If a triangle names a vertex that is not there.
+/// If a triangle names a vertex that is not there, or the mesh's appearance does not fit it
+/// ([`TriangleMesh::validate`] tells).
 #[must_use]
 pub fn render(mesh: &TriangleMesh, camera: &Camera, style: &Style) -> Picture {
-    let paint = Paint::Normals;
-    let raster = Raster::new(mesh, camera, style.shading, paint);
+    let paint = Paint::new(style.shading, mesh.appearance.is_some());
+    let raster = Raster::new(mesh, camera, style.normals, paint);
     blend(&raster, camera, paint, style.background)
 }
 
@@ -57,7 +58,7 @@ pub fn render_errors(
     error_m: impl Fn(DVec3) -> f64 + Sync,
 ) -> ErrorPicture {
     let paint = Paint::Form;
-    let mut raster = Raster::new(mesh, camera, style.shading, paint);
+    let mut raster = Raster::new(mesh, camera, style.normals, paint);
     let errors: Vec<Option<f64>> =
         (0..raster.pixels.len()).into_par_iter().map(|pixel| raster.point(pixel).map(&error_m)).collect();
     for (pixel, error) in raster.pixels.iter_mut().zip(&errors) {

@@ -1,8 +1,8 @@
 //! Pictures of meshes, drawn in software: for looking at captures, comparing codecs and README files.
 //!
 //! A [`Camera`] looks at a box from a direction, so a sequence seen through one camera holds still. [`render`] colours
-//! surfaces by their world normal, in which dents, seams and noise stand out, and darkens creases; faces seen from
-//! their back, which a closed mesh never shows, are grey. [`render_errors`] colours them by any error
+//! surfaces as [`Shading`] says. It shows their world normal, in which dents, seams and noise stand out, a grey in soft light, or the
+//! mesh's own colour: textures and vertex colours, with or without light. [`render_errors`] colours them by any error
 //! that a closure gives for a point, on an [`ErrorScale`] with its [`colour_bar`].
 //!
 //! A [`Picture`] is a PNG file, a part of a [`contact_sheet`], or one of an animation: [`GifWriter`] or [`ApngWriter`].
@@ -32,7 +32,7 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 //!
-//! It does not do textures, transparency, lights or shadows.
+//! It does not do transparency, lights of a scene or shadows.
 
 mod animation;
 mod camera;
@@ -59,5 +59,5 @@ pub use extent::{Extent, View};
 pub use file::{PictureFile, PictureFormat};
 pub use picture::{Picture, contact_sheet};
 pub use setup::RenderSetup;
-pub use style::{BACK_FACE, Background, Shading, Style};
+pub use style::{BACK_FACE, Background, GREY, NormalKind, Shading, Style};
 pub use text::{text_fits, text_line};

@@ -3,9 +3,9 @@
 use crate::camera::{Camera, Projection};
 use crate::normals::{face_normal, vertex_normals};
 use crate::occlusion::NO_SURFACE;
-use crate::style::{Paint, Shading};
+use crate::style::{NormalKind, Paint};
 use glam::{DVec3, Vec3};
-use isv_volume::TriangleMesh;
+use isv_volume::{Appearance, TriangleMesh};
 use rayon::prelude::*;
 
 /// Samples along each side of a pixel.
@@ -24,9 +24,9 @@ pub(crate) struct Raster {
 
 impl Raster {
     /// Draws a mesh. The same arguments give the same pixels with any number of threads.
-    pub(crate) fn new(mesh: &TriangleMesh, camera: &Camera, shading: Shading, paint: Paint) -> Self {
+    pub(crate) fn new(mesh: &TriangleMesh, camera: &Camera, normals: NormalKind, paint: Paint) -> Self {
         let projection = camera.projection(SAMPLES);
-        let scene = Scene::new(mesh, &projection, shading, paint);
+        let scene = Scene::new(mesh, &projection, normals, paint);
         let [width, height] = camera.size;
         let mut pixels = vec![Pixel::EMPTY; width * height];
         let bands = scene.triangles_by_band(height);
@@ -88,21 +88,33 @@ struct Scene<'a> {
     mesh: &'a TriangleMesh,
     /// Position of each vertex in samples, and its depth.
     projected: Vec<DVec3>,
+    /// Magnification of each vertex by the perspective; empty where the paint shows no colours.
+    magnifications: Vec<f32>,
     /// Normals of the vertices; empty for flat shading.
     normals: Vec<DVec3>,
+    /// The mesh's colours, if the paint shows them.
+    appearance: Option<&'a Appearance>,
     to_camera: Vec3,
     paint: Paint,
 }
 
 impl<'a> Scene<'a> {
-    fn new(mesh: &'a TriangleMesh, projection: &Projection, shading: Shading, paint: Paint) -> Self {
+    fn new(mesh: &'a TriangleMesh, projection: &Projection, normals: NormalKind, paint: Paint) -> Self {
+        let projected: Vec<DVec3> = mesh.vertices.par_iter().map(|v| projection.project(*v)).collect();
+        let appearance = mesh.appearance.as_deref().filter(|_| paint.shows_colours());
+        let magnification = |place: &DVec3| projection.magnification(place.z) as f32;
         Self {
             mesh,
-            projected: mesh.vertices.par_iter().map(|v| projection.project(*v)).collect(),
-            normals: match shading {
-                Shading::Smooth => vertex_normals(mesh),
-                Shading::Flat => Vec::new(),
+            magnifications: match appearance {
+                Some(_) => projected.iter().map(magnification).collect(),
+                None => Vec::new(),
             },
+            projected,
+            normals: match normals {
+                NormalKind::Smooth => vertex_normals(mesh),
+                NormalKind::Flat => Vec::new(),
+            },
+            appearance,
             to_camera: projection.to_camera().as_vec3(),
             paint,
         }
@@ -165,7 +177,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The colour of a face as a function of the weights of its corners.
+    /// The colour of a face as a function of the weights of its corners on the screen.
     fn paint(&self, face: usize, front: bool) -> impl Fn(Vec3) -> Vec3 {
         let normals = if self.normals.is_empty() {
             [face_normal(self.mesh.corners(face)); 3]
@@ -173,10 +185,26 @@ impl<'a> Scene<'a> {
             self.mesh.triangles[face].map(|v| self.normals[v as usize])
         };
         let [a, b, c] = normals.map(DVec3::as_vec3);
+        let own = self.own_colour(face);
         let (to_camera, paint) = (self.to_camera, self.paint);
         move |weights| {
             let normal = a * weights.x + b * weights.y + c * weights.z;
-            paint.colour(normal.normalize_or(to_camera), to_camera, front)
+            paint.colour(own(weights), normal.normalize_or(to_camera), to_camera, front)
+        }
+    }
+
+    /// The mesh's colour, 0 to 1, as a function of the weights of a face's corners on the screen; black where it is not shown.
+    fn own_colour(&self, face: usize) -> impl Fn(Vec3) -> Vec3 {
+        let triangle = self.mesh.triangles[face];
+        let shown = self.appearance.map(|appearance| {
+            (appearance, Vec3::from_array(triangle.map(|v| self.magnifications[v as usize])))
+        });
+        move |weights| {
+            let Some((appearance, magnification)) = shown else { return Vec3::ZERO };
+            // What is linear over a triangle in space is, on the screen, a quotient of two things that are linear there.
+            let weights = weights * magnification;
+            let weights = weights / weights.element_sum();
+            Vec3::from_array(appearance.colour(face, triangle, weights.to_array())) / 255.0
         }
     }
 }

@@ -16,7 +16,7 @@ fn turn(pictures: u32, background: Background) -> Vec<Picture> {
         appearance: None,
     };
     let camera = Camera::fitting(mesh.bounds().unwrap(), [40, 30]).in_orbit();
-    let style = Style { background, shading: isv_render::Shading::Flat };
+    let style = Style { background, normals: isv_render::NormalKind::Flat, ..Style::default() };
     let yaw = |i: u32| 360.0 * f64::from(i) / f64::from(pictures);
     (0..pictures).map(|i| render(&mesh, &camera.from_direction(yaw(i), 10.0), &style)).collect()
 }

@@ -1,10 +1,13 @@
 //! Pictures of errors whose size is known.
 
 use glam::DVec3;
-use isv_render::{BEYOND_RANGE, Background, Camera, ErrorScale, Picture, Shading, Style, render_errors};
+use isv_render::{
+    BEYOND_RANGE, Background, Camera, ErrorScale, NormalKind, Picture, Shading, Style, render_errors,
+};
 use isv_volume::TriangleMesh;
 
-const STYLE: Style = Style { background: Background::Transparent, shading: Shading::Flat };
+const STYLE: Style =
+    Style { background: Background::Transparent, shading: Shading::Normals, normals: NormalKind::Flat };
 
 /// A square of 2 m in the plane z = 0, of two large triangles, seen from +z.
 fn square() -> TriangleMesh {

@@ -1,11 +1,12 @@
 //! Pictures of shapes whose look is known.
 
 use glam::DVec3;
-use isv_render::{BACK_FACE, Background, Camera, Picture, Shading, Style, render};
+use isv_render::{BACK_FACE, Background, Camera, NormalKind, Picture, Shading, Style, render};
 use isv_volume::TriangleMesh;
 use std::f64::consts::{PI, TAU};
 
-const TRANSPARENT: Style = Style { background: Background::Transparent, shading: Shading::Smooth };
+const TRANSPARENT: Style =
+    Style { background: Background::Transparent, shading: Shading::Normals, normals: NormalKind::Smooth };
 
 /// A unit sphere in rings about the y axis.
 fn sphere() -> TriangleMesh {
@@ -93,7 +94,7 @@ fn flat_shading_gives_each_face_one_colour() {
         triangles: vec![[0, 1, 2]],
         appearance: None,
     };
-    let style = Style { shading: Shading::Flat, ..TRANSPARENT };
+    let style = Style { normals: NormalKind::Flat, ..TRANSPARENT };
     let picture = render(&mesh, &camera(), &style);
     near(&picture, [100, 100], [128, 128, 255]);
     near(&picture, [60, 150], [128, 128, 255]);

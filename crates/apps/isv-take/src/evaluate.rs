@@ -1,16 +1,21 @@
-//! Distances between the frames of a capture and of a reference.
+//! Distances and differences of colour between the frames of a capture and of a reference.
 
 use crate::capture::{Capture, CapturedFrame, Content, matching_ranges};
 use crate::encode::{CaptureError, FrameError};
 use crate::{Cancellation, FrameRange, MemoryError, MemoryLimit, Prefetch};
 use isv_io::Geometry;
-use isv_metrics::{CompareError, CompareOptions, GeometryError, Shape, compare, summary};
+use isv_metrics::{
+    ColourError, CompareError, CompareOptions, GeometryError, Shape, colour_summary, compare,
+    compare_colours, summary,
+};
 use isv_surface::SurfaceOptions;
 use isv_volume::TriangleMesh;
 use std::ops::Range;
 use thiserror::Error;
 
 /// The errors of a capture's frames.
+///
+/// [`Self::frames`] and [`Self::colours`] have an entry for each frame, in the same order.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Evaluation {
@@ -20,6 +25,10 @@ pub struct Evaluation {
     pub frames: Vec<Option<GeometryError>>,
     /// The mean over all frames that have an error.
     pub mean: GeometryError,
+    /// The error of each frame's colours; without figures where a side has no colours.
+    pub colours: Vec<ColourError>,
+    /// The mean of each figure of colours over the frames that have it.
+    pub mean_colours: ColourError,
 }
 
 /// Captures that could not be compared.
@@ -86,25 +95,39 @@ pub fn evaluate(
     let first = in_reference.start;
     let geometries = |capture, range| geometries(capture, range, memory, cancellation);
     let pairs = geometries(reference, in_reference)?.zip(geometries(test, in_test)?);
-    let mut frames = Vec::new();
+    let (mut frames, mut colours) = (Vec::new(), Vec::new());
     for (reference, test) in pairs {
         let (reference, test) = (reference?, test?);
-        frames.push(match compare(shape(&reference), shape(&test), options) {
-            Ok(error) => Some(error),
-            Err(CompareError::BothEmpty) => None,
+        let (error, colour) = match measure(shape(&reference), shape(&test), options) {
+            Ok((error, colour)) => (Some(error), colour),
+            Err(CompareError::BothEmpty) => (None, ColourError::default()),
             Err(cause) => {
                 let frame = first + frames.len();
                 let (test, reference) = (test_name.clone(), reference_name.clone());
                 return Err(EvaluateError::Compare { frame, test, reference, cause });
             }
-        });
+        };
+        frames.push(error);
+        colours.push(colour);
         on_frame();
     }
     let measured: Vec<GeometryError> = frames.iter().copied().flatten().collect();
     match summary(&measured) {
-        Some(mean) => Ok(Evaluation { first, frames, mean }),
+        Some(mean) => {
+            let mean_colours = colour_summary(&colours);
+            Ok(Evaluation { first, frames, mean, colours, mean_colours })
+        }
         None => Err(EvaluateError::Nothing { reference: reference_name.clone() }),
     }
+}
+
+/// The errors of a frame's geometry and of its colours.
+fn measure(
+    reference: Shape,
+    test: Shape,
+    options: &CompareOptions,
+) -> Result<(GeometryError, ColourError), CompareError> {
+    Ok((compare(reference, test, options)?, compare_colours(reference, test, options)?))
 }
 
 /// The frames of a capture as they are measured, read and decoded ahead of their use.

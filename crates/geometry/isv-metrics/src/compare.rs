@@ -196,7 +196,7 @@ impl GeometryError {
 }
 
 /// The areas of both sides, where they are meshes, once it is sure that there is something to measure.
-fn checked_areas(
+pub(crate) fn checked_areas(
     reference: &Shape,
     test: &Shape,
     options: &CompareOptions,

@@ -1,7 +1,7 @@
-//! How far one surface is from another.
+//! How far one surface is from another, in place and in colour.
 //!
 //! [`compare`] measures a test shape, a mesh or points, against a reference and returns every figure at once; the measures
-//! behind it are public for point sets and meshes of other origin. Lengths are metres, except where a name ends in `_mm`. All
+//! behind it are public for point sets and meshes of other origin. [`compare_colours`] does the same for colours. Lengths are metres, except where a name ends in `_mm`. All
 //! sampling is seeded: same input, same figures, whatever the number of threads. This crate reads no files.
 //!
 //! ```
@@ -22,6 +22,8 @@
 //! ```
 
 mod chamfer;
+mod colour;
+mod colour_error;
 mod compare;
 mod components;
 mod geometry_error;
@@ -35,6 +37,8 @@ mod shape;
 mod side;
 
 pub use chamfer::{chamfer, chamfer_floor};
+pub use colour::{MAX_COLOUR_PSNR_DB, compare_colours};
+pub use colour_error::{ColourError, colour_summary};
 pub use compare::{CompareError, CompareOptions, MAX_SAMPLES, Side, compare};
 pub use components::connected_components;
 pub use geometry_error::{GeometryError, summary};

@@ -72,7 +72,7 @@ fn unit_or_zero(v: DVec3) -> DVec3 {
 }
 
 /// Barycentric coordinates of a closest point.
-fn weights_of(closest: &Closest, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+pub(crate) fn weights_of(closest: &Closest, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let mut weights = [0.0; 3];
     match closest.feature {
         Feature::Vertex(i) => weights[usize::from(i)] = 1.0,

@@ -25,6 +25,14 @@ impl<'a> From<&'a PointCloud> for Shape<'a> {
 }
 
 impl Shape<'_> {
+    /// Whether there are colours.
+    pub(crate) fn has_colours(&self) -> bool {
+        match self {
+            Self::Mesh(mesh) => mesh.appearance.is_some(),
+            Self::Points(points) => !points.colours.is_empty(),
+        }
+    }
+
     /// The longest side of the bounding box, in metres; 0 if nothing is there. Vertices without a triangle do not count.
     pub(crate) fn longest_side(&self) -> f64 {
         const NOTHING: (DVec3, DVec3) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

@@ -1,4 +1,4 @@
-//! Closest point on a mesh.
+//! Closest point on a mesh. Rays are in `ray.rs`.
 
 use crate::closest::{Feature, closest_on_triangle};
 use crate::tree::{Content, MAX_DEPTH, Node, Tree};
@@ -25,13 +25,13 @@ pub struct Closest {
     pub feature: Feature,
 }
 
-/// A bounding-volume hierarchy that answers closest-point queries on a copy of a mesh's triangles.
+/// A bounding-volume hierarchy that answers closest-point and ray queries on a copy of a mesh's triangles.
 pub struct Bvh {
-    nodes: Vec<Node>,
+    pub(crate) nodes: Vec<Node>,
     /// Corners of the triangles in leaf order.
-    corners: Vec<[DVec3; 3]>,
+    pub(crate) corners: Vec<[DVec3; 3]>,
     /// Leaf order to triangle index.
-    faces: Vec<u32>,
+    pub(crate) faces: Vec<u32>,
 }
 
 impl Bvh {

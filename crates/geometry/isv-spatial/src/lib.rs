@@ -1,7 +1,7 @@
-//! Spatial queries: closest point and generalized winding number of triangle meshes, nearest neighbours in point sets. Helpers weld
+//! Spatial queries: closest point, first point on a ray and generalized winding number of triangle meshes, nearest neighbours in point sets. Helpers weld
 //! vertices and join them into sets.
 //!
-//! Both queries on meshes stand on one bounding-volume hierarchy and copy the triangles into its order, so a query object
+//! All queries on meshes stand on one bounding-volume hierarchy and copy the triangles into its order, so a query object
 //! borrows nothing. Triangles may be degenerate, duplicated or non-manifold; nothing here asks for a closed surface.
 //! All arithmetic is `f64`, and every result is the same for any number of threads.
 //!
@@ -29,6 +29,7 @@ mod expansion;
 mod nearest;
 mod point_tree;
 mod position;
+mod ray;
 mod tree;
 mod weld;
 mod winding;
@@ -39,5 +40,6 @@ pub use disjoint_sets::DisjointSets;
 pub use nearest::{MAX_TIES, NearestPoints};
 pub use point_tree::{Neighbour, PointTree};
 pub use position::{PositionKey, PositionMap, PositionSet, position_key};
+pub use ray::{Hit, Ray};
 pub use weld::Weld;
 pub use winding::{WindingNumber, exact_winding_number};

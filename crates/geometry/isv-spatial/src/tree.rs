@@ -1,4 +1,4 @@
-//! The bounding-volume hierarchy under both queries.
+//! The bounding-volume hierarchy under all queries.
 
 use glam::DVec3;
 use isv_volume::{BlockCoord, TriangleMesh};

@@ -12,13 +12,13 @@ use anyhow::Result;
 use comfy_table::Table;
 use isv::raw::format::FrameRate;
 use isv::raw::io::Unit;
-use isv::raw::metrics::{CompareOptions, GeometryError};
+use isv::raw::metrics::{ColourError, CompareOptions, GeometryError};
 use isv::raw::take::capture::Hints;
 use isv::raw::take::{Evaluation, FrameRange, Length, evaluate};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Measure the geometric error of frames against a reference
+/// Measure the error of frames against a reference: of their geometry and of their colours
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Reference: a folder or pattern of meshes or points, one file, or an .isv file
@@ -86,8 +86,29 @@ pub(crate) struct Args {
 #[derive(Debug, Serialize)]
 struct EvaluationJson<'a> {
     #[serde(flatten)]
-    mean: &'a GeometryError,
-    frames: &'a [Option<GeometryError>],
+    mean: FigureJson<'a>,
+    frames: Vec<Option<FigureJson<'a>>>,
+}
+
+/// All figures of a frame, or of the mean.
+#[derive(Debug, Serialize)]
+struct FigureJson<'a> {
+    #[serde(flatten)]
+    geometry: &'a GeometryError,
+    #[serde(flatten)]
+    colours: &'a ColourError,
+}
+
+impl<'a> EvaluationJson<'a> {
+    fn new(evaluation: &'a Evaluation) -> Self {
+        let of_frame = |(geometry, colours): (&'a Option<GeometryError>, &'a ColourError)| {
+            geometry.as_ref().map(|geometry| FigureJson { geometry, colours })
+        };
+        Self {
+            mean: FigureJson { geometry: &evaluation.mean, colours: &evaluation.mean_colours },
+            frames: evaluation.frames.iter().zip(&evaluation.colours).map(of_frame).collect(),
+        }
+    }
 }
 
 /// Runs the command.
@@ -104,13 +125,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let options = CompareOptions { spacing_m: args.spacing.metres(), ..CompareOptions::default() };
     let progress = Progress::new(None, "measuring");
     let (memory, stop) = (memory::limit(), interrupt::cancellation());
-    let Evaluation { first, frames, mean, .. } =
-        evaluate(reference, test, args.frames, &options, memory, stop, || progress.step())?;
+    let evaluation = evaluate(reference, test, args.frames, &options, memory, stop, || progress.step())?;
     drop(progress);
     print(&if args.json {
-        serde_json::to_string_pretty(&EvaluationJson { mean: &mean, frames: &frames })?
+        serde_json::to_string_pretty(&EvaluationJson::new(&evaluation))?
     } else {
-        table(&frames, &mean, first).trim_fmt()
+        let Evaluation { first, frames, mean, .. } = &evaluation;
+        let tables = [Some(table(frames, mean, *first)), colour_table(&evaluation)];
+        tables.iter().flatten().map(Table::trim_fmt).collect::<Vec<_>>().join("\n\n")
     })
 }
 
@@ -186,6 +208,33 @@ fn row(name: String, error: &GeometryError, distances: Distances) -> Vec<String>
     row
 }
 
+/// One row a frame and one for the mean, if anything has colours on both sides.
+fn colour_table(evaluation: &Evaluation) -> Option<Table> {
+    let Evaluation { first, colours, mean_colours, .. } = evaluation;
+    mean_colours.colour_y_psnr_db?;
+    let mut table =
+        table_of(["frame", "colour Y dB", "YCbCr dB", "both ways Y dB", "YCbCr dB", "render Y dB", "SSIM"]);
+    for (number, error) in (*first..).zip(colours) {
+        table.add_row(colour_row(number.to_string(), error));
+    }
+    table.add_row(colour_row("mean".to_owned(), mean_colours));
+    Some(table)
+}
+
+fn colour_row(name: String, error: &ColourError) -> Vec<String> {
+    let decibels = [
+        error.colour_y_psnr_db,
+        error.colour_ycc_psnr_db,
+        error.colour_y_symmetric_psnr_db,
+        error.colour_ycc_symmetric_psnr_db,
+        error.render_y_psnr_db,
+    ];
+    let mut row = vec![name];
+    row.extend(decibels.map(|db| cell(db, 2)));
+    row.push(cell(error.render_ssim, 4));
+    row
+}
+
 /// A figure, or a dash where there is none.
 fn cell(figure: Option<f64>, digits: usize) -> String {
     figure.map_or_else(|| "-".to_owned(), |figure| format!("{figure:.digits$}"))
@@ -194,4 +243,30 @@ fn cell(figure: Option<f64>, digits: usize) -> String {
 /// A number of parts, which is a whole number except in a mean.
 fn count(figure: Option<f64>) -> String {
     cell(figure, usize::from(figure.is_some_and(|figure| figure.fract() != 0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn colours(psnr: Option<f64>, ssim: Option<f64>) -> ColourError {
+        ColourError { colour_y_psnr_db: psnr, render_ssim: ssim, ..ColourError::default() }
+    }
+
+    #[test]
+    fn colours_stand_beside_distances_in_json() {
+        let geometry = GeometryError { chamfer_mm: 2.5, ..GeometryError::default() };
+        let colours = colours(Some(38.25), None);
+        let json = serde_json::to_value(FigureJson { geometry: &geometry, colours: &colours }).unwrap();
+        assert_eq!((&json["chamfer_mm"], &json["colour_y_psnr_db"]), (&2.5.into(), &38.25.into()));
+        for key in ["colour_ycc_psnr_db", "render_y_psnr_db", "render_ssim"] {
+            assert!(json.as_object().unwrap()[key].is_null(), "{key}");
+        }
+    }
+
+    #[test]
+    fn a_row_has_all_figures_of_colours() {
+        let row = colour_row("3".to_owned(), &colours(Some(38.254), Some(0.93451)));
+        assert_eq!(row, ["3", "38.25", "-", "-", "-", "-", "0.9345"]);
+    }
 }

@@ -3,7 +3,7 @@
 mod frame_source;
 
 use crate::capture;
-use crate::cli_enums::{BackgroundName, PictureFormatName, ShadeName, UpName};
+use crate::cli_enums::{BackgroundName, Look, PictureFormatName, ShadeName, UpName};
 use crate::count;
 use crate::failure::usage;
 use crate::interrupt;
@@ -11,7 +11,7 @@ use crate::origin;
 use crate::output::{Output, is_pipe, is_same_file, say};
 use crate::progress::Progress;
 use anyhow::{Result, bail};
-use frame_source::FrameSource;
+use frame_source::{FrameSource, Overview};
 use isv::raw::format::FrameRate;
 use isv::raw::io::{Unit, check_file_name};
 use isv::raw::take::FrameRange;
@@ -36,7 +36,7 @@ const MAX_PIXELS: usize = 1 << 28;
 /// Most pictures of a turn.
 const MAX_TURN: u64 = 36_000;
 
-/// Draw frames, shaded by normal or coloured by error: a picture, a contact sheet or an animation
+/// Draw frames in colour, by normal or by error: a picture, a contact sheet or an animation
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// A folder, a pattern, a mesh file or an .isv file
@@ -71,8 +71,8 @@ pub(crate) struct Args {
     /// Turn of the camera about the up axis: 0 looks from +z, 90 from +x
     ///
     /// Without --yaw and --pitch, a surface that is open and faces one side, as one from a depth camera, is seen
-    /// from that side, and all others from +z. Backs of faces are grey: the inside of an open surface, or faces
-    /// that are turned inside out.
+    /// from that side, and all others from +z. In pictures of normals, backs of faces are grey: the inside of an
+    /// open surface, or faces that are turned inside out.
     #[arg(help_heading = "Camera and look", long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees)]
     yaw: Option<f64>,
     /// Height of the camera above the horizon
@@ -87,9 +87,11 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     up: UpName,
-    /// Which normals faces are shaded by
-    #[arg(help_heading = "Camera and look", long, value_enum, default_value = "smooth")]
-    shade: ShadeName,
+    /// Look of the surface [default: colour if the input has colours, else normals]
+    ///
+    /// Frames without colours are grey in soft light where others have them. With --against, colours show errors.
+    #[arg(help_heading = "Camera and look", long, value_enum)]
+    shade: Option<ShadeName>,
     /// What lies behind the surface
     #[arg(help_heading = "Camera and look", long, value_enum, default_value = "light")]
     background: BackgroundName,
@@ -169,9 +171,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let rate = args.picture_rate(format, source.frame_rate())?;
     let first = source.first();
     let mut output = Output::create(&args.output)?;
-    let (extent, scenes) = source.read(args)?;
-    let view = args.view(&extent);
-    let setup = args.setup(extent.bounds, view, size);
+    let (overview, scenes) = source.read(args)?;
+    let view = args.view(&overview.extent);
+    let setup = args.setup(&overview, view, size);
     let mut file = PictureFile::new(format, &mut output, setup.size(), shots.pictures, rate)?;
     let progress = Progress::new(Some(shots.pictures), "drawing");
     let mut seen = Vec::new();
@@ -288,12 +290,15 @@ impl Args {
         Ok(rate)
     }
 
-    fn setup(&self, bounds: (glam::DVec3, glam::DVec3), view: View, size: usize) -> RenderSetup {
+    fn setup(&self, overview: &Overview, view: View, size: usize) -> RenderSetup {
         let View { yaw_degrees, pitch_degrees } = view;
-        let camera = Camera::fitting(bounds, [size, size]).from_direction(yaw_degrees, pitch_degrees);
+        let Look { shading, normals } =
+            self.shade.map_or_else(|| Look::of_sequence(overview.has_colours), Into::into);
+        let camera =
+            Camera::fitting(overview.extent.bounds, [size, size]).from_direction(yaw_degrees, pitch_degrees);
         RenderSetup {
             camera: Camera { orbits: self.turntable.is_some(), ..camera },
-            style: Style { background: self.background.into(), shading: self.shade.into() },
+            style: Style { background: self.background.into(), shading, normals },
             scale: self.against.as_ref().and_then(|_| ErrorScale::new(self.range.metres())),
             captions: self.captions,
         }

@@ -1,4 +1,4 @@
-//! The frames to draw, in order, and the box around all of them.
+//! The frames to draw, in order, the box around all of them, and whether they have colours.
 
 use super::Args;
 use crate::capture;
@@ -21,6 +21,27 @@ pub(super) struct Scene {
     pub(super) mesh: TriangleMesh,
     /// The surface that errors are measured against.
     pub(super) reference: Option<Bvh>,
+}
+
+/// What is known of all frames before the first is drawn.
+#[derive(Clone, Copy)]
+pub(super) struct Overview {
+    pub(super) extent: Extent,
+    /// Whether a frame has colours.
+    pub(super) has_colours: bool,
+}
+
+impl Overview {
+    /// The overview of one frame; none without triangles.
+    fn new(mesh: &TriangleMesh) -> Option<Self> {
+        Extent::new(mesh).map(|extent| Self { extent, has_colours: mesh.appearance.is_some() })
+    }
+
+    /// The overview of both.
+    fn join(one: Option<Self>, other: Option<Self>) -> Option<Self> {
+        let extent = Extent::join(one.map(|one| one.extent), other.map(|other| other.extent))?;
+        Some(Self { extent, has_colours: one.into_iter().chain(other).any(|frames| frames.has_colours) })
+    }
 }
 
 /// Where frames come from, before any is read.
@@ -68,28 +89,28 @@ impl FrameSource {
         self.input.frame_rate()
     }
 
-    /// Reads the frames, once for the box around them and once more for whoever draws them, so that few are held at a
+    /// Reads the frames, once for the overview of them and once more for whoever draws them, so that few are held at a
     /// time; those of a pipe, which cannot be read again, are all held.
-    pub(super) fn read(self, args: &Args) -> Result<(Extent, Scenes)> {
+    pub(super) fn read(self, args: &Args) -> Result<(Overview, Scenes)> {
         let name = self.input.name().to_owned();
         let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
         let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up.into());
-        let extent = if can_read_again {
-            let extent = extent_of(meshes, self.range.len())?;
+        let overview = if can_read_again {
+            let overview = overview_of(meshes, self.range.len())?;
             meshes = turned(args.capture()?.meshes(self.range)?, args.up.into());
-            extent
+            overview
         } else {
             let held = Prefetch::new(meshes, interrupt::cancellation()).collect::<Result<Vec<_>, _>>()?;
             if interrupt::requested() {
                 bail!("interrupted");
             }
-            let extent = held.iter().map(Extent::new).fold(None, Extent::join);
+            let overview = held.iter().map(Overview::new).fold(None, Overview::join);
             meshes = Box::new(held.into_iter().map(Ok));
-            extent
+            overview
         };
-        let Some(extent) = extent else { bail!("{name}: no surface to draw") };
+        let Some(overview) = overview else { bail!("{name}: no surface to draw") };
         let Some((reference, range)) = self.reference else {
-            return Ok((extent, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
+            return Ok((overview, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
         };
         let name = reference.name().to_owned();
         let pairs = meshes.zip(
@@ -102,7 +123,7 @@ impl FrameSource {
             }
             Ok(Scene { mesh: mesh?, reference: Some(Bvh::new(&reference)) })
         });
-        Ok((extent, ahead(scenes)))
+        Ok((overview, ahead(scenes)))
     }
 }
 
@@ -125,16 +146,16 @@ fn turned(meshes: Frames<TriangleMesh>, up: Up) -> Frames<TriangleMesh> {
     }))
 }
 
-/// The extent of all meshes; none if they have no triangles.
-fn extent_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Option<Extent>> {
+/// The overview of all meshes; none if they have no triangles.
+fn overview_of(meshes: Frames<TriangleMesh>, count: usize) -> Result<Option<Overview>> {
     let progress = Progress::new(Some(count), "framing");
-    let mut extent = None;
+    let mut overview = None;
     for mesh in meshes {
         if interrupt::requested() {
             bail!("interrupted");
         }
-        extent = Extent::join(extent, Extent::new(&mesh?));
+        overview = Overview::join(overview, Overview::new(&mesh?));
         progress.step();
     }
-    Ok(extent)
+    Ok(overview)
 }

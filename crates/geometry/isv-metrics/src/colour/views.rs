@@ -1,0 +1,44 @@
+//! Errors of colours in views from fixed sides.
+
+use super::cameras::Camera;
+use super::picture::{Picture, draw};
+use super::ssim::ssim;
+use super::ycbcr::psnr_db;
+use isv_volume::TriangleMesh;
+use rayon::prelude::*;
+
+/// Errors of the colours of two meshes, as their pictures show them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct ViewErrors {
+    /// PSNR of Y; none if no pixel shows both.
+    pub(super) y_psnr_db: Option<f64>,
+    /// SSIM of Y; none if there is nowhere to measure it.
+    pub(super) ssim: Option<f64>,
+}
+
+/// Draws both meshes by the cameras around the reference's box, and compares the pictures. Each picture that shows something counts the same.
+pub(super) fn compare(reference: &TriangleMesh, test: &TriangleMesh) -> ViewErrors {
+    let Some(bounds) = reference.bounds() else { return ViewErrors::default() };
+    let errors: Vec<(Option<f64>, Option<f64>)> = Camera::ring(bounds)
+        .par_iter()
+        .map(|camera| {
+            let (reference, test) = rayon::join(|| draw(reference, camera), || draw(test, camera));
+            (mean_squared_error(&reference, &test), ssim(&reference, &test))
+        })
+        .collect();
+    ViewErrors {
+        y_psnr_db: mean(errors.iter().filter_map(|(mse, _)| *mse)).map(psnr_db),
+        ssim: mean(errors.iter().filter_map(|(_, ssim)| *ssim)),
+    }
+}
+
+/// Mean squared error of Y over the pixels that both pictures cover; none if there are none.
+fn mean_squared_error(a: &Picture, b: &Picture) -> Option<f64> {
+    mean(a.iter().zip(b).filter_map(|(a, b)| Some(((*a)? - (*b)?).powi(2))))
+}
+
+/// The mean; none of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
