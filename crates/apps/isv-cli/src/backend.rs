@@ -38,6 +38,6 @@ impl BackendArgs {
     pub(crate) fn decode_settings(self, frames: Option<FrameRange>, lod: Lod) -> Result<DecodeSettings> {
         let observer = words::observer();
         let device = self.open_for(lod, &*observer)?;
-        Ok(DecodeSettings { frames, lod, device, memory: memory::limit(), observer })
+        Ok(DecodeSettings { frames, lod, colour: false, device, memory: memory::limit(), observer })
     }
 }

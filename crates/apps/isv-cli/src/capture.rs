@@ -1,7 +1,7 @@
 //! Inputs as the command line opens them.
 
 use crate::{memory, words};
-use isv::raw::io::{InvalidPoints, Unit};
+use isv::raw::io::{Colours, InvalidPoints, Unit};
 use isv::raw::take::Input;
 use isv::raw::take::capture::{Capture, Hints};
 use isv::raw::take::encode::CaptureError;
@@ -15,6 +15,11 @@ pub(crate) fn open(input: &Path, hints: &Hints) -> Result<Capture, CaptureError>
 /// What is said of a capture in a unit, with nothing else said.
 pub(crate) fn hints(unit: Unit) -> Hints {
     Hints::in_unit(unit, memory::limit(), words::observer())
+}
+
+/// The same of a capture whose colours are wanted.
+pub(crate) fn colour_hints(unit: Unit) -> Hints {
+    Hints { colours: Colours::Keep, ..hints(unit) }
 }
 
 /// Treatment of points that are nowhere, as `--drop-invalid-points` asks for it.

@@ -19,8 +19,12 @@ pub(crate) struct EncodedFrameStats {
     pub(crate) ingest_ms: f64,
     /// Volume to packet.
     pub(crate) encode_ms: f64,
+    /// Colour of the decoded surface to its part of the packet.
+    pub(crate) colour_ms: f64,
     /// The packet, its header included.
     pub(crate) bytes: usize,
+    /// The part of `bytes` that is colour.
+    pub(crate) bytes_colour: usize,
     pub(crate) bytes_blocks: usize,
     pub(crate) bytes_motion: usize,
     pub(crate) bytes_coefficients: usize,

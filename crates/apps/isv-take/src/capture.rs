@@ -8,10 +8,12 @@ mod size;
 
 use crate::encode::{CaptureError, FrameError};
 use crate::stream::DecodeSettings;
-use crate::{FrameRange, Input, MemoryLimit, Observer, OpenDevice, Up};
+use crate::tile_texture::add_tile_texture;
+use crate::{FrameRange, Input, MemoryError, MemoryLimit, Observer, OpenDevice, Up};
 use isv_decode::Lod;
+use isv_decode::colour::ColourFrame;
 use isv_format::FrameRate;
-use isv_io::{DenseOptions, Geometry, InvalidPoints, Unit};
+use isv_io::{Colours, DenseOptions, Geometry, InvalidPoints, ReadOptions, Unit};
 use isv_surface::SurfaceOptions;
 use isv_volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
@@ -35,6 +37,18 @@ pub enum Content {
     Volume(SparseVolume),
     /// A volume that was decoded in profile `main`, which is one at its surface alone.
     Decoded(SparseVolume),
+}
+
+impl Content {
+    /// Whether it has colours that can be coded.
+    #[must_use]
+    pub fn has_colour(&self) -> bool {
+        match self {
+            Self::Geometry(Geometry::Mesh(mesh)) => mesh.appearance.is_some(),
+            Self::Geometry(Geometry::Points(points)) => !points.colours.is_empty(),
+            Self::Depth(_) | Self::Volume(_) | Self::Decoded(_) => false,
+        }
+    }
 }
 
 /// What all frames of a capture are.
@@ -71,9 +85,23 @@ pub struct CapturedFrame {
     pub timestamp_ns: Option<u64>,
     /// What it is.
     pub content: Content,
+    /// Colour of a frame of a stream, if it has any and it is wanted.
+    pub colour: Option<Arc<ColourFrame>>,
 }
 
 impl CapturedFrame {
+    /// Creates a frame without a time and without a colour beside its content.
+    #[must_use]
+    pub fn new(number: usize, name: String, content: Content) -> Self {
+        Self { number, name, timestamp_ns: None, content, colour: None }
+    }
+
+    /// Whether it has colours that can be coded.
+    #[must_use]
+    pub fn has_colour(&self) -> bool {
+        self.colour.is_some() || self.content.has_colour()
+    }
+
     /// The frame with another origin, where it is one of meshes or points.
     fn relative_to(self, origin_m: [f64; 3]) -> Self {
         let content = match self.content {
@@ -121,6 +149,8 @@ pub struct Hints {
     pub up: Up,
     /// How dense fields are read.
     pub dense: DenseOptions,
+    /// Treatment of colours.
+    pub colours: Colours,
     /// Memory for the frames of streams.
     pub memory: MemoryLimit,
     /// Observer of what happens while frames are read.
@@ -128,6 +158,11 @@ pub struct Hints {
 }
 
 impl Hints {
+    /// How files of meshes and points are read.
+    pub(crate) fn read_options(&self) -> ReadOptions {
+        ReadOptions::new(self.unit).with_invalid_points(self.invalid_points).with_colours(self.colours)
+    }
+
     /// Creates hints of a unit alone.
     #[must_use]
     pub fn in_unit(unit: Unit, memory: MemoryLimit, observer: Arc<dyn Observer>) -> Self {
@@ -141,6 +176,7 @@ impl Hints {
             mixed_scales: false,
             up: Up::Y,
             dense: DenseOptions::default(),
+            colours: Colours::Drop,
             memory,
             observer,
         }
@@ -156,7 +192,8 @@ impl Hints {
 /// Decodes streams among the captures on the CPU, at full resolution.
 fn stream_settings(hints: &Hints, frames: Option<FrameRange>) -> DecodeSettings {
     let (memory, observer) = (hints.memory, Arc::clone(&hints.observer));
-    DecodeSettings { frames, lod: Lod::Full, device: OpenDevice::CPU, memory, observer }
+    let colour = hints.colours == Colours::Keep;
+    DecodeSettings { frames, lod: Lod::Full, colour, device: OpenDevice::CPU, memory, observer }
 }
 
 /// Edge of a voxel where neither the user nor the capture says.
@@ -307,12 +344,28 @@ impl std::fmt::Debug for Capture {
     }
 }
 
+/// The surface of a frame's volume, with its colour if it has any.
+pub(crate) fn coloured_surface(
+    volume: &SparseVolume,
+    colour: Option<&ColourFrame>,
+    options: SurfaceOptions,
+    memory: MemoryLimit,
+) -> Result<TriangleMesh, MemoryError> {
+    let mut mesh = memory.surface(volume, options)?;
+    if let Some(colour) = colour {
+        add_tile_texture(&mut mesh, colour, volume.grid());
+    }
+    Ok(mesh)
+}
+
 fn surface_of(frame: CapturedFrame, memory: MemoryLimit) -> Result<TriangleMesh, FrameError> {
     match frame.content {
         Content::Geometry(Geometry::Mesh(mesh)) => Ok(mesh),
-        Content::Volume(volume) | Content::Decoded(volume) => memory
-            .surface(&volume, SurfaceOptions { normals: true })
-            .map_err(|cause| FrameError::Memory { name: frame.name, cause }),
+        Content::Volume(volume) | Content::Decoded(volume) => {
+            let surface =
+                coloured_surface(&volume, frame.colour.as_deref(), SurfaceOptions { normals: true }, memory);
+            surface.map_err(|cause| FrameError::Memory { name: frame.name, cause })
+        }
         Content::Geometry(Geometry::Points(_)) | Content::Depth(_) => {
             Err(FrameError::NoSurfaceYet { name: frame.name })
         }

@@ -114,15 +114,23 @@ impl OpenDevice {
         header: &StreamHeader,
         limits: Limits,
         lod: Lod,
+        colour: bool,
         observer: &Arc<dyn Observer>,
     ) -> Result<StreamDecoder, StreamFault> {
+        let coloured = move |mut worker: Box<dyn DecodeWorker>| {
+            if colour {
+                worker.keep_colour();
+            }
+            worker
+        };
         if lod != Lod::Full {
-            let worker: Box<dyn DecodeWorker> = Box::new(Decoder::with_lod(header, limits, lod)?);
+            let worker = coloured(Box::new(Decoder::with_lod(header, limits, lod)?));
             return Ok(StreamDecoder::new(FallBack::none(worker, observer)));
         }
         let header = *header;
-        let on_cpu = move || -> Box<dyn DecodeWorker> { Box::new(Decoder::new(&header, limits)) };
-        Ok(StreamDecoder::new(self.start(|gpu| gpu.decoder(&header, limits), on_cpu, observer)?))
+        let on_cpu = move || coloured(Box::new(Decoder::new(&header, limits)));
+        let on_gpu = |gpu: &dyn GpuWorkers| gpu.decoder(&header, limits).map(coloured);
+        Ok(StreamDecoder::new(self.start(on_gpu, on_cpu, observer)?))
     }
 
     /// Starts a worker on the GPU if there is one, with the CPU to fall back on if that is wanted.

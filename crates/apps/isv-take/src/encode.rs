@@ -17,8 +17,8 @@ pub use event::EncodeEvent;
 pub use frames::FrameEncoder;
 pub use job::{FrameReport, Job, Report, Unfinished, UnfinishedStream};
 pub use options::{
-    DEFAULT_OFFSET_VOXELS, EncodeOptions, FieldOptions, FusionMode, MainOptions, Normals, PaperOptions,
-    ProfileChoice, VoxelChoice, default_grid,
+    ColourOptions, DEFAULT_OFFSET_VOXELS, EncodeOptions, FieldOptions, FusionMode, MainOptions, Normals,
+    PaperOptions, ProfileChoice, VoxelChoice, default_grid,
 };
 pub use timestamps::TimestampSource;
 pub use two_pass::Watch;

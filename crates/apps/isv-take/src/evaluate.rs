@@ -1,6 +1,6 @@
 //! Distances and differences of colour between the frames of a capture and of a reference.
 
-use crate::capture::{Capture, CapturedFrame, Content, matching_ranges};
+use crate::capture::{Capture, CapturedFrame, Content, coloured_surface, matching_ranges};
 use crate::encode::{CaptureError, FrameError};
 use crate::{Cancellation, FrameRange, MemoryError, MemoryLimit, Prefetch};
 use isv_io::Geometry;
@@ -142,7 +142,8 @@ fn geometries(
         Content::Geometry(geometry) if geometry.is_empty() => Ok(Geometry::Mesh(TriangleMesh::default())),
         Content::Geometry(geometry) => Ok(geometry),
         Content::Volume(volume) | Content::Decoded(volume) => {
-            let surface = memory.surface(&volume, SurfaceOptions { normals: false });
+            let options = SurfaceOptions { normals: false };
+            let surface = coloured_surface(&volume, frame.colour.as_deref(), options, memory);
             let surface = surface.map_err(|cause| EvaluateError::Memory { name: frame.name, cause })?;
             Ok(Geometry::Mesh(surface))
         }

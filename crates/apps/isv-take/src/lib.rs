@@ -17,6 +17,7 @@ mod memory;
 mod memory_size;
 mod prefetch;
 pub mod stream;
+mod tile_texture;
 pub mod timeline;
 
 #[cfg(feature = "io")]

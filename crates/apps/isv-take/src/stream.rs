@@ -19,6 +19,7 @@ pub use verify::{Verified, verify};
 use crate::device::{DecodedVolume, StreamDecoder};
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer, OpenDevice};
 use isv_decode::Lod;
+use isv_decode::colour::ColourFrame;
 use isv_format::{PacketReader, StreamHeader, StreamIndex};
 use isv_surface::SurfaceOptions;
 use isv_volume::{BlockSet, TriangleMesh};
@@ -110,6 +111,8 @@ pub struct StreamFrame {
     pub volume: DecodedVolume,
     /// Blocks of the full resolution that were coded, in profile `main`.
     pub coded_blocks: Option<BlockSet>,
+    /// Colour, if the stream has any and it was asked for.
+    pub colour: Option<Arc<ColourFrame>>,
     /// Surface, if it was extracted with the frame.
     pub surface: Option<TriangleMesh>,
     /// Time that decoding took (ms).
@@ -123,6 +126,8 @@ pub struct DecodeSettings {
     pub frames: Option<FrameRange>,
     /// Level of detail.
     pub lod: Lod,
+    /// Whether colour is decoded, where there is any.
+    pub colour: bool,
     /// The device that does the arithmetic.
     pub device: OpenDevice,
     /// Memory for frames.
@@ -184,8 +189,8 @@ impl StreamFrames {
         packets: PacketReader<ByteSource>,
         settings: &DecodeSettings,
     ) -> Result<Self, StreamError> {
-        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
-        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, observer);
+        let DecodeSettings { frames: range, lod, colour, device, memory, observer } = settings;
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, *colour, observer);
         let decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         let (range, observer) = (*range, Arc::clone(observer));
         let (length, first, next, failed) = (None, 0, 0, false);
@@ -245,6 +250,7 @@ impl StreamFrames {
                     volume: decoded.volume,
                     coded_blocks: decoded.coded_blocks,
                     surface: decoded.surface,
+                    colour: decoded.colour,
                     decode_ms,
                 }));
             }

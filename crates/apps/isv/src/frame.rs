@@ -1,11 +1,13 @@
 //! Decoded frames.
 
 use crate::{Error, Mesh};
+use isv_decode::colour::{ColourFrame, surface_colours};
 use isv_format::{Profile, StreamHeader};
 use isv_surface::SurfaceOptions;
 use isv_take::MemoryLimit;
 use isv_take::stream::StreamFrame;
-use isv_volume::{BlockSet, CODES_PER_VOXEL, SparseVolume};
+use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A decoded frame. Its surface and its field are made when they are asked for.
@@ -16,7 +18,10 @@ pub struct Frame {
     volume: SparseVolume,
     /// Blocks that were coded, in profile `main`.
     coded_blocks: Option<BlockSet>,
+    /// Colour, if the stream has any.
+    colour: Option<Arc<ColourFrame>>,
     profile: Profile,
+    grid: Grid,
     memory: MemoryLimit,
 }
 
@@ -44,10 +49,11 @@ pub struct Block {
 
 impl Frame {
     pub(crate) fn new(frame: StreamFrame, header: &StreamHeader, memory: MemoryLimit) -> Result<Self, Error> {
-        let StreamFrame { number, timestamp_ns, volume, coded_blocks, .. } = frame;
+        let StreamFrame { number, timestamp_ns, volume, coded_blocks, colour, .. } = frame;
         let volume = volume.into_sparse()?;
         let timestamp = Duration::from_nanos(timestamp_ns);
-        Ok(Self { number, timestamp, volume, coded_blocks, profile: header.profile, memory })
+        let (profile, grid) = (header.profile, header.grid);
+        Ok(Self { number, timestamp, volume, coded_blocks, colour, profile, grid, memory })
     }
 
     /// Number in the stream, from 0.
@@ -62,12 +68,14 @@ impl Frame {
         self.timestamp
     }
 
-    /// Extracts the surface, with normals.
+    /// Extracts the surface, with normals, and with colours if the stream has any.
     ///
     /// # Errors
     /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface that there is no memory for.
     pub fn mesh(&self) -> Result<Mesh, Error> {
-        Ok(Mesh::from_raw(self.memory.surface(&self.volume, SurfaceOptions { normals: true })?))
+        let mesh = self.memory.surface(&self.volume, SurfaceOptions { normals: true })?;
+        let colours = self.colour.as_ref().map(|colour| surface_colours(colour, &self.grid, &mesh.vertices));
+        Ok(Mesh { colours: colours.unwrap_or_default(), ..Mesh::from_raw(mesh) })
     }
 
     /// Returns the field. Streams of profile `main` keep distances near the surface alone; without the feature `io` the others of

@@ -1,6 +1,10 @@
 //! Triangle meshes.
 
+#[cfg(feature = "encode")]
+use isv_volume::Appearance;
 use isv_volume::TriangleMesh;
+#[cfg(feature = "encode")]
+use std::sync::Arc;
 
 /// A triangle mesh. Axes are those of the stream: Y up, right-handed; units are metres.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -9,6 +13,8 @@ pub struct Mesh {
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, one a vertex; empty if there are none. Encoding does not need them.
     pub normals: Vec<[f32; 3]>,
+    /// 8-bit sRGB colours, one a vertex; empty if there are none.
+    pub colours: Vec<[u8; 3]>,
     /// Vertices of each triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -21,7 +27,10 @@ impl Mesh {
             // No normals are needed: a surface's sides are those of its triangles.
             normals: Vec::new(),
             triangles: self.triangles.clone(),
-            appearance: None,
+            appearance: (!self.colours.is_empty()).then(|| {
+                let vertex_colours = self.colours.clone();
+                Arc::new(Appearance { vertex_colours, ..Appearance::default() })
+            }),
         }
     }
 
@@ -30,6 +39,7 @@ impl Mesh {
             positions: mesh.vertices.iter().map(|p| p.as_vec3().to_array()).collect(),
             normals: mesh.normals.iter().map(|n| n.as_vec3().to_array()).collect(),
             triangles: mesh.triangles,
+            colours: Vec::new(),
         }
     }
 }

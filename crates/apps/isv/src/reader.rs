@@ -170,7 +170,8 @@ impl Reader {
         let observer = observer(self.events.clone());
         let device = OpenDevice::open_for(self.device, None, self.lod, &*observer)?;
         let frames = (self.start > 0).then_some(FrameRange { start: self.start, end: FrameRange::OPEN });
-        let settings = DecodeSettings { frames, lod: self.lod, device, memory: self.memory, observer };
+        let settings =
+            DecodeSettings { frames, lod: self.lod, colour: true, device, memory: self.memory, observer };
         let source = match (self.source.take(), self.input.path()) {
             (Some(source), _) => Some(source),
             (None, Some(_)) => None,

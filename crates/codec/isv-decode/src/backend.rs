@@ -17,7 +17,7 @@ use crate::main::{self, CausalBlocks, MainBlocks, MainParameters};
 use crate::paper::{CodingParameters, FrameSymbols};
 use crate::{BackendError, ReferenceBlocks};
 use isv_format::MainFrameHeader;
-use isv_volume::{BlockSet, VoxelMask};
+use isv_volume::{BlockSet, SparseVolume, VoxelMask};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -67,6 +67,12 @@ pub trait Backend: fmt::Debug + Send {
 
     /// The volume of a frame of profile `main`, once it has its masks.
     fn main_volume(frame: &Self::Main) -> &Self::Volume;
+
+    /// The volume of a frame of profile `main` at full resolution, on the CPU, once it has its masks: what its colour lies on.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn main_field(&mut self, frame: &Self::Main) -> Result<SparseVolume, BackendError>;
 
     /// The unsettled blocks of a frame that have corners of crossed cells, in order, with those voxels: see
     /// [`crossed_corners`](main::crossed_cells::crossed_corners). Asked before [`Self::add_masks`], and only of frames

@@ -6,6 +6,7 @@ pub(crate) mod sequence;
 
 use crate::DecodeError;
 use crate::backend::{Backend, Cpu};
+use crate::colour::ColourFrame;
 use crate::main::ExactBlocks;
 use crate::main::decoder::MainDecoder;
 use crate::paper::decoder::PaperDecoder;
@@ -14,6 +15,7 @@ use crate::shared::{BlockDetail, Details};
 use isv_format::{Packet, Profile, StreamHeader};
 use isv_volume::{BlockSet, GridError, SparseVolume};
 pub use limits::Limits;
+use std::sync::Arc;
 
 /// A frame as decoded. `V`: [`Backend::Volume`].
 #[derive(Clone, Debug)]
@@ -45,6 +47,7 @@ pub struct Decoder<B: Backend = Cpu> {
     backend: B,
     profile: ProfileDecoder<B>,
     details: Details,
+    colour_layers: u8,
 }
 
 /// A decoder of each profile.
@@ -87,7 +90,8 @@ impl<B: Backend> Decoder<B> {
             }
             Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
         };
-        Self { backend, profile, details: Details::default() }
+        let colour_layers = header.colour_layers.count();
+        Self { backend, profile, details: Details::default(), colour_layers }
     }
 
     /// Whether to go on after a lost packet at the next resilient frame, of which only profile `main` has any, and not only at the next
@@ -111,6 +115,23 @@ impl<B: Backend> Decoder<B> {
     /// [`Limits`] allow to the frames behind it.
     pub fn pass_over(&mut self, packet: &Packet) {
         self.profile.pass_over(packet);
+    }
+
+    /// Whether the colour of frames is decoded, of streams that have any: see [`Self::colour`]. Whoever does not want it does not read
+    /// it. Asked before the first frame.
+    pub fn keep_colour(&mut self, wanted: bool) {
+        if let ProfileDecoder::Main(decoder) = &mut self.profile {
+            decoder.keep_colour(if wanted { self.colour_layers } else { 0 });
+        }
+    }
+
+    /// The colour of the last frame; `None` if there is none or nobody asked for it.
+    #[must_use]
+    pub fn colour(&self) -> Option<&Arc<ColourFrame>> {
+        match &self.profile {
+            ProfileDecoder::Paper(_) => None,
+            ProfileDecoder::Main(decoder) => decoder.colour(),
+        }
     }
 
     /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.

@@ -1,5 +1,6 @@
 //! What can stop a decoder.
 
+use crate::colour::ColourError;
 use isv_format::{FormatError, RefusalClass};
 use thiserror::Error;
 
@@ -80,6 +81,16 @@ pub enum DecodeError {
         /// Blocks that these may have.
         limit: usize,
     },
+    /// The frame's geometry is right, but not its colour.
+    #[error("frame {frame}, packet at byte {at}: {cause}")]
+    Colour {
+        /// Frames decoded before this one.
+        frame: u64,
+        /// Where the packet begins in the stream.
+        at: u64,
+        /// What is wrong.
+        cause: ColourError,
+    },
     /// The decoded volume is not the one that was encoded.
     #[error("frame {frame}: the decoded volume's hash is {found:016x}, but the stream says {stated:016x}")]
     HashMismatch {
@@ -99,6 +110,7 @@ impl DecodeError {
         match self {
             Self::Backend(_) => None,
             Self::Format(error) => error.class(),
+            Self::Colour { cause, .. } => cause.class(),
             Self::Malformed { .. } => Some(RefusalClass::Malformed),
             Self::NoReference { .. } | Self::MissingFrame { .. } => Some(RefusalClass::Missing),
             Self::TooManyBlocks { .. } | Self::TooFewBytes { .. } => Some(RefusalClass::Limit),

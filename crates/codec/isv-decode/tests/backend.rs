@@ -92,6 +92,10 @@ impl Backend for Failing {
         frame.volume.as_ref().expect("the masks were added")
     }
 
+    fn main_field(&mut self, frame: &Self::Main) -> Result<SparseVolume, BackendError> {
+        self.call()?.main_field(&frame.frame)
+    }
+
     fn crossed_corners(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
         self.call()?.crossed_corners(&frame.frame)
     }

@@ -39,6 +39,17 @@ impl From<PaperSymbols> for UnwrittenFrame {
     }
 }
 
+impl UnwrittenFrame {
+    /// Whether decoding can begin here.
+    #[must_use]
+    pub fn is_keyframe(&self) -> bool {
+        match &self.0 {
+            Content::Symbols(symbols) => symbols.keyframe,
+            Content::Bytes(frame) => frame.keyframe,
+        }
+    }
+}
+
 impl From<EncodedFrame> for UnwrittenFrame {
     fn from(frame: EncodedFrame) -> Self {
         Self(Content::Bytes(frame))

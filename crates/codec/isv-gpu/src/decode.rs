@@ -26,7 +26,7 @@ use isv_decode::main::MainBlocks;
 use isv_decode::main::activity::Activity;
 use isv_decode::paper::{CodingParameters, FrameSymbols};
 use isv_decode::{BackendError, ReferenceBlocks, volume_hash};
-use isv_volume::{BlockEdge, BlockSet, VoxelMask};
+use isv_volume::{BlockEdge, BlockSet, SparseVolume, VoxelMask};
 use resources::DecodeResources;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -105,6 +105,10 @@ impl Backend for GpuBackend {
 
     fn main_volume(frame: &GpuMainFrame) -> &GpuVolume {
         &frame.volume
+    }
+
+    fn main_field(&mut self, frame: &GpuMainFrame) -> Result<SparseVolume, BackendError> {
+        Ok(frame.volume.download()?)
     }
 
     fn crossed_corners(&mut self, frame: &GpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {

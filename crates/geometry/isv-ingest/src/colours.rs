@@ -50,7 +50,13 @@ pub fn mesh_colours(mesh: &TriangleMesh, spacing_m: f64) -> Vec<ColourSample> {
 }
 
 /// The colour of a face at a place that a sample's number gives.
-fn face_colour(mesh: &TriangleMesh, appearance: &Appearance, face: usize, normal: DVec3, k: u64) -> ColourSample {
+fn face_colour(
+    mesh: &TriangleMesh,
+    appearance: &Appearance,
+    face: usize,
+    normal: DVec3,
+    k: u64,
+) -> ColourSample {
     let [mut u, mut v] = SEQUENCE.map(|step| (0.5 + k as f64 * step).fract());
     if u + v > 1.0 {
         (u, v) = (1.0 - u, 1.0 - v);
@@ -92,7 +98,8 @@ mod tests {
         let triangles = vec![[0, 1, 2], [0, 2, 3]];
         let image = Image::new(2, 1, vec![[0; 3], [255; 3]]);
         let material = Material { texture: image.map(Arc::new), ..Material::default() };
-        let coordinates = triangles.iter().map(|t: &[u32; 3]| t.map(|v| corners[v as usize].map(|c| c as f32)));
+        let coordinates =
+            triangles.iter().map(|t: &[u32; 3]| t.map(|v| corners[v as usize].map(|c| c as f32)));
         let appearance = Appearance {
             texture_coordinates: coordinates.collect(),
             materials: vec![material],

@@ -97,6 +97,9 @@ pub(crate) struct Args {
     /// Number of threads [default: one a core]
     #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
+    /// Leave colour out
+    #[arg(help_heading = "Output", long)]
+    no_colour: bool,
     #[command(flatten)]
     backend: BackendArgs,
     /// Write the times of every frame to this file
@@ -122,6 +125,7 @@ impl Args {
             frames: self.frames,
             after_loss: self.after_loss.into(),
             memory: memory::limit(),
+            drop_colour: self.no_colour,
             takes_turns: self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1),
         }
     }

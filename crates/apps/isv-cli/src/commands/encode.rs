@@ -1,5 +1,6 @@
 //! `isv encode`: a capture to a stream.
 
+mod colour;
 mod header;
 mod ingest;
 mod paper;
@@ -17,6 +18,7 @@ use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second};
 use crate::threads::use_threads;
 use crate::{memory, words};
 use anyhow::{Result, bail};
+use colour::ColourArgs;
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::raw::encode::Band;
@@ -74,6 +76,8 @@ pub(crate) struct Args {
     header: HeaderArgs,
     #[command(flatten)]
     ingest: IngestArgs,
+    #[command(flatten)]
+    colour: ColourArgs,
     /// Leave out frames that cannot be read or used
     ///
     /// The others keep their times, and isv says at the end how many were left out. Frames of an .isv file need
@@ -120,6 +124,7 @@ impl Args {
             dense: self.ingest.dense(),
             fields: self.ingest.options(),
             gop: self.gop,
+            colour: self.colour.options(),
             checksums: self.checksums,
             timestamps: self.timestamps.into(),
             skip_bad_frames: self.skip_bad_frames,
@@ -222,7 +227,9 @@ fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
     EncodedFrameStats {
         ingest_ms: report.ingest_ms,
         encode_ms: report.encode_ms,
+        colour_ms: report.colour_ms,
         bytes: report.bytes,
+        bytes_colour: report.bytes_colour,
         bytes_blocks: coded.bytes_blocks(),
         bytes_motion: coded.bytes_modes(),
         bytes_coefficients: coded.bytes_coefficients(),

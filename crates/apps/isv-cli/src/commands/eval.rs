@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         frame_rate: args.fps,
         up: up.into(),
         invalid_points,
-        ..capture::hints(unit).with_origin(origin)
+        ..capture::colour_hints(unit).with_origin(origin)
     };
     let reference = capture::open(&args.reference, &hints(args.units, args.origin, args.up))?;
     let test = capture::open(&args.test, &hints(args.test_units, args.test_origin, args.test_up))?;

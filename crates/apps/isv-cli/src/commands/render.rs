@@ -238,7 +238,7 @@ impl Shots {
 impl Args {
     /// Opens the input.
     fn capture(&self) -> Result<Capture> {
-        let hints = Hints { frame_rate: self.sampling_rate(), ..capture::hints(self.units) };
+        let hints = Hints { frame_rate: self.sampling_rate(), ..capture::colour_hints(self.units) };
         Ok(capture::open(&self.input, &hints)?)
     }
 

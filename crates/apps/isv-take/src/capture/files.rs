@@ -2,9 +2,7 @@
 
 use super::{CapturedFrame, Content, Hints};
 use crate::encode::FrameError;
-use isv_io::{
-    FrameSequence, FrameTimes, InvalidPoints, ScaleCheck, Unit, acquisition_time_s, read_geometry_with,
-};
+use isv_io::{FrameSequence, FrameTimes, ReadOptions, ScaleCheck, acquisition_time_s, read_geometry_as};
 use std::path::{Path, PathBuf};
 use std::vec::IntoIter;
 
@@ -13,10 +11,9 @@ pub(super) struct FileFrames {
     paths: IntoIter<PathBuf>,
     /// Number of the next frame.
     number: usize,
-    unit: Unit,
+    options: ReadOptions,
     /// When the frames that are left were taken, in nanoseconds, where their names say.
     times_ns: Option<IntoIter<u64>>,
-    invalid_points: InvalidPoints,
     /// None if frames may differ in scale.
     scale: Option<ScaleCheck>,
 }
@@ -35,23 +32,20 @@ impl FileFrames {
         };
         let scale = (!hints.mixed_scales).then(ScaleCheck::new);
         let times_ns = times_ns.map(Vec::into_iter);
-        Self { paths, number: first, unit: hints.unit, times_ns, invalid_points: hints.invalid_points, scale }
+        Self { paths, number: first, options: hints.read_options(), times_ns, scale }
     }
 
     fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame, FrameError> {
         // Names say when each frame was taken, whether it can be read or not.
         let named_ns = self.times_ns.as_mut().and_then(Iterator::next);
-        let geometry = read_geometry_with(path, self.unit, self.invalid_points)?;
+        let geometry = read_geometry_as(path, &self.options)?;
         if let Some(scale) = &mut self.scale {
             scale.check(path, &geometry)?;
         }
         let scanned_ns = || acquisition_time_s(path).map(|seconds| (seconds.max(0.0) * 1e9).round() as u64);
-        Ok(CapturedFrame {
-            number,
-            name: path.display().to_string(),
-            timestamp_ns: named_ns.or_else(scanned_ns),
-            content: Content::Geometry(geometry),
-        })
+        let (name, content) = (path.display().to_string(), Content::Geometry(geometry));
+        let timestamp_ns = named_ns.or_else(scanned_ns);
+        Ok(CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) })
     }
 }
 

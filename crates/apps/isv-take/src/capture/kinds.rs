@@ -79,7 +79,7 @@ impl Kind {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
         {
-            let mut animation = Animation::open(path, hints.unit)?.with_invalid_points(hints.invalid_points);
+            let mut animation = Animation::open_with(path, &hints.read_options())?;
             let count = animation.names().len();
             // The first one that moves anything.
             for index in 0..count {
@@ -194,21 +194,18 @@ impl Kind {
                 let geometry = animation.geometry_at(number as f64 / rate.per_second())?;
                 let name = format!("{name}, frame {number}");
                 let content = Content::Geometry(geometry);
-                Ok(CapturedFrame { number, name, timestamp_ns: None, content })
+                Ok(CapturedFrame::new(number, name, content))
             })),
             Self::Depth(depth) => Box::new(range.map(move |number| {
                 let content = Content::Depth(depth.read(number)?);
-                Ok(CapturedFrame {
-                    number,
-                    name: format!("{name}, frame {number}"),
-                    timestamp_ns: depth.timestamp_ns(number),
-                    content,
-                })
+                let name = format!("{name}, frame {number}");
+                let timestamp_ns = depth.timestamp_ns(number);
+                Ok(CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) })
             })),
             Self::Volumes { volumes, grid, .. } => Box::new(range.map(move |number| {
                 let content = Content::Volume(volumes.read(number, &grid)?);
                 let name = volumes.paths()[number].display().to_string();
-                Ok(CapturedFrame { number, name, timestamp_ns: None, content })
+                Ok(CapturedFrame::new(number, name, content))
             })),
             Self::Stream(path, _, hints) => {
                 let input = Input::from(path);
@@ -333,6 +330,7 @@ fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result
             None if is_main => Content::Decoded(volume),
             None => Content::Volume(volume),
         };
-        Ok(CapturedFrame { number, name: format!("{name}, frame {number}"), timestamp_ns, content })
+        let name = format!("{name}, frame {number}");
+        Ok(CapturedFrame { timestamp_ns, colour: frame.colour, ..CapturedFrame::new(number, name, content) })
     })
 }

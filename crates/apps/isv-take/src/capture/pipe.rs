@@ -23,7 +23,7 @@ pub(super) fn open(hints: &Hints) -> Result<Kind, CaptureError> {
     } else {
         let frames = FrameStream::new(stdin(), hints.unit);
         let frames = frames.map_err(|cause| CaptureError::Pipe { name: name(), cause: cause.into() })?;
-        let frames = frames.with_invalid_points(hints.invalid_points);
+        let frames = frames.with_invalid_points(hints.invalid_points).with_colours(hints.colours);
         let observer = Arc::clone(&hints.observer);
         let (last, number, range) = (None, 0, 0..usize::MAX);
         Kind::PipedGeometry(Box::new(PipedGeometry { frames, last, number, range, observer }))
@@ -67,12 +67,7 @@ impl PipedGeometry {
                 let (path, geometry) = frame?;
                 self.check_order(&path);
                 let name = format!("{pipe}: {}", path.display());
-                return Ok(Some(CapturedFrame {
-                    number,
-                    name,
-                    timestamp_ns: None,
-                    content: Content::Geometry(geometry),
-                }));
+                return Ok(Some(CapturedFrame::new(number, name, Content::Geometry(geometry))));
             }
         }
         Ok(None)

@@ -3,7 +3,7 @@
 use super::files::FrameFiles;
 use super::product::{Product, Recipe};
 use super::reduction::Reduction;
-use super::{DecodeOptions, DecodeTakeError, Reductions};
+use super::{DecodeOptions, DecodeTakeError, Form, Reductions};
 use crate::stream::{AfterLoss, ConcealingFrames, DecodeSettings, StreamFrame, StreamFrames, timed};
 use crate::{Cancellation, DeviceError, Input, Observer, OpenDevice, Prefetch, StreamError};
 use isv_format::StreamHeader;
@@ -83,6 +83,7 @@ impl Job {
         let settings = DecodeSettings {
             frames: options.frames,
             lod: options.lod,
+            colour: form != Form::Volume && !options.drop_colour,
             device: open_device()?,
             memory: options.memory,
             observer: Arc::clone(observer),
@@ -184,8 +185,9 @@ fn products(
     cancellation: &Cancellation,
 ) -> Box<dyn Iterator<Item = Result<MadeFrame, DecodeTakeError>>> {
     let make = move |frame: Result<StreamFrame, StreamError>| {
-        let StreamFrame { number, timestamp_ns, volume, coded_blocks, surface, decode_ms } = frame?;
-        let (made, surface_ms) = timed(|| recipe.make(volume, coded_blocks.as_ref(), surface));
+        let StreamFrame { number, timestamp_ns, volume, coded_blocks, surface, colour, decode_ms } = frame?;
+        let (made, surface_ms) =
+            timed(|| recipe.make(volume, coded_blocks.as_ref(), surface, colour.as_deref()));
         let (product, reduction) = made.map_err(|cause| DecodeTakeError::Frame { frame: number, cause })?;
         Ok(MadeFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
     };

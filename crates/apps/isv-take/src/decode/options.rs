@@ -48,6 +48,8 @@ pub struct DecodeOptions {
     pub memory: MemoryLimit,
     /// Whether each frame is finished before the next is decoded.
     pub takes_turns: bool,
+    /// Whether colour is left out.
+    pub drop_colour: bool,
 }
 
 impl DecodeOptions {
@@ -100,6 +102,7 @@ impl DecodeOptions {
             normals: self.normals.unwrap_or(format == OutputFormat::Geometry(Format::Glb)),
             density,
             profile: header.profile,
+            grid: header.grid,
             budget: self.budget(),
             placed,
             memory: self.memory,

@@ -6,11 +6,13 @@ use super::{Form, ProductError};
 use crate::MemoryLimit;
 use crate::device::DecodedVolume;
 use crate::distances::with_distances;
+use isv_decode::colour::{ColourFrame, surface_colours};
 use isv_format::Profile;
 use isv_ingest::coded_field;
 use isv_simplify::Budget;
 use isv_surface::{PointDensity, SurfaceOptions, sample_evenly};
-use isv_volume::{BlockSet, PointCloud, SparseVolume, TriangleMesh};
+use isv_volume::{Appearance, BlockSet, Grid, PointCloud, SparseVolume, TriangleMesh};
+use std::sync::Arc;
 
 /// A frame in the form that the user wants.
 #[derive(Debug)]
@@ -29,6 +31,8 @@ pub(super) struct Recipe {
     pub(super) density: PointDensity,
     /// Of the stream.
     pub(super) profile: Profile,
+    /// Of the stream.
+    pub(super) grid: Grid,
     /// What meshes may have, if that is limited.
     pub(super) budget: Option<Budget>,
     pub(super) placed: Placed,
@@ -53,15 +57,33 @@ impl Recipe {
         volume: DecodedVolume,
         coded_blocks: Option<&BlockSet>,
         surface: Option<TriangleMesh>,
+        colour: Option<&ColourFrame>,
     ) -> Result<(Product, Option<Reduction>), ProductError> {
-        let (product, reduction) = match (self.product(volume, coded_blocks, surface)?, &self.budget) {
+        let (mut product, reduction) = match (self.product(volume, coded_blocks, surface)?, &self.budget) {
             (Product::Mesh(mesh), Some(budget)) => {
                 let (mesh, reduction) = Reduction::make(&mesh, budget, self.normals)?;
                 (Product::Mesh(mesh), Some(reduction))
             }
             (product, _) => (product, None),
         };
+        if let Some(colour) = colour {
+            self.colour(&mut product, colour);
+        }
         Ok((self.placed.turn(product), reduction))
+    }
+
+    /// Gives vertices and points their colours.
+    fn colour(&self, product: &mut Product, colour: &ColourFrame) {
+        match product {
+            Product::Mesh(mesh) => {
+                let vertex_colours = surface_colours(colour, &self.grid, &mesh.vertices);
+                mesh.appearance = Some(Arc::new(Appearance { vertex_colours, ..Appearance::default() }));
+            }
+            Product::Points(points) => {
+                points.colours = surface_colours(colour, &self.grid, &points.positions)
+            }
+            Product::Volume(_) => {}
+        }
     }
 
     /// The product as the stream has it: in metres, Y up.

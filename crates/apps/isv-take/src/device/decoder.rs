@@ -4,9 +4,11 @@ use super::fall_back::FallBack;
 use super::workers::{DecodeWorker, DecodedVolume};
 use crate::DeviceError;
 use isv_decode::DecodeError;
+use isv_decode::colour::ColourFrame;
 use isv_format::Packet;
 use isv_surface::SurfaceOptions;
 use isv_volume::{BlockSet, TriangleMesh};
+use std::sync::Arc;
 
 /// Bytes of packets that are kept to begin again with on the CPU.
 const MOST_KEPT_BYTES: usize = 256 << 20;
@@ -18,6 +20,8 @@ pub struct Decoded {
     pub volume: DecodedVolume,
     /// Blocks that were coded, not extrapolated: see [`isv_decode::Decoder::coded_blocks`].
     pub coded_blocks: Option<BlockSet>,
+    /// Colour of the frame, if it has any and it was asked for.
+    pub colour: Option<Arc<ColourFrame>>,
     /// Surface of the frame, if the device extracted it: see [`StreamDecoder::with_surfaces`].
     pub surface: Option<TriangleMesh>,
     /// Hash that the stream states, if any.

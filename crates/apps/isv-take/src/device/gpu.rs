@@ -85,8 +85,12 @@ impl DecodeWorker for GpuDecoder {
         let surface = self.extractor.as_mut().map(extract).transpose().map_err(BackendError::from)?;
         let volume = DecodedVolume::Device(Arc::new(frame.volume.clone()));
         let (stated_hash, inexact_blocks) = (frame.stated_hash, frame.inexact_blocks);
-        let coded_blocks = self.decoder.coded_blocks().cloned();
-        Ok(Decoded { volume, coded_blocks, surface, stated_hash, inexact_blocks })
+        let (coded_blocks, colour) = (self.decoder.coded_blocks().cloned(), self.decoder.colour().cloned());
+        Ok(Decoded { volume, coded_blocks, surface, colour, stated_hash, inexact_blocks })
+    }
+
+    fn keep_colour(&mut self) {
+        self.decoder.keep_colour(true);
     }
 
     fn recover(&mut self, wanted: bool) {

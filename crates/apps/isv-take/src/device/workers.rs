@@ -61,6 +61,9 @@ pub(crate) trait DecodeWorker: Send {
     /// Decodes a frame packet. `verify`: whether the hash that it states is compared.
     fn decode(&mut self, packet: &Packet, verify: bool) -> Result<Decoded, DecodeError>;
 
+    /// See [`Decoder::keep_colour`].
+    fn keep_colour(&mut self);
+
     /// See [`Decoder::recover`].
     fn recover(&mut self, wanted: bool);
 
@@ -109,8 +112,12 @@ impl DecodeWorker for Decoder {
         let frame = if verify { self.decode_and_verify(packet) } else { self.decode(packet) }?;
         let volume = DecodedVolume::Cpu(frame.volume.clone());
         let (stated_hash, inexact_blocks) = (frame.stated_hash, frame.inexact_blocks);
-        let coded_blocks = self.coded_blocks().cloned();
-        Ok(Decoded { volume, coded_blocks, surface: None, stated_hash, inexact_blocks })
+        let (coded_blocks, colour) = (self.coded_blocks().cloned(), self.colour().cloned());
+        Ok(Decoded { volume, coded_blocks, surface: None, colour, stated_hash, inexact_blocks })
+    }
+
+    fn keep_colour(&mut self) {
+        self.keep_colour(true);
     }
 
     fn recover(&mut self, wanted: bool) {

@@ -68,7 +68,8 @@ impl<W: Write> FrameEncoder<W> {
     /// [`EncodeError::Frame`] for a frame that cannot be used, other variants for what ends the stream.
     pub fn push(&mut self, content: Content, timestamp_ns: Option<u64>) -> Result<FrameReport, EncodeError> {
         let number = self.pushed;
-        let frame = CapturedFrame { number, name: format!("frame {number}"), timestamp_ns, content };
+        let name = format!("frame {number}");
+        let frame = CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) };
         self.pushed += 1;
         let read = SystemTime::now();
         self.start(&frame)?;
@@ -92,12 +93,7 @@ impl<W: Write> FrameEncoder<W> {
         if let Stage::Waiting(_) = self.stage {
             let header = self.options.header(None, None)?;
             let empty = SparseVolume::empty(header.grid);
-            let frame = CapturedFrame {
-                number: 0,
-                name: String::new(),
-                timestamp_ns: None,
-                content: Content::Volume(empty),
-            };
+            let frame = CapturedFrame::new(0, String::new(), Content::Volume(empty));
             self.start(&frame)?;
         }
         let Stage::Running(running) = self.stage else { return Err(EncodeError::Ended) };
@@ -122,12 +118,16 @@ impl<W: Write> FrameEncoder<W> {
                 header.grid.voxel_size = spacing::announce(need, &**observer);
                 header.profile = options.profile(&header.grid)?;
             }
+            if first.has_colour() {
+                header = header.with_colour(options.colour_layers(&header));
+            }
             let settings = options.encoder_settings(&header);
             let coding = Coding {
                 measures_change: options.measures_change,
                 coder: self.device.coder(&header, settings, observer)?,
+                colour: options.colour_encoder(&header),
             };
-            let maker = options.volume_maker(header.grid, self.device.clone(), observer);
+            let maker = options.volume_maker(&header, self.device.clone(), observer);
             let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
                 return Err(EncodeError::Ended);
             };

@@ -11,7 +11,7 @@ use crate::stream::timed;
 use crate::timeline::Timeline;
 use crate::{Cancellation, Event, Input, Length, Observer, OpenDevice, Prefetch};
 use isv_encode::{EncodedFrame, EncoderSettings, FrameWriter, RateTarget};
-use isv_format::{PacketWriter, StreamHeader};
+use isv_format::{ColourLayers, PacketWriter, StreamHeader};
 use isv_volume::Grid;
 use std::io::Write;
 use std::ops::Range;
@@ -53,6 +53,8 @@ pub struct FrameReport {
     pub number: usize,
     /// Bytes of the packet, its header included.
     pub bytes: usize,
+    /// Bytes of these that are its colour.
+    pub bytes_colour: usize,
     /// The frame as coded.
     pub coded: EncodedFrame,
     /// Blocks that ingest made, before any were left out.
@@ -61,6 +63,8 @@ pub struct FrameReport {
     pub ingest_ms: f64,
     /// Time from volume to packet (ms).
     pub encode_ms: f64,
+    /// Time to code its colour (ms).
+    pub colour_ms: f64,
     /// Change of the field near the surface (m), if it is measured.
     pub surface_rms_m: Option<f64>,
 }
@@ -139,12 +143,20 @@ impl Job {
             header.grid.voxel_size = spacing::announce(need, &**observer);
             header.profile = options.profile(&header.grid)?;
         }
+        let (frames, has_colour) = match options.colour_layers(&header) {
+            ColourLayers::None => (frames, false),
+            _ => with_first(frames, comes_once, &cancellation),
+        };
+        if has_colour {
+            header = header.with_colour(options.colour_layers(&header));
+        }
         let settings = settings(input, options, counted, &mut header, fits, observer, watch)?;
         let device = open_device()?;
-        let maker = options.volume_maker(header.grid, device.clone(), observer);
+        let maker = options.volume_maker(&header, device.clone(), observer);
         let coding = Coding {
             measures_change: options.measures_change,
             coder: device.coder(&header, settings, observer)?,
+            colour: options.colour_encoder(&header),
         };
         let (input, observer) = (input.clone(), Arc::clone(observer));
         Ok(Self {
@@ -283,19 +295,34 @@ impl<W: Write> StreamSink<W> {
             blocks_band,
             coding_ms,
             surface_rms_voxels,
+            colour,
+            colour_ms,
         } = frame;
         let (coded, writing_ms) = timed(|| self.frame_writer.write(frame));
         self.tell_missed_error(number, &coded, observer);
         let stated = timestamp_ns.filter(|_| self.keeps_times);
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read, stated);
         self.timeline.place(timestamp_ns);
-        let bytes = self.packets.write_frame(coded.keyframe, timestamp_ns, &coded.payload())?;
+        let colour_part = colour.as_ref().map(|colour| &colour.bytes[..]);
+        let bytes =
+            self.packets.write_coloured_frame(coded.keyframe, timestamp_ns, &coded.payload(), colour_part)?;
         self.frames += 1;
         self.empty += usize::from(!has_surface);
         let voxel_m = self.header.grid.voxel_size.metres();
         let surface_rms_m = surface_rms_voxels.map(|voxels| voxels * voxel_m);
         let encode_ms = coding_ms + writing_ms;
-        Ok(FrameReport { number, bytes, coded, blocks_band, ingest_ms, encode_ms, surface_rms_m })
+        let bytes_colour = colour.map_or(0, |colour| colour.bytes.len());
+        Ok(FrameReport {
+            number,
+            bytes,
+            bytes_colour,
+            coded,
+            blocks_band,
+            ingest_ms,
+            encode_ms,
+            colour_ms,
+            surface_rms_m,
+        })
     }
 
     /// Tells once that a frame could not be brought within the error asked for.
@@ -394,6 +421,18 @@ fn frames_and_need(
     let first = frames.next();
     let need = first.as_ref().and_then(|frame| spacing::of_frame(options, frame.as_ref().ok()?, grid));
     Ok((Box::new(first.into_iter().chain(frames)), need))
+}
+
+/// The frames, and whether the first has colours. A pipe is read on a thread of its own, so that the user can interrupt the wait.
+fn with_first(
+    frames: Frames<CapturedFrame>,
+    comes_once: bool,
+    cancellation: &Cancellation,
+) -> (Frames<CapturedFrame>, bool) {
+    let mut frames = if comes_once { Box::new(Prefetch::new(frames, cancellation)) } else { frames };
+    let first = frames.next();
+    let has_colour = matches!(&first, Some(Ok(frame)) if frame.has_colour());
+    (Box::new(first.into_iter().chain(frames)), has_colour)
 }
 
 /// The pipeline up to the writing of symbols. Reading runs ahead of everything else; making volumes runs ahead of coding them, and

@@ -6,14 +6,15 @@ use super::volumes::{DepthFusion, VolumeMaker};
 use crate::capture::{Capture, Hints, default_voxel_size};
 use crate::{BitRate, FrameRange, Length, MemoryLimit, Observer, OpenDevice, Up};
 use glam::DVec3;
+use isv_encode::colour::{ColourEncoder, ColourSettings};
 use isv_encode::{
     Band, Bitrate, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset, RateTarget, Refresh,
     Tools,
 };
-use isv_format::{FrameRate, PaperParameters, Prediction, Profile, StreamHeader};
+use isv_format::{ColourLayers, FrameRate, PaperParameters, Prediction, Profile, StreamHeader};
 use isv_fusion::FusionSettings;
 use isv_ingest::{DEFAULT_BLOCK_LIMIT, FaceTurner, MeshIngest, PointIngest, Reach, SignMode};
-use isv_io::{DenseOptions, InvalidPoints, Unit};
+use isv_io::{Colours, DenseOptions, InvalidPoints, Unit};
 use isv_kernels::quant::{STEP_FRACTION_BITS, StepSize};
 use isv_volume::{BlockEdge, CODES_PER_VOXEL, Grid, Truncation, VoxelSize};
 use std::num::NonZero;
@@ -105,6 +106,15 @@ pub struct MainOptions {
     pub refresh: Option<Refresh>,
     /// Tools to use; all of the preset's.
     pub tools: Option<Tools>,
+}
+
+/// Options of colour.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ColourOptions {
+    /// Whether colour is left out.
+    pub is_dropped: bool,
+    /// Quality of colour, 0 to 100 [default: 50].
+    pub quality: Option<f32>,
 }
 
 /// How captures become volumes.
@@ -201,6 +211,8 @@ pub struct EncodeOptions {
     pub paper: PaperOptions,
     /// Options of profile `main`.
     pub main: MainOptions,
+    /// Options of colour, which profile `main` codes where the capture has any.
+    pub colour: ColourOptions,
     /// Most frames from a keyframe to the next.
     pub gop: NonZero<u32>,
     /// Whether frames carry a hash of the decoded volume.
@@ -236,6 +248,7 @@ impl Default for EncodeOptions {
             band: None,
             paper: PaperOptions::default(),
             main: MainOptions::default(),
+            colour: ColourOptions::default(),
             gop: DEFAULT_GOP,
             checksums: false,
             timestamps: TimestampSource::Source,
@@ -262,6 +275,10 @@ impl EncodeOptions {
             mixed_scales: self.mixed_scales,
             up: self.up,
             dense: self.dense,
+            colours: match (self.colour.is_dropped, self.profile_choice()) {
+                (false, ProfileChoice::Main) => Colours::Keep,
+                _ => Colours::Drop,
+            },
             ..usual
         })
     }
@@ -344,11 +361,14 @@ impl EncodeOptions {
     /// Makes what turns captured frames into volumes on a grid, as far from the surface as is coded.
     pub(super) fn volume_maker(
         &self,
-        grid: Grid,
+        header: &StreamHeader,
         device: OpenDevice,
         observer: &Arc<dyn Observer>,
     ) -> VolumeMaker {
-        let (profile, fields) = (self.profile_choice(), &self.fields);
+        let (profile, fields, grid) = (self.profile_choice(), &self.fields, header.grid);
+        let layers = header.colour_layers;
+        let colour_spacing_m =
+            layers.is_some().then(|| grid.voxel_size.metres() / f64::from(1 << layers.count()));
         let origin_m = DVec3::from(self.origin.unwrap_or_default()) * self.unit.metres();
         let reach = match (profile, self.band) {
             (ProfileChoice::Main, None | Some(Band::Surface)) => Reach::Surface,
@@ -381,7 +401,26 @@ impl EncodeOptions {
             memory: self.memory,
             observer: Arc::clone(observer),
             shell: Arc::default(),
+            colour_spacing_m,
+            colours: Vec::new(),
         }
+    }
+
+    /// The layers of colour that a stream gets if its capture has colours.
+    pub(super) fn colour_layers(&self, header: &StreamHeader) -> ColourLayers {
+        match (self.colour.is_dropped, header.profile) {
+            (false, Profile::Main) => ColourLayers::HalfVoxels,
+            _ => ColourLayers::None,
+        }
+    }
+
+    /// The encoder of colour, for streams that have any.
+    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourEncoder> {
+        header.colour_layers.is_some().then(|| {
+            let quality = self.colour.quality.unwrap_or(DEFAULT_QUALITY);
+            let settings = ColourSettings::of_quality(quality, header.colour_layers.count());
+            ColourEncoder::new(ColourSettings { checksums: self.checksums, ..settings })
+        })
     }
 
     fn voxel_size(&self) -> Result<Option<VoxelSize>, OptionsError> {

@@ -87,7 +87,7 @@ fn measure_rate(
     let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(options.frames)?;
     watch.begin(range.len());
-    let maker = options.volume_maker(header.grid, OpenDevice::CPU, &silent);
+    let maker = options.volume_maker(header, OpenDevice::CPU, &silent);
     let mut encoder = Encoder::new(header, settings);
     let mut writer = PacketWriter::new(ByteCount(0), header)?;
     let mut frames = 0u32;

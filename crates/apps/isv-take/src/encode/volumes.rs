@@ -12,11 +12,13 @@ use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
     FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
     decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_surface_share,
+    mesh_colours, point_colours,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
-use isv_volume::{DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
+use isv_volume::{ColourSample, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
+use std::mem::take;
 use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
 
@@ -29,6 +31,8 @@ pub(super) struct IngestedFrame {
     /// Time of [`CapturedFrame`], in nanoseconds.
     pub(super) timestamp_ns: Option<u64>,
     pub(super) volume: SparseVolume,
+    /// Colours near its surface; empty if it has none or nobody wants any.
+    pub(super) colours: Vec<ColourSample>,
     /// Whether any of it lies inside.
     pub(super) has_surface: bool,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
@@ -68,6 +72,10 @@ pub(super) struct VolumeMaker {
     pub(super) memory: MemoryLimit,
     pub(super) observer: Arc<dyn Observer>,
     pub(super) shell: Arc<Shell>,
+    /// Distance between the colours that are sampled on meshes (m); nothing if no colours are wanted.
+    pub(super) colour_spacing_m: Option<f64>,
+    /// Those of the frame that is worked on.
+    pub(super) colours: Vec<ColourSample>,
 }
 
 /// Thickness of the shell around surfaces without inside (mm), once one was made.
@@ -96,7 +104,11 @@ impl VolumeMaker {
         frame: CapturedFrame,
         read: SystemTime,
     ) -> Result<IngestedFrame, EncodeError> {
-        let CapturedFrame { number, name, timestamp_ns, content } = frame;
+        let CapturedFrame { number, name, timestamp_ns, content, colour } = frame;
+        let stream_grid = match &content {
+            Content::Volume(volume) | Content::Decoded(volume) => *volume.grid(),
+            Content::Geometry(_) | Content::Depth(_) => self.mesh.grid,
+        };
         let (volume, ingest_ms) = timed(|| match content {
             Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
@@ -106,6 +118,10 @@ impl VolumeMaker {
             Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
         });
+        let mut colours = take(&mut self.colours);
+        if let (Some(colour), Some(_)) = (colour, self.colour_spacing_m) {
+            colours = colour.to_samples(&stream_grid);
+        }
         let volume = volume?;
         let blocks_band = volume.block_count();
         let volume = match self.band {
@@ -119,7 +135,7 @@ impl VolumeMaker {
         }
         let fits = self.memory.check_frame(&volume, self.extended);
         fits.map_err(|cause| FrameError::Memory { name, cause })?;
-        Ok(IngestedFrame { number, read, timestamp_ns, volume, has_surface, blocks_band, ingest_ms })
+        Ok(IngestedFrame { number, read, timestamp_ns, volume, colours, has_surface, blocks_band, ingest_ms })
     }
 
     fn ingest_error(&self, name: &str, cause: IngestError, bounds: Option<(DVec3, DVec3)>) -> FrameError {
@@ -144,6 +160,7 @@ impl VolumeMaker {
             self.tell(EncodeEvent::FacesTurned { name: name.to_owned() });
         }
         let mesh = &*turned;
+        self.colours = self.colour_spacing_m.map_or_else(Vec::new, |spacing| mesh_colours(mesh, spacing));
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {
@@ -219,6 +236,9 @@ impl VolumeMaker {
             return Err(FrameError::PointsAmongMeshes { name: name.to_owned() });
         }
         let (cloud, sides) = self.with_normals(name, cloud)?;
+        if self.colour_spacing_m.is_some() {
+            self.colours = point_colours(&cloud);
+        }
         if let Some(sign) = self.point_sign {
             let volume = ingest_points(&cloud, &self.points, sign);
             return volume.map_err(|cause| self.ingest_error(name, cause, cloud.bounds()));

@@ -60,13 +60,13 @@ impl ConcealingFrames {
         source: ByteSource,
         settings: &DecodeSettings,
     ) -> Result<Self, StreamError> {
-        let DecodeSettings { frames: range, lod, device, memory, observer } = settings;
+        let DecodeSettings { frames: range, lod, colour, device, memory, observer } = settings;
         let name = name.to_owned();
         let packets = SalvageReader::new(source);
         let packets = packets.map_err(|error| StreamFault::from(error).in_stream(&name))?;
         let packets = packets.with_largest_payload(memory.largest_payload());
         let header = *packets.header();
-        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, observer);
+        let decoder = device.decoder(&header, memory.decoder_limits(), *lod, *colour, observer);
         let mut decoder = decoder.map_err(|fault| fault.in_stream(&name))?;
         decoder.recover(true);
         Ok(Self {
@@ -134,7 +134,7 @@ impl ConcealingFrames {
             };
             let number = self.next;
             self.next += 1;
-            if let Some((Decoded { volume, coded_blocks, surface, .. }, decode_ms)) = frame
+            if let Some((Decoded { volume, coded_blocks, surface, colour, .. }, decode_ms)) = frame
                 && self.range.is_none_or(|range| number >= range.start)
             {
                 let timestamp_ns = self.shown_ns;
@@ -144,6 +144,7 @@ impl ConcealingFrames {
                     volume,
                     coded_blocks,
                     surface,
+                    colour,
                     decode_ms,
                 }));
             }

@@ -35,7 +35,7 @@ fn check(
 ) -> Result<(), StreamFault> {
     let (mut packets, header) = open(input, settings.memory).map_err(|error| error.fault)?;
     let limits = settings.memory.decoder_limits();
-    let mut decoder = settings.device.decoder(&header, limits, Lod::Full, &settings.observer)?;
+    let mut decoder = settings.device.decoder(&header, limits, Lod::Full, true, &settings.observer)?;
     let mut found = StreamIndex::default();
     while let Some(packet) = packets.next_frame()? {
         let decoded = decoder.decode_and_verify(&packet)?;

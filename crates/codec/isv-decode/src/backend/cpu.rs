@@ -158,6 +158,10 @@ impl Backend for Cpu {
         frame.reduced.as_ref().unwrap_or(frame.reference.volume())
     }
 
+    fn main_field(&mut self, frame: &CpuMainFrame) -> Result<SparseVolume, BackendError> {
+        Ok(frame.reference.volume().clone())
+    }
+
     fn crossed_corners(&mut self, frame: &CpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
         Ok(crossed_corners(frame.reference.decoded()))
     }

@@ -8,11 +8,12 @@ use super::symbols::{ColourSymbols, LayerCoefficients};
 use super::syntax::ColourSlices;
 use super::syntax::coefficients::{FrameEnergies, LayerBlocks};
 use super::syntax::modes::ModeBlocks;
-use crate::main::CausalBlocks;
+use crate::main::{BlockMode, CausalBlocks, Vector};
 use crate::shared::syntax::SyntaxError;
-use isv_format::{ColourHeader, ColourKind, ColourPayload, FormatError, SliceLayout};
+use isv_format::{ColourHeader, ColourKind, ColourPayload, FormatError, RefusalClass, SliceLayout};
 use isv_volume::SparseVolume;
 use rayon::prelude::*;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Why the colour of a frame cannot be decoded.
@@ -37,6 +38,19 @@ pub enum ColourError {
     },
 }
 
+impl ColourError {
+    /// What kind of fault it is.
+    #[must_use]
+    pub fn class(&self) -> Option<RefusalClass> {
+        match self {
+            Self::Format(error) => error.class(),
+            Self::Syntax(_) => Some(RefusalClass::Malformed),
+            Self::NoReference => Some(RefusalClass::Missing),
+            Self::HashMismatch { .. } => Some(RefusalClass::Damaged),
+        }
+    }
+}
+
 impl From<SyntaxError> for ColourError {
     fn from(error: SyntaxError) -> Self {
         Self::Syntax(error.0)
@@ -49,38 +63,49 @@ pub struct ColourDecoder {
     layers: u8,
     entropy: ColourSlices,
     reference: Option<ColourReference>,
+    /// Whether the models are those that the next frame was coded with.
+    is_synchronous: bool,
 }
 
 impl ColourDecoder {
     /// Creates a decoder for a stream of so many colour layers, 1 to 3.
     #[must_use]
     pub fn new(layers: u8) -> Self {
-        Self { layers, entropy: ColourSlices::default(), reference: None }
+        Self { layers, entropy: ColourSlices::default(), reference: None, is_synchronous: false }
     }
 
     /// The last frame; `None` before the first and after an error.
     #[must_use]
-    pub fn frame(&self) -> Option<&ColourFrame> {
+    pub fn frame(&self) -> Option<&Arc<ColourFrame>> {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
-    /// Decodes a colour part. `volume`: the frame's decoded field. `at`: where the part begins in the stream.
+    /// Says that a frame was lost: what follows is decoded from a frame whose symbols can be read without it.
+    pub fn lose(&mut self) {
+        self.is_synchronous = false;
+    }
+
+    /// Decodes a colour part. `volume`: the frame's decoded field. `at`: where the part begins in the stream. `is_exact`: whether the
+    /// field and all before it are the encoder's, so that a hash can be compared.
     ///
     /// # Errors
-    /// See [`ColourError`]; the next frame that can be decoded is one without prediction.
+    /// See [`ColourError`]; the next frame that can be decoded is one whose symbols can be read without others.
     pub fn decode(
         &mut self,
         volume: &SparseVolume,
         bytes: &[u8],
         at: u64,
-    ) -> Result<&ColourFrame, ColourError> {
-        let reference = self.reference.take();
+        is_exact: bool,
+    ) -> Result<&Arc<ColourFrame>, ColourError> {
+        let was_synchronous = std::mem::take(&mut self.is_synchronous);
         let payload = ColourPayload::parse(bytes, at, self.layers)?;
         let kind = payload.header.kind;
-        let reference = reference.filter(|_| kind.predicts());
-        if kind.predicts() && reference.is_none() {
+        if kind == ColourKind::Predicted && !was_synchronous {
             return Err(ColourError::NoReference);
         }
+        // A frame that can be read without the one before may still be predicted from it; where that is lost, from nothing.
+        let reference = self.reference.take().unwrap_or_default();
+        let reference = kind.predicts().then_some(reference);
         if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
         }
@@ -88,15 +113,31 @@ impl ColourDecoder {
         let known = reference.as_ref().filter(|_| kind == ColourKind::Predicted);
         let symbols = read_symbols(&mut self.entropy, &payload, &cells, volume, known, self.layers)?;
         let steps = steps(&payload.header);
-        let before = reference.as_ref().map(|reference| &reference.frame);
+        let before = reference.as_ref().map(|reference| &*reference.frame);
         let frame = reconstruct(cells, volume, &symbols, &steps, before);
-        if let Some(stated) = payload.header.hash {
+        if let Some(stated) = payload.header.hash.filter(|_| is_exact) {
             let found = frame.hash();
             if found != stated {
                 return Err(ColourError::HashMismatch { stated, found });
             }
         }
-        Ok(&self.reference.insert(ColourReference::new(frame, &symbols)).frame)
+        self.is_synchronous = true;
+        Ok(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
+    }
+
+    /// Makes up the colour of a frame that has no colour part: that of the frame before, where it was.
+    pub fn carry_over(&mut self, volume: &SparseVolume) -> Option<&Arc<ColourFrame>> {
+        let reference = self.reference.take()?;
+        let cells = ColourCells::new(volume);
+        let before = reference.blocks_at(cells.coords());
+        let still = BlockMode::Merged { candidate: 0, vector: Vector::ZERO };
+        let symbols = ColourSymbols {
+            modes: vec![still; before.len()],
+            depths: before.iter().map(|block| block.map_or(0, |block| block.depth)).collect(),
+            layers: Default::default(),
+        };
+        let frame = reconstruct(cells, volume, &symbols, &ColourSteps::FINEST, Some(&reference.frame));
+        Some(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
     }
 }
 

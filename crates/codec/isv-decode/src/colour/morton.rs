@@ -43,6 +43,14 @@ pub(crate) fn position(place: usize) -> [usize; 3] {
     POSITIONS[place].map(usize::from)
 }
 
+/// The coordinates of a place below 4096.
+#[inline(always)]
+pub(crate) fn wide_position(place: usize) -> [usize; 3] {
+    let low = place & 7;
+    let high = position(place >> 3);
+    [0, 1, 2].map(|axis| 2 * high[axis] + (low >> axis & 1))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

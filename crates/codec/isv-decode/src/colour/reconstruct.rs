@@ -26,6 +26,9 @@ pub struct ColourSteps {
 }
 
 impl ColourSteps {
+    /// The finest steps.
+    pub const FINEST: Self = Self { luma: 1, chroma: 1 };
+
     /// Step of a channel.
     #[must_use]
     #[inline(always)]

@@ -5,19 +5,20 @@ use super::symbols::ColourSymbols;
 use super::syntax::modes::BlockBefore;
 use isv_volume::BlockCoord;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A decoded frame, and how its blocks were coded.
 #[derive(Clone, Debug, Default)]
 pub struct ColourReference {
     /// The frame.
-    pub frame: ColourFrame,
+    pub frame: Arc<ColourFrame>,
     blocks: Vec<BlockBefore>,
 }
 
 impl ColourReference {
     /// Creates the reference that a frame with these symbols leaves.
     #[must_use]
-    pub fn new(frame: ColourFrame, symbols: &ColourSymbols) -> Self {
+    pub fn new(frame: Arc<ColourFrame>, symbols: &ColourSymbols) -> Self {
         let of_block = |block: usize| BlockBefore {
             vector: symbols.modes[block].vector(),
             depth: symbols.depths[block],

@@ -106,6 +106,11 @@ impl BlockTree {
         self.slots(self.depth)
     }
 
+    /// Places of the leaves, in Morton order of their level.
+    pub fn leaf_places(&self) -> impl Iterator<Item = u16> + '_ {
+        self.levels[UPPER_LEVELS + usize::from(self.depth)].places.iter().copied()
+    }
+
     /// Where in a layer the nodes of the layer's level are: each cell has a slot for each place in it.
     pub fn slots(&self, layer: u8) -> impl Iterator<Item = usize> + '_ {
         let shift = 3 * layer;

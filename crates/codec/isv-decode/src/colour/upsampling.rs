@@ -2,7 +2,7 @@
 
 use super::cells::ColourCells;
 use super::frame::{Sample, rounded};
-use super::morton::{interleave, position};
+use super::morton::{interleave, wide_position};
 use super::tree::UPPER_LEVELS;
 use isv_volume::Neighbourhood;
 
@@ -135,14 +135,6 @@ impl ParentWindow {
         // The parent itself is one of them.
         sums.map(|sum| rounded(sum, weights.max(1)))
     }
-}
-
-/// The coordinates of a place below 4096.
-#[inline(always)]
-fn wide_position(place: usize) -> [usize; 3] {
-    let low = place & 7;
-    let high = position(place >> 3);
-    [0, 1, 2].map(|axis| 2 * high[axis] + (low >> axis & 1))
 }
 
 /// Weights of the blocks around a block in the prediction of its mean, by how many axes they are away along.

@@ -2,6 +2,7 @@
 
 use super::recovery::{Gap, Recovery};
 use crate::backend::{Backend, MainFrame};
+use crate::colour::{ColourDecoder, ColourFrame};
 use crate::decoder::failure::Failure;
 use crate::decoder::sequence::Sequence;
 use crate::decoder::{FrameFacts, Limits};
@@ -22,6 +23,7 @@ use isv_kernels::block8::SAMPLES;
 use isv_volume::{BlockSet, Grid, VoxelMask};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use tracing::debug_span;
 
 /// [`crate::Decoder`] for streams of profile `main`.
@@ -34,6 +36,8 @@ pub(crate) struct MainDecoder<B: Backend> {
     /// Whether and how it goes on after a loss.
     recovery: Recovery,
     sequence: Sequence,
+    /// Whoever wants no colour has none of this.
+    colour: Option<ColourDecoder>,
 }
 
 /// What a frame leaves behind.
@@ -48,7 +52,18 @@ impl<B: Backend> MainDecoder<B> {
     pub(crate) fn new(grid: Grid, limits: Limits) -> Self {
         let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
-        Self { parameters, limits, entropy, reference: None, recovery: Recovery::default(), sequence }
+        let recovery = Recovery::default();
+        Self { parameters, limits, entropy, reference: None, recovery, sequence, colour: None }
+    }
+
+    /// See [`crate::Decoder::keep_colour`].
+    pub(crate) fn keep_colour(&mut self, layers: u8) {
+        self.colour = (layers > 0).then(|| ColourDecoder::new(layers));
+    }
+
+    /// See [`crate::Decoder::colour`].
+    pub(crate) fn colour(&self) -> Option<&Arc<ColourFrame>> {
+        self.colour.as_ref()?.frame()
     }
 
     /// See [`crate::Decoder::recover`].
@@ -108,6 +123,9 @@ impl<B: Backend> MainDecoder<B> {
 
     /// See [`crate::Decoder::lose_packet`].
     pub(crate) fn lose(&mut self) {
+        if let Some(colour) = &mut self.colour {
+            colour.lose();
+        }
         let last = self.reference.take();
         self.reference = self.recovery.lose(last, |frame| B::main_blocks(frame).coded.len());
     }
@@ -186,6 +204,7 @@ impl<B: Backend> MainDecoder<B> {
             .read_frame(&payload, &main, symbols, plan, (reference, gap), backend, details)
             .map_err(|failure| failure.of(packet, self.sequence))?;
         let inexact_blocks = decoded.exact.as_ref().map_or(0, ExactBlocks::inexact);
+        self.decode_colour(packet, &decoded.frame, inexact_blocks == 0, backend)?;
         let facts = FrameFacts {
             timestamp_ns: packet.header.timestamp_ns,
             keyframe,
@@ -193,6 +212,30 @@ impl<B: Backend> MainDecoder<B> {
             inexact_blocks,
         };
         Ok((decoded, facts))
+    }
+
+    /// Decodes the colour of a frame, if it is wanted.
+    fn decode_colour(
+        &mut self,
+        packet: &Packet,
+        frame: &B::Main,
+        is_exact: bool,
+        backend: &mut B,
+    ) -> Result<(), DecodeError> {
+        let Some(colour) = &mut self.colour else { return Ok(()) };
+        let field = backend.main_field(frame)?;
+        debug_span!("colour").in_scope(|| match packet.colour()? {
+            Some(bytes) => {
+                let at = packet.payload_at() + packet.geometry()?.len() as u64;
+                let (frame, packet_at) = (self.sequence.frames(), packet.at);
+                let decoded = colour.decode(&field, bytes, at, is_exact).map(drop);
+                decoded.map_err(|cause| DecodeError::Colour { frame, at: packet_at, cause })
+            }
+            None => {
+                colour.carry_over(&field);
+                Ok(())
+            }
+        })
     }
 
     /// A frame without blocks.

@@ -21,6 +21,7 @@ use isv_decode::main::{BlockMode, CausalBlocks, Vector};
 use isv_format::{ColourHeader, ColourKind, ColourPayload, SliceLayout};
 use isv_volume::{ColourSample, SparseVolume};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Blocks that a thread works on at a time.
 const CHUNK: usize = 16;
@@ -47,6 +48,16 @@ pub struct ColourSettings {
 impl Default for ColourSettings {
     fn default() -> Self {
         Self { layers: 2, key_step: 20.0, step: 40.0, chroma: 1.4, lambda: 0.15, rounds: 3, checksums: false }
+    }
+}
+
+impl ColourSettings {
+    /// Settings of a quality, 0 to 100: each 20 more halve the quantizer steps.
+    #[must_use]
+    pub fn of_quality(quality: f32, layers: u8) -> Self {
+        let scale = ((50.0 - quality.clamp(0.0, 100.0)) / 20.0).exp2();
+        let usual = Self::default();
+        Self { layers, key_step: usual.key_step * scale, step: usual.step * scale, ..usual }
     }
 }
 
@@ -83,7 +94,7 @@ impl ColourEncoder {
 
     /// The last frame as decoders have it; `None` before the first.
     #[must_use]
-    pub fn reconstruction(&self) -> Option<&ColourFrame> {
+    pub fn reconstruction(&self) -> Option<&Arc<ColourFrame>> {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
@@ -112,7 +123,7 @@ impl ColourEncoder {
             self.entropy = ColourSlices::default();
         }
         // Models that have learned what this frame is like: those of the last one of its kind, or of a first attempt.
-        let before = reference.as_ref().map(|reference| &reference.frame);
+        let before = reference.as_ref().map(|reference| &*reference.frame);
         let coords = shape.cells().coords();
         let causal = CausalBlocks::new(coords, SliceLayout::new(coords.len(), 1).ranges());
         let known = match &reference {
@@ -163,7 +174,7 @@ impl ColourEncoder {
             layer_bytes: sizes,
             inter_share: inter as f64 / symbols.modes.len().max(1) as f64,
         };
-        self.reference = Some(ColourReference::new(frame, &symbols));
+        self.reference = Some(ColourReference::new(Arc::new(frame), &symbols));
         encoded
     }
 

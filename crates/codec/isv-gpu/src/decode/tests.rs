@@ -86,6 +86,10 @@ impl Backend for Both {
         Cpu::main_volume(&frame.0)
     }
 
+    fn main_field(&mut self, frame: &Self::Main) -> Result<SparseVolume, BackendError> {
+        self.gpu.main_field(&frame.1)
+    }
+
     fn crossed_corners(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
         self.gpu.crossed_corners(&frame.1)
     }

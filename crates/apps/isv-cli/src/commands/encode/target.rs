@@ -53,7 +53,7 @@ impl TargetArgs {
     }
 }
 
-fn quality(text: &str) -> Result<f32, String> {
+pub(super) fn quality(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|number| (0.0..=100.0).contains(number));
     number.ok_or_else(|| "a quality is a number from 0 to 100".to_owned())
 }

@@ -65,7 +65,7 @@ fn decode_with_a_loss(name: &str, falls_back: bool) -> Option<Result<usize, Deco
     let mut packets = PacketReader::new(BufReader::new(File::open(path).unwrap())).unwrap();
     let header = *packets.header();
     let limits = Limits::default();
-    let mut decoder = bench.device.decoder(&header, limits, Lod::Full, &bench.observer).unwrap();
+    let mut decoder = bench.device.decoder(&header, limits, Lod::Full, false, &bench.observer).unwrap();
     let mut oracle = Decoder::new(&header, limits);
     let mut frames = 0;
     while let Some(packet) = packets.next_frame().unwrap() {

@@ -2,10 +2,10 @@
 
 use super::modes::BlockBefore;
 use crate::colour::frame::ColourShape;
-use crate::colour::morton::{interleave, position};
+use crate::colour::morton::{interleave, wide_position};
 use crate::colour::symbols::{Coefficient, LayerCoefficients};
 use crate::colour::transform::{MAX_LEVEL, differences};
-use crate::colour::tree::{BlockTree, UPPER_LEVELS};
+use crate::colour::tree::BlockTree;
 use crate::main::{BlockMode, CausalBlocks};
 use crate::shared::syntax::SyntaxError;
 use isv_entropy::{BitModel, RangeDecoder};
@@ -412,12 +412,7 @@ impl NodeEnergies {
     #[must_use]
     pub fn around(&self, level: usize, place: usize) -> (usize, usize) {
         let parent = if level == 0 { self.root } else { u32::from(self.above[place >> 3]) };
-        let at = if level <= UPPER_LEVELS {
-            position(place)
-        } else {
-            let high = position(place >> 3);
-            [0, 1, 2].map(|axis| 2 * high[axis] + (place >> axis & 1))
-        };
+        let at = wide_position(place);
         let neighbours: u32 = (0..3)
             .filter(|axis| at[*axis] > 0)
             .map(|axis| {
