@@ -75,8 +75,9 @@ fn a_texture_lies_where_its_coordinates_say() {
 
 #[test]
 fn large_triangles_look_like_small_ones_in_perspective() {
-    let texture =
-        |x: u32, y: u32| [(x * 8) as u8, (y * 8) as u8, if (x / 4 + y / 4) % 2 == 0 { 40 } else { 200 }];
+    let texture = |x: u32, y: u32| {
+        [(x * 8) as u8, (y * 8) as u8, if (x / 4 + y / 4).is_multiple_of(2) { 40 } else { 200 }]
+    };
     let steep = Camera { opening_degrees: 100.0, ..camera() }.from_direction(55.0, 25.0);
     let [large, small] = [1, 64].map(|parts| render(&square(parts, textured(32, texture)), &steep, &COLOUR));
     let covered = |p: &Picture| p.rgba().chunks(4).filter(|p| p[3] == 255).count();
