@@ -194,41 +194,29 @@ impl ColourEncoder {
             .iter()
             .map(|before| before.and_then(|before| before.vector).into_iter().collect())
             .collect();
-        let (vectors, errors) = motion.run(search.steps, &start);
-        let mode = |((vector, error), wanted): ((Vector, f32), &Vec<[f32; 3]>)| {
-            let spread = spread(wanted);
-            match error < 0.8 * spread + 0.5 * step * step / 12.0 {
-                true => BlockMode::New { vector },
-                false => BlockMode::Spatial,
-            }
+        let vectors = motion.run(search.steps, &start);
+        let spreads: Vec<f32> = wanted.par_iter().map(|values| spread(values)).collect();
+        let coords = shape.cells().coords();
+        let causal = CausalBlocks::new(coords, SliceLayout::new(coords.len(), 1).ranges());
+        let blocks = ModeBlocks {
+            range: 0..coords.len(),
+            causal: &causal,
+            before: &known,
+            predicts: true,
+            max_depth: self.settings.layers - 1,
         };
-        let modes = vectors.into_iter().zip(errors).zip(wanted).map(mode).collect();
-        merged(shape, modes, &known)
-    }
-}
-
-/// The same modes, where blocks whose vectors are those of candidates merge with these.
-fn merged(shape: &ColourShape, mut modes: Vec<BlockMode>, known: &[Option<BlockBefore>]) -> Vec<BlockMode> {
-    let coords = shape.cells().coords();
-    let causal = CausalBlocks::new(coords, SliceLayout::new(coords.len(), 1).ranges());
-    for block in 0..modes.len() {
-        if let Some(vector) = modes[block].vector() {
-            let blocks = ModeBlocks {
-                range: 0..modes.len(),
-                causal: &causal,
-                before: known,
-                predicts: true,
-                max_depth: 0,
-            };
+        let mut models = self.entropy.clone().slices(1)[0].modes.clone();
+        let mut chooser = motion.chooser();
+        let mut modes: Vec<BlockMode> = Vec::with_capacity(vectors.len());
+        for (block, vector) in vectors.into_iter().enumerate() {
             let context = syntax::modes::context(&blocks, block, &modes);
-            let candidate = context.candidates.as_slice().iter().position(|candidate| *candidate == vector);
-            modes[block] = match candidate {
-                Some(candidate) => BlockMode::Merged { candidate: candidate as u8, vector },
-                None => BlockMode::New { vector },
-            };
+            let most = 0.8 * spreads[block] + 0.5 * step * step / 12.0;
+            let mode = chooser.choose(block, vector, &context, &mut models.modes, most);
+            syntax::modes::learn(&mut models.modes, &context, mode);
+            modes.push(mode);
         }
+        modes
     }
-    modes
 }
 
 /// Mean squared distance of values from their mean.

@@ -6,7 +6,10 @@ use isv_decode::colour::ColourShape;
 use isv_decode::colour::compensation::predict_leaf;
 use isv_decode::colour::frame::Reader;
 use isv_decode::colour::tree::{BlockTree, UPPER_LEVELS};
-use isv_decode::main::Vector;
+use crate::main::syntax::modes::{self as main_modes, merge_bits};
+use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
+use isv_decode::main::{BlockMode, Vector};
+use isv_entropy::BitCount;
 use isv_volume::NeighbourFinder;
 use rayon::prelude::*;
 
@@ -124,8 +127,8 @@ impl<'a> MotionSearch<'a> {
         sum / probes.len().max(1) as f32
     }
 
-    /// The best vectors, and the mean squared error of each. `start`: vectors to begin from, of other searches or of geometry.
-    pub(crate) fn run(&self, steps: &[i16], start: &[Vec<Vector>]) -> (Vec<Vector>, Vec<f32>) {
+    /// The best vectors. `start`: vectors to begin from, of other searches or of geometry.
+    pub(crate) fn run(&self, steps: &[i16], start: &[Vec<Vector>]) -> Vec<Vector> {
         let count = self.counts.len();
         let mut vectors = vec![Vector::ZERO; count];
         for (round, step) in std::iter::once(&0).chain(steps).enumerate() {
@@ -179,14 +182,55 @@ impl<'a> MotionSearch<'a> {
                 .collect();
             vectors = found.into_iter().map(|(vector, _)| vector).collect();
         }
-        // What was minimized has the vectors' bits in it.
-        let exact = |(block, vector): (usize, &Vector)| {
-            let mut reader = Reader::new(self.before);
-            reader.turn_to(self.shape.cells().coords()[block]);
-            self.error(&mut reader, block, *vector, f32::INFINITY)
+        vectors
+    }
+
+    /// What chooses modes once vectors were searched for.
+    pub(crate) fn chooser(&self) -> ModeChooser<'_> {
+        ModeChooser { search: self, reader: Reader::new(self.before) }
+    }
+}
+
+/// Chooses how each block is predicted, by error and by what its mode takes.
+#[derive(Debug)]
+pub(crate) struct ModeChooser<'a> {
+    search: &'a MotionSearch<'a>,
+    reader: Reader<'a>,
+}
+
+impl ModeChooser<'_> {
+    /// The mode of a block, given its best vector. `most`: mean squared error from which it is better predicted from its own frame.
+    pub(crate) fn choose(
+        &mut self,
+        block: usize,
+        vector: Vector,
+        context: &ModeContext,
+        models: &mut ModeModels,
+        most: f32,
+    ) -> BlockMode {
+        let search = self.search;
+        self.reader.turn_to(search.shape.cells().coords()[block]);
+        let a_bit = search.lambda / search.counts[block].max(1) as f32;
+        let mut best = (f32::INFINITY, f32::INFINITY, BlockMode::Spatial);
+        let mut offer = |mode: BlockMode, bits: f32| {
+            let Some(vector) = mode.vector() else { return };
+            let error = search.error(&mut self.reader, block, vector, best.0 - a_bit * bits);
+            let cost = error + a_bit * bits;
+            if cost < best.0 {
+                best = (cost, error, mode);
+            }
         };
-        let errors = vectors.par_iter().enumerate().map(|(block, vector)| exact((block, vector))).collect();
-        (vectors, errors)
+        let merging = merge_bits(models, context);
+        for ((candidate, vector), bits) in (0..).zip(context.candidates.as_slice()).zip(merging) {
+            offer(BlockMode::Merged { candidate, vector: *vector }, bits);
+        }
+        if !context.candidates.as_slice().contains(&vector) {
+            let mode = BlockMode::New { vector };
+            let mut bits = BitCount::default();
+            main_modes::write(models, &mut bits, context, mode, 1);
+            offer(mode, bits.0);
+        }
+        if best.1 < most { best.2 } else { BlockMode::Spatial }
     }
 }
 

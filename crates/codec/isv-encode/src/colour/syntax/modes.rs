@@ -3,7 +3,7 @@
 use crate::main::syntax::modes as main_modes;
 use isv_decode::colour::syntax::modes::{ColourModeModels, DepthContext, ModeBlocks};
 use isv_decode::main::BlockMode;
-use isv_decode::main::syntax::modes::ModeContext;
+use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
 use isv_entropy::RangeEncoder;
 
 /// Writes the modes and depths of a slice's blocks. `modes`, `depths`: of all blocks of the frame.
@@ -35,4 +35,9 @@ pub(crate) fn context(blocks: &ModeBlocks, block: usize, modes: &[BlockMode]) ->
         |n| modes[n],
         blocks.before[block].map(|before| before.for_modes()),
     )
+}
+
+/// Lets models learn from the mode of a block, without writing it.
+pub(crate) fn learn(models: &mut ModeModels, context: &ModeContext, mode: BlockMode) {
+    main_modes::write(models, &mut RangeEncoder::new(), context, mode, 1);
 }
