@@ -95,7 +95,10 @@ fn save_coloured(seeds: &mut Seeds) -> Result<()> {
     }
     seeds.save("ply", PLY_TEXTURES.as_bytes())?;
     seeds.save("off", b"COFF\n3 1 0\n0 0 0 1 0 0 1\n1 0 0 0 1 0 1\n0 1 0 0 0 1 1\n3 0 1 2 0.5 0.5 0.5\n")?;
-    seeds.save("pcd", b"FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nPOINTS 1\nDATA ascii\n1 2 3 4.2107520e+06\n")?;
+    seeds.save(
+        "pcd",
+        b"FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nPOINTS 1\nDATA ascii\n1 2 3 4.2107520e+06\n",
+    )?;
     seeds.save("xyz", b"# x y z r g b\n1 2 3 255 0 0\n")?;
     let points = PointCloud { colours: vec![[1, 2, 3]; 20], ..points() };
     for format in [Format::Ply, Format::Pcd, Format::Xyz] {

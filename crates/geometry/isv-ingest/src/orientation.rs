@@ -313,7 +313,9 @@ mod tests {
         // The same face once more, at the start.
         mesh.triangles.insert(0, mesh.triangles[30]);
         let places = |triangle: &[u32; 3]| {
-            triangle.map(|vertex| [mesh.vertices[vertex as usize].x as f32, mesh.vertices[vertex as usize].y as f32])
+            triangle.map(|vertex| {
+                [mesh.vertices[vertex as usize].x as f32, mesh.vertices[vertex as usize].y as f32]
+            })
         };
         let mut coloured = mesh.clone();
         coloured.appearance = Some(Arc::new(isv_volume::Appearance {

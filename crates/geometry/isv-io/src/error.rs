@@ -190,7 +190,7 @@ pub enum Malformation {
     /// A material library that the file names and that cannot be read, though it is there.
     #[error("material library `{name}`: {fault}")]
     Library {
-        /// Its name, shortened.
+        /// Name of the library, shortened.
         name: String,
         /// Reason why it cannot be read.
         fault: ImageFault,

@@ -94,7 +94,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// What a vertex has beside its position.
+/// Values of a vertex beside its position.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     normals: bool,

@@ -222,8 +222,11 @@ impl Appearance {
     /// If a face is not there.
     #[must_use]
     pub fn of_faces(&self, faces: impl Iterator<Item = (usize, bool)>) -> Self {
-        let mut kept =
-            Self { vertex_colours: self.vertex_colours.clone(), materials: self.materials.clone(), ..Self::default() };
+        let mut kept = Self {
+            vertex_colours: self.vertex_colours.clone(),
+            materials: self.materials.clone(),
+            ..Self::default()
+        };
         for (face, is_turned) in faces {
             if !self.texture_coordinates.is_empty() {
                 let [a, b, c] = self.texture_coordinates[face];

@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 /// The number of a texture coordinate that a corner does not have, and of a material that a face does not have.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What the records so far say of colours.
+/// Colours of the records so far.
 #[derive(Debug)]
 pub(super) struct Colours {
     vertices: RawColours,
