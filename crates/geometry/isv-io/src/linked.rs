@@ -96,25 +96,27 @@ impl<'a> Linked<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use isv_testfiles::image::png;
+    use isv_testfiles::image::four_colours;
 
     #[test]
     fn many_images_of_few_bytes_are_refused() {
-        // A grey image of 4 million pixels.
-        let bytes = png(1 << 11, png::ColorType::Grayscale, png::BitDepth::One, &vec![0; 1 << 19]);
-        let mut linked = Linked::new(None);
-        assert!(bytes.len() < 800, "{} bytes", bytes.len());
-        let mut decode = || linked.decode(&bytes, "a.png").map(|image| image.width());
-        for _ in 0..4 {
-            assert_eq!(decode(), Ok(1 << 11));
-        }
-        assert_eq!(decode(), Err(ImageFault::Total { limit: LEAST_PIXELS }.of_image("a.png")));
+        let image = four_colours();
+        // As if images of no bytes had come before.
+        let mut linked = Linked { pixels: LEAST_PIXELS - 4, ..Linked::new(None) };
+        assert!(linked.decode(&image, "a.png").is_ok());
+        let refused = linked.decode(&image, "a.png").unwrap_err();
+        assert_eq!(refused, ImageFault::Total { limit: LEAST_PIXELS }.of_image("a.png"));
+        let mut linked = Linked { pixels: LEAST_PIXELS, bytes: LEAST_PIXELS, ..Linked::new(None) };
+        assert!(linked.decode(&image, "a.png").is_ok(), "the bytes are there");
+        let mut linked = Linked { pixels: MAX_PIXELS, bytes: u64::MAX / 2, ..Linked::new(None) };
+        let refused = linked.decode(&image, "a.png").unwrap_err();
+        assert_eq!(refused, ImageFault::Total { limit: MAX_PIXELS }.of_image("a.png"));
     }
 
     #[test]
     fn images_come_from_the_folder_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("a.png"), isv_testfiles::image::four_colours()).unwrap();
+        std::fs::write(folder.path().join("a.png"), four_colours()).unwrap();
         let path = folder.path().join("frame.obj");
         let mut linked = Linked::beside(&path);
         let first = linked.image("a.png").unwrap();

@@ -117,11 +117,7 @@ pub(super) fn name_of(uri: &str) -> Result<Cow<'_, str>, &'static str> {
     let scheme = decoded
         .split_once(':')
         .is_some_and(|(scheme, _)| scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b)));
-    if scheme {
-        Err("is absolute or remote; buffers and images must lie beside the file")
-    } else {
-        Ok(decoded)
-    }
+    if scheme { Err(REMOTE) } else { Ok(decoded) }
 }
 
 /// Reads a file that has at least the bytes that are wanted.
