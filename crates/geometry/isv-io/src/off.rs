@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn faults_say_where_and_what() {
         let fault = |text: &str, line, why| {
-            assert_eq!(parse(text.as_bytes(), false).unwrap_err(), Flaw::at_line(line, why))
+            assert_eq!(parse(text.as_bytes(), false).unwrap_err(), Flaw::at_line(line, why));
         };
         fault("", 0, Malformation::NotOff);
         fault("ply\n", 1, Malformation::NotOff);

@@ -146,7 +146,7 @@ impl Colours {
                 }
                 let bytes = linked.read_if_there(&name).map_err(|fault| {
                     let name = quote(name.as_bytes());
-                    Flaw::in_object("mtllib", index, Malformation::Library { name, fault })
+                    Flaw::in_object("mtllib", index, Malformation::Library { name, fault: Box::new(fault) })
                 })?;
                 for material in mtl::parse(&bytes.unwrap_or_default()) {
                     materials.entry(material.name.clone()).or_insert(material);
