@@ -7,11 +7,12 @@ use isv::raw::ingest::{
     ingest_points, turn_faces,
 };
 use isv::raw::io::{
-    Animation, DenseAxes, DenseOptions, DepthSequence, FrameStream, InvalidPoints, SampleAt, Unit,
-    VolumeError, VolumeSequence, hush_foreign_panics, parse_geometry_with,
+    Animation, Colours, DenseAxes, DenseOptions, DepthSequence, FrameStream, Geometry, InvalidPoints,
+    ReadOptions, SampleAt, Unit, VolumeError, VolumeSequence, decode_image, hush_foreign_panics,
+    parse_geometry_as, read_geometry_as,
 };
 use isv::raw::volume::{BlockEdge, Grid, PointCloud, TriangleMesh, Truncation, VoxelSize};
-use isv_testfiles::{exr, png};
+use isv_testfiles::{exr, image, png};
 use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::fs;
@@ -29,16 +30,48 @@ const DEPTH_FRAMES: usize = 2;
 /// Most blocks of a volume that is made.
 const MAX_BLOCKS: usize = 1000;
 
-/// Reads a file of meshes or points, as it is and without invalid points; the name tells its format. What is read has finite places,
-/// and no place at all where there is no surface.
+/// Reads a file of meshes or points, as it is, without invalid points, and with its colours; the name tells its format. What is read
+/// has finite places, and no place at all where there is no surface.
 pub fn read_geometry(name: &str, bytes: &[u8]) {
     hush_foreign_panics();
-    for invalid in [InvalidPoints::Refuse, InvalidPoints::Drop] {
-        if let Ok(geometry) = parse_geometry_with(Path::new(name), bytes, Unit::Metre, invalid) {
-            let bounds = geometry.bounds();
-            assert_eq!(bounds.is_none(), geometry.is_empty());
-            assert!(bounds.is_none_or(|(lo, hi)| lo.is_finite() && hi.is_finite()));
+    let plain = ReadOptions::new(Unit::Metre);
+    let options =
+        [plain, plain.with_invalid_points(InvalidPoints::Drop), plain.with_colours(Colours::Keep)];
+    for options in options {
+        if let Ok(geometry) = parse_geometry_as(Path::new(name), bytes, &options) {
+            check(&geometry);
         }
+    }
+}
+
+fn check(geometry: &Geometry) {
+    let bounds = geometry.bounds();
+    assert_eq!(bounds.is_none(), geometry.is_empty());
+    assert!(bounds.is_none_or(|(lo, hi)| lo.is_finite() && hi.is_finite()));
+    let Geometry::Mesh(mesh) = geometry else { return };
+    if let (Some(appearance), Some(triangle)) = (&mesh.appearance, mesh.triangles.first()) {
+        let colour = appearance.colour(0, *triangle, [0.25, 0.25, 0.5]);
+        assert!(colour.iter().all(|value| (-0.5..=255.5).contains(value)), "{colour:?}");
+    }
+}
+
+/// Reads an OBJ file with a material library, which begins where `newmtl` does, and a sound image.
+pub fn read_materials(bytes: &[u8]) {
+    let (obj, mtl) = split(bytes, b"newmtl");
+    let standing = || vec![("a.png", image::four_colours())];
+    in_folder(standing, &[("frame.obj", obj), ("frame.mtl", mtl)], |folder| {
+        let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
+        if let Ok(geometry) = read_geometry_as(&folder.join("frame.obj"), &options) {
+            check(&geometry);
+        }
+    });
+}
+
+/// Decodes an image of a texture.
+pub fn read_image(bytes: &[u8]) {
+    hush_foreign_panics();
+    if let Ok(image) = decode_image(bytes, "image") {
+        assert_eq!(image.pixels().len() as u64, u64::from(image.width()) * u64::from(image.height()));
     }
 }
 
@@ -59,14 +92,15 @@ pub fn read_pipe(bytes: &[u8]) {
 fn read_frames(bytes: &[u8]) {
     hush_foreign_panics();
     if let Ok(frames) = FrameStream::new(bytes, Unit::Metre) {
-        frames.for_each(drop);
+        frames.with_colours(Colours::Keep).for_each(drop);
     }
 }
 
 /// Poses the first frames of all animations of a GLB.
 pub fn play_animation(bytes: &[u8]) {
     hush_foreign_panics();
-    let Ok(mut animation) = Animation::parse(Path::new("frame.glb"), bytes, Unit::Metre) else { return };
+    let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
+    let Ok(mut animation) = Animation::parse_with(Path::new("frame.glb"), bytes, &options) else { return };
     let animations = animation.names().len();
     for index in 0..animations {
         if animation.select(index).is_ok() {

@@ -3,9 +3,10 @@
 use super::{Seeds, tetrahedron};
 use anyhow::Result;
 use glam::DVec3;
-use isv::raw::io::{Format, write_mesh_to, write_points_to};
-use isv::raw::volume::PointCloud;
-use isv_testfiles::{e57, lidar, pcd, ply, tar, text};
+use isv::raw::io::{Format, decode_image, write_mesh_to, write_points_to};
+use isv::raw::volume::{Appearance, Material, PointCloud, TriangleMesh};
+use isv_testfiles::{e57, image, lidar, pcd, ply, tar, text};
+use std::sync::Arc;
 
 pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
     save_written(seeds)?;
@@ -37,6 +38,7 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
     seeds.save("pcd", PCD_IMAGE.as_bytes())?;
     seeds.save("pcd", &pcd_with_long_repeats())?;
     save_lidar(seeds)?;
+    save_coloured(seeds)?;
     for scans in [
         vec![e57::cartesian(None)],
         vec![e57::cartesian(Some(e57::quarter_turn()))],
@@ -68,6 +70,73 @@ fn save_written(seeds: &mut Seeds) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Files with colours, and images of textures.
+fn save_coloured(seeds: &mut Seeds) -> Result<()> {
+    for (_, bytes, _) in image::gradients() {
+        seeds.save("image", &bytes)?;
+    }
+    for bytes in [image::GREY_JPEG, image::ASTC_KTX2, &image::four_colours()] {
+        seeds.save("image", bytes)?;
+    }
+    for mesh in [coloured(), textured()?] {
+        for format in [Format::Ply, Format::Obj, Format::Glb] {
+            let mut bytes = Vec::new();
+            write_mesh_to(&mut bytes, &mesh, format)?;
+            seeds.save(format.extension(), &bytes)?;
+            if format == Format::Glb {
+                seeds.save("animation", &bytes)?;
+            }
+        }
+    }
+    for text in [MATERIALS, MATERIAL_OPTIONS] {
+        seeds.save("obj", text.as_bytes())?;
+    }
+    seeds.save("ply", PLY_TEXTURES.as_bytes())?;
+    seeds.save("off", b"COFF\n3 1 0\n0 0 0 1 0 0 1\n1 0 0 0 1 0 1\n0 1 0 0 0 1 1\n3 0 1 2 0.5 0.5 0.5\n")?;
+    seeds.save(
+        "pcd",
+        b"FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nPOINTS 1\nDATA ascii\n1 2 3 4.2107520e+06\n",
+    )?;
+    seeds.save("xyz", b"# x y z r g b\n1 2 3 255 0 0\n")?;
+    let points = PointCloud { colours: vec![[1, 2, 3]; 20], ..points() };
+    for format in [Format::Ply, Format::Pcd, Format::Xyz] {
+        let mut bytes = Vec::new();
+        write_points_to(&mut bytes, &points, format)?;
+        seeds.save(format.extension(), &bytes)?;
+    }
+    Ok(())
+}
+
+/// An OBJ file and its library, whose first material begins it.
+const MATERIALS: &str = "mtllib frame.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\n\
+    f 1/1 2/2 3/3\nusemtl b\nf 1/1 2/2 3\nnewmtl a\nKd 1 0.5 0\nmap_Kd a.png\nnewmtl b\nKd 0 0 1\n";
+const MATERIAL_OPTIONS: &str = "mtllib frame.mtl\nv 0 0 0\nv 4 1 0\nv 0 2 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\n\
+    f 1/-3 2/-2 3/-1 4/1\nnewmtl a\nmap_Kd -s 1 2 3 -o 0.5 -clamp on -mm 0 1 -imfchan m ./a.png\n";
+
+/// Two textures, of which the faces say which is theirs.
+const PLY_TEXTURES: &str = "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 3\nproperty float x\nproperty float y\n\
+    property float z\nproperty float s\nproperty float t\nelement face 2\nproperty list uchar int vertex_indices\n\
+    property list uchar float texcoord\nproperty int texnumber\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+    end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2 6 0 0 1 0 0 1 0 1 2 3\n3 0 1 2 0 -1 4 5 6\n";
+
+fn coloured() -> TriangleMesh {
+    let vertex_colours = vec![[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]];
+    let appearance = Appearance { vertex_colours, ..Appearance::default() };
+    TriangleMesh { appearance: Some(Arc::new(appearance)), ..tetrahedron() }
+}
+
+fn textured() -> Result<TriangleMesh> {
+    let image = Arc::new(decode_image(&image::four_colours(), "seed")?);
+    let skin = Material { texture: Some(image), ..Material::default() };
+    let appearance = Appearance {
+        texture_coordinates: vec![[[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]]; 4],
+        face_materials: vec![0, 1, 0, 1],
+        materials: vec![skin, Material { base_colour: [0.5; 3], ..Material::default() }],
+        ..Appearance::default()
+    };
+    Ok(TriangleMesh { appearance: Some(Arc::new(appearance)), ..tetrahedron() })
 }
 
 fn points() -> PointCloud {

@@ -1,7 +1,7 @@
 //! Images of textures, as other programs write them. All that are not grey show the same gradient of 16 x 16 pixels; `make.py` beside
 //! the files has made those that no crate of ours writes.
 
-use png::{BitDepth, ColorType, Encoder};
+use png::{BitDepth, ColorType, Compression, Encoder};
 
 /// Pixels of a side.
 pub const SIDE: u32 = 16;
@@ -67,6 +67,7 @@ pub fn png(columns: u32, colour: ColorType, depth: BitDepth, samples: &[u8]) -> 
     let mut encoder = Encoder::new(&mut bytes, columns, rows as u32);
     encoder.set_color(colour);
     encoder.set_depth(depth);
+    encoder.set_compression(Compression::High);
     if colour == ColorType::Indexed {
         encoder.set_palette(vec![255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 8, 7]);
     }

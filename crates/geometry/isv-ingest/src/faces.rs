@@ -4,6 +4,7 @@ use isv_spatial::{PositionKey, PositionSet, position_key};
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// The mesh without faces that have no area at all: an edge or a point, which in an offset shell would become a spike or a
 /// ball. Slivers stay.
@@ -32,6 +33,8 @@ fn keep(mesh: &TriangleMesh, kept: Vec<bool>) -> Cow<'_, TriangleMesh> {
         return Cow::Borrowed(mesh);
     }
     let mut thinned = mesh.clone();
+    let faces = (0..kept.len()).filter(|face| kept[*face]).map(|face| (face, false));
+    thinned.appearance = mesh.appearance.as_ref().map(|look| Arc::new(look.of_faces(faces)));
     let mut kept = kept.into_iter();
     thinned.triangles.retain(|_| kept.next() == Some(true));
     Cow::Owned(thinned)

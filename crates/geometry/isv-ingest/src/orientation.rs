@@ -11,6 +11,7 @@ use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::hash_map::Entry;
+use std::sync::Arc;
 
 /// Share of a part's area whose faces agree already, from which on their side is kept; below it outside is where the part's volume is
 /// positive.
@@ -136,13 +137,16 @@ struct Edge {
 }
 
 /// Turns faces so that those on both sides of an edge agree, and keeps one of faces with the same corners. `None` if all agree already.
+/// Faces keep their colours.
 fn turn(mesh: &TriangleMesh, doubles: Doubles) -> Option<Turned> {
     // Vertices at one place are one.
     let welded = Weld::new(&mesh.vertices).positions;
     let mut seen: PositionMap<[u32; 3]> = PositionMap::default();
     let mut backs = 0;
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
-    for triangle in &mesh.triangles {
+    // Places of the kept faces among all, which their colours need.
+    let mut kept: Vec<usize> = Vec::new();
+    for (face, triangle) in mesh.triangles.iter().enumerate() {
         let mut corners = triangle.map(|vertex| welded[vertex as usize]);
         // The same face always starts with the same corner.
         let lowest = (0..3).min_by_key(|corner| corners[*corner]).unwrap_or(0);
@@ -157,6 +161,9 @@ fn turn(mesh: &TriangleMesh, doubles: Doubles) -> Option<Turned> {
             Entry::Vacant(place) => {
                 place.insert(corners);
                 triangles.push(*triangle);
+                if mesh.appearance.is_some() {
+                    kept.push(face);
+                }
             }
         }
     }
@@ -201,8 +208,12 @@ fn turn(mesh: &TriangleMesh, doubles: Doubles) -> Option<Turned> {
             triangle.swap(1, 2);
         }
     }
+    let appearance = mesh.appearance.as_ref().map(|look| {
+        let is_turned = turned.turned.iter().map(|turned| *turned == Some(true));
+        Arc::new(look.of_faces(kept.iter().copied().zip(is_turned)))
+    });
     let (vertices, normals) = (mesh.vertices.clone(), Vec::new());
-    Some(Turned { mesh: TriangleMesh { vertices, normals, triangles, appearance: None }, is_watertight })
+    Some(Turned { mesh: TriangleMesh { vertices, normals, triangles, appearance }, is_watertight })
 }
 
 /// Whether each face is turned over; not known yet of faces that were not reached.
@@ -292,6 +303,31 @@ mod tests {
                 .map(|face| [3 * face, 3 * face + 1, 3 * face + 2])
                 .collect(),
             appearance: None,
+        }
+    }
+
+    #[test]
+    fn faces_keep_their_colours() {
+        let mut mesh = crate::faces::with_area(&sphere(0.4, 8)).into_owned();
+        turn_some(&mut mesh, |face| face == 17);
+        // The same face once more, at the start.
+        mesh.triangles.insert(0, mesh.triangles[30]);
+        let places = |triangle: &[u32; 3]| {
+            triangle.map(|vertex| {
+                [mesh.vertices[vertex as usize].x as f32, mesh.vertices[vertex as usize].y as f32]
+            })
+        };
+        let mut coloured = mesh.clone();
+        coloured.appearance = Some(Arc::new(isv_volume::Appearance {
+            texture_coordinates: mesh.triangles.iter().map(places).collect(),
+            ..isv_volume::Appearance::default()
+        }));
+        let turned = turn_faces(&coloured);
+        turned.validate().unwrap();
+        assert_eq!(turned.triangles.len(), mesh.triangles.len() - 1);
+        let look = turned.appearance.as_ref().unwrap();
+        for (triangle, corners) in turned.triangles.iter().zip(&look.texture_coordinates) {
+            assert_eq!(*corners, places(triangle));
         }
     }
 

@@ -241,7 +241,7 @@ impl ConnectedParts {
     }
 }
 
-/// Copies some faces of a mesh into a mesh of their own.
+/// Copies some faces of a mesh into a mesh of their own, without colours: it is asked for distances alone.
 fn submesh(mesh: &TriangleMesh, faces: &[u32]) -> TriangleMesh {
     let corners = |face: &u32| mesh.corners(*face as usize);
     TriangleMesh {

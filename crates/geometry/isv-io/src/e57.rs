@@ -268,7 +268,7 @@ impl Attributes {
     }
 }
 
-/// Where the colour of a point is, and what its numbers go from and to.
+/// Places of a point's colour, and the ranges of its numbers.
 struct ColourAttributes {
     columns: [usize; 3],
     state: Option<usize>,

@@ -186,14 +186,14 @@ pub enum Malformation {
     },
     /// An image that the file names and that cannot be read.
     #[error(transparent)]
-    Image(#[from] ImageError),
+    Image(Box<ImageError>),
     /// A material library that the file names and that cannot be read, though it is there.
     #[error("material library `{name}`: {fault}")]
     Library {
-        /// Its name, shortened.
+        /// Name of the library, shortened.
         name: String,
         /// Reason why it cannot be read.
-        fault: ImageFault,
+        fault: Box<ImageFault>,
     },
     /// More materials than a mesh can have.
     #[error("its faces have more than {limit} materials")]
@@ -274,6 +274,12 @@ pub enum Malformation {
         /// The index as written.
         text: String,
     },
+}
+
+impl From<ImageError> for Malformation {
+    fn from(error: ImageError) -> Self {
+        Self::Image(Box::new(error))
+    }
 }
 
 /// A text from a file, fit for a message: control characters escaped, at most 40 characters.

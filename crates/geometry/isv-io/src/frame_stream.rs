@@ -51,7 +51,7 @@ pub struct FrameStream<R> {
 
 enum Frames<R> {
     Tar(TarArchive<R>),
-    Ply(PlyFiles<R>),
+    Ply(Box<PlyFiles<R>>),
 }
 
 /// A pipe that gives no frames, or no more.
@@ -133,7 +133,7 @@ impl<R: Read> FrameStream<R> {
         let is_empty = head.is_empty();
         let joined = Cursor::new(head).chain(reader);
         let frames = if is_ply {
-            Frames::Ply(PlyFiles::new(joined))
+            Frames::Ply(Box::new(PlyFiles::new(joined)))
         } else if is_tar {
             Frames::Tar(TarArchive::new(joined))
         } else if is_empty {

@@ -11,6 +11,10 @@ use std::sync::Arc;
 /// Most pixels of all images of a mesh: 768 MiB.
 const MAX_PIXELS: u64 = 1 << 28;
 
+/// Pixels that all images of a mesh may have, however few bytes they have; beyond it, a byte must be there for so many of them.
+const LEAST_PIXELS: u64 = 1 << 24;
+const MOST_PIXELS_A_BYTE: u64 = 4096;
+
 /// Most bytes of a linked file.
 const MAX_BYTES: u64 = 1 << 30;
 
@@ -20,13 +24,15 @@ pub(crate) struct Linked<'a> {
     /// Folder of the frame's file; `None` for a frame that came without files beside it.
     folder: Option<&'a Path>,
     images: HashMap<String, Arc<Image>>,
+    /// Pixels and bytes of all images so far.
     pixels: u64,
+    bytes: u64,
 }
 
 impl<'a> Linked<'a> {
     /// Files beside a frame's file, in a folder; none may be opened without a folder.
     pub(crate) fn new(folder: Option<&'a Path>) -> Self {
-        Self { folder, images: HashMap::new(), pixels: 0 }
+        Self { folder, images: HashMap::new(), pixels: 0, bytes: 0 }
     }
 
     /// Files beside the file at a path.
@@ -78,9 +84,50 @@ impl<'a> Linked<'a> {
     pub(crate) fn decode(&mut self, bytes: &[u8], name: &str) -> Result<Arc<Image>, ImageError> {
         let image = image::decode(bytes).map_err(|fault| fault.of_image(name))?;
         self.pixels += u64::from(image.width()) * u64::from(image.height());
-        if self.pixels > MAX_PIXELS {
-            return Err(ImageFault::Total { limit: MAX_PIXELS }.of_image(name));
+        self.bytes += bytes.len() as u64;
+        let limit = self.bytes.saturating_mul(MOST_PIXELS_A_BYTE).clamp(LEAST_PIXELS, MAX_PIXELS);
+        if self.pixels > limit {
+            return Err(ImageFault::Total { limit }.of_image(name));
         }
         Ok(Arc::new(image))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isv_testfiles::image::four_colours;
+
+    #[test]
+    fn many_images_of_few_bytes_are_refused() {
+        let image = four_colours();
+        // As if images of no bytes had come before.
+        let mut linked = Linked { pixels: LEAST_PIXELS - 4, ..Linked::new(None) };
+        assert!(linked.decode(&image, "a.png").is_ok());
+        let refused = linked.decode(&image, "a.png").unwrap_err();
+        assert_eq!(refused, ImageFault::Total { limit: LEAST_PIXELS }.of_image("a.png"));
+        let mut linked = Linked { pixels: LEAST_PIXELS, bytes: LEAST_PIXELS, ..Linked::new(None) };
+        assert!(linked.decode(&image, "a.png").is_ok(), "the bytes are there");
+        let mut linked = Linked { pixels: MAX_PIXELS, bytes: u64::MAX / 2, ..Linked::new(None) };
+        let refused = linked.decode(&image, "a.png").unwrap_err();
+        assert_eq!(refused, ImageFault::Total { limit: MAX_PIXELS }.of_image("a.png"));
+    }
+
+    #[test]
+    fn images_come_from_the_folder_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.png"), four_colours()).unwrap();
+        let path = folder.path().join("frame.obj");
+        let mut linked = Linked::beside(&path);
+        let first = linked.image("a.png").unwrap();
+        assert!(Arc::ptr_eq(&first, &linked.image("a.png").unwrap()));
+        assert!(
+            linked.image("./gone.png").is_err() && linked.image("").is_err() && linked.image(".").is_err()
+        );
+        assert_eq!(linked.read_if_there("gone.mtl"), Ok(None));
+        assert!(linked.read_if_there("../gone.mtl").is_err());
+        assert_eq!(Linked::new(None).read_if_there("../gone.mtl"), Ok(None));
+        let alone = Linked::new(None).image("a.png").unwrap_err().to_string();
+        assert_eq!(alone, "image `a.png`: its name is another file, and this one came without any");
     }
 }

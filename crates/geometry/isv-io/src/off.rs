@@ -94,7 +94,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// What a vertex has beside its position.
+/// Values of a vertex beside its position.
 #[derive(Clone, Copy, Debug, Default)]
 struct Variant {
     normals: bool,
@@ -277,7 +277,7 @@ mod tests {
     #[test]
     fn faults_say_where_and_what() {
         let fault = |text: &str, line, why| {
-            assert_eq!(parse(text.as_bytes(), false).unwrap_err(), Flaw::at_line(line, why))
+            assert_eq!(parse(text.as_bytes(), false).unwrap_err(), Flaw::at_line(line, why));
         };
         fault("", 0, Malformation::NotOff);
         fault("ply\n", 1, Malformation::NotOff);

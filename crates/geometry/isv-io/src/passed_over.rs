@@ -1,4 +1,4 @@
-//! Content of files that isv does not keep: textures, materials, colours and sound.
+//! Content of files that isv does not keep: sound, and textures, materials and colours where they are dropped.
 
 use crate::text::{lines, words};
 use crate::{Format, e57, las, text};
@@ -16,7 +16,8 @@ const LARGEST: u64 = 1 << 28;
 /// Endings of sound files.
 const SOUNDS: [&str; 8] = ["aac", "aif", "flac", "m4a", "mp3", "ogg", "opus", "wav"];
 
-/// Names of what a frame's file and its folder hold and isv does not keep, such as `textures`; none if there is nothing.
+/// Names of what a frame's file and its folder hold and isv does not keep, such as `textures`; none if there is nothing. Colours are
+/// named, too, which [`Colours::Drop`](crate::Colours::Drop) drops.
 ///
 /// The start of the file is looked at, or the XML of E57. A file that cannot be read holds nothing here: reading it tells.
 #[must_use]

@@ -14,7 +14,7 @@
 //! # Ok::<(), isv_simplify::SimplifyError>(())
 //! ```
 //!
-//! What it does not do: join parts, close holes, remove parts, or keep textures.
+//! What it does not do: join parts, close holes, remove parts, or keep colours. A mesh that loses faces loses its appearance.
 
 mod error;
 mod topology;
@@ -61,7 +61,7 @@ pub struct Budget {
 /// A mesh with fewer faces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simplified {
-    /// The mesh, without normals; the mesh as it was if it kept its faces.
+    /// The mesh, without normals and colours; the mesh as it was if it kept its faces.
     pub mesh: TriangleMesh,
     /// Largest distance found from either surface to the other, in metres.
     ///

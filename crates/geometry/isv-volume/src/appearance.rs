@@ -215,6 +215,30 @@ impl Appearance {
         }
     }
 
+    /// The appearance of some faces of the mesh, in their order; each comes with whether its second and third corner change places. Vertices
+    /// keep their numbers.
+    ///
+    /// # Panics
+    /// If a face is not there.
+    #[must_use]
+    pub fn of_faces(&self, faces: impl Iterator<Item = (usize, bool)>) -> Self {
+        let mut kept = Self {
+            vertex_colours: self.vertex_colours.clone(),
+            materials: self.materials.clone(),
+            ..Self::default()
+        };
+        for (face, is_turned) in faces {
+            if !self.texture_coordinates.is_empty() {
+                let [a, b, c] = self.texture_coordinates[face];
+                kept.texture_coordinates.push(if is_turned { [a, c, b] } else { [a, b, c] });
+            }
+            if !self.face_materials.is_empty() {
+                kept.face_materials.push(self.face_materials[face]);
+            }
+        }
+        kept
+    }
+
     /// Colour at a point of a face, as sRGB of 0 to 255 a channel. `triangle` is the face's vertices, `weights` are the point's
     /// barycentric coordinates.
     ///
@@ -304,6 +328,20 @@ mod tests {
         assert!(matches!(appearance.validate(4, 1), Err(AppearanceError::Count { found: 3, .. })));
         let appearance = Appearance { face_materials: vec![1], ..Appearance::default() };
         assert!(matches!(appearance.validate(3, 1), Err(AppearanceError::Material { material: 1, .. })));
+    }
+
+    #[test]
+    fn some_faces_keep_their_colours() {
+        let corners = |face: f32| [[face, 0.0], [face, 1.0], [face, 2.0]];
+        let appearance = Appearance {
+            vertex_colours: vec![[7; 3]; 4],
+            texture_coordinates: vec![corners(0.0), corners(1.0), corners(2.0)],
+            face_materials: vec![0, 1, 2],
+            materials: vec![Material::default(); 3],
+        };
+        let kept = appearance.of_faces([(2, true), (0, false)].into_iter());
+        assert_eq!(kept.texture_coordinates, [[[2.0, 0.0], [2.0, 2.0], [2.0, 1.0]], corners(0.0)]);
+        assert_eq!((kept.face_materials, kept.vertex_colours.len()), (vec![2, 0], 4));
     }
 
     #[test]

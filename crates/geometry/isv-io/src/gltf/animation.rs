@@ -102,7 +102,7 @@ impl Animation {
         Self::parse_in(None, path, bytes, options)
     }
 
-    /// The same with buffers and images in the files of a folder, if there is one.
+    /// Reads bytes, with buffers and images in the files of a folder if there is one.
     fn parse_in(
         folder: Option<&Path>,
         path: &Path,

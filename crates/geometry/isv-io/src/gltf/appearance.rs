@@ -6,11 +6,11 @@ use isv_volume::{Appearance, Material};
 /// A part in a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// It is scaled to nothing.
+    /// Scaled to nothing.
     Hidden,
-    /// Its triangles are as in the file.
+    /// Triangles as in the file.
     Front,
-    /// Its triangles are turned over, by a transform that mirrors.
+    /// Triangles turned over, by a transform that mirrors.
     Turned,
 }
 

@@ -101,9 +101,15 @@ pub(super) fn data_of(uri: &str) -> Option<Result<Vec<u8>, &'static str>> {
 /// The path that an address means. What does not lie in the folder of the glTF file or below is refused, so that opening a
 /// file from elsewhere reads nothing else.
 fn path_inside(folder: &Path, uri: &str) -> Result<PathBuf, &'static str> {
-    let decoded = name_of(uri)?;
+    let decoded = name_of(uri).map_err(|why| match why {
+        REMOTE => "is absolute or remote; buffers must lie beside the file",
+        why => why,
+    })?;
     inside(folder, &decoded).ok_or("leaves the folder of the file; buffers must lie beside it")
 }
+
+/// Refusal of an address that is no name of a file.
+const REMOTE: &str = "is absolute or remote; linked files must lie beside the file";
 
 /// The name of a file that an address means.
 pub(super) fn name_of(uri: &str) -> Result<Cow<'_, str>, &'static str> {
@@ -111,11 +117,7 @@ pub(super) fn name_of(uri: &str) -> Result<Cow<'_, str>, &'static str> {
     let scheme = decoded
         .split_once(':')
         .is_some_and(|(scheme, _)| scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b"+-.".contains(&b)));
-    if scheme {
-        Err("is absolute or remote; buffers and images must lie beside the file")
-    } else {
-        Ok(decoded)
-    }
+    if scheme { Err(REMOTE) } else { Ok(decoded) }
 }
 
 /// Reads a file that has at least the bytes that are wanted.

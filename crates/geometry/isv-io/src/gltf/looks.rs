@@ -28,7 +28,7 @@ pub(super) struct Looks<'a> {
 /// The material of a primitive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surface {
-    /// Its place among the materials that are used.
+    /// Place among the materials that are used.
     pub(super) material: u16,
     /// The set of texture coordinates that its texture takes, and their transform; none without a texture.
     pub(super) coordinates: Option<(usize, TextureTransform)>,

@@ -88,7 +88,7 @@ impl<'a> Piece<'a> {
         }
     }
 
-    /// The same triangles in the order that compression is made for.
+    /// Orders triangles and vertices as compression needs them.
     pub(super) fn in_order(self) -> io::Result<Piece<'static>> {
         let Remapped { triangles, vertices } = in_order(&self.triangles, self.vertices.len())?;
         Ok(Piece {

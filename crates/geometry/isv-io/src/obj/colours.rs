@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 /// The number of a texture coordinate that a corner does not have, and of a material that a face does not have.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What the records so far say of colours.
+/// Colours of the records so far.
 #[derive(Debug)]
 pub(super) struct Colours {
     vertices: RawColours,
@@ -146,7 +146,7 @@ impl Colours {
                 }
                 let bytes = linked.read_if_there(&name).map_err(|fault| {
                     let name = quote(name.as_bytes());
-                    Flaw::in_object("mtllib", index, Malformation::Library { name, fault })
+                    Flaw::in_object("mtllib", index, Malformation::Library { name, fault: Box::new(fault) })
                 })?;
                 for material in mtl::parse(&bytes.unwrap_or_default()) {
                     materials.entry(material.name.clone()).or_insert(material);

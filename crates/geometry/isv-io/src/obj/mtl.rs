@@ -107,7 +107,7 @@ pub(super) fn upside_down([u, v]: [f32; 2]) -> [f32; 2] {
     [u, 1.0 - v]
 }
 
-/// As many as `most` numbers, as long as a word follows them, and that word.
+/// Up to `most` numbers at the start of a text, and the rest. The last word stays: it is a name.
 fn numbers(mut rest: &[u8], most: usize) -> (Vec<f32>, &[u8]) {
     let mut values = Vec::new();
     while let Some((word, after)) = first_word(rest).filter(|(_, after)| !after.is_empty()) {

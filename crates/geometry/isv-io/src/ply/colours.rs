@@ -46,7 +46,7 @@ pub(super) fn find_coordinates(element: &Element) -> Option<[usize; 2]> {
     find(element, &COORDINATES)
 }
 
-/// What the faces say of their colours.
+/// Colours of the faces so far.
 #[derive(Debug, Default)]
 pub(super) struct FaceColours {
     /// Property of a row with the texture coordinates of its corners.
@@ -133,7 +133,7 @@ impl FaceColours {
     }
 }
 
-/// What a file says of the colours of a mesh.
+/// Everything that a file says of the colours of a mesh.
 pub(super) struct Colours<'a> {
     /// Names of the textures.
     pub(super) textures: &'a [String],

@@ -304,3 +304,49 @@ fn points_have_colours() {
     let points = as_points(parse("a.glb", &glb).unwrap());
     assert_eq!(points.colours, [WHITE, WHITE, WHITE, RED, GREEN, BLUE]);
 }
+
+/// Streams of `draco_encoder`: a square with the texture coordinates of [`MIDDLES`] upside down, and a triangle with colours.
+const DRACO_SQUARE: &str = "RFJBQ08CAgEBAAAABAIBAgAAAR//ARH/AREC/wAAAAAAAQAJAwAAAgEDCQIAAQIBAQEAAwMBMAEQAwAogpgAAAAAAP8/AAAAAAAAAAAAAAAA\
+    AAAAAIA/DgUBAQADAwEwARADACSCJgACAAAAAQEgAAAAAP8PAAAAAIA+AACAPgAAAD8M";
+const DRACO_TRIANGLE: &str = "RFJBQ08CAgEBAAAAAwEBAQAAAQf/AREBAQAC/wAAAAAAAQAJAwAAAgECAgMBAQEBAQEAAwNVFa0qAwRwgTEQAAAAAP8/AAAAAAAAAAAAAAAA\
+    AAAAAIA/DgEBAQADA1UVrSoDBHCBwkIAAAAA/wAAAA==";
+
+#[test]
+fn draco_streams_hold_texture_coordinates_and_colours() {
+    let with_stream = |name: &str, stream: &str, shape: &str, component: u32| {
+        square(|json, data| {
+            let view = data.view(&STANDARD.decode(stream).unwrap());
+            let accessor = |data: &mut Data, shape: &str, component: u32| {
+                let normalized = component != 5126;
+                data.accessor(json!({ "componentType": component, "normalized": normalized, "type": shape, "count": 4 }))
+            };
+            let (positions, values) = (accessor(data, "VEC3", 5126), accessor(data, shape, component));
+            json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+            json["meshes"][0]["primitives"] = json!([{
+                "attributes": { "POSITION": positions, name: values },
+                "material": 0,
+                "extensions": {
+                    "KHR_draco_mesh_compression": { "bufferView": view, "attributes": { "POSITION": 0, name: 1 } },
+                },
+            }]);
+        })
+    };
+    let near = |found: [u8; 3], expected: [u8; 3]| (0..3).all(|i| found[i].abs_diff(expected[i]) <= 2);
+    let textured = mesh(&with_stream("TEXCOORD_0", DRACO_SQUARE, "VEC2", 5126));
+    let expected = [BLUE, WHITE, GREEN, RED];
+    for face in 0..2 {
+        for i in 0..3 {
+            let position = textured.corners(face)[i].round();
+            let place = SQUARE.iter().position(|p| [p[0], p[1]] == [position.x as f32, position.y as f32]);
+            let found = corner(&textured, face, i);
+            assert!(near(found, expected[place.unwrap()]), "{position}: {found:?}");
+        }
+    }
+    let coloured = mesh(&with_stream("COLOR_0", DRACO_TRIANGLE, "VEC3", 5121));
+    for (position, colour) in coloured.vertices.iter().zip(&appearance(&coloured).vertex_colours) {
+        let place = TRIANGLE
+            .iter()
+            .position(|p| [p[0], p[1]] == [position.x.round() as f32, position.y.round() as f32]);
+        assert_eq!(*colour, [RED, GREEN, BLUE][place.unwrap()]);
+    }
+}
