@@ -149,8 +149,8 @@ for (const { of, bytes } of MODULES) {
         assert.ok(bits.every((count, block) => count >= 0 && (codings[block] > 0 || count === 0)), name);
       }
     }
-    const [{ bytes }] = packetsByWalking(decoder, read('intra.isv'));
     decoder.open(streamHeader(read('intra.isv')));
+    const [{ bytes }] = packetsByWalking(decoder, read('intra.isv'));
     assert.equal(decoder.decode(bytes).blocks, undefined);
   });
 
@@ -243,6 +243,9 @@ for (const { of, bytes } of MODULES) {
       errorOf(() => decoder.open(zeros.subarray(1))),
       'malformed',
     );
+    assert.equal(decoder.parseTrailer(zeros.subarray(32)), undefined);
+    const stream = read('intra.isv');
+    decoder.open(streamHeader(stream));
     assert.equal(
       errorOf(() => decoder.parsePacketHeader(zeros.subarray(24), 48)),
       'malformed',
@@ -251,9 +254,6 @@ for (const { of, bytes } of MODULES) {
       errorOf(() => decoder.parseIndex(zeros, 48)),
       'malformed',
     );
-    assert.equal(decoder.parseTrailer(zeros.subarray(32)), undefined);
-    const stream = read('intra.isv');
-    decoder.open(streamHeader(stream));
     const [first] = packetsByWalking(decoder, stream);
     assert.equal(
       errorOf(() => decoder.decode(zeros)),
@@ -265,12 +265,32 @@ for (const { of, bytes } of MODULES) {
     );
   });
 
+  test(`${of}: what only a newer decoder knows is told from damage`, async () => {
+    const decoder = await create();
+    const [version, needed] = ['version_3.isv', 'version_2_type_3.isv'].map((name) => read(`refused/${name}`));
+    assert.equal(
+      errorOf(() => decoder.open(streamHeader(version))),
+      'unsupported',
+    );
+    decoder.open(streamHeader(needed));
+    assert.equal(
+      errorOf(() => packetsByWalking(decoder, needed)),
+      'unsupported',
+    );
+  });
+
   test(`${of}: calls in the wrong order and above the limits are errors`, async () => {
     const decoder = await create();
     const stream = read('intra.isv');
-    const [{ bytes }] = packetsByWalking(decoder, stream);
+    const other = await create();
+    other.open(streamHeader(stream));
+    const [{ bytes }] = packetsByWalking(other, stream);
     assert.equal(
       errorOf(() => decoder.decode(bytes)),
+      'order',
+    );
+    assert.equal(
+      errorOf(() => decoder.parsePacketHeader(bytes.subarray(0, 24), 48)),
       'order',
     );
     decoder.limit(512);

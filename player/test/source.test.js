@@ -45,6 +45,24 @@ test('a short file takes two requests, made at once', async () => {
   assert.equal(bytes.requests, 2);
 });
 
+test('packets of unknown types stand between frames, with an index and without', async () => {
+  const stream = await readFile(new URL('../../conformance/version_2_skipped.isv', import.meta.url));
+  const whole = await FileSource.open(new BlobBytes(new Blob([stream]), 'whole.isv'), parser);
+  const cut = await FileSource.open(new BlobBytes(new Blob([stream.subarray(0, -16)]), 'cut.isv'), parser);
+  assert.deepEqual([whole.frames, whole.indexed, cut.frames, cut.indexed], [3, true, 3, false]);
+  for (const frame of [0, 1, 2]) {
+    const packet = Buffer.from(await whole.packet(frame));
+    assert.deepEqual([packet[4], packet.length], [1, 24 + packet.readUInt32LE(8)]);
+    assert.deepEqual(Buffer.from(await cut.packet(frame)), packet);
+  }
+});
+
+test('a packet that must be known is no end', async () => {
+  const stream = await readFile(new URL('../../conformance/refused/version_2_type_3.isv', import.meta.url));
+  const open = FileSource.open(new BlobBytes(new Blob([stream]), 'newer.isv'), parser);
+  await assert.rejects(open, { kind: 'unsupported', message: /newer isv/ });
+});
+
 test('a long file is read in large parts', async () => {
   const bytes = at('long.isv');
   const source = await FileSource.open(bytes, Promise.resolve(parser));

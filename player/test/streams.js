@@ -20,7 +20,7 @@ export function streamHeader(stream) {
 
 /**
  * The frames of a stream, one after the other up to the index or the end.
- * @param {Decoder} decoder
+ * @param {Decoder} decoder that the stream was opened with
  * @param {Uint8Array} stream
  * @returns {FramePacket[]}
  */
@@ -32,7 +32,7 @@ export function packetsByWalking(decoder, stream) {
     if (kind === 'index') {
       break;
     }
-    packets.push({ at, keyframe: kind === 'keyframe', bytes });
+    if (kind !== 'unknown') packets.push({ at, keyframe: kind === 'keyframe', bytes });
     at = end;
   }
   return packets;

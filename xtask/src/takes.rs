@@ -1,6 +1,6 @@
 //! What is measured: the project's own figure, and captures.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use isv::raw::decode::{Decoder, Limits};
 use isv::raw::format::{FrameRate, PacketReader};
 use isv::raw::io::{FrameSequence, Unit, read_mesh};

@@ -1,7 +1,7 @@
 //! Streams of profile `main`: what the encoder makes of small scenes, and symbols drawn at random.
 
 use super::{Stream, encode, header};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use isv::raw::decode::{DecodeError, Decoder, Limits, volume_hash};
 use isv::raw::encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh, Tools};
 use isv::raw::format::{

@@ -3,7 +3,10 @@
 use super::{Seeds, grid, tetrahedron};
 use anyhow::{Context, Result};
 use isv::raw::encode::{Encoder, EncoderSettings};
-use isv::raw::format::{FrameRate, PacketReader, PacketWriter, PaperParameters, Profile, StreamHeader};
+use isv::raw::format::{
+    ColourLayers, FrameRate, PacketHeader, PacketKind, PacketReader, PacketWriter, PaperParameters, Profile,
+    StreamHeader,
+};
 use isv::raw::ingest::{MeshIngest, SignDecision, ingest_mesh};
 use isv::raw::volume::{BlockEdge, SparseVolume};
 use std::fs;
@@ -16,6 +19,7 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
     let paper = Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 });
     streams.push(stream(paper, &volume(BlockEdge::E4)?)?);
     streams.push(stream(Profile::Main, &volume(BlockEdge::E8)?)?);
+    streams.push(coloured_stream(&volume(BlockEdge::E8)?)?);
     for stream in &streams {
         for target in ["container", "live", "loss", "stream"] {
             seeds.save(target, stream)?;
@@ -71,13 +75,25 @@ fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
 
 /// Two frames, the second one predicted.
 fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
-    let frame_rate = FrameRate::DEFAULT;
-    let header = StreamHeader::new(profile, *volume.grid(), frame_rate);
-    let mut encoder = Encoder::new(&header, EncoderSettings::default());
-    let mut writer = PacketWriter::new(Vec::new(), &header)?;
+    two_frames(&StreamHeader::new(profile, *volume.grid(), FrameRate::DEFAULT), volume, None)
+}
+
+/// Two frames with colour parts of any bytes, and behind their header a packet that may be skipped.
+fn coloured_stream(volume: &SparseVolume) -> Result<Vec<u8>> {
+    let header = StreamHeader::new(Profile::Main, *volume.grid(), FrameRate::DEFAULT);
+    let header = header.with_colour(ColourLayers::HalfVoxels);
+    let frames = two_frames(&header, volume, Some(b"colour"))?;
+    let (header, frames) = frames.split_at(StreamHeader::BYTES);
+    let skipped = PacketHeader::seal(PacketKind::Skippable { code: 0x80 }, 0, 0, b"skip");
+    Ok([header, &skipped, b"skip", frames].concat())
+}
+
+fn two_frames(header: &StreamHeader, volume: &SparseVolume, colour: Option<&[u8]>) -> Result<Vec<u8>> {
+    let mut encoder = Encoder::new(header, EncoderSettings::default());
+    let mut writer = PacketWriter::new(Vec::new(), header)?;
     for _ in 0..2 {
         let frame = encoder.encode(volume);
-        writer.write_frame(frame.keyframe, 0, &frame.payload())?;
+        writer.write_coloured_frame(frame.keyframe, 0, &frame.payload(), colour)?;
     }
     Ok(writer.finish()?)
 }
