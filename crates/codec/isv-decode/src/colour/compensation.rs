@@ -69,11 +69,14 @@ impl<'a> MotionField<'a> {
 
 /// From the surface in a cell to where its colour is read, in 1/256 voxel: against the motion, then along the normal onto the
 /// surface before. `middle`: of the cell, from the reader's origin.
+///
+/// Where nothing moves, the plane of the same cell is asked first: what stands still is read exactly where it is.
 #[inline(always)]
 fn displacement(reader: &mut Reader, surfel: &Surfel, middle: [i32; 3], motion: [i32; 3]) -> [i32; 3] {
-    let sought: [i32; 3] =
-        std::array::from_fn(|axis| middle[axis] + i32::from(surfel.offset[axis]) - motion[axis]);
-    let onto = onto_surface(reader, surfel.normal, sought);
+    let from: [i32; 3] = std::array::from_fn(|axis| middle[axis] - motion[axis]);
+    let sought: [i32; 3] = std::array::from_fn(|axis| from[axis] + i32::from(surfel.offset[axis]));
+    let onto = onto_plane(reader, surfel.normal, sought, from.map(|p| p >> 8));
+    let onto = onto.unwrap_or_else(|| onto_surface(reader, surfel.normal, sought));
     std::array::from_fn(|axis| onto[axis] - motion[axis])
 }
 

@@ -21,10 +21,13 @@ use isv_decode::main::{BlockMode, CausalBlocks, Vector};
 use isv_format::{ColourHeader, ColourKind, ColourPayload, SliceLayout};
 use isv_volume::{ColourSample, SparseVolume};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Blocks that a thread works on at a time.
 const CHUNK: usize = 16;
+/// What is added to a magnitude before it is rounded down, where smaller levels are not tried.
+const ROUNDING: f32 = 0.36;
 
 /// Choices of the colour encoder that a stream does not record.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,13 +44,27 @@ pub struct ColourSettings {
     pub lambda: f32,
     /// Rounds of back projection.
     pub rounds: usize,
+    /// Number of slices, 1 to 256.
+    pub slices: u16,
+    /// Frames until all is coded anew, in streams without keyframes whose frames can each be read without the one before; `None` in others.
+    pub cycle: Option<u32>,
     /// Whether frames carry a hash of the decoded samples.
     pub checksums: bool,
 }
 
 impl Default for ColourSettings {
     fn default() -> Self {
-        Self { layers: 2, key_step: 20.0, step: 40.0, chroma: 1.4, lambda: 0.15, rounds: 3, checksums: false }
+        Self {
+            layers: 2,
+            key_step: 20.0,
+            step: 32.0,
+            chroma: 1.4,
+            lambda: 0.15,
+            rounds: 3,
+            slices: 1,
+            cycle: None,
+            checksums: false,
+        }
     }
 }
 
@@ -82,6 +99,8 @@ pub struct ColourEncoder {
     reference: Option<ColourReference>,
     /// Models as they were after the last frame without prediction, and after the last one with it: what levels cost, about.
     learned: [CoefficientModels; 2],
+    /// Frames since the last one without prediction and with it; 0 before the first.
+    since_intra: u32,
 }
 
 impl ColourEncoder {
@@ -89,7 +108,7 @@ impl ColourEncoder {
     #[must_use]
     pub fn new(settings: ColourSettings) -> Self {
         let learned = [0; 2].map(|_| CoefficientModels::default());
-        Self { settings, entropy: ColourSlices::default(), reference: None, learned }
+        Self { settings, entropy: ColourSlices::default(), reference: None, learned, since_intra: 0 }
     }
 
     /// The last frame as decoders have it; `None` before the first.
@@ -98,124 +117,210 @@ impl ColourEncoder {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
-    /// Codes the colour of a frame. `volume`: its decoded field; `samples`: colours as seen.
+    /// Codes the colour of a frame. `volume`: its decoded field; `samples`: colours as seen. Without any, the colour of the frame before
+    /// stays.
     pub fn encode(
         &mut self,
         volume: &SparseVolume,
         samples: &[ColourSample],
         keyframe: bool,
     ) -> EncodedColour {
+        let kind = self.kind(keyframe);
         let cells = ColourCells::new(volume);
         let depths = vec![self.settings.layers - 1; cells.coords().len()];
         let shape = ColourShape::new(cells, depths, volume);
-        let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
-        let wanted = leaf_values(&shape, &target);
-        let reference = self.reference.take().filter(|_| !keyframe);
-        let step = if reference.is_some() { self.settings.step } else { self.settings.key_step };
-        let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
-        let steps =
-            ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) };
-        let modes = match &reference {
-            Some(reference) => self.choose_modes(&shape, &wanted, reference, step),
-            None => vec![BlockMode::Spatial; shape.depths().len()],
-        };
-        if reference.is_none() {
+        let reference = self.reference.take().filter(|_| kind.predicts());
+        if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
         }
-        // Models that have learned what this frame is like: those of the last one of its kind, or of a first attempt.
-        let before = reference.as_ref().map(|reference| &*reference.frame);
         let coords = shape.cells().coords();
-        let causal = CausalBlocks::new(coords, SliceLayout::new(coords.len(), 1).ranges());
-        let known = match &reference {
+        let layout = SliceLayout::new(coords.len(), usize::from(self.settings.slices));
+        let causal = CausalBlocks::new(coords, layout.ranges());
+        // The symbols of other frames are read without the frame before.
+        let known = match reference.as_ref().filter(|_| kind == ColourKind::Predicted) {
             Some(reference) => reference.blocks_at(coords),
             None => vec![None; coords.len()],
         };
-        let kind = usize::from(reference.is_some());
-        let attempts = 2;
-        let mut result = None;
-        for attempt in 0..attempts {
-            let search = attempt > 0 || reference.is_some();
-            let trade = Trade { lambda: self.settings.lambda, rounding: 0.36, search };
-            let quantizer = Quantizer { models: self.learned[kind].clone(), steps, trade };
-            let (symbols, frame) = code(&shape, &wanted, &modes, before, &quantizer);
-            let mut entropy = self.entropy.clone();
-            let written = write(
-                &mut entropy,
-                &shape,
-                &symbols,
-                &causal,
-                &known,
-                reference.is_some(),
-                self.settings.layers,
-            );
-            self.learned[kind] = entropy.slices(1)[0].coefficients.clone();
-            result = Some((symbols, frame, entropy, written));
-            if reference.is_some() {
-                break;
+        let frame = FrameBlocks {
+            shape: &shape,
+            causal: &causal,
+            known: &known,
+            ranges: layout.ranges().collect(),
+            predicts: kind.predicts(),
+            max_depth: self.settings.layers - 1,
+        };
+        let step = if kind.predicts() { self.settings.step } else { self.settings.key_step };
+        let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
+        let steps =
+            ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) };
+        let before = reference.as_ref().map(|reference| &*reference.frame);
+        let coded = match before.filter(|_| samples.is_empty()) {
+            Some(before) => self.carry_over(&frame, before, steps),
+            None => {
+                let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
+                let wanted = leaf_values(&shape, &target);
+                let modes = match &reference {
+                    Some(reference) => self.choose_modes(&frame, &wanted, reference, step),
+                    None => vec![BlockMode::Spatial; coords.len()],
+                };
+                self.code_frame(&frame, &wanted, &modes, before, steps)
             }
-        }
-        let (symbols, frame, entropy, (mode_bytes, layer_bytes)) = result.expect("there is an attempt");
-        self.entropy = entropy;
+        };
+        self.entropy = coded.entropy;
         let header = ColourHeader {
-            kind: if reference.is_some() { ColourKind::Predicted } else { ColourKind::Intra },
+            kind,
             luma_step: steps.luma as u16,
             chroma_step: steps.chroma as u16,
-            slices: 1,
-            hash: self.settings.checksums.then(|| frame.hash()),
+            slices: self.settings.slices,
+            hash: self.settings.checksums.then(|| coded.frame.hash()),
         };
-        let layers = layer_bytes.iter().map(|bytes| vec![&bytes[..]]).collect();
-        let payload = ColourPayload { header, modes: vec![&mode_bytes], layers };
-        let inter = symbols.modes.iter().filter(|mode| mode.vector().is_some()).count();
-        let mut sizes = [0; 3];
-        layer_bytes.iter().zip(&mut sizes).for_each(|(bytes, size)| *size = bytes.len());
-        let encoded = EncodedColour {
-            bytes: payload.to_bytes(),
-            mode_bytes: mode_bytes.len(),
-            layer_bytes: sizes,
-            inter_share: inter as f64 / symbols.modes.len().max(1) as f64,
-        };
-        self.reference = Some(ColourReference::new(Arc::new(frame), &symbols));
+        let encoded = EncodedColour::new(header, &coded.segments, &coded.symbols.modes);
+        self.reference = Some(ColourReference::new(Arc::new(coded.frame), &coded.symbols));
+        self.since_intra = if kind.predicts() { self.since_intra + 1 } else { 1 };
         encoded
+    }
+
+    /// How the next frame is coded.
+    fn kind(&self, keyframe: bool) -> ColourKind {
+        match self.settings.cycle {
+            _ if keyframe || self.reference.is_none() => ColourKind::Intra,
+            Some(cycle) if self.since_intra >= cycle => ColourKind::Intra,
+            Some(_) => ColourKind::Resilient,
+            None => ColourKind::Predicted,
+        }
+    }
+
+    /// A frame that is the one before, where its surface now is.
+    fn carry_over(&self, frame: &FrameBlocks, before: &ColourFrame, steps: ColourSteps) -> CodedColour {
+        let mut modes = Vec::with_capacity(frame.known.len());
+        for block in 0..frame.known.len() {
+            let context = syntax::modes::context(&frame.mode_blocks(0), block, &modes);
+            let candidates = context.candidates.as_slice();
+            // Standing still is always among them.
+            let candidate = candidates.iter().position(|vector| *vector == Vector::ZERO).unwrap_or(0);
+            modes.push(BlockMode::Merged { candidate: candidate as u8, vector: candidates[candidate] });
+        }
+        let nothing = vec![[Vec::new(), Vec::new(), Vec::new()]; modes.len()];
+        let mut symbols =
+            ColourSymbols { modes, depths: frame.shape.depths().to_vec(), ..Default::default() };
+        enter(&mut symbols, &nothing);
+        let mut layers = frame.shape.layers();
+        reconstruct_inter(frame.shape, &mut layers, &symbols, &steps, before);
+        let mut entropy = self.entropy.clone();
+        let segments = write(&mut entropy, frame, &symbols);
+        CodedColour { symbols, frame: ColourFrame { shape: frame.shape.clone(), layers }, entropy, segments }
+    }
+
+    /// Codes a frame under models that have learned what it is like: those of the last one of its kind, or of a first attempt.
+    fn code_frame(
+        &mut self,
+        frame: &FrameBlocks,
+        wanted: &[Vec<[f32; 3]>],
+        modes: &[BlockMode],
+        before: Option<&ColourFrame>,
+        steps: ColourSteps,
+    ) -> CodedColour {
+        let kind = usize::from(frame.predicts);
+        let attempts = if frame.predicts { 1..2 } else { 0..2 };
+        let mut coded = None;
+        for attempt in attempts {
+            let trade = Trade { lambda: self.settings.lambda, rounding: ROUNDING, search: attempt > 0 };
+            let quantizer = Quantizer { models: self.learned[kind].clone(), steps, trade };
+            let (symbols, decoded) = code(frame.shape, wanted, modes, before, &quantizer);
+            let mut entropy = self.entropy.clone();
+            let segments = write(&mut entropy, frame, &symbols);
+            self.learned[kind] = entropy.slices(1)[0].coefficients.clone();
+            coded = Some(CodedColour { symbols, frame: decoded, entropy, segments });
+        }
+        coded.expect("there is an attempt")
     }
 
     /// How each block is predicted.
     fn choose_modes(
         &self,
-        shape: &ColourShape,
+        frame: &FrameBlocks,
         wanted: &[Vec<[f32; 3]>],
         reference: &ColourReference,
         step: f32,
     ) -> Vec<BlockMode> {
-        let search = ColourSearch::FULL;
+        let (shape, search) = (frame.shape, ColourSearch::FULL);
         let lambda = self.settings.lambda * step * step;
         let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, lambda);
-        let known = reference.blocks_at(shape.cells().coords());
-        let start: Vec<Vec<Vector>> = known
-            .iter()
-            .map(|before| before.and_then(|before| before.vector).into_iter().collect())
-            .collect();
+        let last = reference.blocks_at(shape.cells().coords());
+        let of_block =
+            |before: &Option<BlockBefore>| before.and_then(|before| before.vector).into_iter().collect();
+        let start: Vec<Vec<Vector>> = last.iter().map(of_block).collect();
         let vectors = motion.run(search.steps, &start);
         let spreads: Vec<f32> = wanted.par_iter().map(|values| spread(values)).collect();
-        let coords = shape.cells().coords();
-        let causal = CausalBlocks::new(coords, SliceLayout::new(coords.len(), 1).ranges());
-        let blocks = ModeBlocks {
-            range: 0..coords.len(),
-            causal: &causal,
-            before: &known,
-            predicts: true,
-            max_depth: self.settings.layers - 1,
-        };
-        let mut models = self.entropy.clone().slices(1)[0].modes.clone();
+        let mut models = self.entropy.clone();
         let mut chooser = motion.chooser();
         let mut modes: Vec<BlockMode> = Vec::with_capacity(vectors.len());
-        for (block, vector) in vectors.into_iter().enumerate() {
-            let context = syntax::modes::context(&blocks, block, &modes);
-            let most = 0.8 * spreads[block] + 0.5 * step * step / 12.0;
-            let mode = chooser.choose(block, vector, &context, &mut models.modes, most);
-            syntax::modes::learn(&mut models.modes, &context, mode);
-            modes.push(mode);
+        for (slice, range) in frame.ranges.iter().enumerate() {
+            let models = &mut models.slices(slice + 1)[slice].modes.modes;
+            for block in range.clone() {
+                let context = syntax::modes::context(&frame.mode_blocks(slice), block, &modes);
+                let most = 0.8 * spreads[block] + 0.5 * step * step / 12.0;
+                let mode = chooser.choose(block, vectors[block], &context, models, most);
+                syntax::modes::learn(models, &context, mode);
+                modes.push(mode);
+            }
         }
         modes
+    }
+}
+
+/// The blocks of a frame, as the syntax sees them.
+#[derive(Debug)]
+struct FrameBlocks<'a> {
+    shape: &'a ColourShape,
+    causal: &'a CausalBlocks,
+    /// The blocks in the frame before, as far as the syntax looks at it.
+    known: &'a [Option<BlockBefore>],
+    /// Those of each slice.
+    ranges: Vec<Range<usize>>,
+    predicts: bool,
+    max_depth: u8,
+}
+
+impl FrameBlocks<'_> {
+    /// The blocks of a slice, as the syntax of modes sees them.
+    fn mode_blocks(&self, slice: usize) -> ModeBlocks<'_> {
+        let (causal, before, range) = (self.causal, self.known, self.ranges[slice].clone());
+        ModeBlocks { range, causal, before, predicts: self.predicts, max_depth: self.max_depth }
+    }
+}
+
+/// A frame as coded once.
+struct CodedColour {
+    symbols: ColourSymbols,
+    frame: ColourFrame,
+    entropy: ColourSlices,
+    segments: Segments,
+}
+
+/// The bytes of a frame: modes by slice, coefficients by layer and slice.
+struct Segments {
+    modes: Vec<Vec<u8>>,
+    layers: Vec<Vec<Vec<u8>>>,
+}
+
+impl EncodedColour {
+    fn new(header: ColourHeader, segments: &Segments, modes: &[BlockMode]) -> Self {
+        let layers =
+            segments.layers.iter().map(|slices| slices.iter().map(Vec::as_slice).collect()).collect();
+        let payload =
+            ColourPayload { header, modes: segments.modes.iter().map(Vec::as_slice).collect(), layers };
+        let mut layer_bytes = [0; 3];
+        for (bytes, slices) in layer_bytes.iter_mut().zip(&segments.layers) {
+            *bytes = slices.iter().map(Vec::len).sum();
+        }
+        let inter = modes.iter().filter(|mode| mode.vector().is_some()).count();
+        Self {
+            bytes: payload.to_bytes(),
+            mode_bytes: segments.modes.iter().map(Vec::len).sum(),
+            layer_bytes,
+            inter_share: inter as f64 / modes.len().max(1) as f64,
+        }
     }
 }
 
@@ -428,26 +533,32 @@ impl IntraLevels for ChosenLevels<'_> {
     }
 }
 
-/// Writes the symbols of a frame: its modes, and each layer of its coefficients.
-fn write(
-    entropy: &mut ColourSlices,
-    shape: &ColourShape,
-    symbols: &ColourSymbols,
-    causal: &CausalBlocks,
-    before: &[Option<BlockBefore>],
-    predicts: bool,
-    layers: u8,
-) -> (Vec<u8>, Vec<Vec<u8>>) {
-    let range = 0..symbols.modes.len();
-    let models = &mut entropy.slices(1)[0];
-    let blocks = ModeBlocks { range: range.clone(), causal, before, predicts, max_depth: layers - 1 };
-    let modes = syntax::modes::write(&mut models.modes, &blocks, &symbols.modes, &symbols.depths);
-    let mut energies = FrameEnergies::new(symbols.modes.len());
-    let mut blocks =
-        LayerBlocks { shape, range, modes: &symbols.modes, causal, before, energies: &mut energies };
-    let layers = (0..layers).map(|layer| {
-        let coefficients = &symbols.layers[usize::from(layer)];
-        syntax::coefficients::write(&mut models.coefficients, layer, &mut blocks, coefficients)
-    });
-    (modes, layers.collect())
+/// Writes the symbols of a frame: its modes, and each layer of its coefficients, slice by slice.
+fn write(entropy: &mut ColourSlices, frame: &FrameBlocks, symbols: &ColourSymbols) -> Segments {
+    let layers = usize::from(frame.max_depth) + 1;
+    let mut segments = Segments { modes: Vec::new(), layers: vec![Vec::new(); layers] };
+    let models = entropy.slices(frame.ranges.len());
+    for (slice, models) in models.iter_mut().enumerate() {
+        let blocks = frame.mode_blocks(slice);
+        segments.modes.push(syntax::modes::write(
+            &mut models.modes,
+            &blocks,
+            &symbols.modes,
+            &symbols.depths,
+        ));
+        let mut energies = FrameEnergies::new(symbols.modes.len());
+        let mut blocks = LayerBlocks {
+            shape: frame.shape,
+            range: frame.ranges[slice].clone(),
+            modes: &symbols.modes,
+            causal: frame.causal,
+            before: frame.known,
+            energies: &mut energies,
+        };
+        for (layer, out) in segments.layers.iter_mut().enumerate() {
+            let (models, coefficients) = (&mut models.coefficients, &symbols.layers[layer]);
+            out.push(syntax::coefficients::write(models, layer as u8, &mut blocks, coefficients));
+        }
+    }
+    segments
 }

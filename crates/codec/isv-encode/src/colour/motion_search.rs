@@ -1,12 +1,12 @@
 //! The vector of each block: from where in the frame before its colour comes.
 
 use super::quantizer::SAMPLE_SCALE;
+use crate::main::syntax::modes::{self as main_modes, merge_bits};
 use isv_decode::colour::ColourFrame;
 use isv_decode::colour::ColourShape;
 use isv_decode::colour::compensation::predict_leaf;
 use isv_decode::colour::frame::Reader;
 use isv_decode::colour::tree::{BlockTree, UPPER_LEVELS};
-use crate::main::syntax::modes::{self as main_modes, merge_bits};
 use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
 use isv_decode::main::{BlockMode, Vector};
 use isv_entropy::BitCount;
