@@ -17,8 +17,8 @@ mod readers;
 mod sealing;
 
 pub use readers::{
-    ingest, play_animation, read_arrays, read_dense, read_depth, read_depth_image, read_geometry, read_pipe,
-    read_scans, split,
+    ingest, play_animation, read_arrays, read_dense, read_depth, read_depth_image, read_geometry, read_image,
+    read_materials, read_pipe, read_scans, split,
 };
 
 /// Has all parallel loops of the process run on the thread that calls this: what is done for an input does not depend on what

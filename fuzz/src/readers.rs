@@ -35,8 +35,7 @@ const MAX_BLOCKS: usize = 1000;
 pub fn read_geometry(name: &str, bytes: &[u8]) {
     hush_foreign_panics();
     let plain = ReadOptions::new(Unit::Metre);
-    let options =
-        [plain, plain.with_invalid_points(InvalidPoints::Drop), plain.with_colours(Colours::Keep)];
+    let options = [plain, plain.with_invalid_points(InvalidPoints::Drop), plain.with_colours(Colours::Keep)];
     for options in options {
         if let Ok(geometry) = parse_geometry_as(Path::new(name), bytes, &options) {
             check(&geometry);

@@ -1,5 +1,6 @@
 //! Colours of triangle meshes: images, materials and texture coordinates.
 
+use std::fmt;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -150,14 +151,35 @@ pub fn srgb_from_linear(light: f32) -> f32 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// A list of an appearance that is as long as a list of its mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AppearanceList {
+    /// One a vertex.
+    VertexColours,
+    /// One a face.
+    TextureCoordinates,
+    /// One a face.
+    FaceMaterials,
+}
+
+impl fmt::Display for AppearanceList {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::VertexColours => "vertex colours",
+            Self::TextureCoordinates => "texture coordinates",
+            Self::FaceMaterials => "face materials",
+        })
+    }
+}
+
 /// An appearance that does not fit its mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum AppearanceError {
     /// Lists of vertex colours, texture coordinates or materials that are neither empty nor as long as the mesh's.
     #[error("{found} {what} for {expected}")]
     Count {
-        /// What the list holds.
-        what: &'static str,
+        /// Contents of the list.
+        what: AppearanceList,
         /// Its length.
         found: usize,
         /// The length of the mesh's list.
@@ -196,9 +218,9 @@ impl Appearance {
     /// The first list that does not fit.
     pub fn validate(&self, vertices: usize, faces: usize) -> Result<(), AppearanceError> {
         let lengths = [
-            ("vertex colours", self.vertex_colours.len(), vertices),
-            ("texture coordinates", self.texture_coordinates.len(), faces),
-            ("face materials", self.face_materials.len(), faces),
+            (AppearanceList::VertexColours, self.vertex_colours.len(), vertices),
+            (AppearanceList::TextureCoordinates, self.texture_coordinates.len(), faces),
+            (AppearanceList::FaceMaterials, self.face_materials.len(), faces),
         ];
         for (what, found, expected) in lengths {
             if found != 0 && found != expected {
@@ -315,16 +337,17 @@ mod tests {
             ..Material::default()
         };
         for coordinate in [[f32::NAN, 0.5], [0.5, f32::INFINITY]] {
-            assert_eq!(material.colour(coordinate), [255.0, 0.0, 255.0]);
+            assert_eq!(material.colour(coordinate).map(f32::round), [255.0, 0.0, 255.0]);
         }
         let appearance = Appearance { materials: vec![material], ..Appearance::default() };
-        assert_eq!(appearance.colour(0, [0, 1, 2], [1.0, 0.0, 0.0]), [255.0, 0.0, 255.0]);
+        assert_eq!(appearance.colour(0, [0, 1, 2], [1.0, 0.0, 0.0]).map(f32::round), [255.0, 0.0, 255.0]);
     }
 
     #[test]
     fn lists_fit_the_mesh_or_are_refused() {
         let appearance = Appearance { vertex_colours: vec![[1, 2, 3]; 3], ..Appearance::default() };
         assert_eq!(appearance.validate(3, 1), Ok(()));
+        assert_eq!(appearance.validate(5, 1).unwrap_err().to_string(), "3 vertex colours for 5");
         assert!(matches!(appearance.validate(4, 1), Err(AppearanceError::Count { found: 3, .. })));
         let appearance = Appearance { face_materials: vec![1], ..Appearance::default() };
         assert!(matches!(appearance.validate(3, 1), Err(AppearanceError::Material { material: 1, .. })));

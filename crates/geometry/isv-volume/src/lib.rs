@@ -33,7 +33,8 @@ mod random;
 mod volume;
 
 pub use appearance::{
-    Appearance, AppearanceError, Image, Material, Rgb, Wrap, linear_from_srgb, srgb_from_linear,
+    Appearance, AppearanceError, AppearanceList, Image, Material, Rgb, Wrap, linear_from_srgb,
+    srgb_from_linear,
 };
 pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 pub use block_set::{BlockCell, BlockSet};
