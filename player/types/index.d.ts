@@ -214,7 +214,7 @@ export class IsvFailure extends Error {
 
 /** An error of the decoder. */
 export class IsvError extends Error {
-  readonly kind: 'malformed' | 'limit' | 'keyframe' | 'order';
+  readonly kind: 'malformed' | 'limit' | 'keyframe' | 'order' | 'unsupported';
   /** Blocks of a frame that was refused because it has too many; 0 of any other error. */
   readonly blocks: number;
 }

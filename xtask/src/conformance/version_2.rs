@@ -13,7 +13,7 @@ use isv::raw::format::{ColourLayers, FormatVersion, PacketHeader, PacketKind, Pr
 pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
     let (paper, main) = (second(small_paper()?), second(small_main()?));
     Ok(vec![
-        ("version_2_no_frames", judged(RawStream::new(&paper).bytes)?),
+        ("version_2_no_frames_no_index", judged(RawStream::new(&paper).bytes)?),
         ("version_2_skipped", skipped(&main)?),
         ("version_2_skipped_no_index", skipped_no_index(&paper)?),
         ("version_2_colour_absent", colour_absent(&main.with_colour(ColourLayers::QuarterVoxels))?),
