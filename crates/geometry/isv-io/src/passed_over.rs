@@ -1,7 +1,7 @@
 //! Content of files that isv does not keep: sound, and textures, materials and colours where they are dropped.
 
 use crate::text::{lines, words};
-use crate::{Format, e57, las, text};
+use crate::{Colours, Format, e57, las, text};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::Read;
@@ -16,13 +16,17 @@ const LARGEST: u64 = 1 << 28;
 /// Endings of sound files.
 const SOUNDS: [&str; 8] = ["aac", "aif", "flac", "m4a", "mp3", "ogg", "opus", "wav"];
 
-/// Names of what a frame's file and its folder hold and isv does not keep, such as `textures`; none if there is nothing. Colours are
-/// named, too, which [`Colours::Drop`](crate::Colours::Drop) drops.
+/// Names of what a frame's file and its folder hold and isv does not keep, such as `textures`; none if there is nothing. `colours`: how
+/// the file is read.
 ///
 /// The start of the file is looked at, or the XML of E57. A file that cannot be read holds nothing here: reading it tells.
 #[must_use]
-pub fn passed_over(path: &Path) -> Vec<String> {
-    let mut found: Vec<String> = in_file(path).unwrap_or_default().into_iter().map(str::to_owned).collect();
+pub fn passed_over(path: &Path, colours: Colours) -> Vec<String> {
+    let dropped = match colours {
+        Colours::Keep => None,
+        Colours::Drop => in_file(path),
+    };
+    let mut found: Vec<String> = dropped.unwrap_or_default().into_iter().map(str::to_owned).collect();
     let sounds = path
         .parent()
         .and_then(|folder| sound_in(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }));
@@ -129,7 +133,7 @@ mod tests {
     fn of(name: &str, bytes: &[u8]) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(name), bytes).unwrap();
-        passed_over(&folder.path().join(name))
+        passed_over(&folder.path().join(name), Colours::Drop)
     }
 
     #[test]
@@ -168,12 +172,21 @@ mod tests {
     }
 
     #[test]
+    fn kept_colours_are_not_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        fs::write(&path, "mtllib a.mtl\nv 0 0 0 1 1 1\n").unwrap();
+        assert!(passed_over(&path, Colours::Keep).is_empty());
+        assert_eq!(passed_over(&path, Colours::Drop).len(), 2);
+    }
+
+    #[test]
     fn a_sound_beside_the_frames_is_told_of() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["f_1.obj", "b.WAV", "a.mp3", "notes.txt"] {
             fs::write(folder.path().join(name), "v 0 0 0\n").unwrap();
         }
-        assert_eq!(passed_over(&folder.path().join("f_1.obj")), ["sound (a.mp3)"]);
-        assert!(passed_over(&folder.path().join("gone.obj")).contains(&"sound (a.mp3)".to_owned()));
+        assert_eq!(passed_over(&folder.path().join("f_1.obj"), Colours::Drop), ["sound (a.mp3)"]);
+        assert_eq!(passed_over(&folder.path().join("gone.obj"), Colours::Drop), ["sound (a.mp3)"]);
     }
 }

@@ -149,8 +149,9 @@ impl Kind {
     /// What a user should know of it.
     pub(super) fn remarks(&self) -> Vec<Remark> {
         match self {
-            Self::Files(sequence, _) => {
-                let passed_over = sequence.paths().first().map(|path| passed_over(path)).unwrap_or_default();
+            Self::Files(sequence, hints) => {
+                let first = sequence.paths().first();
+                let passed_over = first.map(|path| passed_over(path, hints.colours)).unwrap_or_default();
                 let notes = sequence.notes().iter().cloned().map(Remark::Note);
                 let lost = (!passed_over.is_empty())
                     .then(|| Remark::NotKept(passed_over.iter().map(ToString::to_string).collect()));

@@ -59,7 +59,7 @@ impl Default for ColourSettings {
             key_step: 20.0,
             step: 32.0,
             chroma: 1.4,
-            lambda: 0.15,
+            lambda: 0.1,
             rounds: 3,
             slices: 1,
             cycle: None,
