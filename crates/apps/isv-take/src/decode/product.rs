@@ -80,7 +80,7 @@ impl Recipe {
                 mesh.appearance = Some(Arc::new(Appearance { vertex_colours, ..Appearance::default() }));
             }
             Product::Points(points) => {
-                points.colours = surface_colours(colour, &self.grid, &points.positions)
+                points.colours = surface_colours(colour, &self.grid, &points.positions);
             }
             Product::Volume(_) => {}
         }

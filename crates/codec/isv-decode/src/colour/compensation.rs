@@ -94,7 +94,7 @@ fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i3
         let (mut voxel, mut weight) = (first, 1);
         for axis in 0..3 {
             let upper = (from_first[axis] & 255) >> 3;
-            let step = (corner >> axis & 1) as i32;
+            let step = corner >> axis & 1;
             voxel[axis] += step;
             weight *= if step != 0 { upper } else { 32 - upper };
         }

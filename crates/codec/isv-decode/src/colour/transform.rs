@@ -5,6 +5,7 @@
 //! between sides of weights `a` and `b` is the coefficient `d * sqrt(a b / (a + b))`; all coefficients have one quantizer step.
 
 use super::frame::SAMPLE_BITS;
+use super::tree::HALF_WEIGHT;
 
 /// Differences of a node with eight children.
 pub const DIFFERENCES: usize = 7;
@@ -51,7 +52,7 @@ pub fn by_slot(children: u8, weights: &[u32]) -> [u32; 8] {
 #[must_use]
 pub fn dequantized(level: i32, step: u32, [lower, upper]: [u32; 2]) -> i32 {
     // Weights count quarter cells; a coefficient counts half cells, four of these.
-    let ratio = (u64::from(super::tree::HALF_WEIGHT) * u64::from(lower + upper) << (2 * ROOT_BITS))
+    let ratio = ((u64::from(HALF_WEIGHT) * u64::from(lower + upper)) << (2 * ROOT_BITS))
         / (u64::from(lower) * u64::from(upper));
     scaled(level, step, ratio.isqrt())
 }
@@ -59,7 +60,7 @@ pub fn dequantized(level: i32, step: u32, [lower, upper]: [u32; 2]) -> i32 {
 /// The mean of a block that a level stands for, in samples. `step`: in 1/16.
 #[must_use]
 pub fn dequantized_mean(level: i32, step: u32, weight: u32) -> i32 {
-    let ratio = (u64::from(super::tree::HALF_WEIGHT) << (2 * ROOT_BITS)) / u64::from(weight);
+    let ratio = (u64::from(HALF_WEIGHT) << (2 * ROOT_BITS)) / u64::from(weight);
     scaled(level, step, ratio.isqrt())
 }
 

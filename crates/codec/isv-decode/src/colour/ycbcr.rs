@@ -28,10 +28,10 @@ mod tests {
 
     #[test]
     fn there_and_back() {
-        for r in (0..=255).step_by(15) {
-            for g in (0..=255).step_by(15) {
-                for b in (0..=255).step_by(15) {
-                    let ycbcr = from_rgb([r as f32, g as f32, b as f32]);
+        for r in (0..=255u8).step_by(15) {
+            for g in (0..=255u8).step_by(15) {
+                for b in (0..=255u8).step_by(15) {
+                    let ycbcr = from_rgb([r, g, b].map(f32::from));
                     let [y, cb, cr] = ycbcr.map(|c| (c * 64.0).round() as i16);
                     assert_eq!(to_rgb([y, cb, cr, 0]), [r, g, b]);
                 }
