@@ -3,9 +3,12 @@
 
 mod support;
 
+use isv::raw::decode::{Decoder, Limits};
+use isv::raw::encode::colour::{ColourEncoder, ColourSettings};
 use isv::raw::format::{
     ColourLayers, FramePayload, PacketHeader, PacketKind, PacketReader, PacketWriter, StreamHeader,
 };
+use isv::raw::volume::ColourSample;
 use serde_json::Value;
 use support::Workspace;
 
@@ -14,25 +17,28 @@ const FRAMES: usize = 9;
 const SKIPPABLE: u8 = 0xa0;
 const NEEDED: u8 = 0x20;
 
-/// The colour part of a frame: any bytes, as nothing here looks at them.
-fn colour(frame: usize) -> Vec<u8> {
-    (0..=10 * frame).map(|byte| (byte + frame) as u8).collect()
-}
-
 fn coloured_header(stream: &[u8]) -> StreamHeader {
     PacketReader::new(stream).unwrap().header().with_colour(ColourLayers::HalfVoxels)
 }
 
-/// The same stream with a colour part in each frame.
+/// The same stream with a colour part in each frame: colours at random places, which most of the figure takes from its neighbours.
 fn coloured(stream: &[u8]) -> Vec<u8> {
     let header = coloured_header(stream);
-    let (mut reader, mut frame) = (PacketReader::new(stream).unwrap(), 0);
+    let mut reader = PacketReader::new(stream).unwrap();
     let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+    let mut decoder = Decoder::new(&header, Limits::default());
+    let mut encoder = ColourEncoder::new(ColourSettings::default());
     while let Some(packet) = reader.next_frame().unwrap() {
         let geometry = FramePayload::parse(&packet.payload, 0, true, &header.profile).unwrap();
         let (keyframe, time) = (packet.is_keyframe(), packet.header.timestamp_ns);
-        writer.write_coloured_frame(keyframe, time, &geometry, Some(&colour(frame))).unwrap();
-        frame += 1;
+        let volume = decoder.decode(&packet).unwrap().volume;
+        let samples = volume.coords().iter().enumerate().map(|(block, coord)| {
+            let position = volume.grid().voxel_centre_m(*coord, [4; 3]).as_vec3().to_array();
+            let colour = [10, 20, 30].map(|step| (block * step % 256) as f32);
+            ColourSample { position, normal: [0.0; 3], colour, weight: 1.0 }
+        });
+        let colour = encoder.encode(volume, &samples.collect::<Vec<_>>(), keyframe);
+        writer.write_coloured_frame(keyframe, time, &geometry, Some(&colour.bytes)).unwrap();
     }
     writer.finish().unwrap()
 }
@@ -82,21 +88,28 @@ fn workspace() -> Workspace {
 fn streams_with_colour_decode_verify_and_are_described() {
     let work = workspace();
     for stream in ["take.isv", "colour.isv", "skip.isv"] {
-        work.isv(&["decode", stream, "-o", &stream.replace(".isv", "")]).done();
+        work.isv(&["decode", stream, "-o", &stream.replace(".isv", ""), "--no-colour"]).done();
     }
     for name in work.names("take") {
         let whole = work.read(&format!("take/{name}"));
         assert!(whole == work.read(&format!("colour/{name}")) && whole == work.read(&format!("skip/{name}")));
+    }
+    work.isv(&["decode", "colour.isv", "-o", "painted"]).done();
+    let header = |path: &str| String::from_utf8_lossy(&work.read(path)[..300]).into_owned();
+    for name in work.names("painted") {
+        assert!(header(&format!("painted/{name}")).contains("property uchar red"), "{name}");
+        assert!(!header(&format!("colour/{name}")).contains("uchar red"), "{name}");
     }
     let said = work.isv(&["verify", "colour.isv"]).done();
     assert!(String::from_utf8_lossy(said.stdout()).contains("9 of them by hash"));
     let (plain, info) = (info(&work, "take.isv"), info(&work, "colour.isv"));
     assert_eq!((&plain["format_version"], &info["format_version"]), (&1.into(), &2.into()));
     assert_eq!((&plain["colour_layers"], &info["colour_layers"]), (&0.into(), &2.into()));
-    let total: usize = (0..FRAMES).map(|frame| colour(frame).len()).sum();
+    let parts = colours(&work.read("colour.isv"));
+    let total: usize = parts.iter().map(Vec::len).sum();
     assert_eq!((&plain["bytes_colour"], &info["bytes_colour"]), (&0.into(), &total.into()));
     assert_eq!(plain["bytes_geometry"], info["bytes_geometry"]);
-    assert_eq!(info["packets"][3]["bytes_colour"], colour(3).len());
+    assert_eq!(info["packets"][3]["bytes_colour"], parts[3].len());
     assert_eq!(info["packets"][3]["bytes_geometry"], plain["packets"][3]["bytes_geometry"]);
     let text = work.isv(&["info", "colour.isv"]).done();
     let text = String::from_utf8_lossy(text.stdout()).into_owned();
@@ -109,7 +122,7 @@ fn streams_with_colour_decode_verify_and_are_described() {
 #[test]
 fn copies_keep_colour_and_leave_out_unknown_packets_and_say_so() {
     let work = workspace();
-    let expected: Vec<_> = (0..FRAMES).map(colour).collect();
+    let expected = colours(&work.read("colour.isv"));
     work.isv(&["cut", "colour.isv", "3..", "-o", "b.isv"]).done();
     assert_eq!(colours(&work.read("b.isv")), expected[3..]);
     let run = work.isv(&["cut", "skip.isv", "0..3", "-o", "a.isv"]).done();

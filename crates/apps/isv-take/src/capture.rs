@@ -276,6 +276,11 @@ impl Capture {
         self.kind.content()
     }
 
+    /// Whether its frames have colours that can be coded; `None` if that is seen in the first frame.
+    pub(crate) fn has_colour(&self) -> Option<bool> {
+        self.kind.has_colour()
+    }
+
     /// What a user should know before the first frame.
     #[must_use]
     pub fn remarks(&self) -> Vec<Remark> {

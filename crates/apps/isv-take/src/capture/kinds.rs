@@ -146,6 +146,16 @@ impl Kind {
         }
     }
 
+    /// Whether its frames have colours that can be coded; `None` if that is seen in the first frame.
+    pub(super) fn has_colour(&self) -> Option<bool> {
+        match self {
+            Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => None,
+            Self::Depth(_) | Self::Volumes { .. } => Some(false),
+            Self::Stream(_, header, _) => Some(header.colour_layers.is_some()),
+            Self::PipedStream(frames) => Some(frames.header().colour_layers.is_some()),
+        }
+    }
+
     /// What a user should know of it.
     pub(super) fn remarks(&self) -> Vec<Remark> {
         match self {

@@ -134,7 +134,7 @@ impl Job {
             options: options.clone(),
         };
         let cancellation = watch.cancellation().clone();
-        let (grid, remarks) = (header.grid, capture.remarks());
+        let (grid, remarks, has_colour) = (header.grid, capture.remarks(), capture.has_colour());
         let (frames, need) =
             frames_and_need(input, options, capture, range.clone(), grid, observer, &cancellation)?;
         let fits = need.is_some();
@@ -143,9 +143,10 @@ impl Job {
             header.grid.voxel_size = spacing::announce(need, &**observer);
             header.profile = options.profile(&header.grid)?;
         }
-        let (frames, has_colour) = match options.colour_layers(&header) {
-            ColourLayers::None => (frames, false),
-            _ => with_first(frames, comes_once, &cancellation),
+        let (frames, has_colour) = match (options.colour_layers(&header), has_colour) {
+            (ColourLayers::None, _) => (frames, false),
+            (_, Some(known)) => (frames, known),
+            (_, None) => with_first(frames, comes_once, &cancellation),
         };
         if has_colour {
             header = header.with_colour(options.colour_layers(&header));
