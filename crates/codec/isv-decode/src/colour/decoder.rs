@@ -16,6 +16,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use thiserror::Error;
 
+/// Most samples of a frame's deepest layers, at 8 bytes each: about 20 people with samples at quarter voxels of 5 mm.
+const MAX_SAMPLES: usize = 1 << 27;
+
 /// Why the colour of a frame cannot be decoded.
 #[derive(Debug, Error)]
 pub enum ColourError {
@@ -180,6 +183,10 @@ fn read_symbols(
     for (modes, depths) in modes {
         symbols.modes.extend(modes);
         symbols.depths.extend(depths);
+    }
+    let slots = cells.blocks().iter().zip(&symbols.depths).map(|(cells, depth)| cells.count() << (3 * depth));
+    if slots.sum::<usize>() > MAX_SAMPLES {
+        return Err(SyntaxError("more colour samples than a frame may have"));
     }
     // The layout is made again with the samples; what it takes is little beside them.
     let shape = super::frame::ColourShape::new(cells.clone(), symbols.depths.clone(), volume);
