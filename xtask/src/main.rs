@@ -1,5 +1,6 @@
 //! Development commands: `cargo xtask COMMAND`.
 
+mod colour_table;
 mod conformance;
 mod fuzz_seeds;
 mod ingest_table;
@@ -39,6 +40,13 @@ enum Command {
     IngestTable {
         folder: String,
         /// Sequences to measure; without any, all
+        sequences: Vec<String>,
+    },
+    /// Measure rate and error of the colour of textured sequences in a folder
+    ColourTable {
+        folder: String,
+        /// Sequences to measure
+        #[arg(required = true)]
         sequences: Vec<String>,
     },
     /// Make the paper's figures and table again on our clips: docs/results
@@ -108,6 +116,7 @@ fn main() -> Result<()> {
         Command::LodTable { folder, frames } => {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
+        Command::ColourTable { folder, sequences } => colour_table::run(&folder, &sequences),
         Command::IngestTable { folder, sequences } => ingest_table::run(&folder, &sequences),
         Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),

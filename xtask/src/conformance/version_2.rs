@@ -20,7 +20,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
     ])
 }
 
-/// The same header in version 2.
+/// Returns the header in version 2.
 fn second(header: StreamHeader) -> StreamHeader {
     StreamHeader { version: FormatVersion::V2, ..header }
 }

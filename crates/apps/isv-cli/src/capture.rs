@@ -17,7 +17,7 @@ pub(crate) fn hints(unit: Unit) -> Hints {
     Hints::in_unit(unit, memory::limit(), words::observer())
 }
 
-/// The same of a capture whose colours are wanted.
+/// Hints of a unit for a capture whose colours are kept.
 pub(crate) fn colour_hints(unit: Unit) -> Hints {
     Hints { colours: Colours::Keep, ..hints(unit) }
 }

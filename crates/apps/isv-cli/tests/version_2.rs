@@ -21,7 +21,7 @@ fn coloured_header(stream: &[u8]) -> StreamHeader {
     PacketReader::new(stream).unwrap().header().with_colour(ColourLayers::HalfVoxels)
 }
 
-/// The same stream with a colour part in each frame: colours at random places, which most of the figure takes from its neighbours.
+/// Adds a colour part to each frame of a stream. Each block has one coloured point.
 fn coloured(stream: &[u8]) -> Vec<u8> {
     let header = coloured_header(stream);
     let mut reader = PacketReader::new(stream).unwrap();

@@ -149,7 +149,7 @@ extern "C" fn isv_packet(at: f64) -> f64 {
     })
 }
 
-/// What the packet is whose header was read last. 0: a frame, 1: a keyframe, 2: an index, 3: one to skip, whose type is not known.
+/// Kind of the packet whose header was read last. 0: a frame, 1: a keyframe, 2: an index, 3: one to skip, whose type is not known.
 #[unsafe(no_mangle)]
 extern "C" fn isv_packet_kind() -> u32 {
     with(|session| match session.packet_header().map(|header| header.kind) {

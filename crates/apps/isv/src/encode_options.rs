@@ -52,6 +52,20 @@ impl EncodeOptions {
         Self { raw, ..Self::default() }
     }
 
+    /// Quality of colour from 0 to 100 [default: 50], for captures with colour.
+    #[must_use]
+    pub fn colour_quality(mut self, quality: f32) -> Self {
+        self.raw.colour.quality = Some(quality);
+        self
+    }
+
+    /// Leaves colour out. Image files are not opened.
+    #[must_use]
+    pub fn without_colour(mut self) -> Self {
+        self.raw.colour.is_dropped = true;
+        self
+    }
+
     /// Meets a bit rate by one step for all frames, which is found by coding the take more than once. Whole takes alone.
     #[must_use]
     pub fn two_passes(mut self) -> Self {

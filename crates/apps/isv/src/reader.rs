@@ -24,6 +24,7 @@ pub struct Reader {
     frames: Option<usize>,
     lod: Lod,
     after_loss: AfterLoss,
+    colour: bool,
     device: Device,
     memory: MemoryLimit,
     events: Option<EventHandler>,
@@ -65,6 +66,7 @@ impl Reader {
             frames: None,
             lod: Lod::Full,
             after_loss: AfterLoss::Stop,
+            colour: true,
             device: Device::Cpu,
             memory: MemoryLimit::default(),
             events: None,
@@ -85,6 +87,13 @@ impl Reader {
     #[must_use]
     pub fn after_loss(mut self, after_loss: AfterLoss) -> Self {
         self.after_loss = after_loss;
+        self
+    }
+
+    /// Leaves colour out, which saves the time to decode it.
+    #[must_use]
+    pub fn without_colour(mut self) -> Self {
+        self.colour = false;
         self
     }
 
@@ -170,8 +179,14 @@ impl Reader {
         let observer = observer(self.events.clone());
         let device = OpenDevice::open_for(self.device, None, self.lod, &*observer)?;
         let frames = (self.start > 0).then_some(FrameRange { start: self.start, end: FrameRange::OPEN });
-        let settings =
-            DecodeSettings { frames, lod: self.lod, colour: true, device, memory: self.memory, observer };
+        let settings = DecodeSettings {
+            frames,
+            lod: self.lod,
+            colour: self.colour,
+            device,
+            memory: self.memory,
+            observer,
+        };
         let source = match (self.source.take(), self.input.path()) {
             (Some(source), _) => Some(source),
             (None, Some(_)) => None,

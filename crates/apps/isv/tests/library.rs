@@ -83,6 +83,62 @@ fn meshes_come_back_where_they_were() {
     }
 }
 
+/// A stream of coloured boxes: red at their lower end along x, blue at the other.
+fn coloured_stream(options: &EncodeOptions, frames: usize) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new(), options).unwrap();
+    for frame in 0..frames {
+        let mut mesh = cuboid(0.01 * frame as f32, 0.5);
+        mesh.colours = (0..8).map(|i| if i & 1 == 0 { [220, 30, 30] } else { [30, 30, 220] }).collect();
+        writer.push_mesh(&mesh).unwrap();
+    }
+    writer.into_inner().unwrap().0
+}
+
+/// Asserts that vertices near both ends of a box have the colours of these.
+#[track_caller]
+fn assert_painted(mesh: &Mesh) {
+    assert_eq!(mesh.colours.len(), mesh.positions.len());
+    let [low, high] = bounds(&mesh.positions);
+    for (position, [red, _, blue]) in mesh.positions.iter().zip(&mesh.colours) {
+        let along = (position[0] - low[0]) / (high[0] - low[0]);
+        if !(0.2..=0.8).contains(&along) {
+            assert_eq!(red > blue, along < 0.5, "{position:?}: red {red}, blue {blue}");
+        }
+    }
+}
+
+#[test]
+fn colours_come_back_unless_they_are_left_out() {
+    let bytes = coloured_stream(&options(), 4);
+    for frame in reader(&bytes) {
+        assert_painted(&frame.unwrap().mesh().unwrap());
+    }
+    let plain = reader(&bytes).without_colour().next().unwrap().unwrap().mesh().unwrap();
+    assert!(plain.colours.is_empty());
+    let dropped = coloured_stream(&options().without_colour(), 4);
+    assert!(dropped == stream(&options(), 4), "a stream without colour is one of the format's version 1");
+    let finer = coloured_stream(&options().colour_quality(90.0), 4);
+    assert!(finer.len() > bytes.len());
+    for quality in [-1.0, 100.5, f32::NAN] {
+        assert_eq!(kind(options().colour_quality(quality).check()), ErrorKind::Options);
+    }
+    assert_eq!(kind(EncodeOptions::new().as_in_paper().colour_quality(50.0).check()), ErrorKind::Options);
+}
+
+/// With gradual refresh, a viewer that comes late has colours too.
+#[test]
+fn a_stream_can_be_entered_with_its_colours() {
+    let options = options().refresh(isv::Refresh::Gradual).gop(4);
+    let bytes = coloured_stream(&options, 10);
+    let header = 48;
+    // The first packet is lost.
+    let second = 1 + header + bytes[header + 1..].windows(4).position(|four| four == b"ISVP").unwrap();
+    let late = [&bytes[..header], &bytes[second..]].concat();
+    let frames: Vec<_> = reader(&late).after_loss(AfterLoss::Hold).map(Result::unwrap).collect();
+    assert!(frames.len() >= 5, "{} frames", frames.len());
+    assert_painted(&frames[frames.len() - 1].mesh().unwrap());
+}
+
 #[test]
 fn points_depth_and_fields_become_streams_too() {
     let corner = |i: usize, j: usize| [0.01 * i as f32, 0.01 * j as f32, 0.0];

@@ -81,14 +81,14 @@ pub enum DecodeError {
         /// Blocks that these may have.
         limit: usize,
     },
-    /// The frame's geometry is right, but not its colour.
+    /// The frame's colour cannot be decoded; its geometry can.
     #[error("frame {frame}, packet at byte {at}: {cause}")]
     Colour {
         /// Frames decoded before this one.
         frame: u64,
-        /// Where the packet begins in the stream.
+        /// Offset of the packet in the stream.
         at: u64,
-        /// What is wrong.
+        /// Fault of the colour part.
         cause: ColourError,
     },
     /// The decoded volume is not the one that was encoded.

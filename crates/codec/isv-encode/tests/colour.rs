@@ -1,11 +1,11 @@
 //! Colour: what the encoder reconstructs is what the decoder decodes, near what was seen; and nothing from outside does harm.
 
 use isv_decode::colour::frame::Reader;
-use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, surface_colours, ycbcr};
+use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, surface_colours};
 use isv_encode::colour::{ColourEncoder, ColourSettings, EncodedColour, locate};
 use isv_format::{ColourKind, ColourPayload};
 use isv_testkit::{Random, ball, still_and_moving_ball};
-use isv_volume::{BlockEdge, ColourSample, Grid, SparseVolume, Truncation, VoxelSize};
+use isv_volume::{BlockEdge, ColourSample, Grid, SparseVolume, Truncation, VoxelSize, ycbcr_from_rgb};
 
 fn grid() -> Grid {
     Grid {
@@ -49,7 +49,7 @@ fn luma_psnr_db(frame: &ColourFrame, samples: &[ColourSample]) -> f64 {
     for sample in samples {
         let (onto, normal, _) = locate(&mut reader, &grid(), sample).unwrap();
         let found = reader.read(onto, normal, 2).unwrap();
-        squares += (f64::from(found[0]) / 64.0 - f64::from(ycbcr::from_rgb(sample.colour)[0])).powi(2);
+        squares += (f64::from(found[0]) / 64.0 - ycbcr_from_rgb(sample.colour)[0]).powi(2);
     }
     10.0 * (255.0f64.powi(2) * samples.len() as f64 / squares).log10()
 }

@@ -89,11 +89,11 @@ impl ColourHeader {
 
 /// A colour part taken apart.
 ///
-/// Segments are in order of what is needed first: the modes of all slices, then layer by layer the coefficients of all slices, so that
-/// a reader of coarse layers need not have the others.
+/// The modes of all slices come first, then the coefficients of all slices, layer by layer. A reader of coarse layers
+/// can stop before the fine ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColourPayload<'a> {
-    /// Its header.
+    /// Header of the part.
     pub header: ColourHeader,
     /// Modes and depths of blocks, by slice.
     pub modes: Vec<&'a [u8]>,

@@ -29,7 +29,7 @@ pub enum FormatError {
     PacketType {
         /// The type that the packet states.
         found: u8,
-        /// Where its header begins.
+        /// Offset of the packet's header in the stream.
         at: u64,
     },
     /// The bytes break the format.

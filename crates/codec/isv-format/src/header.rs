@@ -88,7 +88,7 @@ impl StreamHeader {
         Self { version, profile, grid, frame_rate, colour_layers }
     }
 
-    /// The same stream with these layers of colour, for which it needs version 2.
+    /// Sets the layers of colour. A header with any has version 2.
     #[must_use]
     pub fn with_colour(self, colour_layers: ColourLayers) -> Self {
         let version = if colour_layers.is_some() { FormatVersion::V2 } else { self.version };

@@ -11,9 +11,9 @@ use crate::{FormatError, MAX_PAYLOAD};
 /// The parts of a frame's payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PayloadParts<'a> {
-    /// What [`FramePayload::parse`](crate::FramePayload::parse) reads.
+    /// Geometry part, for [`FramePayload::parse`](crate::FramePayload::parse).
     pub geometry: &'a [u8],
-    /// What is said of colour; `None` if the frame has none.
+    /// Colour part; `None` if the frame has none.
     pub colour: Option<&'a [u8]>,
 }
 

@@ -4,11 +4,11 @@ mod at_surface;
 mod cameras;
 mod coloured;
 mod picture;
+mod psnr;
 mod ssim;
 mod views;
-mod ycbcr;
 
-pub use ycbcr::MAX_COLOUR_PSNR_DB;
+pub use psnr::MAX_COLOUR_PSNR_DB;
 
 use crate::chamfer::second_seed;
 use crate::compare::checked_areas;

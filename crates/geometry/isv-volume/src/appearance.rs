@@ -180,7 +180,7 @@ pub enum AppearanceError {
     Count {
         /// Contents of the list.
         what: AppearanceList,
-        /// Its length.
+        /// Length of the list.
         found: usize,
         /// The length of the mesh's list.
         expected: usize,

@@ -31,6 +31,7 @@ mod mesh;
 mod points;
 mod random;
 mod volume;
+mod ycbcr;
 
 pub use appearance::{
     Appearance, AppearanceError, AppearanceList, Image, Material, Rgb, Wrap, linear_from_srgb,
@@ -48,3 +49,4 @@ pub use mesh::{MeshError, TriangleMesh};
 pub use points::{PointCloud, PointsError, ScanPlace};
 pub use random::SplitMix64;
 pub use volume::{BlockOrigin, SparseVolume, VolumeBuilder};
+pub use ycbcr::ycbcr_from_rgb;

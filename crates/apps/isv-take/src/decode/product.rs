@@ -29,9 +29,9 @@ pub(super) struct Recipe {
     /// Whether meshes get normals; points always do.
     pub(super) normals: bool,
     pub(super) density: PointDensity,
-    /// Of the stream.
+    /// Profile of the stream.
     pub(super) profile: Profile,
-    /// Of the stream.
+    /// Grid of the stream.
     pub(super) grid: Grid,
     /// What meshes may have, if that is limited.
     pub(super) budget: Option<Budget>,

@@ -17,7 +17,7 @@ pub(super) struct CodedFrame {
     /// As the capture says, if it does.
     pub(super) timestamp_ns: Option<u64>,
     pub(super) frame: UnwrittenFrame,
-    /// Its colour, in streams that have any.
+    /// Colour of the frame, in streams with colour.
     pub(super) colour: Option<EncodedColour>,
     /// Of [`IngestedFrame`].
     pub(super) has_surface: bool,

@@ -271,6 +271,8 @@ pub enum OptionsError {
 pub enum OptionName {
     /// Quality, 0 to 100.
     Quality,
+    /// Quality of colour, 0 to 100.
+    ColourQuality,
     /// Bit rate.
     Bitrate,
     /// Largest error.
@@ -301,6 +303,7 @@ impl std::fmt::Display for OptionName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Quality => "quality",
+            Self::ColourQuality => "colour-quality",
             Self::Bitrate => "bitrate",
             Self::MaxError => "max-error",
             Self::Passes => "passes",

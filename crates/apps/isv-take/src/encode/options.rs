@@ -117,6 +117,24 @@ pub struct ColourOptions {
     pub quality: Option<f32>,
 }
 
+impl ColourOptions {
+    /// Refuses numbers out of range.
+    fn check(&self) -> Result<(), OptionsError> {
+        match self.quality.is_none_or(|quality| (0.0..=100.0).contains(&quality)) {
+            true => Ok(()),
+            false => {
+                let (option, what) = (OptionName::ColourQuality, "a number from 0 to 100");
+                Err(OptionsError::Range { option, what })
+            }
+        }
+    }
+
+    /// The first of these options that was given and that profile `paper` has no use for.
+    fn first_given(&self) -> Option<OptionName> {
+        self.quality.map(|_| OptionName::ColourQuality)
+    }
+}
+
 /// How captures become volumes.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldOptions {
@@ -330,12 +348,13 @@ impl EncodeOptions {
     /// See [`OptionsError`].
     pub fn profile(&self, grid: &Grid) -> Result<Profile, OptionsError> {
         self.main.check()?;
+        self.colour.check()?;
         let choice = self.profile_choice();
         if self.voxel == VoxelChoice::Auto && choice == ProfileChoice::Paper {
             return Err(OptionsError::AutoVoxelInPaper);
         }
         match choice {
-            ProfileChoice::Paper => match self.main.first_given() {
+            ProfileChoice::Paper => match self.main.first_given().or(self.colour.first_given()) {
                 None => Ok(Profile::Paper(self.paper.parameters(grid)?)),
                 Some(option) => Err(OptionsError::NotInPaper(option)),
             },
@@ -419,7 +438,9 @@ impl EncodeOptions {
         header.colour_layers.is_some().then(|| {
             let quality = self.colour.quality.unwrap_or(DEFAULT_QUALITY);
             let settings = ColourSettings::of_quality(quality, header.colour_layers.count());
-            ColourEncoder::new(ColourSettings { checksums: self.checksums, ..settings })
+            // Viewers enter between keyframes, and have all colours one cycle later.
+            let cycle = (self.main.refresh == Some(Refresh::Gradual)).then_some(self.gop.get());
+            ColourEncoder::new(ColourSettings { checksums: self.checksums, cycle, ..settings })
         })
     }
 

@@ -74,7 +74,7 @@ pub(super) struct VolumeMaker {
     pub(super) shell: Arc<Shell>,
     /// Distance between the colours that are sampled on meshes (m); nothing if no colours are wanted.
     pub(super) colour_spacing_m: Option<f64>,
-    /// Those of the frame that is worked on.
+    /// Colours sampled on the current frame.
     pub(super) colours: Vec<ColourSample>,
 }
 

@@ -1,13 +1,13 @@
 //! The colour of a stream's frames, one after the other.
 
 use super::cells::ColourCells;
-use super::frame::ColourFrame;
+use super::frame::{ColourFrame, ColourShape};
 use super::reconstruct::{ColourSteps, reconstruct};
 use super::reference::ColourReference;
 use super::symbols::{ColourSymbols, LayerCoefficients};
-use super::syntax::ColourSlices;
 use super::syntax::coefficients::{FrameEnergies, LayerBlocks};
 use super::syntax::modes::ModeBlocks;
+use super::syntax::{ColourModels, ColourSlices};
 use crate::main::{BlockMode, CausalBlocks, Vector};
 use crate::shared::syntax::SyntaxError;
 use isv_format::{ColourHeader, ColourKind, ColourPayload, FormatError, RefusalClass, SliceLayout};
@@ -25,24 +25,24 @@ pub enum ColourError {
     /// The colour part is malformed.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// Its symbols are ones that no encoder writes.
+    /// The colour part has symbols that no encoder writes.
     #[error("{0}")]
     Syntax(&'static str),
-    /// It is predicted from a frame that is not there.
+    /// The frame is predicted from one that is missing.
     #[error("the colour of the frame before is missing")]
     NoReference,
-    /// Another hash than the one that it states.
+    /// The decoded samples differ from the encoder's, by their hash.
     #[error("the colour decodes to hash {found:016x}, but {stated:016x} is stated")]
     HashMismatch {
         /// The hash that the frame states.
         stated: u64,
-        /// That of what was decoded.
+        /// Hash of the decoded samples.
         found: u64,
     },
 }
 
 impl ColourError {
-    /// What kind of fault it is.
+    /// Class of the fault.
     #[must_use]
     pub fn class(&self) -> Option<RefusalClass> {
         match self {
@@ -83,7 +83,7 @@ impl ColourDecoder {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
-    /// Says that a frame was lost: what follows is decoded from a frame whose symbols can be read without it.
+    /// Tells that a frame was lost. Decoding goes on at the next intra or resilient frame.
     pub fn lose(&mut self) {
         self.is_synchronous = false;
     }
@@ -114,10 +114,10 @@ impl ColourDecoder {
         }
         let cells = ColourCells::new(volume);
         let known = reference.as_ref().filter(|_| kind == ColourKind::Predicted);
-        let symbols = read_symbols(&mut self.entropy, &payload, &cells, volume, known, self.layers)?;
+        let (symbols, shape) = read_symbols(&mut self.entropy, &payload, cells, volume, known, self.layers)?;
         let steps = steps(&payload.header);
         let before = reference.as_ref().map(|reference| &*reference.frame);
-        let frame = reconstruct(cells, volume, &symbols, &steps, before);
+        let frame = reconstruct(shape, &symbols, &steps, before);
         if let Some(stated) = payload.header.hash.filter(|_| is_exact) {
             let found = frame.hash();
             if found != stated {
@@ -128,7 +128,7 @@ impl ColourDecoder {
         Ok(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
     }
 
-    /// Makes up the colour of a frame that has no colour part: that of the frame before, where it was.
+    /// Keeps the colour of the frame before, for a frame without a colour part.
     pub fn carry_over(&mut self, volume: &SparseVolume) -> Option<&Arc<ColourFrame>> {
         let reference = self.reference.take()?;
         let cells = ColourCells::new(volume);
@@ -139,7 +139,8 @@ impl ColourDecoder {
             depths: before.iter().map(|block| block.map_or(0, |block| block.depth)).collect(),
             layers: Default::default(),
         };
-        let frame = reconstruct(cells, volume, &symbols, &ColourSteps::FINEST, Some(&reference.frame));
+        let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
+        let frame = reconstruct(shape, &symbols, &ColourSteps::FINEST, Some(&reference.frame));
         Some(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
     }
 }
@@ -150,15 +151,15 @@ pub fn steps(header: &ColourHeader) -> ColourSteps {
     ColourSteps { luma: u32::from(header.luma_step), chroma: u32::from(header.chroma_step) }
 }
 
-/// Reads the symbols of a frame.
+/// Reads the symbols of a frame, and lays out its samples.
 fn read_symbols(
     entropy: &mut ColourSlices,
     payload: &ColourPayload,
-    cells: &ColourCells,
+    cells: ColourCells,
     volume: &SparseVolume,
     reference: Option<&ColourReference>,
     layers: u8,
-) -> Result<ColourSymbols, SyntaxError> {
+) -> Result<(ColourSymbols, ColourShape), SyntaxError> {
     let coords = cells.coords();
     let slices = usize::from(payload.header.slices);
     let ranges: Vec<_> = SliceLayout::new(coords.len(), slices).ranges().collect();
@@ -188,9 +189,9 @@ fn read_symbols(
     if slots.sum::<usize>() > MAX_SAMPLES {
         return Err(SyntaxError("more colour samples than a frame may have"));
     }
-    // The layout is made again with the samples; what it takes is little beside them.
-    let shape = super::frame::ColourShape::new(cells.clone(), symbols.depths.clone(), volume);
-    let of_slice = |slice: usize, models: &mut super::syntax::ColourModels| {
+    let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
+    let coords = shape.cells().coords();
+    let of_slice = |slice: usize, models: &mut ColourModels| {
         let mut energies = FrameEnergies::new(coords.len());
         let (shape, modes, causal, before) = (&shape, &symbols.modes[..], &causal, &before[..]);
         let range = ranges[slice].clone();
@@ -210,5 +211,5 @@ fn read_symbols(
             symbols.layers[layer].append(coefficients);
         }
     }
-    Ok(symbols)
+    Ok((symbols, shape))
 }

@@ -48,7 +48,7 @@ pub(crate) fn rounded(sum: i32, weight: i32) -> i32 {
 pub struct ColourShape {
     cells: ColourCells,
     depths: Vec<u8>,
-    /// Where the samples of each block begin in each layer, or would.
+    /// Start of each block's samples in each layer.
     starts: Vec<[u32; 3]>,
     /// Samples of each layer.
     counts: [usize; 3],
@@ -78,13 +78,13 @@ impl ColourShape {
         &self.cells
     }
 
-    /// Depth of each block of the cells.
+    /// Depth of each block.
     #[must_use]
     pub fn depths(&self) -> &[u8] {
         &self.depths
     }
 
-    /// Where the samples of each block begin in each layer.
+    /// Start of each block's samples in each layer.
     #[must_use]
     pub fn starts(&self) -> &[[u32; 3]] {
         &self.starts
@@ -127,9 +127,9 @@ impl ColourShape {
 
 /// The layers of samples of a frame.
 ///
-/// Layer 0 has a sample for each cell. Layer 1 has eight for each cell of the blocks that are at least one deep, layer 2 has 64 for
-/// each cell of those that are two deep, both in Morton order; those of half and quarter cells that the surface does not cross mean
-/// nothing. Each sample of a layer is the weighted mean of those below it.
+/// Layer 0 has 1 sample a cell. Layer 1 has 8 a cell, in blocks of depth 1 or 2. Layer 2 has 64 a cell, in blocks of depth 2. Samples
+/// of a cell are in Morton order; the surface does not cross all half and quarter cells, and the samples of the others are unused. Each
+/// sample is the weighted mean of those below it.
 #[derive(Clone, Debug, Default)]
 pub struct ColourFrame {
     /// Which samples there are.

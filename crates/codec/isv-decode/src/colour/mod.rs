@@ -15,7 +15,7 @@
 //! - [`upsampling`]: prediction of children from the parents around them, within a frame.
 //! - [`syntax`]: entropy-coded symbols; `isv-encode` has the writing side under the same names.
 //! - [`reconstruct`]: symbols to samples, called by both sides.
-//! - [`ycbcr`]: sRGB and BT.709 YCbCr.
+//! - [`ycbcr`]: samples to sRGB.
 //!
 //! All arithmetic is integers. Positions and distances count 1/256 of a voxel, as codes of the field do; samples count 1/64 of
 //! an 8-bit step.

@@ -1,6 +1,5 @@
 //! Symbols to samples: what the encoder and every decoder do alike.
 
-use super::cells::ColourCells;
 use super::compensation::{MotionField, predict_block, vectors_around};
 use super::frame::{ColourFrame, ColourShape, Reader, SAMPLE_BITS, Sample, clamped};
 use super::symbols::{Coefficient, ColourSymbols};
@@ -10,7 +9,7 @@ use super::transform::{
 use super::tree::{BlockTree, UPPER_LEVELS};
 use super::upsampling::{LevelMeans, ParentWindow, predict_root};
 use crate::main::BlockMode;
-use isv_volume::{NeighbourFinder, SparseVolume};
+use isv_volume::NeighbourFinder;
 use rayon::prelude::*;
 
 /// Blocks that a thread works on at a time.
@@ -92,7 +91,7 @@ pub fn add_differences(
     }
 }
 
-/// What a block's mean changes by.
+/// Change of a block's mean, from its levels.
 fn mean_change(weight: u32, levels: [i16; 3], steps: &ColourSteps) -> [i32; 3] {
     [0, 1, 2].map(|c| dequantized_mean(i32::from(levels[c]), steps.channel(c), weight))
 }
@@ -196,18 +195,14 @@ impl BlockLayers<'_> {
     }
 }
 
-/// Decodes a frame from its symbols.
-///
-/// `volume`: the decoded field that `cells` were derived from. `before`: the frame before; without it all blocks are intra.
+/// Decodes a frame from its symbols. `shape` has the depths of these. Without a frame `before`, all blocks are intra.
 #[must_use]
 pub fn reconstruct(
-    cells: ColourCells,
-    volume: &SparseVolume,
+    shape: ColourShape,
     symbols: &ColourSymbols,
     steps: &ColourSteps,
     before: Option<&ColourFrame>,
 ) -> ColourFrame {
-    let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
     let mut layers = shape.layers();
     if let Some(before) = before {
         reconstruct_inter(&shape, &mut layers, symbols, steps, before);
@@ -291,9 +286,9 @@ impl<'a> InterPredictor<'a> {
 /// Means of the nodes above the voxels' cells: of each block one, eight, 64.
 type UpperMeans = [Vec<Sample>; UPPER_LEVELS];
 
-/// Where the levels of intra blocks come from: the decoder reads them, the encoder chooses them once it knows what is predicted.
+/// Source of the levels of intra blocks: the decoder reads them, the encoder chooses them from the prediction.
 pub trait IntraLevels: Sync {
-    /// What is kept of a level of a block, from node to node.
+    /// State of one tree level of a block, kept from node to node.
     type Block: Send;
 
     /// The levels of a block's mean. Called for one block after the other.
@@ -305,14 +300,14 @@ pub trait IntraLevels: Sync {
     /// The levels of a node's differences; `None` if all are zero.
     fn node(&self, block: &mut Self::Block, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]>;
 
-    /// Takes what was kept of a level of all blocks, in their order.
+    /// Takes the states of a tree level of all blocks, in block order.
     fn end(&mut self, layer: u8, level: usize, blocks: Vec<(usize, Self::Block)>);
 }
 
 /// A node of an intra block, whose children are predicted.
 #[derive(Clone, Copy, Debug)]
 pub struct IntraNode<'a> {
-    /// Its place at its level.
+    /// Place of the node at its level.
     pub place: usize,
     /// Which children it has.
     pub children: u8,
@@ -448,7 +443,7 @@ pub fn predicted_root(
 /// The means of the children of a level's nodes in an intra block.
 struct LevelBlock<S> {
     block: usize,
-    /// Where they begin in the level below.
+    /// Start of the block's nodes in the level below.
     start: usize,
     samples: Vec<Sample>,
     state: S,

@@ -1,11 +1,11 @@
-//! What the bytes of a colour part say.
+//! Decoded symbols of a colour part.
 
 use crate::main::BlockMode;
 
 /// A coefficient that is not zero in every channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coefficient {
-    /// Its place among all that the layer of its block has: the root's mean, then differences level by level, node by node.
+    /// Place among all coefficients of the block's layer: the root's mean, then differences level by level, node by node.
     pub place: u32,
     /// Levels of luma and of both colour differences.
     pub levels: [i16; 3],
@@ -14,14 +14,14 @@ pub struct Coefficient {
 /// The coefficients of one layer, block after block.
 #[derive(Clone, Debug, Default)]
 pub struct LayerCoefficients {
-    /// Where those of each block end.
+    /// End of each block's coefficients.
     pub ends: Vec<u32>,
-    /// All of them.
+    /// Coefficients of all blocks.
     pub coefficients: Vec<Coefficient>,
 }
 
 impl LayerCoefficients {
-    /// Those of a block; none if the layer was not read.
+    /// Coefficients of a block; none if the layer was not read.
     #[must_use]
     pub fn of_block(&self, block: usize) -> &[Coefficient] {
         let Some(end) = self.ends.get(block) else { return &[] };
@@ -29,13 +29,13 @@ impl LayerCoefficients {
         &self.coefficients[start as usize..*end as usize]
     }
 
-    /// Adds those of the next block.
+    /// Adds the coefficients of the next block.
     pub fn push_block(&mut self, coefficients: impl IntoIterator<Item = Coefficient>) {
         self.coefficients.extend(coefficients);
         self.ends.push(self.coefficients.len() as u32);
     }
 
-    /// Adds those of the blocks of another slice.
+    /// Adds the blocks of another slice.
     pub fn append(&mut self, other: &Self) {
         let before = self.coefficients.len() as u32;
         self.coefficients.extend(&other.coefficients);

@@ -12,7 +12,7 @@ pub const HALF_WEIGHT: u32 = 4;
 /// The nodes of one level in Morton order.
 #[derive(Clone, Debug, Default)]
 pub struct TreeLevel {
-    /// Where the nodes are, in Morton order of this level.
+    /// Places of the nodes, in Morton order of this level.
     pub places: Vec<u16>,
     /// The area that each node stands for, in quarter cells.
     pub weights: Vec<u32>,
@@ -22,8 +22,8 @@ pub struct TreeLevel {
 
 /// The octree of a block: from the block down to the cells that have samples.
 ///
-/// The weight of a voxel's cell is the number of half cells that the surface crosses in it, also where these have no samples, so that
-/// a coefficient means the same at every depth.
+/// The weight of a voxel's cell is the number of its half cells that the surface crosses. This holds at depth 0 too, so that a
+/// coefficient means the same at every depth.
 #[derive(Clone, Debug, Default)]
 pub struct BlockTree {
     depth: u8,
@@ -101,7 +101,7 @@ impl BlockTree {
         &self.levels[..=UPPER_LEVELS + usize::from(self.depth)]
     }
 
-    /// Where the leaves are in their layer, among the slots of the block's cells.
+    /// Slots of the leaves in their layer, counted from the block's first.
     pub fn leaf_slots(&self) -> impl Iterator<Item = usize> + '_ {
         self.slots(self.depth)
     }
@@ -111,7 +111,7 @@ impl BlockTree {
         self.levels[UPPER_LEVELS + usize::from(self.depth)].places.iter().copied()
     }
 
-    /// Where in a layer the nodes of the layer's level are: each cell has a slot for each place in it.
+    /// Slots of a layer's nodes. Each cell has a slot for each place in it, used or not.
     pub fn slots(&self, layer: u8) -> impl Iterator<Item = usize> + '_ {
         let shift = 3 * layer;
         let cells = &self.levels[UPPER_LEVELS].places;

@@ -25,7 +25,7 @@ pub struct LevelMeans<'a> {
     pub means: &'a [Sample],
     /// Means of voxels' cells, for blocks that are not deep enough to have some at the level.
     pub shallow: &'a [Sample],
-    /// Where those of each block begin in each layer.
+    /// Start of each block's samples in each layer.
     pub starts: &'a [[u32; 3]],
 }
 

@@ -1,14 +1,7 @@
-//! BT.709 YCbCr of full range, and back to sRGB.
+//! Samples to sRGB.
 
 use super::frame::{SAMPLE_BITS, Sample};
 use isv_volume::Rgb;
-
-/// YCbCr of an sRGB colour of 0 to 255 a channel, in the same unit; the differences are signed.
-#[must_use]
-pub fn from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
-    let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    [y, (b - y) / 1.8556, (r - y) / 1.5748]
-}
 
 /// The sRGB colour of a sample: exact integers, so that all decoders give the same bytes.
 ///
@@ -25,13 +18,14 @@ pub fn to_rgb([y, cb, cr, _]: Sample) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isv_volume::ycbcr_from_rgb;
 
     #[test]
     fn there_and_back() {
         for r in (0..=255u8).step_by(15) {
             for g in (0..=255u8).step_by(15) {
                 for b in (0..=255u8).step_by(15) {
-                    let ycbcr = from_rgb([r, g, b].map(f32::from));
+                    let ycbcr = ycbcr_from_rgb([r, g, b].map(f32::from));
                     let [y, cb, cr] = ycbcr.map(|c| (c * 64.0).round() as i16);
                     assert_eq!(to_rgb([y, cb, cr, 0]), [r, g, b]);
                 }

@@ -36,7 +36,7 @@ pub(crate) struct MainDecoder<B: Backend> {
     /// Whether and how it goes on after a loss.
     recovery: Recovery,
     sequence: Sequence,
-    /// Whoever wants no colour has none of this.
+    /// Decoder of colour, if colour is wanted.
     colour: Option<ColourDecoder>,
 }
 

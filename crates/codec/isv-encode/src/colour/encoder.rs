@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 /// Blocks that a thread works on at a time.
 const CHUNK: usize = 16;
-/// What is added to a magnitude before it is rounded down, where smaller levels are not tried.
+/// Rounding offset of magnitudes, for attempts that try no smaller levels.
 const ROUNDING: f32 = 0.36;
 
 /// Choices of the colour encoder that a stream does not record.
@@ -36,7 +36,7 @@ pub struct ColourSettings {
     pub layers: u8,
     /// Quantizer step of luma in keyframes, in 8-bit steps.
     pub key_step: f32,
-    /// The same in frames that are predicted.
+    /// Quantizer step of luma in predicted frames, in 8-bit steps.
     pub step: f32,
     /// Step of both colour differences over that of luma.
     pub chroma: f32,
@@ -276,7 +276,7 @@ struct FrameBlocks<'a> {
     causal: &'a CausalBlocks,
     /// The blocks in the frame before, as far as the syntax looks at it.
     known: &'a [Option<BlockBefore>],
-    /// Those of each slice.
+    /// Blocks of each slice.
     ranges: Vec<Range<usize>>,
     predicts: bool,
     max_depth: u8,

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const CHUNK: usize = 16;
 /// Squared error of a leaf beyond which more makes no difference: what is hidden in the frame before cannot be predicted.
 const MOST_ERROR: f32 = 900.0;
-/// What a leaf costs that nothing predicts.
+/// Squared error of a leaf without prediction.
 const MISSING_ERROR: f32 = 900.0;
 /// Weight of the squared error of either colour difference.
 const CHROMA: f32 = 0.5;
@@ -185,7 +185,7 @@ impl<'a> MotionSearch<'a> {
         vectors
     }
 
-    /// What chooses modes once vectors were searched for.
+    /// Creates the chooser of modes, for use after the search.
     pub(crate) fn chooser(&self) -> ModeChooser<'_> {
         ModeChooser { search: self, reader: Reader::new(self.before) }
     }

@@ -17,13 +17,13 @@ pub(crate) const SAMPLE_SCALE: f32 = (1 << SAMPLE_BITS) as f32;
 pub(crate) struct Trade {
     /// Squared error, in steps, that a bit may cost.
     pub lambda: f32,
-    /// What is added to a magnitude before it is rounded down.
+    /// Rounding offset of magnitudes.
     pub rounding: f32,
-    /// Whether smaller levels are tried for what they save.
+    /// Whether smaller levels are tried, to save bits.
     pub search: bool,
 }
 
-/// What choosing levels saved and took.
+/// Error that levels save, and bits that they take.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Gain {
     /// By how much the squared error is less than without levels, in steps.

@@ -2,15 +2,15 @@
 
 use isv_decode::colour::frame::Reader;
 use isv_decode::colour::tree::BlockTree;
-use isv_decode::colour::{ColourFrame, ColourShape, ycbcr};
-use isv_volume::{BlockCoord, ColourSample, Grid};
+use isv_decode::colour::{ColourFrame, ColourShape};
+use isv_volume::{BlockCoord, ColourSample, Grid, ycbcr_from_rgb};
 use rayon::prelude::*;
 
 /// Samples that a thread works on at a time.
 const CHUNK: usize = 4096;
 /// Distance from the decoded surface, in voxels, at which what was seen counts a third as much as on it.
 const NEAR: f32 = 0.15;
-/// What counts least.
+/// Least weight of a colour sample.
 const LEAST: f32 = 1e-3;
 /// Gain of a round of back projection.
 const GAIN: f32 = 1.3;
@@ -26,7 +26,7 @@ pub struct ColourTarget {
     pub seen: [Vec<bool>; 3],
 }
 
-/// What was seen at a point of the decoded surface.
+/// Colour seen at a point of the decoded surface.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     /// Samples that a reading there takes the mean of, and their weights; none if the point is too far from the surface.
@@ -210,8 +210,10 @@ fn mean(values: &[Option<[f32; 3]>]) -> [f32; 3] {
     sums.map(|sum| sum / count.max(1.0))
 }
 
-/// The point of the decoded surface that a colour was seen at, in 1/256 voxel from the middle of the first voxel of the block that the
-/// reader is turned to; the normal there, and the distance in voxels. `None` if no surface that faces the same way is near.
+/// Finds the point of the decoded surface that shows a colour sample: its position, its normal, and its distance (voxels).
+///
+/// The position counts 1/256 voxel from the centre of the first voxel of the sample's block, which the reader is turned to. `None`
+/// without a near surface that faces the same way.
 #[must_use]
 pub fn locate(reader: &mut Reader, grid: &Grid, sample: &ColourSample) -> Option<([i32; 3], [i8; 3], f32)> {
     let voxel_m = grid.voxel_size.metres();
@@ -252,8 +254,13 @@ fn find(reader: &mut Reader, shape: &ColourShape, grid: &Grid, sample: &ColourSa
     let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
     let weight = sample.weight * nearness * agreement.clamp(LEAST, 1.0);
     let max_depth = shape.depths().first().copied().unwrap_or(0);
-    let mut seen =
-        Seen { taps: [(0, 0.0); 8], count: 0, layer: 0, colour: ycbcr::from_rgb(sample.colour), weight };
+    let mut seen = Seen {
+        taps: [(0, 0.0); 8],
+        count: 0,
+        layer: 0,
+        colour: ycbcr_from_rgb(sample.colour).map(|c| c as f32),
+        weight,
+    };
     let mut all = 0;
     reader.taps(onto, normal, max_depth, |layer, at, weight| {
         seen.taps[usize::from(seen.count)] = (at, weight as f32);
@@ -268,7 +275,7 @@ fn find(reader: &mut Reader, shape: &ColourShape, grid: &Grid, sample: &ColourSa
     Some(seen)
 }
 
-/// Where on the decoded surface a colour belongs.
+/// Point of the decoded surface that shows a colour sample.
 #[derive(Clone, Copy, Debug)]
 struct Landing {
     /// In 1/256 voxel from the reader's origin.

@@ -1,4 +1,4 @@
-//! What can be wrong with an image.
+//! Faults of images.
 
 use super::{MAX_IMAGE_PIXELS, MAX_IMAGE_SIDE};
 use crate::error::{library_text, quote};

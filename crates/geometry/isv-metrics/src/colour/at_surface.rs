@@ -1,8 +1,9 @@
 //! Errors of colours at points of a surface.
 
 use super::coloured::Coloured;
-use super::ycbcr::{psnr_db, ycbcr};
+use super::psnr::psnr_db;
 use crate::mean::mean;
+use isv_volume::ycbcr_from_rgb;
 
 /// Mean squared errors of Y, Cb and Cr at the points of a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,7 +14,8 @@ impl ErrorsAtPoints {
     pub(super) fn new(from: &Coloured, to: &Coloured) -> Self {
         let there = to.colours_at(&from.points);
         Self([0, 1, 2].map(|channel| {
-            let error = |i: usize| ycbcr(from.points[i].colour)[channel] - ycbcr(there[i])[channel];
+            let error =
+                |i: usize| ycbcr_from_rgb(from.points[i].colour)[channel] - ycbcr_from_rgb(there[i])[channel];
             mean(there.len(), |i| error(i).powi(2))
         }))
     }

@@ -40,7 +40,7 @@ pub(super) struct Coloured<'a> {
     lookup: Lookup<'a>,
 }
 
-/// What tells the colour near a point.
+/// Lookup of the colour near a point.
 enum Lookup<'a> {
     Surface {
         mesh: &'a TriangleMesh,

@@ -1,8 +1,7 @@
 //! Pictures of a mesh's colours, without light, one ray a pixel.
 
 use super::cameras::{Camera, SIZE, Seen};
-use super::ycbcr::luma;
-use isv_volume::{Appearance, TriangleMesh};
+use isv_volume::{Appearance, TriangleMesh, ycbcr_from_rgb};
 
 /// Y of pixels that show nothing: a grey, so that SSIM sees no contrast that neither side has.
 pub(super) const BACKGROUND: f64 = 128.0;
@@ -25,7 +24,8 @@ pub(super) fn draw(mesh: &TriangleMesh, camera: &Camera) -> Picture {
     let appearance = mesh.appearance.as_deref().unwrap_or(&white);
     let colour = |pixel: &Visible| {
         let weights = pixel.weights.map(|weight| weight as f32);
-        luma(appearance.colour(pixel.face as usize, mesh.triangles[pixel.face as usize], weights))
+        let face = pixel.face as usize;
+        ycbcr_from_rgb(appearance.colour(face, mesh.triangles[face], weights))[0]
     };
     visible(mesh, camera).iter().map(|pixel| pixel.as_ref().map(colour)).collect()
 }

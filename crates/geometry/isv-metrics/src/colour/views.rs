@@ -2,8 +2,8 @@
 
 use super::cameras::Camera;
 use super::picture::{Picture, draw};
+use super::psnr::psnr_db;
 use super::ssim::ssim;
-use super::ycbcr::psnr_db;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 

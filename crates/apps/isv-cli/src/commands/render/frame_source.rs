@@ -23,7 +23,7 @@ pub(super) struct Scene {
     pub(super) reference: Option<Bvh>,
 }
 
-/// What is known of all frames before the first is drawn.
+/// Facts of all frames, found before the first is drawn.
 #[derive(Clone, Copy)]
 pub(super) struct Overview {
     pub(super) extent: Extent,

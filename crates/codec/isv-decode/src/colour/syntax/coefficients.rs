@@ -64,10 +64,10 @@ fn class(energy: u32) -> usize {
     [0, 1, 2, 3, 3, 4][(energy as usize).min(5)]
 }
 
-/// What is known of a node when its coefficients are coded.
+/// Context of a node's coefficients.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeContext {
-    /// Its level, or [`ROOT_LEVEL`].
+    /// Level of the node, or [`ROOT_LEVEL`].
     pub level: usize,
     /// 0 in intra blocks, 1 in inter blocks.
     pub kind: usize,
@@ -79,16 +79,16 @@ pub struct NodeContext {
     pub count: usize,
 }
 
-/// What is known of a layer of a block when it is coded whether it has any coefficients.
+/// Context of the flag that a layer of a block has coefficients.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockContext {
     /// The layer.
     pub layer: u8,
     /// 0 in intra blocks, 1 in inter blocks.
     pub kind: usize,
-    /// Of the blocks around that precede it, up to three: how many there are, and how many of these have coefficients in the layer.
+    /// Numbers of preceding neighbours, up to 3, and of those with coefficients in the layer.
     pub around: (usize, usize),
-    /// Whether the same layer of the block had any in the frame before: 1 no, 2 yes, 0 if it was not there.
+    /// Class of the layer in the frame before: 0 no such block, 1 without coefficients, 2 with some.
     pub before: usize,
 }
 
@@ -305,7 +305,7 @@ pub fn energy([luma, cb, cr]: [i32; 3]) -> u32 {
 pub struct LayerBlocks<'a> {
     /// The frame's blocks.
     pub shape: &'a ColourShape,
-    /// Those of the slice.
+    /// Blocks of the slice.
     pub range: Range<usize>,
     /// Modes of all blocks.
     pub modes: &'a [BlockMode],
@@ -384,7 +384,7 @@ impl FrameEnergies {
 /// Energies of the nodes of a block: those of one level, by place, and of the level above.
 #[derive(Clone, Debug)]
 pub struct NodeEnergies {
-    /// Of the block's mean.
+    /// Energy of the block's mean.
     pub root: u32,
     above: [u8; 512],
     here: Vec<u8>,

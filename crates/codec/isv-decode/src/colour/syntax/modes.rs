@@ -18,16 +18,16 @@ pub struct ColourModeModels {
 /// A block in the frame before, as the syntax sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockBefore {
-    /// Its vector, if it had one.
+    /// Vector, if the block had one.
     pub vector: Option<crate::main::Vector>,
-    /// Its depth.
+    /// Depth of its samples.
     pub depth: u8,
     /// Which of its layers had coefficients.
     pub coded: [bool; 3],
 }
 
 impl BlockBefore {
-    /// The same as the syntax of modes wants it.
+    /// Converts the block for the contexts of modes.
     #[must_use]
     pub fn for_modes(&self) -> CodedBlock {
         let count = self.coded.iter().map(|coded| 2 * u8::from(*coded)).sum();
@@ -50,7 +50,7 @@ pub struct ModeBlocks<'a> {
     pub max_depth: u8,
 }
 
-/// What is known of a block when its depth is coded.
+/// Context of a block's depth.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthContext {
     around: usize,

@@ -1,0 +1,109 @@
+//! Rate and error of colour on textured sequences, at several qualities.
+
+use anyhow::{Context, Result};
+use isv::raw::decode::colour::{ColourDecoder, ColourFrame, frame::Reader};
+use isv::raw::encode::colour::{ColourEncoder, ColourSettings, locate};
+use isv::raw::encode::{Encoder, EncoderSettings};
+use isv::raw::format::{FrameRate, Profile, StreamHeader};
+use isv::raw::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh, mesh_colours};
+use isv::raw::io::{Colours, FrameSequence, Geometry, ReadOptions, Unit, read_geometry_as};
+use isv::raw::take::encode::default_grid;
+use isv::raw::volume::{ColourSample, SparseVolume, ycbcr_from_rgb};
+
+/// Frames of a sequence that are measured.
+const FRAMES: usize = 10;
+/// Frames of a second, of which one is a keyframe.
+const FRAMES_A_SECOND: f64 = 30.0;
+/// Layers of samples: at voxels and at half voxels.
+const LAYERS: u8 = 2;
+/// Qualities that are measured.
+const QUALITIES: [f32; 3] = [35.0, 50.0, 65.0];
+/// Distance from the decoded surface (voxels) beyond which a colour of the source is not compared: inner layers lie there.
+const FARTHEST: f32 = 0.25;
+
+/// A frame as decoded, and the colours of its source.
+struct Frame {
+    volume: SparseVolume,
+    colours: Vec<ColourSample>,
+}
+
+/// Codes the sequences of a folder, and prints a table of bytes and errors of their colour.
+pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
+    println!(
+        "| sequence | quality | lambda | I, bytes | P, bytes | Mbps, one keyframe a second | Y, dB | Cb and Cr, dB |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for sequence in sequences {
+        let frames = frames(&format!("{}/{sequence}", data.trim_end_matches('/')))?;
+        let usual = ColourSettings::default().lambda;
+        for (quality, lambda) in
+            QUALITIES.map(|quality| (quality, usual)).into_iter().chain([(50.0, 1.5 * usual)])
+        {
+            let settings = ColourSettings { lambda, ..ColourSettings::of_quality(quality, LAYERS) };
+            print_row(sequence, quality, settings, &frames)?;
+        }
+    }
+    Ok(())
+}
+
+/// The first frames of a sequence: geometry at the defaults (5 mm, quality 50), as decoders have it.
+fn frames(folder: &str) -> Result<Vec<Frame>> {
+    let grid = default_grid();
+    let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
+    let mut encoder = Encoder::new(&header, EncoderSettings::default());
+    let ingest = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
+    let options = ReadOptions::new(Unit::Metre).with_colours(Colours::Keep);
+    let frame = |path: &std::path::PathBuf| {
+        let Geometry::Mesh(mesh) = read_geometry_as(path, &options)? else {
+            anyhow::bail!("{}: no mesh", path.display());
+        };
+        let sign = decide_sign(&mesh, ingest.sign).0;
+        encoder.encode(&ingest_mesh(&mesh, &ingest, sign)?);
+        let volume = encoder.reconstruction().context("a frame was coded")?.clone();
+        let spacing_m = grid.voxel_size.metres() / f64::from(1 << LAYERS);
+        Ok(Frame { volume, colours: mesh_colours(&mesh, spacing_m) })
+    };
+    FrameSequence::open(folder)?.paths().iter().take(FRAMES).map(frame).collect()
+}
+
+fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
+    let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(LAYERS));
+    let mut bytes = Vec::new();
+    let (mut squares, mut points) = ([0.0; 3], 0.0);
+    for (number, Frame { volume, colours }) in frames.iter().enumerate() {
+        let coded = encoder.encode(volume, colours, number == 0);
+        let decoded = decoder.decode(volume, &coded.bytes, 0, true)?;
+        let (of_frame, count) = squared_errors(decoded, volume, colours);
+        (0..3).for_each(|channel| squares[channel] += of_frame[channel]);
+        points += count;
+        bytes.push(coded.bytes.len() as f64);
+    }
+    let (first, others) = bytes.split_first().context("a sequence without frames")?;
+    let predicted = others.iter().sum::<f64>() / others.len().max(1) as f64;
+    let psnr_db = |squares: f64| 10.0 * (255.0f64.powi(2) * points / squares).log10();
+    println!(
+        "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.3} | {:.2} | {:.2} |",
+        settings.lambda,
+        (first + (FRAMES_A_SECOND - 1.0) * predicted) * 8e-6,
+        psnr_db(squares[0]),
+        psnr_db((squares[1] + squares[2]) / 2.0),
+    );
+    Ok(())
+}
+
+/// Squared errors of Y, Cb and Cr at the source's own points near the decoded surface, and how many points these are.
+fn squared_errors(frame: &ColourFrame, volume: &SparseVolume, colours: &[ColourSample]) -> ([f64; 3], f64) {
+    let mut reader = Reader::new(frame);
+    let (mut squares, mut count) = ([0.0; 3], 0.0);
+    for sample in colours {
+        let Some((position, normal, distance)) = locate(&mut reader, volume.grid(), sample) else { continue };
+        if distance > FARTHEST {
+            continue;
+        }
+        let Some(found) = reader.read(position, normal, LAYERS - 1) else { continue };
+        let wanted = ycbcr_from_rgb(sample.colour);
+        (0..3).for_each(|c| squares[c] += (f64::from(found[c]) / 64.0 - wanted[c]).powi(2));
+        count += 1.0;
+    }
+    (squares, count)
+}
