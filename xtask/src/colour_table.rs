@@ -30,9 +30,9 @@ struct Frame {
 /// Codes the sequences of a folder, and prints a table of bytes and errors of their colour.
 pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
     println!(
-        "| sequence | quality | lambda | I, bytes | P, bytes | Mbps, one keyframe a second | Y, dB | Cb and Cr, dB |"
+        "| sequence | quality | lambda | I, bytes | P, bytes | of these vectors | Mbps, one keyframe a second | Y, dB | Cb and Cr, dB |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for sequence in sequences {
         let frames = frames(&format!("{}/{sequence}", data.trim_end_matches('/')))?;
         let usual = ColourSettings::default().lambda;
@@ -68,7 +68,7 @@ fn frames(folder: &str) -> Result<Vec<Frame>> {
 
 fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
     let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(LAYERS));
-    let mut bytes = Vec::new();
+    let (mut bytes, mut vectors) = (Vec::new(), 0);
     let (mut squares, mut points) = ([0.0; 3], 0.0);
     for (number, Frame { volume, colours }) in frames.iter().enumerate() {
         let coded = encoder.encode(volume, colours, number == 0);
@@ -77,13 +77,15 @@ fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[F
         (0..3).for_each(|channel| squares[channel] += of_frame[channel]);
         points += count;
         bytes.push(coded.bytes.len() as f64);
+        vectors += if number == 0 { 0 } else { coded.mode_bytes };
     }
     let (first, others) = bytes.split_first().context("a sequence without frames")?;
     let predicted = others.iter().sum::<f64>() / others.len().max(1) as f64;
     let psnr_db = |squares: f64| 10.0 * (255.0f64.powi(2) * points / squares).log10();
     println!(
-        "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.3} | {:.2} | {:.2} |",
+        "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.0} | {:.3} | {:.2} | {:.2} |",
         settings.lambda,
+        vectors as f64 / others.len().max(1) as f64,
         (first + (FRAMES_A_SECOND - 1.0) * predicted) * 8e-6,
         psnr_db(squares[0]),
         psnr_db((squares[1] + squares[2]) / 2.0),

@@ -1,7 +1,7 @@
 //! One frame's colour.
 
 use super::motion_search::{ColourSearch, MotionSearch};
-use super::quantizer::{Gain, Quantizer, SAMPLE_SCALE, Trade, level_means, push, values_by_slot};
+use super::quantizer::{Quantizer, SAMPLE_SCALE, Trade, level_means, push, values_by_slot};
 use super::syntax;
 use super::target::ColourTarget;
 use crate::colour::syntax::coefficients::node_energy;
@@ -85,10 +85,6 @@ pub struct EncodedColour {
     pub bytes: Vec<u8>,
     /// Bytes of modes, depths and vectors.
     pub mode_bytes: usize,
-    /// Bytes of each layer.
-    pub layer_bytes: [usize; 3],
-    /// Share of the blocks that are predicted from the frame before.
-    pub inter_share: f64,
 }
 
 /// Codes the colour of the frames of a stream in order.
@@ -174,7 +170,7 @@ impl ColourEncoder {
             slices: self.settings.slices,
             hash: self.settings.checksums.then(|| coded.frame.hash()),
         };
-        let encoded = EncodedColour::new(header, &coded.segments, &coded.symbols.modes);
+        let encoded = EncodedColour::new(header, &coded.segments);
         self.reference = Some(ColourReference::new(Arc::new(coded.frame), &coded.symbols));
         self.since_intra = if kind.predicts() { self.since_intra + 1 } else { 1 };
         encoded
@@ -305,22 +301,12 @@ struct Segments {
 }
 
 impl EncodedColour {
-    fn new(header: ColourHeader, segments: &Segments, modes: &[BlockMode]) -> Self {
+    fn new(header: ColourHeader, segments: &Segments) -> Self {
         let layers =
             segments.layers.iter().map(|slices| slices.iter().map(Vec::as_slice).collect()).collect();
         let payload =
             ColourPayload { header, modes: segments.modes.iter().map(Vec::as_slice).collect(), layers };
-        let mut layer_bytes = [0; 3];
-        for (bytes, slices) in layer_bytes.iter_mut().zip(&segments.layers) {
-            *bytes = slices.iter().map(Vec::len).sum();
-        }
-        let inter = modes.iter().filter(|mode| mode.vector().is_some()).count();
-        Self {
-            bytes: payload.to_bytes(),
-            mode_bytes: segments.modes.iter().map(Vec::len).sum(),
-            layer_bytes,
-            inter_share: inter as f64 / modes.len().max(1) as f64,
-        }
+        Self { bytes: payload.to_bytes(), mode_bytes: segments.modes.iter().map(Vec::len).sum() }
     }
 }
 
@@ -427,33 +413,25 @@ fn inter_coefficients(
 }
 
 /// The levels of intra blocks, chosen once it is known what is predicted.
-struct ChosenLevels<'a> {
+struct ChosenLevels {
     wanted: Vec<Vec<Vec<[f32; 3]>>>,
     quantizer: Quantizer,
     coefficients: Vec<[Vec<Coefficient>; 3]>,
     energies: Vec<NodeEnergies>,
-    modes: &'a [BlockMode],
 }
 
 /// A level of an intra block as it is coded.
 struct ChosenBlock {
     quantizer: Quantizer,
     energies: NodeEnergies,
-    layer: u8,
     level: usize,
     block: usize,
     place: u32,
     coefficients: Vec<Coefficient>,
-    gain: Gain,
 }
 
-impl<'a> ChosenLevels<'a> {
-    fn new(
-        shape: &ColourShape,
-        wanted: &[Vec<[f32; 3]>],
-        modes: &'a [BlockMode],
-        quantizer: Quantizer,
-    ) -> Self {
+impl ChosenLevels {
+    fn new(shape: &ColourShape, wanted: &[Vec<[f32; 3]>], modes: &[BlockMode], quantizer: Quantizer) -> Self {
         let of_block = |tree: &mut BlockTree, block: usize| {
             if modes[block] != BlockMode::Spatial {
                 return Vec::new();
@@ -467,16 +445,14 @@ impl<'a> ChosenLevels<'a> {
             quantizer,
             coefficients: (0..count).map(|_| Default::default()).collect(),
             energies: vec![NodeEnergies::default(); count],
-            modes,
         }
     }
 }
 
-impl IntraLevels for ChosenLevels<'_> {
+impl IntraLevels for ChosenLevels {
     type Block = ChosenBlock;
 
     fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3] {
-        debug_assert_eq!(self.modes[block], BlockMode::Spatial);
         let wanted = self.wanted[block][0][0];
         let change = [0, 1, 2].map(|c| wanted[c] - predicted[c] as f32 / SAMPLE_SCALE);
         let (levels, _) = self.quantizer.root(0, weight, change);
@@ -493,12 +469,10 @@ impl IntraLevels for ChosenLevels<'_> {
         ChosenBlock {
             quantizer: self.quantizer.clone(),
             energies,
-            layer,
             level,
             block,
             place: first_place(tree, layer, level),
             coefficients: Vec::new(),
-            gain: Gain::default(),
         }
     }
 
@@ -516,9 +490,7 @@ impl IntraLevels for ChosenLevels<'_> {
         }
         let (parent, neighbours) = state.energies.around(state.level, node.place);
         let context = NodeContext { level: state.level, kind: 0, parent, neighbours, count: count - 1 };
-        let (levels, gain) = state.quantizer.node(&context, node.children, node.weights, &wanted)?;
-        state.gain.error += gain.error;
-        state.gain.bits += gain.bits;
+        let (levels, _) = state.quantizer.node(&context, node.children, node.weights, &wanted)?;
         push(&mut state.coefficients, place, node.children, &levels);
         state.energies.set(node.place, node_energy(&levels));
         Some(levels)
@@ -526,7 +498,6 @@ impl IntraLevels for ChosenLevels<'_> {
 
     fn end(&mut self, layer: u8, _level: usize, blocks: Vec<(usize, ChosenBlock)>) {
         for (block, state) in blocks {
-            debug_assert_eq!(state.layer, layer);
             self.coefficients[block][usize::from(layer)].extend(state.coefficients);
             self.energies[block] = state.energies;
         }
