@@ -385,9 +385,8 @@ impl EncodeOptions {
         observer: &Arc<dyn Observer>,
     ) -> VolumeMaker {
         let (profile, fields, grid) = (self.profile_choice(), &self.fields, header.grid);
-        let layers = header.colour_layers;
         let colour_spacing_m =
-            layers.is_some().then(|| grid.voxel_size.metres() / f64::from(1 << layers.count()));
+            self.colour_settings(header).map(|settings| settings.spacing_m(grid.voxel_size.metres()));
         let origin_m = DVec3::from(self.origin.unwrap_or_default()) * self.unit.metres();
         let reach = match (profile, self.band) {
             (ProfileChoice::Main, None | Some(Band::Surface)) => Reach::Surface,
@@ -435,12 +434,17 @@ impl EncodeOptions {
 
     /// The encoder of colour, for streams that have any.
     pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourEncoder> {
+        self.colour_settings(header).map(ColourEncoder::new)
+    }
+
+    fn colour_settings(&self, header: &StreamHeader) -> Option<ColourSettings> {
         header.colour_layers.is_some().then(|| {
             let quality = self.colour.quality.unwrap_or(DEFAULT_QUALITY);
-            let settings = ColourSettings::of_quality(quality, header.colour_layers.count());
+            let settings = ColourSettings::of_quality(quality, header.colour_layers.count())
+                .with_preset(self.main.preset.unwrap_or(Preset::Balanced));
             // Viewers enter between keyframes, and have all colours one cycle later.
             let cycle = (self.main.refresh == Some(Refresh::Gradual)).then_some(self.gop.get());
-            ColourEncoder::new(ColourSettings { checksums: self.checksums, cycle, ..settings })
+            ColourSettings { checksums: self.checksums, cycle, ..settings }
         })
     }
 

@@ -47,7 +47,11 @@ impl Surfel {
     #[must_use]
     #[inline(always)]
     pub fn faces(&self, normal: [i8; 3]) -> bool {
-        (0..3).map(|axis| i32::from(self.normal[axis]) * i32::from(normal[axis])).sum::<i32>() >= 0
+        let mut product = 0;
+        for axis in 0..3 {
+            product += i32::from(self.normal[axis]) * i32::from(normal[axis]);
+        }
+        product >= 0
     }
 }
 
@@ -134,8 +138,10 @@ impl BlockCells {
     #[inline(always)]
     pub fn cell(&self, place: usize) -> Option<usize> {
         let (word, bit) = (self.crossed[place >> 6], place & 63);
-        let there = word >> bit & 1 != 0;
-        there.then(|| self.first[place >> 6] as usize + (word & ((1 << bit) - 1)).count_ones() as usize)
+        if word >> bit & 1 == 0 {
+            return None;
+        }
+        Some(self.first[place >> 6] as usize + (word & ((1 << bit) - 1)).count_ones() as usize)
     }
 
     /// How many cells there are.

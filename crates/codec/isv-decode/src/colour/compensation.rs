@@ -1,13 +1,15 @@
 //! Prediction of a block's samples from the frame before, along vectors and through the surface.
 
-use super::cells::{ColourCells, Surfel};
-use super::frame::{Reader, Sample};
+use super::cells::Surfel;
+use super::frame::{ColourShape, GREY, Reader, Sample, clamped, rounded, shifted, sum};
 use super::morton::position;
 use crate::main::{BlockMode, Vector};
 use isv_volume::NeighbourFinder;
 
 /// Positions to an eighth of a voxel, the unit of vectors.
 const VECTOR_SCALE: i32 = 32;
+/// Mark of a part that has to have a sample and got none.
+const HOLE: Sample = [0, 0, 0, -1];
 /// Full scale of a component of a normal.
 const NORMAL_SCALE: i32 = 127;
 
@@ -41,17 +43,22 @@ impl<'a> MotionField<'a> {
     #[inline(always)]
     pub fn at(&self, voxel: [usize; 3]) -> [i32; 3] {
         if let Some(vector) = self.uniform {
-            return vector.0.map(|c| i32::from(c) * VECTOR_SCALE);
+            let [x, y, z] = vector.0;
+            return [i32::from(x) * VECTOR_SCALE, i32::from(y) * VECTOR_SCALE, i32::from(z) * VECTOR_SCALE];
         }
         // Sixteenths of a block from the block's middle.
-        let from_middle = voxel.map(|v| 2 * v as i32 - 7);
+        let mut from_middle = [0; 3];
+        for axis in 0..3 {
+            from_middle[axis] = 2 * voxel[axis] as i32 - 7;
+        }
         let (mut sums, mut weights) = ([0; 3], 0);
+        const STRIDES: [i32; 3] = [1, 3, 9];
         for corner in 0..8usize {
             let (mut slot, mut weight) = (13, 1);
-            for (axis, stride) in [1, 3, 9].into_iter().enumerate() {
+            for axis in 0..3 {
                 let away = from_middle[axis].abs();
                 if corner >> axis & 1 != 0 {
-                    slot += stride * from_middle[axis].signum();
+                    slot += STRIDES[axis] * from_middle[axis].signum();
                     weight *= away;
                 } else {
                     weight *= 16 - away;
@@ -59,11 +66,16 @@ impl<'a> MotionField<'a> {
             }
             if let Some(vector) = self.around[slot as usize] {
                 weights += weight;
-                (0..3).for_each(|axis| sums[axis] += weight * i32::from(vector.0[axis]));
+                for axis in 0..3 {
+                    sums[axis] += weight * i32::from(vector.0[axis]);
+                }
             }
         }
         // The block's own vector is one of them.
-        sums.map(|sum| (sum * VECTOR_SCALE + weights / 2).div_euclid(weights))
+        for sum in &mut sums {
+            *sum = (*sum * VECTOR_SCALE + weights / 2).div_euclid(weights);
+        }
+        sums
     }
 }
 
@@ -73,15 +85,20 @@ impl<'a> MotionField<'a> {
 /// Where nothing moves, the plane of the same cell is asked first: what stands still is read exactly where it is.
 #[inline(always)]
 fn displacement(reader: &mut Reader, surfel: &Surfel, middle: [i32; 3], motion: [i32; 3]) -> [i32; 3] {
-    let from: [i32; 3] = std::array::from_fn(|axis| middle[axis] - motion[axis]);
-    let sought: [i32; 3] = std::array::from_fn(|axis| from[axis] + i32::from(surfel.offset[axis]));
-    let onto = onto_plane(reader, surfel.normal, sought, from.map(|p| p >> 8));
-    let onto = onto.unwrap_or_else(|| onto_surface(reader, surfel.normal, sought));
-    std::array::from_fn(|axis| onto[axis] - motion[axis])
+    let [x, y, z] = motion;
+    let back = [-x, -y, -z];
+    let from = sum(middle, back);
+    let [x, y, z] = surfel.offset;
+    let sought = sum(from, [i32::from(x), i32::from(y), i32::from(z)]);
+    let onto = match onto_plane(reader, surfel.normal, sought, shifted(from, 8)) {
+        Some(onto) => onto,
+        None => onto_surface(reader, surfel.normal, sought),
+    };
+    sum(onto, back)
 }
 
 /// From a position to the surface near it that faces a normal: to the plane of the cell that it lies in, or of those around it.
-#[inline(always)]
+#[inline]
 fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i32; 3] {
     let home = position.map(|p| p >> 8);
     if let Some(to) = onto_plane(reader, normal, position, home) {
@@ -103,7 +120,7 @@ fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i3
             (0..3).for_each(|axis| sums[axis] += weight * to[axis]);
         }
     }
-    if weights == 0 { [0; 3] } else { sums.map(|sum| super::frame::rounded(sum, weights)) }
+    if weights == 0 { [0; 3] } else { sums.map(|sum| rounded(sum, weights)) }
 }
 
 /// From a position to the plane in a cell, if the cell has one that faces a normal.
@@ -114,62 +131,74 @@ fn onto_plane(reader: &mut Reader, normal: [i8; 3], position: [i32; 3], voxel: [
     if !plane.faces(normal) {
         return None;
     }
-    let height: i32 = (0..3)
-        .map(|axis| {
-            let on_plane = (voxel[axis] << 8) + 128 + i32::from(plane.offset[axis]);
-            (position[axis] - on_plane) * i32::from(plane.normal[axis])
-        })
-        .sum();
+    let mut height = 0;
+    for axis in 0..3 {
+        let on_plane = (voxel[axis] << 8) + 128 + i32::from(plane.offset[axis]);
+        height += (position[axis] - on_plane) * i32::from(plane.normal[axis]);
+    }
     // Both factors of the normal are 127 too large.
     const SQUARE: i32 = NORMAL_SCALE * NORMAL_SCALE;
-    Some(plane.normal.map(|n| -(height * i32::from(n)) / SQUARE))
+    let mut onto = [0; 3];
+    for axis in 0..3 {
+        onto[axis] = -(height * i32::from(plane.normal[axis])) / SQUARE;
+    }
+    Some(onto)
 }
 
-/// Predicts one leaf of a cell from the frame before. `motion`: in 1/256 voxel; `leaf`: its place in the cell at the depth. The reader
-/// is turned to the cell's block.
-#[must_use]
-pub fn predict_leaf(
+/// Predicts the parts of a cell at a depth from the frame before, in Morton order; the last value is 0 where it has none near.
+/// `motion`: in 1/256 voxel; `wanted`: the parts that are needed, a bit each. The reader is turned to the cell's block.
+#[inline(always)]
+pub fn predict_cell(
     reader: &mut Reader,
     surfel: &Surfel,
     voxel: [usize; 3],
     motion: [i32; 3],
-    leaf: usize,
     depth: u8,
-) -> Option<Sample> {
-    let corner = voxel.map(|v| (v as i32) << 8);
-    let by = displacement(reader, surfel, corner.map(|c| c + 128), motion);
-    let middle = position(leaf).map(|c| (2 * c as i32 + 1) << (7 - depth));
-    reader.read([0, 1, 2].map(|axis| corner[axis] + by[axis] + middle[axis]), surfel.normal, depth)
+    wanted: u64,
+    out: &mut [Sample; 64],
+) {
+    let [x, y, z] = voxel;
+    let corner = [(x as i32) << 8, (y as i32) << 8, (z as i32) << 8];
+    let by = displacement(reader, surfel, sum(corner, [128; 3]), motion);
+    reader.read_cell(sum(corner, by), surfel.normal, depth, wanted, out);
 }
 
-/// Predicts the samples of a block at a depth, in Morton order, into `out`; `None` where the frame before has none near.
-///
-/// `quarters`: crossed quarter cells, if it is two deep. Slots of cells that the surface does not cross are left out: `out` gets one
-/// sample for each leaf of the block's tree.
+/// Predicts the samples of a block from the frame before into `out`, which has a sample for each part of each of its cells, in Morton
+/// order; the last value is 0 where the surface does not cross a part. Parts near which the frame before has nothing get the mean of
+/// the others, or grey.
+#[inline(always)]
 pub fn predict_block(
     reader: &mut Reader,
-    cells: &ColourCells,
+    shape: &ColourShape,
     block: usize,
     field: &MotionField,
-    quarters: &[u64],
-    depth: u8,
-    out: &mut Vec<Option<Sample>>,
+    out: &mut Vec<Sample>,
 ) {
+    let (cells, depth) = (shape.cells(), shape.depths()[block]);
     reader.turn_to(cells.coords()[block]);
     let surfels = cells.block_surfels(block);
-    for (cell, (place, surfel)) in cells.blocks()[block].places().zip(surfels).enumerate() {
-        let voxel = position(place);
-        let corner = voxel.map(|v| (v as i32) << 8);
-        let by = displacement(reader, surfel, corner.map(|c| c + 128), field.at(voxel));
-        let from = [0, 1, 2].map(|axis| corner[axis] + by[axis]);
-        let mut read = |place: usize, depth: u8| {
-            let [x, y, z] = position(place).map(|c| (2 * c as i32 + 1) << (7 - depth));
-            reader.read([from[0] + x, from[1] + y, from[2] + z], surfel.normal, depth)
-        };
-        match depth {
-            0 => out.push(read(0, 0)),
-            1 => out.extend((0..8).filter(|half| surfel.halves >> half & 1 != 0).map(|half| read(half, 1))),
-            _ => out.extend((0..64).filter(|q| quarters[cell] >> q & 1 != 0).map(|quarter| read(quarter, 2))),
+    let mut parts = [[0; 4]; 64];
+    let (mut sums, mut count, mut holes) = ([0i32; 3], 0, false);
+    out.clear();
+    for (number, (place, surfel)) in cells.blocks()[block].places().zip(surfels).enumerate() {
+        let (voxel, leaves) = (position(place), shape.leaves(block, number));
+        predict_cell(reader, surfel, voxel, field.at(voxel), depth, leaves, &mut parts);
+        for (part, sample) in parts[..1 << (3 * depth)].iter_mut().enumerate() {
+            if leaves >> part & 1 == 0 {
+                *sample = [0; 4];
+            } else if sample[3] == 0 {
+                (*sample, holes) = (HOLE, true);
+            } else {
+                count += 1;
+                for c in 0..3 {
+                    sums[c] += i32::from(sample[c]);
+                }
+            }
         }
+        out.extend_from_slice(&parts[..1 << (3 * depth)]);
+    }
+    if holes {
+        let fill = if count == 0 { GREY } else { clamped(sums.map(|sum| rounded(sum, count))) };
+        out.iter_mut().filter(|sample| **sample == HOLE).for_each(|sample| *sample = fill);
     }
 }

@@ -1,8 +1,8 @@
 //! The colour samples of a frame, and how a colour is read at a point.
 
 use super::cells::{ColourCells, Surfel};
-use super::morton::interleave;
-use super::tree::BlockTree;
+use super::morton::{interleave, position};
+use super::tree::{BlockTree, MAX_LEVELS};
 use isv_volume::{BlockCoord, NeighbourFinder, SparseVolume};
 use std::ops::Range;
 
@@ -15,7 +15,8 @@ const WEIGHT_BITS: u32 = 5;
 /// Weight of all samples around a point together.
 const FULL_WEIGHT: i32 = 1 << (3 * WEIGHT_BITS);
 
-/// A colour sample: luma `0 ..= 255`, blue and red difference `-128 ..= 128`, in 1/64; BT.709, full range. The last value is 0.
+/// A colour sample: luma `0 ..= 255`, blue and red difference `-128 ..= 128`, in 1/64; BT.709, full range. The last value is 1
+/// where there is a sample and 0 where there is none.
 pub type Sample = [i16; 4];
 
 /// Lowest and highest value of each channel.
@@ -25,11 +26,14 @@ pub const SAMPLE_RANGE: [(i32, i32); 3] = [
     (-(128 << SAMPLE_BITS), 128 << SAMPLE_BITS),
 ];
 
+/// Grey, where nothing is known.
+pub const GREY: Sample = [128 << SAMPLE_BITS, 0, 0, 1];
+
 /// Clamps values to the range of samples.
 #[must_use]
 #[inline(always)]
 pub fn clamped(values: [i32; 3]) -> Sample {
-    let mut sample = [0; 4];
+    let mut sample = [0, 0, 0, 1];
     for channel in 0..3 {
         let (low, high) = SAMPLE_RANGE[channel];
         sample[channel] = values[channel].clamp(low, high) as i16;
@@ -84,6 +88,12 @@ impl ColourShape {
         &self.depths
     }
 
+    /// Depth of the deepest block.
+    #[must_use]
+    pub fn max_depth(&self) -> u8 {
+        self.depths.iter().max().copied().unwrap_or(0)
+    }
+
     /// Start of each block's samples in each layer.
     #[must_use]
     pub fn starts(&self) -> &[[u32; 3]] {
@@ -108,8 +118,13 @@ impl ColourShape {
 
     /// Builds the tree of a block.
     pub fn build_tree(&self, block: usize, tree: &mut BlockTree) {
-        let cells = &self.cells.blocks()[block];
-        tree.build(cells, self.cells.block_surfels(block), self.block_quarters(block), self.depths[block]);
+        self.build_tree_to(block, MAX_LEVELS, tree);
+    }
+
+    /// Builds the tree of a block as far as a level, at least that of the voxels' cells; what is below is left out.
+    pub fn build_tree_to(&self, block: usize, level: usize, tree: &mut BlockTree) {
+        let (cells, surfels) = (&self.cells.blocks()[block], self.cells.block_surfels(block));
+        tree.build(cells, surfels, self.block_quarters(block), self.depths[block], level);
     }
 
     /// Samples of a layer.
@@ -118,7 +133,19 @@ impl ColourShape {
         self.counts[layer]
     }
 
-    /// Layers of this shape, all samples 0.
+    /// The parts of a cell that the surface crosses at its block's depth, a bit each: the cell, its halves or its quarters, in Morton
+    /// order. `number`: of the cell in its block.
+    #[must_use]
+    #[inline(always)]
+    pub fn leaves(&self, block: usize, number: usize) -> u64 {
+        match self.depths[block] {
+            0 => 1,
+            1 => u64::from(self.cells.surfels()[self.cells.blocks()[block].first() + number].halves),
+            _ => self.quarters[self.starts[block][2] as usize / 64 + number],
+        }
+    }
+
+    /// Layers of this shape, without samples yet.
     #[must_use]
     pub fn layers(&self) -> [Vec<Sample>; 3] {
         self.counts.map(|count| vec![[0; 4]; count])
@@ -128,7 +155,7 @@ impl ColourShape {
 /// The layers of samples of a frame.
 ///
 /// Layer 0 has 1 sample a cell. Layer 1 has 8 a cell, in blocks of depth 1 or 2. Layer 2 has 64 a cell, in blocks of depth 2. Samples
-/// of a cell are in Morton order; the surface does not cross all half and quarter cells, and the samples of the others are unused. Each
+/// of a cell are in Morton order; the surface does not cross all half and quarter cells, and the others have none. Each
 /// sample is the weighted mean of those below it.
 #[derive(Clone, Debug, Default)]
 pub struct ColourFrame {
@@ -143,13 +170,10 @@ impl ColourFrame {
     #[must_use]
     pub fn hash(&self) -> u64 {
         let mut bytes = Vec::new();
-        let mut tree = BlockTree::default();
-        for block in 0..self.shape.depths.len() {
-            self.shape.build_tree(block, &mut tree);
-            let depth = self.shape.depths[block];
-            let samples = &self.layers[usize::from(depth)][self.shape.block_samples(block, depth)];
-            for slot in tree.leaf_slots() {
-                bytes.extend(samples[slot][..3].iter().flat_map(|value| value.to_le_bytes()));
+        for (block, depth) in self.shape.depths.iter().enumerate() {
+            let samples = &self.layers[usize::from(*depth)][self.shape.block_samples(block, *depth)];
+            for sample in samples.iter().filter(|sample| sample[3] != 0) {
+                bytes.extend(sample[..3].iter().flat_map(|value| value.to_le_bytes()));
             }
         }
         xxhash_rust::xxh64::xxh64(&bytes, 0)
@@ -200,8 +224,12 @@ impl<'a> Reader<'a> {
         if self.last.0 == place {
             return self.last.1;
         }
-        let step = [0, 1, 2].map(|axis| place[axis].wrapping_sub(self.middle[axis]));
-        let block = if step.iter().all(|s| (-1..=1).contains(s)) {
+        let mut step = [0; 3];
+        for axis in 0..3 {
+            step[axis] = place[axis].wrapping_sub(self.middle[axis]);
+        }
+        let is_near = |s: i32| (-1..=1).contains(&s);
+        let block = if is_near(step[0]) && is_near(step[1]) && is_near(step[2]) {
             self.finder.get((13 + step[0] + 3 * step[1] + 9 * step[2]) as usize)
         } else {
             let coord = self.origin.offset(place);
@@ -219,8 +247,9 @@ impl<'a> Reader<'a> {
     /// The crossed cell at a voxel, counted from the origin's first.
     #[inline(always)]
     pub fn cell(&mut self, voxel: [i32; 3]) -> Option<FoundCell> {
-        let block = self.block(voxel.map(|v| v >> 3))? as usize;
-        let place = interleave(voxel.map(|v| (v & 7) as usize));
+        let block = self.block(shifted(voxel, 3))? as usize;
+        let [x, y, z] = voxel;
+        let place = interleave([(x & 7) as usize, (y & 7) as usize, (z & 7) as usize]);
         let cell = self.frame.shape.cells.blocks()[block].cell(place)?;
         Some(FoundCell { block, cell })
     }
@@ -231,27 +260,39 @@ impl<'a> Reader<'a> {
         &self.frame.shape.cells.surfels()[found.cell]
     }
 
-    /// The layer and the place in it of a cell's sample at a place at a depth, or of the deepest above it. `None` if the surface
-    /// does not cross it.
+    /// The place in its layer of a cell's sample at a place at a depth, or of the deepest above it. `None` if the surface does not
+    /// cross it.
     #[inline(always)]
-    fn sample(&self, found: FoundCell, place: [i32; 3], depth: u8) -> Option<(u8, u32)> {
+    fn sample(&self, found: FoundCell, place: [i32; 3], depth: u8) -> Option<Tap> {
         let shape = &self.frame.shape;
         let deep = depth.min(shape.depths[found.block]);
-        let shift = depth - deep;
-        let local = found.cell - shape.cells.blocks()[found.block].first();
-        let start = shape.starts[found.block][usize::from(deep)];
-        match deep {
-            0 => Some((0, found.cell as u32)),
-            1 => {
-                let half = interleave(place.map(|c| (c >> shift & 1) as usize));
-                let there = self.surfel(found).halves >> half & 1 != 0;
-                there.then(|| (1, start + (8 * local + half) as u32))
-            }
-            _ => {
-                let quarter = interleave(place.map(|c| (c & 3) as usize));
-                let there = shape.quarters[start as usize / 64 + local] >> quarter & 1 != 0;
-                there.then(|| (2, start + (64 * local + quarter) as u32))
-            }
+        let number = found.cell - shape.cells.blocks()[found.block].first();
+        let (shift, mask) = (depth - deep, (1 << deep) - 1);
+        let [x, y, z] = place;
+        let part = interleave([
+            (x >> shift & mask) as usize,
+            (y >> shift & mask) as usize,
+            (z >> shift & mask) as usize,
+        ]);
+        let is_there = match deep {
+            0 => true,
+            1 => self.surfel(found).halves >> part & 1 != 0,
+            _ => shape.quarters[shape.starts[found.block][2] as usize / 64 + number] >> part & 1 != 0,
+        };
+        let start = shape.starts[found.block][usize::from(deep)] as usize;
+        if is_there {
+            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32 })
+        } else {
+            None
+        }
+    }
+
+    /// The depth that is read where samples of a depth are wanted: that of the block at a position, if it is less.
+    #[inline(always)]
+    fn depth_at(&mut self, position: [i32; 3], wanted: u8) -> u8 {
+        match self.block(shifted(position, 11)) {
+            Some(block) => wanted.min(self.frame.shape.depths[block as usize]),
+            None => wanted,
         }
     }
 
@@ -260,8 +301,7 @@ impl<'a> Reader<'a> {
     /// are read. `normal`: only samples of surfaces that face it count. `None` if there are no samples.
     #[inline(always)]
     pub fn read(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {
-        let home = self.block(position.map(|p| p >> 11));
-        let deep = home.map_or(0, |block| depth.min(self.frame.shape.depths[block as usize]));
+        let deep = self.depth_at(position, depth);
         self.read_at(position, normal, deep)
             .or_else(|| if deep > 0 { self.read_at(position, normal, 0) } else { None })
     }
@@ -269,42 +309,25 @@ impl<'a> Reader<'a> {
     /// The colour between the samples of one depth.
     #[inline(always)]
     fn read_at(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {
-        let (mut sums, mut weights) = ([0i32; 3], 0);
+        let mut sums = [0i32; 4];
         let layers = &self.frame.layers;
-        self.for_taps(position, normal, depth, |layer, at, weight| {
-            let sample = &layers[usize::from(layer)][at as usize];
-            weights += weight;
-            for channel in 0..3 {
-                sums[channel] += weight * i32::from(sample[channel]);
+        self.for_taps(position, normal, depth, |tap, weight| {
+            let sample = &layers[usize::from(tap.layer)][tap.at as usize];
+            for lane in 0..4 {
+                sums[lane] += weight * i32::from(sample[lane]);
             }
         });
-        match weights {
-            0 => None,
-            FULL_WEIGHT => {
-                let mean = |sum: i32| ((sum + FULL_WEIGHT / 2) >> (3 * WEIGHT_BITS)) as i16;
-                Some([mean(sums[0]), mean(sums[1]), mean(sums[2]), 0])
-            }
-            weights => {
-                let mean = |sum: i32| rounded(sum, weights) as i16;
-                Some([mean(sums[0]), mean(sums[1]), mean(sums[2]), 0])
-            }
-        }
+        mean(sums)
     }
 
-    /// Visits the samples that [`Self::read`] takes the mean of: the layer of each, its place there, its weight.
-    pub fn taps(
-        &mut self,
-        position: [i32; 3],
-        normal: [i8; 3],
-        depth: u8,
-        mut visit: impl FnMut(u8, u32, i32),
-    ) {
-        let home = self.block(position.map(|p| p >> 11));
-        let deep = home.map_or(0, |block| depth.min(self.frame.shape.depths[block as usize]));
+    /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
+    #[inline(always)]
+    pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
+        let deep = self.depth_at(position, depth);
         let mut any = false;
-        self.for_taps(position, normal, deep, |layer, at, weight| {
+        self.for_taps(position, normal, deep, |tap, weight| {
             any = true;
-            visit(layer, at, weight);
+            visit(tap, weight);
         });
         if !any && deep > 0 {
             self.for_taps(position, normal, 0, visit);
@@ -313,18 +336,15 @@ impl<'a> Reader<'a> {
 
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
     #[inline(always)]
-    fn for_taps(
-        &mut self,
-        position: [i32; 3],
-        normal: [i8; 3],
-        depth: u8,
-        mut visit: impl FnMut(u8, u32, i32),
-    ) {
+    fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
         let shift = 8 - u32::from(depth);
-        let from_first = position.map(|p| p - (128 >> depth));
-        let first = from_first.map(|p| p >> shift);
-        let upper = from_first.map(|p| (p & ((1 << shift) - 1)) >> (shift - WEIGHT_BITS));
-        let along = upper.map(|u| [(1 << WEIGHT_BITS) - u, u]);
+        let from_first = sum(position, [-(128 >> depth); 3]);
+        let first = shifted(from_first, shift);
+        let mut along = [[0; 2]; 3];
+        for axis in 0..3 {
+            let upper = fraction(from_first[axis], shift);
+            along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
+        }
         let mut known: ([i32; 3], Option<FoundCell>) = ([i32::MIN; 3], None);
         for corner in 0..8 {
             let steps = [corner & 1, corner >> 1 & 1, corner >> 2];
@@ -332,15 +352,214 @@ impl<'a> Reader<'a> {
             if weight == 0 {
                 continue;
             }
-            let place: [i32; 3] = std::array::from_fn(|axis| first[axis] + steps[axis] as i32);
-            let voxel = place.map(|p| p >> depth);
+            let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
+            let voxel = shifted(place, u32::from(depth));
             if known.0 != voxel {
-                let found = self.cell(voxel).filter(|found| self.surfel(*found).faces(normal));
-                known = (voxel, found);
+                known = (voxel, self.cell_that_faces(voxel, normal));
             }
-            if let Some((layer, at)) = known.1.and_then(|found| self.sample(found, place, depth)) {
-                visit(layer, at, weight);
+            let Some(found) = known.1 else { continue };
+            if let Some(tap) = self.sample(found, place, depth) {
+                visit(tap, weight);
             }
+        }
+    }
+
+    /// The crossed cell at a voxel, if its surface faces a normal.
+    #[inline(always)]
+    fn cell_that_faces(&mut self, voxel: [i32; 3], normal: [i8; 3]) -> Option<FoundCell> {
+        let found = self.cell(voxel)?;
+        if self.surfel(found).faces(normal) { Some(found) } else { None }
+    }
+
+    /// Reads the colours at the middles of all parts of a cell at a depth, in Morton order; the last value is 0 where there are no
+    /// samples. `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are needed, a bit each.
+    ///
+    /// As [`Self::read`] at each part, but that all are read as deep as the block at the middle of the cell is.
+    #[inline(always)]
+    pub fn read_cell(
+        &mut self,
+        corner: [i32; 3],
+        normal: [i8; 3],
+        depth: u8,
+        wanted: u64,
+        out: &mut [Sample; 64],
+    ) {
+        let deep = self.depth_at(sum(corner, [128; 3]), depth);
+        if deep == depth {
+            match depth {
+                0 => self.read_parts::<1, 2>(corner, normal, out),
+                1 => self.read_parts::<2, 4>(corner, normal, out),
+                _ => self.read_parts::<4, 8>(corner, normal, out),
+            }
+        } else {
+            out[..1 << (3 * depth)].fill([0; 4]);
+        }
+        let mut missing = wanted;
+        while missing != 0 {
+            let part = missing.trailing_zeros() as usize;
+            missing &= missing - 1;
+            if out[part][3] == 0 {
+                let middle = position(part).map(|c| (2 * c as i32 + 1) << (7 - depth));
+                let at = [0, 1, 2].map(|axis| corner[axis] + middle[axis]);
+                let found = if deep < depth { self.read_at(at, normal, deep) } else { None };
+                let found = found.or_else(|| if deep > 0 { self.read_at(at, normal, 0) } else { None });
+                out[part] = found.unwrap_or_default();
+            }
+        }
+    }
+
+    /// Reads the colours at the middles of `N` parts of a cell along each axis. All have the same fractions along the axes, so that
+    /// sums are shared: those along x first, then y, then z. `G` is twice `N`.
+    #[inline(always)]
+    fn read_parts<const N: usize, const G: usize>(
+        &mut self,
+        corner: [i32; 3],
+        normal: [i8; 3],
+        out: &mut [Sample; 64],
+    ) {
+        const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N) };
+        let depth = N.trailing_zeros();
+        let shift = 8 - depth;
+        let voxel = shifted(corner, 8);
+        let (mut upper, mut inner, mut spans) = ([0; 3], [0; 3], [false; 3]);
+        for axis in 0..3 {
+            upper[axis] = fraction(corner[axis], shift);
+            inner[axis] = (corner[axis] >> shift) as usize & (N - 1);
+            // Along an axis where the cell lies on another one, nothing beyond counts.
+            spans[axis] = inner[axis] != 0 || upper[axis] != 0;
+        }
+        // The parts of 2x2x2 cells.
+        let mut grid = [[[[0; 4]; G]; G]; G];
+        for slot in 0..8 {
+            let steps = [slot & 1, slot >> 1 & 1, slot >> 2];
+            if (steps[0] > 0 && !spans[0]) || (steps[1] > 0 && !spans[1]) || (steps[2] > 0 && !spans[2]) {
+                continue;
+            }
+            let at = sum(voxel, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
+            if let Some(found) = self.cell_that_faces(at, normal) {
+                self.take_parts::<N, G>(found, steps, &mut grid);
+            }
+        }
+        if spans == [false; 3] {
+            for part in 0..N * N * N {
+                let [x, y, z] = position(part);
+                out[part] = grid[z][y][x];
+            }
+            return;
+        }
+        let mut along_x = [[[[0i32; 4]; N]; G]; G];
+        for z in 0..=N {
+            for y in 0..=N {
+                let row = &grid[z + inner[2]][y + inner[1]][inner[0]..][..N + 1];
+                for x in 0..N {
+                    along_x[z][y][x] = between(&wide(row[x]), &wide(row[x + 1]), upper[0]);
+                }
+            }
+        }
+        let mut along_y = [[[[0i32; 4]; N]; N]; G];
+        for z in 0..=N {
+            for y in 0..N {
+                for x in 0..N {
+                    along_y[z][y][x] = between(&along_x[z][y][x], &along_x[z][y + 1][x], upper[1]);
+                }
+            }
+        }
+        for z in 0..N {
+            for y in 0..N {
+                for x in 0..N {
+                    let sums = between(&along_y[z][y][x], &along_y[z + 1][y][x], upper[2]);
+                    out[interleave([x, y, z])] = mean(sums).unwrap_or_default();
+                }
+            }
+        }
+    }
+
+    /// Enters the parts of a cell, `N` along each axis, into those of 2x2x2 cells; shallower ones stand for all parts in them.
+    #[inline(always)]
+    fn take_parts<const N: usize, const G: usize>(
+        &self,
+        found: FoundCell,
+        steps: [usize; 3],
+        grid: &mut [[[Sample; G]; G]; G],
+    ) {
+        let depth = N.trailing_zeros() as u8;
+        let shape = &self.frame.shape;
+        let deep = depth.min(shape.depths[found.block]);
+        let number = found.cell - shape.cells.blocks()[found.block].first();
+        let start = shape.starts[found.block][usize::from(deep)] as usize + (number << (3 * deep));
+        let samples = &self.frame.layers[usize::from(deep)][start..][..1 << (3 * deep)];
+        let shift = 3 * (depth - deep);
+        for part in 0..N * N * N {
+            let [x, y, z] = position(part);
+            grid[steps[2] * N + z][steps[1] * N + y][steps[0] * N + x] = samples[part >> shift];
+        }
+    }
+}
+
+/// A sample that a reading takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tap {
+    /// Its layer.
+    pub layer: u8,
+    /// Its place in the layer.
+    pub at: u32,
+}
+
+/// Coordinates shifted to the right.
+#[inline(always)]
+pub(crate) fn shifted(coordinates: [i32; 3], by: u32) -> [i32; 3] {
+    let [x, y, z] = coordinates;
+    [x >> by, y >> by, z >> by]
+}
+
+/// The sum of two vectors.
+#[inline(always)]
+pub(crate) fn sum([x, y, z]: [i32; 3], by: [i32; 3]) -> [i32; 3] {
+    [x + by[0], y + by[1], z + by[2]]
+}
+
+/// The share of the upper of two samples at a coordinate, of [`WEIGHT_BITS`].
+#[inline(always)]
+fn fraction(coordinate: i32, shift: u32) -> i32 {
+    (coordinate & ((1 << shift) - 1)) >> (shift - WEIGHT_BITS)
+}
+
+#[inline(always)]
+fn wide([y, cb, cr, there]: Sample) -> [i32; 4] {
+    [i32::from(y), i32::from(cb), i32::from(cr), i32::from(there)]
+}
+
+/// The sum of two values by the share of the upper one.
+#[inline(always)]
+fn between(lower: &[i32; 4], upper: &[i32; 4], share: i32) -> [i32; 4] {
+    let mut sums = [0; 4];
+    for lane in 0..4 {
+        sums[lane] = (lower[lane] << WEIGHT_BITS) + (upper[lane] - lower[lane]) * share;
+    }
+    sums
+}
+
+/// The mean of samples from their weighted sums, of which the last is that of the weights; `None` if it is 0.
+#[inline(always)]
+fn mean(sums: [i32; 4]) -> Option<Sample> {
+    match sums[3] {
+        0 => None,
+        FULL_WEIGHT => {
+            let mut sample = [0, 0, 0, 1];
+            for channel in 0..3 {
+                sample[channel] = ((sums[channel] + FULL_WEIGHT / 2) >> (3 * WEIGHT_BITS)) as i16;
+            }
+            Some(sample)
+        }
+        weight => {
+            let mut sample = [0, 0, 0, 1];
+            for channel in 0..3 {
+                // Division of what is not negative is faster.
+                let bias = -SAMPLE_RANGE[channel].0;
+                let sum = (sums[channel] + bias * weight + weight / 2) as u32;
+                sample[channel] = ((sum / weight as u32) as i32 - bias) as i16;
+            }
+            Some(sample)
         }
     }
 }

@@ -8,6 +8,7 @@
 //! ```
 //!
 //! - [`cells`]: the cells of a frame, derived from its decoded field and never sent.
+//! - [`morton`]: the order of cells in a block.
 //! - [`frame`]: the samples of a frame, and how a colour is read at a point of the surface.
 //! - [`tree`]: the octree of a block's cells and its weights.
 //! - [`transform`]: the weighted Haar transform over that tree (RAHT, de Queiroz and Chou 2016).
@@ -24,7 +25,7 @@ pub mod cells;
 pub mod compensation;
 mod decoder;
 pub mod frame;
-mod morton;
+pub mod morton;
 pub mod reconstruct;
 mod reference;
 mod surface;

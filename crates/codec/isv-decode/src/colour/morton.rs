@@ -32,20 +32,23 @@ const POSITIONS: [[u8; 3]; 512] = {
 };
 
 /// The place of coordinates below 32.
+#[must_use]
 #[inline(always)]
-pub(crate) fn interleave([x, y, z]: [usize; 3]) -> usize {
+pub fn interleave([x, y, z]: [usize; 3]) -> usize {
     usize::from(SPREAD[x] | SPREAD[y] << 1) | usize::from(SPREAD[z]) << 2
 }
 
 /// The coordinates of a place below 512.
+#[must_use]
 #[inline(always)]
-pub(crate) fn position(place: usize) -> [usize; 3] {
+pub fn position(place: usize) -> [usize; 3] {
     POSITIONS[place].map(usize::from)
 }
 
 /// The coordinates of a place below 4096.
+#[must_use]
 #[inline(always)]
-pub(crate) fn wide_position(place: usize) -> [usize; 3] {
+pub fn wide_position(place: usize) -> [usize; 3] {
     let low = place & 7;
     let high = position(place >> 3);
     [0, 1, 2].map(|axis| 2 * high[axis] + (low >> axis & 1))

@@ -1,7 +1,7 @@
 //! Symbols to samples: what the encoder and every decoder do alike.
 
 use super::compensation::{MotionField, predict_block, vectors_around};
-use super::frame::{ColourFrame, ColourShape, Reader, SAMPLE_BITS, Sample, clamped};
+use super::frame::{ColourFrame, ColourShape, Reader, Sample, clamped, rounded};
 use super::symbols::{Coefficient, ColourSymbols};
 use super::transform::{
     DIFFERENCES, add_difference, by_slot, dequantized, dequantized_mean, differences, side_weights,
@@ -9,6 +9,7 @@ use super::transform::{
 use super::tree::{BlockTree, UPPER_LEVELS};
 use super::upsampling::{LevelMeans, ParentWindow, predict_root};
 use crate::main::BlockMode;
+use isv_kernels::simd::vectorized;
 use isv_volume::NeighbourFinder;
 use rayon::prelude::*;
 
@@ -129,28 +130,6 @@ pub fn residual(tree: &BlockTree, layers: [&[Coefficient]; 3], steps: &ColourSte
     Some(values)
 }
 
-/// Fills predictions that are missing with the mean of those that are there; with grey if none is.
-#[must_use]
-pub fn without_holes(predicted: &[Option<Sample>]) -> Vec<Sample> {
-    let (mut sums, mut count) = ([0i32; 3], 0);
-    let mut holes = false;
-    for sample in predicted {
-        match sample {
-            Some(sample) => {
-                count += 1;
-                (0..3).for_each(|c| sums[c] += i32::from(sample[c]));
-            }
-            None => holes = true,
-        }
-    }
-    let fill = match (holes, count) {
-        (false, _) => [0; 4],
-        (true, 0) => [128 << SAMPLE_BITS, 0, 0, 0],
-        (true, count) => clamped(sums.map(|sum| super::frame::rounded(sum, count))),
-    };
-    predicted.iter().map(|sample| sample.unwrap_or(fill)).collect()
-}
-
 /// The samples of a block in each layer, to be written.
 #[derive(Debug)]
 pub struct BlockLayers<'a>([&'a mut [Sample]; 3]);
@@ -171,28 +150,46 @@ fn block_layers<'a>(shape: &ColourShape, layers: &'a mut [Vec<Sample>; 3]) -> Ve
 }
 
 impl BlockLayers<'_> {
-    /// Writes the samples of a tree's leaves, and their means into the layers above.
-    fn put(&mut self, tree: &BlockTree, mut leaves: impl Iterator<Item = Sample>) {
-        let depth = usize::from(tree.depth());
-        let levels = &tree.levels()[UPPER_LEVELS..];
-        for slot in tree.leaf_slots() {
-            self.0[depth][slot] = leaves.next().expect("a sample for each leaf");
-        }
-        for layer in (0..depth).rev() {
-            let [nodes, below] = [0, 1].map(|step| &levels[layer + step]);
-            let mut weights = below.weights.iter();
-            for (slot, children) in tree.slots(layer as u8).zip(&nodes.children) {
-                let (mut sums, mut all) = ([0i64; 3], 0i64);
-                for child in (0..8).filter(|child| children >> child & 1 != 0) {
-                    let weight = i64::from(*weights.next().expect("a weight for each child"));
-                    let sample = self.0[layer + 1][8 * slot + child];
-                    all += weight;
-                    (0..3).for_each(|c| sums[c] += weight * i64::from(sample[c]));
+    /// Writes the samples of a block's deepest layer, and their means into the layers above.
+    fn put(&mut self, depth: u8, leaves: &[Sample]) {
+        let depth = usize::from(depth);
+        self.0[depth].copy_from_slice(leaves);
+        let [voxels, halves, quarters] = &mut self.0;
+        match depth {
+            0 => {}
+            1 => {
+                for (voxel, halves) in voxels.iter_mut().zip(halves.as_chunks::<8>().0) {
+                    *voxel = mean_of(halves, |half| i32::from(half[3]));
                 }
-                self.0[layer][slot] = clamped(sums.map(|sum| (sum + all / 2).div_euclid(all) as i32));
+            }
+            _ => {
+                let mut counts = vec![0; halves.len()];
+                for ((half, count), quarters) in
+                    halves.iter_mut().zip(&mut counts).zip(quarters.as_chunks::<8>().0)
+                {
+                    *half = mean_of(quarters, |quarter| i32::from(quarter[3]));
+                    *count = quarters.iter().map(|quarter| i32::from(quarter[3])).sum();
+                }
+                let below = halves.as_chunks::<8>().0.iter().zip(counts.as_chunks::<8>().0);
+                for (voxel, (halves, counts)) in voxels.iter_mut().zip(below) {
+                    let mut counts = counts.iter();
+                    *voxel = mean_of(halves, |_| *counts.next().expect("a count for each half"));
+                }
             }
         }
     }
+}
+
+/// The mean of samples by their weights; none if all are 0.
+#[inline(always)]
+fn mean_of(samples: &[Sample; 8], mut weight: impl FnMut(&Sample) -> i32) -> Sample {
+    let (mut sums, mut all) = ([0i32; 3], 0);
+    for sample in samples {
+        let weight = weight(sample);
+        all += weight;
+        (0..3).for_each(|c| sums[c] += weight * i32::from(sample[c]));
+    }
+    if all == 0 { [0; 4] } else { clamped(sums.map(|sum| rounded(sum, all))) }
 }
 
 /// Decodes a frame from its symbols. `shape` has the depths of these. Without a frame `before`, all blocks are intra.
@@ -205,7 +202,7 @@ pub fn reconstruct(
 ) -> ColourFrame {
     let mut layers = shape.layers();
     if let Some(before) = before {
-        reconstruct_inter(&shape, &mut layers, symbols, steps, before);
+        reconstruct_inter(&shape, &mut layers, &symbols.modes, steps, before, &ReadLevels(symbols));
     }
     if symbols.modes.contains(&BlockMode::Spatial) {
         reconstruct_intra(&shape, &mut layers, &symbols.modes, steps, &mut ReadLevels(symbols));
@@ -213,73 +210,98 @@ pub fn reconstruct(
     ColourFrame { shape, layers }
 }
 
+/// Source of the levels of inter blocks: the decoder reads them, the encoder chooses them from the prediction.
+pub trait InterLevels: Sync {
+    /// What a thread works with.
+    type Worker;
+
+    /// Creates what a thread works with.
+    fn worker(&self) -> Self::Worker;
+
+    /// The coefficients of each layer of a block. `predicted`: samples of its deepest layer, by slot.
+    fn levels(&self, worker: &mut Self::Worker, block: usize, predicted: &[Sample]) -> [&[Coefficient]; 3];
+}
+
+impl InterLevels for ReadLevels<'_> {
+    type Worker = ();
+
+    fn worker(&self) {}
+
+    fn levels(&self, (): &mut (), block: usize, _predicted: &[Sample]) -> [&[Coefficient]; 3] {
+        [0, 1, 2].map(|layer| self.0.layers[layer].of_block(block))
+    }
+}
+
 /// Writes the samples of all blocks that are predicted from the frame before.
-pub fn reconstruct_inter(
+pub fn reconstruct_inter<L: InterLevels>(
     shape: &ColourShape,
     layers: &mut [Vec<Sample>; 3],
-    symbols: &ColourSymbols,
+    modes: &[BlockMode],
     steps: &ColourSteps,
     before: &ColourFrame,
+    source: &L,
 ) {
     let mut layers = block_layers(shape, layers);
     layers.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, layers)| {
-        let mut predictor = InterPredictor::new(shape, &symbols.modes, before);
-        let mut tree = BlockTree::default();
+        let mut predictor = InterPredictor::new(shape, modes, before);
+        let (mut worker, mut tree) = (source.worker(), BlockTree::default());
         for (block, layers) in (chunk * CHUNK..).zip(layers) {
-            if symbols.modes[block] == BlockMode::Spatial {
+            if modes[block] == BlockMode::Spatial {
                 continue;
             }
-            shape.build_tree(block, &mut tree);
             let predicted = predictor.predict(block);
-            let coefficients = [0, 1, 2].map(|layer| symbols.layers[layer].of_block(block));
-            match residual(&tree, coefficients, steps) {
-                None => layers.put(&tree, predicted.iter().copied()),
-                Some(residual) => layers.put(&tree, with_residual(predicted, &residual)),
+            let coefficients = source.levels(&mut worker, block, predicted);
+            if coefficients.iter().any(|layer| !layer.is_empty()) {
+                shape.build_tree(block, &mut tree);
+                add_residual(predicted, &tree, coefficients, steps);
             }
+            layers.put(shape.depths()[block], predicted);
         }
     });
 }
 
-/// Predicted samples and their residual, within the range of samples.
-pub fn with_residual<'a>(
-    predicted: &'a [Sample],
-    residual: &'a [[i32; 3]],
-) -> impl Iterator<Item = Sample> + 'a {
-    let sum = |(sample, by): (&Sample, &[i32; 3])| clamped([0, 1, 2].map(|c| i32::from(sample[c]) + by[c]));
-    predicted.iter().zip(residual).map(sum)
+/// Adds the residual of a block to its prediction, within the range of samples.
+fn add_residual(
+    predicted: &mut [Sample],
+    tree: &BlockTree,
+    coefficients: [&[Coefficient]; 3],
+    steps: &ColourSteps,
+) {
+    let Some(residual) = residual(tree, coefficients, steps) else { return };
+    for (slot, by) in tree.leaf_slots().zip(residual) {
+        let sample = &mut predicted[slot];
+        *sample = clamped([0, 1, 2].map(|c| i32::from(sample[c]) + by[c]));
+    }
 }
 
 /// Predicts blocks from the frame before.
 #[derive(Debug)]
-pub struct InterPredictor<'a> {
+struct InterPredictor<'a> {
     shape: &'a ColourShape,
     modes: &'a [BlockMode],
     finder: NeighbourFinder<'a>,
     reader: Reader<'a>,
-    found: Vec<Option<Sample>>,
     predicted: Vec<Sample>,
 }
 
 impl<'a> InterPredictor<'a> {
     /// Creates a predictor. `modes`: of all blocks of the frame.
-    #[must_use]
-    pub fn new(shape: &'a ColourShape, modes: &'a [BlockMode], before: &'a ColourFrame) -> Self {
+    fn new(shape: &'a ColourShape, modes: &'a [BlockMode], before: &'a ColourFrame) -> Self {
         let (finder, reader) = (NeighbourFinder::new(shape.cells().index()), Reader::new(before));
-        Self { shape, modes, finder, reader, found: Vec::new(), predicted: Vec::new() }
+        Self { shape, modes, finder, reader, predicted: Vec::new() }
     }
 
-    /// Predicts the leaves of a block's tree.
-    pub fn predict(&mut self, block: usize) -> &[Sample] {
-        let shape = self.shape;
-        self.finder.turn_to(shape.cells().coords()[block]);
+    /// Predicts the samples of a block: those of its deepest layer, by slot.
+    fn predict(&mut self, block: usize) -> &mut [Sample] {
+        self.finder.turn_to(self.shape.cells().coords()[block]);
         let around = vectors_around(&self.finder, self.modes);
-        self.found.clear();
-        let (quarters, depth) = (shape.block_quarters(block), shape.depths()[block]);
         let field = MotionField::new(&around);
-        predict_block(&mut self.reader, shape.cells(), block, &field, quarters, depth, &mut self.found);
-        self.predicted.clear();
-        self.predicted.extend(without_holes(&self.found));
-        &self.predicted
+        let (reader, shape, out) = (&mut self.reader, self.shape, &mut self.predicted);
+        vectorized(
+            #[inline(always)]
+            || predict_block(reader, shape, block, &field, out),
+        );
+        &mut self.predicted
     }
 }
 
@@ -348,8 +370,8 @@ pub fn reconstruct_intra<L: IntraLevels>(
     steps: &ColourSteps,
     source: &mut L,
 ) {
-    let mut upper = upper_means(shape, &layers[0], modes);
     let intra: Vec<usize> = (0..modes.len()).filter(|b| modes[*b] == BlockMode::Spatial).collect();
+    let mut upper = upper_means(shape, &layers[0], modes, &intra);
     put_roots(shape, &mut upper[0], modes, steps, source);
     let deepest = shape.depths().iter().max().copied().unwrap_or(0);
     for layer in 0..=deepest {
@@ -370,13 +392,19 @@ pub fn reconstruct_intra<L: IntraLevels>(
     }
 }
 
-/// The means above the cells of blocks that are written; zeros for the others.
-fn upper_means(shape: &ColourShape, cells: &[Sample], modes: &[BlockMode]) -> UpperMeans {
+/// The means above the cells of the inter blocks around intra blocks; zeros for all others.
+fn upper_means(shape: &ColourShape, cells: &[Sample], modes: &[BlockMode], intra: &[usize]) -> UpperMeans {
     let count = shape.depths().len();
     let mut upper = [1, 8, 64].map(|nodes| vec![[0; 4]; nodes * count]);
     let mut tree = BlockTree::default();
-    for block in (0..count).filter(|block| modes[*block] != BlockMode::Spatial) {
-        shape.build_tree(block, &mut tree);
+    let mut is_needed = vec![false; count];
+    let mut finder = NeighbourFinder::new(shape.cells().index());
+    for block in intra {
+        finder.turn_to(shape.cells().coords()[*block]);
+        finder.neighbourhood().into_iter().flatten().for_each(|near| is_needed[near as usize] = true);
+    }
+    for block in (0..count).filter(|block| is_needed[*block] && modes[*block] != BlockMode::Spatial) {
+        shape.build_tree_to(block, UPPER_LEVELS, &mut tree);
         let mut values: Vec<Sample> = cells[shape.block_samples(block, 0)].to_vec();
         for level in (0..UPPER_LEVELS).rev() {
             let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);
@@ -416,7 +444,7 @@ fn put_roots<L: IntraLevels>(
     let mut tree = BlockTree::default();
     for block in (0..roots.len()).filter(|block| modes[*block] == BlockMode::Spatial) {
         finder.turn_to(shape.cells().coords()[block]);
-        shape.build_tree(block, &mut tree);
+        shape.build_tree_to(block, UPPER_LEVELS, &mut tree);
         let predicted = predicted_root(&finder, block, modes, |block| roots[block]);
         let weight = tree.levels()[0].weights[0];
         let change = mean_change(weight, source.root(block, weight, predicted), steps);
@@ -476,7 +504,7 @@ fn predict_level<L: IntraLevels>(
         for block in chunk.iter().copied().filter(|block| layer <= shape.depths()[*block]) {
             finder.turn_to(shape.cells().coords()[block]);
             window.gather(&level_means, &finder.neighbourhood());
-            shape.build_tree(block, &mut tree);
+            shape.build_tree_to(block, level + 1, &mut tree);
             let mut state = source.begin(block, &tree, layer, level);
             let [nodes, below] = [0, 1].map(|step| &tree.levels()[level + step]);
             let (start, count) = match upper_count {

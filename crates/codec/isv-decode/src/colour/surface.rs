@@ -1,6 +1,6 @@
 //! Colours of points on a decoded surface, as users have them.
 
-use super::frame::{ColourFrame, Reader, Sample};
+use super::frame::{ColourFrame, GREY, Reader, Sample};
 use super::morton::{position, wide_position};
 use super::tree::BlockTree;
 use super::ycbcr::to_rgb;
@@ -9,8 +9,6 @@ use rayon::prelude::*;
 
 /// Points that a thread works on at a time.
 const CHUNK: usize = 1024;
-/// Colour where there is none: a grey.
-const NONE: Sample = [128 << super::frame::SAMPLE_BITS, 0, 0, 0];
 /// Cells around a point that are looked in, nearest first.
 const AROUND: [[i32; 3]; 7] =
     [[0, 0, 0], [-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, -1, 0], [-1, 0, -1], [0, -1, -1]];
@@ -40,14 +38,14 @@ fn colour(reader: &mut Reader, point_m: [f64; 3], voxel_m: f64, depth: u8) -> Sa
     let at = point_m.map(|p| ((p / voxel_m - 0.5) * 256.0).round());
     let block = at.map(|p| (p / 2048.0).floor());
     if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
-        return NONE;
+        return GREY;
     }
     reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
     let position: [i32; 3] = std::array::from_fn(|axis| (at[axis] - 2048.0 * block[axis]) as i32);
     let voxel = position.map(|p| p >> 8);
     let found = AROUND.iter().find_map(|step| reader.cell([0, 1, 2].map(|axis| voxel[axis] + step[axis])));
     let normal = found.map_or([0; 3], |found| reader.surfel(found).normal);
-    reader.read(position, normal, depth).unwrap_or(NONE)
+    reader.read(position, normal, depth).unwrap_or(GREY)
 }
 
 impl ColourFrame {

@@ -31,8 +31,16 @@ pub struct BlockTree {
 }
 
 impl BlockTree {
-    /// Builds the tree of a block. `quarters` are the crossed quarter cells of each cell, if it is two deep.
-    pub fn build(&mut self, cells: &BlockCells, surfels: &[Surfel], quarters: &[u64], depth: u8) {
+    /// Builds the tree of a block. `quarters` are the crossed quarter cells of each cell, if it is two deep. `lowest`: level from which on
+    /// nodes are left out, but for that of the voxels' cells.
+    pub fn build(
+        &mut self,
+        cells: &BlockCells,
+        surfels: &[Surfel],
+        quarters: &[u64],
+        depth: u8,
+        lowest: usize,
+    ) {
         self.depth = depth;
         for level in &mut self.levels {
             level.places.clear();
@@ -51,32 +59,34 @@ impl BlockTree {
                 cubes.children.push(byte);
             }
         }
-        for (cell, (place, surfel)) in cells.places().zip(surfels).enumerate() {
-            voxels.places.push(place as u16);
-            if depth == 0 {
-                voxels.weights.push(surfel.halves.count_ones() * HALF_WEIGHT);
-                continue;
-            }
-            voxels.children.push(surfel.halves);
-            let quarters = if depth > 1 { quarters[cell] } else { 0 };
-            let mut weight = 0;
-            for half in (0..8).filter(|half| surfel.halves >> half & 1 != 0) {
-                halves.places.push((place << 3 | half) as u16);
-                let crossed = (quarters >> (8 * half)) as u8;
-                if depth > 1 {
+        voxels.places.extend(cells.places().map(|place| place as u16));
+        let half_weights = surfels.iter().map(|surfel| surfel.halves.count_ones() * HALF_WEIGHT);
+        match depth {
+            0 | 1 => voxels.weights.extend(half_weights),
+            _ => voxels.weights.extend(quarters.iter().map(|quarters| quarters.count_ones())),
+        }
+        if depth > 0 && lowest > UPPER_LEVELS {
+            voxels.children.extend(surfels.iter().map(|surfel| surfel.halves));
+            for (cell, (place, surfel)) in voxels.places.iter().zip(surfels).enumerate() {
+                let mut rest = surfel.halves;
+                while rest != 0 {
+                    let half = rest.trailing_zeros() as usize;
+                    rest &= rest - 1;
+                    halves.places.push(*place << 3 | half as u16);
+                    if depth == 1 {
+                        halves.weights.push(HALF_WEIGHT);
+                        continue;
+                    }
+                    let crossed = (quarters[cell] >> (8 * half)) as u8;
                     halves.children.push(crossed);
                     halves.weights.push(crossed.count_ones());
                     let places = (0..8).filter(|quarter| crossed >> quarter & 1 != 0);
                     quarter_cells
                         .places
-                        .extend(places.map(|quarter| (place << 6 | half << 3 | quarter) as u16));
+                        .extend(places.map(|quarter| *place << 6 | (half << 3 | quarter) as u16));
                     quarter_cells.weights.extend((0..crossed.count_ones()).map(|_| 1));
-                } else {
-                    halves.weights.push(HALF_WEIGHT);
                 }
-                weight += halves.weights[halves.weights.len() - 1];
             }
-            voxels.weights.push(weight);
         }
         for level in (0..UPPER_LEVELS).rev() {
             let (upper, lower) = self.levels.split_at_mut(level + 1);

@@ -5,8 +5,9 @@ use super::quantizer::{Quantizer, SAMPLE_SCALE, Trade, level_means, push, values
 use super::syntax;
 use super::target::ColourTarget;
 use crate::colour::syntax::coefficients::node_energy;
+use crate::main::Preset;
 use isv_decode::colour::reconstruct::{
-    ColourSteps, InterPredictor, IntraLevels, IntraNode, first_place, reconstruct_inter, reconstruct_intra,
+    ColourSteps, InterLevels, IntraLevels, IntraNode, first_place, reconstruct_inter, reconstruct_intra,
 };
 use isv_decode::colour::symbols::{Coefficient, ColourSymbols};
 use isv_decode::colour::syntax::ColourSlices;
@@ -16,16 +17,14 @@ use isv_decode::colour::syntax::coefficients::{
 use isv_decode::colour::syntax::modes::{BlockBefore, ModeBlocks};
 use isv_decode::colour::transform::DIFFERENCES;
 use isv_decode::colour::tree::BlockTree;
-use isv_decode::colour::{ColourCells, ColourFrame, ColourReference, ColourShape};
+use isv_decode::colour::{ColourCells, ColourFrame, ColourReference, ColourShape, Sample};
 use isv_decode::main::{BlockMode, CausalBlocks, Vector};
 use isv_format::{ColourHeader, ColourKind, ColourPayload, SliceLayout};
 use isv_volume::{ColourSample, SparseVolume};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// Blocks that a thread works on at a time.
-const CHUNK: usize = 16;
 /// Rounding offset of magnitudes, for attempts that try no smaller levels.
 const ROUNDING: f32 = 0.36;
 
@@ -44,6 +43,10 @@ pub struct ColourSettings {
     pub lambda: f32,
     /// Rounds of back projection.
     pub rounds: usize,
+    /// How hard vectors are searched for.
+    pub search: ColourSearch,
+    /// Distance between the colours that are taken from a surface, in edges of the smallest cells.
+    pub spacing: f32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
     /// Frames until all is coded anew, in streams without keyframes whose frames can each be read without the one before; `None` in others.
@@ -61,6 +64,8 @@ impl Default for ColourSettings {
             chroma: 1.4,
             lambda: 0.1,
             rounds: 3,
+            search: ColourSearch::FULL,
+            spacing: 0.5,
             slices: 1,
             cycle: None,
             checksums: false,
@@ -75,6 +80,21 @@ impl ColourSettings {
         let scale = ((50.0 - quality.clamp(0.0, 100.0)) / 20.0).exp2();
         let usual = Self::default();
         Self { layers, key_step: usual.key_step * scale, step: usual.step * scale, ..usual }
+    }
+
+    /// These settings with as much work as a preset stands for.
+    #[must_use]
+    pub fn with_preset(self, preset: Preset) -> Self {
+        match preset {
+            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.9, ..self },
+            Preset::Balanced | Preset::Archive => self,
+        }
+    }
+
+    /// Distance between the colours that are taken from a surface, in metres, with voxels of an edge in metres.
+    #[must_use]
+    pub fn spacing_m(&self, voxel_m: f64) -> f64 {
+        f64::from(self.spacing) * voxel_m / f64::from(1 << (self.layers - 1))
     }
 }
 
@@ -201,7 +221,7 @@ impl ColourEncoder {
             ColourSymbols { modes, depths: frame.shape.depths().to_vec(), ..Default::default() };
         enter(&mut symbols, &nothing);
         let mut layers = frame.shape.layers();
-        reconstruct_inter(frame.shape, &mut layers, &symbols, &steps, before);
+        reconstruct_inter(frame.shape, &mut layers, &symbols.modes, &steps, before, &NoResiduals);
         let mut entropy = self.entropy.clone();
         let segments = write(&mut entropy, frame, &symbols);
         CodedColour { symbols, frame: ColourFrame { shape: frame.shape.clone(), layers }, entropy, segments }
@@ -239,17 +259,17 @@ impl ColourEncoder {
         reference: &ColourReference,
         step: f32,
     ) -> Vec<BlockMode> {
-        let (shape, search) = (frame.shape, ColourSearch::FULL);
+        let (shape, search) = (frame.shape, self.settings.search);
         let lambda = self.settings.lambda * step * step;
         let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, lambda);
         let last = reference.blocks_at(shape.cells().coords());
         let of_block =
             |before: &Option<BlockBefore>| before.and_then(|before| before.vector).into_iter().collect();
         let start: Vec<Vec<Vector>> = last.iter().map(of_block).collect();
-        let vectors = motion.run(search.steps, &start);
+        let (vectors, tried) = motion.run(search.steps, &start);
         let spreads: Vec<f32> = wanted.par_iter().map(|values| spread(values)).collect();
         let mut models = self.entropy.clone();
-        let mut chooser = motion.chooser();
+        let mut chooser = motion.chooser(tried);
         let mut modes: Vec<BlockMode> = Vec::with_capacity(vectors.len());
         for (slice, range) in frame.ranges.iter().enumerate() {
             let models = &mut models.slices(slice + 1)[slice].modes.modes;
@@ -327,8 +347,7 @@ fn spread(values: &[[f32; 3]]) -> f32 {
 fn leaf_values(shape: &ColourShape, target: &ColourTarget) -> Vec<Vec<[f32; 3]>> {
     let of_block = |tree: &mut BlockTree, block: usize| {
         shape.build_tree(block, tree);
-        let depth = shape.depths()[block];
-        let values = &target.layers[usize::from(depth)][shape.block_samples(block, depth)];
+        let values = target.of_block(shape, block);
         tree.leaf_slots().map(|slot| values[slot]).collect()
     };
     (0..shape.depths().len()).into_par_iter().map_init(BlockTree::default, of_block).collect()
@@ -344,27 +363,13 @@ fn code(
 ) -> (ColourSymbols, ColourFrame) {
     let mut symbols =
         ColourSymbols { modes: modes.to_vec(), depths: shape.depths().to_vec(), layers: Default::default() };
-    let mut coefficients: Vec<[Vec<Coefficient>; 3]> = match before {
-        Some(before) => (0..modes.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map_init(
-                || (InterPredictor::new(shape, modes, before), BlockTree::default(), quantizer.clone()),
-                |(predictor, tree, quantizer), block| {
-                    if modes[block] == BlockMode::Spatial {
-                        return Default::default();
-                    }
-                    shape.build_tree(block, tree);
-                    inter_coefficients(tree, predictor.predict(block), &wanted[block], quantizer)
-                },
-            )
-            .collect(),
-        None => (0..modes.len()).map(|_| Default::default()).collect(),
-    };
+    let mut coefficients: Vec<[Vec<Coefficient>; 3]> = modes.iter().map(|_| Default::default()).collect();
     let mut layers = shape.layers();
     if let Some(before) = before {
-        enter(&mut symbols, &coefficients);
-        reconstruct_inter(shape, &mut layers, &symbols, &quantizer.steps, before);
+        let chosen = ChosenResiduals::new(shape, wanted, quantizer);
+        reconstruct_inter(shape, &mut layers, modes, &quantizer.steps, before, &chosen);
+        coefficients =
+            chosen.coefficients.into_iter().map(|own| own.into_inner().unwrap_or_default()).collect();
     }
     if modes.contains(&BlockMode::Spatial) {
         let mut chosen = ChosenLevels::new(shape, wanted, modes, quantizer.clone());
@@ -374,8 +379,8 @@ fn code(
                 coefficients[block] = own;
             }
         }
-        enter(&mut symbols, &coefficients);
     }
+    enter(&mut symbols, &coefficients);
     (symbols, ColourFrame { shape: shape.clone(), layers })
 }
 
@@ -392,14 +397,14 @@ fn enter(symbols: &mut ColourSymbols, coefficients: &[[Vec<Coefficient>; 3]]) {
 /// The coefficients of a block that is predicted from the frame before.
 fn inter_coefficients(
     tree: &BlockTree,
-    predicted: &[isv_decode::colour::Sample],
+    predicted: &[Sample],
     wanted: &[[f32; 3]],
     quantizer: &mut Quantizer,
 ) -> [Vec<Coefficient>; 3] {
-    let residual = predicted
-        .iter()
+    let residual = tree
+        .leaf_slots()
         .zip(wanted)
-        .map(|(sample, wanted)| [0, 1, 2].map(|c| wanted[c] - f32::from(sample[c]) / SAMPLE_SCALE));
+        .map(|(slot, wanted)| [0, 1, 2].map(|c| wanted[c] - f32::from(predicted[slot][c]) / SAMPLE_SCALE));
     let means = level_means(tree, residual.collect());
     let mut out: [Vec<Coefficient>; 3] = Default::default();
     let mut energies = NodeEnergies::default();
@@ -410,6 +415,53 @@ fn inter_coefficients(
         }
     }
     out
+}
+
+/// The levels of inter blocks, chosen once it is known what is predicted.
+struct ChosenResiduals<'a> {
+    shape: &'a ColourShape,
+    wanted: &'a [Vec<[f32; 3]>],
+    quantizer: &'a Quantizer,
+    coefficients: Vec<OnceLock<[Vec<Coefficient>; 3]>>,
+}
+
+impl<'a> ChosenResiduals<'a> {
+    fn new(shape: &'a ColourShape, wanted: &'a [Vec<[f32; 3]>], quantizer: &'a Quantizer) -> Self {
+        let coefficients = wanted.iter().map(|_| OnceLock::new()).collect();
+        Self { shape, wanted, quantizer, coefficients }
+    }
+}
+
+impl InterLevels for ChosenResiduals<'_> {
+    type Worker = (Quantizer, BlockTree);
+
+    fn worker(&self) -> Self::Worker {
+        (self.quantizer.clone(), BlockTree::default())
+    }
+
+    fn levels(
+        &self,
+        (quantizer, tree): &mut Self::Worker,
+        block: usize,
+        predicted: &[Sample],
+    ) -> [&[Coefficient]; 3] {
+        self.shape.build_tree(block, tree);
+        let choose = || inter_coefficients(tree, predicted, &self.wanted[block], quantizer);
+        self.coefficients[block].get_or_init(choose).each_ref().map(Vec::as_slice)
+    }
+}
+
+/// The levels of a frame without any.
+struct NoResiduals;
+
+impl InterLevels for NoResiduals {
+    type Worker = ();
+
+    fn worker(&self) {}
+
+    fn levels(&self, (): &mut (), _block: usize, _predicted: &[Sample]) -> [&[Coefficient]; 3] {
+        [&[]; 3]
+    }
 }
 
 /// The levels of intra blocks, chosen once it is known what is predicted.

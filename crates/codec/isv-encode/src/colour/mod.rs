@@ -13,4 +13,5 @@ mod syntax;
 mod target;
 
 pub use encoder::{ColourEncoder, ColourSettings, EncodedColour};
+pub use motion_search::ColourSearch;
 pub use target::{ColourTarget, locate};

@@ -2,14 +2,14 @@
 
 use super::quantizer::SAMPLE_SCALE;
 use crate::main::syntax::modes::{self as main_modes, merge_bits};
-use isv_decode::colour::ColourFrame;
-use isv_decode::colour::ColourShape;
-use isv_decode::colour::compensation::predict_leaf;
+use isv_decode::colour::compensation::predict_cell;
 use isv_decode::colour::frame::Reader;
-use isv_decode::colour::tree::{BlockTree, UPPER_LEVELS};
+use isv_decode::colour::morton::position;
+use isv_decode::colour::{ColourFrame, ColourShape, Sample};
 use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
 use isv_decode::main::{BlockMode, Vector};
 use isv_entropy::BitCount;
+use isv_kernels::simd::vectorized;
 use isv_volume::NeighbourFinder;
 use rayon::prelude::*;
 
@@ -26,25 +26,29 @@ const FACES: [usize; 6] = [4, 10, 12, 14, 16, 22];
 
 /// How hard vectors are searched for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ColourSearch {
-    /// Leaves of a block that are compared at most.
-    pub leaves: usize,
+pub struct ColourSearch {
+    /// Cells of a block that are compared at most.
+    pub cells: usize,
     /// Steps of the search in eighths of a voxel, from coarse to fine, each as often as it stands here.
     pub steps: &'static [i16],
 }
 
 impl ColourSearch {
     /// Search for quality.
-    pub(crate) const FULL: Self = Self { leaves: 24, steps: &[12, 6, 6, 3, 3, 2, 1, 1] };
+    pub const FULL: Self = Self { cells: usize::MAX, steps: &[12, 6, 6, 3, 3, 2, 1, 1] };
+    /// Search in little time.
+    pub const QUICK: Self = Self { cells: 12, steps: &[4, 1] };
 }
 
-/// A leaf to be predicted.
+/// A cell to be predicted.
 #[derive(Clone, Copy, Debug)]
 struct Probe {
     cell: u32,
     voxel: [u8; 3],
-    leaf: u8,
-    wanted: [f32; 3],
+    /// The parts of it that the surface crosses.
+    leaves: u64,
+    /// Where the values wanted of these begin.
+    wanted: u32,
 }
 
 /// Searches for the vectors of a frame's blocks.
@@ -52,9 +56,8 @@ struct Probe {
 pub(crate) struct MotionSearch<'a> {
     shape: &'a ColourShape,
     before: &'a ColourFrame,
+    wanted: &'a [Vec<[f32; 3]>],
     probes: Vec<Vec<Probe>>,
-    /// Leaves of each block.
-    counts: Vec<usize>,
     /// Squared error that a bit may cost, in 8-bit steps.
     lambda: f32,
 }
@@ -64,130 +67,164 @@ impl<'a> MotionSearch<'a> {
     pub(crate) fn new(
         shape: &'a ColourShape,
         before: &'a ColourFrame,
-        wanted: &[Vec<[f32; 3]>],
+        wanted: &'a [Vec<[f32; 3]>],
         search: &ColourSearch,
         lambda: f32,
     ) -> Self {
         let of_block = |block: usize| {
-            let mut tree = BlockTree::default();
-            shape.build_tree(block, &mut tree);
-            let depth = tree.depth();
-            let leaves = &tree.levels()[UPPER_LEVELS + usize::from(depth)].places;
-            let cells = &tree.levels()[UPPER_LEVELS].places;
-            let first = shape.cells().blocks()[block].first();
-            let stride = leaves.len().div_ceil(search.leaves).max(1);
+            let cells = &shape.cells().blocks()[block];
+            // Evenly over the block.
+            let stride = cells.count().div_ceil(search.cells).max(1);
             let mut probes = Vec::new();
-            let mut number = 0;
-            for (at, place) in leaves.iter().enumerate() {
-                while cells[number] != place >> (3 * depth) {
-                    number += 1;
+            let mut first = 0;
+            for (number, place) in cells.places().enumerate() {
+                let leaves = shape.leaves(block, number);
+                if number % stride == stride / 2 {
+                    let voxel = position(place).map(|v| v as u8);
+                    let cell = (cells.first() + number) as u32;
+                    probes.push(Probe { cell, voxel, leaves, wanted: first });
                 }
-                // Evenly over the block, not always the same leaf of a cell.
-                if at % stride == (at / stride * 7) % stride {
-                    let voxel = [0, 1, 2].map(|axis| {
-                        let p = cells[number] >> axis;
-                        (p & 1 | p >> 2 & 2 | p >> 4 & 4) as u8
-                    });
-                    probes.push(Probe {
-                        cell: (first + number) as u32,
-                        voxel,
-                        leaf: (*place & ((1 << (3 * depth)) - 1)) as u8,
-                        wanted: wanted[block][at],
-                    });
-                }
+                first += leaves.count_ones();
             }
-            (probes, leaves.len())
+            probes
         };
-        let blocks = 0..shape.depths().len();
-        let (probes, counts) = blocks.into_par_iter().map(of_block).unzip();
-        Self { shape, before, probes, counts, lambda }
+        let probes = (0..shape.depths().len()).into_par_iter().map(of_block).collect();
+        Self { shape, before, wanted, probes, lambda }
     }
 
-    /// Mean squared error of a block's probes under a vector; stops where it is more than `most`.
+    /// Leaves of a block.
+    fn count(&self, block: usize) -> f32 {
+        self.wanted[block].len().max(1) as f32
+    }
+
+    /// Mean squared error of a block's probes under a vector; stops where it is more than `most`. The reader is turned to the block.
     fn error(&self, reader: &mut Reader, block: usize, vector: Vector, most: f32) -> f32 {
-        let probes = &self.probes[block];
+        vectorized(
+            #[inline(always)]
+            || self.error_of(reader, block, vector, most),
+        )
+    }
+
+    #[inline(always)]
+    fn error_of(&self, reader: &mut Reader, block: usize, vector: Vector, most: f32) -> f32 {
+        let (probes, wanted) = (&self.probes[block], &self.wanted[block]);
         let depth = self.shape.depths()[block];
-        let motion = vector.0.map(|c| i32::from(c) * 32);
-        let limit = most * probes.len() as f32;
+        let [x, y, z] = vector.0;
+        let motion = [32 * i32::from(x), 32 * i32::from(y), 32 * i32::from(z)];
+        let mut all = 0;
+        for probe in probes {
+            all += probe.leaves.count_ones();
+        }
+        let limit = most * all as f32;
         let mut sum = 0.0;
+        let mut parts = [[0; 4]; 64];
         for probe in probes {
             let surfel = &self.shape.cells().surfels()[probe.cell as usize];
-            let voxel = probe.voxel.map(usize::from);
-            sum += match predict_leaf(reader, surfel, voxel, motion, usize::from(probe.leaf), depth) {
-                Some(sample) => {
-                    let d = [0, 1, 2].map(|c| f32::from(sample[c]) / SAMPLE_SCALE - probe.wanted[c]);
-                    (d[0] * d[0] + CHROMA * (d[1] * d[1] + d[2] * d[2])).min(MOST_ERROR)
-                }
-                None => MISSING_ERROR,
-            };
+            let [x, y, z] = probe.voxel;
+            let voxel = [usize::from(x), usize::from(y), usize::from(z)];
+            predict_cell(reader, surfel, voxel, motion, depth, probe.leaves, &mut parts);
+            let (mut rest, mut at) = (probe.leaves, probe.wanted as usize);
+            while rest != 0 {
+                let sample = &parts[rest.trailing_zeros() as usize];
+                rest &= rest - 1;
+                sum += if sample[3] == 0 { MISSING_ERROR } else { squared_error(sample, &wanted[at]) };
+                at += 1;
+            }
             if sum > limit {
                 return f32::INFINITY;
             }
         }
-        sum / probes.len().max(1) as f32
+        sum / all.max(1) as f32
     }
 
-    /// The best vectors. `start`: vectors to begin from, of other searches or of geometry.
-    pub(crate) fn run(&self, steps: &[i16], start: &[Vec<Vector>]) -> Vec<Vector> {
-        let count = self.counts.len();
+    /// The best vectors, and the errors of all that were tried. `start`: vectors to begin from, of other searches or of geometry.
+    pub(crate) fn run(&self, steps: &[i16], start: &[Vec<Vector>]) -> (Vec<Vector>, Vec<Tried>) {
+        let count = self.probes.len();
         let mut vectors = vec![Vector::ZERO; count];
+        let mut tried = vec![Tried::default(); count];
         for (round, step) in std::iter::once(&0).chain(steps).enumerate() {
-            let found: Vec<(Vector, f32)> = (0..count)
-                .into_par_iter()
+            vectors = tried
+                .par_iter_mut()
+                .enumerate()
                 .with_min_len(CHUNK)
                 .map_init(
                     || (NeighbourFinder::new(self.shape.cells().index()), Reader::new(self.before)),
-                    |(finder, reader), block| {
+                    |(finder, reader), (block, tried)| {
                         let coord = self.shape.cells().coords()[block];
                         finder.turn_to(coord);
                         reader.turn_to(coord);
-                        let around: Vec<Vector> = FACES
-                            .iter()
-                            .filter_map(|slot| finder.get(*slot))
-                            .map(|n| vectors[n as usize])
-                            .collect();
+                        let neighbours = FACES.iter().filter_map(|slot| finder.get(*slot));
+                        let around: Vec<Vector> = neighbours.map(|n| vectors[n as usize]).collect();
                         let middle = median(&around);
-                        let cost = |reader: &mut Reader, vector: Vector, most: f32| {
-                            let bits =
-                                self.lambda * vector_bits(vector, middle) / self.counts[block].max(1) as f32;
-                            self.error(reader, block, vector, most - bits) + bits
+                        let a_bit = self.lambda / self.count(block);
+                        let mut cost = |vector: Vector, most: f32| {
+                            let bits = a_bit * vector_bits(vector, middle);
+                            tried.error(self, reader, block, vector, most - bits) + bits
                         };
                         let own = vectors[block];
-                        let mut best = (own, cost(reader, own, f32::INFINITY));
-                        let mut offer = |reader: &mut Reader, vector: Vector| {
+                        let mut best = (own, cost(own, f32::INFINITY));
+                        let mut offer = |vector: Vector| {
                             if vector.in_range() && vector != best.0 {
-                                let cost = cost(reader, vector, best.1);
+                                let cost = cost(vector, best.1);
                                 if cost < best.1 {
                                     best = (vector, cost);
                                 }
                             }
                         };
                         if round == 0 {
-                            start[block].iter().for_each(|vector| offer(reader, *vector));
-                        } else {
-                            around.iter().for_each(|vector| offer(reader, *vector));
-                            for (axis, sign) in [(0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)] {
-                                let mut moved = own;
-                                moved.0[axis] += sign * step;
-                                offer(reader, moved);
-                            }
-                            if *step == 1 {
-                                offer(reader, middle);
-                                offer(reader, Vector::ZERO);
-                            }
+                            start[block].iter().for_each(|vector| offer(*vector));
+                            return best.0;
                         }
-                        best
+                        around.iter().for_each(|vector| offer(*vector));
+                        for (axis, sign) in [(0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)] {
+                            let mut moved = own;
+                            moved.0[axis] += sign * step;
+                            offer(moved);
+                        }
+                        if *step == 1 {
+                            offer(middle);
+                            offer(Vector::ZERO);
+                        }
+                        best.0
                     },
                 )
                 .collect();
-            vectors = found.into_iter().map(|(vector, _)| vector).collect();
         }
-        vectors
+        (vectors, tried)
     }
 
-    /// Creates the chooser of modes, for use after the search.
-    pub(crate) fn chooser(&self) -> ModeChooser<'_> {
-        ModeChooser { search: self, reader: Reader::new(self.before) }
+    /// Creates the chooser of modes, for use after the search. `tried`: what it found.
+    pub(crate) fn chooser(&self, tried: Vec<Tried>) -> ModeChooser<'_> {
+        ModeChooser { search: self, reader: Reader::new(self.before), tried }
+    }
+}
+
+/// The errors of a block under the vectors that were tried: of each its error or, where this is infinite, what it is more than.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tried(Vec<(Vector, f32, f32)>);
+
+impl Tried {
+    /// Error of a block under a vector; infinite where it is more than `most`. The reader is turned to the block.
+    fn error(
+        &mut self,
+        search: &MotionSearch,
+        reader: &mut Reader,
+        block: usize,
+        vector: Vector,
+        most: f32,
+    ) -> f32 {
+        let known = self.0.iter().position(|(tried, ..)| *tried == vector);
+        if let Some((_, error, least)) = known.map(|at| self.0[at])
+            && (error.is_finite() || most <= least)
+        {
+            return if error <= most { error } else { f32::INFINITY };
+        }
+        let error = search.error(reader, block, vector, most);
+        match known {
+            Some(at) => self.0[at] = (vector, error, most),
+            None => self.0.push((vector, error, most)),
+        }
+        error
     }
 }
 
@@ -196,6 +233,7 @@ impl<'a> MotionSearch<'a> {
 pub(crate) struct ModeChooser<'a> {
     search: &'a MotionSearch<'a>,
     reader: Reader<'a>,
+    tried: Vec<Tried>,
 }
 
 impl ModeChooser<'_> {
@@ -210,11 +248,12 @@ impl ModeChooser<'_> {
     ) -> BlockMode {
         let search = self.search;
         self.reader.turn_to(search.shape.cells().coords()[block]);
-        let a_bit = search.lambda / search.counts[block].max(1) as f32;
+        let a_bit = search.lambda / search.count(block);
         let mut best = (f32::INFINITY, f32::INFINITY, BlockMode::Spatial);
         let mut offer = |mode: BlockMode, bits: f32| {
             let Some(vector) = mode.vector() else { return };
-            let error = search.error(&mut self.reader, block, vector, best.0 - a_bit * bits);
+            let most = best.0 - a_bit * bits;
+            let error = self.tried[block].error(search, &mut self.reader, block, vector, most);
             let cost = error + a_bit * bits;
             if cost < best.0 {
                 best = (cost, error, mode);
@@ -232,6 +271,17 @@ impl ModeChooser<'_> {
         }
         if best.1 < most { best.2 } else { BlockMode::Spatial }
     }
+}
+
+/// Weighted squared error of a sample, up to [`MOST_ERROR`].
+#[inline(always)]
+fn squared_error(sample: &Sample, wanted: &[f32; 3]) -> f32 {
+    let mut squares = [0.0; 3];
+    for c in 0..3 {
+        let difference = f32::from(sample[c]) / SAMPLE_SCALE - wanted[c];
+        squares[c] = difference * difference;
+    }
+    (squares[0] + CHROMA * (squares[1] + squares[2])).min(MOST_ERROR)
 }
 
 /// Bits that a vector takes, about, where its neighbours have another one.

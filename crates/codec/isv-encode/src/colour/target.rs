@@ -3,6 +3,7 @@
 use isv_decode::colour::frame::Reader;
 use isv_decode::colour::tree::BlockTree;
 use isv_decode::colour::{ColourFrame, ColourShape};
+use isv_kernels::simd::vectorized;
 use isv_volume::{BlockCoord, ColourSample, Grid, ycbcr_from_rgb};
 use rayon::prelude::*;
 
@@ -14,26 +15,33 @@ const NEAR: f32 = 0.15;
 const LEAST: f32 = 1e-3;
 /// Gain of a round of back projection.
 const GAIN: f32 = 1.3;
-/// Weights of samples below this do not make a correction larger.
+/// Shares of samples below this do not make a correction larger.
 const LEAST_WEIGHT: f32 = 0.5;
 
-/// Samples to be coded: YCbCr of 8-bit steps, and whether anything was seen near each.
+/// Samples to be coded: YCbCr of 8-bit steps.
 #[derive(Clone, Debug, Default)]
 pub struct ColourTarget {
-    /// Values of each layer, as [`ColourFrame::layers`] has them; the deepest of each block, and means above.
-    pub layers: [Vec<[f32; 3]>; 3],
-    /// Whether something was seen near each value of the deepest layer of each block.
-    pub seen: [Vec<bool>; 3],
+    /// Values of all layers, one layer after the other; NaN where a block has none in its deepest layer.
+    values: Vec<[f32; 3]>,
+    /// Start of each layer among them.
+    starts: [usize; 3],
 }
 
-/// Colour seen at a point of the decoded surface.
+/// A colour that was seen, and the samples that are read there.
 #[derive(Clone, Copy, Debug)]
+struct Point {
+    /// In YCbCr.
+    colour: [f32; 3],
+    weight: f32,
+    /// Samples among those of all layers.
+    taps: [u32; 8],
+    /// What each of these counts; 0 for those that are not there.
+    shares: [f32; 8],
+}
+
+/// What was seen near a sample: the sum of colours times their weights, and of the weights.
+#[derive(Clone, Copy, Debug, Default)]
 struct Seen {
-    /// Samples that a reading there takes the mean of, and their weights; none if the point is too far from the surface.
-    taps: [(u32, f32); 8],
-    /// How many of these count.
-    count: u8,
-    layer: u8,
     colour: [f32; 3],
     weight: f32,
 }
@@ -43,64 +51,71 @@ impl ColourTarget {
     #[must_use]
     pub fn new(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Self {
         let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
-        let seen: Vec<Seen> = samples
+        let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
+        let starts = [0, counts[0], counts[0] + counts[1]];
+        let depth = shape.max_depth();
+        let mut target = Self { values: vec![[f32::NAN; 3]; counts.iter().sum()], starts };
+        let points: Vec<Point> = samples
             .par_chunks(CHUNK)
             .flat_map_iter(|samples| {
                 let mut reader = Reader::new(&frame);
-                samples
-                    .iter()
-                    .filter_map(move |sample| find(&mut reader, shape, grid, sample))
-                    .collect::<Vec<_>>()
+                let mut points = Vec::with_capacity(samples.len());
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        for sample in samples {
+                            if let Some(point) = find(&mut reader, grid, sample, (depth, starts)) {
+                                points.push(point);
+                            }
+                        }
+                    },
+                );
+                points
             })
             .collect();
-        let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
-        let mut target = Self {
-            layers: counts.map(|count| vec![[0.0; 3]; count]),
-            seen: counts.map(|count| vec![false; count]),
-        };
-        let mut weights = counts.map(|count| vec![0.0f32; count]);
-        for point in &seen {
-            let layer = usize::from(point.layer);
+        let mut seen = vec![Seen::default(); target.values.len()];
+        for point in &points {
             // The sample of the leaf that the point lies in counts most.
-            let nearest = point.taps().iter().max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((at, share)) = nearest.map(|(at, share)| (*at as usize, *share)) else { continue };
-            let weight = point.weight * share;
-            weights[layer][at] += weight;
-            (0..3).for_each(|c| target.layers[layer][at][c] += weight * point.colour[c]);
-        }
-        for layer in 0..3 {
-            let values = target.layers[layer].iter_mut().zip(&weights[layer]).zip(&mut target.seen[layer]);
-            for ((value, weight), seen) in values {
-                *seen = *weight > 0.0;
-                if *seen {
-                    *value = value.map(|v| v / weight);
+            let mut most = 0;
+            for tap in 1..8 {
+                if point.shares[tap] > point.shares[most] {
+                    most = tap;
                 }
             }
+            let (own, weight) = (&mut seen[point.taps[most] as usize], point.weight * point.shares[most]);
+            own.weight += weight;
+            (0..3).for_each(|c| own.colour[c] += weight * point.colour[c]);
         }
-        target.fill(shape);
+        target.fill(shape, &seen);
         for _ in 0..rounds {
-            target.project_back(&seen);
+            target.project_back(&points);
         }
         target
     }
 
+    /// Values of a block's deepest layer, by slot.
+    #[must_use]
+    pub fn of_block(&self, shape: &ColourShape, block: usize) -> &[[f32; 3]] {
+        let depth = shape.depths()[block];
+        let samples = shape.block_samples(block, depth);
+        &self.values[self.starts[usize::from(depth)] + samples.start..][..samples.len()]
+    }
+
     /// Gives the leaves near which nothing was seen the mean of their node's others, of the smallest node that has any; then of the
     /// blocks around.
-    fn fill(&mut self, shape: &ColourShape) {
+    fn fill(&mut self, shape: &ColourShape, seen: &[Seen]) {
         let mut tree = BlockTree::default();
         let mut means: Vec<Option<[f32; 3]>> = Vec::with_capacity(shape.depths().len());
         for block in 0..shape.depths().len() {
             shape.build_tree(block, &mut tree);
             let depth = tree.depth();
-            let start = shape.block_samples(block, depth).start;
-            let (values, seen) = (&mut self.layers[usize::from(depth)], &self.seen[usize::from(depth)]);
+            let start = self.starts[usize::from(depth)] + shape.block_samples(block, depth).start;
             let slots: Vec<usize> = tree.leaf_slots().map(|slot| start + slot).collect();
-            let leaves: Vec<Option<[f32; 3]>> =
-                slots.iter().map(|at| seen[*at].then(|| values[*at])).collect();
-            let filled = filled(&tree, leaves);
+            let leaves: Vec<Option<[f32; 3]>> = slots.iter().map(|at| seen[*at].mean()).collect();
+            let filled = if leaves.iter().all(Option::is_some) { leaves } else { filled(&tree, leaves) };
             means.push(filled.first().copied().flatten().map(|_| mean(&filled)));
             for (at, value) in slots.iter().zip(filled) {
-                values[*at] = value.unwrap_or([f32::NAN; 3]);
+                self.values[*at] = value.unwrap_or([f32::NAN; 3]);
             }
         }
         self.spread_between_blocks(shape, means);
@@ -127,11 +142,11 @@ impl ColourTarget {
             for (block, value) in found {
                 means[block] = Some(value);
                 let depth = shape.depths()[block];
-                for at in shape.block_samples(block, depth) {
-                    let sample = &mut self.layers[usize::from(depth)][at];
-                    if sample[0].is_nan() {
-                        *sample = value;
-                    }
+                let start = self.starts[usize::from(depth)] + shape.block_samples(block, depth).start;
+                for number in 0..shape.cells().blocks()[block].count() {
+                    let leaves = shape.leaves(block, number);
+                    let parts = (0..1 << (3 * depth)).filter(|part| leaves >> part & 1 != 0);
+                    parts.for_each(|part| self.values[start + (number << (3 * depth)) + part] = value);
                 }
             }
             empty.retain(|block| means[*block].is_none());
@@ -139,39 +154,37 @@ impl ColourTarget {
     }
 
     /// Corrects the samples by what readings at the points miss of what was seen there.
-    fn project_back(&mut self, seen: &[Seen]) {
-        let mut corrections = [0, 1, 2].map(|layer| vec![([0.0f32; 3], 0.0f32); self.layers[layer].len()]);
-        let missed: Vec<[f32; 3]> = seen
-            .par_iter()
-            .map(|point| {
-                let values = &self.layers[usize::from(point.layer)];
-                let mut missed = point.colour;
-                for (at, weight) in point.taps() {
-                    (0..3).for_each(|c| missed[c] -= weight * values[*at as usize][c]);
+    fn project_back(&mut self, points: &[Point]) {
+        let of_point = |point: &Point| {
+            let mut missed = point.colour;
+            for (tap, share) in point.taps.iter().zip(point.shares) {
+                if share > 0.0 {
+                    let value = &self.values[*tap as usize];
+                    (0..3).for_each(|c| missed[c] -= share * value[c]);
                 }
-                missed
-            })
-            .collect();
-        for (point, missed) in seen.iter().zip(missed) {
-            let corrections = &mut corrections[usize::from(point.layer)];
-            for (at, share) in point.taps() {
-                let (correction, weight) = &mut corrections[*at as usize];
-                let share = share * point.weight;
-                *weight += share;
-                (0..3).for_each(|c| correction[c] += share * missed[c]);
+            }
+            missed
+        };
+        let missed: Vec<[f32; 3]> = points.par_iter().map(of_point).collect();
+        let mut corrections = vec![Seen::default(); self.values.len()];
+        for (point, missed) in points.iter().zip(missed) {
+            for (tap, share) in point.taps.iter().zip(point.shares) {
+                let (correction, share) = (&mut corrections[*tap as usize], share * point.weight);
+                correction.weight += share;
+                (0..3).for_each(|c| correction.colour[c] += share * missed[c]);
             }
         }
-        for (values, corrections) in self.layers.iter_mut().zip(corrections) {
-            for (value, (correction, weight)) in values.iter_mut().zip(corrections) {
-                (0..3).for_each(|c| value[c] += GAIN * correction[c] / weight.max(LEAST_WEIGHT));
-            }
+        for (value, correction) in self.values.iter_mut().zip(corrections) {
+            let gain = GAIN / correction.weight.max(LEAST_WEIGHT);
+            (0..3).for_each(|c| value[c] += gain * correction.colour[c]);
         }
     }
 }
 
 impl Seen {
-    fn taps(&self) -> &[(u32, f32)] {
-        &self.taps[..usize::from(self.count)]
+    /// The mean colour, if anything was seen.
+    fn mean(&self) -> Option<[f32; 3]> {
+        (self.weight > 0.0).then(|| self.colour.map(|c| c / self.weight))
     }
 }
 
@@ -215,64 +228,96 @@ fn mean(values: &[Option<[f32; 3]>]) -> [f32; 3] {
 /// The position counts 1/256 voxel from the centre of the first voxel of the sample's block, which the reader is turned to. `None`
 /// without a near surface that faces the same way.
 #[must_use]
+#[inline(always)]
 pub fn locate(reader: &mut Reader, grid: &Grid, sample: &ColourSample) -> Option<([i32; 3], [i8; 3], f32)> {
     let voxel_m = grid.voxel_size.metres();
-    let at = sample.position.map(|p| f64::from(p) / voxel_m - 0.5);
-    let voxel = at.map(|p| p.floor() as i32);
-    let block = voxel.map(|v| v >> 3);
+    let (mut block, mut local, mut position) = ([0; 3], [0; 3], [0.0; 3]);
+    for axis in 0..3 {
+        let at = f64::from(sample.position[axis]) / voxel_m - 0.5;
+        let voxel = at.floor() as i32;
+        block[axis] = voxel >> 3;
+        local[axis] = voxel & 7;
+        position[axis] = (256.0 * (at - 8.0 * f64::from(block[axis]))) as f32;
+    }
     let origin = BlockCoord::from(block);
     if !origin.in_range() {
         return None;
     }
     reader.turn_to(origin);
-    let local = [0, 1, 2].map(|axis| voxel[axis] - 8 * block[axis]);
-    let position: [f32; 3] =
-        std::array::from_fn(|axis| (256.0 * (at[axis] - 8.0 * f64::from(block[axis]))) as f32);
     let mut best = nearest_plane(reader, local, position, sample.normal);
     if best.is_none_or(|plane| plane.height > 0.5) {
-        for neighbour in (0..27).filter(|n| *n != 13) {
-            let step = [neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1];
-            let voxel = [0, 1, 2].map(|axis| local[axis] + step[axis]);
-            let other = nearest_plane(reader, voxel, position, sample.normal);
-            best = match (best, other) {
-                (Some(a), Some(b)) => Some(if b.height < a.height { b } else { a }),
-                (a, b) => a.or(b),
-            };
-        }
+        best = nearest_around(reader, local, position, sample.normal, best);
     }
     let Landing { onto, normal, height } = best?;
-    Some((onto.map(|p| p.round() as i32), normal, height))
+    let mut rounded = [0; 3];
+    for axis in 0..3 {
+        rounded[axis] = onto[axis].round_ties_even() as i32;
+    }
+    Some((rounded, normal, height))
+}
+
+/// The best of what the planes around a cell offer and what was found in it.
+#[inline(never)]
+fn nearest_around(
+    reader: &mut Reader,
+    local: [i32; 3],
+    position: [f32; 3],
+    facing: [f32; 3],
+    found: Option<Landing>,
+) -> Option<Landing> {
+    let mut best = found;
+    for neighbour in (0..27).filter(|n| *n != 13) {
+        let step = [neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1];
+        let voxel = [0, 1, 2].map(|axis| local[axis] + step[axis]);
+        let other = nearest_plane(reader, voxel, position, facing);
+        best = match (best, other) {
+            (Some(a), Some(b)) => Some(if b.height < a.height { b } else { a }),
+            (a, b) => a.or(b),
+        };
+    }
+    best
 }
 
 /// Finds the samples that a reading takes where a colour was seen.
-fn find(reader: &mut Reader, shape: &ColourShape, grid: &Grid, sample: &ColourSample) -> Option<Seen> {
+#[inline(always)]
+fn find(
+    reader: &mut Reader,
+    grid: &Grid,
+    sample: &ColourSample,
+    (depth, starts): (u8, [usize; 3]),
+) -> Option<Point> {
     let (onto, normal, height) = locate(reader, grid, sample)?;
-    let agreement: f32 = match sample.normal == [0.0; 3] {
-        true => 1.0,
-        false => (0..3).map(|axis| f32::from(normal[axis]) / 127.0 * sample.normal[axis]).sum(),
-    };
+    let mut agreement = f32::from(u8::from(sample.normal == [0.0; 3]));
+    for axis in 0..3 {
+        agreement += f32::from(normal[axis]) / 127.0 * sample.normal[axis];
+    }
     let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
     let weight = sample.weight * nearness * agreement.clamp(LEAST, 1.0);
-    let max_depth = shape.depths().first().copied().unwrap_or(0);
-    let mut seen = Seen {
-        taps: [(0, 0.0); 8],
-        count: 0,
-        layer: 0,
-        colour: ycbcr_from_rgb(sample.colour).map(|c| c as f32),
-        weight,
-    };
-    let mut all = 0;
-    reader.taps(onto, normal, max_depth, |layer, at, weight| {
-        seen.taps[usize::from(seen.count)] = (at, weight as f32);
-        seen.count += 1;
-        seen.layer = layer;
-        all += weight;
-    });
-    if all == 0 {
+    let mut point = Point { colour: [0.0; 3], weight, taps: [0; 8], shares: [0.0; 8] };
+    let (mut count, mut all) = (0, 0.0);
+    reader.taps(
+        onto,
+        normal,
+        depth,
+        #[inline(always)]
+        |tap, weight| {
+            point.taps[count] = (starts[usize::from(tap.layer)] + tap.at as usize) as u32;
+            point.shares[count] = weight as f32;
+            all += weight as f32;
+            count += 1;
+        },
+    );
+    if count == 0 {
         return None;
     }
-    seen.taps.iter_mut().for_each(|(_, weight)| *weight /= all as f32);
-    Some(seen)
+    for share in &mut point.shares {
+        *share /= all;
+    }
+    let ycbcr = ycbcr_from_rgb(sample.colour);
+    for channel in 0..3 {
+        point.colour[channel] = ycbcr[channel] as f32;
+    }
+    Some(point)
 }
 
 /// Point of the decoded surface that shows a colour sample.
@@ -286,6 +331,7 @@ struct Landing {
 }
 
 /// The point nearest to a position on the plane of a cell that faces a normal.
+#[inline(always)]
 fn nearest_plane(
     reader: &mut Reader,
     voxel: [i32; 3],
@@ -294,17 +340,22 @@ fn nearest_plane(
 ) -> Option<Landing> {
     let found = reader.cell(voxel)?;
     let surfel = reader.surfel(found);
-    let normal = surfel.normal.map(|n| f32::from(n) / 127.0);
-    let agreement: f32 = (0..3).map(|axis| normal[axis] * facing[axis]).sum();
+    let (mut normal, mut from_middle) = ([0.0; 3], [0.0; 3]);
+    let (mut agreement, mut height) = (0.0, 0.0);
+    for axis in 0..3 {
+        normal[axis] = f32::from(surfel.normal[axis]) / 127.0;
+        from_middle[axis] = position[axis] - (256 * voxel[axis] + 128) as f32;
+        agreement += normal[axis] * facing[axis];
+        height += (from_middle[axis] - f32::from(surfel.offset[axis])) * normal[axis];
+    }
     if facing != [0.0; 3] && agreement <= 0.0 {
         return None;
     }
-    let middle = voxel.map(|v| (256 * v + 128) as f32);
-    let height: f32 = (0..3)
-        .map(|axis| (position[axis] - middle[axis] - f32::from(surfel.offset[axis])) * normal[axis])
-        .sum();
-    let onto: [f32; 3] = std::array::from_fn(|axis| position[axis] - height * normal[axis]);
     // A plane stands for the surface in its cell and a little beyond.
-    let beyond: f32 = (0..3).map(|axis| ((onto[axis] - middle[axis]).abs() - 192.0).max(0.0)).sum();
+    let (mut onto, mut beyond) = ([0.0; 3], 0.0);
+    for axis in 0..3 {
+        onto[axis] = position[axis] - height * normal[axis];
+        beyond += ((from_middle[axis] - height * normal[axis]).abs() - 192.0).max(0.0);
+    }
     Some(Landing { onto, normal: surfel.normal, height: height.abs() / 256.0 + beyond / 64.0 })
 }
