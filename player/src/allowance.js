@@ -4,6 +4,8 @@ import { IsvFailure } from './failure.js';
 
 /** Bytes of WebAssembly memory for each voxel of a frame at the peak of decoding, with its surface, rounded up from 10.4. */
 export const VOXEL_BYTES = 12;
+/** More of them where a frame has colour at half voxels: 9 of a person at 5 mm, rounded up. */
+export const COLOUR_BYTES = 12;
 /** Most voxels of a frame: 524,288 blocks of 8. WebAssembly has 4 GiB of addresses. */
 export const MOST_VOXELS = 1 << 28;
 /** Voxels that every machine is trusted with: 131,072 blocks of 8. */
@@ -27,6 +29,7 @@ const UNITS = new Map([
  * @typedef {object} Allowance
  * @property {number} bytes of all decoders of a player
  * @property {number} voxels of a frame
+ * @property {number} [voxelBytes] bytes that a voxel takes; {@link VOXEL_BYTES} if not given
  * @property {boolean} trusted whether the user chose it: then a frame may take it however few bytes its stream has
  */
 
@@ -41,6 +44,19 @@ export function allowanceOf({ maxMemory, voxels } = {}, machine = /** @type {{ d
   const bytes = maxMemory ?? Math.max(half, LEAST_VOXELS * VOXEL_BYTES);
   const room = voxels ?? Math.floor(bytes / VOXEL_BYTES);
   return { bytes, voxels: Math.min(MOST_VOXELS, Math.max(1, room)), trusted: maxMemory !== undefined };
+}
+
+/**
+ * The allowance of a stream: colour takes memory of its own.
+ * @param {Allowance} allowance
+ * @param {{ colour: boolean }} facts
+ * @returns {Allowance}
+ */
+export function allowanceFor(allowance, { colour }) {
+  if (!colour) return allowance;
+  const voxelBytes = VOXEL_BYTES + COLOUR_BYTES;
+  const room = Math.floor(Math.min(allowance.bytes, MOST_VOXELS * VOXEL_BYTES) / voxelBytes);
+  return { ...allowance, voxelBytes, voxels: Math.max(1, Math.min(allowance.voxels, room)) };
 }
 
 /**
@@ -63,19 +79,19 @@ export function parseMemory(text) {
  * @param {Allowance} allowance
  * @returns {string} a sentence without a full stop
  */
-export function refusal(frame, blocks, blockSide, { bytes, voxels: most }) {
+export function refusal(frame, blocks, blockSide, { bytes, voxels: most, voxelBytes = VOXEL_BYTES }) {
   const which = frame === null ? 'the live stream' : `frame ${frame}`;
   if (!blocks) return `${which} needs more memory than this browser gives a decoder: larger voxels need less`;
   const voxels = blocks * blockSide ** 3;
-  const needs = `${which} needs ${blocks.toLocaleString('en')} blocks, about ${amount(voxels * VOXEL_BYTES)}`;
-  if (voxels > MOST_VOXELS) {
+  const needs = `${which} needs ${blocks.toLocaleString('en')} blocks, about ${amount(voxels * voxelBytes)}`;
+  if (voxels * voxelBytes > MOST_VOXELS * VOXEL_BYTES) {
     const limit = amount(MOST_VOXELS * VOXEL_BYTES);
     return `${needs}, and a decoder in a browser can have ${limit}: larger voxels need less, and isv render and isv decode have no such limit`;
   }
-  const enough = `${Math.ceil((voxels * VOXEL_BYTES) / 1e8) / 10}GB`;
+  const enough = `${Math.ceil((voxels * voxelBytes) / 1e8) / 10}GB`;
   const advice = `isv view --max-memory ${enough}, or max-memory=${enough} in the page's address, allows it`;
   if (voxels <= most) return `${needs}, far more than so short a stream should need: if you trust it, ${advice}`;
-  return `${needs}, and the player was given ${amount(Math.min(bytes, most * VOXEL_BYTES))}: ${advice}`;
+  return `${needs}, and the player was given ${amount(Math.min(bytes, most * voxelBytes))}: ${advice}`;
 }
 
 /** @param {number} bytes */

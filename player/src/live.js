@@ -1,7 +1,7 @@
 // A live stream: its packets decoded in one worker as they come, shown after a jitter buffer of a few frames. What cannot be
 // kept up with is dropped, up to the newest entry: a keyframe, or a resilient frame.
 
-import { allowanceOf, refusal } from './allowance.js';
+import { allowanceFor, allowanceOf, refusal } from './allowance.js';
 import { IsvFailure, words } from './failure.js';
 import { JitterBuffer } from './jitter-buffer.js';
 import { Lane } from './lane.js';
@@ -120,14 +120,15 @@ export class LiveSource {
       const module = await this.#module;
       const facts = (await Decoder.create(module)).open(header);
       if (stream !== this.#streams || this.#closed) return;
+      const allowance = allowanceFor(this.#allowance, facts);
       this.facts = facts;
       this.#buffer = new JitterBuffer(facts.fps);
       this.#lane = new Lane(
         this.#spawn(),
-        { module, header, allowance: this.#allowance },
+        { module, header, allowance },
         {
           done: ({ frame, mesh }) => this.#done(frame, mesh),
-          lost: (_, answer) => this.#lost(answer, facts.blockSide),
+          lost: (_, answer) => this.#lost(answer, facts.blockSide, allowance),
           broken: (error) => this.onevent('error', { error }),
         },
       );
@@ -192,13 +193,13 @@ export class LiveSource {
     if (mesh && serverMs !== undefined) this.#buffer?.put({ ...mesh, serverMs }, performance.now());
   }
 
-  /** A packet that is no good: the next entry is waited for. @param {import('./worker.js').Lost} answer @param {number} blockSide */
-  #lost({ message, refused = false, blocks = 0 }, blockSide) {
+  /** A packet that is no good: the next entry is waited for. @param {import('./worker.js').Lost} answer @param {number} blockSide @param {import('./allowance.js').Allowance} allowance */
+  #lost({ message, refused = false, blocks = 0 }, blockSide, allowance) {
     this.#lane?.cancel();
     const newest = this.#waiting.findIndex(({ entry }) => entry);
     if (newest < 0) this.#drop();
     else this.#waiting.splice(0, newest);
-    const why = refused ? refusal(null, blocks, blockSide, this.#allowance) : message;
+    const why = refused ? refusal(null, blocks, blockSide, allowance) : message;
     this.onevent('lost', { frame: this.#number, resumes: this.#number, message: why, refused });
   }
 

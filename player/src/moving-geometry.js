@@ -18,10 +18,11 @@ export class MovingGeometry extends BufferGeometry {
   }
 
   /** Takes a frame's surface; its arrays are copied. @param {import('./worker.js').Frame} frame */
-  show({ positions, normals, indices, bounds }) {
+  show({ positions, normals, colours, indices, bounds }) {
     this.#make(positions.length / 3, indices.length);
     this.#write(this.getAttribute('position'), positions);
     this.#write(this.getAttribute('normal'), normals);
+    if (colours.length) this.#paint(colours);
     this.#write(/** @type {BufferAttribute} */ (this.index), indices);
     this.setDrawRange(0, indices.length);
     const box = /** @type {Box3} */ (this.boundingBox);
@@ -48,7 +49,14 @@ export class MovingGeometry extends BufferGeometry {
     this.setIndex(dynamic(new BufferAttribute(new Uint32Array(roomForIndices), 1)));
   }
 
-  /** @param {import('three').BufferAttribute | import('three').InterleavedBufferAttribute | import('three').GLBufferAttribute} attribute @param {Float32Array | Uint32Array} values */
+  /** Takes sRGB colours of vertices, as the attribute `srgb`. @param {Uint8Array} colours */
+  #paint(colours) {
+    const room = this.getAttribute('position').count;
+    if (!this.hasAttribute('srgb')) this.setAttribute('srgb', dynamic(new BufferAttribute(new Uint8Array(3 * room), 3, true)));
+    this.#write(this.getAttribute('srgb'), colours);
+  }
+
+  /** @param {import('three').BufferAttribute | import('three').InterleavedBufferAttribute | import('three').GLBufferAttribute} attribute @param {Float32Array | Uint32Array | Uint8Array} values */
   #write(attribute, values) {
     const buffer = /** @type {BufferAttribute} */ (attribute);
     buffer.array.set(values);

@@ -1,6 +1,6 @@
 // A file opened, and its first frame on the way: needs no page and no three.js, so that both can load meanwhile.
 
-import { allowanceOf } from './allowance.js';
+import { allowanceFor, allowanceOf } from './allowance.js';
 import { IsvFailure } from './failure.js';
 import { BlobBytes, HttpBytes } from './ranges.js';
 import { FileSource } from './source.js';
@@ -28,7 +28,7 @@ async function open(options) {
   try {
     const source = await FileSource.open(bytesOf(options), parser);
     const { memory = MEMORY } = options;
-    const allowance = allowanceOf(options);
+    const allowance = allowanceFor(allowanceOf(options), source.facts);
     const spawn = () => ports.pop() ?? spawnWorker();
     return new DecodeAhead({ source, module: await module, spawn, workers, budget: memory, allowance });
   } finally {

@@ -8,7 +8,7 @@ import { LiveSource } from './live.js';
 import { MovingGeometry } from './moving-geometry.js';
 import { openFile } from './opening.js';
 import { compileDecoder, spawnWorker } from './spawn.js';
-import { litMaterial } from './surface-material.js';
+import { colouredMaterial, litMaterial } from './surface-material.js';
 import { isUp, toYUp } from './up.js';
 
 /** Frames before the target that are made on the way to it when going back, so that the next steps back are at once. */
@@ -28,7 +28,7 @@ const PATIENCE = 250;
  * @property {number} [maxMemory] most bytes that decoders may take; half of the machine's memory
  * @property {number} [voxels] most voxels of a frame; as many as that memory has room for
  * @property {import('./up.js').Up} [up] the axis of the capture that points up; the object is turned so that it is Y
- * @property {import('three').Material} [material] of the mesh
+ * @property {import('three').Material} [material] of the mesh; without it, the stream's colour, unlit, or grey in light where it has none
  * @property {Clock} [clock] shared with other players
  * @property {boolean} [autoplay]
  * @property {boolean} [loop]
@@ -39,6 +39,10 @@ export class IsvPlayer extends EventTarget {
   /** To be added to a scene. Metres, in the axes of the capture, turned so that `up` is Y. */
   object = new Group();
   mesh;
+  /** Materials of the surface in its colour and in light; the user's own takes the place of the latter. */
+  materials;
+  /** Whether the user gave a material. */
+  isDressed;
   /** The frame that is shown, with its arrays and measures; null before the first. @type {import('./worker.js').Frame | null} */
   shown = null;
   /** Number of the frame that is shown; -1 before the first. */
@@ -76,7 +80,9 @@ export class IsvPlayer extends EventTarget {
     this.clock = clock;
     if (loop !== undefined) clock.loop = loop;
     if (speed !== undefined) clock.speed = speed;
-    this.mesh = new Mesh(new MovingGeometry(), material ?? litMaterial());
+    this.isDressed = material !== undefined;
+    this.materials = { colour: colouredMaterial(), shaded: material ?? litMaterial() };
+    this.mesh = new Mesh(new MovingGeometry(), this.materials.shaded);
     this.object.add(this.mesh);
     this.up = up;
     this.ready = new Promise((resolve, reject) => (this.#first = { resolve, reject }));
@@ -232,8 +238,8 @@ export class IsvPlayer extends EventTarget {
     this.live?.close();
     this.object.removeFromParent();
     this.mesh.geometry.dispose();
-    const material = this.mesh.material;
-    for (const one of Array.isArray(material) ? material : [material]) one.dispose();
+    const { colour, shaded } = this.materials;
+    for (const one of new Set([this.mesh.material, colour, shaded].flat())) one.dispose();
   }
 
   /** @param {PlayerOptions} options */
@@ -243,7 +249,11 @@ export class IsvPlayer extends EventTarget {
       this.live = new LiveSource({ url: options.live, module, spawn: spawnWorker, allowance: allowanceOf(options) });
       this.live.onevent = (type, detail) => {
         if (type === 'error') return this.#fail(/** @type {{ error: Error }} */ (detail).error);
-        if (type === 'open') this.error = null; // Another stream than the one that could not be played.
+        // Another stream than the one that could not be played.
+        if (type === 'open') {
+          this.error = null;
+          this.#dress();
+        }
         this.#tell(type, detail);
       };
       this.live.details = this.#details;
@@ -261,6 +271,7 @@ export class IsvPlayer extends EventTarget {
     this.clock.gates.add(this.#gate);
     if (this.clock.frames === 0) this.clock.set({ fps: source.facts.fps, frames: source.frames });
     else this.#shorten(source);
+    this.#dress();
     this.#tell('open');
     this.ahead.listen({
       frame: () => this.#firstPicture(),
@@ -271,6 +282,14 @@ export class IsvPlayer extends EventTarget {
     this.ahead.aim(this.frame, { loop: this.loop });
     this.ahead.hurry();
     this.ahead.start();
+  }
+
+  /** Shows a stream that has colour in it, unless the user gave a material. */
+  #dress() {
+    const { colour, shaded } = this.materials;
+    const { material } = this.mesh;
+    if (this.isDressed || (material !== colour && material !== shaded)) return;
+    this.mesh.material = this.facts?.colour ? colour : shaded;
   }
 
   /** Another stream already has the clock: it ends with the shorter one. @param {import('./source.js').FileSource} source */

@@ -1,4 +1,4 @@
-// Ways of looking at a player's frames: the surface by light, by its normals or as triangles, and what the codec made of it.
+// Ways of looking at a player's frames: the surface in its colour, by light, by its normals or as triangles, and what the codec made of it.
 
 import { DoubleSide, LineSegments, ShaderMaterial, Vector3, Vector4 } from 'three';
 import { BlockGrid, MotionVectors } from './block-overlays.js';
@@ -8,12 +8,13 @@ import { HEAT_BITS, HEAT_GLSL } from './heat.js';
 import { VertexBits } from './vertex-bits.js';
 
 /**
- * @typedef {'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits'} View
+ * @typedef {'colour' | 'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits'} View
  * @typedef {{ name: View, title: string, says: string, details: boolean }} ViewFacts what a view is called, what it shows, and whether it needs details of blocks
  */
 
 /** @type {readonly ViewFacts[]} */
 export const VIEWS = [
+  { name: 'colour', title: 'Colour', says: 'The surface in the colour of the capture, unlit', details: false },
   { name: 'shaded', title: 'Shaded', says: 'The surface, lit', details: false },
   {
     name: 'normals',
@@ -99,9 +100,8 @@ const EDGE_FRAGMENT = /* glsl */ `
 /** Switches a player between views. What a view needs is made when it is first looked at. */
 export class IsvViews {
   /** @type {View} */
-  #view = 'shaded';
+  #view;
   #player;
-  #shaded;
   /** @type {Map<string, ShaderMaterial>} */
   #materials = new Map();
   #edges = new LineSegments(new EdgeGeometry(), edgeMaterial());
@@ -109,11 +109,12 @@ export class IsvViews {
   #motion = new MotionVectors();
   #bits = new VertexBits();
   #onframe = () => this.#refresh();
+  #onopen = () => this.#apply();
 
   /** @param {import('./player.js').IsvPlayer} player */
   constructor(player) {
     this.#player = player;
-    this.#shaded = player.mesh.material;
+    this.#view = player.isDressed ? 'shaded' : 'colour';
     this.#edges.frustumCulled = false;
     const { uniforms } = this.#edges.material;
     this.#edges.onBeforeRender = (renderer) => {
@@ -122,12 +123,14 @@ export class IsvViews {
     };
     player.object.add(this.#edges, this.#grid, this.#motion);
     player.addEventListener('frame', this.#onframe);
+    player.addEventListener('open', this.#onopen);
     this.colours = { form: 0x9aa0a8, edges: 0x1b66c9 };
     this.#apply();
   }
 
+  /** The view; that of colour is `shaded` where the stream has none. */
   get view() {
-    return this.#view;
+    return this.#view === 'colour' && !this.#player.facts?.colour ? 'shaded' : this.#view;
   }
 
   set view(view) {
@@ -144,8 +147,10 @@ export class IsvViews {
 
   dispose() {
     this.#player.removeEventListener('frame', this.#onframe);
+    this.#player.removeEventListener('open', this.#onopen);
     this.#player.object.remove(this.#edges, this.#grid, this.#motion);
-    this.#player.mesh.material = this.#shaded;
+    const { facts, isDressed, materials } = this.#player;
+    this.#player.mesh.material = facts?.colour && !isDressed ? materials.colour : materials.shaded;
     for (const one of [this.#edges, this.#grid, this.#motion]) {
       one.geometry.dispose();
       /** @type {import('three').Material} */ (one.material).dispose();
@@ -154,9 +159,10 @@ export class IsvViews {
   }
 
   #apply() {
-    const view = this.#view;
+    const { view } = this;
     const form = ['wireframe', 'blocks', 'motion'].includes(view);
-    this.#player.mesh.material = view === 'shaded' ? this.#shaded : this.#material(form ? 'form' : view);
+    const own = view === 'colour' || view === 'shaded' ? this.#player.materials[view] : null;
+    this.#player.mesh.material = own ?? this.#material(form ? 'form' : view);
     this.#edges.visible = view === 'wireframe';
     this.#grid.visible = view === 'blocks';
     this.#motion.visible = view === 'motion';

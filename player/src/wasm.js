@@ -13,6 +13,7 @@
  * @property {number} blockSide Voxels along an edge of a block.
  * @property {number} truncation Truncation in voxels.
  * @property {'paper' | 'main'} profile
+ * @property {boolean} colour Whether the vertices of its frames have colours.
  */
 
 /**
@@ -47,6 +48,7 @@
  * @property {number} inexactBlocks Blocks that are not what was encoded, after packets that are missing; 0 elsewhere.
  * @property {Float32Array} positions x, y, z of each vertex in metres; empty without a surface.
  * @property {Float32Array} normals x, y, z of each vertex's unit normal; empty where they were not wanted.
+ * @property {Uint8Array} colours Red, green, blue of each vertex, 8-bit sRGB; empty in streams without colour, grey where a frame has none.
  * @property {Uint32Array} indices Three vertices a triangle, counter-clockwise seen from outside.
  * @property {BlockDetails} [blocks] Only if details were wanted.
  * @property {number} decodeMs How long decoding took, in milliseconds.
@@ -106,6 +108,10 @@ export class Decoder {
   #header;
   /** @type {[voxels: number, trusted: number] | undefined} */
   #limit;
+  /** Whether colour is decoded, where there is any. */
+  #keepsColour = true;
+  /** Whether vertices have colours. */
+  #hasColour = false;
 
   /**
    * @param {WebAssembly.Module} module
@@ -146,21 +152,26 @@ export class Decoder {
   /**
    * Begins a stream.
    * @param {Uint8Array} header Its first 48 bytes.
+   * @param {{ colour?: boolean }} [options] whether colour is decoded, where there is any; it is, unless this says otherwise
    * @returns {StreamFacts}
    * @throws {IsvError}
    */
-  open(header) {
+  open(header, { colour = true } = {}) {
     this.#header = header.slice();
+    this.#keepsColour = colour;
     return this.#run(() => {
       const exports = this.#exports;
+      exports.isv_keep_colour(colour ? 1 : 0);
       this.#give(header);
       this.#check(exports.isv_open());
+      this.#hasColour = exports.isv_has_colour() !== 0;
       return {
         voxelSize: exports.isv_voxel_size(),
         fps: exports.isv_fps(),
         blockSide: exports.isv_block_side(),
         truncation: exports.isv_truncation(),
         profile: exports.isv_profile() === 0 ? 'paper' : 'main',
+        colour: this.#hasColour,
       };
     });
   }
@@ -242,6 +253,7 @@ export class Decoder {
         inexactBlocks: exports.isv_inexact_blocks(),
         positions: this.#copy(Float32Array, exports.isv_vertices(), 3 * vertices),
         normals: this.#copy(Float32Array, exports.isv_normals(), normals ? 3 * vertices : 0),
+        colours: this.#copy(Uint8Array, exports.isv_colours(), this.#hasColour ? 3 * vertices : 0),
         indices: this.#copy(Uint32Array, exports.isv_triangles(), 3 * triangles),
         ...(details ? { blocks: this.#blocks() } : {}),
         decodeMs: decoded - begun,
@@ -342,6 +354,7 @@ export class Decoder {
       this.#exports.isv_limit(...this.#limit);
     }
     if (this.#header !== undefined) {
+      this.#exports.isv_keep_colour(this.#keepsColour ? 1 : 0);
       this.#give(this.#header);
       this.#exports.isv_open();
     }

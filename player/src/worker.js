@@ -25,6 +25,7 @@ import { words } from './failure.js';
  * @typedef {object} Frame
  * @property {Float32Array} positions x, y, z of each vertex in metres
  * @property {Float32Array} normals unit normal of each vertex
+ * @property {Uint8Array} colours red, green, blue of each vertex, 8-bit sRGB; empty in streams without colour
  * @property {Uint32Array} indices three vertices a triangle
  * @property {[number, number, number, number, number, number]} bounds smallest x, y, z and largest; of a frame without vertices all 0
  * @property {number} timestampNs when it is shown, in nanoseconds
@@ -119,8 +120,8 @@ function finished({ blocks, ...decoded }, facts, packetBytes) {
 }
 
 /** @param {Frame} mesh @returns {ArrayBuffer[]} */
-function buffersOf({ positions, normals, indices, details }) {
-  const arrays = [positions, normals, indices];
+function buffersOf({ positions, normals, colours, indices, details }) {
+  const arrays = [positions, normals, colours, indices];
   const more = details ? [details.places, details.bits, details.motion, details.vertexBits] : [];
   return [...arrays, ...more].map((array) => /** @type {ArrayBuffer} */ (array.buffer));
 }

@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { MOST_VOXELS, VOXEL_BYTES, allowanceOf, parseMemory, refusal } from '../src/allowance.js';
+import { COLOUR_BYTES, MOST_VOXELS, VOXEL_BYTES, allowanceFor, allowanceOf, parseMemory, refusal } from '../src/allowance.js';
 
 const GIB = 2 ** 30;
 /** Blocks of 8 that an allowance has room for. @param {import('../src/allowance.js').Allowance} allowance */
@@ -46,4 +46,19 @@ test('a refusal says how much is needed, how much there is, and what to do', () 
   assert.match(refusal(0, 600_000, 8, allowance), /a decoder in a browser can have 3\.2 GB: larger voxels/);
   assert.match(refusal(null, 100_000, 8, allowanceOf({}, { deviceMemory: 8 })), /^the live stream needs .* if you trust it/);
   assert.match(refusal(7, 0, 8, allowance), /^frame 7 needs more memory than this browser gives/);
+});
+
+test('colour takes memory of its own', () => {
+  const given = allowanceOf({ maxMemory: 512e6 }, {});
+  assert.equal(allowanceFor(given, { colour: false }), given);
+  const coloured = allowanceFor(given, { colour: true });
+  assert.ok(coloured.voxels * (VOXEL_BYTES + COLOUR_BYTES) <= 512e6 && coloured.voxels < given.voxels);
+  assert.equal(
+    refusal(3, 100_000, 8, coloured),
+    "frame 3 needs 100,000 blocks, about 1.2 GB, and the player was given 512 MB: isv view --max-memory 1.3GB, or max-memory=1.3GB in the page's address, allows it",
+  );
+  const most = allowanceFor(allowanceOf({ maxMemory: 64 * GIB }, {}), { colour: true });
+  assert.ok(most.voxels * (VOXEL_BYTES + COLOUR_BYTES) <= MOST_VOXELS * VOXEL_BYTES, 'WebAssembly has 4 GiB of addresses');
+  assert.match(refusal(0, 300_000, 8, coloured), /a decoder in a browser can have 3\.2 GB/);
+  assert.equal(allowanceFor(allowanceOf({ voxels: 4096 }, {}), { colour: true }).voxels, 4096);
 });

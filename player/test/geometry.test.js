@@ -12,6 +12,7 @@ const { VertexBits } = moving ? await import('../src/vertex-bits.js') : { Vertex
 const surface = (vertices) => ({
   positions: new Float32Array(3 * vertices).fill(vertices),
   normals: new Float32Array(3 * vertices),
+  colours: new Uint8Array(0),
   indices: new Uint32Array(3 * vertices),
   bounds: [0, 0, 0, 1, 1, 1],
 });
@@ -53,4 +54,21 @@ test("bits beside a surface leave its buffers alone, and go with them", { skip }
   assert.deepEqual(names, [['position', 'normal', 'bits']]);
   bits.show(geometry, null);
   assert.equal(geometry.getAttribute('bits').count, geometry.getAttribute('position').count);
+});
+
+test('colours are there where a stream has any, and grow with the surface', { skip }, () => {
+  const geometry = new /** @type {any} */ (moving).MovingGeometry();
+  geometry.show(surface(100));
+  assert.equal(geometry.hasAttribute('srgb'), false);
+  const coloured = (/** @type {number} */ vertices) => ({ ...surface(vertices), colours: new Uint8Array(3 * vertices).fill(vertices) });
+  geometry.show(coloured(101));
+  const held = geometry.getAttribute('srgb');
+  assert.deepEqual([held.count, held.itemSize, held.normalized], [125, 3, true]);
+  assert.equal(held.array[3 * 101 - 1], 101);
+  geometry.show(coloured(90));
+  assert.equal(geometry.getAttribute('srgb'), held, 'the same buffer is written again');
+  assert.deepEqual([held.array[0], geometry.reallocations], [90, 1]);
+  geometry.show(coloured(200));
+  assert.equal(geometry.getAttribute('srgb').count, geometry.getAttribute('position').count);
+  geometry.show(surface(200));
 });

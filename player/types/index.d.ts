@@ -13,6 +13,8 @@ export interface StreamFacts {
   /** Truncation in voxels. */
   truncation: number;
   profile: 'paper' | 'main';
+  /** Whether it has colour: then vertices of frames have colours. */
+  colour: boolean;
 }
 
 /** What is known of the blocks of a frame. */
@@ -33,6 +35,8 @@ export interface Frame {
   positions: Float32Array;
   /** Unit normal of each vertex. */
   normals: Float32Array;
+  /** Red, green and blue of each vertex, 8-bit sRGB; empty in streams without colour, grey in a frame that has none of it. */
+  colours: Uint8Array;
   /** Three vertices a triangle, counter-clockwise seen from outside. */
   indices: Uint32Array;
   /** Smallest x, y, z and largest. */
@@ -71,7 +75,7 @@ export interface PlayerOptions {
   voxels?: number;
   /** The axis of the capture that points up; `y`. The object is turned so that it is Y. */
   up?: Up;
-  /** Of the mesh. */
+  /** Of the mesh; without it, the stream's colour, unlit, or grey in light where it has none. Colours are in the attribute `srgb`. */
   material?: Material;
   /** Shared with other players that go in step. */
   clock?: Clock;
@@ -177,13 +181,14 @@ export class IsvPlayer extends EventTarget {
   ): void;
 }
 
-export type View = 'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits';
+export type View = 'colour' | 'shaded' | 'normals' | 'wireframe' | 'blocks' | 'motion' | 'bits';
 
 export const VIEWS: readonly { name: View; title: string; says: string; details: boolean }[];
 
 /** Switches a player between views. */
 export class IsvViews {
   constructor(player: IsvPlayer);
+  /** `colour` at first, unless the player has a material of the user's. A stream without colour is `shaded` instead. */
   view: View;
   /** Colours, as numbers, of the surface under overlays and of triangles' edges. */
   set colours(colours: { form: number; edges: number });

@@ -40,10 +40,10 @@ const KEYS = [
   { keys: ['[', ']'], shown: ['[', ']'], says: 'slower, faster', does: (c, e) => c.faster(e.key === ']' ? 1 : -1) },
   { keys: ['l'], shown: ['L'], says: 'loop', does: (c) => c.loop() },
   {
-    keys: VIEWS.map((_, at) => String(at + 1)),
-    shown: VIEWS.map((_, at) => String(at + 1)),
+    keys: VIEWS.map((_, at) => String(at)),
+    shown: VIEWS.map((_, at) => String(at)),
     says: VIEWS.map(({ title }) => title.toLowerCase()).join(', '),
-    does: (c, e) => c.view(Number(e.key) - 1),
+    does: (c, e) => c.view(Number(e.key)),
   },
   {
     keys: ['a', 'd', 'w', 's'],

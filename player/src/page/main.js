@@ -32,7 +32,7 @@ class Page {
   /** @type {IsvViews[]} */
   views = [];
   /** @type {import('../views.js').View} */
-  view = 'shaded';
+  view = 'colour';
   stage;
   /** When the first picture was drawn, in ms since the page was asked for; null before it. @type {number | null} */
   firstPictureMs = null;
@@ -126,7 +126,9 @@ class Page {
   look(view) {
     this.view = view;
     for (const views of this.views) views.view = view;
-    const input = document.querySelector(`#views input[value=${view}]`);
+    const colour = document.querySelector('#views input[value=colour]');
+    if (colour?.parentElement) colour.parentElement.hidden = !this.#hasColour;
+    const input = document.querySelector(`#views input[value=${this.#seenAs}]`);
     if (input instanceof HTMLInputElement) {
       input.checked = true;
       input.parentElement?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
@@ -147,8 +149,18 @@ class Page {
     this.#explain();
   }
 
+  /** Whether what is shown has colour. */
+  get #hasColour() {
+    return this.players.some(({ facts }) => facts?.colour);
+  }
+
+  /** The view that is seen: without colour, its view is the shaded one. */
+  get #seenAs() {
+    return this.view === 'colour' && !this.#hasColour ? 'shaded' : this.view;
+  }
+
   #explain() {
-    showLegend(this.view, this.players[0]?.facts ?? null, this.#open);
+    showLegend(this.#seenAs, this.players[0]?.facts ?? null, this.#open);
   }
 
   /** @param {IsvPlayer} player @param {string} name */
@@ -157,7 +169,8 @@ class Page {
     const on = (/** @type {string} */ type, /** @type {(detail: any) => void} */ then) =>
       player.addEventListener(type, (event) => then(/** @type {CustomEvent} */ (event).detail));
     on('open', () => {
-      this.#explain();
+      this.look(this.view);
+      if (player.facts?.colour) this.stage.compile();
       if (player.source && !player.source.indexed)
         this.#messages.say(`${of}the file has no index: it was cut, or is still being written`, 'warn');
     });
@@ -231,10 +244,11 @@ class Page {
   #listViews() {
     for (const { name, title, says } of VIEWS) {
       const input = /** @type {HTMLInputElement} */ (make('input'));
-      Object.assign(input, { type: 'radio', name: 'view', value: name, checked: name === this.view });
+      Object.assign(input, { type: 'radio', name: 'view', value: name, checked: name === this.#seenAs });
       input.addEventListener('change', () => this.look(name));
       const label = make('label', {}, input, make('span', { text: title }));
       label.title = says;
+      label.hidden = name === 'colour';
       byId('views').append(label);
     }
   }

@@ -101,10 +101,14 @@ export class Stage {
       return { scene, player, ground };
     });
     this.#divider.hidden = players.length < 2;
-    // Shaders compile while the first frame is decoded.
-    for (const { scene } of this.#pictures) this.renderer.compile(withLamp(scene, this.camera), this.camera);
+    this.compile();
     this.#layGround();
     this.stale = true;
+  }
+
+  /** Makes the shaders of what is shown, while its first frame is decoded. */
+  compile() {
+    for (const { scene } of this.#pictures) this.renderer.compile(withLamp(scene, this.camera), this.camera);
   }
 
   /**

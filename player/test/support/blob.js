@@ -6,14 +6,18 @@ import { join } from 'node:path';
 const RINGS = 48;
 const SECTORS = 96;
 
-/** Writes frames into a folder. @param {string} folder @param {number} frames */
-export function writeBlob(folder, frames) {
-  for (let frame = 0; frame < frames; frame++)
-    writeFileSync(join(folder, `${String(frame).padStart(3, '0')}.ply`), blob(frame / 12));
+/** 8-bit sRGB of a place of the surface, in metres, in a frame. @typedef {(frame: number, place: number[]) => number[]} Paint */
+
+/** Writes frames into a folder. @param {string} folder @param {number} frames @param {Paint} [paint] colours of vertices, if there are to be any */
+export function writeBlob(folder, frames, paint) {
+  for (let frame = 0; frame < frames; frame++) {
+    const painted = paint && ((/** @type {number[]} */ place) => paint(frame, place));
+    writeFileSync(join(folder, `${String(frame).padStart(3, '0')}.ply`), blob(frame / 12, painted));
+  }
 }
 
-/** @param {number} time in turns of its motion */
-function blob(time) {
+/** @param {number} time in turns of its motion @param {(place: number[]) => number[]} [paint] */
+function blob(time, paint) {
   const vertices = [0, 1, ...Array.from({ length: (RINGS - 1) * SECTORS }, (_, at) => at + 2)].map((at) => vertex(at, time));
   const triangles = [];
   const ring = (/** @type {number} */ r, /** @type {number} */ s) =>
@@ -29,6 +33,7 @@ function blob(time) {
     'format binary_little_endian 1.0',
     `element vertex ${vertices.length}`,
     ...['x', 'y', 'z'].map((axis) => `property float ${axis}`),
+    ...(paint ? ['red', 'green', 'blue'] : []).map((channel) => `property uchar ${channel}`),
     `element face ${triangles.length}`,
     'property list uchar int vertex_indices',
     'end_header\n',
@@ -38,7 +43,11 @@ function blob(time) {
     faces[13 * at] = 3;
     corners.forEach((corner, c) => faces.writeInt32LE(corner, 13 * at + 1 + 4 * c));
   });
-  return Buffer.concat([Buffer.from(header.join('\n')), Buffer.from(Float32Array.from(vertices.flat()).buffer), faces]);
+  const rows = vertices.map((place) => {
+    const row = Buffer.from(Float32Array.from(place).buffer);
+    return paint ? Buffer.concat([row, Buffer.from(paint(place))]) : row;
+  });
+  return Buffer.concat([Buffer.from(header.join('\n')), ...rows, faces]);
 }
 
 /** @param {number} at 0 and 1 are the poles @param {number} time @returns {number[]} x, y, z in metres, y up */

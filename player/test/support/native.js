@@ -28,11 +28,11 @@ function isv(words, folder) {
   execFileSync(ISV_BIN, words, { cwd: folder, stdio: ['ignore', 'ignore', 'pipe'] });
 }
 
-/** A stream of a blob that moves, with one keyframe. @param {number} frames @returns {Uint8Array} */
-export function blobStream(frames) {
+/** A stream of a blob that moves, with one keyframe or more. @param {number} frames @param {{ paint?: import('./blob.js').Paint, gop?: number }} [options] @returns {Uint8Array} */
+export function blobStream(frames, { paint, gop = frames } = {}) {
   return inFolder((folder) => {
-    writeBlob(folder, frames);
-    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--gop', String(frames), '--checksums'], folder);
+    writeBlob(folder, frames, paint);
+    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--gop', String(gop), '--checksums'], folder);
     return readFileSync(join(folder, 'out.isv'));
   });
 }
@@ -69,7 +69,7 @@ export async function exported(stream, use) {
 /**
  * The meshes that the program decodes, frame by frame.
  * @param {Uint8Array} stream
- * @returns {{ vertices: number, triangles: number, positions: Float32Array }[]}
+ * @returns {{ vertices: number, triangles: number, positions: Float32Array, colours: Uint8Array }[]} colours: empty without colour
  */
 export function decodedMeshes(stream) {
   return inFolder((folder) => {
@@ -83,10 +83,10 @@ export function decodedMeshes(stream) {
   });
 }
 
-/** A frame as the program draws it, in colours of normals on nothing. @param {Uint8Array} stream @param {number} frame @param {number} size @param {number} yaw degrees @param {number} pitch degrees */
-export function rendered(stream, frame, size, yaw, pitch) {
+/** A frame as the program draws it on nothing, by normals unless it is another look. @param {Uint8Array} stream @param {number} frame @param {number} size @param {number} yaw degrees @param {number} pitch degrees @param {string} [look] */
+export function rendered(stream, frame, size, yaw, pitch, look = 'normals') {
   return inFolder((folder) => {
-    const view = ['--size', String(size), '--yaw', String(yaw), '--pitch', String(pitch), '--background', 'transparent'];
+    const view = ['--size', String(size), '--yaw', String(yaw), '--pitch', String(pitch), '--background', 'transparent', '--shade', look];
     isv(['render', fileOf(stream, folder), '-o', 'picture.png', '--frame', String(frame), ...view], folder);
     return parsePng(readFileSync(join(folder, 'picture.png')));
   });
@@ -99,16 +99,19 @@ function fileOf(stream, folder) {
   return path;
 }
 
-/** @param {Buffer} ply with float x, y, z first, binary and little-endian */
+/** @param {Buffer} ply with float x, y, z first and colours last, if there are any, binary and little-endian */
 function parsePly(ply) {
   const end = ply.indexOf('end_header\n') + 'end_header\n'.length;
   const header = ply.toString('latin1', 0, end);
   const count = (/** @type {string} */ what) => Number(new RegExp(`element ${what} (\\d+)`).exec(header)?.[1]);
   const vertices = count('vertex');
-  const stride = 4 * [...header.matchAll(/property float /g)].length;
+  const floats = 4 * [...header.matchAll(/property float /g)].length;
+  const stride = floats + [...header.matchAll(/property uchar /g)].length;
   const positions = new Float32Array(3 * vertices);
   for (let at = 0; at < positions.length; at++) positions[at] = ply.readFloatLE(end + stride * Math.floor(at / 3) + 4 * (at % 3));
-  return { vertices, triangles: count('face'), positions };
+  const colours = new Uint8Array(stride > floats ? 3 * vertices : 0);
+  for (let at = 0; at < colours.length; at++) colours[at] = ply[end + stride * Math.floor(at / 3) + floats + (at % 3)];
+  return { vertices, triangles: count('face'), positions, colours };
 }
 
 /** @typedef {{ width: number, height: number, rgba: Uint8Array }} Pixels */

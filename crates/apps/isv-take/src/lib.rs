@@ -21,6 +21,8 @@ mod tile_texture;
 pub mod timeline;
 
 #[cfg(feature = "io")]
+mod baked_texture;
+#[cfg(feature = "io")]
 mod bit_rate;
 #[cfg(feature = "io")]
 pub mod decode;
@@ -48,6 +50,8 @@ pub use memory_size::MemorySize;
 pub use prefetch::Prefetch;
 pub use stream::{StreamError, StreamFault};
 
+#[cfg(feature = "io")]
+pub use baked_texture::{TextureSide, TextureTooSmall};
 #[cfg(feature = "io")]
 pub use bit_rate::BitRate;
 #[cfg(feature = "io")]

@@ -65,6 +65,12 @@ extern "C" fn isv_limit(voxels: usize, trusted: u32) {
     with(|session| session.limit(voxels, trusted != 0));
 }
 
+/// Whether colour is decoded, if that is not 0, from the next [`isv_open`] on. It is, unless this says otherwise.
+#[unsafe(no_mangle)]
+extern "C" fn isv_keep_colour(wanted: u32) {
+    with(|session| session.keep_colour(wanted != 0));
+}
+
 /// Begins a stream. Input: the 48 bytes of its header.
 #[unsafe(no_mangle)]
 extern "C" fn isv_open() -> Status {
@@ -102,6 +108,12 @@ extern "C" fn isv_truncation() -> u32 {
 #[unsafe(no_mangle)]
 extern "C" fn isv_profile() -> u32 {
     header(|header| u32::from(header.profile == Profile::Main))
+}
+
+/// Whether vertices of surfaces have colours.
+#[unsafe(no_mangle)]
+extern "C" fn isv_has_colour() -> u32 {
+    with(|session| u32::from(session.has_colour()))
 }
 
 /// Where the index packet begins; -1 if the input, the last 16 bytes of a file, is no trailer.
@@ -236,6 +248,12 @@ extern "C" fn isv_vertex_count() -> usize {
 #[unsafe(no_mangle)]
 extern "C" fn isv_normals() -> *const f32 {
     with(|session| session.surface().normals.as_ptr().cast())
+}
+
+/// sRGB colours, red, green, blue of 8 bits each, one a vertex if there is colour.
+#[unsafe(no_mangle)]
+extern "C" fn isv_colours() -> *const u8 {
+    with(|session| session.surface().colours.as_ptr().cast())
 }
 
 /// Vertex indices, three a triangle.

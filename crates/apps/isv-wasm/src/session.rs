@@ -6,9 +6,11 @@ mod surface;
 mod tests;
 
 use crate::error::{SessionError, Status};
+use isv_decode::colour::ColourFrame;
 use isv_decode::{DecodedFrame, Decoder, Limits, volume_hash};
 use isv_format::{Packet, PacketHeader, PacketReader, StreamHeader, StreamIndex};
 use isv_volume::SparseVolume;
+use std::sync::Arc;
 
 pub(crate) use blocks::Blocks;
 pub(crate) use surface::Surface;
@@ -38,6 +40,7 @@ pub(crate) struct Session {
     index: Index,
     packet: Option<PacketHeader>,
     surface: Surface,
+    wants_colour: bool,
     wants_blocks: bool,
     blocks: Blocks,
 }
@@ -47,6 +50,8 @@ pub(crate) struct Session {
 struct Stream {
     header: StreamHeader,
     decoder: Decoder,
+    /// Whether it has colour that is wanted.
+    has_colour: bool,
     /// What the last frame says beside its volume; nothing after an error.
     frame: Option<Frame>,
 }
@@ -81,6 +86,7 @@ impl Default for Session {
             index: Index::default(),
             packet: None,
             surface: Surface::default(),
+            wants_colour: true,
             wants_blocks: false,
             blocks: Blocks::default(),
         }
@@ -117,13 +123,20 @@ impl Session {
         let limits = Limits { frame_voxels: self.voxels, voxels_per_byte };
         let mut decoder = Decoder::new(&header, limits);
         decoder.recover(true);
-        self.stream = Some(Stream { header, decoder, frame: None });
+        let has_colour = self.wants_colour && header.colour_layers.is_some();
+        decoder.keep_colour(has_colour);
+        self.stream = Some(Stream { header, decoder, has_colour, frame: None });
         Ok(())
     }
 
     /// The header of the stream.
     pub(crate) fn header(&self) -> Option<&StreamHeader> {
         self.stream.as_ref().map(|stream| &stream.header)
+    }
+
+    /// Whether the stream has colour that is wanted: then vertices of surfaces have colours.
+    pub(crate) fn has_colour(&self) -> bool {
+        self.stream.as_ref().is_some_and(|stream| stream.has_colour)
     }
 
     /// The header of the stream, without which packets have no meaning.
@@ -181,6 +194,11 @@ impl Session {
         Ok(())
     }
 
+    /// Sets whether colour is decoded, from the next [`Self::open`] on. It is, unless this says otherwise.
+    pub(crate) fn keep_colour(&mut self, wanted: bool) {
+        self.wants_colour = wanted;
+    }
+
     /// Whether to keep how the blocks of the next frames are coded.
     pub(crate) fn keep_blocks(&mut self, wanted: bool) {
         self.wants_blocks = wanted;
@@ -201,13 +219,17 @@ impl Session {
         self.volume().map(volume_hash)
     }
 
-    /// Extracts the surface of the last frame.
+    /// Extracts the surface of the last frame, with the colours of its vertices if the stream has colour. A frame whose colour is missing
+    /// is grey.
     pub(crate) fn extract_surface(&mut self, normals: bool) -> Result<(), SessionError> {
         // Named field by field, so that the surface can be written while the volume is read.
         let stream = self.stream.as_ref().filter(|stream| stream.frame.is_some());
         let volume = stream.and_then(|stream| stream.decoder.volume());
         let volume = volume.ok_or(SessionError::Order("a surface before a frame was decoded"))?;
-        Ok(self.surface.extract(volume, normals, self.voxels / VOXELS_A_VERTEX)?)
+        let grey = ColourFrame::default();
+        let painted = stream.filter(|stream| stream.has_colour);
+        let colour = painted.map(|stream| stream.decoder.colour().map_or(&grey, Arc::as_ref));
+        Ok(self.surface.extract(volume, colour, normals, self.voxels / VOXELS_A_VERTEX)?)
     }
 
     /// The surface that was extracted last.

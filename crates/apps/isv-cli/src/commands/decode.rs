@@ -14,7 +14,7 @@ use anyhow::{Result, anyhow, bail};
 use isv::raw::io::Unit;
 use isv::raw::simplify::Budget;
 use isv::raw::take::decode::{DecodeOptions, DecodedFrameReport, Job, OutputFormat, Reductions, Unfinished};
-use isv::raw::take::{FrameRange, Input, Length};
+use isv::raw::take::{FrameRange, Input, Length, TextureSide};
 use std::num::NonZero;
 use std::path::PathBuf;
 
@@ -46,6 +46,13 @@ pub(crate) struct Args {
     /// Encoding of meshes in GLB files [default: plain]
     #[arg(help_heading = "Meshes", long, value_enum, value_name = "ENCODING")]
     glb: Option<GlbName>,
+    /// Bake colour into a texture of at most N x N texels: glb, obj
+    ///
+    /// Instead of colours of vertices, meshes get texture coordinates and an image, in GLB files as PNG, beside OBJ files with an MTL
+    /// file. A patch of surface keeps its place in the texture from frame to frame where it can. GLB unless --format or the output's
+    /// name says obj. N is 64 to 8192.
+    #[arg(help_heading = "Meshes", long, value_name = "N", value_parser = texture_side)]
+    texture: Option<TextureSide>,
     /// Leave vertex normals out of GLB files
     #[arg(help_heading = "Meshes", long, conflicts_with = "normals")]
     no_normals: bool,
@@ -126,6 +133,7 @@ impl Args {
             after_loss: self.after_loss.into(),
             memory: memory::limit(),
             drop_colour: self.no_colour,
+            texture: self.texture,
             takes_turns: self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1),
         }
     }
@@ -161,6 +169,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         bail!("interrupted: {} holds the first {frames}", args.output.display());
     }
     Ok(())
+}
+
+/// Reads the size of a texture.
+fn texture_side(text: &str) -> Result<TextureSide, String> {
+    let side = text.parse().ok().and_then(TextureSide::from_texels);
+    side.ok_or_else(|| {
+        format!("a texture has {} to {} texels along a side", TextureSide::MIN, TextureSide::MAX)
+    })
 }
 
 /// An error with what has been written in spite of it, and what goes on behind it.

@@ -2,7 +2,7 @@
 
 use super::{Form, OutputFormat};
 use crate::distances::DistancesError;
-use crate::{DeviceError, MemoryError, StreamError};
+use crate::{DeviceError, MemoryError, StreamError, TextureTooSmall};
 use isv_io::{OutputError, WriteError};
 use isv_simplify::SimplifyError;
 use isv_surface::SamplingError;
@@ -23,6 +23,21 @@ pub enum DecodeOptionsError {
     /// Normals to leave out, but no meshes.
     #[error("normals are left out of meshes alone")]
     NoMeshNormals,
+    /// A texture, but no meshes.
+    #[error("a texture is for meshes: leave out --texture, or decode --as mesh")]
+    NoTexturedMesh,
+    /// A texture, but no colour.
+    #[error("a texture is the colour of a mesh, which --no-colour leaves out: drop one of the two")]
+    DroppedTexture,
+    /// A texture in a format that holds none.
+    #[error("{format} files hold no texture: use glb or obj")]
+    NoTextureInFormat {
+        /// The format.
+        format: OutputFormat,
+    },
+    /// A texture of an OBJ file on standard output.
+    #[error("an OBJ file with a texture is three files: name a folder or a file, or use --format glb")]
+    TexturedPipe,
     /// Fewer faces, but no meshes.
     #[error("a number of faces and an error of simplifying are for meshes")]
     NoMeshFaces,
@@ -140,6 +155,12 @@ pub enum DecodeTakeError {
         /// The file.
         file: PathBuf,
     },
+    /// A texture of a stream without colour.
+    #[error("{name}: no colour in this stream to make a texture of: leave out --texture")]
+    NoColour {
+        /// Name of the stream.
+        name: String,
+    },
     /// A stream without frames.
     #[error("{name}: no frames in this stream")]
     NoFrames {
@@ -170,6 +191,9 @@ pub enum ProductError {
     /// A mesh that cannot be simplified.
     #[error(transparent)]
     Simplify(#[from] SimplifyError),
+    /// A surface that does not fit into its texture.
+    #[error(transparent)]
+    Texture(#[from] TextureTooSmall),
     /// A device that fails.
     #[error(transparent)]
     Device(#[from] DeviceError),

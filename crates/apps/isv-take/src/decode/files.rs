@@ -8,7 +8,7 @@ use crate::{Event, Observer};
 use isv_format::FrameRate;
 use isv_io::{
     Format, GlbAnimationWriter, GlbEncoding, Output, check_frame_output, check_volume_output, is_pipe,
-    write_glb_to, write_mesh_placed, write_points_placed, write_vdb_placed, write_volume,
+    write_glb_to, write_mesh_placed, write_obj_files, write_points_placed, write_vdb_placed, write_volume,
 };
 use std::collections::BTreeSet;
 use std::fs;
@@ -117,7 +117,17 @@ impl FrameFiles {
         {
             return Ok(write_volume(&path, volume)?);
         }
-        let mut file = Output::create(&path)?;
+        self.write_file(&path, product)
+    }
+
+    /// Writes a file of one frame, or three of an OBJ mesh with a texture.
+    fn write_file(&self, path: &Path, product: &Product) -> Result<(), DecodeTakeError> {
+        if let (Product::Mesh(mesh), OutputFormat::Geometry(Format::Obj)) = (product, self.format)
+            && mesh.appearance.as_ref().is_some_and(|appearance| !appearance.materials.is_empty())
+        {
+            return Ok(write_obj_files(path, mesh, &self.placed.placement)?);
+        }
+        let mut file = Output::create(path)?;
         write_product(&mut file, product, self.format, self.glb, &self.placed)?;
         file.commit()?;
         Ok(())
@@ -163,11 +173,7 @@ impl FrameFiles {
             }
             Place::Pipe(output) => _ = output.commit()?,
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
-            Place::File(Some((_, product))) => {
-                let mut output = Output::create(&self.path)?;
-                write_product(&mut output, &product, self.format, self.glb, &self.placed)?;
-                output.commit()?;
-            }
+            Place::File(Some((_, ref product))) => self.write_file(&self.path, product)?,
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Forms of decoded frames, and their file formats.
 
 use super::{DecodeOptionsError, DecodeTakeError};
-use isv_io::{Format, check_folder_name, is_folder};
+use isv_io::{Format, check_folder_name, is_folder, is_pipe};
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
@@ -93,6 +93,25 @@ impl OutputFormat {
             return Err(DecodeOptionsError::FormatAndForm { name, format, form, formats }.into());
         }
         Ok((form, format))
+    }
+
+    /// Settles what was left open for meshes with a texture.
+    pub(super) fn settle_textured(
+        form: Option<Form>,
+        format: Option<Self>,
+        output: &Path,
+    ) -> Result<(Form, Self), DecodeTakeError> {
+        if form.is_some_and(|form| form != Form::Mesh) {
+            return Err(DecodeOptionsError::NoTexturedMesh.into());
+        }
+        let usual = Self::of_path(output).is_none().then_some(Self::Geometry(Format::Glb));
+        let (form, format) = Self::settle(Some(Form::Mesh), format.or(usual), output)?;
+        match format {
+            Self::Geometry(Format::Glb) => Ok((form, format)),
+            Self::Geometry(Format::Obj) if is_pipe(output) => Err(DecodeOptionsError::TexturedPipe.into()),
+            Self::Geometry(Format::Obj) => Ok((form, format)),
+            _ => Err(DecodeOptionsError::NoTextureInFormat { format }.into()),
+        }
     }
 
     /// Refuses a folder that is named like a file.

@@ -4,8 +4,10 @@ use super::files::FrameFiles;
 use super::product::{Product, Recipe};
 use super::reduction::Reduction;
 use super::{DecodeOptions, DecodeTakeError, Form, Reductions};
+use crate::baked_texture::TextureBaker;
 use crate::stream::{AfterLoss, ConcealingFrames, DecodeSettings, StreamFrame, StreamFrames, timed};
 use crate::{Cancellation, DeviceError, Input, Observer, OpenDevice, Prefetch, StreamError};
+use isv_decode::colour::ColourFrame;
 use isv_format::StreamHeader;
 use isv_surface::SurfaceOptions;
 use rayon::prelude::*;
@@ -17,6 +19,7 @@ pub struct Job {
     name: String,
     frames: StreamFrameIterator,
     recipe: Recipe,
+    baker: Option<TextureBaker>,
     files: FrameFiles,
     takes_turns: bool,
     cancellation: Cancellation,
@@ -90,13 +93,17 @@ impl Job {
         };
         let source = Source::open(input, &settings, options.after_loss)?;
         let header = *source.header();
+        if options.texture.is_some() && !header.colour_layers.is_some() {
+            return Err(DecodeTakeError::NoColour { name: input.name() });
+        }
+        let baker = options.texture.map(TextureBaker::new);
         let recipe = options.recipe(&header, form, format, &**observer)?;
         let frames = source.frames(recipe.surface())?;
         let glb = options.glb.unwrap_or_default();
         let files = FrameFiles::new(output, format, glb, recipe.placed, header.frame_rate)?;
         let (cancellation, observer) = (cancellation.clone(), Arc::clone(observer));
         let (name, takes_turns) = (input.name(), options.takes_turns);
-        Ok(Self { name, frames, recipe, files, takes_turns, cancellation, observer })
+        Ok(Self { name, frames, recipe, baker, files, takes_turns, cancellation, observer })
     }
 
     /// Decodes and writes all frames. `on_frame` gets a report of each.
@@ -104,11 +111,11 @@ impl Job {
     /// # Errors
     /// [`Unfinished`]: what went wrong, and how much was written before.
     pub fn run(self, mut on_frame: impl FnMut(DecodedFrameReport)) -> Result<DecodedReport, Unfinished> {
-        let Self { name, frames, recipe, mut files, takes_turns, cancellation, observer } = self;
+        let Self { name, frames, recipe, baker, mut files, takes_turns, cancellation, observer } = self;
         let mut reductions = Reductions::default();
-        for frame in products(frames, recipe, takes_turns, &cancellation) {
+        for frame in products(frames, recipe, baker, takes_turns, &cancellation) {
             let written = frame.and_then(|frame| {
-                let MadeFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms } = frame;
+                let MadeFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms, .. } = frame;
                 reductions.add(number, reduction);
                 let (written, write_ms) = timed(|| files.take(number, timestamp_ns, product, &*observer));
                 written?;
@@ -171,6 +178,8 @@ struct MadeFrame {
     number: usize,
     timestamp_ns: u64,
     product: Product,
+    /// Colour of the frame, if it has any.
+    colour: Option<Arc<ColourFrame>>,
     /// What became of a mesh that was to have fewer faces.
     reduction: Option<Reduction>,
     decode_ms: f64,
@@ -181,6 +190,7 @@ struct MadeFrame {
 fn products(
     frames: StreamFrameIterator,
     recipe: Recipe,
+    mut baker: Option<TextureBaker>,
     takes_turns: bool,
     cancellation: &Cancellation,
 ) -> Box<dyn Iterator<Item = Result<MadeFrame, DecodeTakeError>>> {
@@ -189,20 +199,27 @@ fn products(
         let (made, surface_ms) =
             timed(|| recipe.make(volume, coded_blocks.as_ref(), surface, colour.as_deref()));
         let (product, reduction) = made.map_err(|cause| DecodeTakeError::Frame { frame: number, cause })?;
-        Ok(MadeFrame { number, timestamp_ns, product, reduction, decode_ms, surface_ms })
+        Ok(MadeFrame { number, timestamp_ns, product, colour, reduction, decode_ms, surface_ms })
+    };
+    let finish = move |frame: Result<MadeFrame, DecodeTakeError>| {
+        let MadeFrame { number, timestamp_ns, product, colour, reduction, decode_ms, surface_ms } = frame?;
+        let (finished, finish_ms) = timed(|| recipe.finish(product, colour.as_deref(), baker.as_mut()));
+        let product = finished.map_err(|cause| DecodeTakeError::Frame { frame: number, cause })?;
+        let surface_ms = surface_ms + finish_ms;
+        Ok(MadeFrame { number, timestamp_ns, product, colour: None, reduction, decode_ms, surface_ms })
     };
     if takes_turns {
         let cancellation = cancellation.clone();
-        return Box::new(frames.take_while(move |_| !cancellation.is_cancelled()).map(make));
+        return Box::new(frames.take_while(move |_| !cancellation.is_cancelled()).map(make).map(finish));
     }
     let frames = Prefetch::new(frames, cancellation);
     if recipe.budget.is_some() {
         // A mesh is simplified on one core: as many frames are at it as there are cores.
         let batches = Batches { frames, size: rayon::current_num_threads() };
         let made = batches.flat_map(move |batch| batch.into_par_iter().map(&make).collect::<Vec<_>>());
-        return Box::new(Prefetch::new(made, cancellation));
+        return Box::new(Prefetch::new(made.map(finish), cancellation));
     }
-    Box::new(Prefetch::new(frames.map(make), cancellation))
+    Box::new(Prefetch::new(frames.map(make).map(finish), cancellation))
 }
 
 /// Frames in groups, which are worked on at the same time.

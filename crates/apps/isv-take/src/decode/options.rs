@@ -3,6 +3,7 @@
 use super::placement::Placed;
 use super::product::Recipe;
 use super::{DecodeOptionsError, DecodeTakeError, Form, OutputFormat};
+use crate::TextureSide;
 use crate::stream::AfterLoss;
 use crate::{FrameRange, Length, MemoryLimit, Observer, Up};
 use isv_decode::Lod;
@@ -50,6 +51,8 @@ pub struct DecodeOptions {
     pub takes_turns: bool,
     /// Whether colour is left out.
     pub drop_colour: bool,
+    /// Size of the texture that the colour of meshes is baked into [default: colours of vertices].
+    pub texture: Option<TextureSide>,
 }
 
 impl DecodeOptions {
@@ -58,7 +61,10 @@ impl DecodeOptions {
     /// # Errors
     /// [`DecodeTakeError::Options`] and [`DecodeTakeError::Output`].
     pub fn settle(&self, output: &Path) -> Result<(Form, OutputFormat), DecodeTakeError> {
-        let (form, format) = OutputFormat::settle(self.form, self.format, output)?;
+        let (form, format) = match self.texture {
+            Some(_) => OutputFormat::settle_textured(self.form, self.format, output)?,
+            None => OutputFormat::settle(self.form, self.format, output)?,
+        };
         let wrong = match form {
             Form::Mesh | Form::Volume if self.points.is_some() || self.spacing.is_some() => {
                 Some(DecodeOptionsError::NoPoints)
@@ -70,6 +76,7 @@ impl DecodeOptions {
                 Some(DecodeOptionsError::NoMeshNormals)
             }
             Form::Points | Form::Volume if self.budget().is_some() => Some(DecodeOptionsError::NoMeshFaces),
+            _ if self.texture.is_some() && self.drop_colour => Some(DecodeOptionsError::DroppedTexture),
             _ => None,
         };
         wrong.map_or(Ok((form, format)), |wrong| Err(wrong.into()))
@@ -106,6 +113,7 @@ impl DecodeOptions {
             budget: self.budget(),
             placed,
             memory: self.memory,
+            bakes: self.texture.is_some(),
         })
     }
 }

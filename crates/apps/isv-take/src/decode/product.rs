@@ -4,6 +4,7 @@ use super::placement::Placed;
 use super::reduction::Reduction;
 use super::{Form, ProductError};
 use crate::MemoryLimit;
+use crate::baked_texture::TextureBaker;
 use crate::device::DecodedVolume;
 use crate::distances::with_distances;
 use isv_decode::colour::{ColourFrame, surface_colours};
@@ -37,6 +38,8 @@ pub(super) struct Recipe {
     pub(super) budget: Option<Budget>,
     pub(super) placed: Placed,
     pub(super) memory: MemoryLimit,
+    /// Whether colour becomes a texture, by [`Self::finish`], and not colours of vertices.
+    pub(super) bakes: bool,
 }
 
 impl Recipe {
@@ -49,7 +52,8 @@ impl Recipe {
         }
     }
 
-    /// Makes the product of a volume, and its surface if that was extracted already.
+    /// Makes the product of a volume, and its surface if that was extracted already. It still lies as the stream has it:
+    /// [`Self::finish`] comes after this.
     ///
     /// `coded_blocks`: as [`StreamFrame`](crate::stream::StreamFrame) has them.
     pub(super) fn make(
@@ -66,10 +70,24 @@ impl Recipe {
             }
             (product, _) => (product, None),
         };
-        if let Some(colour) = colour {
+        if let Some(colour) = colour.filter(|_| !self.bakes) {
             self.colour(&mut product, colour);
         }
-        Ok((self.placed.turn(product), reduction))
+        Ok((product, reduction))
+    }
+
+    /// Bakes the texture of a product, if it gets one, and turns it to where the output has it. Frames come in order: a texture is laid out
+    /// as that of the frame before, as far as it can be.
+    pub(super) fn finish(
+        &self,
+        mut product: Product,
+        colour: Option<&ColourFrame>,
+        baker: Option<&mut TextureBaker>,
+    ) -> Result<Product, ProductError> {
+        if let (Product::Mesh(mesh), Some(colour), Some(baker)) = (&mut product, colour, baker) {
+            baker.bake(mesh, colour, &self.grid)?;
+        }
+        Ok(self.placed.turn(product))
     }
 
     /// Gives vertices and points their colours.

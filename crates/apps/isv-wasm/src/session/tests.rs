@@ -1,6 +1,11 @@
 //! The session on this machine: what `player/test` asks of the module, where faults are easier to find.
 
 use super::*;
+use isv_decode::colour::surface_colours;
+use isv_encode::colour::{ColourEncoder, ColourSettings};
+use isv_encode::{Encoder, EncoderSettings};
+use isv_format::{ColourLayers, FrameRate, PacketWriter, Profile};
+use isv_volume::{BlockEdge, ColourSample, Grid, Truncation, VoxelSize};
 use std::path::{Path, PathBuf};
 
 fn conformance() -> PathBuf {
@@ -86,6 +91,93 @@ fn the_surface_is_that_of_the_volume_in_single_precision() {
         assert_eq!(surface.vertices, rounded);
         assert_eq!(surface.normals.len(), mesh.normals.len());
         assert_eq!(surface.triangles, mesh.triangles);
+    }
+}
+
+/// A stream of a ball that moves, in colours of places, with a keyframe every third frame.
+fn coloured_stream(frames: u32) -> Vec<u8> {
+    let grid = Grid {
+        voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+        edge: BlockEdge::E8,
+        truncation: Truncation::from_voxels(4).unwrap(),
+    };
+    let header =
+        StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT).with_colour(ColourLayers::HalfVoxels);
+    let mut encoder =
+        Encoder::new(&header, EncoderSettings { gop: 3, checksums: true, ..Default::default() });
+    let mut colour_encoder = ColourEncoder::new(ColourSettings { checksums: true, ..Default::default() });
+    let mut writer = PacketWriter::new(Vec::new(), &header).unwrap();
+    for t in 0..frames {
+        let frame = encoder.encode(&isv_testkit::ball(grid, f64::from(t)));
+        let decoded = encoder.reconstruction().unwrap();
+        let mesh = isv_surface::extract_surface(decoded, &isv_surface::SurfaceOptions { normals: true });
+        let seen = mesh.vertices.iter().zip(&mesh.normals).map(|(vertex, normal)| {
+            let [x, y, _] = vertex.to_array();
+            let colour = [200.0, 60.0 + 500.0 * x as f32, 128.0 + 600.0 * y as f32];
+            let (position, normal) = (vertex.as_vec3().to_array(), normal.as_vec3().to_array());
+            ColourSample { position, normal, colour, weight: 1.0 }
+        });
+        let seen: Vec<_> = seen.collect();
+        let colour = colour_encoder.encode(decoded, &seen, frame.keyframe).bytes;
+        writer.write_coloured_frame(frame.keyframe, 0, &frame.payload(), Some(&colour)).unwrap();
+    }
+    writer.finish().unwrap()
+}
+
+#[test]
+fn vertices_have_the_colours_of_the_surface() {
+    let stream = coloured_stream(3);
+    let mut session = opened(&stream);
+    assert!(session.has_colour());
+    for packet in &packets(&stream)[..3] {
+        assert_eq!(decode(&mut session, *packet), Status::Done, "{}", session.message());
+        session.extract_surface(true).unwrap();
+        let options = isv_surface::SurfaceOptions { normals: true };
+        let mesh = isv_surface::extract_surface(session.volume().unwrap(), &options);
+        let colour = session.stream.as_ref().unwrap().decoder.colour().unwrap();
+        let expected = surface_colours(colour, session.volume().unwrap().grid(), &mesh.vertices);
+        assert_eq!(session.surface().colours, expected);
+        let reddish = expected.iter().filter(|[red, ..]| red.abs_diff(200) < 12).count();
+        assert!(10 * reddish > 9 * expected.len(), "{reddish} of {}", expected.len());
+    }
+}
+
+#[test]
+fn frames_after_a_lost_colour_are_refused_until_a_keyframe() {
+    let stream = coloured_stream(6);
+    let packets = packets(&stream);
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packets[0]), Status::Done);
+    assert_eq!(decode(&mut session, packets[2]), Status::NeedsKeyframe);
+    assert_eq!(decode(&mut session, packets[3]), Status::Done, "{}", session.message());
+    session.extract_surface(false).unwrap();
+    let late = session.surface().colours.clone();
+    let mut whole = opened(&stream);
+    for packet in &packets[..4] {
+        assert_eq!(decode(&mut whole, *packet), Status::Done);
+    }
+    whole.extract_surface(false).unwrap();
+    assert_eq!(late, whole.surface().colours);
+}
+
+#[test]
+fn streams_without_colour_and_colour_that_is_not_wanted_give_none() {
+    let stream = stream("version_2_colour_absent.isv");
+    let mut session = opened(&stream);
+    assert_eq!(decode(&mut session, packets(&stream)[0]), Status::Done);
+    session.extract_surface(false).unwrap();
+    let surface = session.surface();
+    assert_eq!(surface.colours, vec![[128; 3]; surface.vertices.len()], "no frame has colour");
+    let mut session = Session::default();
+    session.keep_colour(false);
+    let plain = std::fs::read(conformance().join("main_inter.isv")).unwrap();
+    for stream in [coloured_stream(1), plain] {
+        give(&mut session, &stream[..StreamHeader::BYTES]);
+        session.open().unwrap();
+        assert!(!session.has_colour());
+        assert_eq!(decode(&mut session, packets(&stream)[0]), Status::Done);
+        session.extract_surface(false).unwrap();
+        assert!(!session.surface().vertices.is_empty() && session.surface().colours.is_empty());
     }
 }
 
