@@ -1,6 +1,7 @@
 //! Torso, arms, hands, legs and shoes.
 
 use crate::clay::{Clay, Ripple};
+use crate::paint::Matter;
 use crate::shape::{Ellipsoid, RoundCone};
 use crate::skeleton::{Frame, Limb, SIDES, Skeleton};
 use glam::{Mat3, Vec3};
@@ -22,6 +23,7 @@ pub(crate) fn add(clay: &mut Clay, skeleton: &Skeleton) {
 
 fn add_torso(clay: &mut Clay, skeleton: &Skeleton) {
     let Skeleton { pelvis, chest, .. } = skeleton;
+    clay.take(Matter::Jacket, chest);
     clay.add(Ellipsoid::new(pelvis, [0.0, 0.0, -0.01], [0.165, 0.125, 0.115]), FLESH_M);
     let waist = Frame { origin: pelvis.origin.lerp(chest.origin, 0.45), axes: chest.axes };
     clay.add(Ellipsoid::new(&waist, [0.0, 0.0, 0.0], [0.118, 0.13, 0.088]), FLESH_M);
@@ -48,8 +50,11 @@ fn add_arm(clay: &mut Clay, arm: &Limb, chest: &Frame, side: f32) {
         wander: (along.cross(across) + along * 0.35) * 50.0,
         height_m,
     };
+    let axes = |along: Vec3| Mat3::from_cols(across, along, across.cross(along));
+    clay.take(Matter::Jacket, &Frame { origin: arm.root, axes: axes(upper) });
     let sleeve = RoundCone::new(arm.root, arm.middle, [0.055, 0.043]);
     clay.add_rippled(sleeve, 0.035, creases(arm.root, upper, 0.0024));
+    clay.take(Matter::Jacket, &Frame { origin: arm.middle, axes: axes(lower) });
     let cuff = arm.end - lower * 0.02;
     let sleeve = RoundCone::new(arm.middle, cuff, [0.043, 0.033]);
     clay.add_rippled(sleeve, 0.015, creases(arm.middle, lower, 0.003));
@@ -59,6 +64,7 @@ fn add_arm(clay: &mut Clay, arm: &Limb, chest: &Frame, side: f32) {
 fn add_hand(clay: &mut Clay, wrist: &Frame, side: f32, curl: f32) {
     // The thumb is on the -x side of the left hand and the +x side of the right one.
     let thumb = -side;
+    clay.take(Matter::Skin, wrist);
     let hand = wrist.child(Vec3::ZERO, Mat3::from_rotation_x(curl * 0.6));
     clay.add(RoundCone::new(wrist.at(0.0, -0.04, 0.0), hand.at(0.0, 0.01, 0.0), [0.024, 0.021]), 0.004);
     clay.add(Ellipsoid::new(&hand, [0.0, 0.045, 0.002], [0.036, 0.05, 0.016]), 0.015);
@@ -78,6 +84,7 @@ fn add_hand(clay: &mut Clay, wrist: &Frame, side: f32, curl: f32) {
 }
 
 fn add_leg(clay: &mut Clay, leg: &Limb, foot: &Frame) {
+    clay.take(Matter::Stockings, foot);
     clay.add(RoundCone::new(leg.root, leg.middle, [0.083, 0.054]), FLESH_M);
     clay.add(RoundCone::new(leg.middle, leg.end, [0.052, 0.034]), 0.03);
     let shin = leg.end - leg.middle;
@@ -89,6 +96,7 @@ fn add_leg(clay: &mut Clay, leg: &Limb, foot: &Frame) {
 
 /// An ankle boot with a heel.
 fn add_shoe(clay: &mut Clay, foot: &Frame) {
+    clay.take(Matter::Leather, foot);
     let shaft = RoundCone::new(foot.at(0.0, 0.065, -0.004), foot.at(0.0, -0.01, -0.002), [0.045, 0.042]);
     clay.add(shaft, 0.006);
     let [heel, ball, toe] =

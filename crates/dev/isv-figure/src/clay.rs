@@ -1,17 +1,21 @@
 //! Shapes joined into one field, in the order they are put on.
 
+use crate::paint::{Matter, Paint};
 use crate::shape::Shape;
 use crate::skeleton::Frame;
-use glam::Vec3;
+use glam::{Mat3, Vec3};
+use isv_volume::Rgb;
 
 /// How much the field may change over a distance of centimetres, as a multiple of it: exact shapes and blends keep 1;
 /// relief and approximate shapes exceed it. The test `figure_is_closed` would see the holes if it were too small.
 pub(crate) const STEEPEST: f32 = 1.25;
 
 /// The figure so far.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Clay {
     parts: Vec<Part>,
+    /// Of what is added next.
+    paint: Paint,
 }
 
 /// A shape and how it meets what was there before.
@@ -22,9 +26,10 @@ pub(crate) struct Part {
     /// Width, in metres, over which the seam is smoothed.
     blend_m: f32,
     ripple: Option<Ripple>,
+    paint: Paint,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Join {
     Add,
     Carve,
@@ -55,20 +60,48 @@ pub(crate) enum Ripple {
     },
 }
 
+impl Default for Clay {
+    fn default() -> Self {
+        let frame = Frame { origin: Vec3::ZERO, axes: Mat3::IDENTITY };
+        Self { parts: Vec::new(), paint: Paint { matter: Matter::default(), frame } }
+    }
+}
+
 impl Clay {
+    /// Chooses what is added from now on is made of. `frame`: of its pattern.
+    pub(crate) fn take(&mut self, matter: Matter, frame: &Frame) {
+        self.paint = Paint { matter, frame: *frame };
+    }
+
     /// Adds a shape.
     pub(crate) fn add(&mut self, shape: impl Into<Shape>, blend_m: f32) {
-        self.parts.push(Part { shape: shape.into(), join: Join::Add, blend_m, ripple: None });
+        self.push(shape.into(), Join::Add, blend_m, None);
     }
 
     /// Adds a shape with creases.
     pub(crate) fn add_rippled(&mut self, shape: impl Into<Shape>, blend_m: f32, ripple: Ripple) {
-        self.parts.push(Part { shape: shape.into(), join: Join::Add, blend_m, ripple: Some(ripple) });
+        self.push(shape.into(), Join::Add, blend_m, Some(ripple));
     }
 
     /// Takes a shape away.
     pub(crate) fn carve(&mut self, shape: impl Into<Shape>, blend_m: f32) {
-        self.parts.push(Part { shape: shape.into(), join: Join::Carve, blend_m, ripple: None });
+        self.push(shape.into(), Join::Carve, blend_m, None);
+    }
+
+    fn push(&mut self, shape: Shape, join: Join, blend_m: f32, ripple: Option<Ripple>) {
+        self.parts.push(Part { shape, join, blend_m, ripple, paint: self.paint });
+    }
+
+    /// The colour at a place on the surface: that of the nearest part, of the last of several.
+    pub(crate) fn colour(&self, place: Vec3) -> Rgb {
+        let mut nearest = (f32::MAX, self.paint);
+        for part in self.parts.iter().filter(|part| part.join == Join::Add) {
+            let distance = part.distance(place);
+            if distance <= nearest.0 {
+                nearest = (distance, part.paint);
+            }
+        }
+        nearest.1.colour(place)
     }
 
     /// Where a ray meets the figure so far; `from` lies outside.

@@ -1,6 +1,7 @@
 //! Skirt, peplum, belt, collar and cuffs.
 
 use crate::clay::Clay;
+use crate::paint::Matter;
 use crate::shape::{Cut, Drape, Ellipsoid, RoundCone};
 use crate::skeleton::{Frame, Skeleton};
 use glam::{Mat3, Vec2, Vec3};
@@ -27,11 +28,13 @@ fn add_front(clay: &mut Clay, chest: &Frame) {
         .map(|[from, to]| on_chest(clay, chest, from, to))
         .into();
     let buttons = on_chest(clay, chest, [-0.012, -0.075], [-0.012, -0.215]);
+    clay.take(Matter::Trim, chest);
     for points in &seams {
         for pair in points.windows(2) {
             clay.add(RoundCone::new(pair[0], pair[1], [0.0105; 2]), 0.012);
         }
     }
+    clay.take(Matter::Brass, chest);
     for &button in buttons.iter().step_by(3) {
         clay.add(Ellipsoid::new(&Frame { origin: button, ..*chest }, [0.0; 3], [0.012, 0.012, 0.012]), 0.002);
     }
@@ -62,6 +65,7 @@ fn add_skirt(clay: &mut Clay, skeleton: &Skeleton) {
         hollow: 0.05,
         half_thickness: 0.007,
     };
+    clay.take(Matter::Skirt, &ring);
     clay.add(Drape::new(&ring, &hem, skirt), SEAM_M);
     let peplum = Cut {
         length: 0.17,
@@ -73,6 +77,7 @@ fn add_skirt(clay: &mut Clay, skeleton: &Skeleton) {
         hollow: 0.02,
         half_thickness: 0.007,
     };
+    clay.take(Matter::Jacket, &ring);
     clay.add(Drape::new(&ring, &hem, peplum), SEAM_M);
     let belt = Cut {
         length: 0.035,
@@ -84,6 +89,7 @@ fn add_skirt(clay: &mut Clay, skeleton: &Skeleton) {
         hollow: 0.0,
         half_thickness: 0.008,
     };
+    clay.take(Matter::Leather, &ring);
     clay.add(Drape::new(&ring.child(Vec3::new(0.0, 0.018, 0.0), Mat3::IDENTITY), &ring, belt), SEAM_M);
 }
 
@@ -100,6 +106,7 @@ fn add_collar(clay: &mut Clay, chest: &Frame) {
         hollow: 0.0,
         half_thickness: 0.01,
     };
+    clay.take(Matter::Trim, &ring);
     clay.add(Drape::new(&ring, &ring, cut), SEAM_M);
 }
 
@@ -118,5 +125,6 @@ fn add_cuff(clay: &mut Clay, elbow: Vec3, wrist: Vec3) {
         hollow: 0.0,
         half_thickness: 0.01,
     };
+    clay.take(Matter::Trim, &ring);
     clay.add(Drape::new(&ring, &ring, cut), SEAM_M);
 }

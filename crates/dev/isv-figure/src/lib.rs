@@ -16,13 +16,14 @@
 //!
 //! From a time to a mesh: `motion` gives joint angles, `skeleton` solves where the bones are, `body`, `head` and
 //! `clothes` put `shape`s on them like clay, `clay` joins them into one distance field, and `sampling` evaluates
-//! that near its zero.
+//! that near its zero. `paint` colours it: every part of the clay is made of something.
 
 mod body;
 mod clay;
 mod clothes;
 mod head;
 mod motion;
+mod paint;
 mod sampling;
 mod shape;
 mod skeleton;
@@ -30,8 +31,10 @@ mod skeleton;
 use clay::Clay;
 use glam::DVec3;
 use isv_surface::{SurfaceOptions, extract_surface};
-use isv_volume::{SparseVolume, TriangleMesh, VoxelSize};
+use isv_volume::{Appearance, SparseVolume, TriangleMesh, VoxelSize};
+use rayon::prelude::*;
 use skeleton::Skeleton;
+use std::sync::Arc;
 
 pub use motion::PERIOD_S;
 
@@ -47,13 +50,28 @@ pub fn figure_mesh(time_s: f64, voxel_size: VoxelSize) -> TriangleMesh {
     extract_surface(&figure_volume(time_s, voxel_size), &SurfaceOptions { normals: true })
 }
 
+/// The figure's surface at a time as [`figure_mesh`] has it, with the colours of her skin, hair and clothes at its vertices.
+#[must_use]
+pub fn painted_figure_mesh(time_s: f64, voxel_size: VoxelSize) -> TriangleMesh {
+    let mut mesh = figure_mesh(time_s, voxel_size);
+    let clay = model(time_s);
+    let colours = mesh.vertices.par_iter().map(|vertex| clay.colour(vertex.as_vec3())).collect();
+    mesh.appearance = Some(Arc::new(Appearance { vertex_colours: colours, ..Appearance::default() }));
+    mesh
+}
+
 /// The figure at a time as the volume that [`figure_mesh`] is taken from: signed distances, good near the surface only.
 #[must_use]
 pub fn figure_volume(time_s: f64, voxel_size: VoxelSize) -> SparseVolume {
+    sampling::sample(&model(time_s), voxel_size)
+}
+
+/// The figure in clay at a time.
+fn model(time_s: f64) -> Clay {
     let skeleton = Skeleton::at(time_s);
     let mut clay = Clay::default();
     body::add(&mut clay, &skeleton);
     head::add(&mut clay, &skeleton.head);
     clothes::add(&mut clay, &skeleton);
-    sampling::sample(&clay, voxel_size)
+    clay
 }

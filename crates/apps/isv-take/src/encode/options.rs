@@ -385,8 +385,9 @@ impl EncodeOptions {
         observer: &Arc<dyn Observer>,
     ) -> VolumeMaker {
         let (profile, fields, grid) = (self.profile_choice(), &self.fields, header.grid);
-        let colour_spacing_m =
-            self.colour_settings(header).map(|settings| settings.spacing_m(grid.voxel_size.metres()));
+        let colour_spacing_m = self
+            .colour_settings(header)
+            .map(|settings| f64::from(settings.spacing) * grid.voxel_size.metres());
         let origin_m = DVec3::from(self.origin.unwrap_or_default()) * self.unit.metres();
         let reach = match (profile, self.band) {
             (ProfileChoice::Main, None | Some(Band::Surface)) => Reach::Surface,

@@ -82,6 +82,12 @@ impl ColourShape {
         &self.cells
     }
 
+    /// The cells alone.
+    #[must_use]
+    pub fn into_cells(self) -> ColourCells {
+        self.cells
+    }
+
     /// Depth of each block.
     #[must_use]
     pub fn depths(&self) -> &[u8] {
@@ -281,7 +287,8 @@ impl<'a> Reader<'a> {
         };
         let start = shape.starts[found.block][usize::from(deep)] as usize;
         if is_there {
-            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32 })
+            let is_leaf = deep == shape.depths[found.block];
+            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32, is_leaf })
         } else {
             None
         }
@@ -503,6 +510,8 @@ pub struct Tap {
     pub layer: u8,
     /// Its place in the layer.
     pub at: u32,
+    /// Whether it is one of its block's deepest layer, and no mean of these.
+    pub is_leaf: bool,
 }
 
 /// Coordinates shifted to the right.

@@ -25,6 +25,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+/// Share of the error at which a block gets quarter voxels from which on it keeps them.
+const STAYING: f32 = 0.7;
 /// Rounding offset of magnitudes, for attempts that try no smaller levels.
 const ROUNDING: f32 = 0.36;
 
@@ -41,11 +43,13 @@ pub struct ColourSettings {
     pub chroma: f32,
     /// Squared error, in steps, that a bit may cost.
     pub lambda: f32,
+    /// Mean squared error that half voxels may leave in a block before it gets quarter voxels, in squared steps of keyframes.
+    pub deepening: f32,
     /// Rounds of back projection.
     pub rounds: usize,
     /// How hard vectors are searched for.
     pub search: ColourSearch,
-    /// Distance between the colours that are taken from a surface, in edges of the smallest cells.
+    /// Distance between the colours that are taken from a surface, in voxels.
     pub spacing: f32,
     /// Number of slices, 1 to 256.
     pub slices: u16,
@@ -63,9 +67,10 @@ impl Default for ColourSettings {
             step: 32.0,
             chroma: 1.4,
             lambda: 0.1,
+            deepening: 0.1,
             rounds: 3,
             search: ColourSearch::FULL,
-            spacing: 0.5,
+            spacing: 0.25,
             slices: 1,
             cycle: None,
             checksums: false,
@@ -86,15 +91,9 @@ impl ColourSettings {
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         match preset {
-            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.9, ..self },
+            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.45, ..self },
             Preset::Balanced | Preset::Archive => self,
         }
-    }
-
-    /// Distance between the colours that are taken from a surface, in metres, with voxels of an edge in metres.
-    #[must_use]
-    pub fn spacing_m(&self, voxel_m: f64) -> f64 {
-        f64::from(self.spacing) * voxel_m / f64::from(1 << (self.layers - 1))
     }
 }
 
@@ -143,9 +142,8 @@ impl ColourEncoder {
     ) -> EncodedColour {
         let kind = self.kind(keyframe);
         let cells = ColourCells::new(volume);
-        let depths = vec![self.settings.layers - 1; cells.coords().len()];
-        let shape = ColourShape::new(cells, depths, volume);
         let reference = self.reference.take().filter(|_| kind.predicts());
+        let shape = self.choose_shape(cells, volume, samples, reference.as_ref());
         if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
         }
@@ -194,6 +192,40 @@ impl ColourEncoder {
         self.reference = Some(ColourReference::new(Arc::new(coded.frame), &coded.symbols));
         self.since_intra = if kind.predicts() { self.since_intra + 1 } else { 1 };
         encoded
+    }
+
+    /// Chooses the depth of each block's samples: quarter voxels where half voxels miss much of what was seen.
+    fn choose_shape(
+        &self,
+        cells: ColourCells,
+        volume: &SparseVolume,
+        samples: &[ColourSample],
+        reference: Option<&ColourReference>,
+    ) -> ColourShape {
+        let blocks = cells.coords().len();
+        let depth = (self.settings.layers - 1).min(1);
+        let before = reference.map(|reference| reference.blocks_at(cells.coords()));
+        let was_deep =
+            |block: usize| before.as_ref().is_some_and(|b| b[block].is_some_and(|b| b.depth > depth));
+        if samples.is_empty() {
+            let depths = (0..blocks).map(|block| if was_deep(block) { depth + 1 } else { depth }).collect();
+            return ColourShape::new(cells, depths, volume);
+        }
+        let shape = ColourShape::new(cells, vec![depth; blocks], volume);
+        if self.settings.layers < 3 {
+            return shape;
+        }
+        let misses = ColourTarget::misses(&shape, volume.grid(), samples, 1);
+        let most = self.settings.deepening * self.settings.key_step.powi(2);
+        let of_block = |(block, missed): (usize, &f32)| {
+            let most = if was_deep(block) { STAYING * most } else { most };
+            if *missed > most { depth + 1 } else { depth }
+        };
+        let depths: Vec<u8> = misses.iter().enumerate().map(of_block).collect();
+        match depths.contains(&2) {
+            true => ColourShape::new(shape.into_cells(), depths, volume),
+            false => shape,
+        }
     }
 
     /// How the next frame is coded.

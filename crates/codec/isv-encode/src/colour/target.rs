@@ -50,47 +50,75 @@ impl ColourTarget {
     /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection.
     #[must_use]
     pub fn new(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Self {
-        let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
         let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
         let starts = [0, counts[0], counts[0] + counts[1]];
-        let depth = shape.max_depth();
         let mut target = Self { values: vec![[f32::NAN; 3]; counts.iter().sum()], starts };
-        let points: Vec<Point> = samples
-            .par_chunks(CHUNK)
-            .flat_map_iter(|samples| {
-                let mut reader = Reader::new(&frame);
-                let mut points = Vec::with_capacity(samples.len());
-                vectorized(
-                    #[inline(always)]
-                    || {
-                        for sample in samples {
-                            if let Some(point) = find(&mut reader, grid, sample, (depth, starts)) {
-                                points.push(point);
-                            }
+        let points = target.points(shape, grid, samples);
+        target.fit(shape, &points, rounds);
+        target
+    }
+
+    /// Mean squared error of luma that is left in each block where samples are fitted to what was seen; 0 where nothing was.
+    #[must_use]
+    pub fn misses(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Vec<f32> {
+        let mut target = Self::new(shape, grid, &[], 0);
+        let points = target.points(shape, grid, samples);
+        target.fit(shape, &points, rounds);
+        let missed = target.missed(&points);
+        let mut squares = vec![Seen::default(); target.values.len()];
+        for (point, missed) in points.iter().zip(missed) {
+            let (tap, share) = point.heaviest();
+            let own = &mut squares[tap];
+            own.weight += share * point.weight;
+            own.colour[0] += share * point.weight * missed[0] * missed[0];
+        }
+        let of_block = |block: usize| {
+            let depth = shape.depths()[block];
+            let start = target.starts[usize::from(depth)];
+            let samples = shape.block_samples(block, depth);
+            let own = &squares[start + samples.start..start + samples.end];
+            let weight: f32 = own.iter().map(|own| own.weight).sum();
+            let square: f32 = own.iter().map(|own| own.colour[0]).sum();
+            if weight > 0.0 { square / weight } else { 0.0 }
+        };
+        (0..shape.depths().len()).map(of_block).collect()
+    }
+
+    /// The points of the decoded surface at which colours were seen.
+    fn points(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Point> {
+        let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
+        let (depth, starts) = (shape.max_depth(), self.starts);
+        let of_chunk = |samples: &[ColourSample]| {
+            let mut reader = Reader::new(&frame);
+            let mut points = Vec::with_capacity(samples.len());
+            vectorized(
+                #[inline(always)]
+                || {
+                    for sample in samples {
+                        if let Some(point) = find(&mut reader, grid, sample, (depth, starts)) {
+                            points.push(point);
                         }
-                    },
-                );
-                points
-            })
-            .collect();
-        let mut seen = vec![Seen::default(); target.values.len()];
-        for point in &points {
-            // The sample of the leaf that the point lies in counts most.
-            let mut most = 0;
-            for tap in 1..8 {
-                if point.shares[tap] > point.shares[most] {
-                    most = tap;
-                }
-            }
-            let (own, weight) = (&mut seen[point.taps[most] as usize], point.weight * point.shares[most]);
+                    }
+                },
+            );
+            points
+        };
+        samples.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+    }
+
+    /// Fits the samples to what was seen at points.
+    fn fit(&mut self, shape: &ColourShape, points: &[Point], rounds: usize) {
+        let mut seen = vec![Seen::default(); self.values.len()];
+        for point in points {
+            let (tap, share) = point.heaviest();
+            let (own, weight) = (&mut seen[tap], point.weight * share);
             own.weight += weight;
             (0..3).for_each(|c| own.colour[c] += weight * point.colour[c]);
         }
-        target.fill(shape, &seen);
+        self.fill(shape, &seen);
         for _ in 0..rounds {
-            target.project_back(&points);
+            self.project_back(points);
         }
-        target
     }
 
     /// Values of a block's deepest layer, by slot.
@@ -153,8 +181,8 @@ impl ColourTarget {
         }
     }
 
-    /// Corrects the samples by what readings at the points miss of what was seen there.
-    fn project_back(&mut self, points: &[Point]) {
+    /// What readings at points miss of what was seen there.
+    fn missed(&self, points: &[Point]) -> Vec<[f32; 3]> {
         let of_point = |point: &Point| {
             let mut missed = point.colour;
             for (tap, share) in point.taps.iter().zip(point.shares) {
@@ -165,7 +193,12 @@ impl ColourTarget {
             }
             missed
         };
-        let missed: Vec<[f32; 3]> = points.par_iter().map(of_point).collect();
+        points.par_iter().map(of_point).collect()
+    }
+
+    /// Corrects the samples by what readings at the points miss of what was seen there.
+    fn project_back(&mut self, points: &[Point]) {
+        let missed = self.missed(points);
         let mut corrections = vec![Seen::default(); self.values.len()];
         for (point, missed) in points.iter().zip(missed) {
             for (tap, share) in point.taps.iter().zip(point.shares) {
@@ -178,6 +211,19 @@ impl ColourTarget {
             let gain = GAIN / correction.weight.max(LEAST_WEIGHT);
             (0..3).for_each(|c| value[c] += gain * correction.colour[c]);
         }
+    }
+}
+
+impl Point {
+    /// The sample that counts most, which is that of the leaf that the point lies in, and its share.
+    fn heaviest(&self) -> (usize, f32) {
+        let mut most = 0;
+        for tap in 1..8 {
+            if self.shares[tap] > self.shares[most] {
+                most = tap;
+            }
+        }
+        (self.taps[most] as usize, self.shares[most])
     }
 }
 
@@ -301,6 +347,9 @@ fn find(
         depth,
         #[inline(always)]
         |tap, weight| {
+            if !tap.is_leaf {
+                return;
+            }
             point.taps[count] = (starts[usize::from(tap.layer)] + tap.at as usize) as u32;
             point.shares[count] = weight as f32;
             all += weight as f32;
