@@ -37,6 +37,8 @@ pub mod capture;
 pub mod encode;
 #[cfg(feature = "encode")]
 mod evaluate;
+#[cfg(feature = "encode")]
+mod projection;
 
 pub use cancel::Cancellation;
 pub use device::{Decoded, DecodedVolume, Device, DeviceError, DeviceVolume, OpenDevice, StreamDecoder};
@@ -59,3 +61,5 @@ pub use up::Up;
 
 #[cfg(feature = "encode")]
 pub use evaluate::{EvaluateError, Evaluation, evaluate};
+#[cfg(feature = "encode")]
+pub use projection::Projection;

@@ -411,7 +411,7 @@ impl EncodeOptions {
             viewpoint_m: fields.viewpoint.map(|place| DVec3::from(place) * self.unit.metres() - origin_m),
             scan_origin_m: -origin_m,
             sides_said: false,
-            depth: DepthFusion { mode: fields.fusion, settings, fuser: None },
+            depth: DepthFusion { mode: fields.fusion, settings, fuser: None, colours: None },
             band: match profile {
                 ProfileChoice::Main => Band::Full,
                 ProfileChoice::Paper => self.band.unwrap_or(Band::Full),

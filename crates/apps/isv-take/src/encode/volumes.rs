@@ -10,17 +10,20 @@ use glam::DVec3;
 use isv_encode::Band;
 use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
-    FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_surface_share,
-    mesh_colours, point_colours,
+    ColourMemory, FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision,
+    SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, level_weights,
+    lost_surface_share, mesh_colours, point_colours, view_colours,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
-use isv_volume::{ColourSample, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
+use isv_volume::{ColourSample, ColourView, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
 use std::mem::take;
 use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
+
+/// Samples of colour along the edge of a voxel where frames add up: somewhat more than one a place that is remembered.
+const ACCUMULATED_SAMPLES: f64 = 3.0;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
@@ -87,6 +90,8 @@ pub(super) struct DepthFusion {
     pub(super) settings: FusionSettings,
     /// Opened for the first images.
     pub(super) fuser: Option<Fuser>,
+    /// Colours seen so far, where frames are all that was seen so far.
+    pub(super) colours: Option<ColourMemory>,
 }
 
 /// Fusion of depth images, frame by frame or over all frames.
@@ -104,7 +109,7 @@ impl VolumeMaker {
         frame: CapturedFrame,
         read: SystemTime,
     ) -> Result<IngestedFrame, EncodeError> {
-        let CapturedFrame { number, name, timestamp_ns, content, colour } = frame;
+        let CapturedFrame { number, name, timestamp_ns, content, colour, views } = frame;
         let stream_grid = match &content {
             Content::Volume(volume) | Content::Decoded(volume) => *volume.grid(),
             Content::Geometry(_) | Content::Depth(_) => self.mesh.grid,
@@ -113,7 +118,7 @@ impl VolumeMaker {
             Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
-            Content::Depth(images) => self.depth.volume(&name, &images, &self.device, &self.observer),
+            Content::Depth(images) => self.depth_to_volume(&name, &images, &views),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
             Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
@@ -284,6 +289,35 @@ impl VolumeMaker {
             self.tell(EncodeEvent::Sides { name: name.to_owned(), sides });
         }
         Ok((cloud, Some(sides)))
+    }
+
+    /// The volume of depth images, and the colours that cameras beside them see of its surface.
+    fn depth_to_volume(
+        &mut self,
+        name: &str,
+        images: &[DepthImage],
+        views: &[ColourView],
+    ) -> Result<SparseVolume, FrameError> {
+        let volume = self.depth.volume(name, images, &self.device, &self.observer)?;
+        if let Some(spacing_m) = self.colour_spacing_m {
+            let surface = self.memory.surface(&volume, SurfaceOptions { normals: true });
+            let surface = surface.map_err(|cause| FrameError::Memory { name: name.to_owned(), cause })?;
+            let voxel_m = volume.grid().voxel_size.metres();
+            let spacing_m = match self.depth.mode {
+                FusionMode::PerFrame => spacing_m,
+                FusionMode::Accumulate => voxel_m / ACCUMULATED_SAMPLES,
+            };
+            let seen = view_colours(&surface, views, images, voxel_m, spacing_m);
+            self.colours = match self.depth.mode {
+                FusionMode::PerFrame => level_weights(seen),
+                FusionMode::Accumulate => {
+                    let memory = self.depth.colours.get_or_insert_with(|| ColourMemory::new(voxel_m));
+                    memory.add(&seen, &volume);
+                    memory.samples()
+                }
+            };
+        }
+        Ok(volume)
     }
 
     /// A volume on another grid is sampled anew, from its surface.
