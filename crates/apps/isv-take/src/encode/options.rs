@@ -1,5 +1,6 @@
 //! What a user may choose of encoding, and what holds where nothing is chosen.
 
+use super::coding::ColourCoding;
 use super::error::{OptionName, OptionsError};
 use super::timestamps::TimestampSource;
 use super::volumes::{DepthFusion, VolumeMaker};
@@ -422,6 +423,7 @@ impl EncodeOptions {
             shell: Arc::default(),
             colour_spacing_m,
             colours: Vec::new(),
+            colours_stand: false,
         }
     }
 
@@ -433,14 +435,16 @@ impl EncodeOptions {
         }
     }
 
-    /// The encoder of colour, for streams that have any.
-    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourEncoder> {
+    /// The coder of colour, for streams that have any.
+    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourCoding> {
         header.colour_layers.is_some().then(|| {
             let quality = self.colour.quality.unwrap_or(DEFAULT_QUALITY);
             let settings = ColourSettings::of_quality(quality, header.colour_layers.count());
+            let is_gradual = self.main.refresh == Some(Refresh::Gradual);
             // Viewers enter between keyframes, and have all colours one cycle later.
-            let cycle = (self.main.refresh == Some(Refresh::Gradual)).then_some(self.gop.get());
-            ColourEncoder::new(ColourSettings { checksums: self.checksums, cycle, ..settings })
+            let cycle = is_gradual.then_some(self.gop.get());
+            let encoder = ColourEncoder::new(ColourSettings { checksums: self.checksums, cycle, ..settings });
+            ColourCoding { encoder, is_gradual, blocks: None }
         })
     }
 

@@ -36,6 +36,8 @@ pub(super) struct IngestedFrame {
     pub(super) volume: SparseVolume,
     /// Colours near its surface; empty if it has none or nobody wants any.
     pub(super) colours: Vec<ColourSample>,
+    /// Whether these have hardly changed since they were last coded.
+    pub(super) colours_stand: bool,
     /// Whether any of it lies inside.
     pub(super) has_surface: bool,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
@@ -79,6 +81,8 @@ pub(super) struct VolumeMaker {
     pub(super) colour_spacing_m: Option<f64>,
     /// Colours sampled on the current frame.
     pub(super) colours: Vec<ColourSample>,
+    /// Whether these have hardly changed.
+    pub(super) colours_stand: bool,
 }
 
 /// Thickness of the shell around surfaces without inside (mm), once one was made.
@@ -123,7 +127,7 @@ impl VolumeMaker {
             Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
         });
-        let mut colours = take(&mut self.colours);
+        let (mut colours, colours_stand) = (take(&mut self.colours), take(&mut self.colours_stand));
         if let (Some(colour), Some(_)) = (colour, self.colour_spacing_m) {
             colours = colour.to_samples(&stream_grid);
         }
@@ -140,7 +144,17 @@ impl VolumeMaker {
         }
         let fits = self.memory.check_frame(&volume, self.extended);
         fits.map_err(|cause| FrameError::Memory { name, cause })?;
-        Ok(IngestedFrame { number, read, timestamp_ns, volume, colours, has_surface, blocks_band, ingest_ms })
+        Ok(IngestedFrame {
+            number,
+            read,
+            timestamp_ns,
+            volume,
+            colours,
+            colours_stand,
+            has_surface,
+            blocks_band,
+            ingest_ms,
+        })
     }
 
     fn ingest_error(&self, name: &str, cause: IngestError, bounds: Option<(DVec3, DVec3)>) -> FrameError {
@@ -313,6 +327,7 @@ impl VolumeMaker {
                 FusionMode::Accumulate => {
                     let memory = self.depth.colours.get_or_insert_with(|| ColourMemory::new(voxel_m));
                     memory.add(&seen, &volume);
+                    self.colours_stand = !memory.has_changed();
                     memory.samples()
                 }
             };

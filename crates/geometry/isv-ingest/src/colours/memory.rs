@@ -22,6 +22,9 @@ const GROWTH: f32 = 2.0;
 /// Change of a channel from which on a colour is given out anew. A quantizer step of keyframes at the default quality is 20.
 const CHANGE: f32 = 12.0;
 
+/// Share of all places that must have been given out anew for colours to count as changed: one in so many.
+const CHANGED_SHARE: usize = 64;
+
 /// Colours of all places of a scene that were seen so far, for takes in which each frame is all that was seen.
 ///
 /// A place is half a voxel wide and has a colour for each side of a surface. Readings are averaged by weight; a colour is given out anew only
@@ -49,6 +52,18 @@ struct Place {
     weight: f32,
     /// Sample as it was last given out; its weight is that of all readings then.
     given: ColourSample,
+    /// Whether that is since colours last counted as changed.
+    is_new: bool,
+}
+
+/// The cell that a sample lies in; none for one that lies nowhere.
+fn cell_of(sample: &ColourSample, voxel_m: f64) -> Option<[i32; 3]> {
+    let at = sample.position.map(|p| (f64::from(p) / voxel_m * CELLS).floor());
+    at.iter().all(|c| c.abs() < f64::from(i32::MAX)).then(|| at.map(|c| c as i32))
+}
+
+fn block_of(cell: [i32; 3]) -> [i32; 3] {
+    cell.map(|c| c >> 4)
 }
 
 impl ColourMemory {
@@ -87,18 +102,26 @@ impl ColourMemory {
         given.map(|given| ColourSample { weight: level(given.weight), ..given }).collect()
     }
 
+    /// Whether enough places have a new colour, since this was last so, that a frame is worth coding for it: one in 64.
+    pub fn has_changed(&mut self) -> bool {
+        let new = self.places.iter().filter(|place| place.is_new).count();
+        let has_changed = new > 0 && new * CHANGED_SHARE >= self.places.len();
+        if has_changed {
+            self.places.iter_mut().for_each(|place| place.is_new = false);
+        }
+        has_changed
+    }
+
     /// The place of a sample; none for one that lies nowhere.
     fn key(&self, sample: &ColourSample) -> Option<Key> {
-        let at = sample.position.map(|p| (f64::from(p) / self.voxel_m * CELLS).floor());
-        if !at.iter().all(|c| c.abs() < f64::from(i32::MAX)) || sample.weight.is_nan() || sample.weight <= 0.0
-        {
+        if sample.weight.is_nan() || sample.weight <= 0.0 {
             return None;
         }
-        let cell = at.map(|c| c as i32);
+        let cell = cell_of(sample, self.voxel_m)?;
         let along = (0..3).max_by(|a, b| sample.normal[*a].abs().total_cmp(&sample.normal[*b].abs()))?;
         let side = 2 * along as u16 + u16::from(sample.normal[along] < 0.0);
         let [x, y, z] = cell.map(|c| (c & 15) as u16);
-        Some(Key { block: cell.map(|c| c >> 4), cell: (z << 8 | y << 4 | x) << 3 | side })
+        Some(Key { block: block_of(cell), cell: (z << 8 | y << 4 | x) << 3 | side })
     }
 }
 
@@ -107,7 +130,8 @@ fn with_readings(place: Option<Place>, readings: &[(Key, ColourSample)]) -> Plac
     let (key, first) = readings[0];
     // Samples lie closer than places: a frame counts once.
     let share = 1.0 / readings.len() as f32;
-    let unseen = Place { key, colour: [0.0; 3], weight: 0.0, given: ColourSample { weight: 0.0, ..first } };
+    let given = ColourSample { weight: 0.0, ..first };
+    let unseen = Place { key, colour: [0.0; 3], weight: 0.0, given, is_new: true };
     let mut place = place.unwrap_or(unseen);
     for (_, reading) in readings {
         let weight = reading.weight * share;
@@ -120,6 +144,7 @@ fn with_readings(place: Option<Place>, readings: &[(Key, ColourSample)]) -> Plac
     if has_changed || place.weight >= GROWTH * place.given.weight {
         place.given.colour = place.colour;
         place.given.weight = place.weight;
+        place.is_new = true;
     }
     place
 }
@@ -187,6 +212,23 @@ mod tests {
             assert!(frame != 2 || last[0].colour == [102.0; 3], "{last:?}");
         }
         assert_eq!(changes, 3);
+    }
+
+    #[test]
+    fn colours_have_changed_when_one_place_in_64_has() {
+        let mut memory = ColourMemory::new(VOXEL_M);
+        let cell = |i: usize, grey: f32| ColourSample {
+            position: [0.041, 0.0025 + 0.005 * (i % 12) as f32, 0.0025 + 0.005 * (i / 12) as f32],
+            ..sample(0.0, grey, 1.0)
+        };
+        let all: Vec<ColourSample> = (0..144).map(|i| cell(i, 50.0)).collect();
+        memory.add(&all, &wall());
+        assert_eq!(memory.samples().len(), 144);
+        assert!(memory.has_changed() && !memory.has_changed());
+        memory.add(&[cell(5, 250.0), cell(70, 250.0)], &wall());
+        assert!(!memory.has_changed(), "two of 144");
+        memory.add(&[cell(100, 250.0)], &wall());
+        assert!(memory.has_changed(), "three of 144");
     }
 
     #[test]
