@@ -79,7 +79,6 @@ impl Tiles {
     }
 
     /// All texels that have a colour, triangle by triangle.
-    #[cfg(feature = "encode")]
     pub(crate) fn texels(&self) -> &[Texel] {
         &self.texels
     }

@@ -262,7 +262,7 @@ fn list_colour_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> {
 }
 
 fn is_colour_image(path: &Path) -> bool {
-    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     extension.is_some_and(|extension| EXTENSIONS.iter().any(|known| extension == *known))
 }
 
