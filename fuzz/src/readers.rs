@@ -127,9 +127,10 @@ pub fn read_depth_image(name: &str, bytes: &[u8]) {
 }
 
 fn read_frames_of_depth(folder: &Path) {
-    let Ok(sequence) = DepthSequence::open(folder) else { return };
+    let Ok(sequence) = DepthSequence::open_with(folder, Colours::Keep) else { return };
     for frame in 0..sequence.frames().min(DEPTH_FRAMES) {
         let _ = sequence.read(frame);
+        let _ = sequence.read_colours(frame);
     }
 }
 

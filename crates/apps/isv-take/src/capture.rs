@@ -15,7 +15,7 @@ use isv_decode::colour::ColourFrame;
 use isv_format::FrameRate;
 use isv_io::{Colours, DenseOptions, Geometry, InvalidPoints, ReadOptions, Unit};
 use isv_surface::SurfaceOptions;
-use isv_volume::{DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
+use isv_volume::{ColourView, DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
 use std::ops::Range;
 use std::sync::Arc;
@@ -87,19 +87,21 @@ pub struct CapturedFrame {
     pub content: Content,
     /// Colour of a frame of a stream, if it has any and it is wanted.
     pub colour: Option<Arc<ColourFrame>>,
+    /// Colour images of a frame of depth images, if it has any and they are wanted.
+    pub views: Vec<ColourView>,
 }
 
 impl CapturedFrame {
     /// Creates a frame without a time and without a colour beside its content.
     #[must_use]
     pub fn new(number: usize, name: String, content: Content) -> Self {
-        Self { number, name, timestamp_ns: None, content, colour: None }
+        Self { number, name, timestamp_ns: None, content, colour: None, views: Vec::new() }
     }
 
     /// Whether it has colours that can be coded.
     #[must_use]
     pub fn has_colour(&self) -> bool {
-        self.colour.is_some() || self.content.has_colour()
+        self.colour.is_some() || !self.views.is_empty() || self.content.has_colour()
     }
 
     /// The frame with another origin, where it is one of meshes or points.
@@ -124,7 +126,8 @@ impl CapturedFrame {
             }
             volume @ (Content::Volume(_) | Content::Decoded(_)) => volume,
         };
-        Self { content, ..self }
+        let views = self.views.into_iter().map(|view| view.turned(up.to_y_up())).collect();
+        Self { content, views, ..self }
     }
 }
 

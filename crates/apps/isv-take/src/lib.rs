@@ -17,7 +17,6 @@ mod memory;
 mod memory_size;
 mod prefetch;
 pub mod stream;
-mod tile_texture;
 pub mod timeline;
 
 #[cfg(feature = "io")]
@@ -39,6 +38,10 @@ pub mod capture;
 pub mod encode;
 #[cfg(feature = "encode")]
 mod evaluate;
+#[cfg(feature = "encode")]
+mod projection;
+#[cfg(feature = "encode")]
+mod tile_texture;
 
 pub use cancel::Cancellation;
 pub use device::{Decoded, DecodedVolume, Device, DeviceError, DeviceVolume, OpenDevice, StreamDecoder};
@@ -63,3 +66,5 @@ pub use up::Up;
 
 #[cfg(feature = "encode")]
 pub use evaluate::{EvaluateError, Evaluation, evaluate};
+#[cfg(feature = "encode")]
+pub use projection::Projection;

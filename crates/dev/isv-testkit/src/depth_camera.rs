@@ -1,7 +1,7 @@
-//! Depth cameras that look at a mesh.
+//! Depth and colour cameras that look at a mesh.
 
 use glam::{DMat3, DVec2, DVec3};
-use isv_volume::{CameraPose, DepthImage, Intrinsics, TriangleMesh};
+use isv_volume::{CameraPose, DepthImage, Image, Intrinsics, Rgb, TriangleMesh};
 
 /// Triangles with a corner nearer to the camera's plane than this are not drawn, in metres.
 const NEAR_M: f64 = 1e-3;
@@ -13,20 +13,59 @@ const NEAR_M: f64 = 1e-3;
 /// If the intrinsics are not valid.
 #[must_use]
 pub fn render_depth(mesh: &TriangleMesh, intrinsics: &Intrinsics, pose: &CameraPose) -> DepthImage {
-    let mut nearest = vec![0.0f64; intrinsics.pixels()]; // inverse depth
+    let depth = |seen: &Seen| if seen.inverse > 0.0 { (1.0 / seen.inverse) as f32 } else { 0.0 };
+    let depths = draw_mesh(mesh, intrinsics, pose).iter().map(depth).collect();
+    DepthImage::new(*intrinsics, *pose, depths).expect("valid intrinsics")
+}
+
+/// What a perfect colour camera sees of a mesh, from either side of its triangles and without light: at the centre of each pixel the colour
+/// of the first triangle on the ray, or a background. A mesh without an appearance is white.
+///
+/// # Panics
+/// If the intrinsics are not valid.
+#[must_use]
+pub fn render_colours(
+    mesh: &TriangleMesh,
+    intrinsics: &Intrinsics,
+    pose: &CameraPose,
+    background: Rgb,
+) -> Image {
+    let own = mesh.appearance.clone().unwrap_or_default();
+    let colour = |seen: &Seen| match seen.inverse > 0.0 {
+        true => own
+            .colour(seen.face, mesh.triangles[seen.face], seen.weights.map(|weight| weight as f32))
+            .map(|channel| channel.round() as u8),
+        false => background,
+    };
+    let pixels = draw_mesh(mesh, intrinsics, pose).iter().map(colour).collect();
+    Image::new(intrinsics.width, intrinsics.height, pixels).expect("valid intrinsics")
+}
+
+/// The surface in a pixel.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    /// Inverse depth; 0 where there is no surface.
+    inverse: f64,
+    face: usize,
+    /// Weights of the face's corners, in space.
+    weights: [f64; 3],
+}
+
+/// The first triangle in each pixel.
+fn draw_mesh(mesh: &TriangleMesh, intrinsics: &Intrinsics, pose: &CameraPose) -> Vec<Seen> {
+    let mut nearest = vec![Seen::default(); intrinsics.pixels()];
     let points: Vec<DVec3> = mesh.vertices.iter().map(|v| pose.to_camera(*v)).collect();
-    for triangle in &mesh.triangles {
+    for (face, triangle) in mesh.triangles.iter().enumerate() {
         let corners = triangle.map(|v| points[v as usize]);
         if corners.iter().all(|p| p.z > NEAR_M) {
-            draw(&mut nearest, intrinsics, &corners);
+            draw(&mut nearest, intrinsics, face, &corners);
         }
     }
-    let depths = nearest.iter().map(|inverse| if *inverse > 0.0 { (1.0 / inverse) as f32 } else { 0.0 });
-    DepthImage::new(*intrinsics, *pose, depths.collect()).expect("valid intrinsics")
+    nearest
 }
 
 /// Draws a triangle in camera coordinates. The inverse of depth is affine over the image, which makes it exact.
-fn draw(nearest: &mut [f64], intrinsics: &Intrinsics, corners: &[DVec3; 3]) {
+fn draw(nearest: &mut [Seen], intrinsics: &Intrinsics, face: usize, corners: &[DVec3; 3]) {
     let [a, b, c] = corners.map(|p| intrinsics.project(p));
     let area = (b - a).perp_dot(c - a);
     if area == 0.0 {
@@ -43,9 +82,12 @@ fn draw(nearest: &mut [f64], intrinsics: &Intrinsics, corners: &[DVec3; 3]) {
             let p = DVec2::new(f64::from(column), f64::from(row));
             let weights = [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)];
             if weights.iter().all(|w| w * area >= 0.0) {
-                let inverse: f64 = (0..3).map(|i| weights[i] / area / corners[i].z).sum();
+                let shares = [0, 1, 2].map(|i| weights[i] / area / corners[i].z);
+                let inverse: f64 = shares.iter().sum();
                 let pixel = &mut nearest[row as usize * intrinsics.width as usize + column as usize];
-                *pixel = pixel.max(inverse);
+                if inverse > pixel.inverse {
+                    *pixel = Seen { inverse, face, weights: shares.map(|share| share / inverse) };
+                }
             }
         }
     }

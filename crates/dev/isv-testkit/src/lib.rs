@@ -9,7 +9,7 @@ mod scenes;
 mod volumes;
 
 pub use captures::capture;
-pub use depth_camera::{camera_ring, look_at, render_depth};
+pub use depth_camera::{camera_ring, look_at, render_colours, render_depth};
 pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use needs::{Need, skip};
 pub use random::Random;

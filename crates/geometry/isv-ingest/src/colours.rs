@@ -1,4 +1,11 @@
-//! Colours of meshes and points as samples near their surface, for the codec to fit its own to.
+//! Colours of meshes, points and cameras as samples near a surface, for the codec to fit its own to.
+
+mod depth_map;
+mod memory;
+mod views;
+
+pub use memory::ColourMemory;
+pub use views::{SeenColour, SurfacePoint, level_weights, seen_colours, view_colours};
 
 use glam::DVec3;
 use isv_volume::{Appearance, ColourSample, PointCloud, TriangleMesh};
@@ -17,6 +24,16 @@ const SEQUENCE: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 #[must_use]
 pub fn mesh_colours(mesh: &TriangleMesh, spacing_m: f64) -> Vec<ColourSample> {
     let Some(appearance) = mesh.appearance.as_deref() else { return Vec::new() };
+    spread_over(mesh, spacing_m, |face, normal, k| face_colour(mesh, appearance, face, normal, k))
+}
+
+/// Makes something of places that lie evenly on a mesh, one a `spacing_m` squared (metres). `of_place` gets a face, its unit normal and
+/// the number of the place, which [`weights_of`] takes. Empty without area.
+fn spread_over<T: Send>(
+    mesh: &TriangleMesh,
+    spacing_m: f64,
+    of_place: impl Fn(usize, DVec3, u64) -> T + Sync,
+) -> Vec<T> {
     let mut all = 0.0;
     let ends: Vec<f64> = (0..mesh.triangles.len())
         .map(|face| {
@@ -40,13 +57,22 @@ pub fn mesh_colours(mesh: &TriangleMesh, spacing_m: f64) -> Vec<ColourSample> {
             let end = number(*end);
             if end > start {
                 let normal = mesh.area_vector(face).normalize_or_zero();
-                samples.extend((start..end).map(|k| face_colour(mesh, appearance, face, normal, k)));
+                samples.extend((start..end).map(|k| of_place(face, normal, k)));
             }
             start = end;
         }
         samples
     };
     ends.par_chunks(CHUNK).enumerate().flat_map_iter(of_chunk).collect()
+}
+
+/// Weights of a triangle's corners at the place of a number.
+fn weights_of(k: u64) -> [f64; 3] {
+    let [mut u, mut v] = SEQUENCE.map(|step| (0.5 + k as f64 * step).fract());
+    if u + v > 1.0 {
+        (u, v) = (1.0 - u, 1.0 - v);
+    }
+    [1.0 - u - v, u, v]
 }
 
 /// The colour of a face at a place that a sample's number gives.
@@ -57,11 +83,7 @@ fn face_colour(
     normal: DVec3,
     k: u64,
 ) -> ColourSample {
-    let [mut u, mut v] = SEQUENCE.map(|step| (0.5 + k as f64 * step).fract());
-    if u + v > 1.0 {
-        (u, v) = (1.0 - u, 1.0 - v);
-    }
-    let weights = [1.0 - u - v, u, v];
+    let weights = weights_of(k);
     let corners = mesh.corners(face);
     let position = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
     ColourSample {

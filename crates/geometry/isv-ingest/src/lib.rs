@@ -85,7 +85,10 @@ mod trim;
 mod tests;
 
 pub use coded_field::coded_field;
-pub use colours::{mesh_colours, point_colours};
+pub use colours::{
+    ColourMemory, SeenColour, SurfacePoint, level_weights, mesh_colours, point_colours, seen_colours,
+    view_colours,
+};
 pub use error::IngestError;
 pub use ingester::MeshIngester;
 pub use job::MeshJob;

@@ -9,6 +9,7 @@
 //! Images are 16-bit grey PNG, in units that the layout states, or EXR, in metres.
 
 mod camera_json;
+mod colour;
 mod distortion;
 mod error;
 mod exr_image;
@@ -20,14 +21,17 @@ mod rig;
 mod times;
 mod tum;
 
+pub use colour::ColourSequence;
 pub use error::DepthFileError;
 pub(crate) use times::{TimeUnit, median_rate};
 pub use tum::{TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S};
 
+use crate::Colours;
+use colour::{ColourCamera, read_views};
 use distortion::Distortion;
 use error::at_frame;
 use image::{ImageFile, Units};
-use isv_volume::{CameraPose, DepthError, DepthImage, Intrinsics};
+use isv_volume::{CameraPose, ColourView, DepthError, DepthImage, Intrinsics};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -48,6 +52,7 @@ pub fn is_depth_folder(path: &Path) -> bool {
 pub struct DepthSequence {
     folder: PathBuf,
     cameras: Vec<Camera>,
+    colours: Vec<ColourCamera>,
     selected: Range<usize>,
     fps: Option<f64>,
     skipped: usize,
@@ -126,17 +131,30 @@ impl BadPose {
 }
 
 impl DepthSequence {
-    /// Reads what describes a folder of depth images, and lists the images. None is opened yet.
+    /// Reads what describes a folder of depth images, and lists the images. None is opened yet. Colour images are passed over.
     ///
     /// # Errors
     /// See [`DepthFileError`].
     pub fn open(folder: &Path) -> Result<Self, DepthFileError> {
+        Self::open_with(folder, Colours::Drop)
+    }
+
+    /// Reads what describes a folder of depth images, and lists the images, those of colours too if they are kept. None is opened yet.
+    ///
+    /// # Errors
+    /// See [`DepthFileError`].
+    pub fn open_with(folder: &Path, colours: Colours) -> Result<Self, DepthFileError> {
         if folder.join(RIG).is_file() {
-            rig::open(folder, &folder.join(RIG))
+            let file = folder.join(RIG);
+            let sequence = rig::open(folder, &file, colours)?;
+            match sequence.cameras.is_empty() {
+                true => Err(rig::no_cameras(&file)),
+                false => Ok(sequence),
+            }
         } else if folder.join(TUM).is_file() {
-            tum::open(folder, &folder.join(TUM))
+            tum::open(folder, &folder.join(TUM), colours)
         } else if folder.join(CAMERA).is_file() {
-            camera_json::open(folder, &folder.join(CAMERA))
+            camera_json::open(folder, &folder.join(CAMERA), colours)
         } else {
             Err(DepthFileError::NoCalibration { folder: folder.to_owned() })
         }
@@ -148,12 +166,23 @@ impl DepthSequence {
         Self {
             folder: folder.to_owned(),
             cameras,
+            colours: Vec::new(),
             selected: 0..frames,
             fps,
             skipped: 0,
             times_ns: None,
             time_unit: None,
         }
+    }
+
+    /// The frames with colour images of some cameras, which have an entry for each frame. Without depth images they say how many frames
+    /// there are.
+    fn with_colours(self, colours: Vec<ColourCamera>) -> Self {
+        let selected = match colours.first().filter(|_| self.cameras.is_empty()) {
+            Some(camera) => 0..camera.paths.len(),
+            None => self.selected,
+        };
+        Self { colours, selected, ..self }
     }
 
     /// Number of frames; at least one.
@@ -166,6 +195,37 @@ impl DepthSequence {
     #[must_use]
     pub fn cameras(&self) -> usize {
         self.cameras.len()
+    }
+
+    /// Number of cameras with colour images; 0 if these are passed over.
+    #[must_use]
+    pub fn colour_cameras(&self) -> usize {
+        self.colours.len()
+    }
+
+    /// Whether colour images came without a calibration, so that one was assumed.
+    #[must_use]
+    pub fn colours_are_uncalibrated(&self) -> bool {
+        self.colours.iter().any(|camera| camera.is_rough)
+    }
+
+    /// Number of frames of the selection without any colour image, though cameras have some.
+    #[must_use]
+    pub fn frames_without_colour(&self) -> usize {
+        let is_bare =
+            |frame: &usize| self.colours.iter().all(|camera| camera.paths[self.number(*frame)].is_none());
+        if self.colours.is_empty() { 0 } else { (0..self.frames()).filter(is_bare).count() }
+    }
+
+    /// Reads the colour images of a frame: one a colour camera that has one, in the order of the layout.
+    ///
+    /// # Errors
+    /// See [`DepthFileError`]; sizes are checked before anything is decoded.
+    ///
+    /// # Panics
+    /// If there are not so many frames.
+    pub fn read_colours(&self, frame: usize) -> Result<Vec<ColourView>, DepthFileError> {
+        read_views(&self.colours, self.number(frame))
     }
 
     /// Frames a second, if the folder tells: `fps` in the JSON files, the median distance of time stamps in `depth.txt`.
@@ -279,13 +339,14 @@ impl DepthSequence {
         Ok(Self { selected: first + range.start..first + range.end, ..self.clone() })
     }
 
-    /// The images of a frame of the selection, one a camera.
+    /// The images of a frame of the selection: of depths, one a camera, then those of colours.
     ///
     /// # Panics
     /// If there are not so many frames.
     pub fn image_paths(&self, frame: usize) -> impl Iterator<Item = &Path> {
         let frame = self.number(frame);
-        self.cameras.iter().map(move |camera| camera.paths[frame].as_path())
+        let colours = self.colours.iter().filter_map(move |camera| camera.paths[frame].as_deref());
+        self.cameras.iter().map(move |camera| camera.paths[frame].as_path()).chain(colours)
     }
 
     /// Number in the whole sequence of a frame of the selection.
@@ -298,12 +359,7 @@ impl DepthSequence {
 impl Camera {
     fn read(&self, frame: usize) -> Result<DepthImage, DepthFileError> {
         let path = &self.paths[frame];
-        let pose = match &self.poses {
-            Poses::Fixed(pose) => *pose,
-            Poses::Moving { file, poses } => {
-                *poses[frame].as_ref().map_err(|why| why.at_frame(file, frame))?
-            }
-        };
+        let pose = self.poses.at(frame)?;
         let Optics { intrinsics, units, distortion } = &self.optics;
         let mut depths = image::read(&self.file(frame), units)?;
         if let Some(distortion) = distortion {

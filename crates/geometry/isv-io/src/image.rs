@@ -20,6 +20,9 @@ pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
 /// Most pixels of an image: 8192 x 8192. Decoders take up to 12 bytes a pixel while they work.
 pub const MAX_IMAGE_PIXELS: u64 = 1 << 26;
 
+/// Most bytes of the file of an image.
+pub(crate) const MAX_IMAGE_BYTES: u64 = 1 << 30;
+
 /// Decodes an image from the bytes of its file; `name` names it in errors.
 ///
 /// Sizes are checked before anything is decoded: see [`MAX_IMAGE_SIDE`] and [`MAX_IMAGE_PIXELS`]. An image of more than 4 million

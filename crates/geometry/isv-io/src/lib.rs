@@ -61,8 +61,8 @@ mod xyz;
 pub use acquisition::acquisition_time_s;
 pub use atomic::AtomicFile;
 pub use depth::{
-    DepthFileError, DepthSequence, Saturation, TUM_DEPTH_SCALE_M, TUM_INTRINSICS, TUM_TIME_LIMIT_S,
-    is_depth_folder,
+    ColourSequence, DepthFileError, DepthSequence, Saturation, TUM_DEPTH_SCALE_M, TUM_INTRINSICS,
+    TUM_TIME_LIMIT_S, is_depth_folder,
 };
 pub use error::{Malformation, Position, ReadError, WriteError};
 pub use foreign::hush_foreign_panics;

@@ -1,6 +1,6 @@
 //! Files that a frame's file names: material libraries and images. They lie in its folder or below.
 
-use crate::image::{self, ImageError, ImageFault};
+use crate::image::{self, ImageError, ImageFault, MAX_IMAGE_BYTES};
 use crate::inside::inside;
 use crate::regular_file;
 use isv_volume::Image;
@@ -14,9 +14,6 @@ const MAX_PIXELS: u64 = 1 << 28;
 /// Pixels that all images of a mesh may have, however few bytes they have; beyond it, a byte must be there for so many of them.
 const LEAST_PIXELS: u64 = 1 << 24;
 const MOST_PIXELS_A_BYTE: u64 = 4096;
-
-/// Most bytes of a linked file.
-const MAX_BYTES: u64 = 1 << 30;
 
 /// The images of a mesh, each decoded once, and the folder that linked files lie in.
 #[derive(Debug)]
@@ -63,8 +60,8 @@ impl<'a> Linked<'a> {
         let path = inside(folder, name).ok_or(ImageFault::Name { why: OUTSIDE })?;
         let fault = |cause: std::io::Error| ImageFault::File { cause: cause.to_string() };
         let (_, length) = regular_file::open(&path).map_err(fault)?;
-        if length > MAX_BYTES {
-            return Err(ImageFault::File { cause: format!("it has more than {MAX_BYTES} bytes") });
+        if length > MAX_IMAGE_BYTES {
+            return Err(ImageFault::File { cause: format!("it has more than {MAX_IMAGE_BYTES} bytes") });
         }
         regular_file::read(&path).map_err(fault)
     }

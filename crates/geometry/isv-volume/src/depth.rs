@@ -152,6 +152,18 @@ impl CameraPose {
         self.rotation.transpose() * (world - self.centre)
     }
 
+    /// The pose turned about the world's origin by a rotation.
+    #[must_use]
+    pub fn turned(self, rotation: DMat3) -> Self {
+        Self { rotation: rotation * self.rotation, centre: rotation * self.centre }
+    }
+
+    /// The pose in the world of a camera whose pose in this camera's coordinates is known.
+    #[must_use]
+    pub fn of(&self, other: &Self) -> Self {
+        Self { rotation: self.rotation * other.rotation, centre: self.to_world(other.centre) }
+    }
+
     /// A point in camera coordinates in the world.
     #[must_use]
     pub fn to_world(&self, camera: DVec3) -> DVec3 {
@@ -215,8 +227,7 @@ impl DepthImage {
     /// The image with its camera turned about the world's origin by a rotation.
     #[must_use]
     pub fn turned(mut self, rotation: DMat3) -> Self {
-        let CameraPose { rotation: axes, centre } = self.pose;
-        self.pose = CameraPose { rotation: rotation * axes, centre: rotation * centre };
+        self.pose = self.pose.turned(rotation);
         self
     }
 

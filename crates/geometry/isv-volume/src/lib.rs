@@ -22,6 +22,7 @@ mod appearance;
 mod block_index;
 mod block_set;
 mod colour_samples;
+mod colour_view;
 mod coord;
 mod depth;
 mod fit;
@@ -40,6 +41,7 @@ pub use appearance::{
 pub use block_index::{BlockIndex, NeighbourFinder, Neighbourhood, OCTET_SLOTS};
 pub use block_set::{BlockCell, BlockSet};
 pub use colour_samples::ColourSample;
+pub use colour_view::ColourView;
 pub use coord::{BlockCoord, COORD_LIMIT, MortonCode};
 pub use depth::{CameraPose, DepthError, DepthImage, Intrinsics, MAX_PIXELS};
 pub use fit::{FitError, round_up};

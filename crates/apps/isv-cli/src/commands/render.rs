@@ -108,6 +108,22 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     range: Length,
+    /// Texture the surface from the calibrated colour images of this rig
+    ///
+    /// A folder with rig.json, camera.json or depth.txt. Where no camera saw the surface it keeps the colour of the input, and is grey if
+    /// that has none. The rig has as many frames as the input, or as are drawn.
+    #[arg(help_heading = "Camera and look", long, value_name = "RIG", conflicts_with = "against")]
+    project_from: Option<PathBuf>,
+    /// Axis of the rig that points up in the input: what isv encode was told
+    #[arg(
+        help_heading = "Camera and look",
+        long,
+        value_enum,
+        default_value = "y",
+        requires = "project_from",
+        allow_hyphen_values = true
+    )]
+    project_up: UpName,
     /// Write the number of each frame under its picture
     ///
     /// With --against its errors too.

@@ -57,7 +57,7 @@ impl Kind {
             return Ok((Some(frames), Self::Stream(path.clone(), header, hints.clone())));
         }
         if is_depth_folder(path) {
-            let depth = DepthSequence::open(path)?;
+            let depth = DepthSequence::open_with(path, hints.colours)?;
             return Ok((Some(depth.frames()), Self::Depth(depth)));
         }
         match FrameSequence::open(path) {
@@ -150,7 +150,8 @@ impl Kind {
     pub(super) fn has_colour(&self) -> Option<bool> {
         match self {
             Self::Files(..) | Self::Animation(..) | Self::PipedGeometry(_) => None,
-            Self::Depth(_) | Self::Volumes { .. } => Some(false),
+            Self::Depth(depth) => Some(depth.colour_cameras() > 0),
+            Self::Volumes { .. } => Some(false),
             Self::Stream(_, header, _) => Some(header.colour_layers.is_some()),
             Self::PipedStream(frames) => Some(frames.header().colour_layers.is_some()),
         }
@@ -209,9 +210,10 @@ impl Kind {
             })),
             Self::Depth(depth) => Box::new(range.map(move |number| {
                 let content = Content::Depth(depth.read(number)?);
+                let views = depth.read_colours(number)?;
                 let name = format!("{name}, frame {number}");
                 let timestamp_ns = depth.timestamp_ns(number);
-                Ok(CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) })
+                Ok(CapturedFrame { timestamp_ns, views, ..CapturedFrame::new(number, name, content) })
             })),
             Self::Volumes { volumes, grid, .. } => Box::new(range.map(move |number| {
                 let content = Content::Volume(volumes.read(number, &grid)?);
@@ -249,6 +251,15 @@ pub enum Remark {
     DepthSkipped(usize),
     /// Images are undistorted.
     Undistorted,
+    /// Colour images came without a calibration of their camera.
+    Uncalibrated,
+    /// Frames without a colour image, in a capture that has some.
+    WithoutColour {
+        /// Number of such frames.
+        count: usize,
+        /// Number of all frames.
+        frames: usize,
+    },
     /// The unit that time stamps are taken in, and the frame rate that follows.
     TimeUnit {
         /// Name of the unit.
@@ -284,6 +295,12 @@ impl fmt::Display for Remark {
                 "{count} depth images have no pose close in time and are left out; the others keep their times"
             ),
             Self::Undistorted => f.write_str("images are undistorted by the coefficients given"),
+            Self::Uncalibrated => f.write_str(
+                "colour images have no calibration and are taken as seen by the depth camera; `colour` in camera.json can say otherwise",
+            ),
+            Self::WithoutColour { count, frames } => {
+                write!(f, "{count} of {frames} frames have no colour image and keep the colours before")
+            }
             Self::TimeUnit { unit, fps } => {
                 let rate = fps.map(|fps| format!(" ({fps:.3} frames a second)")).unwrap_or_default();
                 write!(f, "time stamps are taken as {unit}{rate}; time_unit in camera.json can say otherwise")
@@ -311,6 +328,12 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<Remark> {
     }
     if depth.is_undistorted() {
         remarks.push(Remark::Undistorted);
+    }
+    if depth.colours_are_uncalibrated() {
+        remarks.push(Remark::Uncalibrated);
+    }
+    if let count @ 1.. = depth.frames_without_colour() {
+        remarks.push(Remark::WithoutColour { count, frames: depth.frames() });
     }
     if let Some(unit) = depth.time_unit() {
         remarks.push(Remark::TimeUnit { unit, fps: depth.fps() });

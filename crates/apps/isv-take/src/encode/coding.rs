@@ -6,6 +6,8 @@ use crate::device::Coder;
 use crate::stream::timed;
 use isv_encode::colour::{ColourEncoder, EncodedColour};
 use isv_encode::{UnwrittenFrame, surface_rms_voxels};
+use isv_volume::{BlockIndex, ColourSample, SparseVolume};
+use std::borrow::Cow;
 use std::time::SystemTime;
 
 /// A frame ready to be written.
@@ -34,9 +36,51 @@ pub(super) struct CodedFrame {
 pub(super) struct Coding {
     pub(super) coder: Coder,
     /// The coder of colour, in streams that have any.
-    pub(super) colour: Option<ColourEncoder>,
+    pub(super) colour: Option<ColourCoding>,
     /// Whether statistics are wanted of what coding has done to the surface.
     pub(super) measures_change: bool,
+}
+
+/// Share of blocks without a colour of their own that a frame may have before its colours are coded: one in so many.
+const NEW_SHARE: usize = 128;
+
+/// The coder of colour, and what it coded last.
+pub(super) struct ColourCoding {
+    pub(super) encoder: ColourEncoder,
+    /// Whether any frame may be coded without the one before, so that each needs all colours.
+    pub(super) is_gradual: bool,
+    /// Blocks of the last frame whose colours were coded and not just kept.
+    pub(super) blocks: Option<BlockIndex>,
+}
+
+impl ColourCoding {
+    /// Codes the colour of a frame. `stand`: whether what was seen has hardly changed since it was last coded.
+    fn code(
+        &mut self,
+        decoded: &SparseVolume,
+        seen: &[ColourSample],
+        stand: bool,
+        is_keyframe: bool,
+    ) -> EncodedColour {
+        let stands_alone = is_keyframe || self.is_gradual;
+        let samples = match self.encoder.reconstruction() {
+            // Without samples the encoder keeps the frame before, which frames that stand alone do not have.
+            Some(_) if stand && !stands_alone && self.has_few_new_blocks(decoded) => Cow::Borrowed(&[][..]),
+            Some(before) if seen.is_empty() && stands_alone => Cow::Owned(before.to_samples(decoded.grid())),
+            _ => Cow::Borrowed(seen),
+        };
+        if !samples.is_empty() {
+            self.blocks = Some(decoded.index());
+        }
+        self.encoder.encode(decoded, &samples, is_keyframe)
+    }
+
+    /// Whether almost all blocks of a frame were there when colours were last coded. New ones need a colour of their own.
+    fn has_few_new_blocks(&self, decoded: &SparseVolume) -> bool {
+        let Some(before) = &self.blocks else { return false };
+        let new = decoded.coords().iter().filter(|block| before.get(**block).is_none()).count();
+        new * NEW_SHARE <= decoded.block_count()
+    }
 }
 
 impl Coding {
@@ -55,6 +99,7 @@ impl Coding {
             timestamp_ns,
             volume,
             colours,
+            colours_stand,
             has_surface,
             blocks_band,
             ingest_ms,
@@ -69,9 +114,9 @@ impl Coding {
             false => None,
         };
         let (colour, colour_ms) = match &mut self.colour {
-            Some(encoder) => {
+            Some(colour) => {
                 let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
-                timed(|| Some(encoder.encode(&decoded, &colours, frame.is_keyframe())))
+                timed(|| Some(colour.code(&decoded, &colours, colours_stand, frame.is_keyframe())))
             }
             None => (None, 0.0),
         };

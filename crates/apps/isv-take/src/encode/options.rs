@@ -1,5 +1,6 @@
 //! What a user may choose of encoding, and what holds where nothing is chosen.
 
+use super::coding::ColourCoding;
 use super::error::{OptionName, OptionsError};
 use super::timestamps::TimestampSource;
 use super::volumes::{DepthFusion, VolumeMaker};
@@ -411,7 +412,7 @@ impl EncodeOptions {
             viewpoint_m: fields.viewpoint.map(|place| DVec3::from(place) * self.unit.metres() - origin_m),
             scan_origin_m: -origin_m,
             sides_said: false,
-            depth: DepthFusion { mode: fields.fusion, settings, fuser: None },
+            depth: DepthFusion { mode: fields.fusion, settings, fuser: None, colours: None },
             band: match profile {
                 ProfileChoice::Main => Band::Full,
                 ProfileChoice::Paper => self.band.unwrap_or(Band::Full),
@@ -422,6 +423,7 @@ impl EncodeOptions {
             shell: Arc::default(),
             colour_spacing_m,
             colours: Vec::new(),
+            colours_stand: false,
         }
     }
 
@@ -433,9 +435,11 @@ impl EncodeOptions {
         }
     }
 
-    /// The encoder of colour, for streams that have any.
-    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourEncoder> {
-        self.colour_settings(header).map(ColourEncoder::new)
+    /// The coder of colour, for streams that have any.
+    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourCoding> {
+        let is_gradual = self.main.refresh == Some(Refresh::Gradual);
+        self.colour_settings(header)
+            .map(|settings| ColourCoding { encoder: ColourEncoder::new(settings), is_gradual, blocks: None })
     }
 
     fn colour_settings(&self, header: &StreamHeader) -> Option<ColourSettings> {

@@ -10,17 +10,20 @@ use glam::DVec3;
 use isv_encode::Band;
 use isv_fusion::{FusionError, FusionSettings};
 use isv_ingest::{
-    FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision, SignMode,
-    decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, lost_surface_share,
-    mesh_colours, point_colours,
+    ColourMemory, FaceTurner, IngestError, MeshIngest, PointIngest, PointSign, SideEvidence, SignDecision,
+    SignMode, decide_point_sign, decide_sign, estimate_normals_seen_from, ingest_points, level_weights,
+    lost_surface_share, mesh_colours, point_colours, view_colours,
 };
 use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
-use isv_volume::{ColourSample, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
+use isv_volume::{ColourSample, ColourView, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
 use std::mem::take;
 use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
+
+/// Samples of colour along the edge of a voxel where frames add up: somewhat more than one a place that is remembered.
+const ACCUMULATED_SAMPLES: f64 = 3.0;
 
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
@@ -33,6 +36,8 @@ pub(super) struct IngestedFrame {
     pub(super) volume: SparseVolume,
     /// Colours near its surface; empty if it has none or nobody wants any.
     pub(super) colours: Vec<ColourSample>,
+    /// Whether these have hardly changed since they were last coded.
+    pub(super) colours_stand: bool,
     /// Whether any of it lies inside.
     pub(super) has_surface: bool,
     /// Blocks that ingest made, before any were left out: those of the truncation band, or as many as are near the surface.
@@ -76,6 +81,8 @@ pub(super) struct VolumeMaker {
     pub(super) colour_spacing_m: Option<f64>,
     /// Colours sampled on the current frame.
     pub(super) colours: Vec<ColourSample>,
+    /// Whether these have hardly changed.
+    pub(super) colours_stand: bool,
 }
 
 /// Thickness of the shell around surfaces without inside (mm), once one was made.
@@ -87,6 +94,8 @@ pub(super) struct DepthFusion {
     pub(super) settings: FusionSettings,
     /// Opened for the first images.
     pub(super) fuser: Option<Fuser>,
+    /// Colours seen so far, where frames are all that was seen so far.
+    pub(super) colours: Option<ColourMemory>,
 }
 
 /// Fusion of depth images, frame by frame or over all frames.
@@ -104,7 +113,7 @@ impl VolumeMaker {
         frame: CapturedFrame,
         read: SystemTime,
     ) -> Result<IngestedFrame, EncodeError> {
-        let CapturedFrame { number, name, timestamp_ns, content, colour } = frame;
+        let CapturedFrame { number, name, timestamp_ns, content, colour, views } = frame;
         let stream_grid = match &content {
             Content::Volume(volume) | Content::Decoded(volume) => *volume.grid(),
             Content::Geometry(_) | Content::Depth(_) => self.mesh.grid,
@@ -113,12 +122,12 @@ impl VolumeMaker {
             Content::Geometry(geometry) if geometry.is_empty() => Ok(SparseVolume::empty(self.mesh.grid)),
             Content::Geometry(Geometry::Mesh(mesh)) => self.mesh_to_volume(&name, &mesh),
             Content::Geometry(Geometry::Points(cloud)) => self.points_to_volume(&name, cloud),
-            Content::Depth(images) => self.depth.volume(&name, &images, &self.device, &self.observer),
+            Content::Depth(images) => self.depth_to_volume(&name, &images, &views),
             Content::Volume(volume) => self.volume_to_volume(&name, volume),
             Content::Decoded(volume) if *volume.grid() == self.mesh.grid => self.redistanced(&name, &volume),
             Content::Decoded(volume) => self.volume_to_volume(&name, volume),
         });
-        let mut colours = take(&mut self.colours);
+        let (mut colours, colours_stand) = (take(&mut self.colours), take(&mut self.colours_stand));
         if let (Some(colour), Some(_)) = (colour, self.colour_spacing_m) {
             colours = colour.to_samples(&stream_grid);
         }
@@ -135,7 +144,17 @@ impl VolumeMaker {
         }
         let fits = self.memory.check_frame(&volume, self.extended);
         fits.map_err(|cause| FrameError::Memory { name, cause })?;
-        Ok(IngestedFrame { number, read, timestamp_ns, volume, colours, has_surface, blocks_band, ingest_ms })
+        Ok(IngestedFrame {
+            number,
+            read,
+            timestamp_ns,
+            volume,
+            colours,
+            colours_stand,
+            has_surface,
+            blocks_band,
+            ingest_ms,
+        })
     }
 
     fn ingest_error(&self, name: &str, cause: IngestError, bounds: Option<(DVec3, DVec3)>) -> FrameError {
@@ -284,6 +303,36 @@ impl VolumeMaker {
             self.tell(EncodeEvent::Sides { name: name.to_owned(), sides });
         }
         Ok((cloud, Some(sides)))
+    }
+
+    /// The volume of depth images, and the colours that cameras beside them see of its surface.
+    fn depth_to_volume(
+        &mut self,
+        name: &str,
+        images: &[DepthImage],
+        views: &[ColourView],
+    ) -> Result<SparseVolume, FrameError> {
+        let volume = self.depth.volume(name, images, &self.device, &self.observer)?;
+        if let Some(spacing_m) = self.colour_spacing_m {
+            let surface = self.memory.surface(&volume, SurfaceOptions { normals: true });
+            let surface = surface.map_err(|cause| FrameError::Memory { name: name.to_owned(), cause })?;
+            let voxel_m = volume.grid().voxel_size.metres();
+            let spacing_m = match self.depth.mode {
+                FusionMode::PerFrame => spacing_m,
+                FusionMode::Accumulate => voxel_m / ACCUMULATED_SAMPLES,
+            };
+            let seen = view_colours(&surface, views, images, voxel_m, spacing_m);
+            self.colours = match self.depth.mode {
+                FusionMode::PerFrame => level_weights(seen),
+                FusionMode::Accumulate => {
+                    let memory = self.depth.colours.get_or_insert_with(|| ColourMemory::new(voxel_m));
+                    memory.add(&seen, &volume);
+                    self.colours_stand = !memory.has_changed();
+                    memory.samples()
+                }
+            };
+        }
+        Ok(volume)
     }
 
     /// A volume on another grid is sampled anew, from its surface.

@@ -1,12 +1,14 @@
 //! The layout of one moving camera: `camera.json` and a folder `depth`.
 
-use super::distortion::DistortionKeys;
+use super::colour::{Beside, ColourKeys, unnamed};
+use super::distortion::{Distortion, DistortionKeys};
 use super::error::DepthFileError;
 use super::image::Units;
 use super::json::{Number, WrittenPose, read_json};
 use super::listing::list_images;
 use super::times::{self, TimeUnit, WrittenStamp};
 use super::{BadPose, Camera, DepthSequence, Optics, Poses};
+use crate::Colours;
 use glam::DVec2;
 use isv_volume::Intrinsics;
 use serde::Deserialize;
@@ -39,6 +41,8 @@ struct CameraFile {
     /// When each image was taken.
     timestamps: Option<Vec<WrittenStamp>>,
     time_unit: Option<TimeUnit>,
+    #[serde(alias = "color", alias = "rgb")]
+    colour: Option<ColourKeys>,
 }
 
 fn millimetre() -> Number {
@@ -46,8 +50,8 @@ fn millimetre() -> Number {
 }
 
 /// Opens a folder by its `camera.json`.
-pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFileError> {
-    let CameraFile { lens, fps, poses, timestamps, time_unit } = read_json(file)?;
+pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<DepthSequence, DepthFileError> {
+    let CameraFile { lens, fps, poses, timestamps, time_unit, colour } = read_json(file)?;
     let optics = lens.check(file, None)?;
     let images = folder.join("depth");
     let paths = list_images(&images)?;
@@ -66,7 +70,16 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     let poses = poses.iter().map(|pose| pose.pose().map_err(BadPose::Matrix)).collect();
     let poses = Poses::Moving { file: file.to_owned(), poses };
     let fps = check_fps(fps, file)?;
-    let sequence = DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps);
+    let depth = Some((0, &paths[..]));
+    let beside = Beside { folder, file, name: None, optics: &optics, poses: &poses, depth };
+    let colour = match (colours, colour) {
+        (Colours::Drop, _) => None,
+        (Colours::Keep, Some(keys)) => Some(keys.open(&beside)?),
+        (Colours::Keep, None) => unnamed(&beside),
+    };
+    let colours = colour.into_iter().collect();
+    let sequence =
+        DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps).with_colours(colours);
     let Some(stamps) = timestamps else { return Ok(sequence) };
     count(stamps.len(), "timestamps", "give one for each image, or none at all")?;
     let stamps = stamps_in_order(file, &stamps)?;
@@ -120,18 +133,25 @@ impl Lens {
             focal: DVec2::new(self.fx.0, self.fy.0),
             principal: DVec2::new(self.cx.0, self.cy.0),
         };
-        let camera = || camera.map(str::to_owned);
-        let named = |cause| DepthFileError::Camera { path: file.to_owned(), camera: camera(), cause };
-        intrinsics.validate().map_err(named)?;
+        let distortion = lens_of(intrinsics, &self.distortion, file, camera)?;
         let depth_scale_m = positive("depth_scale_m", self.depth_scale_m.0, file)?;
         let units = Units::new(depth_scale_m, self.invalid_values);
-        let distortion = self.distortion.check().map_err(|why| DepthFileError::Distortion {
-            path: file.to_owned(),
-            camera: camera(),
-            why,
-        })?;
         Ok(Optics { intrinsics, units, distortion })
     }
+}
+
+/// Checks a lens, and gives its distortion. `camera`: its name, if it has one.
+pub(crate) fn lens_of(
+    intrinsics: Intrinsics,
+    distortion: &DistortionKeys,
+    file: &Path,
+    camera: Option<&str>,
+) -> Result<Option<Distortion>, DepthFileError> {
+    let camera = || camera.map(str::to_owned);
+    let named = |cause| DepthFileError::Camera { path: file.to_owned(), camera: camera(), cause };
+    intrinsics.validate().map_err(named)?;
+    let named = |why| DepthFileError::Distortion { path: file.to_owned(), camera: camera(), why };
+    distortion.check().map_err(named)
 }
 
 #[cfg(test)]

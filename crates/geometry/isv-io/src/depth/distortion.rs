@@ -1,7 +1,7 @@
 //! Lenses that bend lines: OpenCV's model, and depth images as a pinhole without it would have seen them.
 
 use glam::DVec2;
-use isv_volume::Intrinsics;
+use isv_volume::{Image, Intrinsics, Rgb};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -112,22 +112,39 @@ impl Distortion {
     /// Depth is along z, so it stays what it is and only moves. Within a surface its inverse is interpolated, which is exact for planes;
     /// at edges the nearest reading is taken, as there is no surface between.
     pub(crate) fn undistort(&self, lens: &Intrinsics, depths: &[f32]) -> Vec<f32> {
-        let ideal = |column: u32, row: u32| {
+        let source = Readings { depths, width: lens.width as usize, height: lens.height as usize };
+        self.places(lens).map(|place| place.map_or(0.0, |place| source.at(place))).collect()
+    }
+
+    /// The image that a pinhole with the same focal lengths and principal point sees, of the same size, and which of its pixels the
+    /// distorted image shows. sRGB values are averaged as they are.
+    pub(crate) fn undistort_colours(&self, lens: &Intrinsics, image: &Image) -> (Image, Vec<bool>) {
+        let far = DVec2::new(f64::from(lens.width), f64::from(lens.height)) - 0.5;
+        let colour = |place: Option<DVec2>| {
+            let place = place.filter(|p| p.cmpge(DVec2::splat(-0.5)).all() && p.cmple(far).all())?;
+            Some(image.bilinear(place.x + 0.5, place.y + 0.5).map(|channel| channel.round() as u8))
+        };
+        let colours: Vec<Option<Rgb>> = self.places(lens).map(colour).collect();
+        let shown = colours.iter().map(Option::is_some).collect();
+        let pixels = colours.into_iter().map(Option::unwrap_or_default).collect();
+        (Image::new(lens.width, lens.height, pixels).expect("a pixel a place"), shown)
+    }
+
+    /// Place in the distorted image of each pixel of a pinhole's, row after row; `None` beyond the reach of the model.
+    fn places(&self, lens: &Intrinsics) -> impl Iterator<Item = Option<DVec2>> {
+        let lens = *lens;
+        let ideal = move |column: u32, row: u32| {
             (DVec2::new(f64::from(column), f64::from(row)) - lens.principal) / lens.focal
         };
         let (right, bottom) = (lens.width - 1, lens.height - 1);
         let corners = [ideal(0, 0), ideal(right, 0), ideal(0, bottom), ideal(right, bottom)];
         let reach = self.reach(corners.iter().map(|p| p.length_squared()).fold(0.0, f64::max));
-        let source = Readings { depths, width: lens.width as usize, height: lens.height as usize };
-        let mut undistorted = Vec::with_capacity(depths.len());
-        for row in 0..lens.height {
-            undistorted.extend((0..lens.width).map(|column| {
-                let p = ideal(column, row);
-                let seen = if p.length_squared() <= reach { self.distort(p) } else { None };
-                seen.map_or(0.0, |p| source.at(p * lens.focal + lens.principal))
-            }));
-        }
-        undistorted
+        let place = move |row: u32, column: u32| {
+            let p = ideal(column, row);
+            let seen = if p.length_squared() <= reach { self.distort(p) } else { None };
+            seen.map(|p| p * lens.focal + lens.principal)
+        };
+        (0..lens.height).flat_map(move |row| (0..lens.width).map(move |column| place(row, column)))
     }
 }
 

@@ -1,5 +1,6 @@
 //! What can go wrong with depth images and their cameras. Every message is one sentence that starts with a file's name.
 
+use crate::image::ImageFault;
 use isv_volume::DepthError;
 use std::io;
 use std::ops::Range;
@@ -70,7 +71,7 @@ pub enum DepthFileError {
         /// What is wrong with it.
         cause: DepthError,
     },
-    /// A lens that distorts in a way that is not understood.
+    /// A lens that distorts in a way that is not understood, or a colour camera whose keys contradict each other.
     #[error("{}: {}{why}", path.display(), camera.as_ref().map(|name| format!("camera {name}: ")).unwrap_or_default())]
     Distortion {
         /// The file that describes it.
@@ -211,6 +212,43 @@ pub enum DepthFileError {
         frame: usize,
         /// What is wrong.
         why: String,
+    },
+    /// No colour images where the capture says they are.
+    #[error("{}: no colour images here; they must be .png, .jpg or .webp", path.display())]
+    NoColourImages {
+        /// The folder or pattern.
+        path: PathBuf,
+    },
+    /// A capture without colour images, where they are all that is wanted.
+    #[error("{}: no camera has colour images: name them under `colour`", path.display())]
+    NoColour {
+        /// The folder or file.
+        path: PathBuf,
+    },
+    /// A colour image that is not there, damaged or too large.
+    #[error("{}: frame {frame}: {cause}", path.display())]
+    ColourImage {
+        /// The image.
+        path: PathBuf,
+        /// Frame, counted from 0.
+        frame: usize,
+        /// Cause of the failure.
+        cause: ImageFault,
+    },
+    /// A colour image of another shape than its camera's.
+    #[error(
+        "{}: frame {frame}: a colour image of {} x {} pixels has another shape than its camera, {} x {}",
+        path.display(), found[0], found[1], expected[0], expected[1]
+    )]
+    ColourShape {
+        /// The image.
+        path: PathBuf,
+        /// Frame, counted from 0.
+        frame: usize,
+        /// Its columns and rows.
+        found: [u32; 2],
+        /// The camera's.
+        expected: [u32; 2],
     },
     /// No pixel of a frame has a depth.
     #[error("{}: frame {frame}: no pixel has a depth", path.display())]

@@ -1,10 +1,12 @@
 //! The layout of several cameras that stand still: `rig.json`.
 
 use super::camera_json::{Lens, check_fps};
+use super::colour::{Beside, ColourKeys};
 use super::error::DepthFileError;
 use super::json::{Number, WrittenPose, read_json};
 use super::listing::list_images;
-use super::{Camera, DepthSequence, Poses};
+use super::{Camera, ColourCamera, DepthSequence, Poses};
+use crate::Colours;
 use crate::inside::inside;
 use isv_volume::MAX_PIXELS;
 use serde::Deserialize;
@@ -26,15 +28,17 @@ struct RigCamera {
     #[serde(flatten)]
     lens: Lens,
     camera_to_world: WrittenPose,
-    /// A folder or a pattern, from the folder of `rig.json`.
-    images: String,
+    /// Depth images: a folder or a pattern, from the folder of `rig.json`. None of a camera that sees colours alone.
+    images: Option<String>,
+    #[serde(alias = "color", alias = "rgb")]
+    colour: Option<ColourKeys>,
 }
 
-/// Opens a folder by its `rig.json`.
-pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFileError> {
+/// Opens a folder by its `rig.json`. There may be no camera with depth images, if one has colour images that are kept.
+pub(crate) fn open(folder: &Path, file: &Path, keep: Colours) -> Result<DepthSequence, DepthFileError> {
     let RigFile { fps, cameras } = read_json(file)?;
     let fps = check_fps(fps, file)?;
-    let mut opened: Vec<Camera> = Vec::new();
+    let (mut opened, mut colours): (Vec<Camera>, Vec<ColourCamera>) = Default::default();
     let mut first: Option<String> = None;
     let too_large =
         |found, what, limit| DepthFileError::TooLarge { path: file.to_owned(), found, what, limit };
@@ -44,8 +48,12 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     // One small file may serve all cameras, and all images of a frame are held at once: together they get no more room
     // than one image may have.
     let mut pixels = 0u64;
-    for RigCamera { name, lens, camera_to_world, images } in cameras {
+    for RigCamera { name, lens, camera_to_world, images, colour } in cameras {
         let optics = lens.check(file, Some(&name))?;
+        if images.is_none() && colour.is_none() {
+            let why = "it names neither images nor colour".to_owned();
+            return Err(DepthFileError::Distortion { path: file.to_owned(), camera: Some(name), why });
+        }
         pixels += optics.intrinsics.pixels() as u64;
         if pixels > MAX_PIXELS {
             return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
@@ -55,9 +63,23 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
             camera: Some(name.clone()),
             cause,
         })?;
+        let poses = Poses::Fixed(pose);
+        let Some(images) = images else {
+            if let (Colours::Keep, Some(keys)) = (keep, colour) {
+                let (optics, poses) = (&optics, &poses);
+                let beside = Beside { folder, file, name: Some(&name), optics, poses, depth: None };
+                colours.push(keys.open(&beside)?);
+            }
+            continue;
+        };
         let images = inside(folder, &images)
             .ok_or_else(|| DepthFileError::Outside { path: file.to_owned(), name: images.clone() })?;
         let paths = list_images(&images)?;
+        if let (Colours::Keep, Some(keys)) = (keep, colour) {
+            let depth = Some((opened.len(), &paths[..]));
+            let beside = Beside { folder, file, name: Some(&name), optics: &optics, poses: &poses, depth };
+            colours.push(keys.open(&beside)?);
+        }
         let first = first.get_or_insert(name);
         let expected = opened.first().map_or(paths.len(), |camera| camera.paths.len());
         if paths.len() != expected {
@@ -69,19 +91,35 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
                 expected_what: format!("of camera {first}; all cameras of a rig must have equally many"),
             });
         }
-        opened.push(Camera { optics, poses: Poses::Fixed(pose), paths });
+        opened.push(Camera { optics, poses, paths });
     }
-    if opened.is_empty() {
-        return Err(DepthFileError::Count {
-            path: file.to_owned(),
-            found: 0,
-            what: "cameras",
-            expected: 1,
-            expected_what: "at least is needed".to_owned(),
-        });
+    if opened.is_empty() && colours.is_empty() {
+        return Err(no_cameras(file));
     }
     check_pairs(file, &opened)?;
-    Ok(DepthSequence::new(folder, opened, fps))
+    let frames = opened.first().map(|camera| camera.paths.len());
+    let frames = frames.or_else(|| colours.first().map(|camera| camera.paths.len())).unwrap_or_default();
+    if let Some(other) = colours.iter().find(|camera| camera.paths.len() != frames) {
+        return Err(DepthFileError::Count {
+            path: file.to_owned(),
+            found: other.paths.len(),
+            what: "colour images of a camera",
+            expected: frames,
+            expected_what: "frames; all cameras of a rig must have equally many".to_owned(),
+        });
+    }
+    Ok(DepthSequence::new(folder, opened, fps).with_colours(colours))
+}
+
+/// The error of a rig without cameras of the kind that is wanted.
+pub(crate) fn no_cameras(file: &Path) -> DepthFileError {
+    DepthFileError::Count {
+        path: file.to_owned(),
+        found: 0,
+        what: "cameras",
+        expected: 1,
+        expected_what: "at least is needed".to_owned(),
+    }
 }
 
 /// Looks whether images of a frame were taken together, where their names say so: where numbers at the ends of names count images, each
@@ -91,7 +129,7 @@ fn check_pairs(file: &Path, cameras: &[Camera]) -> Result<(), DepthFileError> {
         |camera: &Camera| camera.paths.iter().map(|path| number_of(path)).collect::<Option<Vec<_>>>();
     let Some(numbers) = cameras.iter().map(numbers).collect::<Option<Vec<Vec<u64>>>>() else { return Ok(()) };
     let counts = |numbers: &Vec<u64>| numbers.windows(2).any(|pair| pair[0].checked_add(1) == Some(pair[1]));
-    if !numbers.iter().all(counts) {
+    if numbers.is_empty() || !numbers.iter().all(counts) {
         return Ok(());
     }
     let since_first = |camera: usize, frame: usize| numbers[camera][frame].wrapping_sub(numbers[camera][0]);
@@ -137,7 +175,7 @@ mod tests {
         let file = folder.path().join("rig.json");
         let rig = json!({ "cameras": Value::Array(vec![camera; cameras]) });
         std::fs::write(&file, rig.to_string()).unwrap();
-        let opened = open(folder.path(), &file);
+        let opened = open(folder.path(), &file, Colours::Drop);
         let opened = opened.map_err(|error| error.to_string().replace(file.to_str().unwrap(), "rig.json"));
         (folder, opened)
     }

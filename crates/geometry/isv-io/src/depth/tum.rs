@@ -1,11 +1,13 @@
 //! The layout of the TUM RGB-D benchmark: `depth.txt` and `groundtruth.txt`.
 
 use super::camera_json::Lens;
+use super::colour::{Beside, ColourCamera, ColourCameraKeys};
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
 use super::json::read_json;
 use super::times::{self, TimeUnit};
 use super::{BadPose, Camera, DepthSequence, Optics, Poses};
+use crate::Colours;
 use crate::inside::inside;
 use crate::regular_file;
 use crate::text::{self, parse_billionths, parse_float};
@@ -28,18 +30,40 @@ pub const TUM_DEPTH_SCALE_M: f64 = 1.0 / 5000.0;
 /// How far, in seconds, the pose nearest in time may be from an image's time stamp; images without such a pose are left out.
 pub const TUM_TIME_LIMIT_S: f64 = 0.05;
 
+/// How far, in seconds, the colour image nearest in time may be from a depth image; depth images without such an image have no colour.
+pub(crate) const TUM_COLOUR_LIMIT_S: f64 = 0.02;
+
 /// `camera.json` beside the lists.
 #[derive(Debug, Deserialize)]
 struct CameraFile {
     #[serde(flatten)]
     lens: Lens,
     time_unit: Option<TimeUnit>,
+    #[serde(alias = "color", alias = "rgb")]
+    colour: Option<ColourLens>,
+}
+
+/// The colour camera of `camera.json`; its images are those of `rgb.txt`.
+#[derive(Debug, Deserialize)]
+struct ColourLens {
+    #[serde(flatten)]
+    keys: ColourCameraKeys,
+}
+
+/// The list of colour images.
+const COLOURS: &str = "rgb.txt";
+
+/// What the folder says of its camera.
+struct Given {
+    optics: Optics,
+    time_unit: Option<TimeUnit>,
+    colour: Option<ColourLens>,
 }
 
 /// Opens a folder by its `depth.txt`.
-pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFileError> {
+pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<DepthSequence, DepthFileError> {
     let images = read_images(folder, file)?;
-    let (optics, given_unit) = read_camera(folder)?;
+    let Given { optics, time_unit: given_unit, colour } = read_camera(folder)?;
     let stamps: Vec<Time> = images.iter().map(|image| image.0).collect();
     let unit = given_unit.unwrap_or_else(|| TimeUnit::from_stamps(&stamps));
     let list = folder.join("groundtruth.txt");
@@ -59,8 +83,17 @@ pub(crate) fn open(folder: &Path, file: &Path) -> Result<DepthSequence, DepthFil
     }
     let times_ns = times::since_first(&times, file)?;
     let fps = times::median_rate(&times_ns);
-    let poses = Poses::Moving { file: list, poses };
-    let sequence = DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps);
+    let poses = Poses::Moving { file: list.clone(), poses };
+    let colours = match (colours, folder.join(COLOURS)) {
+        (Colours::Keep, file) if file.is_file() => {
+            let depth = Some((0, &paths[..]));
+            let beside = Beside { folder, file: &file, name: None, optics: &optics, poses: &poses, depth };
+            vec![read_colours(&beside, colour, unit, &times, &trajectory, &list)?]
+        }
+        _ => Vec::new(),
+    };
+    let sequence =
+        DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps).with_colours(colours);
     Ok(DepthSequence {
         skipped: stamps.len() - times.len(),
         times_ns: Some(times_ns),
@@ -95,12 +128,45 @@ fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, Depth
     Ok(images)
 }
 
+/// The colour image nearest in time to each depth image, from where the camera was when it was taken.
+fn read_colours(
+    beside: &Beside,
+    keys: Option<ColourLens>,
+    unit: TimeUnit,
+    times_ns: &[i128],
+    trajectory: &Trajectory,
+    list: &Path,
+) -> Result<ColourCamera, DepthFileError> {
+    let images = read_images(beside.folder, beside.file)?;
+    let images: Vec<(i128, PathBuf)> =
+        images.into_iter().map(|(time, path)| (unit.nanoseconds(time), path)).collect();
+    let limit_ns = (TUM_COLOUR_LIMIT_S * 1e9) as i128;
+    let nearest = |time_ns: &i128| {
+        let next = images.partition_point(|(t, _)| t < time_ns);
+        let around = images[next.saturating_sub(1)..].iter().take(2);
+        let image = around.min_by_key(|(t, _)| (t - time_ns).abs())?;
+        let pose = trajectory.at(image.0)?.ok()?;
+        ((image.0 - time_ns).abs() <= limit_ns).then(|| (pose, image.1.clone()))
+    };
+    let found: Vec<Option<(CameraPose, PathBuf)>> = times_ns.iter().map(nearest).collect();
+    // A frame without an image needs no pose.
+    let nowhere = CameraPose { rotation: DMat3::IDENTITY, centre: DVec3::ZERO };
+    let poses = found.iter().map(|found| Ok(found.as_ref().map_or(nowhere, |(pose, _)| *pose))).collect();
+    let poses = Poses::Moving { file: list.to_owned(), poses };
+    let paths = found.into_iter().map(|found| found.map(|(_, path)| path)).collect();
+    let beside = Beside { poses: &poses, ..*beside };
+    match keys {
+        Some(ColourLens { keys }) => keys.camera(&beside, paths),
+        None => Ok(ColourCamera::registered(&beside, paths)),
+    }
+}
+
 /// `camera.json` without poses, or `calibration.txt` with `fx fy cx cy` and possibly `width height`, or the defaults.
-fn read_camera(folder: &Path) -> Result<(Optics, Option<TimeUnit>), DepthFileError> {
+fn read_camera(folder: &Path) -> Result<Given, DepthFileError> {
     let (json, text) = (folder.join("camera.json"), folder.join("calibration.txt"));
     if json.is_file() {
-        let CameraFile { lens, time_unit } = read_json(&json)?;
-        return Ok((lens.check(&json, None)?, time_unit));
+        let CameraFile { lens, time_unit, colour } = read_json(&json)?;
+        return Ok(Given { optics: lens.check(&json, None)?, time_unit, colour });
     }
     let mut intrinsics = TUM_INTRINSICS;
     if text.is_file() {
@@ -121,7 +187,8 @@ fn read_camera(folder: &Path) -> Result<(Optics, Option<TimeUnit>), DepthFileErr
     }
     let cause = |cause| DepthFileError::Camera { path: text.clone(), camera: None, cause };
     intrinsics.validate().map_err(cause)?;
-    Ok((Optics { intrinsics, units: Units::new(TUM_DEPTH_SCALE_M, None), distortion: None }, None))
+    let optics = Optics { intrinsics, units: Units::new(TUM_DEPTH_SCALE_M, None), distortion: None };
+    Ok(Given { optics, time_unit: None, colour: None })
 }
 
 /// Poses in order of time, in nanoseconds.

@@ -9,12 +9,14 @@ use isv::raw::format::FrameRate;
 use isv::raw::io::Geometry;
 use isv::raw::take::FrameRange;
 use isv::raw::take::Prefetch;
+use isv::raw::take::Projection;
 use isv::raw::take::Up;
 use isv::raw::take::capture::{Capture, Frames, Hints, matching_ranges};
 use isv::raw::volume::TriangleMesh;
 use isv_render::Extent;
 use isv_spatial::Bvh;
 use std::ops::Range;
+use std::path::PathBuf;
 
 /// A frame to draw.
 pub(super) struct Scene {
@@ -49,6 +51,8 @@ pub(super) struct FrameSource {
     input: Capture,
     range: Range<usize>,
     reference: Option<(Capture, Range<usize>)>,
+    /// Cameras whose images become textures, and their frames.
+    projection: Option<(Projection, Range<usize>)>,
 }
 
 impl FrameSource {
@@ -63,7 +67,13 @@ impl FrameSource {
                 input.counted()?;
             }
             let range = input.range(asked.or((!all).then_some(FrameRange { start: 0, end: 1 })))?;
-            return Ok(Self { input, range, reference: None });
+            let project = |rig: &PathBuf| -> Result<_> {
+                let projection = Projection::open(rig, args.project_up.into())?;
+                let frames = projection.frames_for(&input, &range)?;
+                Ok((projection.turned(args.up.into()), frames))
+            };
+            let projection = args.project_from.as_ref().map(project).transpose()?;
+            return Ok(Self { input, range, reference: None, projection });
         };
         let hints = Hints { frame_rate: args.sampling_rate(), ..capture::hints(args.against_units) };
         let reference = capture::open(against, &hints.with_origin(args.against_origin))?;
@@ -71,7 +81,7 @@ impl FrameSource {
         let ranges = matching_ranges(&reference, &input, asked)?;
         let [in_reference, range] =
             ranges.map(|range| if all { range } else { range.start..range.end.min(range.start + 1) });
-        Ok(Self { input, range, reference: Some((reference, in_reference)) })
+        Ok(Self { input, range, reference: Some((reference, in_reference)), projection: None })
     }
 
     /// How many frames there are.
@@ -93,6 +103,7 @@ impl FrameSource {
     /// time; those of a pipe, which cannot be read again, are all held.
     pub(super) fn read(self, args: &Args) -> Result<(Overview, Scenes)> {
         let name = self.input.name().to_owned();
+        let voxel_m = self.input.grid().map(|grid| grid.voxel_size.metres());
         let can_read_again = self.input.frames().is_some() && self.range.len() > 1;
         let mut meshes = turned(self.input.meshes(self.range.clone())?, args.up.into());
         let overview = if can_read_again {
@@ -108,7 +119,16 @@ impl FrameSource {
             meshes = Box::new(held.into_iter().map(Ok));
             overview
         };
-        let Some(overview) = overview else { bail!("{name}: no surface to draw") };
+        let Some(mut overview) = overview else { bail!("{name}: no surface to draw") };
+        if let Some((projection, frames)) = self.projection {
+            overview.has_colours = true;
+            meshes = Box::new(meshes.zip(frames).map(move |(mesh, frame)| {
+                let mut mesh = mesh?;
+                let detail_m = voxel_m.unwrap_or_else(|| typical_edge_m(&mesh));
+                projection.paint(&mut mesh, frame, detail_m)?;
+                Ok(mesh)
+            }));
+        }
         let Some((reference, range)) = self.reference else {
             return Ok((overview, ahead(meshes.map(|mesh| Ok(Scene { mesh: mesh?, reference: None })))));
         };
@@ -144,6 +164,11 @@ fn turned(meshes: Frames<TriangleMesh>, up: Up) -> Frames<TriangleMesh> {
         Geometry::Mesh(mesh) => Ok(mesh),
         Geometry::Points(_) => unreachable!("a turned mesh is a mesh"),
     }))
+}
+
+/// Length of an edge of a mesh whose triangles are all alike (m).
+fn typical_edge_m(mesh: &TriangleMesh) -> f64 {
+    (2.0 * mesh.area() / mesh.triangles.len().max(1) as f64).sqrt()
 }
 
 /// The overview of all meshes; none if they have no triangles.

@@ -1,0 +1,455 @@
+//! Colour images beside depth images: which there are, and what their pixels mean.
+
+use super::camera_json::lens_of;
+use super::distortion::{Distortion, DistortionKeys};
+use super::error::{DepthFileError, io_error};
+use super::json::{Number, WrittenPose};
+use super::{BadPose, DepthSequence, Optics, Poses, rig};
+use crate::image::{ImageFault, MAX_IMAGE_BYTES, decode};
+use crate::inside::inside;
+use crate::wildcard::{has_wildcard, matches};
+use crate::{Colours, natural_cmp, regular_file};
+use glam::DVec2;
+use isv_volume::{CameraPose, ColourView, Image, Intrinsics, MAX_PIXELS};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Folders of colour images that are looked for where `camera.json` names none.
+const FOLDERS: [&str; 3] = ["color", "colour", "rgb"];
+
+/// Extensions of the names of colour images, in lower case. KTX2 is for textures.
+const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+
+/// Focal lengths (pixels) that tell the first Kinect's depth camera, and that of the colour camera beside it, in images of 640 x 480. Its
+/// images are not registered where the depth camera has a lens of its own.
+const KINECT_DEPTH: Range<f64> = 575.0..595.0;
+const KINECT_COLOUR: f64 = 525.0;
+const KINECT_SIZE: [u32; 2] = [640, 480];
+
+/// Share by which the shape of an image may differ from its lens's: sizes of video are rounded to even numbers.
+const SHAPE_TOLERANCE: f64 = 0.01;
+
+/// Colour images of cameras: a place alone, or a camera of its own.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum ColourKeys {
+    Place(ImagePlace),
+    Camera(Box<ColourCameraKeys>),
+}
+
+/// Place of colour images.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum ImagePlace {
+    /// A folder or a pattern.
+    Folder(String),
+    /// A file a frame; `null` for a frame without one.
+    List(Vec<Option<String>>),
+}
+
+/// A colour camera with a lens or a place of its own.
+#[derive(Debug, Deserialize)]
+pub(crate) struct ColourCameraKeys {
+    images: Option<ImagePlace>,
+    width: Option<u32>,
+    height: Option<u32>,
+    fx: Option<Number>,
+    fy: Option<Number>,
+    cx: Option<Number>,
+    cy: Option<Number>,
+    /// From the colour camera to the depth camera.
+    to_depth: Option<WrittenPose>,
+    /// From the colour camera to the world, of a camera that stands still.
+    camera_to_world: Option<WrittenPose>,
+    #[serde(flatten)]
+    distortion: DistortionKeys,
+}
+
+/// Colour images of one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ColourCamera {
+    pub(crate) intrinsics: Intrinsics,
+    pub(crate) distortion: Option<Distortion>,
+    pub(crate) poses: Poses,
+    /// One a frame, where there is one.
+    pub(crate) paths: Vec<Option<PathBuf>>,
+    /// Number of the depth camera beside it.
+    pub(crate) depth_camera: Option<usize>,
+    /// Whether its calibration was assumed.
+    pub(crate) is_rough: bool,
+}
+
+/// A depth camera, or what a rig says of the place of a colour camera without one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beside<'a> {
+    /// The folder of the capture.
+    pub(crate) folder: &'a Path,
+    /// The file that describes it.
+    pub(crate) file: &'a Path,
+    /// Name of the camera, if cameras have names.
+    pub(crate) name: Option<&'a str>,
+    pub(crate) optics: &'a Optics,
+    pub(crate) poses: &'a Poses,
+    /// Depth images, and the number of their camera.
+    pub(crate) depth: Option<(usize, &'a [PathBuf])>,
+}
+
+impl ColourKeys {
+    /// The images that the keys name, beside a depth camera.
+    pub(crate) fn open(self, beside: &Beside) -> Result<ColourCamera, DepthFileError> {
+        match self {
+            Self::Place(place) => Ok(ColourCamera::registered(beside, place.paths(beside)?)),
+            Self::Camera(keys) => {
+                let images = keys.images.as_ref();
+                let images = images.ok_or_else(|| beside.flaw("`colour` names no images".to_owned()))?;
+                keys.camera(beside, images.paths(beside)?)
+            }
+        }
+    }
+}
+
+impl ColourCameraKeys {
+    /// The camera of some images, one a frame.
+    pub(crate) fn camera(
+        &self,
+        beside: &Beside,
+        paths: Vec<Option<PathBuf>>,
+    ) -> Result<ColourCamera, DepthFileError> {
+        let (intrinsics, distortion) = self.lens(beside)?;
+        let poses = self.poses(beside)?;
+        let depth_camera = beside.depth.map(|(camera, _)| camera);
+        Ok(ColourCamera { intrinsics, distortion, poses, paths, depth_camera, is_rough: false })
+    }
+
+    /// The lens of its own, or that of the depth camera.
+    fn lens(&self, beside: &Beside) -> Result<(Intrinsics, Option<Distortion>), DepthFileError> {
+        let numbers = [&self.fx, &self.fy, &self.cx, &self.cy];
+        if numbers.iter().all(|number| number.is_none()) {
+            return Ok((beside.optics.intrinsics, beside.optics.distortion));
+        }
+        let [Some(fx), Some(fy), Some(cx), Some(cy)] = numbers else {
+            let why = "the colour camera has some of fx, fy, cx and cy: give all of them or none";
+            return Err(beside.flaw(why.to_owned()));
+        };
+        let Intrinsics { width, height, .. } = beside.optics.intrinsics;
+        let intrinsics = Intrinsics {
+            width: self.width.unwrap_or(width),
+            height: self.height.unwrap_or(height),
+            focal: DVec2::new(fx.0, fy.0),
+            principal: DVec2::new(cx.0, cy.0),
+        };
+        Ok((intrinsics, lens_of(intrinsics, &self.distortion, beside.file, beside.name)?))
+    }
+
+    /// The place of its own, or that of the depth camera.
+    fn poses(&self, beside: &Beside) -> Result<Poses, DepthFileError> {
+        let named = |cause| DepthFileError::Camera {
+            path: beside.file.to_owned(),
+            camera: beside.name.map(str::to_owned),
+            cause,
+        };
+        match (&self.to_depth, &self.camera_to_world) {
+            (None, None) => Ok(beside.poses.clone()),
+            (None, Some(pose)) => pose.pose().map(Poses::Fixed).map_err(named),
+            (Some(to_depth), None) => Ok(beside.poses.of(&to_depth.pose().map_err(named)?)),
+            (Some(_), Some(_)) => {
+                Err(beside.flaw("the colour camera has both to_depth and camera_to_world".to_owned()))
+            }
+        }
+    }
+}
+
+impl Beside<'_> {
+    /// Names what is wrong with the colour camera.
+    fn flaw(&self, why: String) -> DepthFileError {
+        let camera = self.name.map(str::to_owned);
+        DepthFileError::Distortion { path: self.file.to_owned(), camera, why }
+    }
+
+    /// The path of a name that the capture gives.
+    fn inside(&self, name: &str) -> Result<PathBuf, DepthFileError> {
+        inside(self.folder, name)
+            .ok_or_else(|| DepthFileError::Outside { path: self.file.to_owned(), name: name.to_owned() })
+    }
+}
+
+impl ImagePlace {
+    /// The image of each frame.
+    fn paths(&self, beside: &Beside) -> Result<Vec<Option<PathBuf>>, DepthFileError> {
+        match self {
+            Self::Folder(name) => {
+                let place = beside.inside(name)?;
+                let images = list_colour_images(&place)?;
+                if images.is_empty() {
+                    return Err(DepthFileError::NoColourImages { path: place });
+                }
+                paired(&place, images, beside)
+            }
+            Self::List(names) => {
+                let (found, expected) = (names.len(), beside.depth.map_or(names.len(), |(_, d)| d.len()));
+                if found != expected {
+                    return Err(count_error(beside.file.to_owned(), found, expected));
+                }
+                names.iter().map(|name| name.as_ref().map(|name| beside.inside(name)).transpose()).collect()
+            }
+        }
+    }
+}
+
+/// Colour images without a partner each.
+fn count_error(path: PathBuf, found: usize, expected: usize) -> DepthFileError {
+    DepthFileError::Count {
+        path,
+        found,
+        what: "colour images",
+        expected,
+        expected_what: "depth images, and their names do not say which belong together".to_owned(),
+    }
+}
+
+/// The colour image of each depth image: in order if they are equally many, else by the numbers in their names.
+fn paired(
+    place: &Path,
+    images: Vec<PathBuf>,
+    beside: &Beside,
+) -> Result<Vec<Option<PathBuf>>, DepthFileError> {
+    let Some((_, depths)) = beside.depth.filter(|(_, depths)| depths.len() != images.len()) else {
+        return Ok(images.into_iter().map(Some).collect());
+    };
+    let found = images.len();
+    let mut by_number: BTreeMap<u64, PathBuf> = BTreeMap::new();
+    for path in images {
+        if let Some(number) = number_in(&path) {
+            by_number.insert(number, path);
+        }
+    }
+    let paths: Vec<Option<PathBuf>> =
+        depths.iter().map(|depth| by_number.remove(&number_in(depth)?)).collect();
+    match paths.iter().any(Option::is_some) {
+        true => Ok(paths),
+        false => Err(count_error(place.to_owned(), found, depths.len())),
+    }
+}
+
+/// The last number in the name of a file, its extension left out.
+fn number_in(path: &Path) -> Option<u64> {
+    let stem = path.file_stem()?.to_str()?;
+    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let digits = stem[..end].trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    stem[digits..end].parse().ok()
+}
+
+/// The colour images in a folder, or those whose names match a pattern, in natural order.
+fn list_colour_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> {
+    let name = place.file_name().unwrap_or_default().as_encoded_bytes();
+    let (folder, pattern) = match place.parent() {
+        Some(parent) if has_wildcard(name) && !place.is_dir() => (parent, name),
+        _ => (place, &b"*"[..]),
+    };
+    let mut names = Vec::new();
+    for entry in folder.read_dir().map_err(io_error(folder))? {
+        let name = entry.map_err(io_error(folder))?.file_name();
+        let bytes = name.as_encoded_bytes();
+        if !bytes.starts_with(b".") && is_colour_image(Path::new(&name)) && matches(pattern, bytes) {
+            names.push(name);
+        }
+    }
+    names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
+    Ok(names.iter().map(|name| folder.join(name)).collect())
+}
+
+fn is_colour_image(path: &Path) -> bool {
+    let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+    extension.is_some_and(|extension| EXTENSIONS.iter().any(|known| extension == *known))
+}
+
+/// The colour images that lie beside a depth camera without being named: in one of [`FOLDERS`]. None if no folder has any image, or if their
+/// number fits nothing.
+pub(crate) fn unnamed(beside: &Beside) -> Option<ColourCamera> {
+    let paths = FOLDERS.iter().find_map(|folder| {
+        let place = beside.folder.join(folder);
+        let images = list_colour_images(&place).ok().filter(|images| !images.is_empty())?;
+        paired(&place, images, beside).ok()
+    })?;
+    Some(ColourCamera { is_rough: true, ..ColourCamera::assumed(beside, paths) })
+}
+
+impl ColourCamera {
+    /// Images that were registered to the depth camera: pixel by pixel they show the same.
+    pub(crate) fn registered(beside: &Beside, paths: Vec<Option<PathBuf>>) -> Self {
+        let Optics { intrinsics, distortion, .. } = *beside.optics;
+        let depth_camera = beside.depth.map(|(camera, _)| camera);
+        Self { intrinsics, distortion, poses: beside.poses.clone(), paths, depth_camera, is_rough: false }
+    }
+
+    /// Images of which nothing is known: registered, unless the depth camera is the first Kinect's with its own lens.
+    fn assumed(beside: &Beside, paths: Vec<Option<PathBuf>>) -> Self {
+        let mut camera = Self::registered(beside, paths);
+        let Intrinsics { width, height, focal, .. } = camera.intrinsics;
+        if [width, height] == KINECT_SIZE && focal.to_array().iter().all(|f| KINECT_DEPTH.contains(f)) {
+            camera.intrinsics.focal = DVec2::splat(KINECT_COLOUR);
+        }
+        camera
+    }
+
+    /// Reads the image of a frame, if there is one. `pixels`: those of the frame so far.
+    fn read(&self, frame: usize, pixels: &mut u64) -> Result<Option<ColourView>, DepthFileError> {
+        let Some(path) = &self.paths[frame] else { return Ok(None) };
+        let pose = self.poses.at(frame)?;
+        let flaw = |cause| DepthFileError::ColourImage { path: path.clone(), frame, cause };
+        let io = |cause: std::io::Error| flaw(ImageFault::File { cause: cause.to_string() });
+        let (_, length) = regular_file::open(path).map_err(io)?;
+        if length > MAX_IMAGE_BYTES {
+            let cause = ImageFault::File { cause: format!("it has more than {MAX_IMAGE_BYTES} bytes") };
+            return Err(flaw(cause));
+        }
+        let image = decode(&regular_file::read(path).map_err(io)?).map_err(flaw)?;
+        *pixels += u64::from(image.width()) * u64::from(image.height());
+        if *pixels > MAX_PIXELS {
+            let (found, what) = (*pixels, "pixels in the colour images of a frame");
+            return Err(DepthFileError::TooLarge { path: path.clone(), found, what, limit: MAX_PIXELS });
+        }
+        let lens = self.lens_for(&image).ok_or_else(|| DepthFileError::ColourShape {
+            path: path.clone(),
+            frame,
+            found: [image.width(), image.height()],
+            expected: [self.intrinsics.width, self.intrinsics.height],
+        })?;
+        let (image, shown) = match &self.distortion {
+            Some(distortion) => distortion.undistort_colours(&lens, &image),
+            None => (image, Vec::new()),
+        };
+        let view = ColourView::new(Arc::new(image), lens, pose).expect("the lens has the image's size");
+        let view = view.with_shown(shown).with_depth_image(self.depth_camera);
+        Ok(Some(view.with_rough_calibration(self.is_rough)))
+    }
+
+    /// The lens of images of another size and the same shape.
+    fn lens_for(&self, image: &Image) -> Option<Intrinsics> {
+        let lens = self.intrinsics;
+        let scale = DVec2::new(
+            f64::from(image.width()) / f64::from(lens.width),
+            f64::from(image.height()) / f64::from(lens.height),
+        );
+        let is_alike = (scale.x / scale.y - 1.0).abs() <= SHAPE_TOLERANCE;
+        is_alike.then(|| Intrinsics {
+            width: image.width(),
+            height: image.height(),
+            focal: lens.focal * scale,
+            // Whole numbers are the middles of pixels; what scales lies at their edges.
+            principal: (lens.principal + 0.5) * scale - 0.5,
+        })
+    }
+}
+
+impl Poses {
+    /// The pose of a frame.
+    pub(crate) fn at(&self, frame: usize) -> Result<CameraPose, DepthFileError> {
+        match self {
+            Self::Fixed(pose) => Ok(*pose),
+            Self::Moving { file, poses } => {
+                poses[frame].as_ref().copied().map_err(|why| why.at_frame(file, frame))
+            }
+        }
+    }
+
+    /// Poses of a camera that stands beside the one that has these.
+    fn of(&self, other: &CameraPose) -> Self {
+        match self {
+            Self::Fixed(pose) => Self::Fixed(pose.of(other)),
+            Self::Moving { file, poses } => {
+                let moved = |pose: &Result<CameraPose, BadPose>| pose.clone().map(|pose| pose.of(other));
+                Self::Moving { file: file.clone(), poses: poses.iter().map(moved).collect() }
+            }
+        }
+    }
+}
+
+/// Colour images of the calibrated cameras of a capture, frame after frame. Images are read when they are asked for.
+///
+/// ```no_run
+/// let rig = isv_io::ColourSequence::open("stage/rig.json".as_ref())?;
+/// for view in rig.read(0)? {
+///     println!("{} x {}", view.image().width(), view.image().height());
+/// }
+/// # Ok::<(), isv_io::DepthFileError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourSequence {
+    cameras: Vec<ColourCamera>,
+    frames: usize,
+}
+
+impl ColourSequence {
+    /// Opens the colour images of a folder with `rig.json`, `depth.txt` or `camera.json`, or of such a file. Cameras of a rig need no depth
+    /// images.
+    ///
+    /// # Errors
+    /// See [`DepthFileError`]; [`DepthFileError::NoColour`] if no camera has colour images.
+    pub fn open(path: &Path) -> Result<Self, DepthFileError> {
+        let folder = match path.is_file() {
+            true => path.parent().unwrap_or(Path::new("")),
+            false => path,
+        };
+        let sequence = match folder.join(super::RIG) {
+            file if file.is_file() => rig::open(folder, &file, Colours::Keep)?,
+            _ => DepthSequence::open_with(folder, Colours::Keep)?,
+        };
+        match sequence.colours.is_empty() {
+            true => Err(DepthFileError::NoColour { path: path.to_owned() }),
+            false => Ok(Self { frames: sequence.selected.len(), cameras: sequence.colours }),
+        }
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Number of cameras with colour images.
+    #[must_use]
+    pub fn cameras(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// Reads the colour images of a frame. Cameras without an image of the frame are left out.
+    ///
+    /// # Errors
+    /// See [`DepthFileError`].
+    ///
+    /// # Panics
+    /// If there are not so many frames.
+    pub fn read(&self, frame: usize) -> Result<Vec<ColourView>, DepthFileError> {
+        assert!(frame < self.frames, "frame {frame} of {}", self.frames);
+        read_views(&self.cameras, frame)
+    }
+}
+
+/// Reads the colour images of a frame, those that there are.
+pub(crate) fn read_views(cameras: &[ColourCamera], frame: usize) -> Result<Vec<ColourView>, DepthFileError> {
+    let mut pixels = 0;
+    cameras.iter().filter_map(|camera| camera.read(frame, &mut pixels).transpose()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_number_of_a_name_counts_frames() {
+        for (name, expected) in [
+            ("frame-000012.color.png", Some(12)),
+            ("12.jpg", Some(12)),
+            ("cam2_0007.jpg", Some(7)),
+            ("a7b.jpeg2", Some(7)),
+            ("a.png", None),
+            ("99999999999999999999999.png", None),
+        ] {
+            assert_eq!(number_in(Path::new(name)), expected, "{name}");
+        }
+    }
+}
