@@ -438,8 +438,11 @@ impl EncodeOptions {
     /// The coder of colour, for streams that have any.
     pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourCoding> {
         let is_gradual = self.main.refresh == Some(Refresh::Gradual);
-        self.colour_settings(header)
-            .map(|settings| ColourCoding { encoder: ColourEncoder::new(settings), is_gradual, blocks: None })
+        self.colour_settings(header).map(|settings| ColourCoding {
+            encoder: ColourEncoder::new(settings),
+            is_gradual,
+            blocks: None,
+        })
     }
 
     fn colour_settings(&self, header: &StreamHeader) -> Option<ColourSettings> {
