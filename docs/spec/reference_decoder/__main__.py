@@ -57,17 +57,8 @@ def decode_frames(file, after_loss=False, with_colour=False):
         volume = decode(header, frame, models, reference)
         said = "-" if with_colour else None
         if colour is not None:
-            try:
-                found = colour.decode(packet, volume, frame.colour, loss.is_exact(volume))
-            except Refused as refused:
-                if not after_loss or refused.kind != "missing":
-                    raise
-                reference, expected = loss.keep_over_loss(reference), None
-                colour.lose()
-                yield None, None, None
-                continue
-            if found is not None:
-                said = f"{found:016x}" if colour.exact else "inexact"
+            found = colour.decode(packet, volume, frame.colour, loss.is_exact(volume))
+            said = "inexact" if not colour.exact else "-" if found is None else f"{found:016x}"
         reference = volume
         expected = (packet.since_keyframe + 1) % 2**16
         found = volume_hash(reference)

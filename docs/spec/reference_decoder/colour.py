@@ -27,15 +27,16 @@ class ColourDecoder:
         """`colour`: the colour part, or None. Returns the colour hash of the frame, None if it has no colour."""
         if packet.keyframe:
             self.reference, self.current, self.exact = None, False, True
+        if not volume_exact:
+            self.lose()
+            return self.carry_over(volume)
         if colour is None:
-            self.exact = self.exact and volume_exact
-            if self.reference is None:
-                return None
-            self.reference = carried_over(volume, self.reference)
-            return colour_hash(self.reference)
+            return self.carry_over(volume)
         part = parse_colour(colour, self.layers)
         malformed_if(packet.keyframe and part.kind != 0, "kind of colour of a keyframe")
         if part.kind == 1 and not self.current:
+            if not self.exact:
+                return self.carry_over(volume)
             raise Refused("missing", "the colour of the frame before is not there")
         if part.kind != 1:
             self.models = Models()
@@ -43,12 +44,18 @@ class ColourDecoder:
             self.reference = None
         blocks = self.decode_part(part, volume)
         temporal = any(block.vector is not None for block in blocks.values())
-        self.exact = volume_exact and (self.exact or not temporal)
+        self.exact = self.exact or not temporal
         found = colour_hash(blocks)
         if self.exact and part.colour_hash not in (None, found):
             raise Refused("damaged", f"colour hash {part.colour_hash:016x}, but the samples have {found:016x}")
         self.reference, self.current = blocks, True
         return found
+
+    def carry_over(self, volume):
+        if self.reference is None:
+            return None
+        self.reference = carried_over(volume, self.reference)
+        return colour_hash(self.reference)
 
     def decode_part(self, part, volume):
         blocks = colour_blocks(volume)
