@@ -1,11 +1,14 @@
 //! Makes the conformance streams: small, one feature after the other, each with the hashes of its decoded frames. A stream that is
 //! there is never made again: what an encoder chooses may change, and what others have tested with must not.
 
+mod colour;
 mod extremes;
 mod main_profile;
 mod raw;
 mod refused;
 mod version_2;
+
+pub(crate) use colour::painted;
 
 use anyhow::{Context, Result};
 use isv::raw::decode::volume_hash;
@@ -89,9 +92,17 @@ const CASES: [Case; 16] = [
     Case { name: "paper_long_segment", coefficients: 512, steps: [32, 160], frames: 1, ..PAPER },
 ];
 
-/// Writes the streams that a folder does not have yet, and adds them to its tables.
-pub(crate) fn run(folder: &str) -> Result<()> {
+/// Writes the streams that a folder does not have yet, and adds them to its tables. `colour`: those with colour alone.
+pub(crate) fn run(folder: &str, colour: bool) -> Result<()> {
     let folder = Path::new(folder);
+    if !colour {
+        write_volumes(folder)?;
+    }
+    write_colours(folder)
+}
+
+/// Writes the streams whose volumes are what matters.
+fn write_volumes(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder.join("refused"))?;
     let paper = CASES.iter().map(|case| Ok((case.name, encode_case(case)?))).collect::<Result<Vec<_>>>()?;
     let mut table = String::new();
@@ -108,18 +119,37 @@ pub(crate) fn run(folder: &str) -> Result<()> {
         }
     }
     append(&folder.join("hashes.txt"), &table)?;
-    for (file, cases) in
-        [("refused.txt", refused::streams()?), ("may_refuse.txt", refused::optional_streams()?)]
-    {
-        let mut table = String::new();
-        for case in cases {
-            if write_new(&folder.join("refused").join(format!("{}.isv", case.name)), &case.bytes)? {
-                writeln!(table, "{}.isv {} {}", case.name, case.frames, case.class)?;
+    write_refused(folder, "refused.txt", "refused", refused::streams()?)?;
+    write_refused(folder, "may_refuse.txt", "refused", refused::optional_streams()?)
+}
+
+/// Writes the streams whose colour is what matters.
+fn write_colours(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder.join("colour_refused"))?;
+    let (mut table, mut colours) = (String::new(), String::new());
+    for (name, colour::ColourStream { stream: (bytes, hashes), colours: found }) in colour::streams()? {
+        if write_new(&folder.join(format!("{name}.isv")), &bytes)? {
+            for (frame, (hash, colour)) in hashes.iter().zip(&found).enumerate() {
+                writeln!(table, "{name}.isv {frame} {hash:016x}")?;
+                let colour = colour.map_or("-".to_owned(), |hash| format!("{hash:016x}"));
+                writeln!(colours, "{name}.isv {frame} {colour}")?;
             }
         }
-        append(&folder.join(file), &table)?;
     }
-    Ok(())
+    append(&folder.join("hashes.txt"), &table)?;
+    append(&folder.join("colour.txt"), &colours)?;
+    write_refused(folder, "colour_refused.txt", "colour_refused", colour::refused()?)
+}
+
+/// Writes streams that must be refused into one of the folder's folders, and adds them to a table.
+fn write_refused(folder: &Path, table: &str, place: &str, cases: Vec<refused::Refused>) -> Result<()> {
+    let mut lines = String::new();
+    for case in cases {
+        if write_new(&folder.join(place).join(format!("{}.isv", case.name)), &case.bytes)? {
+            writeln!(lines, "{}.isv {} {}", case.name, case.frames, case.class)?;
+        }
+    }
+    append(&folder.join(table), &lines)
 }
 
 /// Writes a file if there is none. Whether it did.

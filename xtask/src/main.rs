@@ -92,7 +92,12 @@ enum Command {
         images: PathBuf,
     },
     /// Write the conformance streams that a folder does not have yet, and add them to its tables
-    Conformance { folder: String },
+    Conformance {
+        folder: String,
+        /// Those with colour alone, which takes seconds
+        #[arg(long)]
+        colour: bool,
+    },
     /// Write what `fuzz/run` starts from
     FuzzSeeds { folder: String },
     /// Build the decoder as WebAssembly into player/src/isv.wasm
@@ -122,7 +127,7 @@ fn main() -> Result<()> {
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),
         Command::Regression { data, table, update } => regression::run(&data, &table, update),
         Command::SheetPictures { images } => sheet_pictures::run(&images),
-        Command::Conformance { folder } => conformance::run(&folder),
+        Command::Conformance { folder, colour } => conformance::run(&folder, colour),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
         Command::Player { check, from_source } => player::run(check, from_source),
     }

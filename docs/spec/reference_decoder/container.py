@@ -193,6 +193,7 @@ class Frame:
     masks: bytes = b""
     motion: list = field(default_factory=list)        # of each slice
     coefficients: list = field(default_factory=list)  # of each slice
+    colour: bytes = None                              # the colour part
 
     def slice(self, s, blocks):
         """6.4: the blocks of slice s, of all that the block set holds."""
@@ -218,9 +219,9 @@ def split_payload(packet):
 
 def parse_frame(header, packet):
     """6.4, and what 7.1 looks at after it."""
-    geometry, _colour = split_payload(packet)
+    geometry, colour = split_payload(packet)
     payload = Payload(geometry)
-    frame = Frame(prediction=payload.u8())
+    frame = Frame(prediction=payload.u8(), colour=colour)
     known = (0, 1, 2, 3) if header.profile == PAPER else (0, 2, 6, 10)
     malformed_if(frame.prediction not in known, f"prediction {frame.prediction}")
     frame.blocks = payload.varint()
@@ -251,6 +252,43 @@ def parse_frame(header, packet):
     malformed_if(packet.keyframe and frame.prediction != 0, "prediction of a keyframe")
     check_limits(header, frame)
     return frame
+
+
+def colour_sample_limit():
+    """Section 8: the limit on samples of a frame's colour that is this decoder's choice."""
+    return 2**27
+
+
+@dataclass
+class ColourPart:
+    kind: int
+    steps: tuple                                      # of Y, Cb and Cr
+    slices: int
+    colour_hash: int = None
+    modes: list = field(default_factory=list)         # of each slice
+    coefficients: list = field(default_factory=list)  # of each layer, of each slice
+
+
+def parse_colour(data, layers):
+    """6.7"""
+    payload = Payload(data)
+    kind = payload.u8()
+    malformed_if(kind & 127 > 2, f"colour of kind {kind & 127}")
+    steps = []
+    for _ in range(2):
+        steps.append(payload.varint())
+        malformed_if(not 1 <= steps[-1] <= 65535, "quantizer step of colour")
+    slices = payload.varint()
+    malformed_if(slices == 0, "no slices of colour")
+    if slices > 256:
+        raise Refused("limit", f"{slices} slices of colour")
+    part = ColourPart(kind & 127, (steps[0], steps[1], steps[1]), slices)
+    if kind & 128:
+        part.colour_hash = int.from_bytes(payload.take(8), "little")
+    lengths = [[payload.varint() for _ in range(slices)] for _ in range(1 + layers)]
+    part.modes, *part.coefficients = [[payload.take(length) for length in of_slices] for of_slices in lengths]
+    malformed_if(payload.at != len(data), "the segments do not fill the colour part")
+    return part
 
 
 def check_limits(header, frame):

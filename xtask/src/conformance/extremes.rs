@@ -28,8 +28,8 @@ pub(super) fn streams() -> Result<Vec<(&'static str, Stream)>> {
 }
 
 /// First and last block coordinate along an axis.
-const FIRST: i32 = -(1 << 20);
-const LAST: i32 = (1 << 20) - 1;
+pub(super) const FIRST: i32 = -(1 << 20);
+pub(super) const LAST: i32 = (1 << 20) - 1;
 
 /// The fields of a stream header that say nothing about samples, at their least or at their most.
 fn header(profile: Profile, edge: BlockEdge, truncation: u32, most: bool) -> Result<StreamHeader> {

@@ -96,7 +96,7 @@ fn scenes(truncation: u32, places: &[[i32; 3]], main: MainSettings) -> Result<St
 }
 
 /// The volume at another place, but for what falls off the range of coordinates.
-fn moved(volume: &SparseVolume, place: [i32; 3]) -> SparseVolume {
+pub(super) fn moved(volume: &SparseVolume, place: [i32; 3]) -> SparseVolume {
     let mut builder = VolumeBuilder::new(*volume.grid());
     for (block, coord) in volume.coords().iter().enumerate().filter(|_| place != NOWHERE) {
         let coord = coord.offset(place);

@@ -48,13 +48,29 @@ impl RawStream {
 
     /// Adds a frame packet with the next number.
     pub(super) fn frame(&mut self, keyframe: bool, timestamp_ns: u64, hashed: bool, payload: &[u8]) {
+        self.frame_with(keyframe, timestamp_ns, hashed, payload, None);
+    }
+
+    /// Adds a frame packet with the next number and a colour part, if it is to have one.
+    pub(super) fn frame_with(
+        &mut self,
+        keyframe: bool,
+        timestamp_ns: u64,
+        hashed: bool,
+        geometry: &[u8],
+        colour: Option<&[u8]>,
+    ) {
+        let payload = match colour {
+            Some(colour) => [geometry, colour, &(colour.len() as u32).to_le_bytes()].concat(),
+            None => geometry.to_vec(),
+        };
         self.since_keyframe = if keyframe { 0 } else { self.since_keyframe.wrapping_add(1) };
         self.index.frames.push(IndexEntry { at: self.bytes.len() as u64, keyframe });
         self.packet(
-            PacketKind::Frame { keyframe, hashed, colour: false },
+            PacketKind::Frame { keyframe, hashed, colour: colour.is_some() },
             self.since_keyframe,
             timestamp_ns,
-            payload,
+            &payload,
         );
     }
 

@@ -3,6 +3,7 @@
 use super::extremes::{MAIN, frame_of_ones, keyframe, small_main, small_paper};
 use super::raw::{RawFrame, RawStream, crc32, judge, octree, segment};
 use anyhow::{Context, Result, bail, ensure};
+use isv::raw::decode::DecodeError;
 use isv::raw::decode::RefusalClass::{self, Cut, Damaged, Foreign, Limit, Malformed, Missing, Unsupported};
 use isv::raw::encode::{Encoder, EncoderSettings, MotionMode};
 use isv::raw::format::{
@@ -20,6 +21,17 @@ pub(super) struct Refused {
     pub(super) frames: usize,
     pub(super) class: RefusalClass,
     says: &'static str,
+}
+
+impl Refused {
+    /// Compares what our decoder says of the stream: the frames before the refusal, and why it refuses.
+    pub(super) fn check(&self, frames: usize, error: Option<DecodeError>) -> Result<()> {
+        let error = error.with_context(|| format!("{} is accepted", self.name))?;
+        let found = (frames, error.class());
+        ensure!(found == (self.frames, Some(self.class)), "{}: {found:?}: {error}", self.name);
+        ensure!(error.to_string().contains(self.says), "{}: {error}", self.name);
+        Ok(())
+    }
 }
 
 pub(super) fn case(
@@ -41,10 +53,7 @@ pub(super) fn streams() -> Result<Vec<Refused>> {
     cases.extend(super::version_2::refused()?);
     for case in &cases {
         let (frames, error) = judge(&case.bytes);
-        let error = error.with_context(|| format!("{} is accepted", case.name))?;
-        let found = (frames.len(), error.class());
-        ensure!(found == (case.frames, Some(case.class)), "{}: {found:?}: {error}", case.name);
-        ensure!(error.to_string().contains(case.says), "{}: {error}", case.name);
+        case.check(frames.len(), error)?;
     }
     Ok(cases)
 }

@@ -1,7 +1,9 @@
 //! Streams of the codec: those of the conformance suite, and some small ones.
 
 use super::{Seeds, grid, tetrahedron};
+use crate::conformance::painted;
 use anyhow::{Context, Result};
+use isv::raw::encode::colour::{ColourEncoder, ColourSettings};
 use isv::raw::encode::{Encoder, EncoderSettings};
 use isv::raw::format::{
     ColourLayers, FrameRate, PacketHeader, PacketKind, PacketReader, PacketWriter, PaperParameters, Profile,
@@ -9,6 +11,7 @@ use isv::raw::format::{
 };
 use isv::raw::ingest::{MeshIngest, SignDecision, ingest_mesh};
 use isv::raw::volume::{BlockEdge, SparseVolume};
+use isv_testkit::small_ball;
 use std::fs;
 use std::path::Path;
 
@@ -27,6 +30,9 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
         for target in ["packet", "syntax", "differential"] {
             seeds.save(target, first_frames(stream))?;
         }
+    }
+    for layers in 1..=3 {
+        seeds.save("colour", &colour_parts(layers))?;
     }
     let noise: Vec<u8> = (0..240u8).map(|i| i.wrapping_mul(37)).collect();
     for target in ["ingest", "encoder"] {
@@ -76,6 +82,21 @@ fn conformance_streams(folder: &Path) -> Result<Vec<Vec<u8>>> {
 /// Two frames, the second one predicted.
 fn stream(profile: Profile, volume: &SparseVolume) -> Result<Vec<u8>> {
     two_frames(&StreamHeader::new(profile, *volume.grid(), FrameRate::DEFAULT), volume, None)
+}
+
+/// Colour parts of so many layers on the first frames of a small ball, as the target takes them: one of each kind.
+fn colour_parts(layers: u8) -> Vec<u8> {
+    let mut out = vec![layers - 1];
+    let cycle = [None, Some(9)][usize::from(layers) % 2];
+    let mut encoder = ColourEncoder::new(ColourSettings { layers, cycle, ..ColourSettings::default() });
+    for frame in 0..3 {
+        let volume = small_ball(grid(BlockEdge::E8), f64::from(frame));
+        let colours = painted(&volume, [frame, 0, 0]);
+        let part = encoder.encode(&volume, &colours, frame == 0).bytes;
+        out.extend((part.len() as u16).to_le_bytes());
+        out.extend(part);
+    }
+    out
 }
 
 /// Two frames with colour parts of any bytes, and behind their header a packet that may be skipped.

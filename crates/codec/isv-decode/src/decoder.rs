@@ -134,6 +134,15 @@ impl<B: Backend> Decoder<B> {
         }
     }
 
+    /// Whether the colour of the last frame is what a decoder without loss has: see [`Self::recover`]. `false` where colour is not decoded.
+    #[must_use]
+    pub fn is_colour_exact(&self) -> bool {
+        match &self.profile {
+            ProfileDecoder::Paper(_) => false,
+            ProfileDecoder::Main(decoder) => decoder.is_colour_exact(),
+        }
+    }
+
     /// Whether [`Self::details`] are kept of the frames from the next one on. Without them decoding pays nothing for them.
     pub fn keep_details(&mut self, wanted: bool) {
         self.details.keep(wanted);

@@ -96,6 +96,67 @@ fn streams_that_must_be_refused_are_and_say_why() {
     assert!(listed >= 60, "{listed} streams");
 }
 
+/// A stream's volume hashes and its colour hashes as words, and what is refused after them.
+fn decode_with_colour(bytes: &[u8]) -> (Vec<u64>, Vec<String>, Option<DecodeError>) {
+    let (mut hashes, mut colours) = (Vec::new(), Vec::new());
+    let mut decode = || {
+        let mut reader = PacketReader::new(bytes)?;
+        let mut decoder = Decoder::new(reader.header(), Limits::default());
+        decoder.keep_colour(true);
+        while let Some(packet) = reader.next_frame()? {
+            hashes.push(volume_hash(decoder.decode_and_verify(&packet)?.volume));
+            colours.push(decoder.colour().map_or("-".to_owned(), |frame| format!("{:016x}", frame.hash())));
+        }
+        Ok(())
+    };
+    let error = decode().err();
+    (hashes, colours, error)
+}
+
+#[test]
+fn colour_decodes_to_its_hashes_with_every_instruction_set() {
+    let table = std::fs::read_to_string(folder().join("colour.txt")).unwrap();
+    let mut expected: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for line in table.lines() {
+        let [name, _, colour] = line.split(' ').collect::<Vec<_>>().try_into().expect("three words");
+        expected.entry(name).or_default().push(colour);
+    }
+    assert!(expected.len() >= 15, "{} streams", expected.len());
+    let streams = streams(&folder());
+    let decoded = || {
+        expected
+            .keys()
+            .map(|name| (decode_with_colour(&streams[*name]), decode(&streams[*name]).0))
+            .collect::<Vec<_>>()
+    };
+    for (instructions, found) in simd::with_each(decoded) {
+        for ((name, expected), ((hashes, colours, error), alone)) in expected.iter().zip(found) {
+            assert!(error.is_none(), "{name}, {instructions}: {error:?}");
+            assert_eq!(&colours, expected, "{name}, {instructions}");
+            assert_eq!(hashes, alone, "volumes of {name} do not depend on colour, {instructions}");
+        }
+    }
+}
+
+#[test]
+fn colour_that_must_be_refused_is_by_those_who_want_it() {
+    let streams = streams(&folder().join("colour_refused"));
+    let table = std::fs::read_to_string(folder().join("colour_refused.txt")).unwrap();
+    assert!(table.lines().count() >= 20);
+    assert_eq!(table.lines().count(), streams.len(), "every stream is listed once");
+    for line in table.lines() {
+        let [name, frames, class] = line.split(' ').collect::<Vec<_>>().try_into().expect("three words");
+        let (hashes, _, error) = decode_with_colour(&streams[name]);
+        let error = error.unwrap_or_else(|| panic!("{name} is accepted"));
+        assert_eq!(
+            (error.class().unwrap().name(), hashes.len().to_string()),
+            (class, frames.into()),
+            "{error}"
+        );
+        assert!(decode(&streams[name]).1.is_ok(), "{name}: the volumes decode");
+    }
+}
+
 /// The exact blocks of a volume without their masks, which are exact only if the volume is as a whole.
 fn exact_part(volume: &SparseVolume, exact: &ExactBlocks) -> SparseVolume {
     let mut part = VolumeBuilder::new(*volume.grid());
@@ -106,11 +167,12 @@ fn exact_part(volume: &SparseVolume, exact: &ExactBlocks) -> SparseVolume {
 }
 
 /// Decodes a stream without the frames that are lost. What `loss.txt` has of each frame that is left: its number, the blocks that are
-/// not exact, and the hash of those that are.
-fn decode_with_losses(bytes: &[u8], lost: &[usize]) -> Vec<String> {
+/// not exact, and the hash of those that are. With colour what `colour_loss.txt` has: a word on the colour too.
+fn decode_with_losses(bytes: &[u8], lost: &[usize], colour: bool) -> Vec<String> {
     let mut reader = PacketReader::new(bytes).unwrap();
     let mut decoder = Decoder::new(reader.header(), Limits::default());
     decoder.recover(true);
+    decoder.keep_colour(colour);
     let mut found = Vec::new();
     for frame in 0.. {
         let Some(packet) = reader.next_frame().unwrap() else { break };
@@ -118,7 +180,7 @@ fn decode_with_losses(bytes: &[u8], lost: &[usize]) -> Vec<String> {
             continue;
         }
         let said = decoder.decode_and_verify(&packet).map(|decoded| decoded.inexact_blocks);
-        found.push(match said {
+        let mut line = match &said {
             Ok(inexact) => {
                 let volume = decoder.volume().unwrap();
                 let hash = match decoder.exact_blocks() {
@@ -131,25 +193,44 @@ fn decode_with_losses(bytes: &[u8], lost: &[usize]) -> Vec<String> {
                 assert_eq!(error.class(), Some(RefusalClass::Missing), "{error}");
                 format!("{frame} missing -")
             }
-        });
+        };
+        if colour {
+            line += &match decoder.colour() {
+                _ if said.is_err() => " -".to_owned(),
+                _ if !decoder.is_colour_exact() => " inexact".to_owned(),
+                Some(frame) => format!(" {:016x}", frame.hash()),
+                None => " -".to_owned(),
+            };
+        }
+        found.push(line);
     }
     found
 }
 
 #[test]
 fn what_is_exact_after_losses_is_as_committed_with_every_instruction_set() {
-    let table = std::fs::read_to_string(folder().join("loss.txt")).unwrap();
+    assert_losses("loss.txt", 10, false);
+}
+
+#[test]
+fn colour_that_is_exact_after_losses_is_as_committed() {
+    assert_losses("colour_loss.txt", 4, true);
+}
+
+/// Decodes what a table has of losses, at least so many of them.
+fn assert_losses(table: &str, least: usize, colour: bool) {
+    let table = std::fs::read_to_string(folder().join(table)).unwrap();
     let mut expected: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
     for line in table.lines() {
         let [name, lost, frame] = line.splitn(3, ' ').collect::<Vec<_>>().try_into().expect("five words");
         expected.entry((name, lost)).or_default().push(frame);
     }
-    assert!(expected.len() >= 10, "{} losses", expected.len());
+    assert!(expected.len() >= least, "{} losses", expected.len());
     let streams = streams(&folder());
     let decoded = || {
         let decode = |(name, lost): &(&str, &str)| {
             let lost: Vec<_> = lost.split(',').map(|frame| frame.parse().unwrap()).collect();
-            decode_with_losses(&streams[*name], &lost)
+            decode_with_losses(&streams[*name], &lost, colour)
         };
         expected.keys().map(decode).collect::<Vec<_>>()
     };

@@ -14,4 +14,4 @@ pub use meshes::{cube, finer, open_box, sheet, soup, sphere};
 pub use needs::{Need, skip};
 pub use random::Random;
 pub use scenes::{street, waves};
-pub use volumes::{ball, still_and_moving_ball, volume_of};
+pub use volumes::{ball, small_ball, still_and_moving_ball, volume_of};

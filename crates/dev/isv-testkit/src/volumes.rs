@@ -62,3 +62,9 @@ pub fn still_and_moving_ball(grid: Grid, t: f64) -> SparseVolume {
     }
     builder.finish()
 }
+
+/// Frame `t` of a ball of some 5 voxels that moves along x.
+#[must_use]
+pub fn small_ball(grid: Grid, t: f64) -> SparseVolume {
+    volume_of(grid, 2, |[x, y, z]| ((x - t).powi(2) + 1.3 * y * y + z * z).sqrt() - 5.2, |_| false)
+}

@@ -8,7 +8,7 @@ use super::symbols::{ColourSymbols, LayerCoefficients};
 use super::syntax::coefficients::{FrameEnergies, LayerBlocks};
 use super::syntax::modes::ModeBlocks;
 use super::syntax::{ColourModels, ColourSlices};
-use crate::main::{BlockMode, CausalBlocks, Vector};
+use crate::main::CausalBlocks;
 use crate::shared::syntax::SyntaxError;
 use isv_format::{ColourHeader, ColourKind, ColourPayload, FormatError, RefusalClass, SliceLayout};
 use isv_volume::SparseVolume;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Most samples of a frame's deepest layers, at 8 bytes each: about 20 people with samples at quarter voxels of 5 mm.
+/// Most places for samples in a frame's deepest layers, at 8 bytes each: about 20 people with samples at quarter voxels of 5 mm.
 const MAX_SAMPLES: usize = 1 << 27;
 
 /// Why the colour of a frame cannot be decoded.
@@ -28,6 +28,12 @@ pub enum ColourError {
     /// The colour part has symbols that no encoder writes.
     #[error("{0}")]
     Syntax(&'static str),
+    /// The blocks are so deep that the samples take too much memory.
+    #[error("{samples} colour samples are more than the limit of {}", MAX_SAMPLES)]
+    TooManySamples {
+        /// Places for samples of the blocks at their depths.
+        samples: usize,
+    },
     /// The frame is predicted from one that is missing.
     #[error("the colour of the frame before is missing")]
     NoReference,
@@ -48,6 +54,7 @@ impl ColourError {
         match self {
             Self::Format(error) => error.class(),
             Self::Syntax(_) => Some(RefusalClass::Malformed),
+            Self::TooManySamples { .. } => Some(RefusalClass::Limit),
             Self::NoReference => Some(RefusalClass::Missing),
             Self::HashMismatch { .. } => Some(RefusalClass::Damaged),
         }
@@ -68,13 +75,24 @@ pub struct ColourDecoder {
     reference: Option<ColourReference>,
     /// Whether the models are those that the next frame was coded with.
     is_synchronous: bool,
+    /// Whether the samples of the reference, or that there is none, are as the encoder has it.
+    is_exact: bool,
+    /// Whether the next frame is a keyframe.
+    at_keyframe: bool,
 }
 
 impl ColourDecoder {
     /// Creates a decoder for a stream of so many colour layers, 1 to 3.
     #[must_use]
     pub fn new(layers: u8) -> Self {
-        Self { layers, entropy: ColourSlices::default(), reference: None, is_synchronous: false }
+        Self {
+            layers,
+            entropy: ColourSlices::default(),
+            reference: None,
+            is_synchronous: false,
+            is_exact: false,
+            at_keyframe: false,
+        }
     }
 
     /// The last frame; `None` before the first and after an error.
@@ -83,13 +101,26 @@ impl ColourDecoder {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
+    /// Whether the last frame has the samples that a decoder without loss has.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.is_exact
+    }
+
     /// Tells that a frame was lost. Decoding goes on at the next intra or resilient frame.
     pub fn lose(&mut self) {
-        self.is_synchronous = false;
+        (self.is_synchronous, self.is_exact) = (false, false);
+    }
+
+    /// Tells that the next frame is a keyframe: what comes before it has no say, so that decoding can begin there.
+    pub fn begin_group(&mut self) {
+        (self.reference, self.is_synchronous) = (None, false);
+        (self.is_exact, self.at_keyframe) = (true, true);
     }
 
     /// Decodes a colour part. `volume`: the frame's decoded field. `at`: where the part begins in the stream. `is_exact`: whether the
-    /// field and all before it are the encoder's, so that a hash can be compared.
+    /// field is known to be the encoder's: on another one the symbols are others. A hash is compared if the samples have to be the
+    /// encoder's too.
     ///
     /// # Errors
     /// See [`ColourError`]; the next frame that can be decoded is one whose symbols can be read without others.
@@ -101,8 +132,13 @@ impl ColourDecoder {
         is_exact: bool,
     ) -> Result<&Arc<ColourFrame>, ColourError> {
         let was_synchronous = std::mem::take(&mut self.is_synchronous);
+        let (was_exact, at_keyframe) =
+            (std::mem::take(&mut self.is_exact), std::mem::take(&mut self.at_keyframe));
         let payload = ColourPayload::parse(bytes, at, self.layers)?;
         let kind = payload.header.kind;
+        if at_keyframe && kind != ColourKind::Intra {
+            return Err(ColourError::Syntax("a keyframe whose colour is predicted from another frame"));
+        }
         if kind == ColourKind::Predicted && !was_synchronous {
             return Err(ColourError::NoReference);
         }
@@ -118,9 +154,11 @@ impl ColourDecoder {
         let steps = steps(&payload.header);
         let before = reference.as_ref().map(|reference| &*reference.frame);
         let frame = reconstruct(shape, &symbols, &steps, before);
-        if let Some(stated) = payload.header.hash.filter(|_| is_exact) {
+        self.is_exact = is_exact && (was_exact || symbols.modes.iter().all(|mode| mode.vector().is_none()));
+        if let Some(stated) = payload.header.hash.filter(|_| self.is_exact) {
             let found = frame.hash();
             if found != stated {
+                self.is_exact = false;
                 return Err(ColourError::HashMismatch { stated, found });
             }
         }
@@ -128,20 +166,17 @@ impl ColourDecoder {
         Ok(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
     }
 
-    /// Keeps the colour of the frame before, for a frame without a colour part.
-    pub fn carry_over(&mut self, volume: &SparseVolume) -> Option<&Arc<ColourFrame>> {
-        let reference = self.reference.take()?;
-        let cells = ColourCells::new(volume);
-        let before = reference.blocks_at(cells.coords());
-        let still = BlockMode::Merged { candidate: 0, vector: Vector::ZERO };
-        let symbols = ColourSymbols {
-            modes: vec![still; before.len()],
-            depths: before.iter().map(|block| block.map_or(0, |block| block.depth)).collect(),
-            layers: Default::default(),
-        };
-        let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
-        let frame = reconstruct(shape, &symbols, &ColourSteps::FINEST, Some(&reference.frame));
-        Some(&self.reference.insert(ColourReference::new(Arc::new(frame), &symbols)).frame)
+    /// Keeps the colour of the frame before, for a frame without a colour part; `None` if that has none.
+    ///
+    /// # Errors
+    /// More samples than a frame may have.
+    pub fn carry_over(&mut self, volume: &SparseVolume) -> Result<Option<&Arc<ColourFrame>>, ColourError> {
+        self.at_keyframe = false;
+        let Some(reference) = self.reference.take() else { return Ok(None) };
+        let was = (std::mem::take(&mut self.is_synchronous), std::mem::take(&mut self.is_exact));
+        let carried = reference.carried_over(volume)?;
+        (self.is_synchronous, self.is_exact) = was;
+        Ok(Some(&self.reference.insert(carried).frame))
     }
 }
 
@@ -149,6 +184,13 @@ impl ColourDecoder {
 #[must_use]
 pub fn steps(header: &ColourHeader) -> ColourSteps {
     ColourSteps { luma: u32::from(header.luma_step), chroma: u32::from(header.chroma_step) }
+}
+
+/// Refuses blocks whose samples would take more memory than a frame may.
+pub(super) fn check_samples(cells: &ColourCells, depths: &[u8]) -> Result<(), ColourError> {
+    let slots = cells.blocks().iter().zip(depths).map(|(cells, depth)| cells.count() << (3 * depth));
+    let samples = slots.sum();
+    if samples > MAX_SAMPLES { Err(ColourError::TooManySamples { samples }) } else { Ok(()) }
 }
 
 /// Reads the symbols of a frame, and lays out its samples.
@@ -159,7 +201,7 @@ fn read_symbols(
     volume: &SparseVolume,
     reference: Option<&ColourReference>,
     layers: u8,
-) -> Result<(ColourSymbols, ColourShape), SyntaxError> {
+) -> Result<(ColourSymbols, ColourShape), ColourError> {
     let coords = cells.coords();
     let slices = usize::from(payload.header.slices);
     let ranges: Vec<_> = SliceLayout::new(coords.len(), slices).ranges().collect();
@@ -179,16 +221,13 @@ fn read_symbols(
             let blocks = ModeBlocks { range: range.clone(), causal, before, predicts, max_depth: layers - 1 };
             models.modes.read(bytes, &blocks)
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, SyntaxError>>()?;
     let mut symbols = ColourSymbols::default();
     for (modes, depths) in modes {
         symbols.modes.extend(modes);
         symbols.depths.extend(depths);
     }
-    let slots = cells.blocks().iter().zip(&symbols.depths).map(|(cells, depth)| cells.count() << (3 * depth));
-    if slots.sum::<usize>() > MAX_SAMPLES {
-        return Err(SyntaxError("more colour samples than a frame may have"));
-    }
+    check_samples(&cells, &symbols.depths)?;
     let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
     let coords = shape.cells().coords();
     let of_slice = |slice: usize, models: &mut ColourModels| {
@@ -205,7 +244,7 @@ fn read_symbols(
         .par_iter_mut()
         .enumerate()
         .map(|(slice, models)| of_slice(slice, models))
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_, SyntaxError>>()?;
     for slice in read {
         for (layer, coefficients) in slice.iter().enumerate() {
             symbols.layers[layer].append(coefficients);

@@ -1,9 +1,13 @@
 //! A decoded frame as the next one is predicted from it.
 
-use super::frame::ColourFrame;
+use super::cells::ColourCells;
+use super::decoder::{ColourError, check_samples};
+use super::frame::{ColourFrame, ColourShape};
+use super::reconstruct::{ColourSteps, reconstruct};
 use super::symbols::ColourSymbols;
 use super::syntax::modes::BlockBefore;
-use isv_volume::BlockCoord;
+use crate::main::{BlockMode, Vector};
+use isv_volume::{BlockCoord, SparseVolume};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -26,6 +30,25 @@ impl ColourReference {
         };
         let blocks = (0..symbols.modes.len()).map(of_block).collect();
         Self { frame, blocks }
+    }
+
+    /// Carries the frame over to the next one, which has no colour part: each block keeps its depth and what lies on its surface.
+    ///
+    /// # Errors
+    /// More samples than a frame may have.
+    pub fn carried_over(&self, volume: &SparseVolume) -> Result<Self, ColourError> {
+        let cells = ColourCells::new(volume);
+        let before = self.blocks_at(cells.coords());
+        let still = BlockMode::Merged { candidate: 0, vector: Vector::ZERO };
+        let symbols = ColourSymbols {
+            modes: vec![still; before.len()],
+            depths: before.iter().map(|block| block.map_or(0, |block| block.depth)).collect(),
+            layers: Default::default(),
+        };
+        check_samples(&cells, &symbols.depths)?;
+        let shape = ColourShape::new(cells, symbols.depths.clone(), volume);
+        let frame = reconstruct(shape, &symbols, &ColourSteps::FINEST, Some(&self.frame));
+        Ok(Self::new(Arc::new(frame), &symbols))
     }
 
     /// How the blocks at these coordinates were coded.

@@ -2,7 +2,7 @@
 
 use super::recovery::{Gap, Recovery};
 use crate::backend::{Backend, MainFrame};
-use crate::colour::{ColourDecoder, ColourFrame};
+use crate::colour::{ColourDecoder, ColourError, ColourFrame};
 use crate::decoder::failure::Failure;
 use crate::decoder::sequence::Sequence;
 use crate::decoder::{FrameFacts, Limits};
@@ -64,6 +64,11 @@ impl<B: Backend> MainDecoder<B> {
     /// See [`crate::Decoder::colour`].
     pub(crate) fn colour(&self) -> Option<&Arc<ColourFrame>> {
         self.colour.as_ref()?.frame()
+    }
+
+    /// See [`crate::Decoder::is_colour_exact`].
+    pub(crate) fn is_colour_exact(&self) -> bool {
+        self.colour.as_ref().is_some_and(ColourDecoder::is_exact)
     }
 
     /// See [`crate::Decoder::recover`].
@@ -156,6 +161,12 @@ impl<B: Backend> MainDecoder<B> {
         {
             return Err(lost);
         }
+        // What follows is decoded all the same, where it is a resilient frame.
+        if let Some(colour) =
+            self.colour.as_mut().filter(|_| !keyframe && self.sequence.check(packet, true).is_err())
+        {
+            colour.lose();
+        }
         let payload = FramePayload::parse(packet.geometry()?, packet.payload_at(), hashed, &Profile::Main)?;
         if keyframe && payload.header.prediction() != Prediction::None {
             return Err(self.sequence.malformed(packet, "a keyframe that predicts from another frame"));
@@ -224,18 +235,25 @@ impl<B: Backend> MainDecoder<B> {
     ) -> Result<(), DecodeError> {
         let Some(colour) = &mut self.colour else { return Ok(()) };
         let field = backend.main_field(frame)?;
-        debug_span!("colour").in_scope(|| match packet.colour()? {
-            Some(bytes) => {
-                let at = packet.payload_at() + packet.geometry()?.len() as u64;
-                let (frame, packet_at) = (self.sequence.frames(), packet.at);
-                let decoded = colour.decode(&field, bytes, at, is_exact).map(drop);
-                decoded.map_err(|cause| DecodeError::Colour { frame, at: packet_at, cause })
+        if packet.is_keyframe() {
+            colour.begin_group();
+        }
+        // On another surface than the encoder's, the symbols of colour cannot be read.
+        let part = packet.colour()?.filter(|_| is_exact);
+        let at = packet.payload_at() + packet.geometry()?.len() as u64;
+        let after_loss = !colour.is_exact();
+        let decoded = debug_span!("colour").in_scope(|| {
+            if !is_exact {
+                colour.lose();
             }
-            None => {
-                colour.carry_over(&field);
-                Ok(())
+            match part.map(|part| colour.decode(&field, part, at, true).map(drop)) {
+                Some(Err(ColourError::NoReference)) if after_loss => colour.carry_over(&field).map(drop),
+                Some(decoded) => decoded,
+                None => colour.carry_over(&field).map(drop),
             }
-        })
+        });
+        let (frame, at) = (self.sequence.frames(), packet.at);
+        decoded.map_err(|cause| DecodeError::Colour { frame, at, cause })
     }
 
     /// A frame without blocks.
