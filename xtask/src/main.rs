@@ -94,7 +94,7 @@ enum Command {
     /// Write the conformance streams that a folder does not have yet, and add them to its tables
     Conformance {
         folder: String,
-        /// Those with colour alone, which takes seconds
+        /// Write the streams with colour alone, in seconds
         #[arg(long)]
         colour: bool,
     },

@@ -132,7 +132,7 @@ pub(super) fn streams() -> Result<Vec<(&'static str, ColourStream)>> {
 /// No ball.
 const NOWHERE: [i32; 3] = [i32::MAX; 3];
 
-/// What a colour part is like.
+/// Header fields and taste of a colour part that is drawn.
 #[derive(Clone, Copy)]
 struct Part {
     kind: ColourKind,
@@ -253,7 +253,7 @@ fn found_in(bytes: Vec<u8>) -> Result<ColourStream> {
     Ok(ColourStream { stream: (bytes, hashes), colours })
 }
 
-/// What our decoder makes of a stream and its colour.
+/// Decodes a stream with its colour: hashes, colour hashes, and why our decoder stopped before the end.
 fn judge_with_colour(bytes: &[u8]) -> (Vec<u64>, Vec<Option<u64>>, Option<isv::raw::decode::DecodeError>) {
     let (mut hashes, mut colours) = (Vec::new(), Vec::new());
     let mut decode = || {
@@ -311,7 +311,7 @@ fn balls(
     builder.finish()
 }
 
-/// What our encoder makes of a ball that is painted.
+/// Encodes a painted ball with our encoder.
 fn encoded(layers: ColourLayers, refresh: Refresh) -> Result<ColourStream> {
     let mut builder = Builder::new(layers, 4, 0)?;
     let main = MainSettings { refresh, ..MainSettings::default() };

@@ -14,7 +14,7 @@ use isv_entropy::{BitModel, IntegerModel};
 struct Pair {
     header: StreamHeader,
     geometry: [Vec<u8>; 2],
-    /// Of kinds intra and predicted, the second resilient too.
+    /// Parts of the kinds intra, predicted and resilient; the last two are for the second frame.
     parts: [Vec<u8>; 3],
 }
 

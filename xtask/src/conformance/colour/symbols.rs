@@ -21,7 +21,7 @@ use std::ops::Range;
 /// Largest magnitude of a level.
 pub(super) const LARGEST_LEVEL: i32 = (1 << 15) - 1;
 
-/// What symbols are like.
+/// Shares and sizes of the symbols that are drawn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taste {
     /// Share of blocks that are spatial, where others may be.
@@ -51,7 +51,7 @@ pub(super) struct Segments {
     pub(super) layers: Vec<Vec<Vec<u8>>>,
 }
 
-/// What a part is written against.
+/// Frame that a part is written for.
 pub(super) struct Frame<'a> {
     pub(super) volume: &'a SparseVolume,
     pub(super) layers: u8,
