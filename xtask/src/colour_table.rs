@@ -18,6 +18,8 @@ const FRAMES_A_SECOND: f64 = 30.0;
 const LAYERS: u8 = 2;
 /// Qualities that are measured.
 const QUALITIES: [f32; 3] = [35.0, 50.0, 65.0];
+/// Qualities that are measured without prediction from other frames.
+const ALONE: [f32; 3] = [30.0, 40.0, 50.0];
 /// Distance from the decoded surface (voxels) beyond which a colour of the source is not compared: inner layers lie there.
 const FARTHEST: f32 = 0.25;
 
@@ -41,6 +43,10 @@ pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
         {
             let settings = ColourSettings { lambda, ..ColourSettings::of_quality(quality, LAYERS) };
             print_row(sequence, quality, settings, &frames)?;
+        }
+        for quality in ALONE {
+            let settings = ColourSettings::of_quality(quality, LAYERS);
+            print_row_alone(sequence, quality, settings, &frames)?;
         }
     }
     Ok(())
@@ -66,12 +72,23 @@ fn frames(folder: &str) -> Result<Vec<Frame>> {
     FrameSequence::open(folder)?.paths().iter().take(FRAMES).map(frame).collect()
 }
 
-fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
+/// Bytes and errors of a sequence.
+struct Coded {
+    /// Bytes of each frame.
+    bytes: Vec<f64>,
+    /// Bytes of modes and vectors in all frames but the first.
+    vectors: usize,
+    /// PSNR of Y, and of Cb and Cr (dB).
+    psnr_db: [f64; 2],
+}
+
+/// Codes and decodes frames. `alone`: each without the others.
+fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded> {
     let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(LAYERS));
     let (mut bytes, mut vectors) = (Vec::new(), 0);
     let (mut squares, mut points) = ([0.0; 3], 0.0);
     for (number, Frame { volume, colours }) in frames.iter().enumerate() {
-        let coded = encoder.encode(volume, colours, number == 0);
+        let coded = encoder.encode(volume, colours, alone || number == 0);
         let decoded = decoder.decode(volume, &coded.bytes, 0, true)?;
         let (of_frame, count) = squared_errors(decoded, volume, colours);
         (0..3).for_each(|channel| squares[channel] += of_frame[channel]);
@@ -79,16 +96,35 @@ fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[F
         bytes.push(coded.bytes.len() as f64);
         vectors += if number == 0 { 0 } else { coded.mode_bytes };
     }
+    let psnr_db = |squares: f64| 10.0 * (255.0f64.powi(2) * points / squares).log10();
+    Ok(Coded { bytes, vectors, psnr_db: [psnr_db(squares[0]), psnr_db((squares[1] + squares[2]) / 2.0)] })
+}
+
+fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
+    let Coded { bytes, vectors, psnr_db } = code(settings, frames, false)?;
     let (first, others) = bytes.split_first().context("a sequence without frames")?;
     let predicted = others.iter().sum::<f64>() / others.len().max(1) as f64;
-    let psnr_db = |squares: f64| 10.0 * (255.0f64.powi(2) * points / squares).log10();
     println!(
         "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.0} | {:.3} | {:.2} | {:.2} |",
         settings.lambda,
         vectors as f64 / others.len().max(1) as f64,
         (first + (FRAMES_A_SECOND - 1.0) * predicted) * 8e-6,
-        psnr_db(squares[0]),
-        psnr_db((squares[1] + squares[2]) / 2.0),
+        psnr_db[0],
+        psnr_db[1],
+    );
+    Ok(())
+}
+
+/// Prints what frames take that are coded each by itself.
+fn print_row_alone(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
+    let Coded { bytes, psnr_db, .. } = code(settings, frames, true)?;
+    let mean = bytes.iter().sum::<f64>() / bytes.len().max(1) as f64;
+    println!(
+        "| {sequence}, each frame alone | {quality} | {:.2} | {mean:.0} | | | {:.3} | {:.2} | {:.2} |",
+        settings.lambda,
+        FRAMES_A_SECOND * mean * 8e-6,
+        psnr_db[0],
+        psnr_db[1],
     );
     Ok(())
 }

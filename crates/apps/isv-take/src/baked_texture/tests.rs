@@ -54,7 +54,9 @@ fn cell_places(shape: &ColourShape, block: usize) -> Vec<[f64; 3]> {
 
 fn colour_at([x, y, z]: [f64; 3]) -> [i16; 4] {
     let luma = 128.0 + 70.0 * (0.35 * x).sin() + 40.0 * (0.3 * y + 0.2 * z).cos();
-    [luma, 40.0 * (0.2 * z).sin(), 30.0 * (0.25 * y).cos(), 0.0].map(|value| (64.0 * value) as i16)
+    let [y, cb, cr] =
+        [luma, 40.0 * (0.2 * z).sin(), 30.0 * (0.25 * y).cos()].map(|value| (64.0 * value) as i16);
+    [y, cb, cr, 1]
 }
 
 fn mesh_of(volume: &SparseVolume) -> TriangleMesh {
