@@ -1,13 +1,14 @@
 //! Rate and error of colour on textured sequences, at several qualities.
 
 use anyhow::{Context, Result};
-use isv::raw::decode::colour::{ColourDecoder, ColourFrame, frame::Reader};
+use isv::raw::decode::colour::{ColourDecoder, ColourFrame, Reader};
 use isv::raw::encode::colour::{ColourEncoder, ColourSettings, locate};
-use isv::raw::encode::{Encoder, EncoderSettings};
+use isv::raw::encode::{Encoder, EncoderSettings, Preset};
 use isv::raw::format::{FrameRate, Profile, StreamHeader};
 use isv::raw::ingest::{MeshIngest, Reach, decide_sign, ingest_mesh, mesh_colours};
 use isv::raw::io::{Colours, FrameSequence, Geometry, ReadOptions, Unit, read_geometry_as};
 use isv::raw::take::encode::default_grid;
+use isv::raw::take::stream::timed;
 use isv::raw::volume::{ColourSample, SparseVolume, ycbcr_from_rgb};
 
 /// Frames of a sequence that are measured.
@@ -32,9 +33,9 @@ struct Frame {
 /// Codes the sequences of a folder, and prints a table of bytes and errors of their colour.
 pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
     println!(
-        "| sequence | quality | lambda | I, bytes | P, bytes | of these vectors | Mbps, one keyframe a second | Y, dB | Cb and Cr, dB |"
+        "| sequence | quality | lambda | I, bytes | P, bytes | of these vectors | Mbps, one keyframe a second | Y, dB | Cb and Cr, dB | encode P, ms | decode I, ms | decode P, ms |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for sequence in sequences {
         let frames = frames(&format!("{}/{sequence}", data.trim_end_matches('/')))?;
         let usual = ColourSettings::default().lambda;
@@ -44,6 +45,8 @@ pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
             let settings = ColourSettings { lambda, ..ColourSettings::of_quality(quality, LAYERS) };
             print_row(sequence, quality, settings, &frames)?;
         }
+        let settings = ColourSettings::of_quality(50.0, LAYERS).with_preset(Preset::Realtime);
+        print_row(&format!("{sequence}, preset realtime"), 50.0, settings, &frames)?;
         for quality in ALONE {
             let settings = ColourSettings::of_quality(quality, LAYERS);
             print_row_alone(sequence, quality, settings, &frames)?;
@@ -80,16 +83,23 @@ struct Coded {
     vectors: usize,
     /// PSNR of Y, and of Cb and Cr (dB).
     psnr_db: [f64; 2],
+    /// Time that encoding each frame took, and that decoding did (ms).
+    times_ms: Vec<[f64; 2]>,
 }
 
 /// Codes and decodes frames. `alone`: each without the others.
 fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded> {
     let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(LAYERS));
-    let (mut bytes, mut vectors) = (Vec::new(), 0);
+    let (mut bytes, mut vectors, mut times_ms) = (Vec::new(), 0, Vec::new());
     let (mut squares, mut points) = ([0.0; 3], 0.0);
     for (number, Frame { volume, colours }) in frames.iter().enumerate() {
-        let coded = encoder.encode(volume, colours, alone || number == 0);
-        let decoded = decoder.decode(volume, &coded.bytes, 0, true)?;
+        // Every so many colours are as if they lay as far apart as the settings say.
+        let thinner = (settings.spacing / ColourSettings::default().spacing).powi(2).round() as usize;
+        let seen: Vec<ColourSample> = colours.iter().step_by(thinner).copied().collect();
+        let (coded, encode_ms) = timed(|| encoder.encode(volume, &seen, alone || number == 0));
+        let (decoded, decode_ms) = timed(|| decoder.decode(volume, &coded.bytes, 0, true));
+        let decoded = decoded?;
+        times_ms.push([encode_ms, decode_ms]);
         let (of_frame, count) = squared_errors(decoded, volume, colours);
         (0..3).for_each(|channel| squares[channel] += of_frame[channel]);
         points += count;
@@ -97,20 +107,30 @@ fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded
         vectors += if number == 0 { 0 } else { coded.mode_bytes };
     }
     let psnr_db = |squares: f64| 10.0 * (255.0f64.powi(2) * points / squares).log10();
-    Ok(Coded { bytes, vectors, psnr_db: [psnr_db(squares[0]), psnr_db((squares[1] + squares[2]) / 2.0)] })
+    let psnr_db = [psnr_db(squares[0]), psnr_db((squares[1] + squares[2]) / 2.0)];
+    Ok(Coded { bytes, vectors, psnr_db, times_ms })
 }
 
 fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
-    let Coded { bytes, vectors, psnr_db } = code(settings, frames, false)?;
+    let Coded { bytes, vectors, psnr_db, times_ms } = code(settings, frames, false)?;
     let (first, others) = bytes.split_first().context("a sequence without frames")?;
+    let (first_ms, others_ms) = times_ms.split_first().context("a sequence without frames")?;
+    let median = |step: usize| {
+        let mut times: Vec<f64> = others_ms.iter().map(|times| times[step]).collect();
+        times.sort_unstable_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or(0.0)
+    };
     let predicted = others.iter().sum::<f64>() / others.len().max(1) as f64;
     println!(
-        "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.0} | {:.3} | {:.2} | {:.2} |",
+        "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.0} | {:.3} | {:.2} | {:.2} | {:.0} | {:.0} | {:.0} |",
         settings.lambda,
         vectors as f64 / others.len().max(1) as f64,
         (first + (FRAMES_A_SECOND - 1.0) * predicted) * 8e-6,
         psnr_db[0],
         psnr_db[1],
+        median(0),
+        first_ms[1],
+        median(1),
     );
     Ok(())
 }
@@ -120,7 +140,7 @@ fn print_row_alone(sequence: &str, quality: f32, settings: ColourSettings, frame
     let Coded { bytes, psnr_db, .. } = code(settings, frames, true)?;
     let mean = bytes.iter().sum::<f64>() / bytes.len().max(1) as f64;
     println!(
-        "| {sequence}, each frame alone | {quality} | {:.2} | {mean:.0} | | | {:.3} | {:.2} | {:.2} |",
+        "| {sequence}, each frame alone | {quality} | {:.2} | {mean:.0} | | | {:.3} | {:.2} | {:.2} | | | |",
         settings.lambda,
         FRAMES_A_SECOND * mean * 8e-6,
         psnr_db[0],

@@ -1,6 +1,6 @@
 //! Colour: what the encoder reconstructs is what the decoder decodes, near what was seen; and nothing from outside does harm.
 
-use isv_decode::colour::frame::Reader;
+use isv_decode::colour::Reader;
 use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, surface_colours};
 use isv_encode::colour::{ColourEncoder, ColourSettings, EncodedColour, locate};
 use isv_format::{ColourKind, ColourPayload};

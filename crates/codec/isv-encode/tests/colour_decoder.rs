@@ -1,4 +1,4 @@
-//! What a decoder of colour does at keyframes, after losses, and where a frame has too many samples.
+//! Decoding of colour at keyframes, after losses, and where a frame has too many samples.
 
 use isv_decode::colour::{ColourDecoder, ColourError};
 use isv_decode::{Decoder, Limits, RefusalClass};

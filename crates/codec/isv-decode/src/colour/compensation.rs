@@ -1,8 +1,9 @@
 //! Prediction of a block's samples from the frame before, along vectors and through the surface.
 
 use super::cells::Surfel;
-use super::frame::{ColourShape, GREY, Reader, Sample, clamped, rounded, shifted, sum};
+use super::frame::{ColourShape, GREY, Sample, clamped, rounded};
 use super::morton::position;
+use super::reader::{Reader, shifted, sum};
 use crate::main::{BlockMode, Vector};
 use isv_volume::NeighbourFinder;
 
@@ -163,9 +164,10 @@ pub fn predict_cell(
     reader.read_cell(sum(corner, by), surfel.normal, depth, wanted, out);
 }
 
-/// Predicts the samples of a block from the frame before into `out`, which has a sample for each part of each of its cells, in Morton
-/// order; the last value is 0 where the surface does not cross a part. Parts near which the frame before has nothing get the mean of
-/// the others, or grey.
+/// Predicts the samples of a block from the frame before.
+///
+/// `out` gets a sample for each part of each of the block's cells, in Morton order. The last value is 0 where the surface does not
+/// cross a part. Parts near which the frame before has nothing get the mean of the others, or grey.
 #[inline(always)]
 pub fn predict_block(
     reader: &mut Reader,

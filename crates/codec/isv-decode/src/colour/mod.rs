@@ -9,7 +9,8 @@
 //!
 //! - [`cells`]: the cells of a frame, derived from its decoded field and never sent.
 //! - [`morton`]: the order of cells in a block.
-//! - [`frame`]: the samples of a frame, and how a colour is read at a point of the surface.
+//! - [`frame`]: the samples of a frame.
+//! - [`Reader`]: readings of colour at points, and in the parts of cells.
 //! - [`tree`]: the octree of a block's cells and its weights.
 //! - [`transform`]: the weighted Haar transform over that tree (RAHT, de Queiroz and Chou 2016).
 //! - [`compensation`]: prediction from the frame before, along vectors and through the surface.
@@ -26,6 +27,7 @@ pub mod compensation;
 mod decoder;
 pub mod frame;
 pub mod morton;
+mod reader;
 pub mod reconstruct;
 mod reference;
 mod surface;
@@ -39,6 +41,7 @@ pub mod ycbcr;
 pub use cells::{ColourCells, Surfel};
 pub use decoder::{ColourDecoder, ColourError, steps};
 pub use frame::{ColourFrame, ColourShape, Sample};
+pub use reader::Reader;
 pub use reference::ColourReference;
 pub use surface::surface_colours;
 pub use symbols::ColourSymbols;

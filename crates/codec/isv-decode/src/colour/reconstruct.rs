@@ -1,7 +1,8 @@
 //! Symbols to samples: what the encoder and every decoder do alike.
 
 use super::compensation::{MotionField, predict_block, vectors_around};
-use super::frame::{ColourFrame, ColourShape, Reader, Sample, clamped, rounded};
+use super::frame::{ColourFrame, ColourShape, Sample, clamped, rounded};
+use super::reader::Reader;
 use super::symbols::{Coefficient, ColourSymbols};
 use super::transform::{
     DIFFERENCES, add_difference, by_slot, dequantized, dequantized_mean, differences, side_weights,
@@ -212,10 +213,10 @@ pub fn reconstruct(
 
 /// Source of the levels of inter blocks: the decoder reads them, the encoder chooses them from the prediction.
 pub trait InterLevels: Sync {
-    /// What a thread works with.
+    /// State of a thread.
     type Worker;
 
-    /// Creates what a thread works with.
+    /// Creates the state of a thread.
     fn worker(&self) -> Self::Worker;
 
     /// The coefficients of each layer of a block. `predicted`: samples of its deepest layer, by slot.

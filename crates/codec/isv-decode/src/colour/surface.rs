@@ -1,7 +1,8 @@
 //! Colours of points on a decoded surface, as users have them.
 
-use super::frame::{ColourFrame, GREY, Reader, Sample};
+use super::frame::{ColourFrame, GREY, Sample};
 use super::morton::{position, wide_position};
+use super::reader::Reader;
 use super::tree::BlockTree;
 use super::ycbcr::to_rgb;
 use isv_volume::{BlockCoord, ColourSample, Grid, Rgb};

@@ -84,8 +84,7 @@ impl ParentWindow {
             for z in zs {
                 for y in ys.clone() {
                     for x in xs.clone() {
-                        if let Some(mut mean) = level.get(block, interleave([x, y, z])) {
-                            mean[3] = 1;
+                        if let Some(mean) = level.get(block, interleave([x, y, z])) {
                             let at = [x - from_x + to_x, y - from_y + to_y, z - from_z + to_z];
                             self.means[(at[2] * self.side + at[1]) * self.side + at[0]] = mean;
                         }
@@ -100,9 +99,7 @@ impl ParentWindow {
     #[inline(always)]
     pub fn mean(&self, place: usize) -> Sample {
         let [x, y, z] = wide_position(place);
-        let mut mean = self.means[((z + 1) * self.side + y + 1) * self.side + x + 1];
-        mean[3] = 0;
-        mean
+        self.means[((z + 1) * self.side + y + 1) * self.side + x + 1]
     }
 
     /// The prediction of a child by its place at the level below: the mean of the eight nodes nearest to it, those that are there,

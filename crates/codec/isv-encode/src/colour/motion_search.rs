@@ -2,8 +2,8 @@
 
 use super::quantizer::SAMPLE_SCALE;
 use crate::main::syntax::modes::{self as main_modes, merge_bits};
+use isv_decode::colour::Reader;
 use isv_decode::colour::compensation::predict_cell;
-use isv_decode::colour::frame::Reader;
 use isv_decode::colour::morton::position;
 use isv_decode::colour::{ColourFrame, ColourShape, Sample};
 use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
@@ -47,7 +47,7 @@ struct Probe {
     voxel: [u8; 3],
     /// The parts of it that the surface crosses.
     leaves: u64,
-    /// Where the values wanted of these begin.
+    /// First of the values wanted of these.
     wanted: u32,
 }
 

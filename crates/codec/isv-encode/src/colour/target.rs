@@ -1,6 +1,6 @@
 //! The samples that a frame's colour should have: those that read back, at the points where colours were seen, as these.
 
-use isv_decode::colour::frame::Reader;
+use isv_decode::colour::Reader;
 use isv_decode::colour::tree::BlockTree;
 use isv_decode::colour::{ColourFrame, ColourShape};
 use isv_kernels::simd::vectorized;
@@ -30,16 +30,16 @@ pub struct ColourTarget {
 /// A colour that was seen, and the samples that are read there.
 #[derive(Clone, Copy, Debug)]
 struct Point {
-    /// In YCbCr.
+    /// YCbCr values.
     colour: [f32; 3],
     weight: f32,
     /// Samples among those of all layers.
     taps: [u32; 8],
-    /// What each of these counts; 0 for those that are not there.
+    /// Shares of these; 0 for those that are not there.
     shares: [f32; 8],
 }
 
-/// What was seen near a sample: the sum of colours times their weights, and of the weights.
+/// Sums of what was seen near a sample: of colours times their weights, and of the weights.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     colour: [f32; 3],
@@ -181,7 +181,7 @@ impl ColourTarget {
         }
     }
 
-    /// What readings at points miss of what was seen there.
+    /// Errors of readings at points: what was seen there less what is read.
     fn missed(&self, points: &[Point]) -> Vec<[f32; 3]> {
         let of_point = |point: &Point| {
             let mut missed = point.colour;

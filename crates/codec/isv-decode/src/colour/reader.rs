@@ -1,0 +1,394 @@
+//! Readings of colour at points, and in the parts of cells.
+
+use super::cells::Surfel;
+use super::frame::{ColourFrame, SAMPLE_RANGE, Sample};
+use super::morton::{interleave, position};
+use isv_volume::{BlockCoord, NeighbourFinder};
+
+/// Fractional bits of weights between samples along an axis.
+const WEIGHT_BITS: u32 = 5;
+/// Weight of all samples around a point together.
+const FULL_WEIGHT: i32 = 1 << (3 * WEIGHT_BITS);
+
+/// Reader of the cells and samples around a point.
+#[derive(Clone, Debug)]
+pub struct Reader<'a> {
+    frame: &'a ColourFrame,
+    finder: NeighbourFinder<'a>,
+    /// The block that positions count from.
+    origin: BlockCoord,
+    /// The block that the finder is turned to, from the origin.
+    middle: [i32; 3],
+    /// The last block looked up, from the origin, and its number.
+    last: ([i32; 3], Option<u32>),
+}
+
+/// A cell of a frame and its block.
+#[derive(Clone, Copy, Debug)]
+pub struct FoundCell {
+    /// Number of the block among those that have cells.
+    pub block: usize,
+    /// Index of the cell among all of the frame.
+    pub cell: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Creates a reader of a frame.
+    #[must_use]
+    pub fn new(frame: &'a ColourFrame) -> Self {
+        let finder = NeighbourFinder::new(frame.shape.cells().index());
+        let origin = BlockCoord { x: 0, y: 0, z: 0 };
+        Self { frame, finder, origin, middle: [i32::MIN; 3], last: ([i32::MIN; 3], None) }
+    }
+
+    /// Turns to the block that positions count from, which need not be one of the frame's.
+    pub fn turn_to(&mut self, origin: BlockCoord) {
+        self.origin = origin;
+        self.middle = [i32::MIN; 3];
+        self.last = ([i32::MIN; 3], None);
+    }
+
+    /// The number of a block, by its place from the origin.
+    #[inline(always)]
+    fn block(&mut self, place: [i32; 3]) -> Option<u32> {
+        if self.last.0 == place {
+            return self.last.1;
+        }
+        let mut step = [0; 3];
+        for axis in 0..3 {
+            step[axis] = place[axis].wrapping_sub(self.middle[axis]);
+        }
+        let is_near = |s: i32| (-1..=1).contains(&s);
+        let block = if is_near(step[0]) && is_near(step[1]) && is_near(step[2]) {
+            self.finder.get((13 + step[0] + 3 * step[1] + 9 * step[2]) as usize)
+        } else {
+            let coord = self.origin.offset(place);
+            if !coord.in_range() {
+                return None;
+            }
+            self.middle = place;
+            self.finder.turn_to(coord);
+            self.finder.get(13)
+        };
+        self.last = (place, block);
+        block
+    }
+
+    /// The crossed cell at a voxel, counted from the origin's first.
+    #[inline(always)]
+    pub fn cell(&mut self, voxel: [i32; 3]) -> Option<FoundCell> {
+        let block = self.block(shifted(voxel, 3))? as usize;
+        let [x, y, z] = voxel;
+        let place = interleave([(x & 7) as usize, (y & 7) as usize, (z & 7) as usize]);
+        let cell = self.frame.shape.cells().blocks()[block].cell(place)?;
+        Some(FoundCell { block, cell })
+    }
+
+    /// The surface in a cell.
+    #[inline(always)]
+    pub fn surfel(&self, found: FoundCell) -> &'a Surfel {
+        &self.frame.shape.cells().surfels()[found.cell]
+    }
+
+    /// The place in its layer of a cell's sample at a place at a depth, or of the deepest above it. `None` if the surface does not
+    /// cross it.
+    #[inline(always)]
+    fn sample(&self, found: FoundCell, place: [i32; 3], depth: u8) -> Option<Tap> {
+        let shape = &self.frame.shape;
+        let deep = depth.min(shape.depths()[found.block]);
+        let number = found.cell - shape.cells().blocks()[found.block].first();
+        let (shift, mask) = (depth - deep, (1 << deep) - 1);
+        let [x, y, z] = place;
+        let part = interleave([
+            (x >> shift & mask) as usize,
+            (y >> shift & mask) as usize,
+            (z >> shift & mask) as usize,
+        ]);
+        let is_there = shape.parts(found.block, number, deep) >> part & 1 != 0;
+        let start = shape.starts()[found.block][usize::from(deep)] as usize;
+        if is_there {
+            let is_leaf = deep == shape.depths()[found.block];
+            Some(Tap { layer: deep, at: (start + (number << (3 * deep)) + part) as u32, is_leaf })
+        } else {
+            None
+        }
+    }
+
+    /// The depth that is read where samples of a depth are wanted: that of the block at a position, if it is less.
+    #[inline(always)]
+    fn depth_at(&mut self, position: [i32; 3], wanted: u8) -> u8 {
+        match self.block(shifted(position, 11)) {
+            Some(block) => wanted.min(self.frame.shape.depths()[block as usize]),
+            None => wanted,
+        }
+    }
+
+    /// Reads the colour at a position, in 1/256 voxel from the middle of the origin's first voxel: the mean of the samples around it,
+    /// weighted trilinearly, of those that are there. `depth`: of the samples wanted; where a block has none so deep, its deepest
+    /// are read. `normal`: only samples of surfaces that face it count. `None` if there are no samples.
+    #[inline(always)]
+    pub fn read(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {
+        let deep = self.depth_at(position, depth);
+        self.read_at(position, normal, deep)
+            .or_else(|| if deep > 0 { self.read_at(position, normal, 0) } else { None })
+    }
+
+    /// The colour between the samples of one depth.
+    #[inline(always)]
+    fn read_at(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {
+        let mut sums = [0i32; 4];
+        let layers = &self.frame.layers;
+        self.for_taps(position, normal, depth, |tap, weight| {
+            let sample = &layers[usize::from(tap.layer)][tap.at as usize];
+            for lane in 0..4 {
+                sums[lane] += weight * i32::from(sample[lane]);
+            }
+        });
+        mean(sums)
+    }
+
+    /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
+    #[inline(always)]
+    pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
+        let deep = self.depth_at(position, depth);
+        let mut any = false;
+        self.for_taps(position, normal, deep, |tap, weight| {
+            any = true;
+            visit(tap, weight);
+        });
+        if !any && deep > 0 {
+            self.for_taps(position, normal, 0, visit);
+        }
+    }
+
+    /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
+    #[inline(always)]
+    fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
+        let shift = 8 - u32::from(depth);
+        let from_first = sum(position, [-(128 >> depth); 3]);
+        let first = shifted(from_first, shift);
+        let mut along = [[0; 2]; 3];
+        for axis in 0..3 {
+            let upper = fraction(from_first[axis], shift);
+            along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
+        }
+        let mut known: ([i32; 3], Option<FoundCell>) = ([i32::MIN; 3], None);
+        for corner in 0..8 {
+            let steps = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let weight = along[0][steps[0]] * along[1][steps[1]] * along[2][steps[2]];
+            if weight == 0 {
+                continue;
+            }
+            let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
+            let voxel = shifted(place, u32::from(depth));
+            if known.0 != voxel {
+                known = (voxel, self.cell_that_faces(voxel, normal));
+            }
+            let Some(found) = known.1 else { continue };
+            if let Some(tap) = self.sample(found, place, depth) {
+                visit(tap, weight);
+            }
+        }
+    }
+
+    /// The crossed cell at a voxel, if its surface faces a normal.
+    #[inline(always)]
+    fn cell_that_faces(&mut self, voxel: [i32; 3], normal: [i8; 3]) -> Option<FoundCell> {
+        let found = self.cell(voxel)?;
+        if self.surfel(found).faces(normal) { Some(found) } else { None }
+    }
+
+    /// Reads the colours at the middles of all parts of a cell at a depth, in Morton order; the last value is 0 where there are no
+    /// samples. `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are needed, a bit each.
+    ///
+    /// As [`Self::read`] at each part, but that all are read as deep as the block at the middle of the cell is.
+    #[inline(always)]
+    pub fn read_cell(
+        &mut self,
+        corner: [i32; 3],
+        normal: [i8; 3],
+        depth: u8,
+        wanted: u64,
+        out: &mut [Sample; 64],
+    ) {
+        let deep = self.depth_at(sum(corner, [128; 3]), depth);
+        if deep == depth {
+            match depth {
+                0 => self.read_parts::<1, 2>(corner, normal, out),
+                1 => self.read_parts::<2, 4>(corner, normal, out),
+                _ => self.read_parts::<4, 8>(corner, normal, out),
+            }
+        } else {
+            out[..1 << (3 * depth)].fill([0; 4]);
+        }
+        let mut missing = wanted;
+        while missing != 0 {
+            let part = missing.trailing_zeros() as usize;
+            missing &= missing - 1;
+            if out[part][3] == 0 {
+                let middle = position(part).map(|c| (2 * c as i32 + 1) << (7 - depth));
+                let at = [0, 1, 2].map(|axis| corner[axis] + middle[axis]);
+                let found = if deep < depth { self.read_at(at, normal, deep) } else { None };
+                let found = found.or_else(|| if deep > 0 { self.read_at(at, normal, 0) } else { None });
+                out[part] = found.unwrap_or_default();
+            }
+        }
+    }
+
+    /// Reads the colours at the middles of `N` parts of a cell along each axis. All have the same fractions along the axes, so that
+    /// sums are shared: those along x first, then y, then z. `G` is twice `N`.
+    #[inline(always)]
+    fn read_parts<const N: usize, const G: usize>(
+        &mut self,
+        corner: [i32; 3],
+        normal: [i8; 3],
+        out: &mut [Sample; 64],
+    ) {
+        const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N) };
+        let depth = N.trailing_zeros();
+        let shift = 8 - depth;
+        let voxel = shifted(corner, 8);
+        let (mut upper, mut inner, mut spans) = ([0; 3], [0; 3], [false; 3]);
+        for axis in 0..3 {
+            upper[axis] = fraction(corner[axis], shift);
+            inner[axis] = (corner[axis] >> shift) as usize & (N - 1);
+            // Along an axis where the cell lies on another one, nothing beyond counts.
+            spans[axis] = inner[axis] != 0 || upper[axis] != 0;
+        }
+        // The parts of 2x2x2 cells.
+        let mut grid = [[[[0; 4]; G]; G]; G];
+        for slot in 0..8 {
+            let steps = [slot & 1, slot >> 1 & 1, slot >> 2];
+            if (steps[0] > 0 && !spans[0]) || (steps[1] > 0 && !spans[1]) || (steps[2] > 0 && !spans[2]) {
+                continue;
+            }
+            let at = sum(voxel, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
+            if let Some(found) = self.cell_that_faces(at, normal) {
+                self.take_parts::<N, G>(found, steps, &mut grid);
+            }
+        }
+        if spans == [false; 3] {
+            for part in 0..N * N * N {
+                let [x, y, z] = position(part);
+                out[part] = grid[z][y][x];
+            }
+            return;
+        }
+        let mut along_x = [[[[0i32; 4]; N]; G]; G];
+        for z in 0..=N {
+            for y in 0..=N {
+                let row = &grid[z + inner[2]][y + inner[1]][inner[0]..][..N + 1];
+                for x in 0..N {
+                    along_x[z][y][x] = between(&wide(row[x]), &wide(row[x + 1]), upper[0]);
+                }
+            }
+        }
+        let mut along_y = [[[[0i32; 4]; N]; N]; G];
+        for z in 0..=N {
+            for y in 0..N {
+                for x in 0..N {
+                    along_y[z][y][x] = between(&along_x[z][y][x], &along_x[z][y + 1][x], upper[1]);
+                }
+            }
+        }
+        for z in 0..N {
+            for y in 0..N {
+                for x in 0..N {
+                    let sums = between(&along_y[z][y][x], &along_y[z + 1][y][x], upper[2]);
+                    out[interleave([x, y, z])] = mean(sums).unwrap_or_default();
+                }
+            }
+        }
+    }
+
+    /// Enters the parts of a cell, `N` along each axis, into those of 2x2x2 cells; shallower ones stand for all parts in them.
+    #[inline(always)]
+    fn take_parts<const N: usize, const G: usize>(
+        &self,
+        found: FoundCell,
+        steps: [usize; 3],
+        grid: &mut [[[Sample; G]; G]; G],
+    ) {
+        let depth = N.trailing_zeros() as u8;
+        let shape = &self.frame.shape;
+        let deep = depth.min(shape.depths()[found.block]);
+        let number = found.cell - shape.cells().blocks()[found.block].first();
+        let start = shape.starts()[found.block][usize::from(deep)] as usize + (number << (3 * deep));
+        let samples = &self.frame.layers[usize::from(deep)][start..][..1 << (3 * deep)];
+        let shift = 3 * (depth - deep);
+        for part in 0..N * N * N {
+            let [x, y, z] = position(part);
+            grid[steps[2] * N + z][steps[1] * N + y][steps[0] * N + x] = samples[part >> shift];
+        }
+    }
+}
+
+/// A sample that a reading takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tap {
+    /// Layer of the sample.
+    pub layer: u8,
+    /// Place of the sample in its layer.
+    pub at: u32,
+    /// Whether it is one of its block's deepest layer, and no mean of these.
+    pub is_leaf: bool,
+}
+
+/// Coordinates shifted to the right.
+#[inline(always)]
+pub(crate) fn shifted(coordinates: [i32; 3], by: u32) -> [i32; 3] {
+    let [x, y, z] = coordinates;
+    [x >> by, y >> by, z >> by]
+}
+
+/// The sum of two vectors.
+#[inline(always)]
+pub(crate) fn sum([x, y, z]: [i32; 3], by: [i32; 3]) -> [i32; 3] {
+    [x + by[0], y + by[1], z + by[2]]
+}
+
+/// The share of the upper of two samples at a coordinate, of [`WEIGHT_BITS`].
+#[inline(always)]
+fn fraction(coordinate: i32, shift: u32) -> i32 {
+    (coordinate & ((1 << shift) - 1)) >> (shift - WEIGHT_BITS)
+}
+
+#[inline(always)]
+fn wide([y, cb, cr, there]: Sample) -> [i32; 4] {
+    [i32::from(y), i32::from(cb), i32::from(cr), i32::from(there)]
+}
+
+/// The sum of two values by the share of the upper one.
+#[inline(always)]
+fn between(lower: &[i32; 4], upper: &[i32; 4], share: i32) -> [i32; 4] {
+    let mut sums = [0; 4];
+    for lane in 0..4 {
+        sums[lane] = (lower[lane] << WEIGHT_BITS) + (upper[lane] - lower[lane]) * share;
+    }
+    sums
+}
+
+/// The mean of samples from their weighted sums, of which the last is that of the weights; `None` if it is 0.
+#[inline(always)]
+fn mean(sums: [i32; 4]) -> Option<Sample> {
+    match sums[3] {
+        0 => None,
+        FULL_WEIGHT => {
+            let mut sample = [0, 0, 0, 1];
+            for channel in 0..3 {
+                sample[channel] = ((sums[channel] + FULL_WEIGHT / 2) >> (3 * WEIGHT_BITS)) as i16;
+            }
+            Some(sample)
+        }
+        weight => {
+            let mut sample = [0, 0, 0, 1];
+            for channel in 0..3 {
+                // Division of what is not negative is faster.
+                let bias = -SAMPLE_RANGE[channel].0;
+                let sum = (sums[channel] + bias * weight + weight / 2) as u32;
+                sample[channel] = ((sum / weight as u32) as i32 - bias) as i16;
+            }
+            Some(sample)
+        }
+    }
+}
