@@ -1,7 +1,7 @@
 //! What the fuzz targets do with bytes. None of it may panic, hang, or take memory that the bytes do not justify.
 //!
-//! Targets of the codec take whole `.isv` streams, `range_decoder`, `encoder` and `colour` excepted, so what one of them finds is a seed for
-//! the others, and what crashes one is a file that any decoder can be given.
+//! Targets of the codec take whole `.isv` streams, `range_decoder`, `encoder` and `colour` excepted. So what one of them finds is a
+//! seed for the others, and what crashes one is a file that any decoder can be given.
 
 pub mod colour;
 pub mod container;

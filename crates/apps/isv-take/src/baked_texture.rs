@@ -6,8 +6,8 @@
 //!
 //! Charts keep their place in the texture from frame to frame while their block lives and they do not outgrow it. Texels lie on the
 //! surface, and their colours are read from the samples there, of which there are more than vertices. Around each chart the surface goes
-//! on for 4 texels, so that neither bilinear reading nor the first two mip maps show what is beside it; for 2 or 1 in textures that are
-//! small for their surface.
+//! on for 4 texels. So neither bilinear reading nor the first two mip maps show what is beside it. In textures that are small for their
+//! surface it goes on for 2 texels, which serve one mip map, or for 1.
 
 mod atlas;
 mod charts;
@@ -17,7 +17,6 @@ mod tests;
 
 use atlas::Atlas;
 use charts::cut;
-use glam::DVec3;
 use isv_decode::colour::ColourFrame;
 use isv_volume::{Appearance, Grid, Image, Material, TriangleMesh, Wrap};
 use patch::{Patch, Surface};
@@ -90,7 +89,7 @@ impl TextureBaker {
         let charts = cut(mesh, voxel_m, |key| self.atlas.has(key));
         let places = self.atlas.place(&charts)?;
         let (side, density) = (self.atlas.side(), self.atlas.density());
-        let normals = vertex_normals(mesh);
+        let normals = mesh.angle_weighted_normals();
         let surface = Surface { mesh, normals: &normals, colour, grid };
         let patches: Vec<Patch> = charts
             .par_iter()
@@ -119,15 +118,4 @@ impl TextureBaker {
         }));
         Ok(())
     }
-}
-
-/// Normals of vertices, the means of those of their faces by area: not of unit length.
-fn vertex_normals(mesh: &TriangleMesh) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; mesh.vertices.len()];
-    for (face, triangle) in mesh.triangles.iter().enumerate() {
-        let [a, b, c] = mesh.corners(face);
-        let normal = (b - a).cross(c - a);
-        triangle.iter().for_each(|vertex| normals[*vertex as usize] += normal);
-    }
-    normals
 }

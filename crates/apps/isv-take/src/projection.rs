@@ -5,7 +5,7 @@ use crate::capture::Capture;
 use crate::encode::{CaptureError, FrameError};
 use crate::tile_texture::Tiles;
 use glam::DMat3;
-use isv_ingest::{SurfacePoint, seen_colours};
+use isv_ingest::{SeenColour, SurfacePoint, seen_colours};
 use isv_io::ColourSequence;
 use isv_volume::{Appearance, Rgb, TriangleMesh};
 use rayon::prelude::*;
@@ -72,25 +72,25 @@ impl Projection {
         let views = self.rig.read(frame)?;
         let views: Vec<_> = views.into_iter().map(|view| view.turned(self.turn)).collect();
         let tiles = Tiles::new(mesh);
-        let normals: Vec<_> =
-            (0..mesh.triangles.len()).map(|face| mesh.area_vector(face).normalize_or_zero()).collect();
-        let texels = tiles.texels();
-        let points: Vec<SurfacePoint> = texels
-            .iter()
-            .map(|texel| SurfacePoint { position: texel.point, normal: normals[texel.face] })
+        let points: Vec<SurfacePoint> = (0..tiles.texels(mesh))
+            .into_par_iter()
+            .map(|number| {
+                let texel = tiles.texel(mesh, number);
+                let normal = mesh.area_vector(texel.face).normalize_or_zero();
+                SurfacePoint { position: texel.point, normal }
+            })
             .collect();
         let seen = seen_colours(mesh, &points, &views, &[], voxel_m);
-        let own = mesh.appearance.clone();
-        let colour = |(texel, seen): (&crate::tile_texture::Texel, &isv_ingest::SeenColour)| {
-            let of_mesh = |own: &Appearance| {
-                own.colour(texel.face, mesh.triangles[texel.face], texel.weights).map(to_byte)
-            };
-            match seen.weight > 0.0 {
-                true => seen.colour.map(to_byte),
-                false => own.as_deref().map_or(GREY, of_mesh),
-            }
+        let of_own = |own: &Appearance, number: usize| {
+            let texel = tiles.texel(mesh, number);
+            own.colour(texel.face, mesh.triangles[texel.face], texel.weights).map(to_byte)
         };
-        let colours = texels.par_iter().zip(&seen).map(colour).collect();
+        let own = mesh.appearance.as_deref();
+        let colour = |(number, seen): (usize, &SeenColour)| match seen.weight > 0.0 {
+            true => seen.colour.map(to_byte),
+            false => own.map_or(GREY, |own| of_own(own, number)),
+        };
+        let colours = seen.par_iter().enumerate().map(colour).collect();
         tiles.paint(mesh, colours);
         Ok(())
     }

@@ -14,7 +14,7 @@ const TILE: [usize; 2] = [SIDE + 1, SIDE];
 /// bleeds into it from others.
 pub(crate) fn add_tile_texture(mesh: &mut TriangleMesh, colour: &ColourFrame, grid: &Grid) {
     let tiles = Tiles::new(mesh);
-    let points: Vec<DVec3> = tiles.texels.iter().map(|texel| texel.point).collect();
+    let points: Vec<DVec3> = (0..tiles.texels(mesh)).map(|number| tiles.texel(mesh, number).point).collect();
     let colours = surface_colours::<DVec3>(colour, grid, &points);
     tiles.paint(mesh, colours);
 }
@@ -30,13 +30,33 @@ pub(crate) struct Texel {
     place: usize,
 }
 
+/// Texels of a triangle.
+const TEXELS: usize = SIDE * (SIDE + 1) / 2;
+/// Column and row of each, counted from the corner of the tile that the triangle's first vertex lies at.
+const PLACES: [[usize; 2]; TEXELS] = {
+    let mut places = [[0; 2]; TEXELS];
+    let (mut number, mut y) = (0, 0);
+    while y < SIDE {
+        let mut x = 0;
+        while x < SIDE - y {
+            places[number] = [x, y];
+            number += 1;
+            x += 1;
+        }
+        y += 1;
+    }
+    places
+};
+/// Length of a triangle's legs, in texels.
+const LEGS: f64 = (SIDE - 2) as f64;
+
 /// The tiles of a mesh, two triangles each, in one texture.
 #[derive(Debug)]
 pub(crate) struct Tiles {
+    /// Tiles along the width of the texture.
+    across: usize,
     /// Width and height of the texture in texels.
     size: [usize; 2],
-    texels: Vec<Texel>,
-    coordinates: Vec<[[f32; 2]; 3]>,
 }
 
 impl Tiles {
@@ -44,54 +64,56 @@ impl Tiles {
         let tiles = mesh.triangles.len().div_ceil(2).max(1);
         let across = ((tiles * TILE[1]) as f64 / TILE[0] as f64).sqrt().ceil().max(1.0) as usize;
         let down = tiles.div_ceil(across);
-        let (width, height) = (across * TILE[0], down * TILE[1]);
-        let mut texels = Vec::new();
-        let mut coordinates = Vec::with_capacity(mesh.triangles.len());
-        for face in 0..mesh.triangles.len() {
-            let tile = face / 2;
-            let corner = [tile % across * TILE[0], tile / across * TILE[1]];
-            let is_mirrored = face % 2 != 0;
-            // Texels count from the corner of the tile that the triangle's first vertex lies at.
-            let place = |[x, y]: [f64; 2]| match is_mirrored {
-                true => [(corner[0] + TILE[0]) as f64 - x, (corner[1] + TILE[1]) as f64 - y],
-                false => [corner[0] as f64 + x, corner[1] as f64 + y],
-            };
-            let legs = (SIDE - 2) as f64;
-            let [a, b, c] = mesh.corners(face);
-            for y in 0..SIDE {
-                for x in 0..SIDE - y {
-                    let [px, py] = place([x as f64 + 0.5, y as f64 + 0.5]);
-                    let (u, v) = (x as f64 / legs, y as f64 / legs);
-                    texels.push(Texel {
-                        point: a + (b - a) * u + (c - a) * v,
-                        face,
-                        weights: [1.0 - u - v, u, v].map(|weight| weight as f32),
-                        place: py as usize * width + px as usize,
-                    });
-                }
-            }
-            coordinates.push([[0.5, 0.5], [0.5 + legs, 0.5], [0.5, 0.5 + legs]].map(|texel| {
-                let [x, y] = place(texel);
-                [(x / width as f64) as f32, (y / height as f64) as f32]
-            }));
-        }
-        Self { size: [width, height], texels, coordinates }
+        Self { across, size: [across * TILE[0], down * TILE[1]] }
     }
 
-    /// All texels that have a colour, triangle by triangle.
-    pub(crate) fn texels(&self) -> &[Texel] {
-        &self.texels
+    /// Place in the texture of a place in a triangle's half of its tile, in texels.
+    fn place(&self, face: usize, [x, y]: [f64; 2]) -> [f64; 2] {
+        let tile = face / 2;
+        let corner = [tile % self.across * TILE[0], tile / self.across * TILE[1]];
+        match face.is_multiple_of(2) {
+            true => [corner[0] as f64 + x, corner[1] as f64 + y],
+            false => [(corner[0] + TILE[0]) as f64 - x, (corner[1] + TILE[1]) as f64 - y],
+        }
+    }
+
+    /// Number of texels that have a colour.
+    pub(crate) fn texels(&self, mesh: &TriangleMesh) -> usize {
+        TEXELS * mesh.triangles.len()
+    }
+
+    /// A texel by its number, triangle by triangle.
+    pub(crate) fn texel(&self, mesh: &TriangleMesh, number: usize) -> Texel {
+        let (face, [x, y]) = (number / TEXELS, PLACES[number % TEXELS]);
+        let [a, b, c] = mesh.corners(face);
+        let [u, v] = [x, y].map(|texel| texel as f64 / LEGS);
+        let [px, py] = self.place(face, [x, y].map(|texel| texel as f64 + 0.5));
+        Texel {
+            point: a + (b - a) * u + (c - a) * v,
+            face,
+            weights: [1.0 - u - v, u, v].map(|weight| weight as f32),
+            place: py as usize * self.size[0] + px as usize,
+        }
     }
 
     /// Gives the mesh a texture of the texels' colours.
-    pub(crate) fn paint(self, mesh: &mut TriangleMesh, colours: Vec<Rgb>) {
+    pub(crate) fn paint(&self, mesh: &mut TriangleMesh, colours: Vec<Rgb>) {
         let [width, height] = self.size;
         let mut pixels = vec![[128; 3]; width * height];
-        self.texels.iter().zip(colours).for_each(|(texel, colour)| pixels[texel.place] = colour);
+        for (number, colour) in colours.into_iter().enumerate() {
+            pixels[self.texel(mesh, number).place] = colour;
+        }
+        let of_corner = |face: usize, corner: [f64; 2]| {
+            let [x, y] = self.place(face, corner);
+            [(x / width as f64) as f32, (y / height as f64) as f32]
+        };
+        let corners = [[0.5, 0.5], [0.5 + LEGS, 0.5], [0.5, 0.5 + LEGS]];
+        let coordinates =
+            (0..mesh.triangles.len()).map(|face| corners.map(|corner| of_corner(face, corner))).collect();
         let image = Image::new(width as u32, height as u32, pixels).map(Arc::new);
         let material = Material { texture: image, wrap: [Wrap::Clamp; 2], ..Material::default() };
         mesh.appearance = Some(Arc::new(Appearance {
-            texture_coordinates: self.coordinates,
+            texture_coordinates: coordinates,
             materials: vec![material],
             ..Appearance::default()
         }));

@@ -369,7 +369,7 @@ fn a_folder_becomes_a_stream() {
         .on_event(move |event| *text.lock().unwrap() += &event.text)
         .on_progress(move |done, total| seen.lock().unwrap().push((done, total)));
     let report = isv::take::encode(folder.path(), &output, &options).unwrap();
-    assert!(heard.lock().unwrap().contains("music.mp3) are not kept"), "{heard:?}");
+    assert!(heard.lock().unwrap().contains("not kept: sound (music.mp3)"), "{heard:?}");
     assert_eq!((report.frames, report.skipped, report.is_cancelled), (4, 0, false));
     assert_eq!(*steps.lock().unwrap(), (1..=4).map(|done| (done, Some(4))).collect::<Vec<_>>());
     let first = Reader::open(&output).unwrap().next_frame().unwrap().unwrap().mesh().unwrap();

@@ -24,15 +24,15 @@ const SEQUENCE: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 #[must_use]
 pub fn mesh_colours(mesh: &TriangleMesh, spacing_m: f64) -> Vec<ColourSample> {
     let Some(appearance) = mesh.appearance.as_deref() else { return Vec::new() };
-    spread_over(mesh, spacing_m, |face, normal, k| face_colour(mesh, appearance, face, normal, k))
+    spread_over(mesh, spacing_m, |face, normal, k| Some(face_colour(mesh, appearance, face, normal, k)))
 }
 
 /// Makes something of places that lie evenly on a mesh, one a `spacing_m` squared (metres). `of_place` gets a face, its unit normal and
-/// the number of the place, which [`weights_of`] takes. Empty without area.
+/// the number of the place, which [`weights_of`] takes, and makes nothing of some. Empty without area.
 fn spread_over<T: Send>(
     mesh: &TriangleMesh,
     spacing_m: f64,
-    of_place: impl Fn(usize, DVec3, u64) -> T + Sync,
+    of_place: impl Fn(usize, DVec3, u64) -> Option<T> + Sync,
 ) -> Vec<T> {
     let mut all = 0.0;
     let ends: Vec<f64> = (0..mesh.triangles.len())
@@ -51,13 +51,13 @@ fn spread_over<T: Send>(
     let of_chunk = |(chunk, own): (usize, &[f64])| {
         let first = chunk * CHUNK;
         let before = if first == 0 { 0.0 } else { ends[first - 1] };
-        let mut samples = Vec::with_capacity((number(own[own.len() - 1]) - number(before)) as usize);
+        let mut samples = Vec::new();
         let mut start = number(before);
         for (face, end) in (first..).zip(own) {
             let end = number(*end);
             if end > start {
                 let normal = mesh.area_vector(face).normalize_or_zero();
-                samples.extend((start..end).map(|k| of_place(face, normal, k)));
+                samples.extend((start..end).filter_map(|k| of_place(face, normal, k)));
             }
             start = end;
         }

@@ -10,9 +10,11 @@ mod pixels;
 mod png;
 mod webp;
 
+use crate::regular_file;
 pub use error::{ImageError, ImageFault};
 use isv_volume::Image;
 pub(crate) use png::write as write_png;
+use std::path::Path;
 
 /// Largest width and height of an image (pixels).
 pub const MAX_IMAGE_SIDE: u32 = 1 << 14;
@@ -22,6 +24,16 @@ pub const MAX_IMAGE_PIXELS: u64 = 1 << 26;
 
 /// Most bytes of the file of an image.
 pub(crate) const MAX_IMAGE_BYTES: u64 = 1 << 30;
+
+/// Reads an image's file whole, unless it is larger than any image may be.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, ImageFault> {
+    let fault = |cause: std::io::Error| ImageFault::File { cause: cause.to_string() };
+    let (_, length) = regular_file::open(path).map_err(fault)?;
+    if length > MAX_IMAGE_BYTES {
+        return Err(ImageFault::File { cause: format!("it has more than {MAX_IMAGE_BYTES} bytes") });
+    }
+    regular_file::read(path).map_err(fault)
+}
 
 /// Decodes an image from the bytes of its file; `name` names it in errors.
 ///

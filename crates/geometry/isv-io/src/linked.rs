@@ -1,8 +1,7 @@
 //! Files that a frame's file names: material libraries and images. They lie in its folder or below.
 
-use crate::image::{self, ImageError, ImageFault, MAX_IMAGE_BYTES};
+use crate::image::{self, ImageError, ImageFault};
 use crate::inside::inside;
-use crate::regular_file;
 use isv_volume::Image;
 use std::collections::HashMap;
 use std::path::Path;
@@ -58,12 +57,7 @@ impl<'a> Linked<'a> {
         const OUTSIDE: &str = "leaves the folder of the file; linked files must lie beside it or below";
         let folder = self.folder.ok_or(ImageFault::Name { why: ALONE })?;
         let path = inside(folder, name).ok_or(ImageFault::Name { why: OUTSIDE })?;
-        let fault = |cause: std::io::Error| ImageFault::File { cause: cause.to_string() };
-        let (_, length) = regular_file::open(&path).map_err(fault)?;
-        if length > MAX_IMAGE_BYTES {
-            return Err(ImageFault::File { cause: format!("it has more than {MAX_IMAGE_BYTES} bytes") });
-        }
-        regular_file::read(&path).map_err(fault)
+        image::read_file(&path)
     }
 
     /// Reads an image by its name. One of the same name is decoded once.

@@ -189,6 +189,15 @@ fn broken_colours_are_named_with_their_frame() {
         "camera.json: the colour camera has some of fx, fy, cx and cy: give all of them or none"
     );
     assert_eq!(with(r#""colour": {"fx": 5},"#, &[]), "camera.json: `colour` names no images");
+    assert_eq!(
+        with(r#""colour": 7,"#, &[]),
+        "camera.json: `colour` is neither a place of images nor a camera"
+    );
+    let bent = r#""colour": {"images": ["0.png", null, null], "k1": 0.1},"#;
+    assert_eq!(
+        with(bent, &[("0.png", red(1))]),
+        "camera.json: the colour camera has a distortion, so it needs fx, fy, cx and cy, too"
+    );
 }
 
 #[test]
@@ -203,9 +212,58 @@ fn every_prefix_of_an_image_gives_a_message() {
 
 #[test]
 fn an_unnamed_folder_that_fits_nothing_is_passed_over() {
-    let room = room("");
-    write(room.path(), "color/left.png", &red(1));
-    assert_eq!(open(&room).unwrap().colour_cameras(), 0);
+    let with = |keys: &str, images: [Vec<u8>; 3]| {
+        let room = room(keys);
+        for (frame, bytes) in images.iter().enumerate() {
+            write(room.path(), &format!("color/{frame}.png"), bytes);
+        }
+        (open(&room).unwrap(), room)
+    };
+    let one = room("");
+    write(one.path(), "color/left.png", &red(1));
+    assert_eq!(open(&one).unwrap().colour_cameras(), 0);
+    // Another shape, or no image at all.
+    assert_eq!(with("", [black(40, 40), red(1), red(2)]).0.colour_cameras(), 0);
+    assert_eq!(with("", [vec![], red(1), red(2)]).0.colour_cameras(), 0);
+    // One that nobody named does not cost its frame.
+    let (sequence, _room) = with("", [red(0), black(40, 40), vec![]]);
+    assert_eq!(reds(&sequence), [0, -1, -1]);
+    let (_, room) = with("", [red(0), red(1), red(2)]);
+    let text = ColourSequence::open(room.path()).unwrap_err().to_string();
+    assert!(
+        text.ends_with("no camera has colour images with a calibration: name them under `colour`"),
+        "{text}"
+    );
+}
+
+#[test]
+fn what_others_write_under_these_keys_is_passed_over() {
+    for keys in [
+        r#""rgb": true,"#,
+        r#""color": {"width": 1920, "height": 1080, "fx": 1, "k1": "?"},"#,
+        r#""color": [1, 2], "rgb": {},"#,
+        r#""colour": null,"#,
+    ] {
+        let room = room(keys);
+        assert_eq!(open(&room).unwrap().colour_cameras(), 0, "{keys}");
+        assert_eq!(DepthSequence::open(room.path()).unwrap().frames(), 3, "{keys}");
+    }
+    let room = room(r#""rgb": true, "color": ["0.png", null, null],"#);
+    write(room.path(), "0.png", &red(5));
+    assert_eq!(reds(&open(&room).unwrap()), [5, -1, -1]);
+}
+
+#[test]
+fn cameras_of_colour_alone_have_no_part_in_the_limit_of_depths() {
+    let large = |keys: &str| {
+        let lens = r#""width": 16384, "height": 8192, "fx": 5, "fy": 6, "cx": 1.5, "cy": 0.5"#;
+        format!(r#"{{"name": "a", {lens}, "camera_to_world": {STANDING}, {keys}}}"#)
+    };
+    let folder = rig(&[]);
+    let cameras = [vec![large(r#""images": "d""#)], vec![large(r#""colour": "c""#); 4]].concat();
+    write(folder.path(), "rig.json", format!(r#"{{"cameras": [{}]}}"#, cameras.join(", ")).as_bytes());
+    assert_eq!(open(&folder).unwrap().colour_cameras(), 4);
+    assert_eq!(DepthSequence::open(folder.path()).unwrap().cameras(), 1);
 }
 
 #[test]
@@ -222,6 +280,7 @@ fn tum_images_are_paired_by_time_and_stand_where_they_were_taken() {
     for name in ["a", "b", "c"] {
         write(folder.path(), &format!("d/{name}.png"), &depths(4, &[1000; 8]));
     }
+    assert_eq!(open(&folder).unwrap().colour_cameras(), 0, "a list without its images");
     write(folder.path(), "c/0.png", &red(1));
     write(folder.path(), "c/1.png", &red(2));
     let sequence = open(&folder).unwrap();
@@ -273,10 +332,13 @@ fn a_rig_without_depths_has_colours_alone() {
     let folder = rig(&[r#""colour": "c""#, r#""color": "c""#]);
     let colours = ColourSequence::open(folder.path()).unwrap();
     assert_eq!((colours.cameras(), colours.frames()), (2, 2));
-    assert_eq!(refused(&folder), "rig.json: 0 cameras, but 1 at least is needed");
+    assert_eq!(refused(&folder), "rig.json: 0 cameras with depth images, but 1 at least is needed");
     let bare = rig(&[r#""images": "d""#]);
     let text = ColourSequence::open(bare.path()).unwrap_err().to_string();
-    assert!(text.ends_with(": no camera has colour images: name them under `colour`"), "{text}");
+    assert!(
+        text.ends_with(": no camera has colour images with a calibration: name them under `colour`"),
+        "{text}"
+    );
     assert_eq!(refused(&rig(&[r#""fps": 3"#])), "rig.json: camera cam0: it names neither images nor colour");
     let unequal = refused(&rig(&[r#""colour": "c""#, r#""colour": "short""#]));
     assert_eq!(

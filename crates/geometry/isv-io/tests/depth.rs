@@ -667,7 +667,7 @@ fn broken_descriptions_are_named_in_one_sentence() {
         assert!(found.starts_with(expected), "{found}\ninstead of\n{expected}");
     }
     let rig = folder(&[("rig.json", r#"{"cameras": []}"#)]);
-    assert_eq!(refused(&rig), "rig.json: 0 cameras, but 1 at least is needed");
+    assert_eq!(refused(&rig), "rig.json: 0 cameras with depth images, but 1 at least is needed");
     let camera = format!(r#"{{"name": "top", {CAMERA}, "camera_to_world": {scaled}, "images": "a"}}"#);
     write(rig.path(), "rig.json", format!(r#"{{"cameras": [{camera}]}}"#).as_bytes());
     assert!(refused(&rig).starts_with("rig.json: camera top: the pose is no rotation"));

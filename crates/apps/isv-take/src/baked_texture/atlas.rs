@@ -17,7 +17,7 @@ const FIRST_PART: f64 = 0.92;
 /// Heights of shelves that a patch is put on, over its own, while there is room for more shelves.
 const TALLEST: f64 = 1.25;
 
-/// Where a chart is.
+/// Place of a chart in a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// First texel as seen, from the middle of the chart's block.

@@ -2,6 +2,7 @@
 
 use super::patch::closest;
 use glam::DVec3;
+use isv_spatial::DisjointSets;
 use isv_volume::TriangleMesh;
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -104,14 +105,10 @@ fn by_view(
     faces: &[([i32; 3], u32)],
     was_there: impl Fn(u8) -> bool,
 ) -> Vec<(u8, Vec<u32>)> {
-    let normal = |face: u32| {
-        let [a, b, c] = mesh.corners(face as usize);
-        (b - a).cross(c - a)
-    };
     let mut rest: Vec<(u32, DVec3, f64)> = faces
         .iter()
         .map(|(_, face)| {
-            let normal = normal(*face);
+            let normal = mesh.area_vector(*face as usize);
             (*face, normal, normal.length())
         })
         .collect();
@@ -151,28 +148,19 @@ fn by_view(
 
 /// Faces in parts that share vertices, in order of their first face.
 fn connected(mesh: &TriangleMesh, faces: &[u32]) -> Vec<Vec<u32>> {
-    let mut corners: Vec<(u32, usize)> = Vec::with_capacity(3 * faces.len());
-    for (number, face) in faces.iter().enumerate() {
+    let mut corners: Vec<(u32, u32)> = Vec::with_capacity(3 * faces.len());
+    for (number, face) in (0..).zip(faces) {
         corners.extend(mesh.triangles[*face as usize].map(|vertex| (vertex, number)));
     }
     corners.sort_unstable();
-    let mut roots: Vec<usize> = (0..faces.len()).collect();
-    fn root(roots: &mut [usize], mut of: usize) -> usize {
-        while roots[of] != of {
-            roots[of] = roots[roots[of]];
-            of = roots[of];
-        }
-        of
-    }
+    let mut joined = DisjointSets::new(faces.len() as u32);
     for pair in corners.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-        let [a, b] = [pair[0].1, pair[1].1].map(|number| root(&mut roots, number));
-        // The lower number is the root.
-        roots[a.max(b)] = a.min(b);
+        joined.join(pair[0].1, pair[1].1);
     }
     let mut parts: Vec<Vec<u32>> = Vec::new();
     let mut part_of = vec![usize::MAX; faces.len()];
-    for (number, face) in faces.iter().enumerate() {
-        let root = root(&mut roots, number);
+    for (number, face) in (0..).zip(faces) {
+        let root = joined.find(number) as usize;
         if part_of[root] == usize::MAX {
             part_of[root] = parts.len();
             parts.push(Vec::new());

@@ -4,7 +4,7 @@ use super::UNUSED;
 use super::atlas::Place;
 use super::charts::Chart;
 use glam::DVec3;
-use isv_decode::colour::frame::Reader;
+use isv_decode::colour::Reader;
 use isv_decode::colour::{ColourFrame, surface_colours};
 use isv_volume::{BlockCoord, COORD_LIMIT, Grid, Rgb, TriangleMesh};
 
@@ -18,11 +18,11 @@ const CELL: f64 = 0.87;
 /// Distance within which the surface of a mesh that was simplified is looked for (voxels).
 const REACH: i32 = 4;
 
-/// What texels are read from.
+/// Source of texels.
 #[derive(Clone, Copy)]
 pub(super) struct Surface<'a> {
     pub(super) mesh: &'a TriangleMesh,
-    /// Of vertices, of any length.
+    /// Normals of vertices.
     pub(super) normals: &'a [DVec3],
     pub(super) colour: &'a ColourFrame,
     pub(super) grid: &'a Grid,
@@ -40,7 +40,7 @@ pub(super) struct Patch {
 pub(super) struct Closest {
     /// Squared distance; 0 inside.
     pub(super) squared: f64,
-    /// Of the triangle's corners.
+    /// Weights of the triangle's corners.
     pub(super) weights: [f64; 3],
 }
 

@@ -1,8 +1,9 @@
-//! What is read from a texture is what is read from the colour itself, wherever charts end and however small the picture.
+//! Readings of a texture are those of the colour itself, wherever charts end and however small the picture.
 
 use super::atlas::Place;
 use super::charts::Chart;
 use super::*;
+use glam::DVec3;
 use isv_decode::colour::surface_colours;
 use isv_decode::colour::{ColourCells, ColourShape};
 use isv_surface::{SurfaceOptions, extract_surface};
@@ -195,7 +196,7 @@ fn neighbours_in_the_texture_do_not_show() {
     let mut atlas = Atlas::new(512);
     let places = atlas.place(&charts).unwrap();
     let mut owners = vec![usize::MAX; 512 * 512];
-    let normals = vertex_normals(&mesh);
+    let normals = mesh.angle_weighted_normals();
     let surface = Surface { mesh: &mesh, normals: &normals, colour: &colour, grid: &grid() };
     for (number, (chart, place)) in charts.iter().zip(&places).enumerate() {
         for y in 0..place.size[1] {

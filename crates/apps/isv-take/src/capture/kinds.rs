@@ -285,7 +285,7 @@ impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Note(note) => f.write_str(note),
-            Self::NotKept(parts) => write!(f, "{} are not kept", parts.join(", ")),
+            Self::NotKept(parts) => write!(f, "not kept: {}", parts.join(", ")),
             Self::VoxelTaken(voxel) => write!(f, "does not say how large a voxel is: taken as {voxel}"),
             Self::Animations(count) => {
                 write!(f, "has {count} animations, of which the first that moves anything is taken")

@@ -2,10 +2,11 @@
 
 use super::job::ingested;
 use super::{EncodeError, EncodeOptions};
-use crate::capture::Capture;
+use crate::capture::{Capture, Hints};
 use crate::{Cancellation, Input, OpenDevice, Prefetch};
 use isv_encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
-use isv_format::{PacketWriter, StreamHeader};
+use isv_format::{ColourLayers, PacketWriter, StreamHeader};
+use isv_io::Colours;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -83,7 +84,10 @@ fn measure_rate(
     // What is to be said of the frames is said when they are coded for good.
     let silent: Arc<dyn crate::Observer> = Arc::new(|_: &crate::Event| {});
     let cancellation = watch.cancellation().clone();
-    let capture = Capture::open(input, &options.hints(&silent)?)?;
+    // Colour has a quality of its own, and no part in the rate that is met.
+    let header = &header.with_colour(ColourLayers::None);
+    let hints = Hints { colours: Colours::Drop, ..options.hints(&silent)? };
+    let capture = Capture::open(input, &hints)?;
     let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(options.frames)?;
     watch.begin(range.len());

@@ -313,25 +313,29 @@ impl VolumeMaker {
         views: &[ColourView],
     ) -> Result<SparseVolume, FrameError> {
         let volume = self.depth.volume(name, images, &self.device, &self.observer)?;
-        if let Some(spacing_m) = self.colour_spacing_m {
-            let surface = self.memory.surface(&volume, SurfaceOptions { normals: true });
-            let surface = surface.map_err(|cause| FrameError::Memory { name: name.to_owned(), cause })?;
-            let voxel_m = volume.grid().voxel_size.metres();
-            let spacing_m = match self.depth.mode {
-                FusionMode::PerFrame => spacing_m,
-                FusionMode::Accumulate => voxel_m / ACCUMULATED_SAMPLES,
-            };
-            let seen = view_colours(&surface, views, images, voxel_m, spacing_m);
-            self.colours = match self.depth.mode {
-                FusionMode::PerFrame => level_weights(seen),
-                FusionMode::Accumulate => {
-                    let memory = self.depth.colours.get_or_insert_with(|| ColourMemory::new(voxel_m));
-                    memory.add(&seen, &volume);
-                    self.colours_stand = !memory.has_changed();
-                    memory.samples()
-                }
-            };
-        }
+        let Some(spacing_m) = self.colour_spacing_m else { return Ok(volume) };
+        let voxel_m = volume.grid().voxel_size.metres();
+        let spacing_m = match self.depth.mode {
+            FusionMode::PerFrame => spacing_m,
+            FusionMode::Accumulate => voxel_m / ACCUMULATED_SAMPLES,
+        };
+        let seen = match views.is_empty() {
+            true => Vec::new(),
+            false => {
+                let surface = self.memory.surface(&volume, SurfaceOptions { normals: true });
+                let surface = surface.map_err(|cause| FrameError::Memory { name: name.to_owned(), cause })?;
+                view_colours(&surface, views, images, voxel_m, spacing_m)
+            }
+        };
+        self.colours = match self.depth.mode {
+            FusionMode::PerFrame => level_weights(seen),
+            FusionMode::Accumulate => {
+                let memory = self.depth.colours.get_or_insert_with(|| ColourMemory::new(voxel_m));
+                memory.add(&seen, &volume);
+                self.colours_stand = !memory.has_changed();
+                memory.samples()
+            }
+        };
         Ok(volume)
     }
 

@@ -50,7 +50,7 @@ impl DepthMap {
         // Pixels to a detail in the middle of what is seen.
         let detail = lens.focal.max_element() * detail_m * sum / count.max(1.0);
         let [least, most] = RADII;
-        let radius = (detail.round() as usize + 1).clamp(least, most);
+        let radius = (detail.round().min(most as f64) as usize + 1).clamp(least, most);
         let radius = radius + (extra as f64 * scale).ceil() as usize;
         let limits = surroundings(&nearest, lens.width as usize, radius);
         Self { lens, pose: *pose, radius, limits }
@@ -163,6 +163,13 @@ mod tests {
         }
     }
 
+    /// A camera that looks along z.
+    fn camera() -> (Intrinsics, CameraPose) {
+        let (focal, principal) = (DVec2::splat(150.0), DVec2::new(99.5, 79.5));
+        let lens = Intrinsics { width: 200, height: 160, focal, principal };
+        (lens, CameraPose::from_matrix(DMat4::IDENTITY).unwrap())
+    }
+
     /// A small square half a metre before a wall.
     fn scene() -> TriangleMesh {
         let square = |half: f64, z: f64| {
@@ -176,13 +183,7 @@ mod tests {
 
     #[test]
     fn what_is_hidden_or_beside_a_jump_is_not_shown() {
-        let lens = Intrinsics {
-            width: 200,
-            height: 160,
-            focal: DVec2::splat(150.0),
-            principal: DVec2::new(99.5, 79.5),
-        };
-        let pose = CameraPose::from_matrix(DMat4::IDENTITY).unwrap();
+        let (lens, pose) = camera();
         let map = DepthMap::new(&scene(), &lens, &pose, 0.01, 0);
         assert_eq!(map.radius, 2);
         let shows = |x: f64, z: f64| map.shows(DVec3::new(x, 0.0, z), -DVec3::Z, 0.02);
@@ -199,13 +200,7 @@ mod tests {
 
     #[test]
     fn a_slanted_surface_is_no_jump() {
-        let lens = Intrinsics {
-            width: 200,
-            height: 160,
-            focal: DVec2::splat(150.0),
-            principal: DVec2::new(99.5, 79.5),
-        };
-        let pose = CameraPose::from_matrix(DMat4::IDENTITY).unwrap();
+        let (lens, pose) = camera();
         let corners =
             [[-2.0, -1.0, 1.0], [2.0, -1.0, 6.0], [2.0, 1.0, 6.0], [-2.0, 1.0, 1.0]].map(DVec3::from);
         let mesh = TriangleMesh {

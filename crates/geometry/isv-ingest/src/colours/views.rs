@@ -3,7 +3,7 @@
 use super::depth_map::{DepthMap, slant};
 use super::{spread_over, weights_of};
 use glam::{DVec2, DVec3};
-use isv_volume::{ColourSample, ColourView, DepthImage, TriangleMesh};
+use isv_volume::{ColourSample, ColourView, DepthImage, Intrinsics, TriangleMesh};
 use rayon::prelude::*;
 
 /// Points that a thread works on at a time.
@@ -104,7 +104,9 @@ pub fn view_colours(
         let smooth = mesh.triangles[face].map(|v| mesh.normals.get(v as usize).copied().unwrap_or_default());
         let smooth = smooth[0] * weights[0] + smooth[1] * weights[1] + smooth[2] * weights[2];
         let normal = if smooth.length_squared() > 0.25 { smooth.normalize() } else { normal };
-        SurfacePoint { position, normal }
+        let point = SurfacePoint { position, normal };
+        // Most of a large scene is seen by no camera of a frame.
+        views.iter().any(|view| cosine_in(view, &point).is_some()).then_some(point)
     });
     let seen = seen_colours(mesh, &points, views, depths, voxel_m);
     let sample = |(point, seen): (&SurfacePoint, &SeenColour)| {
@@ -130,6 +132,24 @@ pub(super) fn level(weight: f32) -> f32 {
     weight / (weight + HALF_WEIGHT)
 }
 
+/// The cosine between a view of a point and its normal; `None` where the point does not face the camera or lies outside of the image.
+fn cosine_in(view: &ColourView, point: &SurfacePoint) -> Option<f64> {
+    let towards = view.pose().centre - point.position;
+    let cosine = towards.dot(point.normal) / towards.length();
+    // What is not a number is not seen.
+    if cosine.is_nan() || cosine < LEAST_COSINE {
+        return None;
+    }
+    let p = view.pose().to_camera(point.position);
+    if p.z <= 0.0 {
+        return None;
+    }
+    let place = view.intrinsics().project(p);
+    let Intrinsics { width, height, .. } = *view.intrinsics();
+    let last = DVec2::new(f64::from(width) - 1.0, f64::from(height) - 1.0);
+    (place.cmpge(DVec2::ZERO).all() && place.cmple(last).all()).then_some(cosine)
+}
+
 /// The weight and the colour of a point in a view that sees it.
 fn look(
     view: &ColourView,
@@ -137,18 +157,12 @@ fn look(
     point: &SurfacePoint,
     tolerance_m: f64,
 ) -> Option<(f32, [f32; 3])> {
-    let towards = view.pose().centre - point.position;
-    let distance = towards.length();
-    let cosine = towards.dot(point.normal) / distance;
-    // What is not a number is not seen.
-    if cosine.is_nan() || cosine < LEAST_COSINE {
+    let cosine = cosine_in(view, point)?;
+    if !map.shows(point.position, point.normal, tolerance_m) {
         return None;
     }
-    let p = view.pose().to_camera(point.position);
-    if p.z <= 0.0 || !map.shows(point.position, point.normal, tolerance_m) {
-        return None;
-    }
-    let colour = view.colour(view.intrinsics().project(p))?;
+    let colour = view.colour(view.intrinsics().project(view.pose().to_camera(point.position)))?;
+    let distance = view.pose().centre.distance(point.position);
     Some(((cosine / distance).powi(2) as f32, colour))
 }
 

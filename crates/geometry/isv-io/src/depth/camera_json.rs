@@ -1,6 +1,6 @@
 //! The layout of one moving camera: `camera.json` and a folder `depth`.
 
-use super::colour::{Beside, ColourKeys, unnamed};
+use super::colour::{Beside, ColourKey, unnamed};
 use super::distortion::{Distortion, DistortionKeys};
 use super::error::DepthFileError;
 use super::image::Units;
@@ -41,8 +41,8 @@ struct CameraFile {
     /// When each image was taken.
     timestamps: Option<Vec<WrittenStamp>>,
     time_unit: Option<TimeUnit>,
-    #[serde(alias = "color", alias = "rgb")]
-    colour: Option<ColourKeys>,
+    #[serde(flatten)]
+    colour: ColourKey,
 }
 
 fn millimetre() -> Number {
@@ -72,7 +72,7 @@ pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<Depth
     let fps = check_fps(fps, file)?;
     let depth = Some((0, &paths[..]));
     let beside = Beside { folder, file, name: None, optics: &optics, poses: &poses, depth };
-    let colour = match (colours, colour) {
+    let colour = match (colours, colour.keys(colours, true, &beside)?) {
         (Colours::Drop, _) => None,
         (Colours::Keep, Some(keys)) => Some(keys.open(&beside)?),
         (Colours::Keep, None) => unnamed(&beside),

@@ -2,16 +2,17 @@
 
 use super::camera_json::lens_of;
 use super::distortion::{Distortion, DistortionKeys};
-use super::error::{DepthFileError, io_error};
+use super::error::DepthFileError;
 use super::json::{Number, WrittenPose};
+use super::listing::list_files;
 use super::{BadPose, DepthSequence, Optics, Poses, rig};
-use crate::image::{ImageFault, MAX_IMAGE_BYTES, decode};
+use crate::Colours;
+use crate::image::{decode, read_file};
 use crate::inside::inside;
-use crate::wildcard::{has_wildcard, matches};
-use crate::{Colours, natural_cmp, regular_file};
 use glam::DVec2;
 use isv_volume::{CameraPose, ColourView, Image, Intrinsics, MAX_PIXELS};
 use serde::Deserialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,44 @@ const KINECT_SIZE: [u32; 2] = [640, 480];
 
 /// Share by which the shape of an image may differ from its lens's: sizes of video are rounded to even numbers.
 const SHAPE_TOLERANCE: f64 = 0.01;
+
+/// The key that names colour images. Only `colour` is this format's own: what else stands under the other names, as other programs
+/// write it, is passed over.
+#[derive(Debug, Deserialize)]
+pub(crate) struct ColourKey {
+    colour: Option<Value>,
+    color: Option<Value>,
+    rgb: Option<Value>,
+}
+
+impl ColourKey {
+    /// Whether there is any such key.
+    pub(crate) fn is_given(&self) -> bool {
+        self.colour.is_some() || self.color.is_some() || self.rgb.is_some()
+    }
+
+    /// The colour images that the key names, if they are kept. `needs_images`: whether nothing else names them.
+    pub(crate) fn keys(
+        self,
+        keep: Colours,
+        needs_images: bool,
+        beside: &Beside,
+    ) -> Result<Option<ColourKeys>, DepthFileError> {
+        if keep == Colours::Drop {
+            return Ok(None);
+        }
+        if let Some(own) = self.colour {
+            let why = |_| beside.flaw("`colour` is neither a place of images nor a camera".to_owned());
+            return serde_json::from_value(own).map(Some).map_err(why);
+        }
+        let is_usable = |keys: &ColourKeys| match keys {
+            ColourKeys::Place(_) => needs_images,
+            ColourKeys::Camera(camera) => !needs_images || camera.images.is_some(),
+        };
+        let others = [self.color, self.rgb].into_iter().flatten();
+        Ok(others.filter_map(|other| serde_json::from_value(other).ok()).find(is_usable))
+    }
+}
 
 /// Colour images of cameras: a place alone, or a camera of its own.
 #[derive(Debug, Deserialize)]
@@ -128,6 +167,10 @@ impl ColourCameraKeys {
     fn lens(&self, beside: &Beside) -> Result<(Intrinsics, Option<Distortion>), DepthFileError> {
         let numbers = [&self.fx, &self.fy, &self.cx, &self.cy];
         if numbers.iter().all(|number| number.is_none()) {
+            if !matches!(self.distortion.check(), Ok(None)) {
+                let why = "the colour camera has a distortion, so it needs fx, fy, cx and cy, too";
+                return Err(beside.flaw(why.to_owned()));
+            }
             return Ok((beside.optics.intrinsics, beside.optics.distortion));
         }
         let [Some(fx), Some(fy), Some(cx), Some(cy)] = numbers else {
@@ -182,7 +225,7 @@ impl ImagePlace {
         match self {
             Self::Folder(name) => {
                 let place = beside.inside(name)?;
-                let images = list_colour_images(&place)?;
+                let images = list_files(&place, is_colour_image)?;
                 if images.is_empty() {
                     return Err(DepthFileError::NoColourImages { path: place });
                 }
@@ -242,39 +285,23 @@ fn number_in(path: &Path) -> Option<u64> {
     stem[digits..end].parse().ok()
 }
 
-/// The colour images in a folder, or those whose names match a pattern, in natural order.
-fn list_colour_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> {
-    let name = place.file_name().unwrap_or_default().as_encoded_bytes();
-    let (folder, pattern) = match place.parent() {
-        Some(parent) if has_wildcard(name) && !place.is_dir() => (parent, name),
-        _ => (place, &b"*"[..]),
-    };
-    let mut names = Vec::new();
-    for entry in folder.read_dir().map_err(io_error(folder))? {
-        let name = entry.map_err(io_error(folder))?.file_name();
-        let bytes = name.as_encoded_bytes();
-        if !bytes.starts_with(b".") && is_colour_image(Path::new(&name)) && matches(pattern, bytes) {
-            names.push(name);
-        }
-    }
-    names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
-    Ok(names.iter().map(|name| folder.join(name)).collect())
-}
-
 fn is_colour_image(path: &Path) -> bool {
     let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     extension.is_some_and(|extension| EXTENSIONS.iter().any(|known| extension == *known))
 }
 
-/// The colour images that lie beside a depth camera without being named: in one of [`FOLDERS`]. None if no folder has any image, or if their
-/// number fits nothing.
+/// The colour images that lie beside a depth camera without being named: in one of [`FOLDERS`]. None if no folder has any image, or if
+/// their number fits nothing. None either if the first cannot be read or has another shape than the camera.
 pub(crate) fn unnamed(beside: &Beside) -> Option<ColourCamera> {
     let paths = FOLDERS.iter().find_map(|folder| {
         let place = beside.folder.join(folder);
-        let images = list_colour_images(&place).ok().filter(|images| !images.is_empty())?;
+        let images = list_files(&place, is_colour_image).ok().filter(|images| !images.is_empty())?;
         paired(&place, images, beside).ok()
     })?;
-    Some(ColourCamera { is_rough: true, ..ColourCamera::assumed(beside, paths) })
+    let camera = ColourCamera::assumed(beside, paths);
+    let first = camera.paths.iter().flatten().next()?;
+    let image = read_file(first).and_then(|bytes| decode(&bytes)).ok()?;
+    camera.lens_for(&image).map(|_| camera)
 }
 
 impl ColourCamera {
@@ -292,21 +319,24 @@ impl ColourCamera {
         if [width, height] == KINECT_SIZE && focal.to_array().iter().all(|f| KINECT_DEPTH.contains(f)) {
             camera.intrinsics.focal = DVec2::splat(KINECT_COLOUR);
         }
-        camera
+        Self { is_rough: true, ..camera }
     }
 
-    /// Reads the image of a frame, if there is one. `pixels`: those of the frame so far.
+    /// Reads the image of a frame, if there is one; one that nobody named, if it can be read. `pixels`: those of the frame so far.
     fn read(&self, frame: usize, pixels: &mut u64) -> Result<Option<ColourView>, DepthFileError> {
+        match self.read_named(frame, pixels) {
+            Err(DepthFileError::ColourImage { .. } | DepthFileError::ColourShape { .. }) if self.is_rough => {
+                Ok(None)
+            }
+            read => read,
+        }
+    }
+
+    fn read_named(&self, frame: usize, pixels: &mut u64) -> Result<Option<ColourView>, DepthFileError> {
         let Some(path) = &self.paths[frame] else { return Ok(None) };
         let pose = self.poses.at(frame)?;
         let flaw = |cause| DepthFileError::ColourImage { path: path.clone(), frame, cause };
-        let io = |cause: std::io::Error| flaw(ImageFault::File { cause: cause.to_string() });
-        let (_, length) = regular_file::open(path).map_err(io)?;
-        if length > MAX_IMAGE_BYTES {
-            let cause = ImageFault::File { cause: format!("it has more than {MAX_IMAGE_BYTES} bytes") };
-            return Err(flaw(cause));
-        }
-        let image = decode(&regular_file::read(path).map_err(io)?).map_err(flaw)?;
+        let image = read_file(path).and_then(|bytes| decode(&bytes)).map_err(flaw)?;
         *pixels += u64::from(image.width()) * u64::from(image.height());
         if *pixels > MAX_PIXELS {
             let (found, what) = (*pixels, "pixels in the colour images of a frame");
@@ -388,17 +418,24 @@ impl ColourSequence {
     /// images.
     ///
     /// # Errors
-    /// See [`DepthFileError`]; [`DepthFileError::NoColour`] if no camera has colour images.
+    /// See [`DepthFileError`]; [`DepthFileError::NoColour`] if no camera has colour images whose calibration is known.
     pub fn open(path: &Path) -> Result<Self, DepthFileError> {
-        let folder = match path.is_file() {
-            true => path.parent().unwrap_or(Path::new("")),
-            false => path,
+        let (folder, name) = match path.is_file() {
+            true => (path.parent().unwrap_or(Path::new("")), path.file_name()),
+            false => (path, None),
         };
-        let sequence = match folder.join(super::RIG) {
-            file if file.is_file() => rig::open(folder, &file, Colours::Keep)?,
-            _ => DepthSequence::open_with(folder, Colours::Keep)?,
+        let is_rig = match name {
+            Some(name) => name == super::RIG,
+            None => folder.join(super::RIG).is_file(),
         };
-        match sequence.colours.is_empty() {
+        if name.is_some_and(|name| !is_rig && name != super::CAMERA && name != super::TUM) {
+            return Err(DepthFileError::NoCalibration { folder: path.to_owned() });
+        }
+        let sequence = match is_rig {
+            true => rig::open(folder, &folder.join(super::RIG), Colours::Keep)?,
+            false => DepthSequence::open_with(folder, Colours::Keep)?,
+        };
+        match sequence.colours.iter().all(|camera| camera.is_rough) {
             true => Err(DepthFileError::NoColour { path: path.to_owned() }),
             false => Ok(Self { frames: sequence.selected.len(), cameras: sequence.colours }),
         }

@@ -116,8 +116,9 @@ impl Distortion {
         self.places(lens).map(|place| place.map_or(0.0, |place| source.at(place))).collect()
     }
 
-    /// The image that a pinhole with the same focal lengths and principal point sees, of the same size, and which of its pixels the
-    /// distorted image shows. sRGB values are averaged as they are.
+    /// Straightens an image: to what a pinhole with the same focal lengths and principal point sees, at the same size.
+    ///
+    /// The flags tell which of its pixels the distorted image shows. sRGB values are averaged as they are.
     pub(crate) fn undistort_colours(&self, lens: &Intrinsics, image: &Image) -> (Image, Vec<bool>) {
         let far = DVec2::new(f64::from(lens.width), f64::from(lens.height)) - 0.5;
         let colour = |place: Option<DVec2>| {

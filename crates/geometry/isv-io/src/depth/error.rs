@@ -220,7 +220,7 @@ pub enum DepthFileError {
         path: PathBuf,
     },
     /// A capture without colour images, where they are all that is wanted.
-    #[error("{}: no camera has colour images: name them under `colour`", path.display())]
+    #[error("{}: no camera has colour images with a calibration: name them under `colour`", path.display())]
     NoColour {
         /// The folder or file.
         path: PathBuf,
@@ -245,9 +245,9 @@ pub enum DepthFileError {
         path: PathBuf,
         /// Frame, counted from 0.
         frame: usize,
-        /// Its columns and rows.
+        /// Columns and rows of the image.
         found: [u32; 2],
-        /// The camera's.
+        /// Columns and rows of the camera.
         expected: [u32; 2],
     },
     /// No pixel of a frame has a depth.

@@ -5,9 +5,23 @@ use crate::natural_cmp;
 use crate::wildcard::{has_wildcard, matches};
 use std::path::{Path, PathBuf};
 
-/// The images in a folder, or those whose names match a pattern (`*` and `?` in the last part of the path), in
-/// [natural order](natural_cmp). Files of other kinds and names that start with a dot are passed over.
+/// The depth images in a folder, or those whose names match a pattern, in [natural order](natural_cmp). The last part of the path
+/// may have `*` and `?`. Files of other kinds and names that start with a dot are passed over.
 pub(crate) fn list_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> {
+    let images = list_files(place, |name| ImageKind::from_path(name).is_some())?;
+    let kinds = |kind| images.iter().any(|image| ImageKind::from_path(image) == Some(kind));
+    match (kinds(ImageKind::Png), kinds(ImageKind::Exr)) {
+        (false, false) => Err(DepthFileError::NoImages { path: place.to_owned() }),
+        (true, true) => Err(DepthFileError::MixedImages { path: place.to_owned() }),
+        _ => Ok(images),
+    }
+}
+
+/// The files in a folder, or those whose names match a pattern, that are wanted by their names, as [`list_images`] lists them.
+pub(super) fn list_files(
+    place: &Path,
+    is_wanted: impl Fn(&Path) -> bool,
+) -> Result<Vec<PathBuf>, DepthFileError> {
     let name = place.file_name().unwrap_or_default().as_encoded_bytes();
     let (folder, pattern) = match place.parent() {
         Some(parent) if has_wildcard(name) && !place.is_dir() => (parent, name),
@@ -16,21 +30,13 @@ pub(crate) fn list_images(place: &Path) -> Result<Vec<PathBuf>, DepthFileError> 
     let mut names = Vec::new();
     for entry in folder.read_dir().map_err(io_error(folder))? {
         let name = entry.map_err(io_error(folder))?.file_name();
-        let hidden = name.as_encoded_bytes().starts_with(b".");
-        if !hidden
-            && ImageKind::from_path(Path::new(&name)).is_some()
-            && matches(pattern, name.as_encoded_bytes())
-        {
+        let bytes = name.as_encoded_bytes();
+        if !bytes.starts_with(b".") && is_wanted(Path::new(&name)) && matches(pattern, bytes) {
             names.push(name);
         }
     }
     names.sort_by(|a, b| natural_cmp(a.as_encoded_bytes(), b.as_encoded_bytes()));
-    let kinds = |kind| names.iter().any(|name| ImageKind::from_path(Path::new(name)) == Some(kind));
-    match (kinds(ImageKind::Png), kinds(ImageKind::Exr)) {
-        (false, false) => Err(DepthFileError::NoImages { path: place.to_owned() }),
-        (true, true) => Err(DepthFileError::MixedImages { path: place.to_owned() }),
-        _ => Ok(names.iter().map(|name| folder.join(name)).collect()),
-    }
+    Ok(names.iter().map(|name| folder.join(name)).collect())
 }
 
 /// How a depth image is stored.

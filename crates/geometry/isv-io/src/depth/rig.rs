@@ -1,7 +1,7 @@
 //! The layout of several cameras that stand still: `rig.json`.
 
 use super::camera_json::{Lens, check_fps};
-use super::colour::{Beside, ColourKeys};
+use super::colour::{Beside, ColourKey};
 use super::error::DepthFileError;
 use super::json::{Number, WrittenPose, read_json};
 use super::listing::list_images;
@@ -30,8 +30,8 @@ struct RigCamera {
     camera_to_world: WrittenPose,
     /// Depth images: a folder or a pattern, from the folder of `rig.json`. None of a camera that sees colours alone.
     images: Option<String>,
-    #[serde(alias = "color", alias = "rgb")]
-    colour: Option<ColourKeys>,
+    #[serde(flatten)]
+    colour: ColourKey,
 }
 
 /// Opens a folder by its `rig.json`. There may be no camera with depth images, if one has colour images that are kept.
@@ -50,13 +50,9 @@ pub(crate) fn open(folder: &Path, file: &Path, keep: Colours) -> Result<DepthSeq
     let mut pixels = 0u64;
     for RigCamera { name, lens, camera_to_world, images, colour } in cameras {
         let optics = lens.check(file, Some(&name))?;
-        if images.is_none() && colour.is_none() {
+        if images.is_none() && !colour.is_given() {
             let why = "it names neither images nor colour".to_owned();
             return Err(DepthFileError::Distortion { path: file.to_owned(), camera: Some(name), why });
-        }
-        pixels += optics.intrinsics.pixels() as u64;
-        if pixels > MAX_PIXELS {
-            return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
         }
         let pose = camera_to_world.pose().map_err(|cause| DepthFileError::Camera {
             path: file.to_owned(),
@@ -65,19 +61,23 @@ pub(crate) fn open(folder: &Path, file: &Path, keep: Colours) -> Result<DepthSeq
         })?;
         let poses = Poses::Fixed(pose);
         let Some(images) = images else {
-            if let (Colours::Keep, Some(keys)) = (keep, colour) {
-                let (optics, poses) = (&optics, &poses);
-                let beside = Beside { folder, file, name: Some(&name), optics, poses, depth: None };
+            let (optics, poses) = (&optics, &poses);
+            let beside = Beside { folder, file, name: Some(&name), optics, poses, depth: None };
+            if let Some(keys) = colour.keys(keep, true, &beside)? {
                 colours.push(keys.open(&beside)?);
             }
             continue;
         };
+        pixels += optics.intrinsics.pixels() as u64;
+        if pixels > MAX_PIXELS {
+            return Err(too_large(pixels, "pixels in the images of a frame", MAX_PIXELS));
+        }
         let images = inside(folder, &images)
             .ok_or_else(|| DepthFileError::Outside { path: file.to_owned(), name: images.clone() })?;
         let paths = list_images(&images)?;
-        if let (Colours::Keep, Some(keys)) = (keep, colour) {
-            let depth = Some((opened.len(), &paths[..]));
-            let beside = Beside { folder, file, name: Some(&name), optics: &optics, poses: &poses, depth };
+        let depth = Some((opened.len(), &paths[..]));
+        let beside = Beside { folder, file, name: Some(&name), optics: &optics, poses: &poses, depth };
+        if let Some(keys) = colour.keys(keep, true, &beside)? {
             colours.push(keys.open(&beside)?);
         }
         let first = first.get_or_insert(name);
@@ -116,7 +116,7 @@ pub(crate) fn no_cameras(file: &Path) -> DepthFileError {
     DepthFileError::Count {
         path: file.to_owned(),
         found: 0,
-        what: "cameras",
+        what: "cameras with depth images",
         expected: 1,
         expected_what: "at least is needed".to_owned(),
     }

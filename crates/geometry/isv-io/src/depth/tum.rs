@@ -1,7 +1,7 @@
 //! The layout of the TUM RGB-D benchmark: `depth.txt` and `groundtruth.txt`.
 
 use super::camera_json::Lens;
-use super::colour::{Beside, ColourCamera, ColourCameraKeys};
+use super::colour::{Beside, ColourCamera, ColourKey, ColourKeys};
 use super::error::{DepthFileError, io_error};
 use super::image::Units;
 use super::json::read_json;
@@ -39,30 +39,27 @@ struct CameraFile {
     #[serde(flatten)]
     lens: Lens,
     time_unit: Option<TimeUnit>,
-    #[serde(alias = "color", alias = "rgb")]
-    colour: Option<ColourLens>,
-}
-
-/// The colour camera of `camera.json`; its images are those of `rgb.txt`.
-#[derive(Debug, Deserialize)]
-struct ColourLens {
+    /// The colour camera; its images are those of `rgb.txt`.
     #[serde(flatten)]
-    keys: ColourCameraKeys,
+    colour: ColourKey,
 }
 
 /// The list of colour images.
 const COLOURS: &str = "rgb.txt";
 
-/// What the folder says of its camera.
+/// Description of the camera by its folder.
 struct Given {
     optics: Optics,
     time_unit: Option<TimeUnit>,
-    colour: Option<ColourLens>,
+    colour: Option<ColourKey>,
 }
 
 /// Opens a folder by its `depth.txt`.
 pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<DepthSequence, DepthFileError> {
     let images = read_images(folder, file)?;
+    if images.is_empty() {
+        return Err(DepthFileError::NoImages { path: file.to_owned() });
+    }
     let Given { optics, time_unit: given_unit, colour } = read_camera(folder)?;
     let stamps: Vec<Time> = images.iter().map(|image| image.0).collect();
     let unit = given_unit.unwrap_or_else(|| TimeUnit::from_stamps(&stamps));
@@ -88,10 +85,12 @@ pub(crate) fn open(folder: &Path, file: &Path, colours: Colours) -> Result<Depth
         (Colours::Keep, file) if file.is_file() => {
             let depth = Some((0, &paths[..]));
             let beside = Beside { folder, file: &file, name: None, optics: &optics, poses: &poses, depth };
-            vec![read_colours(&beside, colour, unit, &times, &trajectory, &list)?]
+            let keys = colour.map(|key| key.keys(colours, false, &beside)).transpose()?.flatten();
+            read_colours(&beside, keys, unit, &times, &trajectory, &list)?
         }
-        _ => Vec::new(),
+        _ => None,
     };
+    let colours = colours.into_iter().collect();
     let sequence =
         DepthSequence::new(folder, vec![Camera { optics, poses, paths }], fps).with_colours(colours);
     Ok(DepthSequence {
@@ -110,7 +109,7 @@ fn time(word: &str) -> Result<Time, String> {
     parse_billionths(word).ok_or_else(|| format!("`{}` is not a time", crate::error::quote(word.as_bytes())))
 }
 
-/// `depth.txt`: a time stamp and a file name a line.
+/// `depth.txt` or `rgb.txt`: a time stamp and a file name a line.
 fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, DepthFileError> {
     let mut images = Vec::new();
     for_each_line(file, |_, words| {
@@ -121,22 +120,19 @@ fn read_images(folder: &Path, file: &Path) -> Result<Vec<(Time, PathBuf)>, Depth
         images.push((time(stamp)?, path));
         Ok(())
     })?;
-    if images.is_empty() {
-        return Err(DepthFileError::NoImages { path: file.to_owned() });
-    }
     images.sort_by_key(|image| image.0);
     Ok(images)
 }
 
-/// The colour image nearest in time to each depth image, from where the camera was when it was taken.
+/// The colour image nearest in time to each depth image, from where the camera was when it was taken. None if no image is there.
 fn read_colours(
     beside: &Beside,
-    keys: Option<ColourLens>,
+    keys: Option<ColourKeys>,
     unit: TimeUnit,
     times_ns: &[i128],
     trajectory: &Trajectory,
     list: &Path,
-) -> Result<ColourCamera, DepthFileError> {
+) -> Result<Option<ColourCamera>, DepthFileError> {
     let images = read_images(beside.folder, beside.file)?;
     let images: Vec<(i128, PathBuf)> =
         images.into_iter().map(|(time, path)| (unit.nanoseconds(time), path)).collect();
@@ -153,11 +149,15 @@ fn read_colours(
     let nowhere = CameraPose { rotation: DMat3::IDENTITY, centre: DVec3::ZERO };
     let poses = found.iter().map(|found| Ok(found.as_ref().map_or(nowhere, |(pose, _)| *pose))).collect();
     let poses = Poses::Moving { file: list.to_owned(), poses };
-    let paths = found.into_iter().map(|found| found.map(|(_, path)| path)).collect();
+    let paths: Vec<Option<PathBuf>> = found.into_iter().map(|found| found.map(|(_, path)| path)).collect();
+    // A list may have come without its images.
+    if !paths.iter().flatten().any(|path| path.is_file()) {
+        return Ok(None);
+    }
     let beside = Beside { poses: &poses, ..*beside };
     match keys {
-        Some(ColourLens { keys }) => keys.camera(&beside, paths),
-        None => Ok(ColourCamera::registered(&beside, paths)),
+        Some(ColourKeys::Camera(keys)) => keys.camera(&beside, paths).map(Some),
+        _ => Ok(Some(ColourCamera::registered(&beside, paths))),
     }
 }
 
@@ -166,7 +166,7 @@ fn read_camera(folder: &Path) -> Result<Given, DepthFileError> {
     let (json, text) = (folder.join("camera.json"), folder.join("calibration.txt"));
     if json.is_file() {
         let CameraFile { lens, time_unit, colour } = read_json(&json)?;
-        return Ok(Given { optics: lens.check(&json, None)?, time_unit, colour });
+        return Ok(Given { optics: lens.check(&json, None)?, time_unit, colour: Some(colour) });
     }
     let mut intrinsics = TUM_INTRINSICS;
     if text.is_file() {
