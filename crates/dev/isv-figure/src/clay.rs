@@ -14,7 +14,7 @@ pub(crate) const STEEPEST: f32 = 1.25;
 #[derive(Debug)]
 pub(crate) struct Clay {
     parts: Vec<Part>,
-    /// Of what is added next.
+    /// Paint of what is added next.
     paint: Paint,
 }
 
@@ -68,7 +68,7 @@ impl Default for Clay {
 }
 
 impl Clay {
-    /// Chooses what is added from now on is made of. `frame`: of its pattern.
+    /// Chooses what the shapes that are added from now on are made of. `frame`: of the pattern.
     pub(crate) fn take(&mut self, matter: Matter, frame: &Frame) {
         self.paint = Paint { matter, frame: *frame };
     }

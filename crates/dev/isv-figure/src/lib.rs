@@ -2,8 +2,8 @@
 //! but no captured data.
 //!
 //! She is about 1.75 m tall, stands on the plane y = 0 (y up, metres) and faces +z. Her dance repeats every
-//! [`PERIOD_S`] seconds. As in a real capture each frame is polygonised anew, so vertices and triangles of one frame
-//! have nothing to do with those of the next.
+//! [`PERIOD_S`] seconds. As in a real capture each frame is polygonised anew: its vertices and triangles have nothing to do
+//! with those of the next.
 //!
 //! ```
 //! use isv_figure::{PERIOD_S, figure_mesh};
@@ -14,9 +14,9 @@
 //! # Ok::<(), isv_volume::GridError>(())
 //! ```
 //!
-//! From a time to a mesh: `motion` gives joint angles, `skeleton` solves where the bones are, `body`, `head` and
-//! `clothes` put `shape`s on them like clay, `clay` joins them into one distance field, and `sampling` evaluates
-//! that near its zero. `paint` colours it: every part of the clay is made of something.
+//! From a time to a mesh: `motion` gives joint angles, and `skeleton` solves where the bones are. `body`, `head` and
+//! `clothes` put `shape`s on them like clay, each with its `paint`. `clay` joins them into one distance field, and `sampling`
+//! evaluates that near its zero.
 
 mod body;
 mod clay;

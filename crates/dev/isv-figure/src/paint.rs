@@ -5,17 +5,17 @@ use glam::{Vec2, Vec3};
 use isv_volume::Rgb;
 use std::f32::consts::TAU;
 
-/// What a part is made of, and the frame that its pattern lies in.
+/// Matter of a part, and the frame that its pattern lies in.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paint {
     pub(crate) matter: Matter,
     pub(crate) frame: Frame,
 }
 
-/// What parts of the figure are made of.
+/// Matter that parts of the figure are made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Matter {
-    /// Skin; in the frame of the head, a face.
+    /// Plain skin.
     #[default]
     Skin,
     /// Skin of the face, with brows, cheeks and freckles.

@@ -18,8 +18,9 @@ pub fn render_depth(mesh: &TriangleMesh, intrinsics: &Intrinsics, pose: &CameraP
     DepthImage::new(*intrinsics, *pose, depths).expect("valid intrinsics")
 }
 
-/// What a perfect colour camera sees of a mesh, from either side of its triangles and without light: at the centre of each pixel the colour
-/// of the first triangle on the ray, or a background. A mesh without an appearance is white.
+/// Draws what a perfect colour camera sees of a mesh, from either side of its triangles and without light.
+///
+/// A pixel has the colour of the first triangle on the ray through its centre, or a background. A mesh without an appearance is white.
 ///
 /// # Panics
 /// If the intrinsics are not valid.
