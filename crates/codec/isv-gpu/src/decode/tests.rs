@@ -126,10 +126,14 @@ impl Backend for Both {
     }
 }
 
+/// The folder of the conformance suite.
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance")
+}
+
 /// The streams of the conformance suite, in order.
 fn streams() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../conformance");
-    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = std::fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path());
     let mut streams: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "isv")).collect();
     streams.sort();
     streams
@@ -172,6 +176,33 @@ fn all_streams_decode_to_the_same_bits() {
         decoded += frames;
     }
     assert!(decoded > 50, "{decoded} frames");
+}
+
+#[test]
+fn colour_on_what_a_gpu_decodes_has_its_hashes() {
+    let Some(gpu) = gpu_for_tests() else { return };
+    let table = std::fs::read_to_string(folder().join("colour.txt")).unwrap();
+    let mut expected: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for line in table.lines() {
+        let [name, _, colour] = line.split(' ').collect::<Vec<_>>().try_into().expect("three words");
+        expected.entry(name).or_default().push(colour);
+    }
+    let mut coloured = 0;
+    for (name, colours) in expected {
+        let mut packets = open(&folder().join(name));
+        let store = VolumeStore::new(&gpu).unwrap();
+        let backend = GpuBackend::new(&store).unwrap();
+        let mut decoder = Decoder::with_backend(packets.header(), Limits::default(), backend);
+        decoder.keep_colour(true);
+        for colour in colours {
+            let packet = packets.next_frame().unwrap().expect("a frame of each line");
+            decoder.decode_and_verify(&packet).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let found = decoder.colour().map_or("-".to_owned(), |frame| format!("{:016x}", frame.hash()));
+            assert_eq!(found, colour, "{name}");
+            coloured += usize::from(colour != "-");
+        }
+    }
+    assert!(coloured > 40, "{coloured} frames");
 }
 
 /// A keyframe of blocks in a row, each predicted from the one before: as many waves, more than are handed over together.
