@@ -2,25 +2,15 @@
 
 mod support;
 
-use isv::raw::io::{Colours, Format, Geometry, ReadOptions, Unit, read_geometry_as, write_mesh};
-use isv::raw::volume::{Appearance, TriangleMesh};
-use isv_testkit::{capture, sphere};
-use std::fs;
+use isv::raw::io::{Colours, Geometry, ReadOptions, Unit, read_geometry_as};
+use isv::raw::volume::TriangleMesh;
+use isv_testkit::capture;
 use std::io::Cursor;
-use std::sync::Arc;
 use support::Workspace;
 
 /// Encodes a ball that turns its colours, in frames of 2 cm voxels.
 fn with_coloured_stream(frames: usize) -> Workspace {
-    let work = Workspace::new();
-    fs::create_dir(work.path("balls")).unwrap();
-    for frame in 0..frames {
-        let mut mesh: TriangleMesh = sphere(0.3, 40);
-        let colour = |at: &f64| (128.0 + 100.0 * (9.0 * at + 0.2 * frame as f64).sin()) as u8;
-        let vertex_colours = mesh.vertices.iter().map(|v| v.to_array().each_ref().map(colour)).collect();
-        mesh.appearance = Some(Arc::new(Appearance { vertex_colours, ..Appearance::default() }));
-        write_mesh(&work.path(&format!("balls/{frame}.ply")), &mesh, Format::Ply).unwrap();
-    }
+    let work = Workspace::with_painted_balls(frames);
     work.isv(&["encode", "balls", "-o", "take.isv", "--voxel", "20mm", "--fps", "30"]).done();
     work
 }

@@ -168,7 +168,7 @@ mod encode {
     use super::workers::{CodeWorker, FuseWorker, IngestFault, IntegrateWorker, MeshWorker};
     use super::{DeviceError, FallBack, OpenDevice};
     use crate::{Event, Observer};
-    use isv_encode::{EncoderSettings, FrameCoder, UnwrittenFrame};
+    use isv_encode::{ColourRate, EncoderSettings, FrameCoder, UnwrittenFrame};
     use isv_format::StreamHeader;
     use isv_fusion::{Accumulator, FusionError, FusionSettings};
     use isv_ingest::{MeshIngester, SignDecision};
@@ -234,6 +234,11 @@ mod encode {
         /// What the decoder will have after the last frame; nothing before the first.
         pub(crate) fn reconstruction(&self) -> Result<Option<SparseVolume>, DeviceError> {
             self.0.worker().reconstruction()
+        }
+
+        /// Rate control of the colour of the frame coded last.
+        pub(crate) fn colour_rate(&mut self) -> ColourRate<'_> {
+            self.0.worker_mut().colour_rate()
         }
     }
 

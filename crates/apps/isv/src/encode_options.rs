@@ -35,7 +35,7 @@ impl EncodeOptions {
         Self::with_target(MainOptions { quality: Some(quality), ..MainOptions::default() })
     }
 
-    /// A bit rate, every byte counted: what a channel of that rate carries with a buffer of one second.
+    /// A bit rate of geometry and colour, every byte counted: what a channel of that rate carries with a buffer of one second.
     #[must_use]
     pub fn bitrate(rate: BitRate) -> Self {
         Self::with_target(MainOptions { bitrate: Some(rate), ..MainOptions::default() })
@@ -52,7 +52,7 @@ impl EncodeOptions {
         Self { raw, ..Self::default() }
     }
 
-    /// Quality of colour from 0 to 100 [default: 50], for captures with colour.
+    /// Quality of colour from 0 to 100, for captures with colour [default: 50, or what a bit rate gives].
     #[must_use]
     pub fn colour_quality(mut self, quality: f32) -> Self {
         self.raw.colour.quality = Some(quality);

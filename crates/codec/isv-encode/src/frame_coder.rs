@@ -3,7 +3,7 @@
 use crate::backend::{EncodeBackend, SearchBackend};
 use crate::encoder::EncoderSettings;
 use crate::frame_writer::UnwrittenFrame;
-use crate::main::MainEncoder;
+use crate::main::{ColourRate, MainEncoder};
 use crate::paper::PaperCoder;
 use isv_decode::BackendError;
 use isv_decode::backend::Cpu;
@@ -57,6 +57,14 @@ impl<P: EncodeBackend, M: SearchBackend> FrameCoder<P, M> {
         match self {
             Self::Paper(coder) => coder.code(volume),
             Self::Main(encoder) => Ok(encoder.encode(volume)?.into()),
+        }
+    }
+
+    /// Rate control of the colour of the frame coded last.
+    pub fn colour_rate(&mut self) -> ColourRate<'_> {
+        match self {
+            Self::Paper(_) => ColourRate::CONSTANT,
+            Self::Main(encoder) => encoder.colour_rate(),
         }
     }
 }

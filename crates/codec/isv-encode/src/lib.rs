@@ -34,8 +34,9 @@ pub use frame_writer::{FrameWriter, UnwrittenFrame};
 #[doc(hidden)]
 pub use main::probe;
 pub use main::{
-    Band, Bitrate, BlockShifts, COARSEST_STEP, FINEST_STEP, FrameQuality, MainEncoder, MainSettings,
-    MotionQuery, Preset, RateTarget, Refresh, SearchEffort, Tools, UnknownTool,
+    Band, Bitrate, BlockShifts, COARSEST_STEP, ColourRate, ColourShare, ColourSplit, FINEST_STEP,
+    FrameQuality, MainEncoder, MainSettings, MotionQuery, Preset, RateTarget, Refresh, SearchEffort, Tools,
+    UnknownTool,
 };
 pub use paper::PaperCoder;
 pub use shared::{surface_distance_voxels, surface_rms_voxels};

@@ -3,7 +3,10 @@
 use isv_decode::colour::Reader;
 use isv_decode::colour::{ColourDecoder, ColourError, ColourFrame, surface_colours};
 use isv_encode::colour::{ColourEncoder, ColourSettings, EncodedColour, locate};
-use isv_format::{ColourKind, ColourPayload};
+use isv_encode::{
+    Bitrate, ColourShare, EncoderSettings, FrameCoder, FrameWriter, MainSettings, Preset, RateTarget,
+};
+use isv_format::{ColourKind, ColourPayload, PacketHeader, Profile, StreamHeader};
 use isv_testkit::{Random, ball, still_and_moving_ball};
 use isv_volume::{BlockEdge, ColourSample, Grid, SparseVolume, Truncation, VoxelSize, ycbcr_from_rgb};
 
@@ -215,4 +218,59 @@ fn colours_of_vertices_are_those_seen() {
     again.encode(&volume, &frame.to_samples(&grid()), true);
     let psnr = luma_psnr_db(again.reconstruction().unwrap(), &frame.to_samples(&grid()));
     assert!(psnr > 38.0, "{psnr} dB");
+}
+
+/// Bits of geometry and of colour of ten seconds of a ball that rolls to and fro, coded at a rate.
+fn at_rate(
+    bitrate: Bitrate,
+    cycle: &[(SparseVolume, Vec<ColourSample>)],
+    settings: ColourSettings,
+) -> Vec<[f64; 2]> {
+    let main = MainSettings { target: RateTarget::Bitrate(bitrate), ..MainSettings::default() };
+    let header = StreamHeader::new(Profile::Main, grid(), isv_format::FrameRate::DEFAULT);
+    let mut coder = FrameCoder::on_cpu(&header, EncoderSettings { main, ..EncoderSettings::default() });
+    let (mut writer, mut colours) = (FrameWriter::default(), ColourEncoder::new(settings));
+    let code = |(volume, samples): &(SparseVolume, Vec<ColourSample>)| {
+        let frame = coder.code(volume).unwrap();
+        let decoded = coder.reconstruction().unwrap().clone();
+        let colour = colours.encode_at_rate(&decoded, samples, frame.is_keyframe(), coder.colour_rate());
+        let geometry = PacketHeader::BYTES + writer.write(frame).payload().to_bytes().len() + 8;
+        [geometry, colour.bytes.len()].map(|bytes| 8.0 * bytes as f64)
+    };
+    cycle.iter().cycle().take(300).map(code).collect()
+}
+
+#[test]
+fn a_rate_pays_for_geometry_and_colour() {
+    let frame = |t: u32| {
+        let shift = 2.0 * (f64::from(t) / 7.0).sin();
+        let volume = ball(grid(), shift);
+        let samples = seen(&volume, (shift * 0.005) as f32);
+        (volume, samples)
+    };
+    let cycle: Vec<_> = (0..44).map(frame).collect();
+    let usual = ColourSettings { rounds: 1, ..ColourSettings::default() }.with_preset(Preset::Realtime);
+    let mut shares = Vec::new();
+    for (rate, colour) in
+        [(60e3, ColourShare::Joint), (150e3, ColourShare::Joint), (150e3, ColourShare::Fixed)]
+    {
+        let bits = at_rate(Bitrate { colour, ..Bitrate::new(rate, 30.0) }, &cycle, usual);
+        let (mut level, mut fullest) = (0.0f64, 0.0f64);
+        for [geometry, colour] in &bits {
+            level += geometry + colour;
+            fullest = fullest.max(level);
+            level = (level - rate / 30.0).max(0.0);
+        }
+        let sums = [0, 1].map(|part| bits.iter().map(|own| own[part]).sum::<f64>());
+        let accuracy = (sums[0] + sums[1]) / (10.0 * rate) - 1.0;
+        let share = sums[1] / (sums[0] + sums[1]);
+        println!(
+            "{rate}, {colour:?}: {:+.2} %, buffer at most {:.3} s, colour {share:.2} of it",
+            100.0 * accuracy,
+            fullest / rate
+        );
+        assert!(accuracy.abs() <= 0.05 && fullest <= rate, "{rate}: {accuracy}, {}", fullest / rate);
+        shares.push(share);
+    }
+    assert!(shares[..2].iter().all(|share| (0.2..0.8).contains(share)), "{shares:?}");
 }

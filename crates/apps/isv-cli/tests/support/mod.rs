@@ -2,12 +2,14 @@
 #![allow(dead_code, reason = "each test program uses a part")]
 
 use isv::raw::io::{Format, write_mesh};
-use isv::raw::volume::VoxelSize;
+use isv::raw::volume::{Appearance, TriangleMesh, VoxelSize};
 use isv_figure::figure_mesh;
+use isv_testkit::sphere;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 /// A folder that goes away with its tests' results.
@@ -38,6 +40,20 @@ impl Workspace {
         workspace.isv(&ENCODE).done();
         let bytes = workspace.read("take.isv");
         (workspace, bytes)
+    }
+
+    /// With a folder `balls` of a ball that turns its colours.
+    pub(crate) fn with_painted_balls(frames: usize) -> Self {
+        let work = Self::new();
+        fs::create_dir(work.path("balls")).unwrap();
+        for frame in 0..frames {
+            let mut mesh: TriangleMesh = sphere(0.3, 40);
+            let colour = |at: &f64| (128.0 + 100.0 * (9.0 * at + 0.2 * frame as f64).sin()) as u8;
+            let vertex_colours = mesh.vertices.iter().map(|v| v.to_array().each_ref().map(colour)).collect();
+            mesh.appearance = Some(Arc::new(Appearance { vertex_colours, ..Appearance::default() }));
+            write_mesh(&work.path(&format!("balls/{frame}.ply")), &mesh, Format::Ply).unwrap();
+        }
+        work
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

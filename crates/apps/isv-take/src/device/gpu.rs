@@ -6,7 +6,7 @@ use super::workers::{
 };
 use super::{Decoded, DeviceError};
 use isv_decode::{BackendError, DecodeError, Decoder, Limits};
-use isv_encode::{EncoderSettings, FrameCoder, UnwrittenFrame};
+use isv_encode::{ColourRate, EncoderSettings, FrameCoder, UnwrittenFrame};
 use isv_format::{Packet, StreamHeader};
 use isv_fusion::{Accumulator, FusionError, FusionSettings, fuse_on};
 use isv_gpu::{
@@ -117,6 +117,10 @@ impl CodeWorker for FrameCoder<GpuBackend, GpuMotionSearch> {
             Self::Paper(coder) => Ok(coder.reconstruction().map(GpuVolume::download).transpose()?),
             Self::Main(encoder) => Ok(encoder.reconstruction().cloned()),
         }
+    }
+
+    fn colour_rate(&mut self) -> ColourRate<'_> {
+        self.colour_rate()
     }
 }
 

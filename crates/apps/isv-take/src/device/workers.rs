@@ -133,7 +133,7 @@ impl DecodeWorker for Decoder {
 mod encode {
     use super::{DeviceError, Fault};
     use isv_decode::backend::Cpu;
-    use isv_encode::{FrameCoder, UnwrittenFrame};
+    use isv_encode::{ColourRate, FrameCoder, UnwrittenFrame};
     use isv_fusion::{Accumulator, FusionError, FusionSettings, fuse};
     use isv_ingest::{IngestError, MeshIngester, SignDecision};
     use isv_volume::{DepthImage, SparseVolume, TriangleMesh};
@@ -145,6 +145,9 @@ mod encode {
 
         /// What the decoder will have after the last frame; nothing before the first.
         fn reconstruction(&self) -> Result<Option<SparseVolume>, DeviceError>;
+
+        /// See [`FrameCoder::colour_rate`].
+        fn colour_rate(&mut self) -> ColourRate<'_>;
     }
 
     /// Meshes to volumes.
@@ -202,6 +205,10 @@ mod encode {
 
         fn reconstruction(&self) -> Result<Option<SparseVolume>, DeviceError> {
             Ok(self.reconstruction().cloned())
+        }
+
+        fn colour_rate(&mut self) -> ColourRate<'_> {
+            self.colour_rate()
         }
     }
 

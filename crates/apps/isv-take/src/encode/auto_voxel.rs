@@ -23,6 +23,8 @@ const STEPS: [f64; 2] = [1.2, 3.6];
 const MET: f64 = 1.01;
 /// Frames of a sample: a keyframe and what follows it.
 const SAMPLE_FRAMES: usize = 3;
+/// Share of a rate that geometry gets where colour gets the rest (`docs/design/019-rate-control.md`).
+const GEOMETRY_SHARE: f64 = 0.45;
 
 /// What was chosen.
 #[derive(Clone, Copy, Debug)]
@@ -101,11 +103,13 @@ pub(super) fn choose(
         };
         curves.push(Curve::through(voxel, [point(STEPS[0])?, point(STEPS[1])?]));
     }
+    // Samples are coded without their colour.
+    let share = if header.colour_layers.is_some() { GEOMETRY_SHARE } else { 1.0 };
     let wanted = match settings.main.target {
-        RateTarget::Bitrate(bitrate) => Wanted::Rate(bitrate.bits_per_second),
+        RateTarget::Bitrate(bitrate) => Wanted::Rate(share * bitrate.bits_per_second),
         RateTarget::MaxError(voxels) => Wanted::Error(voxels * header.grid.voxel_size.metres()),
         RateTarget::Constant => match options.main.two_pass_rate() {
-            Some(rate) => Wanted::Rate(rate),
+            Some(rate) => Wanted::Rate(share * rate),
             None => Wanted::ErrorOfStep(
                 f64::from(settings.main.quality.step)
                     * curves.first().map_or(0.0, |curve| curve.voxel.metres()),

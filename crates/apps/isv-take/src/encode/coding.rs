@@ -5,7 +5,7 @@ use super::volumes::IngestedFrame;
 use crate::device::Coder;
 use crate::stream::timed;
 use isv_encode::colour::{ColourEncoder, EncodedColour};
-use isv_encode::{UnwrittenFrame, surface_rms_voxels};
+use isv_encode::{ColourRate, UnwrittenFrame, surface_rms_voxels};
 use isv_volume::{BlockIndex, ColourSample, SparseVolume};
 use std::borrow::Cow;
 use std::time::SystemTime;
@@ -61,6 +61,7 @@ impl ColourCoding {
         seen: &[ColourSample],
         stand: bool,
         is_keyframe: bool,
+        rate: ColourRate,
     ) -> EncodedColour {
         let stands_alone = is_keyframe || self.is_gradual;
         let samples = match self.encoder.reconstruction() {
@@ -72,7 +73,7 @@ impl ColourCoding {
         if !samples.is_empty() {
             self.blocks = Some(decoded.index());
         }
-        self.encoder.encode(decoded, &samples, is_keyframe)
+        self.encoder.encode_at_rate(decoded, &samples, is_keyframe, rate)
     }
 
     /// Whether almost all blocks of a frame were there when colours were last coded. New ones need a colour of their own.
@@ -116,7 +117,8 @@ impl Coding {
         let (colour, colour_ms) = match &mut self.colour {
             Some(colour) => {
                 let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
-                timed(|| Some(colour.code(&decoded, &colours, colours_stand, frame.is_keyframe())))
+                let rate = self.coder.colour_rate();
+                timed(|| Some(colour.code(&decoded, &colours, colours_stand, frame.is_keyframe(), rate)))
             }
             None => (None, 0.0),
         };

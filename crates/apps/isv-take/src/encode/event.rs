@@ -168,7 +168,7 @@ impl fmt::Display for EncodeEvent {
             Self::VoxelFits { voxel, why } => write!(f, "voxels of {voxel}, as {why}"),
             Self::VoxelChosen { voxel, error_mm, mbps, samples, tried: [least, most] } => write!(
                 f,
-                "voxels of {voxel}: about {error_mm:.2} mm at {mbps:.2} Mbps by {samples} sample frames, the best of {least} \
+                "voxels of {voxel}: about {error_mm:.2} mm at {mbps:.2} Mbps of geometry by {samples} sample frames, the best of {least} \
                  to {most}"
             ),
             Self::Sign { decision: SignDecision::Sheet, evidence, mode: SignMode::Auto } => {

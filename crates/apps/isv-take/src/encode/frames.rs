@@ -125,7 +125,7 @@ impl<W: Write> FrameEncoder<W> {
             let coding = Coding {
                 measures_change: options.measures_change,
                 coder: self.device.coder(&header, settings, observer)?,
-                colour: options.colour_encoder(&header),
+                colour: options.colour_encoder(&header, 1.0),
             };
             let maker = options.volume_maker(&header, self.device.clone(), observer);
             let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {

@@ -3,7 +3,7 @@
 use super::coding::{CodedFrame, Coding};
 use super::spacing::{self, Need};
 use super::timestamps::Timestamps;
-use super::two_pass::Watch;
+use super::two_pass::{Steps, Watch};
 use super::volumes::{IngestedFrame, VolumeMaker};
 use super::{EncodeError, EncodeEvent, EncodeOptions, FrameError, VoxelChoice, auto_voxel, two_pass};
 use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Remark};
@@ -151,13 +151,14 @@ impl Job {
         if has_colour {
             header = header.with_colour(options.colour_layers(&header));
         }
-        let settings = settings(input, options, counted, &mut header, fits, observer, watch)?;
+        let Steps { settings, colour_scale } =
+            settings(input, options, counted, &mut header, fits, observer, watch)?;
         let device = open_device()?;
         let maker = options.volume_maker(&header, device.clone(), observer);
         let coding = Coding {
             measures_change: options.measures_change,
             coder: device.coder(&header, settings, observer)?,
-            colour: options.colour_encoder(&header),
+            colour: options.colour_encoder(&header, colour_scale),
         };
         let (input, observer) = (input.clone(), Arc::clone(observer));
         Ok(Self {
@@ -252,8 +253,8 @@ pub(super) struct StreamSink<W: Write> {
     pub(super) keeps_times: bool,
     timeline: Timeline,
     /// Number in the capture of the frame that the stream's time begins with.
-    first: usize,
-    frames: usize,
+    pub(super) first: usize,
+    pub(super) frames: usize,
     empty: usize,
     skipped: usize,
 }
@@ -370,7 +371,7 @@ impl<W: Write> StreamSink<W> {
     }
 }
 
-/// The settings that code a capture; the header's voxel size changes if that is to be found out by coding. `counted`: an error if the
+/// The steps that code a capture; the header's voxel size changes if that is to be found out by coding. `counted`: an error if the
 /// capture cannot be read more than once. `fits`: whether the voxel size was chosen already.
 fn settings(
     input: &Input,
@@ -380,7 +381,7 @@ fn settings(
     fits: bool,
     observer: &Arc<dyn Observer>,
     watch: &mut dyn Watch,
-) -> Result<EncoderSettings, EncodeError> {
+) -> Result<Steps, EncodeError> {
     let voxel_is_auto = options.voxel == VoxelChoice::Auto && !fits;
     let mut settings = options.encoder_settings(header);
     let rate = options.main.two_pass_rate();
@@ -394,8 +395,8 @@ fn settings(
         settings.main.quality = choice.quality.unwrap_or(settings.main.quality);
     }
     match rate {
-        Some(rate) => two_pass::settings_for_rate(input, options, header, settings, rate, watch),
-        None => Ok(settings),
+        Some(rate) => two_pass::steps_for_rate(input, options, header, settings, rate, watch),
+        None => Ok(Steps { settings, colour_scale: 1.0 }),
     }
 }
 
@@ -438,7 +439,7 @@ fn with_first(
 
 /// The pipeline up to the writing of symbols. Reading runs ahead of everything else; making volumes runs ahead of coding them, and
 /// that of writing, unless they are to take turns.
-fn pipeline(
+pub(super) fn pipeline(
     frames: Frames<CapturedFrame>,
     maker: VolumeMaker,
     coding: Coding,
@@ -456,7 +457,7 @@ fn pipeline(
 }
 
 /// Frames as volumes, read ahead.
-pub(super) fn ingested(
+fn ingested(
     frames: Frames<CapturedFrame>,
     mut maker: VolumeMaker,
     cancellation: &Cancellation,

@@ -9,8 +9,8 @@ use crate::{BitRate, FrameRange, Length, MemoryLimit, Observer, OpenDevice, Up};
 use glam::DVec3;
 use isv_encode::colour::{ColourEncoder, ColourSettings};
 use isv_encode::{
-    Band, Bitrate, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset, RateTarget, Refresh,
-    Tools,
+    Band, Bitrate, ColourShare, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset, RateTarget,
+    Refresh, Tools,
 };
 use isv_format::{ColourLayers, FrameRate, PaperParameters, Prediction, Profile, StreamHeader};
 use isv_fusion::FusionSettings;
@@ -114,7 +114,7 @@ pub struct MainOptions {
 pub struct ColourOptions {
     /// Whether colour is left out.
     pub is_dropped: bool,
-    /// Quality of colour, 0 to 100 [default: 50].
+    /// Quality of colour, 0 to 100; with a bit rate what the rate gives, else 50.
     pub quality: Option<f32>,
 }
 
@@ -373,8 +373,30 @@ impl EncodeOptions {
             motion: self.paper.motion.unwrap_or(MotionMode::Fixed(Prediction::ThreeDof)),
             gop: self.gop.get(),
             checksums: self.checksums,
-            main: self.main.settings(header, self.band),
+            main: MainSettings { target: self.target(header), ..self.main.settings(self.band) },
             ..EncoderSettings::default()
+        }
+    }
+
+    /// What the steps of a stream's frames are chosen for.
+    fn target(&self, header: &StreamHeader) -> RateTarget {
+        let voxel_m = header.grid.voxel_size.metres();
+        match (self.main.bitrate, self.main.max_error) {
+            (Some(rate), _) if self.main.passes != Some(2) => RateTarget::Bitrate(Bitrate {
+                colour: self.colour_share(header),
+                ..Bitrate::new(rate.bits_per_second(), header.frame_rate.per_second())
+            }),
+            (_, Some(error)) => RateTarget::MaxError(error.metres() / voxel_m),
+            _ => RateTarget::Constant,
+        }
+    }
+
+    /// Colour that a bit rate pays for.
+    pub(super) fn colour_share(&self, header: &StreamHeader) -> ColourShare {
+        match (header.colour_layers.is_some(), self.colour.quality) {
+            (false, _) => ColourShare::None,
+            (true, Some(_)) => ColourShare::Fixed,
+            (true, None) => ColourShare::Joint,
         }
     }
 
@@ -435,11 +457,11 @@ impl EncodeOptions {
         }
     }
 
-    /// The coder of colour, for streams that have any.
-    pub(super) fn colour_encoder(&self, header: &StreamHeader) -> Option<ColourCoding> {
+    /// The coder of colour, for streams that have any. `scale`: a factor on its steps.
+    pub(super) fn colour_encoder(&self, header: &StreamHeader, scale: f64) -> Option<ColourCoding> {
         let is_gradual = self.main.refresh == Some(Refresh::Gradual);
         self.colour_settings(header).map(|settings| ColourCoding {
-            encoder: ColourEncoder::new(settings),
+            encoder: ColourEncoder::new(settings.scaled(scale as f32)),
             is_gradual,
             blocks: None,
         })
@@ -548,18 +570,9 @@ impl MainOptions {
         self.bitrate.map(|rate| (rate, rate.bits_per_second() * allowed))
     }
 
-    fn settings(&self, header: &StreamHeader, band: Option<Band>) -> MainSettings {
-        let voxel_m = header.grid.voxel_size.metres();
-        let target = match (self.bitrate, self.max_error) {
-            (Some(rate), _) if self.passes != Some(2) => {
-                RateTarget::Bitrate(Bitrate::new(rate.bits_per_second(), header.frame_rate.per_second()))
-            }
-            (_, Some(error)) => RateTarget::MaxError(error.metres() / voxel_m),
-            _ => RateTarget::Constant,
-        };
+    fn settings(&self, band: Option<Band>) -> MainSettings {
         MainSettings {
             quality: FrameQuality::of_quality(self.quality.unwrap_or(DEFAULT_QUALITY)),
-            target,
             band: band.unwrap_or(Band::Surface),
             tools: self.tools.unwrap_or(Tools::ALL),
             refresh: self.refresh.unwrap_or(Refresh::Keyframes),

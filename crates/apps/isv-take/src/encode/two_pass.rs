@@ -1,12 +1,12 @@
-//! The one step that meets a rate, found by coding everything with others.
+//! The steps that meet a rate, one for all frames, found by coding everything with others.
 
-use super::job::ingested;
+use super::coding::Coding;
+use super::job::{StreamSink, pipeline};
 use super::{EncodeError, EncodeOptions};
-use crate::capture::{Capture, Hints};
-use crate::{Cancellation, Input, OpenDevice, Prefetch};
-use isv_encode::{COARSEST_STEP, Encoder, EncoderSettings, FINEST_STEP, FrameQuality};
-use isv_format::{ColourLayers, PacketWriter, StreamHeader};
-use isv_io::Colours;
+use crate::capture::Capture;
+use crate::{Cancellation, Input, OpenDevice};
+use isv_encode::{COARSEST_STEP, ColourShare, ColourSplit, EncoderSettings, FINEST_STEP, FrameQuality};
+use isv_format::StreamHeader;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -18,36 +18,60 @@ const TOLERANCE: f64 = 0.01;
 const MOST_EXCESS: f64 = 0.02;
 /// Bytes fall with about this power of the step, until two passes say better.
 const EXPONENT: f64 = 0.9;
+/// Bytes of colour fall with about this power of the scale of its steps.
+const COLOUR_EXPONENT: f64 = 1.6;
 /// What two passes may say it is.
 const EXPONENTS: std::ops::RangeInclusive<f64> = 0.3..=1.5;
 
-/// The settings with the step at which the stream has about `rate` bits a second.
-pub(super) fn settings_for_rate(
+/// Steps of a take.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steps {
+    /// Settings of geometry, with its step.
+    pub(super) settings: EncoderSettings,
+    /// Factor on the steps of colour.
+    pub(super) colour_scale: f64,
+}
+
+impl Steps {
+    fn with(mut settings: EncoderSettings, step: f64, colour_scale: f64) -> Self {
+        settings.main.quality = FrameQuality { step: step as f32, ..settings.main.quality };
+        Self { settings, colour_scale }
+    }
+}
+
+/// The steps at which the stream has about `rate` bits a second.
+pub(super) fn steps_for_rate(
     input: &Input,
     options: &EncodeOptions,
     header: &StreamHeader,
     settings: EncoderSettings,
     rate: f64,
     watch: &mut dyn Watch,
-) -> Result<EncoderSettings, EncodeError> {
-    let with_step = |step: f64| {
-        let mut settings = settings;
-        settings.main.quality = FrameQuality { step: step as f32, ..settings.main.quality };
-        settings
-    };
+) -> Result<Steps, EncodeError> {
+    let is_joint = options.colour_share(header) == ColourShare::Joint;
+    let mut split = ColourSplit::default();
     let mut step = f64::from(settings.main.quality.step);
     let mut exponent = EXPONENT;
-    let mut best = (f64::INFINITY, step);
+    let mut best = (f64::INFINITY, Steps::with(settings, step, 1.0));
     let mut last: Option<(f64, f64)> = None;
-    for _ in 0..PASSES {
-        let excess = (measure_rate(input, options, header, with_step(step), watch)? / rate).ln();
+    for pass in 0..PASSES {
+        let colour_scale = if is_joint { split.scale(step) } else { 1.0 };
+        let steps = Steps::with(settings, step, colour_scale);
+        let [geometry, colour] = measure_rates(input, options, header, &steps, watch)?;
+        let mut excess = ((geometry + colour) / rate).ln();
         // What is too large is taken if nothing else is there.
         let badness = if excess > MOST_EXCESS { 1.0 / TOLERANCE + excess } else { excess.abs() };
         if badness < best.0 {
-            best = (badness, step);
+            best = (badness, steps);
         }
         if excess.abs() < TOLERANCE {
             break;
+        }
+        if is_joint && pass == 0 {
+            split = ColourSplit::of_bits([geometry, colour], step, colour_scale);
+            // As it would be with this split.
+            let of_colour = colour * (split.scale(step) / colour_scale).powf(-COLOUR_EXPONENT);
+            excess = ((geometry + of_colour) / rate).ln();
         }
         if let Some((last_step, last_excess)) = last {
             let slope = (last_excess - excess) / (step / last_step).ln();
@@ -60,7 +84,7 @@ pub(super) fn settings_for_rate(
         }
         step = next;
     }
-    Ok(with_step(best.1))
+    Ok(best.1)
 }
 
 /// Follows passes over the input, frame by frame.
@@ -73,35 +97,33 @@ pub trait Watch {
     fn cancellation(&self) -> &Cancellation;
 }
 
-/// Bits a second of the stream under settings.
-fn measure_rate(
+/// Bits a second of the stream with some steps: of geometry with all that is not colour, and of colour.
+fn measure_rates(
     input: &Input,
     options: &EncodeOptions,
     header: &StreamHeader,
-    settings: EncoderSettings,
+    steps: &Steps,
     watch: &mut dyn Watch,
-) -> Result<f64, EncodeError> {
+) -> Result<[f64; 2], EncodeError> {
     // What is to be said of the frames is said when they are coded for good.
     let silent: Arc<dyn crate::Observer> = Arc::new(|_: &crate::Event| {});
     let cancellation = watch.cancellation().clone();
-    // Colour has a quality of its own, and no part in the rate that is met.
-    let header = &header.with_colour(ColourLayers::None);
-    let hints = Hints { colours: Colours::Drop, ..options.hints(&silent)? };
-    let capture = Capture::open(input, &hints)?;
+    let capture = Capture::open(input, &options.hints(&silent)?)?;
     let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(options.frames)?;
     watch.begin(range.len());
     let maker = options.volume_maker(header, OpenDevice::CPU, &silent);
-    let mut encoder = Encoder::new(header, settings);
-    let mut writer = PacketWriter::new(ByteCount(0), header)?;
-    let mut frames = 0u32;
-    for frame in Prefetch::new(ingested(capture.read(range)?, maker, &cancellation), &cancellation) {
-        match frame {
-            Ok(frame) => {
-                let coded = encoder.encode(&frame.volume);
-                writer.write_frame(coded.keyframe, 0, &coded.payload())?;
-                frames += 1;
-            }
+    let coding = Coding {
+        measures_change: false,
+        coder: OpenDevice::CPU.coder(header, steps.settings, &silent)?,
+        colour: options.colour_encoder(header, steps.colour_scale),
+    };
+    let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options)?;
+    stream.first = range.start;
+    let mut colour = 0;
+    for frame in pipeline(capture.read(range)?, maker, coding, options.takes_turns, &cancellation) {
+        match frame.and_then(|frame| stream.write(frame, &*silent)) {
+            Ok(frame) => colour += frame.bytes_colour,
             Err(_) if skip_bad_frames => {}
             Err(error) => return Err(error),
         }
@@ -110,11 +132,12 @@ fn measure_rate(
     if cancellation.is_cancelled() {
         return Err(EncodeError::CancelledBeforeLastPass);
     }
-    if frames == 0 {
+    if stream.frames == 0 {
         return Err(EncodeError::NoFrames { name: input.name(), skipped: None });
     }
-    let seconds = f64::from(frames) / header.frame_rate.per_second();
-    Ok(writer.finish()?.0 as f64 * 8.0 / seconds)
+    let seconds = stream.frames as f64 / header.frame_rate.per_second();
+    let all = stream.packets.finish()?.0;
+    Ok([all - colour as u64, colour as u64].map(|bytes| bytes as f64 * 8.0 / seconds))
 }
 
 /// Counts what is written.

@@ -5,7 +5,7 @@ use super::quantizer::{Quantizer, SAMPLE_SCALE, Trade, level_means, push, values
 use super::syntax;
 use super::target::ColourTarget;
 use crate::colour::syntax::coefficients::node_energy;
-use crate::main::Preset;
+use crate::main::{ColourAttempt, ColourRate, Preset};
 use isv_decode::colour::reconstruct::{
     ColourSteps, InterLevels, IntraLevels, IntraNode, first_place, reconstruct_inter, reconstruct_intra,
 };
@@ -83,8 +83,13 @@ impl ColourSettings {
     #[must_use]
     pub fn of_quality(quality: f32, layers: u8) -> Self {
         let scale = ((50.0 - quality.clamp(0.0, 100.0)) / 20.0).exp2();
-        let usual = Self::default();
-        Self { layers, key_step: usual.key_step * scale, step: usual.step * scale, ..usual }
+        Self { layers, ..Self::default() }.scaled(scale)
+    }
+
+    /// These settings with a factor on the quantizer steps.
+    #[must_use]
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { key_step: factor * self.key_step, step: factor * self.step, ..self }
     }
 
     /// These settings with as much work as a preset stands for.
@@ -132,18 +137,30 @@ impl ColourEncoder {
         self.reference.as_ref().map(|reference| &reference.frame)
     }
 
-    /// Codes the colour of a frame. `volume`: its decoded field; `samples`: colours as seen. Without any, the colour of the frame before
-    /// stays.
+    /// Codes the colour of a frame with the steps of the settings. See [`Self::encode_at_rate`].
     pub fn encode(
         &mut self,
         volume: &SparseVolume,
         samples: &[ColourSample],
         keyframe: bool,
     ) -> EncodedColour {
+        self.encode_at_rate(volume, samples, keyframe, ColourRate::CONSTANT)
+    }
+
+    /// Codes the colour of a frame. `volume`: its decoded field; `samples`: colours as seen. Without any, the colour of the frame before
+    /// stays. `rate`: what chooses its steps.
+    pub fn encode_at_rate(
+        &mut self,
+        volume: &SparseVolume,
+        samples: &[ColourSample],
+        keyframe: bool,
+        mut rate: ColourRate,
+    ) -> EncodedColour {
         let kind = self.kind(keyframe);
+        let scale = rate.first_scale(!kind.predicts());
         let cells = ColourCells::new(volume);
         let reference = self.reference.take().filter(|_| kind.predicts());
-        let shape = self.choose_shape(cells, volume, samples, reference.as_ref());
+        let shape = self.choose_shape(cells, volume, samples, reference.as_ref(), scale);
         if kind != ColourKind::Predicted {
             self.entropy = ColourSlices::default();
         }
@@ -163,28 +180,23 @@ impl ColourEncoder {
             predicts: kind.predicts(),
             max_depth: self.settings.layers - 1,
         };
-        let step = if kind.predicts() { self.settings.step } else { self.settings.key_step };
-        let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
-        let steps =
-            ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) };
-        let before = reference.as_ref().map(|reference| &*reference.frame);
-        let coded = match before.filter(|_| samples.is_empty()) {
-            Some(before) => self.carry_over(&frame, before, steps),
+        let coded = match reference.as_ref().filter(|_| samples.is_empty()) {
+            Some(before) => {
+                let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
+                rate.learn(&coded.attempt(kind, scale));
+                coded
+            }
             None => {
                 let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
                 let wanted = leaf_values(&shape, &target);
-                let modes = match &reference {
-                    Some(reference) => self.choose_modes(&frame, &wanted, reference, step),
-                    None => vec![BlockMode::Spatial; coords.len()],
-                };
-                self.code_frame(&frame, &wanted, &modes, before, steps)
+                self.code_at_rate(&frame, &wanted, reference.as_ref(), (kind, scale), &mut rate)
             }
         };
         self.entropy = coded.entropy;
         let header = ColourHeader {
             kind,
-            luma_step: steps.luma as u16,
-            chroma_step: steps.chroma as u16,
+            luma_step: coded.steps.luma as u16,
+            chroma_step: coded.steps.chroma as u16,
             slices: self.settings.slices,
             hash: self.settings.checksums.then(|| coded.frame.hash()),
         };
@@ -194,6 +206,48 @@ impl ColourEncoder {
         encoded
     }
 
+    /// Codes a frame as often as its rate asks for. `scale`: of the steps of the first attempt.
+    fn code_at_rate(
+        &mut self,
+        frame: &FrameBlocks,
+        wanted: &[Vec<[f32; 3]>],
+        reference: Option<&ColourReference>,
+        (kind, mut scale): (ColourKind, f64),
+        rate: &mut ColourRate,
+    ) -> CodedColour {
+        let modes = match reference {
+            Some(reference) => self.choose_modes(frame, wanted, reference, self.step(kind, scale)),
+            None => vec![BlockMode::Spatial; wanted.len()],
+        };
+        let before = reference.map(|reference| &*reference.frame);
+        let mut attempts = Vec::new();
+        loop {
+            let coded = self.code_frame(frame, wanted, &modes, before, self.steps(kind, scale));
+            let attempt = coded.attempt(kind, scale);
+            attempts.push(attempt);
+            match rate.retry(&attempts) {
+                Some(other) => scale = other,
+                None => {
+                    rate.learn(&attempt);
+                    return coded;
+                }
+            }
+        }
+    }
+
+    /// Step of luma in 8-bit steps. `scale`: a factor on that of the settings.
+    fn step(&self, kind: ColourKind, scale: f64) -> f32 {
+        let ColourSettings { key_step, step, .. } = self.settings;
+        scale as f32 * if kind.predicts() { step } else { key_step }
+    }
+
+    /// The steps of a frame as they are coded.
+    fn steps(&self, kind: ColourKind, scale: f64) -> ColourSteps {
+        let step = self.step(kind, scale);
+        let in_sixteenths = |step: f32| (step * 16.0).round().clamp(1.0, 65535.0) as u32;
+        ColourSteps { luma: in_sixteenths(step), chroma: in_sixteenths(step * self.settings.chroma) }
+    }
+
     /// Chooses the depth of each block's samples: quarter voxels where half voxels miss much of what was seen.
     fn choose_shape(
         &self,
@@ -201,6 +255,7 @@ impl ColourEncoder {
         volume: &SparseVolume,
         samples: &[ColourSample],
         reference: Option<&ColourReference>,
+        scale: f64,
     ) -> ColourShape {
         let blocks = cells.coords().len();
         let depth = (self.settings.layers - 1).min(1);
@@ -216,7 +271,7 @@ impl ColourEncoder {
             return shape;
         }
         let misses = ColourTarget::misses(&shape, volume.grid(), samples, 1);
-        let most = self.settings.deepening * self.settings.key_step.powi(2);
+        let most = self.settings.deepening * (scale as f32 * self.settings.key_step).powi(2);
         let of_block = |(block, missed): (usize, &f32)| {
             let most = if was_deep(block) { STAYING * most } else { most };
             if *missed > most { depth + 1 } else { depth }
@@ -256,7 +311,8 @@ impl ColourEncoder {
         reconstruct_inter(frame.shape, &mut layers, &symbols.modes, &steps, before, &NoResiduals);
         let mut entropy = self.entropy.clone();
         let segments = write(&mut entropy, frame, &symbols);
-        CodedColour { symbols, frame: ColourFrame { shape: frame.shape.clone(), layers }, entropy, segments }
+        let frame = ColourFrame { shape: frame.shape.clone(), layers };
+        CodedColour { symbols, frame, entropy, segments, steps }
     }
 
     /// Codes a frame under models that have learned what it is like: those of the last one of its kind, or of a first attempt.
@@ -278,7 +334,7 @@ impl ColourEncoder {
             let mut entropy = self.entropy.clone();
             let segments = write(&mut entropy, frame, &symbols);
             self.learned[kind] = entropy.slices(1)[0].coefficients.clone();
-            coded = Some(CodedColour { symbols, frame: decoded, entropy, segments });
+            coded = Some(CodedColour { symbols, frame: decoded, entropy, segments, steps });
         }
         coded.expect("there is an attempt")
     }
@@ -344,6 +400,16 @@ struct CodedColour {
     frame: ColourFrame,
     entropy: ColourSlices,
     segments: Segments,
+    steps: ColourSteps,
+}
+
+impl CodedColour {
+    /// What rate control learns from. `scale`: of the steps.
+    fn attempt(&self, kind: ColourKind, scale: f64) -> ColourAttempt {
+        let Segments { modes, layers } = &self.segments;
+        let bytes: usize = modes.iter().chain(layers.iter().flatten()).map(Vec::len).sum();
+        ColourAttempt { intra: !kind.predicts(), scale, bits: 8.0 * bytes as f64 }
+    }
 }
 
 /// The bytes of a frame: modes by slice, coefficients by layer and slice.

@@ -7,7 +7,7 @@ use super::masks::wanted_masks;
 use super::motion_query::{BlockShifts, MotionQuery};
 use super::motion_search::CubeSearch;
 use super::pursuit::Pursuit;
-use super::rate_control::{Attempt, FrameFacts, RateControl};
+use super::rate_control::{Attempt, ColourRate, FrameFacts, RateControl};
 use super::refresh::{Refresh, Refreshed};
 use super::settings::{FrameQuality, MainSettings};
 use super::slice::{CodedSlice, FrameContext, MotionSearch, SliceEncoder, SliceSamples};
@@ -243,6 +243,11 @@ impl<B: SearchBackend> MainEncoder<B> {
                 }
             }
         }
+    }
+
+    /// Rate control of the colour of the frame coded last.
+    pub fn colour_rate(&mut self) -> ColourRate<'_> {
+        self.rate.of_colour()
     }
 
     /// The shifts of all blocks, if the backend searches for them at once and the frame has use for them.

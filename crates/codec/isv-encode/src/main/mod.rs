@@ -36,7 +36,10 @@ pub use encoder::MainEncoder;
 pub use motion_query::{BlockShifts, MotionQuery};
 pub use motion_search::SearchEffort;
 pub use preset::Preset;
-pub use rate_control::{Bitrate, COARSEST_STEP, FINEST_STEP, RateTarget};
+pub(crate) use rate_control::ColourAttempt;
+pub use rate_control::{
+    Bitrate, COARSEST_STEP, ColourRate, ColourShare, ColourSplit, FINEST_STEP, RateTarget,
+};
 pub use refresh::Refresh;
 pub use settings::{Band, FrameQuality, MainSettings};
 pub use tools::{Tools, UnknownTool};

@@ -8,10 +8,13 @@
 //! Nothing here depends on time or threads: the same volumes give the same steps.
 
 mod bitrate;
+mod colour;
 mod error_bound;
 
 pub use bitrate::Bitrate;
 use bitrate::BitrateControl;
+pub(crate) use colour::ColourAttempt;
+pub use colour::{ColourRate, ColourShare, ColourSplit};
 use error_bound::ErrorControl;
 
 /// The finest step that rate control takes, in voxels.
@@ -94,6 +97,11 @@ impl RateControl {
             Self::Bitrate(control) => control.learn(attempt),
             Self::MaxError(control) => control.learn(attempt),
         }
+    }
+
+    /// Control of the colour of the frame that was learnt from last.
+    pub(crate) fn of_colour(&mut self) -> ColourRate<'_> {
+        ColourRate::new(self)
     }
 
     pub(crate) fn needs_error(&self) -> bool {

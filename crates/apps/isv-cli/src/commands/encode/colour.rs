@@ -8,7 +8,7 @@ use isv::raw::take::encode::ColourOptions;
 pub(super) struct ColourArgs {
     /// Quality of colour, 0 to 100 [default: 50]
     ///
-    /// Each 20 more halve the quantizer steps. Colour of 0.4 Mbps a person is good at 50.
+    /// Each 20 more halve the quantizer steps. Colour of 0.4 Mbps a person is good at 50. With --bitrate the rate decides.
     #[arg(help_heading = "Colour (profile main)", long, value_name = "0..100", value_parser = quality)]
     colour_quality: Option<f32>,
     /// Leave colour out

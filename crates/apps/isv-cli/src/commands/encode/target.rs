@@ -15,7 +15,8 @@ pub(super) struct TargetArgs {
     quality: Option<f32>,
     /// Bits a second, such as 800k or 2M, every byte counted
     ///
-    /// A channel of that rate carries the stream with a buffer of one second.
+    /// A channel of that rate carries the stream with a buffer of one second. The rate pays for geometry and colour.
+    /// Colour gets the share that makes pictures best, or what --colour-quality asks for.
     #[arg(help_heading = "Quality and rate (profile main)", long, value_name = "RATE")]
     bitrate: Option<BitRate>,
     /// RMS surface error that every frame stays below, with a unit
