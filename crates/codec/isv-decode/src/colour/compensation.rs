@@ -1,6 +1,6 @@
 //! Prediction of a block's samples from the frame before, along vectors and through the surface.
 
-use super::cells::Surfel;
+use super::surfel::Surfel;
 use super::frame::{ColourShape, GREY, Sample, clamped, rounded};
 use super::morton::position;
 use super::reader::{Reader, shifted, sum};

@@ -3,12 +3,15 @@
 use super::cells::ColourCells;
 use super::tree::{BlockTree, MAX_LEVELS};
 use isv_volume::SparseVolume;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Fractional bits of a sample.
 pub const SAMPLE_BITS: u32 = 6;
 /// Deepest layer of samples: 0 has one in a voxel's cell, 1 one in a half cell, 2 one in a quarter cell.
 pub const MAX_DEPTH: u8 = 2;
+/// Blocks whose samples a thread collects for the hash at a time.
+const HASH_CHUNK: usize = 128;
 
 /// A colour sample: luma `0 ..= 255`, blue and red difference `-128 ..= 128`, in 1/64; BT.709, full range. The last value is 1
 /// where there is a sample and 0 where there is none.
@@ -177,13 +180,35 @@ impl ColourFrame {
     /// XXH64 of all samples that lie on the surface: those of the blocks' deepest layers, in order, each channel as two bytes.
     #[must_use]
     pub fn hash(&self) -> u64 {
-        let mut bytes = Vec::new();
-        for (block, depth) in self.shape.depths.iter().enumerate() {
-            let samples = &self.layers[usize::from(*depth)][self.shape.block_samples(block, *depth)];
-            for sample in samples.iter().filter(|sample| sample[3] != 0) {
-                bytes.extend(sample[..3].iter().flat_map(|value| value.to_le_bytes()));
-            }
+        let blocks = 0..self.shape.depths.len();
+        let of_chunk = |chunk: usize| {
+            let blocks = chunk * HASH_CHUNK..blocks.end.min((chunk + 1) * HASH_CHUNK);
+            self.surface_bytes(blocks)
+        };
+        let chunks: Vec<Vec<u8>> =
+            (0..blocks.end.div_ceil(HASH_CHUNK)).into_par_iter().map(of_chunk).collect();
+        let mut hash = xxhash_rust::xxh64::Xxh64::new(0);
+        chunks.iter().for_each(|bytes| hash.update(bytes));
+        hash.digest()
+    }
+
+    /// The samples of blocks that lie on the surface, six bytes each.
+    fn surface_bytes(&self, blocks: Range<usize>) -> Vec<u8> {
+        const BYTES: usize = 6;
+        let of_block = |block| {
+            let depth = self.shape.depths[block];
+            &self.layers[usize::from(depth)][self.shape.block_samples(block, depth)]
+        };
+        let places: usize = blocks.clone().map(|block| of_block(block).len()).sum();
+        let mut bytes = vec![0; BYTES * places + 2];
+        let mut end = 0;
+        for sample in blocks.flat_map(of_block) {
+            // Eight bytes are written, of which the next sample overwrites the last two, or all.
+            let word = sample.iter().rev().fold(0, |word, value| word << 16 | u64::from(*value as u16));
+            bytes[end..end + 8].copy_from_slice(&word.to_le_bytes());
+            end += if sample[3] != 0 { BYTES } else { 0 };
         }
-        xxhash_rust::xxh64::xxh64(&bytes, 0)
+        bytes.truncate(end);
+        bytes
     }
 }

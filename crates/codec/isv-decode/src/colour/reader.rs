@@ -1,6 +1,6 @@
 //! Readings of colour at points, and in the parts of cells.
 
-use super::cells::Surfel;
+use super::surfel::Surfel;
 use super::frame::{ColourFrame, SAMPLE_RANGE, Sample};
 use super::morton::{interleave, position};
 use isv_volume::{BlockCoord, NeighbourFinder};
