@@ -147,7 +147,7 @@ fn onto_plane(reader: &mut Reader, normal: [i8; 3], position: [i32; 3], voxel: [
 }
 
 /// Predicts the parts of a cell at a depth from the frame before, in Morton order; the last value is 0 where it has none near.
-/// `motion`: in 1/256 voxel; `wanted`: the parts that are needed, a bit each. The reader is turned to the cell's block.
+/// `motion`: in 1/256 voxel; `wanted`: the parts that are predicted, a bit each. The reader is turned to the cell's block.
 #[inline(always)]
 pub fn predict_cell(
     reader: &mut Reader,
@@ -180,7 +180,7 @@ pub fn predict_block(
     reader.turn_to(cells.coords()[block]);
     let surfels = cells.block_surfels(block);
     let mut parts = [[0; 4]; 64];
-    let (mut sums, mut count, mut holes) = ([0i32; 3], 0, false);
+    let mut holes = false;
     out.clear();
     for (number, (place, surfel)) in cells.blocks()[block].places().zip(surfels).enumerate() {
         let (voxel, leaves) = (position(place), shape.leaves(block, number));
@@ -190,17 +190,23 @@ pub fn predict_block(
                 *sample = [0; 4];
             } else if sample[3] == 0 {
                 (*sample, holes) = (HOLE, true);
-            } else {
-                count += 1;
-                for c in 0..3 {
-                    sums[c] += i32::from(sample[c]);
-                }
             }
         }
         out.extend_from_slice(&parts[..1 << (3 * depth)]);
     }
     if holes {
-        let fill = if count == 0 { GREY } else { clamped(sums.map(|sum| rounded(sum, count))) };
-        out.iter_mut().filter(|sample| **sample == HOLE).for_each(|sample| *sample = fill);
+        fill_holes(out);
     }
+}
+
+/// Gives the holes of a block the mean of its samples, or grey.
+#[inline(never)]
+fn fill_holes(samples: &mut [Sample]) {
+    let (mut sums, mut count) = ([0i32; 3], 0);
+    for sample in samples.iter().filter(|sample| sample[3] > 0) {
+        count += 1;
+        (0..3).for_each(|c| sums[c] += i32::from(sample[c]));
+    }
+    let fill = if count == 0 { GREY } else { clamped(sums.map(|sum| rounded(sum, count))) };
+    samples.iter_mut().filter(|sample| **sample == HOLE).for_each(|sample| *sample = fill);
 }

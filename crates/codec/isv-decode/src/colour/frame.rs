@@ -45,6 +45,28 @@ pub(crate) fn rounded(sum: i32, weight: i32) -> i32 {
     (sum + weight / 2).div_euclid(weight)
 }
 
+/// The mean of samples from their weighted sums, of which the last is that of the weights; none if this is 0. Rounded to the nearest,
+/// halves up.
+///
+/// Sums are below 2^30 and weights at most 2^15. A quotient that is no integer is farther from the next one than `f64` rounds.
+#[inline(always)]
+pub(crate) fn mean(sums: [i32; 4]) -> Sample {
+    // What is made positive is rounded down by the conversion.
+    const BIAS: [i32; 4] = [-SAMPLE_RANGE[0].0, -SAMPLE_RANGE[1].0, -SAMPLE_RANGE[2].0, 0];
+    let weight = sums[3];
+    if weight == 0 {
+        return [0; 4];
+    }
+    // The last of the quotients is 1.
+    let half = [weight / 2, weight / 2, weight / 2, 0];
+    let mut sample = [0; 4];
+    for lane in 0..4 {
+        let sum = sums[lane] + BIAS[lane] * weight + half[lane];
+        sample[lane] = ((f64::from(sum) / f64::from(weight)) as i32 - BIAS[lane]) as i16;
+    }
+    sample
+}
+
 /// Which samples a frame has, and where they are.
 #[derive(Clone, Debug, Default)]
 pub struct ColourShape {
@@ -210,5 +232,37 @@ impl ColourFrame {
         }
         bytes.truncate(end);
         bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_integers() {
+        let mut random = isv_testkit::Random::new(7);
+        for round in 0..200_000 {
+            let weight = match round % 3 {
+                0 => 1 << 15,
+                1 => 1 + round % 8,
+                _ => 1 + (random.signed().abs() * 32767.0) as i32,
+            };
+            let mut sums = [0, 0, 0, weight];
+            for channel in 0..3 {
+                let (low, high) = SAMPLE_RANGE[channel];
+                let share = (f64::from(random.signed()) + 1.0) / 2.0;
+                let sum = f64::from(low) + share * f64::from(high - low);
+                // Near a border between two results, often.
+                sums[channel] = (sum * f64::from(weight)) as i32 / weight * weight - weight / 2 + round % 3 - 1;
+                sums[channel] = sums[channel].clamp(low * weight, high * weight);
+            }
+            let found = mean(sums);
+            assert_eq!(found[3], 1);
+            for channel in 0..3 {
+                assert_eq!(i32::from(found[channel]), rounded(sums[channel], weight), "{sums:?}");
+            }
+        }
+        assert_eq!(mean([0; 4]), [0; 4]);
     }
 }

@@ -1,7 +1,7 @@
 //! Symbols to samples: what the encoder and every decoder do alike.
 
 use super::compensation::{MotionField, predict_block, vectors_around};
-use super::frame::{ColourFrame, ColourShape, Sample, clamped, rounded};
+use super::frame::{ColourFrame, ColourShape, Sample, clamped, mean, rounded};
 use super::reader::Reader;
 use super::symbols::{Coefficient, ColourSymbols};
 use super::transform::{
@@ -159,9 +159,10 @@ impl BlockLayers<'_> {
         match depth {
             0 => {}
             1 => {
-                for (voxel, halves) in voxels.iter_mut().zip(halves.as_chunks::<8>().0) {
-                    *voxel = mean_of(halves, |half| i32::from(half[3]));
-                }
+                vectorized(
+                    #[inline(always)]
+                    || put_means(voxels, halves),
+                );
             }
             _ => {
                 let mut counts = vec![0; halves.len()];
@@ -178,6 +179,21 @@ impl BlockLayers<'_> {
                 }
             }
         }
+    }
+}
+
+/// Writes the mean of each voxel's half cells.
+#[inline(always)]
+fn put_means(voxels: &mut [Sample], halves: &[Sample]) {
+    for (voxel, halves) in voxels.iter_mut().zip(halves.as_chunks::<8>().0) {
+        // All values are 0 where there is no sample.
+        let mut sums = [0; 4];
+        for half in halves {
+            for lane in 0..4 {
+                sums[lane] += i32::from(half[lane]);
+            }
+        }
+        *voxel = mean(sums);
     }
 }
 
