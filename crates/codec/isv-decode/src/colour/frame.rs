@@ -45,26 +45,30 @@ pub(crate) fn rounded(sum: i32, weight: i32) -> i32 {
     (sum + weight / 2).div_euclid(weight)
 }
 
-/// The mean of samples from their weighted sums, of which the last is that of the weights; none if this is 0. Rounded to the nearest,
-/// halves up.
+/// Sums divided by their weight, rounded to the nearest, halves up; sums of 0 without any.
 ///
-/// Sums are below 2^30 and weights at most 2^15. A quotient that is no integer is farther from the next one than `f64` rounds.
+/// Sums are below 2^31, weights below 2^16 and quotients below 2^21. Halves are made to lie above the middle between two integers, so
+/// that no quotient lies in it: all are farther from it than `f64` rounds.
+#[inline(always)]
+pub(crate) fn divided<const N: usize>(sums: [i32; N], weight: i32) -> [i32; N] {
+    // Added to a number below 2^31 it leaves the nearest integer in the lowest bits.
+    const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
+    let weight = weight.max(1);
+    let above = 0.5 * f64::from(1 - (weight & 1));
+    let share = 1.0 / f64::from(weight);
+    let mut quotients = [0; N];
+    for lane in 0..N {
+        quotients[lane] = ((f64::from(sums[lane]) + above) * share + TO_INTEGER).to_bits() as i32;
+    }
+    quotients
+}
+
+/// The mean of samples from their weighted sums, of which the last is that of the weights; none if this is 0. Rounded as
+/// [`divided`] does.
 #[inline(always)]
 pub(crate) fn mean(sums: [i32; 4]) -> Sample {
-    // What is made positive is rounded down by the conversion.
-    const BIAS: [i32; 4] = [-SAMPLE_RANGE[0].0, -SAMPLE_RANGE[1].0, -SAMPLE_RANGE[2].0, 0];
-    let weight = sums[3];
-    if weight == 0 {
-        return [0; 4];
-    }
-    // The last of the quotients is 1.
-    let half = [weight / 2, weight / 2, weight / 2, 0];
-    let mut sample = [0; 4];
-    for lane in 0..4 {
-        let sum = sums[lane] + BIAS[lane] * weight + half[lane];
-        sample[lane] = ((f64::from(sum) / f64::from(weight)) as i32 - BIAS[lane]) as i16;
-    }
-    sample
+    // The last of the quotients is 1, or 0.
+    divided(sums, sums[3]).map(|value| value as i16)
 }
 
 /// Which samples a frame has, and where they are.
@@ -259,6 +263,8 @@ mod tests {
             }
             let found = mean(sums);
             assert_eq!(found[3], 1);
+            let wide = sums.map(|sum| sum.clamp(-(1 << 20), 1 << 20) * 63);
+            assert_eq!(divided(wide, weight), wide.map(|sum| rounded(sum, weight)), "{wide:?}");
             for channel in 0..3 {
                 assert_eq!(i32::from(found[channel]), rounded(sums[channel], weight), "{sums:?}");
             }

@@ -45,8 +45,8 @@ pub(super) fn surfels(corners: &Corners) -> [Surfel; LANES] {
     out
 }
 
-/// Divides and takes roots in `f64`, which is exact: all integers here are below 2^44, and a quotient or a root that is no integer is
-/// farther from the next one than `f64` rounds.
+/// Divides and takes roots in `f64`, which is exact. Integers are below 2^44, the squared gradient below 2^38. So a quotient or a root
+/// that is no integer is farther from the next one than `f64` rounds, also where it is a product with a reciprocal.
 #[inline(always)]
 fn derive(corners: &Corners, out: &mut [Surfel; LANES]) {
     let mut sum = [0; LANES];
@@ -62,21 +62,22 @@ fn derive(corners: &Corners, out: &mut [Surfel; LANES]) {
             }
         }
     }
-    let (mut square, mut length) = ([0.0f64; LANES], [0.0f64; LANES]);
+    let (mut by_square, mut by_length) = ([0.0f64; LANES], [0.0f64; LANES]);
     for lane in 0..LANES {
         let [x, y, z] = [gradient[0][lane], gradient[1][lane], gradient[2][lane]].map(f64::from);
         // Without a gradient everything that is divided is 0.
-        square[lane] = (x * x + y * y + z * z).max(1.0);
-        length[lane] = square[lane].sqrt().floor();
+        let square = (x * x + y * y + z * z).max(1.0);
+        by_square[lane] = 1.0 / square;
+        by_length[lane] = 1.0 / square.sqrt().floor();
     }
     let (mut offset, mut normal) = ([[0; LANES]; 3], [[0; LANES]; 3]);
     for axis in 0..3 {
         for lane in 0..LANES {
             let component = f64::from(gradient[axis][lane]);
             // One step of Newton's method from the middle.
-            let step = -128.0 * f64::from(sum[lane]) * component / square[lane];
-            offset[axis][lane] = step.clamp(-256.0, 256.0) as i32;
-            normal[axis][lane] = (127.0 * component / length[lane]).clamp(-127.0, 127.0) as i32;
+            let step = -128.0 * f64::from(sum[lane]) * component * by_square[lane];
+            offset[axis][lane] = towards_zero::<256>(step);
+            normal[axis][lane] = towards_zero::<127>(127.0 * component * by_length[lane]);
         }
     }
     let halves = crossed_halves(corners);
@@ -87,6 +88,15 @@ fn derive(corners: &Corners, out: &mut [Surfel; LANES]) {
         }
         surfel.halves = halves[lane] as u8;
     }
+}
+
+/// A quotient rounded towards zero, within `-MOST ..= MOST`. Integers that are short of themselves are lifted; all others are at least
+/// 2^-38 away from the next one.
+#[inline(always)]
+fn towards_zero<const MOST: i32>(quotient: f64) -> i32 {
+    const LIFT: f64 = 1.0 / (1u64 << 41) as f64;
+    let most = f64::from(MOST);
+    (quotient.clamp(-most, most) + LIFT.copysign(quotient)) as i32
 }
 
 #[inline(always)]
