@@ -170,30 +170,38 @@ impl<'a> Reader<'a> {
             let upper = fraction(from_first[axis], shift);
             along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
         }
-        let mut known: ([i32; 3], Option<FoundCell>) = ([i32::MIN; 3], None);
+        let voxel = shifted(first, u32::from(depth));
+        let mut spans = [0; 3];
+        for axis in 0..3 {
+            spans[axis] = if along[axis][1] == 0 { 0 } else { (first[axis] + 1 >> depth) - voxel[axis] };
+        }
+        let around = self.facing_cells(voxel, spans, normal);
         for corner in 0..8 {
             let steps = [corner & 1, corner >> 1 & 1, corner >> 2];
             let weight = along[0][steps[0]] * along[1][steps[1]] * along[2][steps[2]];
             if weight == 0 {
                 continue;
             }
+            let slot = steps[0] as i32 & spans[0] | (steps[1] as i32 & spans[1]) << 1 | (steps[2] as i32 & spans[2]) << 2;
+            let Some(found) = around[slot as usize & 7] else { continue };
             let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
-            let voxel = shifted(place, u32::from(depth));
-            if known.0 != voxel {
-                known = (voxel, self.cell_that_faces(voxel, normal));
-            }
-            let Some(found) = known.1 else { continue };
             if let Some(tap) = self.sample(found, place, depth) {
                 visit(tap, weight);
             }
         }
     }
 
-    /// The crossed cell at a voxel, if its surface faces a normal.
+    /// The crossed cells of 2x2x2 from a voxel on whose surfaces face a normal. See [`Self::cells_around`].
     #[inline(always)]
-    fn cell_that_faces(&mut self, voxel: [i32; 3], normal: [i8; 3]) -> Option<FoundCell> {
-        let found = self.cell(voxel)?;
-        if self.surfel(found).faces(normal) { Some(found) } else { None }
+    fn facing_cells(&mut self, voxel: [i32; 3], spans: [i32; 3], normal: [i8; 3]) -> [Option<FoundCell>; 8] {
+        let mut around = self.cells_around(voxel, spans);
+        for found in &mut around {
+            *found = found.filter(
+                #[inline(always)]
+                |found| self.surfel(*found).faces(normal),
+            );
+        }
+        around
     }
 
     /// Reads the colours at the middles of a cell's parts at a depth, in Morton order; the last value is 0 where there are no samples.
@@ -256,10 +264,8 @@ impl<'a> Reader<'a> {
         }
         // The parts of 2x2x2 cells, four lanes each.
         let mut grid = [[[0; D]; G]; G];
-        let around = self.cells_around(voxel, spans);
-        for (slot, found) in around.into_iter().enumerate() {
-            let Some(found) = found else { continue };
-            if self.surfel(found).faces(normal) {
+        for (slot, found) in self.facing_cells(voxel, spans, normal).into_iter().enumerate() {
+            if let Some(found) = found {
                 self.take_parts::<N, G, D>(found, [slot & 1, slot >> 1 & 1, slot >> 2], &mut grid);
             }
         }

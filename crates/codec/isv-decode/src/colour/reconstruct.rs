@@ -327,8 +327,13 @@ type UpperMeans = [Vec<Sample>; UPPER_LEVELS];
 
 /// Source of the levels of intra blocks: the decoder reads them, the encoder chooses them from the prediction.
 pub trait IntraLevels: Sync {
+    /// State of a thread.
+    type Worker;
     /// State of one tree level of a block, kept from node to node.
     type Block: Send;
+
+    /// Creates the state of a thread.
+    fn worker(&self) -> Self::Worker;
 
     /// The levels of a block's mean. Called for one block after the other.
     fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3];
@@ -337,7 +342,12 @@ pub trait IntraLevels: Sync {
     fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> Self::Block;
 
     /// The levels of a node's differences; `None` if all are zero.
-    fn node(&self, block: &mut Self::Block, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]>;
+    fn node(
+        &self,
+        worker: &mut Self::Worker,
+        block: &mut Self::Block,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]>;
 
     /// Takes the states of a tree level of all blocks, in block order.
     fn end(&mut self, layer: u8, level: usize, blocks: Vec<(usize, Self::Block)>);
@@ -362,7 +372,10 @@ pub struct IntraNode<'a> {
 struct ReadLevels<'a>(&'a ColourSymbols);
 
 impl<'a> IntraLevels for ReadLevels<'a> {
+    type Worker = ();
     type Block = Cursor<'a>;
+
+    fn worker(&self) {}
 
     fn root(&mut self, block: usize, _weight: u32, _predicted: [i32; 3]) -> [i16; 3] {
         Cursor::new(self.0.layers[0].of_block(block), 0).next().unwrap_or_default()
@@ -372,7 +385,12 @@ impl<'a> IntraLevels for ReadLevels<'a> {
         Cursor::new(self.0.layers[usize::from(layer)].of_block(block), first_place(tree, layer, level))
     }
 
-    fn node(&self, cursor: &mut Cursor<'a>, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]> {
+    fn node(
+        &self,
+        (): &mut (),
+        cursor: &mut Cursor<'a>,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]> {
         cursor.node(node.children)
     }
 
@@ -517,7 +535,7 @@ fn predict_level<L: IntraLevels>(
     let of_chunk = |chunk: &[usize]| {
         let mut finder = NeighbourFinder::new(shape.cells().index());
         let (mut window, mut tree) = (ParentWindow::default(), BlockTree::default());
-        let (mut out, mut predicted) = (Vec::new(), Vec::new());
+        let (mut worker, mut out, mut predicted) = (source.worker(), Vec::new(), Vec::new());
         for block in chunk.iter().copied().filter(|block| layer <= shape.depths()[*block]) {
             finder.turn_to(shape.cells().coords()[block]);
             window.gather(&level_means, &finder.neighbourhood());
@@ -542,7 +560,7 @@ fn predict_level<L: IntraLevels>(
                     first_child,
                     predicted: values,
                 };
-                if let Some(levels) = source.node(&mut state, &node) {
+                if let Some(levels) = source.node(&mut worker, &mut state, &node) {
                     add_differences(values, *children, weights, &levels, steps);
                 }
                 first_child += children.count_ones() as usize;

@@ -501,12 +501,12 @@ struct ChosenLevels {
     wanted: Vec<Vec<Vec<[f32; 3]>>>,
     quantizer: Quantizer,
     coefficients: Vec<[Vec<Coefficient>; 3]>,
-    energies: Vec<NodeEnergies>,
+    /// Energies of the intra blocks.
+    energies: Vec<Option<NodeEnergies>>,
 }
 
 /// A level of an intra block as it is coded.
 struct ChosenBlock {
-    quantizer: Quantizer,
     energies: NodeEnergies,
     level: usize,
     block: usize,
@@ -528,13 +528,18 @@ impl ChosenLevels {
             wanted: (0..count).into_par_iter().map_init(BlockTree::default, of_block).collect(),
             quantizer,
             coefficients: (0..count).map(|_| Default::default()).collect(),
-            energies: vec![NodeEnergies::default(); count],
+            energies: vec![None; count],
         }
     }
 }
 
 impl IntraLevels for ChosenLevels {
+    type Worker = Quantizer;
     type Block = ChosenBlock;
+
+    fn worker(&self) -> Quantizer {
+        self.quantizer.clone()
+    }
 
     fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3] {
         let wanted = self.wanted[block][0][0];
@@ -543,15 +548,14 @@ impl IntraLevels for ChosenLevels {
         if levels != [0; 3] {
             self.coefficients[block][0].push(Coefficient { place: 0, levels });
         }
-        self.energies[block].root = energy(levels.map(i32::from));
+        self.energies[block].get_or_insert_default().root = energy(levels.map(i32::from));
         levels
     }
 
     fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> ChosenBlock {
-        let mut energies = self.energies[block].clone();
+        let mut energies = self.energies[block].clone().unwrap_or_default();
         energies.begin_level();
         ChosenBlock {
-            quantizer: self.quantizer.clone(),
             energies,
             level,
             block,
@@ -560,7 +564,12 @@ impl IntraLevels for ChosenLevels {
         }
     }
 
-    fn node(&self, state: &mut ChosenBlock, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]> {
+    fn node(
+        &self,
+        quantizer: &mut Quantizer,
+        state: &mut ChosenBlock,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]> {
         let count = node.children.count_ones() as usize;
         if count == 1 {
             return None;
@@ -574,7 +583,7 @@ impl IntraLevels for ChosenLevels {
         }
         let (parent, neighbours) = state.energies.around(state.level, node.place);
         let context = NodeContext { level: state.level, kind: 0, parent, neighbours, count: count - 1 };
-        let (levels, _) = state.quantizer.node(&context, node.children, node.weights, &wanted)?;
+        let (levels, _) = quantizer.node(&context, node.children, node.weights, &wanted)?;
         push(&mut state.coefficients, place, node.children, &levels);
         state.energies.set(node.place, node_energy(&levels));
         Some(levels)
@@ -583,7 +592,7 @@ impl IntraLevels for ChosenLevels {
     fn end(&mut self, layer: u8, _level: usize, blocks: Vec<(usize, ChosenBlock)>) {
         for (block, state) in blocks {
             self.coefficients[block][usize::from(layer)].extend(state.coefficients);
-            self.energies[block] = state.energies;
+            self.energies[block] = Some(state.energies);
         }
     }
 }

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Samples that a thread works on at a time.
 const CHUNK: usize = 4096;
+/// Blocks that a thread works on at least at a time.
+const BLOCKS: usize = 32;
 /// Distance from the decoded surface, in voxels, at which what was seen counts a third as much as on it.
 const NEAR: f32 = 0.15;
 /// Least weight of a colour sample.
@@ -64,10 +66,9 @@ impl ColourTarget {
         let mut target = Self::new(shape, grid, &[], 0);
         let points = target.points(shape, grid, samples);
         target.fit(shape, &points, rounds);
-        let missed = target.missed(&points);
         let mut squares = vec![Seen::default(); target.values.len()];
-        for (point, missed) in points.iter().zip(missed) {
-            let (tap, share) = point.heaviest();
+        for point in points.iter() {
+            let ((tap, share), missed) = (point.heaviest(), target.missed(point));
             let own = &mut squares[tap];
             own.weight += share * point.weight;
             own.colour[0] += share * point.weight * missed[0] * missed[0];
@@ -85,7 +86,7 @@ impl ColourTarget {
     }
 
     /// The points of the decoded surface at which colours were seen.
-    fn points(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Point> {
+    fn points(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Points {
         let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
         let (depth, starts) = (shape.max_depth(), self.starts);
         let of_chunk = |samples: &[ColourSample]| {
@@ -103,17 +104,15 @@ impl ColourTarget {
             );
             points
         };
-        samples.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+        Points(samples.par_chunks(CHUNK).map(of_chunk).collect())
     }
 
     /// Fits the samples to what was seen at points.
-    fn fit(&mut self, shape: &ColourShape, points: &[Point], rounds: usize) {
+    fn fit(&mut self, shape: &ColourShape, points: &Points, rounds: usize) {
         let mut seen = vec![Seen::default(); self.values.len()];
-        for point in points {
+        for point in points.iter() {
             let (tap, share) = point.heaviest();
-            let (own, weight) = (&mut seen[tap], point.weight * share);
-            own.weight += weight;
-            (0..3).for_each(|c| own.colour[c] += weight * point.colour[c]);
+            seen[tap].add(point.weight * share, &point.colour);
         }
         self.fill(shape, &seen);
         for _ in 0..rounds {
@@ -132,20 +131,28 @@ impl ColourTarget {
     /// Gives the leaves near which nothing was seen the mean of their node's others, of the smallest node that has any; then of the
     /// blocks around.
     fn fill(&mut self, shape: &ColourShape, seen: &[Seen]) {
-        let mut tree = BlockTree::default();
-        let mut means: Vec<Option<[f32; 3]>> = Vec::with_capacity(shape.depths().len());
-        for block in 0..shape.depths().len() {
-            shape.build_tree(block, &mut tree);
-            let depth = tree.depth();
-            let start = self.starts[usize::from(depth)] + shape.block_samples(block, depth).start;
-            let slots: Vec<usize> = tree.leaf_slots().map(|slot| start + slot).collect();
-            let leaves: Vec<Option<[f32; 3]>> = slots.iter().map(|at| seen[*at].mean()).collect();
-            let filled = if leaves.iter().all(Option::is_some) { leaves } else { filled(&tree, leaves) };
-            means.push(filled.first().copied().flatten().map(|_| mean(&filled)));
-            for (at, value) in slots.iter().zip(filled) {
-                self.values[*at] = value.unwrap_or([f32::NAN; 3]);
-            }
+        let mut rest = &mut self.values[..];
+        let mut layers: [&mut [[f32; 3]]; 3] = Default::default();
+        for (layer, values) in layers.iter_mut().enumerate() {
+            *values = rest.split_off_mut(..shape.layer_len(layer)).expect("as many as were counted");
         }
+        let mut blocks = Vec::with_capacity(shape.depths().len());
+        for (block, depth) in shape.depths().iter().enumerate() {
+            let start = self.starts[usize::from(*depth)] + shape.block_samples(block, *depth).start;
+            let mut values: &mut [[f32; 3]] = &mut [];
+            for (layer, rest) in (0..).zip(&mut layers) {
+                let own = rest.split_off_mut(..shape.block_samples(block, layer).len());
+                if layer == *depth {
+                    values = own.expect("as many as were counted");
+                }
+            }
+            blocks.push((block, &seen[start..start + values.len()], values));
+        }
+        let means = blocks
+            .into_par_iter()
+            .with_min_len(BLOCKS)
+            .map_init(BlockTree::default, |tree, (block, seen, values)| fill_block(shape, block, tree, seen, values))
+            .collect();
         self.spread_between_blocks(shape, means);
     }
 
@@ -181,36 +188,44 @@ impl ColourTarget {
         }
     }
 
-    /// Errors of readings at points: what was seen there less what is read.
-    fn missed(&self, points: &[Point]) -> Vec<[f32; 3]> {
-        let of_point = |point: &Point| {
-            let mut missed = point.colour;
-            for (tap, share) in point.taps.iter().zip(point.shares) {
-                if share > 0.0 {
-                    let value = &self.values[*tap as usize];
-                    (0..3).for_each(|c| missed[c] -= share * value[c]);
+    /// Error of a reading at a point: what was seen there less what is read.
+    #[inline(always)]
+    fn missed(&self, point: &Point) -> [f32; 3] {
+        let mut missed = point.colour;
+        for (tap, share) in point.taps.iter().zip(point.shares) {
+            if share > 0.0 {
+                let value = &self.values[*tap as usize];
+                for c in 0..3 {
+                    missed[c] -= share * value[c];
                 }
             }
-            missed
-        };
-        points.par_iter().map(of_point).collect()
+        }
+        missed
     }
 
     /// Corrects the samples by what readings at the points miss of what was seen there.
-    fn project_back(&mut self, points: &[Point]) {
-        let missed = self.missed(points);
+    fn project_back(&mut self, points: &Points) {
+        let of_chunk = |chunk: &Vec<Point>| chunk.iter().map(|point| self.missed(point)).collect();
+        let missed: Vec<Vec<[f32; 3]>> = points.0.par_iter().map(of_chunk).collect();
         let mut corrections = vec![Seen::default(); self.values.len()];
-        for (point, missed) in points.iter().zip(missed) {
+        for (point, missed) in points.iter().zip(missed.iter().flatten()) {
             for (tap, share) in point.taps.iter().zip(point.shares) {
-                let (correction, share) = (&mut corrections[*tap as usize], share * point.weight);
-                correction.weight += share;
-                (0..3).for_each(|c| correction.colour[c] += share * missed[c]);
+                corrections[*tap as usize].add(share * point.weight, missed);
             }
         }
         for (value, correction) in self.values.iter_mut().zip(corrections) {
             let gain = GAIN / correction.weight.max(LEAST_WEIGHT);
             (0..3).for_each(|c| value[c] += gain * correction.colour[c]);
         }
+    }
+}
+
+/// Points by the chunks of samples that they come from.
+struct Points(Vec<Vec<Point>>);
+
+impl Points {
+    fn iter(&self) -> impl Iterator<Item = &Point> {
+        self.0.iter().flatten()
     }
 }
 
@@ -228,10 +243,52 @@ impl Point {
 }
 
 impl Seen {
+    /// Adds a colour.
+    #[inline(always)]
+    fn add(&mut self, weight: f32, colour: &[f32; 3]) {
+        for c in 0..3 {
+            self.colour[c] += weight * colour[c];
+        }
+        self.weight += weight;
+    }
+
     /// The mean colour, if anything was seen.
     fn mean(&self) -> Option<[f32; 3]> {
         (self.weight > 0.0).then(|| self.colour.map(|c| c / self.weight))
     }
+}
+
+/// Fills the leaves of a block, as far as anything was seen of it, and tells their mean.
+fn fill_block(
+    shape: &ColourShape,
+    block: usize,
+    tree: &mut BlockTree,
+    seen: &[Seen],
+    values: &mut [[f32; 3]],
+) -> Option<[f32; 3]> {
+    let shift = 3 * shape.depths()[block];
+    let mut leaves = Vec::with_capacity(seen.len());
+    for number in 0..seen.len() >> shift {
+        let mut rest = shape.leaves(block, number);
+        while rest != 0 {
+            let slot = number << shift | rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            leaves.push((slot, seen[slot].mean()));
+        }
+    }
+    if leaves.iter().any(|(_, value)| value.is_none()) {
+        shape.build_tree(block, tree);
+        let filled = filled(tree, leaves.iter().map(|(_, value)| *value).collect());
+        leaves.iter_mut().zip(filled).for_each(|((_, value), filled)| *value = filled);
+    }
+    let (mut sums, mut count) = ([0.0; 3], 0.0f32);
+    for (slot, value) in leaves {
+        let Some(value) = value else { return None };
+        values[slot] = value;
+        count += 1.0;
+        (0..3).for_each(|c| sums[c] += value[c]);
+    }
+    Some(sums.map(|sum| sum / count.max(1.0)))
 }
 
 /// The leaves of a block, of which those without a value have the mean of the smallest node that has any. All `None` if none has.
