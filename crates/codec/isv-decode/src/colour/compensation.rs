@@ -1,9 +1,9 @@
 //! Prediction of a block's samples from the frame before, along vectors and through the surface.
 
-use super::surfel::Surfel;
 use super::frame::{ColourShape, GREY, Sample, clamped, divided};
 use super::morton::position;
 use super::reader::{Reader, shifted, sum};
+use super::surfel::Surfel;
 use crate::main::{BlockMode, Vector};
 use isv_volume::NeighbourFinder;
 

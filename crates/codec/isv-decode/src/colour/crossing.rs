@@ -93,7 +93,8 @@ mod tests {
             let mut words = || -> Vec<Layers> {
                 (0..8).map(|_| [0; 8].map(|_| (f64::from(random.signed()) * 9e18) as i64 as u64)).collect()
             };
-            let (inside, observed) = (words(), words().iter().map(|w| w.map(|w| w | w >> 3 | w << 7)).collect());
+            let (inside, observed) =
+                (words(), words().iter().map(|w| w.map(|w| w | w >> 3 | w << 7)).collect());
             let bits = VoxelBits { inside, observed };
             let octet: [Option<u32>; 8] = std::array::from_fn(|slot| {
                 let slot = slot as u32;

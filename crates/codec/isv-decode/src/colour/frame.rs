@@ -258,7 +258,8 @@ mod tests {
                 let share = (f64::from(random.signed()) + 1.0) / 2.0;
                 let sum = f64::from(low) + share * f64::from(high - low);
                 // Near a border between two results, often.
-                sums[channel] = (sum * f64::from(weight)) as i32 / weight * weight - weight / 2 + round % 3 - 1;
+                sums[channel] =
+                    (sum * f64::from(weight)) as i32 / weight * weight - weight / 2 + round % 3 - 1;
                 sums[channel] = sums[channel].clamp(low * weight, high * weight);
             }
             let found = mean(sums);

@@ -1,8 +1,8 @@
 //! Readings of colour at points, and in the parts of cells.
 
-use super::surfel::Surfel;
 use super::frame::{ColourFrame, Sample, mean};
 use super::morton::{interleave, position};
+use super::surfel::Surfel;
 use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Fractional bits of weights between samples along an axis.
@@ -159,6 +159,16 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The leaf that a position lies in, if it is in a cell whose surface faces a normal. `depth`: of the frame's deepest blocks.
+    #[inline(always)]
+    pub fn leaf(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Tap> {
+        let found = self.cell(shifted(position, 8))?;
+        if !self.surfel(found).faces(normal) {
+            return None;
+        }
+        self.sample(found, shifted(position, 8 - u32::from(depth)), depth)
+    }
+
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
     #[inline(always)]
     fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
@@ -182,7 +192,9 @@ impl<'a> Reader<'a> {
             if weight == 0 {
                 continue;
             }
-            let slot = steps[0] as i32 & spans[0] | (steps[1] as i32 & spans[1]) << 1 | (steps[2] as i32 & spans[2]) << 2;
+            let slot = steps[0] as i32 & spans[0]
+                | (steps[1] as i32 & spans[1]) << 1
+                | (steps[2] as i32 & spans[2]) << 2;
             let Some(found) = around[slot as usize & 7] else { continue };
             let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
             if let Some(tap) = self.sample(found, place, depth) {

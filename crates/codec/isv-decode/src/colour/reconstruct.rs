@@ -551,15 +551,11 @@ fn predict_level<L: IntraLevels>(
             let mut first_child = 0;
             predict_nodes(&window, nodes, below, &mut predicted);
             let predicted = predicted.iter_mut();
-            for ((place, children), (weights, values)) in nodes.places.iter().zip(&nodes.children).zip(predicted) {
+            for ((place, children), (weights, values)) in
+                nodes.places.iter().zip(&nodes.children).zip(predicted)
+            {
                 let place = usize::from(*place);
-                let node = IntraNode {
-                    place,
-                    children: *children,
-                    weights,
-                    first_child,
-                    predicted: values,
-                };
+                let node = IntraNode { place, children: *children, weights, first_child, predicted: values };
                 if let Some(levels) = source.node(&mut worker, &mut state, &node) {
                     add_differences(values, *children, weights, &levels, steps);
                 }

@@ -45,7 +45,7 @@ pub struct ColourSettings {
     pub lambda: f32,
     /// Mean squared error that half voxels may leave in a block before it gets quarter voxels, in squared steps of keyframes.
     pub deepening: f32,
-    /// Rounds of back projection.
+    /// Rounds of back projection; without any, a sample is the mean of what was seen in its part of a cell.
     pub rounds: usize,
     /// How hard vectors are searched for.
     pub search: ColourSearch,
@@ -91,7 +91,7 @@ impl ColourSettings {
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         match preset {
-            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.45, ..self },
+            Preset::Realtime => Self { rounds: 0, search: ColourSearch::QUICK, spacing: 0.45, ..self },
             Preset::Balanced | Preset::Archive => self,
         }
     }
@@ -292,8 +292,8 @@ impl ColourEncoder {
         step: f32,
     ) -> Vec<BlockMode> {
         let (shape, search) = (frame.shape, self.settings.search);
-        let lambda = self.settings.lambda * step * step;
-        let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, lambda);
+        let trade = (step, self.settings.lambda);
+        let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, trade);
         let last = reference.blocks_at(shape.cells().coords());
         let of_block =
             |before: &Option<BlockBefore>| before.and_then(|before| before.vector).into_iter().collect();

@@ -49,14 +49,20 @@ struct Seen {
 }
 
 impl ColourTarget {
-    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection.
+    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection. Without any, a leaf has the mean of what was
+    /// seen in it.
     #[must_use]
     pub fn new(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Self {
         let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
         let starts = [0, counts[0], counts[0] + counts[1]];
         let mut target = Self { values: vec![[f32::NAN; 3]; counts.iter().sum()], starts };
-        let points = target.points(shape, grid, samples);
-        target.fit(shape, &points, rounds);
+        if rounds == 0 {
+            let seen = target.seen_in_leaves(shape, grid, samples);
+            target.fill(shape, &seen);
+        } else {
+            let points = target.points(shape, grid, samples);
+            target.fit(shape, &points, rounds);
+        }
         target
     }
 
@@ -83,6 +89,33 @@ impl ColourTarget {
             if weight > 0.0 { square / weight } else { 0.0 }
         };
         (0..shape.depths().len()).map(of_block).collect()
+    }
+
+    /// What was seen in each leaf, counted by its distance from the surface alone.
+    fn seen_in_leaves(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Seen> {
+        let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
+        let (depth, starts) = (shape.max_depth(), self.starts);
+        let of_chunk = |samples: &[ColourSample]| {
+            let mut reader = Reader::new(&frame);
+            let mut found = Vec::with_capacity(samples.len());
+            vectorized(
+                #[inline(always)]
+                || {
+                    for sample in samples {
+                        if let Some(leaf) = find_leaf(&mut reader, grid, sample, (depth, starts)) {
+                            found.push(leaf);
+                        }
+                    }
+                },
+            );
+            found
+        };
+        let found: Vec<Vec<(u32, f32, [f32; 3])>> = samples.par_chunks(CHUNK).map(of_chunk).collect();
+        let mut seen = vec![Seen::default(); self.values.len()];
+        for (leaf, weight, colour) in found.iter().flatten() {
+            seen[*leaf as usize].add(*weight, colour);
+        }
+        seen
     }
 
     /// The points of the decoded surface at which colours were seen.
@@ -151,7 +184,9 @@ impl ColourTarget {
         let means = blocks
             .into_par_iter()
             .with_min_len(BLOCKS)
-            .map_init(BlockTree::default, |tree, (block, seen, values)| fill_block(shape, block, tree, seen, values))
+            .map_init(BlockTree::default, |tree, (block, seen, values)| {
+                fill_block(shape, block, tree, seen, values)
+            })
             .collect();
         self.spread_between_blocks(shape, means);
     }
@@ -296,8 +331,7 @@ fn filled(tree: &BlockTree, leaves: Vec<Option<[f32; 3]>>) -> Vec<Option<[f32; 3
     let levels = tree.levels();
     let mut up = vec![leaves];
     for nodes in levels[..levels.len() - 1].iter().rev() {
-        let below = &up[up.len() - 1];
-        let mut rest = &below[..];
+        let mut rest = &up[up.len() - 1][..];
         let means = nodes.children.iter().map(|children| {
             let (own, others) = rest.split_at(children.count_ones() as usize);
             rest = others;
@@ -308,10 +342,13 @@ fn filled(tree: &BlockTree, leaves: Vec<Option<[f32; 3]>>) -> Vec<Option<[f32; 3
     }
     let mut values = up.pop().unwrap_or_default();
     for nodes in &levels[..levels.len() - 1] {
-        let below = up.pop().unwrap_or_default();
-        let parents = nodes.children.iter().zip(&values);
-        let of_parents = parents.flat_map(|(children, value)| vec![*value; children.count_ones() as usize]);
-        values = below.iter().zip(of_parents).map(|(own, parent)| own.or(parent)).collect();
+        let mut below = up.pop().unwrap_or_default();
+        let mut rest = &mut below[..];
+        for (children, value) in nodes.children.iter().zip(&values) {
+            let own = rest.split_off_mut(..children.count_ones() as usize);
+            own.expect("a value for each child").iter_mut().for_each(|own| *own = own.or(*value));
+        }
+        values = below;
     }
     values
 }
@@ -381,6 +418,55 @@ fn nearest_around(
     best
 }
 
+/// The weight of a colour that was seen at a distance (voxels) from a plane with a normal.
+#[inline(always)]
+fn weight(sample: &ColourSample, normal: [i8; 3], height: f32) -> f32 {
+    let mut agreement = f32::from(u8::from(sample.normal == [0.0; 3]));
+    for axis in 0..3 {
+        agreement += f32::from(normal[axis]) / 127.0 * sample.normal[axis];
+    }
+    let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
+    sample.weight * nearness * agreement.clamp(LEAST, 1.0)
+}
+
+/// The YCbCr values of a colour.
+#[inline(always)]
+fn ycbcr(sample: &ColourSample) -> [f32; 3] {
+    let mut colour = [0.0; 3];
+    for (value, ycbcr) in colour.iter_mut().zip(ycbcr_from_rgb(sample.colour)) {
+        *value = ycbcr as f32;
+    }
+    colour
+}
+
+/// Finds the leaf that a colour was seen in, by its place among the samples of all layers, with the weight and the values of the colour.
+#[inline(always)]
+fn find_leaf(
+    reader: &mut Reader,
+    grid: &Grid,
+    sample: &ColourSample,
+    (depth, starts): (u8, [usize; 3]),
+) -> Option<(u32, f32, [f32; 3])> {
+    let (onto, normal, height) = locate(reader, grid, sample)?;
+    let mut heaviest = (reader.leaf(onto, normal, depth), 0);
+    if heaviest.0.is_none() {
+        reader.taps(
+            onto,
+            normal,
+            depth,
+            #[inline(always)]
+            |tap, weight| {
+                if tap.is_leaf && weight > heaviest.1 {
+                    heaviest = (Some(tap), weight);
+                }
+            },
+        );
+    }
+    let tap = heaviest.0?;
+    let at = (starts[usize::from(tap.layer)] + tap.at as usize) as u32;
+    Some((at, weight(sample, normal, height), ycbcr(sample)))
+}
+
 /// Finds the samples that a reading takes where a colour was seen.
 #[inline(always)]
 fn find(
@@ -390,13 +476,8 @@ fn find(
     (depth, starts): (u8, [usize; 3]),
 ) -> Option<Point> {
     let (onto, normal, height) = locate(reader, grid, sample)?;
-    let mut agreement = f32::from(u8::from(sample.normal == [0.0; 3]));
-    for axis in 0..3 {
-        agreement += f32::from(normal[axis]) / 127.0 * sample.normal[axis];
-    }
-    let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
-    let weight = sample.weight * nearness * agreement.clamp(LEAST, 1.0);
-    let mut point = Point { colour: [0.0; 3], weight, taps: [0; 8], shares: [0.0; 8] };
+    let weight = weight(sample, normal, height);
+    let mut point = Point { colour: ycbcr(sample), weight, taps: [0; 8], shares: [0.0; 8] };
     let (mut count, mut all) = (0, 0.0);
     reader.taps(
         onto,
@@ -418,10 +499,6 @@ fn find(
     }
     for share in &mut point.shares {
         *share /= all;
-    }
-    let ycbcr = ycbcr_from_rgb(sample.colour);
-    for channel in 0..3 {
-        point.colour[channel] = ycbcr[channel] as f32;
     }
     Some(point)
 }
