@@ -182,6 +182,19 @@ impl ColourShape {
         }
     }
 
+    /// Slots of a block's leaves in its deepest layer, in the order of its tree, counted from the block's first.
+    pub fn leaf_slots(&self, block: usize) -> impl Iterator<Item = usize> + '_ {
+        let shift = 3 * self.depths[block];
+        (0..self.cells.blocks()[block].count()).flat_map(move |number| {
+            let mut rest = self.leaves(block, number);
+            std::iter::from_fn(move || {
+                let part = rest.checked_ilog2().map(|_| rest.trailing_zeros() as usize)?;
+                rest &= rest - 1;
+                Some(number << shift | part)
+            })
+        })
+    }
+
     /// Layers of this shape, without samples yet.
     #[must_use]
     pub fn layers(&self) -> [Vec<Sample>; 3] {

@@ -276,10 +276,29 @@ impl<'a> Reader<'a> {
         }
         // The parts of 2x2x2 cells, four lanes each.
         let mut grid = [[[0; D]; G]; G];
-        for (slot, found) in self.facing_cells(voxel, spans, normal).into_iter().enumerate() {
-            if let Some(found) = found {
-                self.take_parts::<N, G, D>(found, [slot & 1, slot >> 1 & 1, slot >> 2], &mut grid);
+        let mut within = true;
+        for axis in 0..3 {
+            within &= (voxel[axis] & 7) + spans[axis] < 8;
+        }
+        if within {
+            let Some(block) = self.block(shifted(voxel, 3)) else {
+                out[..N * N * N].fill([0; 4]);
+                return;
+            };
+            self.take_cells::<N, G, D>(block as usize, voxel, spans, normal, &mut grid);
+        } else {
+            for (slot, found) in self.facing_cells(voxel, spans, normal).into_iter().enumerate() {
+                if let Some(found) = found {
+                    self.take_parts::<N, G, D>(found, [slot & 1, slot >> 1 & 1, slot >> 2], &mut grid);
+                }
             }
+        }
+        if spans == [0; 3] {
+            for (part, sample) in out[..N * N * N].iter_mut().enumerate() {
+                let [x, y, z] = position(part);
+                sample.copy_from_slice(&grid[z][y][4 * x..][..4]);
+            }
+            return;
         }
         let mut along_x = [[[0; W]; G]; G];
         for z in 0..=N {
@@ -344,6 +363,37 @@ impl<'a> Reader<'a> {
         around
     }
 
+    /// Enters the parts of those of 2x2x2 cells that face a normal and lie in one block. See [`Self::take_parts`].
+    #[inline(always)]
+    fn take_cells<const N: usize, const G: usize, const D: usize>(
+        &self,
+        block: usize,
+        voxel: [i32; 3],
+        spans: [i32; 3],
+        normal: [i8; 3],
+        grid: &mut [[[i16; D]; G]; G],
+    ) {
+        let (depth, shape) = (N.trailing_zeros() as u8, &self.frame.shape);
+        let (cells, deep) = (&shape.cells().blocks()[block], depth.min(shape.depths()[block]));
+        let surfels = shape.cells().block_surfels(block);
+        let start = shape.starts()[block][usize::from(deep)] as usize;
+        let samples = &self.frame.layers[usize::from(deep)][start..][..surfels.len() << (3 * deep)];
+        let first = [0, 1, 2].map(|axis| (voxel[axis] & 7) as usize);
+        for slot in 0..8 {
+            let step = [slot & 1, slot >> 1 & 1, slot >> 2];
+            if step[0] as i32 > spans[0] || step[1] as i32 > spans[1] || step[2] as i32 > spans[2] {
+                continue;
+            }
+            let place = interleave([first[0] + step[0], first[1] + step[1], first[2] + step[2]]);
+            let Some(cell) = cells.cell(place) else { continue };
+            let number = cell - cells.first();
+            if surfels[number].faces(normal) {
+                let own = &samples[number << (3 * deep)..][..1 << (3 * deep)];
+                put_parts::<N, G, D>(own, depth - deep, step, grid);
+            }
+        }
+    }
+
     /// Enters the parts of a cell, `N` along each axis, into those of 2x2x2 cells; shallower ones stand for all parts in them.
     #[inline(always)]
     fn take_parts<const N: usize, const G: usize, const D: usize>(
@@ -358,20 +408,30 @@ impl<'a> Reader<'a> {
         let number = found.cell - shape.cells().blocks()[found.block].first();
         let start = shape.starts()[found.block][usize::from(deep)] as usize + (number << (3 * deep));
         let samples = &self.frame.layers[usize::from(deep)][start..][..1 << (3 * deep)];
-        let mut put = |part: usize, sample: &Sample| {
-            let [x, y, z] = position(part);
-            grid[steps[2] * N + z][steps[1] * N + y][4 * (steps[0] * N + x)..][..4].copy_from_slice(sample);
-        };
-        if deep == depth {
-            let samples = &samples[..N * N * N];
-            for part in 0..N * N * N {
-                put(part, &samples[part]);
-            }
-        } else {
-            let shift = 3 * (depth - deep);
-            for part in 0..N * N * N {
-                put(part, &samples[part >> shift]);
-            }
+        put_parts::<N, G, D>(samples, depth - deep, steps, grid);
+    }
+}
+
+/// Enters a cell's samples into the parts of 2x2x2 cells. `above`: how much less deep they are than the parts.
+#[inline(always)]
+fn put_parts<const N: usize, const G: usize, const D: usize>(
+    samples: &[Sample],
+    above: u8,
+    steps: [usize; 3],
+    grid: &mut [[[i16; D]; G]; G],
+) {
+    let mut put = |part: usize, sample: &Sample| {
+        let [x, y, z] = position(part);
+        grid[steps[2] * N + z][steps[1] * N + y][4 * (steps[0] * N + x)..][..4].copy_from_slice(sample);
+    };
+    if above == 0 {
+        let samples = &samples[..N * N * N];
+        for part in 0..N * N * N {
+            put(part, &samples[part]);
+        }
+    } else {
+        for part in 0..N * N * N {
+            put(part, &samples[part >> (3 * above)]);
         }
     }
 }

@@ -377,12 +377,11 @@ fn spread(values: &[[f32; 3]]) -> f32 {
 
 /// The values wanted of the leaves of each block.
 fn leaf_values(shape: &ColourShape, target: &ColourTarget) -> Vec<Vec<[f32; 3]>> {
-    let of_block = |tree: &mut BlockTree, block: usize| {
-        shape.build_tree(block, tree);
+    let of_block = |block: usize| {
         let values = target.of_block(shape, block);
-        tree.leaf_slots().map(|slot| values[slot]).collect()
+        shape.leaf_slots(block).map(|slot| values[slot]).collect()
     };
-    (0..shape.depths().len()).into_par_iter().map_init(BlockTree::default, of_block).collect()
+    (0..shape.depths().len()).into_par_iter().map(of_block).collect()
 }
 
 /// Chooses the coefficients of a frame, and decodes it.

@@ -301,27 +301,28 @@ fn fill_block(
     seen: &[Seen],
     values: &mut [[f32; 3]],
 ) -> Option<[f32; 3]> {
-    let shift = 3 * shape.depths()[block];
-    let mut leaves = Vec::with_capacity(seen.len());
-    for number in 0..seen.len() >> shift {
-        let mut rest = shape.leaves(block, number);
-        while rest != 0 {
-            let slot = number << shift | rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            leaves.push((slot, seen[slot].mean()));
-        }
-    }
-    if leaves.iter().any(|(_, value)| value.is_none()) {
-        shape.build_tree(block, tree);
-        let filled = filled(tree, leaves.iter().map(|(_, value)| *value).collect());
-        leaves.iter_mut().zip(filled).for_each(|((_, value), filled)| *value = filled);
-    }
-    let (mut sums, mut count) = ([0.0; 3], 0.0f32);
-    for (slot, value) in leaves {
-        let Some(value) = value else { return None };
+    let (mut sums, mut count, mut missing) = ([0.0; 3], 0.0f32, false);
+    let mut put = |slot: usize, value: [f32; 3]| {
         values[slot] = value;
         count += 1.0;
         (0..3).for_each(|c| sums[c] += value[c]);
+    };
+    for slot in shape.leaf_slots(block) {
+        match seen[slot].mean() {
+            Some(value) => put(slot, value),
+            None => missing = true,
+        }
+    }
+    if missing {
+        shape.build_tree(block, tree);
+        let filled = filled(tree, tree.leaf_slots().map(|slot| seen[slot].mean()).collect());
+        (sums, count) = ([0.0; 3], 0.0);
+        for (slot, value) in tree.leaf_slots().zip(filled) {
+            let value = value?;
+            values[slot] = value;
+            count += 1.0;
+            (0..3).for_each(|c| sums[c] += value[c]);
+        }
     }
     Some(sums.map(|sum| sum / count.max(1.0)))
 }
