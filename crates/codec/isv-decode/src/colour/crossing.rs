@@ -91,7 +91,7 @@ mod tests {
         let mut random = isv_testkit::Random::new(5);
         for missing in 0..8u32 {
             let mut words = || -> Vec<Layers> {
-                (0..8).map(|_| [0; 8].map(|_| (f64::from(random.signed()) * 9e18) as i64 as u64)).collect()
+                (0..8).map(|_| [0; 8].map(|_| (random.signed() * 9e18) as i64 as u64)).collect()
             };
             let (inside, observed) =
                 (words(), words().iter().map(|w| w.map(|w| w | w >> 3 | w << 7)).collect());

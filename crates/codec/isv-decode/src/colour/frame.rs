@@ -268,7 +268,7 @@ mod tests {
             let mut sums = [0, 0, 0, weight];
             for channel in 0..3 {
                 let (low, high) = SAMPLE_RANGE[channel];
-                let share = (f64::from(random.signed()) + 1.0) / 2.0;
+                let share = (random.signed() + 1.0) / 2.0;
                 let sum = f64::from(low) + share * f64::from(high - low);
                 // Near a border between two results, often.
                 sums[channel] =

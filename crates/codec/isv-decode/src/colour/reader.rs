@@ -183,7 +183,7 @@ impl<'a> Reader<'a> {
         let voxel = shifted(first, u32::from(depth));
         let mut spans = [0; 3];
         for axis in 0..3 {
-            spans[axis] = if along[axis][1] == 0 { 0 } else { (first[axis] + 1 >> depth) - voxel[axis] };
+            spans[axis] = if along[axis][1] == 0 { 0 } else { ((first[axis] + 1) >> depth) - voxel[axis] };
         }
         let around = self.facing_cells(voxel, spans, normal);
         for corner in 0..8 {

@@ -217,7 +217,7 @@ mod tests {
         for scale in [1.0, 3.0, 40.0, 1024.0, 32767.0] {
             for _ in 0..300 {
                 let corners: Corners =
-                    [0; 8].map(|_| [0; LANES].map(|_| (f64::from(random.signed()) * scale).round() as i32));
+                    [0; 8].map(|_| [0; LANES].map(|_| (random.signed() * scale).round() as i32));
                 let wanted: [Surfel; LANES] =
                     std::array::from_fn(|lane| expected(corners.map(|codes| codes[lane])));
                 for (set, found) in with_each(|| surfels(&corners)) {
