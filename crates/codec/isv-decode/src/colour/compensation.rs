@@ -1,9 +1,9 @@
 //! Prediction of a block's samples from the frame before, along vectors and through the surface.
 
-use super::cells::Surfel;
-use super::frame::{ColourShape, GREY, Sample, clamped, rounded};
+use super::frame::{ColourShape, GREY, Sample, clamped, divided};
 use super::morton::position;
 use super::reader::{Reader, shifted, sum};
+use super::surfel::Surfel;
 use crate::main::{BlockMode, Vector};
 use isv_volume::NeighbourFinder;
 
@@ -74,9 +74,9 @@ impl<'a> MotionField<'a> {
         }
         // The block's own vector is one of them.
         for sum in &mut sums {
-            *sum = (*sum * VECTOR_SCALE + weights / 2).div_euclid(weights);
+            *sum *= VECTOR_SCALE;
         }
-        sums
+        divided(sums, weights)
     }
 }
 
@@ -121,7 +121,7 @@ fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i3
             (0..3).for_each(|axis| sums[axis] += weight * to[axis]);
         }
     }
-    if weights == 0 { [0; 3] } else { sums.map(|sum| rounded(sum, weights)) }
+    divided(sums, weights)
 }
 
 /// From a position to the plane in a cell, if the cell has one that faces a normal.
@@ -147,7 +147,7 @@ fn onto_plane(reader: &mut Reader, normal: [i8; 3], position: [i32; 3], voxel: [
 }
 
 /// Predicts the parts of a cell at a depth from the frame before, in Morton order; the last value is 0 where it has none near.
-/// `motion`: in 1/256 voxel; `wanted`: the parts that are needed, a bit each. The reader is turned to the cell's block.
+/// `motion`: in 1/256 voxel; `wanted`: the parts that are predicted, a bit each. The reader is turned to the cell's block.
 #[inline(always)]
 pub fn predict_cell(
     reader: &mut Reader,
@@ -180,27 +180,44 @@ pub fn predict_block(
     reader.turn_to(cells.coords()[block]);
     let surfels = cells.block_surfels(block);
     let mut parts = [[0; 4]; 64];
-    let (mut sums, mut count, mut holes) = ([0i32; 3], 0, false);
+    let mut holes = false;
     out.clear();
     for (number, (place, surfel)) in cells.blocks()[block].places().zip(surfels).enumerate() {
         let (voxel, leaves) = (position(place), shape.leaves(block, number));
         predict_cell(reader, surfel, voxel, field.at(voxel), depth, leaves, &mut parts);
-        for (part, sample) in parts[..1 << (3 * depth)].iter_mut().enumerate() {
-            if leaves >> part & 1 == 0 {
-                *sample = [0; 4];
-            } else if sample[3] == 0 {
-                (*sample, holes) = (HOLE, true);
-            } else {
-                count += 1;
-                for c in 0..3 {
-                    sums[c] += i32::from(sample[c]);
-                }
-            }
-        }
-        out.extend_from_slice(&parts[..1 << (3 * depth)]);
+        holes |= match depth {
+            0 => put_parts::<1>(&mut parts, leaves, out),
+            1 => put_parts::<8>(&mut parts, leaves, out),
+            _ => put_parts::<64>(&mut parts, leaves, out),
+        };
     }
     if holes {
-        let fill = if count == 0 { GREY } else { clamped(sums.map(|sum| rounded(sum, count))) };
-        out.iter_mut().filter(|sample| **sample == HOLE).for_each(|sample| *sample = fill);
+        fill_holes(out);
     }
+}
+
+/// Adds the first `N` parts of a cell, of which others than its leaves have no samples. Tells whether there are holes.
+#[inline(always)]
+fn put_parts<const N: usize>(parts: &mut [Sample; 64], leaves: u64, out: &mut Vec<Sample>) -> bool {
+    let mut holes = false;
+    for (part, sample) in parts[..N].iter_mut().enumerate() {
+        let is_leaf = leaves >> part & 1 != 0;
+        let is_hole = is_leaf && sample[3] == 0;
+        holes |= is_hole;
+        *sample = if is_hole { HOLE } else { sample.map(|value| if is_leaf { value } else { 0 }) };
+    }
+    out.extend_from_slice(&parts[..N]);
+    holes
+}
+
+/// Gives the holes of a block the mean of its samples, or grey.
+#[inline(never)]
+fn fill_holes(samples: &mut [Sample]) {
+    let (mut sums, mut count) = ([0i32; 3], 0);
+    for sample in samples.iter().filter(|sample| sample[3] > 0) {
+        count += 1;
+        (0..3).for_each(|c| sums[c] += i32::from(sample[c]));
+    }
+    let fill = if count == 0 { GREY } else { clamped(divided(sums, count)) };
+    samples.iter_mut().filter(|sample| **sample == HOLE).for_each(|sample| *sample = fill);
 }

@@ -3,12 +3,15 @@
 use super::cells::ColourCells;
 use super::tree::{BlockTree, MAX_LEVELS};
 use isv_volume::SparseVolume;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Fractional bits of a sample.
 pub const SAMPLE_BITS: u32 = 6;
 /// Deepest layer of samples: 0 has one in a voxel's cell, 1 one in a half cell, 2 one in a quarter cell.
 pub const MAX_DEPTH: u8 = 2;
+/// Blocks whose samples a thread collects for the hash at a time.
+const HASH_CHUNK: usize = 128;
 
 /// A colour sample: luma `0 ..= 255`, blue and red difference `-128 ..= 128`, in 1/64; BT.709, full range. The last value is 1
 /// where there is a sample and 0 where there is none.
@@ -40,6 +43,32 @@ pub fn clamped(values: [i32; 3]) -> Sample {
 #[inline(always)]
 pub(crate) fn rounded(sum: i32, weight: i32) -> i32 {
     (sum + weight / 2).div_euclid(weight)
+}
+
+/// Sums divided by their weight, rounded to the nearest, halves up; sums of 0 without any.
+///
+/// Sums are below 2^31, weights below 2^16 and quotients below 2^21. Halves are made to lie above the middle between two integers, so
+/// that no quotient lies in it: all are farther from it than `f64` rounds.
+#[inline(always)]
+pub(crate) fn divided<const N: usize>(sums: [i32; N], weight: i32) -> [i32; N] {
+    // Added to a number below 2^31 it leaves the nearest integer in the lowest bits.
+    const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
+    let weight = weight.max(1);
+    let above = 0.5 * f64::from(1 - (weight & 1));
+    let share = 1.0 / f64::from(weight);
+    let mut quotients = [0; N];
+    for lane in 0..N {
+        quotients[lane] = ((f64::from(sums[lane]) + above) * share + TO_INTEGER).to_bits() as i32;
+    }
+    quotients
+}
+
+/// The mean of samples from their weighted sums, of which the last is that of the weights; none if this is 0. Rounded as
+/// [`divided`] does.
+#[inline(always)]
+pub(crate) fn mean(sums: [i32; 4]) -> Sample {
+    // The last of the quotients is 1, or 0.
+    divided(sums, sums[3]).map(|value| value as i16)
 }
 
 /// Which samples a frame has, and where they are.
@@ -153,6 +182,19 @@ impl ColourShape {
         }
     }
 
+    /// Slots of a block's leaves in its deepest layer, in the order of its tree, counted from the block's first.
+    pub fn leaf_slots(&self, block: usize) -> impl Iterator<Item = usize> + '_ {
+        let shift = 3 * self.depths[block];
+        (0..self.cells.blocks()[block].count()).flat_map(move |number| {
+            let mut rest = self.leaves(block, number);
+            std::iter::from_fn(move || {
+                let part = rest.checked_ilog2().map(|_| rest.trailing_zeros() as usize)?;
+                rest &= rest - 1;
+                Some(number << shift | part)
+            })
+        })
+    }
+
     /// Layers of this shape, without samples yet.
     #[must_use]
     pub fn layers(&self) -> [Vec<Sample>; 3] {
@@ -177,13 +219,70 @@ impl ColourFrame {
     /// XXH64 of all samples that lie on the surface: those of the blocks' deepest layers, in order, each channel as two bytes.
     #[must_use]
     pub fn hash(&self) -> u64 {
-        let mut bytes = Vec::new();
-        for (block, depth) in self.shape.depths.iter().enumerate() {
-            let samples = &self.layers[usize::from(*depth)][self.shape.block_samples(block, *depth)];
-            for sample in samples.iter().filter(|sample| sample[3] != 0) {
-                bytes.extend(sample[..3].iter().flat_map(|value| value.to_le_bytes()));
+        let blocks = 0..self.shape.depths.len();
+        let of_chunk = |chunk: usize| {
+            let blocks = chunk * HASH_CHUNK..blocks.end.min((chunk + 1) * HASH_CHUNK);
+            self.surface_bytes(blocks)
+        };
+        let chunks: Vec<Vec<u8>> =
+            (0..blocks.end.div_ceil(HASH_CHUNK)).into_par_iter().map(of_chunk).collect();
+        let mut hash = xxhash_rust::xxh64::Xxh64::new(0);
+        chunks.iter().for_each(|bytes| hash.update(bytes));
+        hash.digest()
+    }
+
+    /// The samples of blocks that lie on the surface, six bytes each.
+    fn surface_bytes(&self, blocks: Range<usize>) -> Vec<u8> {
+        const BYTES: usize = 6;
+        let of_block = |block| {
+            let depth = self.shape.depths[block];
+            &self.layers[usize::from(depth)][self.shape.block_samples(block, depth)]
+        };
+        let places: usize = blocks.clone().map(|block| of_block(block).len()).sum();
+        let mut bytes = vec![0; BYTES * places + 2];
+        let mut end = 0;
+        for sample in blocks.flat_map(of_block) {
+            // Eight bytes are written, of which the next sample overwrites the last two, or all.
+            let word = sample.iter().rev().fold(0, |word, value| word << 16 | u64::from(*value as u16));
+            bytes[end..end + 8].copy_from_slice(&word.to_le_bytes());
+            end += if sample[3] != 0 { BYTES } else { 0 };
+        }
+        bytes.truncate(end);
+        bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_those_of_integers() {
+        let mut random = isv_testkit::Random::new(7);
+        for round in 0..200_000 {
+            let weight = match round % 3 {
+                0 => 1 << 15,
+                1 => 1 + round % 8,
+                _ => 1 + (random.signed().abs() * 32767.0) as i32,
+            };
+            let mut sums = [0, 0, 0, weight];
+            for channel in 0..3 {
+                let (low, high) = SAMPLE_RANGE[channel];
+                let share = (random.signed() + 1.0) / 2.0;
+                let sum = f64::from(low) + share * f64::from(high - low);
+                // Near a border between two results, often.
+                sums[channel] =
+                    (sum * f64::from(weight)) as i32 / weight * weight - weight / 2 + round % 3 - 1;
+                sums[channel] = sums[channel].clamp(low * weight, high * weight);
+            }
+            let found = mean(sums);
+            assert_eq!(found[3], 1);
+            let wide = sums.map(|sum| sum.clamp(-(1 << 20), 1 << 20) * 63);
+            assert_eq!(divided(wide, weight), wide.map(|sum| rounded(sum, weight)), "{wide:?}");
+            for channel in 0..3 {
+                assert_eq!(i32::from(found[channel]), rounded(sums[channel], weight), "{sums:?}");
             }
         }
-        xxhash_rust::xxh64::xxh64(&bytes, 0)
+        assert_eq!(mean([0; 4]), [0; 4]);
     }
 }

@@ -24,6 +24,7 @@
 
 pub mod cells;
 pub mod compensation;
+mod crossing;
 mod decoder;
 pub mod frame;
 pub mod morton;
@@ -31,6 +32,7 @@ mod reader;
 pub mod reconstruct;
 mod reference;
 mod surface;
+mod surfel;
 pub mod symbols;
 pub mod syntax;
 pub mod transform;
@@ -38,10 +40,11 @@ pub mod tree;
 pub mod upsampling;
 pub mod ycbcr;
 
-pub use cells::{ColourCells, Surfel};
+pub use cells::ColourCells;
 pub use decoder::{ColourDecoder, ColourError, steps};
 pub use frame::{ColourFrame, ColourShape, Sample};
 pub use reader::Reader;
 pub use reference::ColourReference;
 pub use surface::surface_colours;
+pub use surfel::Surfel;
 pub use symbols::ColourSymbols;

@@ -1,14 +1,12 @@
 //! Readings of colour at points, and in the parts of cells.
 
-use super::cells::Surfel;
-use super::frame::{ColourFrame, SAMPLE_RANGE, Sample};
+use super::frame::{ColourFrame, Sample, mean};
 use super::morton::{interleave, position};
+use super::surfel::Surfel;
 use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Fractional bits of weights between samples along an axis.
 const WEIGHT_BITS: u32 = 5;
-/// Weight of all samples around a point together.
-const FULL_WEIGHT: i32 = 1 << (3 * WEIGHT_BITS);
 
 /// Reader of the cells and samples around a point.
 #[derive(Clone, Debug)]
@@ -144,7 +142,7 @@ impl<'a> Reader<'a> {
                 sums[lane] += weight * i32::from(sample[lane]);
             }
         });
-        mean(sums)
+        Some(mean(sums)).filter(|sample| sample[3] != 0)
     }
 
     /// Visits the samples that [`Self::read`] takes the mean of: each with its weight.
@@ -161,6 +159,16 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The leaf that a position lies in, if it is in a cell whose surface faces a normal. `depth`: of the frame's deepest blocks.
+    #[inline(always)]
+    pub fn leaf(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Tap> {
+        let found = self.cell(shifted(position, 8))?;
+        if !self.surfel(found).faces(normal) {
+            return None;
+        }
+        self.sample(found, shifted(position, 8 - u32::from(depth)), depth)
+    }
+
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
     #[inline(always)]
     fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
@@ -172,34 +180,44 @@ impl<'a> Reader<'a> {
             let upper = fraction(from_first[axis], shift);
             along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
         }
-        let mut known: ([i32; 3], Option<FoundCell>) = ([i32::MIN; 3], None);
+        let voxel = shifted(first, u32::from(depth));
+        let mut spans = [0; 3];
+        for axis in 0..3 {
+            spans[axis] = if along[axis][1] == 0 { 0 } else { ((first[axis] + 1) >> depth) - voxel[axis] };
+        }
+        let around = self.facing_cells(voxel, spans, normal);
         for corner in 0..8 {
             let steps = [corner & 1, corner >> 1 & 1, corner >> 2];
             let weight = along[0][steps[0]] * along[1][steps[1]] * along[2][steps[2]];
             if weight == 0 {
                 continue;
             }
+            let slot = steps[0] as i32 & spans[0]
+                | (steps[1] as i32 & spans[1]) << 1
+                | (steps[2] as i32 & spans[2]) << 2;
+            let Some(found) = around[slot as usize & 7] else { continue };
             let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
-            let voxel = shifted(place, u32::from(depth));
-            if known.0 != voxel {
-                known = (voxel, self.cell_that_faces(voxel, normal));
-            }
-            let Some(found) = known.1 else { continue };
             if let Some(tap) = self.sample(found, place, depth) {
                 visit(tap, weight);
             }
         }
     }
 
-    /// The crossed cell at a voxel, if its surface faces a normal.
+    /// The crossed cells of 2x2x2 from a voxel on whose surfaces face a normal. See [`Self::cells_around`].
     #[inline(always)]
-    fn cell_that_faces(&mut self, voxel: [i32; 3], normal: [i8; 3]) -> Option<FoundCell> {
-        let found = self.cell(voxel)?;
-        if self.surfel(found).faces(normal) { Some(found) } else { None }
+    fn facing_cells(&mut self, voxel: [i32; 3], spans: [i32; 3], normal: [i8; 3]) -> [Option<FoundCell>; 8] {
+        let mut around = self.cells_around(voxel, spans);
+        for found in &mut around {
+            *found = found.filter(
+                #[inline(always)]
+                |found| self.surfel(*found).faces(normal),
+            );
+        }
+        around
     }
 
-    /// Reads the colours at the middles of all parts of a cell at a depth, in Morton order; the last value is 0 where there are no
-    /// samples. `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are needed, a bit each.
+    /// Reads the colours at the middles of a cell's parts at a depth, in Morton order; the last value is 0 where there are no samples.
+    /// `corner`: lowest corner of the cell, in the unit of positions. `wanted`: the parts that are read, a bit each; others have any value.
     ///
     /// As [`Self::read`] at each part, but that all are read as deep as the block at the middle of the cell is.
     #[inline(always)]
@@ -214,9 +232,9 @@ impl<'a> Reader<'a> {
         let deep = self.depth_at(sum(corner, [128; 3]), depth);
         if deep == depth {
             match depth {
-                0 => self.read_parts::<1, 2>(corner, normal, out),
-                1 => self.read_parts::<2, 4>(corner, normal, out),
-                _ => self.read_parts::<4, 8>(corner, normal, out),
+                0 => self.read_parts::<1, 2, 4, 8>(corner, normal, wanted, out),
+                1 => self.read_parts::<2, 4, 8, 16>(corner, normal, wanted, out),
+                _ => self.read_parts::<4, 8, 16, 32>(corner, normal, wanted, out),
             }
         } else {
             out[..1 << (3 * depth)].fill([0; 4]);
@@ -235,79 +253,154 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads the colours at the middles of `N` parts of a cell along each axis. All have the same fractions along the axes, so that
-    /// sums are shared: those along x first, then y, then z. `G` is twice `N`.
+    /// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. All have the same fractions along the axes,
+    /// so that sums are shared: those along x first, then y, then z. `G` is twice `N`; `W` and `D` are four lanes of each.
     #[inline(always)]
-    fn read_parts<const N: usize, const G: usize>(
+    fn read_parts<const N: usize, const G: usize, const W: usize, const D: usize>(
         &mut self,
         corner: [i32; 3],
         normal: [i8; 3],
+        wanted: u64,
         out: &mut [Sample; 64],
     ) {
-        const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N) };
+        const { assert!((N == 1 || N == 2 || N == 4) && G == 2 * N && W == 4 * N && D == 4 * G) };
         let depth = N.trailing_zeros();
         let shift = 8 - depth;
         let voxel = shifted(corner, 8);
-        let (mut upper, mut inner, mut spans) = ([0; 3], [0; 3], [false; 3]);
+        let (mut upper, mut inner, mut spans) = ([0; 3], [0; 3], [0; 3]);
         for axis in 0..3 {
             upper[axis] = fraction(corner[axis], shift);
             inner[axis] = (corner[axis] >> shift) as usize & (N - 1);
             // Along an axis where the cell lies on another one, nothing beyond counts.
-            spans[axis] = inner[axis] != 0 || upper[axis] != 0;
+            spans[axis] = i32::from(inner[axis] != 0 || upper[axis] != 0);
         }
-        // The parts of 2x2x2 cells.
-        let mut grid = [[[[0; 4]; G]; G]; G];
-        for slot in 0..8 {
-            let steps = [slot & 1, slot >> 1 & 1, slot >> 2];
-            if (steps[0] > 0 && !spans[0]) || (steps[1] > 0 && !spans[1]) || (steps[2] > 0 && !spans[2]) {
-                continue;
-            }
-            let at = sum(voxel, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
-            if let Some(found) = self.cell_that_faces(at, normal) {
-                self.take_parts::<N, G>(found, steps, &mut grid);
+        // The parts of 2x2x2 cells, four lanes each.
+        let mut grid = [[[0; D]; G]; G];
+        let mut within = true;
+        for axis in 0..3 {
+            within &= (voxel[axis] & 7) + spans[axis] < 8;
+        }
+        if within {
+            let Some(block) = self.block(shifted(voxel, 3)) else {
+                out[..N * N * N].fill([0; 4]);
+                return;
+            };
+            self.take_cells::<N, G, D>(block as usize, voxel, spans, normal, &mut grid);
+        } else {
+            for (slot, found) in self.facing_cells(voxel, spans, normal).into_iter().enumerate() {
+                if let Some(found) = found {
+                    self.take_parts::<N, G, D>(found, [slot & 1, slot >> 1 & 1, slot >> 2], &mut grid);
+                }
             }
         }
-        if spans == [false; 3] {
-            for part in 0..N * N * N {
+        if spans == [0; 3] {
+            for (part, sample) in out[..N * N * N].iter_mut().enumerate() {
                 let [x, y, z] = position(part);
-                out[part] = grid[z][y][x];
+                sample.copy_from_slice(&grid[z][y][4 * x..][..4]);
             }
             return;
         }
-        let mut along_x = [[[[0i32; 4]; N]; G]; G];
+        let mut along_x = [[[0; W]; G]; G];
         for z in 0..=N {
             for y in 0..=N {
-                let row = &grid[z + inner[2]][y + inner[1]][inner[0]..][..N + 1];
-                for x in 0..N {
-                    along_x[z][y][x] = between(&wide(row[x]), &wide(row[x + 1]), upper[0]);
+                let row = &grid[z + inner[2]][y + inner[1]][4 * inner[0]..][..W + 4];
+                for lane in 0..W {
+                    let [lower, upper_value] = [i32::from(row[lane]), i32::from(row[lane + 4])];
+                    along_x[z][y][lane] = (lower << WEIGHT_BITS) + (upper_value - lower) * upper[0];
                 }
             }
         }
-        let mut along_y = [[[[0i32; 4]; N]; N]; G];
+        let mut along_y = [[[0; W]; N]; G];
         for z in 0..=N {
             for y in 0..N {
-                for x in 0..N {
-                    along_y[z][y][x] = between(&along_x[z][y][x], &along_x[z][y + 1][x], upper[1]);
-                }
+                along_y[z][y] = between(&along_x[z][y], &along_x[z][y + 1], upper[1]);
             }
         }
+        let mut sums = [[[0; W]; N]; N];
         for z in 0..N {
             for y in 0..N {
-                for x in 0..N {
-                    let sums = between(&along_y[z][y][x], &along_y[z + 1][y][x], upper[2]);
-                    out[interleave([x, y, z])] = mean(sums).unwrap_or_default();
+                sums[z][y] = between(&along_y[z][y], &along_y[z + 1][y], upper[2]);
+            }
+        }
+        let mut rest = wanted;
+        while rest != 0 {
+            let part = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let [x, y, z] = position(part);
+            let lanes = &sums[z][y][4 * x..][..4];
+            out[part] = mean([lanes[0], lanes[1], lanes[2], lanes[3]]);
+        }
+    }
+
+    /// The crossed cells of 2x2x2 from a voxel on, x fastest. `spans`: 1 along axes along which the second ones count.
+    #[inline(always)]
+    fn cells_around(&mut self, voxel: [i32; 3], spans: [i32; 3]) -> [Option<FoundCell>; 8] {
+        let mut around = [None; 8];
+        let mut within = true;
+        for axis in 0..3 {
+            within &= (voxel[axis] & 7) + spans[axis] < 8;
+        }
+        if within {
+            let Some(block) = self.block(shifted(voxel, 3)) else { return around };
+            let block = block as usize;
+            let cells = &self.frame.shape.cells().blocks()[block];
+            let first = [0, 1, 2].map(|axis| (voxel[axis] & 7) as usize);
+            for (slot, found) in around.iter_mut().enumerate() {
+                let step = [slot & 1, slot >> 1 & 1, slot >> 2];
+                if (0..3).all(|axis| step[axis] as i32 <= spans[axis]) {
+                    let place = interleave([first[0] + step[0], first[1] + step[1], first[2] + step[2]]);
+                    *found = cells.cell(place).map(|cell| FoundCell { block, cell });
                 }
+            }
+            return around;
+        }
+        for (slot, found) in around.iter_mut().enumerate() {
+            let step = [slot as i32 & 1, slot as i32 >> 1 & 1, slot as i32 >> 2];
+            if (0..3).all(|axis| step[axis] <= spans[axis]) {
+                *found = self.cell(sum(voxel, step));
+            }
+        }
+        around
+    }
+
+    /// Enters the parts of those of 2x2x2 cells that face a normal and lie in one block. See [`Self::take_parts`].
+    #[inline(always)]
+    fn take_cells<const N: usize, const G: usize, const D: usize>(
+        &self,
+        block: usize,
+        voxel: [i32; 3],
+        spans: [i32; 3],
+        normal: [i8; 3],
+        grid: &mut [[[i16; D]; G]; G],
+    ) {
+        let (depth, shape) = (N.trailing_zeros() as u8, &self.frame.shape);
+        let (cells, deep) = (&shape.cells().blocks()[block], depth.min(shape.depths()[block]));
+        let surfels = shape.cells().block_surfels(block);
+        let start = shape.starts()[block][usize::from(deep)] as usize;
+        let samples = &self.frame.layers[usize::from(deep)][start..][..surfels.len() << (3 * deep)];
+        let first = [0, 1, 2].map(|axis| (voxel[axis] & 7) as usize);
+        for slot in 0..8 {
+            let step = [slot & 1, slot >> 1 & 1, slot >> 2];
+            if step[0] as i32 > spans[0] || step[1] as i32 > spans[1] || step[2] as i32 > spans[2] {
+                continue;
+            }
+            let place = interleave([first[0] + step[0], first[1] + step[1], first[2] + step[2]]);
+            let Some(cell) = cells.cell(place) else { continue };
+            let number = cell - cells.first();
+            if surfels[number].faces(normal) {
+                let own = &samples[number << (3 * deep)..][..1 << (3 * deep)];
+                put_parts::<N, G, D>(own, depth - deep, step, grid);
             }
         }
     }
 
     /// Enters the parts of a cell, `N` along each axis, into those of 2x2x2 cells; shallower ones stand for all parts in them.
     #[inline(always)]
-    fn take_parts<const N: usize, const G: usize>(
+    fn take_parts<const N: usize, const G: usize, const D: usize>(
         &self,
         found: FoundCell,
         steps: [usize; 3],
-        grid: &mut [[[Sample; G]; G]; G],
+        grid: &mut [[[i16; D]; G]; G],
     ) {
         let depth = N.trailing_zeros() as u8;
         let shape = &self.frame.shape;
@@ -315,10 +408,30 @@ impl<'a> Reader<'a> {
         let number = found.cell - shape.cells().blocks()[found.block].first();
         let start = shape.starts()[found.block][usize::from(deep)] as usize + (number << (3 * deep));
         let samples = &self.frame.layers[usize::from(deep)][start..][..1 << (3 * deep)];
-        let shift = 3 * (depth - deep);
+        put_parts::<N, G, D>(samples, depth - deep, steps, grid);
+    }
+}
+
+/// Enters a cell's samples into the parts of 2x2x2 cells. `above`: how much less deep they are than the parts.
+#[inline(always)]
+fn put_parts<const N: usize, const G: usize, const D: usize>(
+    samples: &[Sample],
+    above: u8,
+    steps: [usize; 3],
+    grid: &mut [[[i16; D]; G]; G],
+) {
+    let mut put = |part: usize, sample: &Sample| {
+        let [x, y, z] = position(part);
+        grid[steps[2] * N + z][steps[1] * N + y][4 * (steps[0] * N + x)..][..4].copy_from_slice(sample);
+    };
+    if above == 0 {
+        let samples = &samples[..N * N * N];
         for part in 0..N * N * N {
-            let [x, y, z] = position(part);
-            grid[steps[2] * N + z][steps[1] * N + y][steps[0] * N + x] = samples[part >> shift];
+            put(part, &samples[part]);
+        }
+    } else {
+        for part in 0..N * N * N {
+            put(part, &samples[part >> (3 * above)]);
         }
     }
 }
@@ -353,42 +466,12 @@ fn fraction(coordinate: i32, shift: u32) -> i32 {
     (coordinate & ((1 << shift) - 1)) >> (shift - WEIGHT_BITS)
 }
 
+/// The sums of values by the share of the upper ones.
 #[inline(always)]
-fn wide([y, cb, cr, there]: Sample) -> [i32; 4] {
-    [i32::from(y), i32::from(cb), i32::from(cr), i32::from(there)]
-}
-
-/// The sum of two values by the share of the upper one.
-#[inline(always)]
-fn between(lower: &[i32; 4], upper: &[i32; 4], share: i32) -> [i32; 4] {
-    let mut sums = [0; 4];
-    for lane in 0..4 {
+fn between<const W: usize>(lower: &[i32; W], upper: &[i32; W], share: i32) -> [i32; W] {
+    let mut sums = [0; W];
+    for lane in 0..W {
         sums[lane] = (lower[lane] << WEIGHT_BITS) + (upper[lane] - lower[lane]) * share;
     }
     sums
-}
-
-/// The mean of samples from their weighted sums, of which the last is that of the weights; `None` if it is 0.
-#[inline(always)]
-fn mean(sums: [i32; 4]) -> Option<Sample> {
-    match sums[3] {
-        0 => None,
-        FULL_WEIGHT => {
-            let mut sample = [0, 0, 0, 1];
-            for channel in 0..3 {
-                sample[channel] = ((sums[channel] + FULL_WEIGHT / 2) >> (3 * WEIGHT_BITS)) as i16;
-            }
-            Some(sample)
-        }
-        weight => {
-            let mut sample = [0, 0, 0, 1];
-            for channel in 0..3 {
-                // Division of what is not negative is faster.
-                let bias = -SAMPLE_RANGE[channel].0;
-                let sum = (sums[channel] + bias * weight + weight / 2) as u32;
-                sample[channel] = ((sum / weight as u32) as i32 - bias) as i16;
-            }
-            Some(sample)
-        }
-    }
 }

@@ -1,13 +1,13 @@
 //! Symbols to samples: what the encoder and every decoder do alike.
 
 use super::compensation::{MotionField, predict_block, vectors_around};
-use super::frame::{ColourFrame, ColourShape, Sample, clamped, rounded};
+use super::frame::{ColourFrame, ColourShape, Sample, clamped, mean, rounded};
 use super::reader::Reader;
 use super::symbols::{Coefficient, ColourSymbols};
 use super::transform::{
     DIFFERENCES, add_difference, by_slot, dequantized, dequantized_mean, differences, side_weights,
 };
-use super::tree::{BlockTree, UPPER_LEVELS};
+use super::tree::{BlockTree, TreeLevel, UPPER_LEVELS};
 use super::upsampling::{LevelMeans, ParentWindow, predict_root};
 use crate::main::BlockMode;
 use isv_kernels::simd::vectorized;
@@ -159,9 +159,10 @@ impl BlockLayers<'_> {
         match depth {
             0 => {}
             1 => {
-                for (voxel, halves) in voxels.iter_mut().zip(halves.as_chunks::<8>().0) {
-                    *voxel = mean_of(halves, |half| i32::from(half[3]));
-                }
+                vectorized(
+                    #[inline(always)]
+                    || put_means(voxels, halves),
+                );
             }
             _ => {
                 let mut counts = vec![0; halves.len()];
@@ -178,6 +179,21 @@ impl BlockLayers<'_> {
                 }
             }
         }
+    }
+}
+
+/// Writes the mean of each voxel's half cells.
+#[inline(always)]
+fn put_means(voxels: &mut [Sample], halves: &[Sample]) {
+    for (voxel, halves) in voxels.iter_mut().zip(halves.as_chunks::<8>().0) {
+        // All values are 0 where there is no sample.
+        let mut sums = [0; 4];
+        for half in halves {
+            for lane in 0..4 {
+                sums[lane] += i32::from(half[lane]);
+            }
+        }
+        *voxel = mean(sums);
     }
 }
 
@@ -311,8 +327,13 @@ type UpperMeans = [Vec<Sample>; UPPER_LEVELS];
 
 /// Source of the levels of intra blocks: the decoder reads them, the encoder chooses them from the prediction.
 pub trait IntraLevels: Sync {
+    /// State of a thread.
+    type Worker;
     /// State of one tree level of a block, kept from node to node.
     type Block: Send;
+
+    /// Creates the state of a thread.
+    fn worker(&self) -> Self::Worker;
 
     /// The levels of a block's mean. Called for one block after the other.
     fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3];
@@ -321,7 +342,12 @@ pub trait IntraLevels: Sync {
     fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> Self::Block;
 
     /// The levels of a node's differences; `None` if all are zero.
-    fn node(&self, block: &mut Self::Block, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]>;
+    fn node(
+        &self,
+        worker: &mut Self::Worker,
+        block: &mut Self::Block,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]>;
 
     /// Takes the states of a tree level of all blocks, in block order.
     fn end(&mut self, layer: u8, level: usize, blocks: Vec<(usize, Self::Block)>);
@@ -346,7 +372,10 @@ pub struct IntraNode<'a> {
 struct ReadLevels<'a>(&'a ColourSymbols);
 
 impl<'a> IntraLevels for ReadLevels<'a> {
+    type Worker = ();
     type Block = Cursor<'a>;
+
+    fn worker(&self) {}
 
     fn root(&mut self, block: usize, _weight: u32, _predicted: [i32; 3]) -> [i16; 3] {
         Cursor::new(self.0.layers[0].of_block(block), 0).next().unwrap_or_default()
@@ -356,7 +385,12 @@ impl<'a> IntraLevels for ReadLevels<'a> {
         Cursor::new(self.0.layers[usize::from(layer)].of_block(block), first_place(tree, layer, level))
     }
 
-    fn node(&self, cursor: &mut Cursor<'a>, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]> {
+    fn node(
+        &self,
+        (): &mut (),
+        cursor: &mut Cursor<'a>,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]> {
         cursor.node(node.children)
     }
 
@@ -501,7 +535,7 @@ fn predict_level<L: IntraLevels>(
     let of_chunk = |chunk: &[usize]| {
         let mut finder = NeighbourFinder::new(shape.cells().index());
         let (mut window, mut tree) = (ParentWindow::default(), BlockTree::default());
-        let mut out = Vec::new();
+        let (mut worker, mut out, mut predicted) = (source.worker(), Vec::new(), Vec::new());
         for block in chunk.iter().copied().filter(|block| layer <= shape.depths()[*block]) {
             finder.turn_to(shape.cells().coords()[block]);
             window.gather(&level_means, &finder.neighbourhood());
@@ -515,19 +549,15 @@ fn predict_level<L: IntraLevels>(
             let mut samples = vec![[0; 4]; count];
             let mut slots = tree.slots(layer);
             let mut first_child = 0;
-            for (place, children) in nodes.places.iter().zip(&nodes.children) {
+            predict_nodes(&window, nodes, below, &mut predicted);
+            let predicted = predicted.iter_mut();
+            for ((place, children), (weights, values)) in
+                nodes.places.iter().zip(&nodes.children).zip(predicted)
+            {
                 let place = usize::from(*place);
-                let weights = by_slot(*children, &below.weights[first_child..]);
-                let mut values = predicted_children(&window, place, *children, &weights);
-                let node = IntraNode {
-                    place,
-                    children: *children,
-                    weights: &weights,
-                    first_child,
-                    predicted: &values,
-                };
-                if let Some(levels) = source.node(&mut state, &node) {
-                    add_differences(&mut values, *children, &weights, &levels, steps);
+                let node = IntraNode { place, children: *children, weights, first_child, predicted: values };
+                if let Some(levels) = source.node(&mut worker, &mut state, &node) {
+                    add_differences(values, *children, weights, &levels, steps);
                 }
                 first_child += children.count_ones() as usize;
                 for child in (0..8).filter(|child| children >> child & 1 != 0) {
@@ -545,25 +575,56 @@ fn predict_level<L: IntraLevels>(
     intra.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
 }
 
+/// Predicts the children of all nodes of a block's level: their weights and means, by slot.
+fn predict_nodes(
+    window: &ParentWindow,
+    nodes: &TreeLevel,
+    below: &TreeLevel,
+    out: &mut Vec<([u32; 8], [[i32; 3]; 8])>,
+) {
+    out.clear();
+    vectorized(
+        #[inline(always)]
+        || {
+            let mut first_child = 0;
+            for (place, children) in nodes.places.iter().zip(&nodes.children) {
+                let weights = by_slot(*children, &below.weights[first_child..]);
+                first_child += children.count_ones() as usize;
+                out.push((weights, predicted_children(window, usize::from(*place), *children, &weights)));
+            }
+        },
+    );
+}
+
 /// The children of a node as predicted from the nodes around it, moved so that their weighted mean is the node's.
-#[must_use]
-pub fn predicted_children(
+#[inline(always)]
+fn predicted_children(
     window: &ParentWindow,
     place: usize,
     children: u8,
     weights: &[u32; 8],
 ) -> [[i32; 3]; 8] {
-    let mean = window.mean(place);
     let mut values = [[0; 3]; 8];
-    let (mut sums, mut all) = ([0i64; 3], 0i64);
-    for child in (0..8).filter(|child| children >> child & 1 != 0) {
-        values[child] = window.predict(place << 3 | child);
-        all += i64::from(weights[child]);
-        (0..3).for_each(|c| sums[c] += i64::from(weights[child]) * i64::from(values[child][c]));
+    let mut sums = [0; 4];
+    let mut rest = children;
+    while rest != 0 {
+        let child = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        let predicted = window.predict(place << 3 | child);
+        // A block's weights are 2^15 at most together.
+        let weight = weights[child] as i32;
+        for lane in 0..4 {
+            sums[lane] += weight * i32::from(predicted[lane]);
+        }
+        for c in 0..3 {
+            values[child][c] = i32::from(predicted[c]);
+        }
     }
-    let by = [0, 1, 2].map(|c| i32::from(mean[c]) - (sums[c] + all / 2).div_euclid(all) as i32);
+    let (own, mean) = (window.mean(place), mean(sums));
     for value in &mut values {
-        (0..3).for_each(|c| value[c] += by[c]);
+        for c in 0..3 {
+            value[c] += i32::from(own[c]) - i32::from(mean[c]);
+        }
     }
     values
 }

@@ -1,6 +1,7 @@
 //! The octree of a block's cells, and its weights.
 
-use super::cells::{BlockCells, Surfel};
+use super::cells::BlockCells;
+use super::surfel::Surfel;
 
 /// Levels of nodes above the voxels' cells: the block, 4x4x4 and 2x2x2 cells.
 pub const UPPER_LEVELS: usize = 3;

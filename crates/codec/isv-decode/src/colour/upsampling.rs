@@ -1,7 +1,7 @@
 //! Prediction of a node's children from its mean and those of the nodes around it.
 
 use super::cells::ColourCells;
-use super::frame::{Sample, rounded};
+use super::frame::{Sample, mean, rounded};
 use super::morton::{interleave, wide_position};
 use super::tree::UPPER_LEVELS;
 use isv_volume::Neighbourhood;
@@ -106,7 +106,7 @@ impl ParentWindow {
     /// with weights of 3 and 1 along each axis.
     #[must_use]
     #[inline(always)]
-    pub fn predict(&self, child: usize) -> [i32; 3] {
+    pub fn predict(&self, child: usize) -> Sample {
         let parent = wide_position(child >> 3);
         let first = ((parent[2] + 1) * self.side + parent[1] + 1) * self.side + parent[0] + 1;
         let strides = [1, self.side, self.side * self.side];
@@ -114,7 +114,7 @@ impl ParentWindow {
         let steps: [isize; 3] = std::array::from_fn(|axis| {
             if child >> axis & 1 != 0 { strides[axis] as isize } else { -(strides[axis] as isize) }
         });
-        let (mut sums, mut weights) = ([0; 3], 0);
+        let mut sums = [0; 4];
         for corner in 0..8usize {
             let (mut at, mut weight) = (first as isize, 1);
             for (axis, step) in steps.iter().enumerate() {
@@ -124,13 +124,14 @@ impl ParentWindow {
                     weight *= NEAR;
                 }
             }
+            // All values are 0 where there is no node.
             let mean = &self.means[at as usize];
-            let weight = weight * i32::from(mean[3]);
-            weights += weight;
-            (0..3).for_each(|channel| sums[channel] += weight * i32::from(mean[channel]));
+            for lane in 0..4 {
+                sums[lane] += weight * i32::from(mean[lane]);
+            }
         }
         // The parent itself is one of them.
-        sums.map(|sum| rounded(sum, weights.max(1)))
+        mean(sums)
     }
 }
 

@@ -45,7 +45,7 @@ pub struct ColourSettings {
     pub lambda: f32,
     /// Mean squared error that half voxels may leave in a block before it gets quarter voxels, in squared steps of keyframes.
     pub deepening: f32,
-    /// Rounds of back projection.
+    /// Rounds of back projection; without any, a sample is the mean of what was seen in its part of a cell.
     pub rounds: usize,
     /// How hard vectors are searched for.
     pub search: ColourSearch,
@@ -96,7 +96,7 @@ impl ColourSettings {
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         match preset {
-            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.45, ..self },
+            Preset::Realtime => Self { rounds: 0, search: ColourSearch::QUICK, spacing: 0.45, ..self },
             Preset::Balanced | Preset::Archive => self,
         }
     }
@@ -348,8 +348,8 @@ impl ColourEncoder {
         step: f32,
     ) -> Vec<BlockMode> {
         let (shape, search) = (frame.shape, self.settings.search);
-        let lambda = self.settings.lambda * step * step;
-        let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, lambda);
+        let trade = (step, self.settings.lambda);
+        let motion = MotionSearch::new(shape, &reference.frame, wanted, &search, trade);
         let last = reference.blocks_at(shape.cells().coords());
         let of_block =
             |before: &Option<BlockBefore>| before.and_then(|before| before.vector).into_iter().collect();
@@ -443,12 +443,11 @@ fn spread(values: &[[f32; 3]]) -> f32 {
 
 /// The values wanted of the leaves of each block.
 fn leaf_values(shape: &ColourShape, target: &ColourTarget) -> Vec<Vec<[f32; 3]>> {
-    let of_block = |tree: &mut BlockTree, block: usize| {
-        shape.build_tree(block, tree);
+    let of_block = |block: usize| {
         let values = target.of_block(shape, block);
-        tree.leaf_slots().map(|slot| values[slot]).collect()
+        shape.leaf_slots(block).map(|slot| values[slot]).collect()
     };
-    (0..shape.depths().len()).into_par_iter().map_init(BlockTree::default, of_block).collect()
+    (0..shape.depths().len()).into_par_iter().map(of_block).collect()
 }
 
 /// Chooses the coefficients of a frame, and decodes it.
@@ -567,12 +566,12 @@ struct ChosenLevels {
     wanted: Vec<Vec<Vec<[f32; 3]>>>,
     quantizer: Quantizer,
     coefficients: Vec<[Vec<Coefficient>; 3]>,
-    energies: Vec<NodeEnergies>,
+    /// Energies of the intra blocks.
+    energies: Vec<Option<NodeEnergies>>,
 }
 
 /// A level of an intra block as it is coded.
 struct ChosenBlock {
-    quantizer: Quantizer,
     energies: NodeEnergies,
     level: usize,
     block: usize,
@@ -594,13 +593,18 @@ impl ChosenLevels {
             wanted: (0..count).into_par_iter().map_init(BlockTree::default, of_block).collect(),
             quantizer,
             coefficients: (0..count).map(|_| Default::default()).collect(),
-            energies: vec![NodeEnergies::default(); count],
+            energies: vec![None; count],
         }
     }
 }
 
 impl IntraLevels for ChosenLevels {
+    type Worker = Quantizer;
     type Block = ChosenBlock;
+
+    fn worker(&self) -> Quantizer {
+        self.quantizer.clone()
+    }
 
     fn root(&mut self, block: usize, weight: u32, predicted: [i32; 3]) -> [i16; 3] {
         let wanted = self.wanted[block][0][0];
@@ -609,15 +613,14 @@ impl IntraLevels for ChosenLevels {
         if levels != [0; 3] {
             self.coefficients[block][0].push(Coefficient { place: 0, levels });
         }
-        self.energies[block].root = energy(levels.map(i32::from));
+        self.energies[block].get_or_insert_default().root = energy(levels.map(i32::from));
         levels
     }
 
     fn begin(&self, block: usize, tree: &BlockTree, layer: u8, level: usize) -> ChosenBlock {
-        let mut energies = self.energies[block].clone();
+        let mut energies = self.energies[block].clone().unwrap_or_default();
         energies.begin_level();
         ChosenBlock {
-            quantizer: self.quantizer.clone(),
             energies,
             level,
             block,
@@ -626,7 +629,12 @@ impl IntraLevels for ChosenLevels {
         }
     }
 
-    fn node(&self, state: &mut ChosenBlock, node: &IntraNode) -> Option<[[i16; 3]; DIFFERENCES]> {
+    fn node(
+        &self,
+        quantizer: &mut Quantizer,
+        state: &mut ChosenBlock,
+        node: &IntraNode,
+    ) -> Option<[[i16; 3]; DIFFERENCES]> {
         let count = node.children.count_ones() as usize;
         if count == 1 {
             return None;
@@ -640,7 +648,7 @@ impl IntraLevels for ChosenLevels {
         }
         let (parent, neighbours) = state.energies.around(state.level, node.place);
         let context = NodeContext { level: state.level, kind: 0, parent, neighbours, count: count - 1 };
-        let (levels, _) = state.quantizer.node(&context, node.children, node.weights, &wanted)?;
+        let (levels, _) = quantizer.node(&context, node.children, node.weights, &wanted)?;
         push(&mut state.coefficients, place, node.children, &levels);
         state.energies.set(node.place, node_energy(&levels));
         Some(levels)
@@ -649,7 +657,7 @@ impl IntraLevels for ChosenLevels {
     fn end(&mut self, layer: u8, _level: usize, blocks: Vec<(usize, ChosenBlock)>) {
         for (block, state) in blocks {
             self.coefficients[block][usize::from(layer)].extend(state.coefficients);
-            self.energies[block] = state.energies;
+            self.energies[block] = Some(state.energies);
         }
     }
 }

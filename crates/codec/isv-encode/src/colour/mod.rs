@@ -7,11 +7,13 @@
 //! ```
 
 mod encoder;
+mod landing;
 mod motion_search;
 mod quantizer;
 mod syntax;
 mod target;
 
 pub use encoder::{ColourEncoder, ColourSettings, EncodedColour};
+pub use landing::locate;
 pub use motion_search::ColourSearch;
-pub use target::{ColourTarget, locate};
+pub use target::ColourTarget;

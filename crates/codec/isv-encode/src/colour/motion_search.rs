@@ -31,13 +31,15 @@ pub struct ColourSearch {
     pub cells: usize,
     /// Steps of the search in eighths of a voxel, from coarse to fine, each as often as it stands here.
     pub steps: &'static [i16],
+    /// Mean squared error, in squared quantizer steps, at which a block's vector is good enough to search no further.
+    pub enough: f32,
 }
 
 impl ColourSearch {
     /// Search for quality.
-    pub const FULL: Self = Self { cells: usize::MAX, steps: &[12, 6, 6, 3, 3, 2, 1, 1] };
+    pub const FULL: Self = Self { cells: usize::MAX, steps: &[12, 6, 6, 3, 3, 2, 1, 1], enough: 0.0 };
     /// Search in little time.
-    pub const QUICK: Self = Self { cells: 12, steps: &[4, 1] };
+    pub const QUICK: Self = Self { cells: 12, steps: &[4, 1], enough: 0.02 };
 }
 
 /// A cell to be predicted.
@@ -60,16 +62,18 @@ pub(crate) struct MotionSearch<'a> {
     probes: Vec<Vec<Probe>>,
     /// Squared error that a bit may cost, in 8-bit steps.
     lambda: f32,
+    /// Squared error that is good enough, in 8-bit steps.
+    enough: f32,
 }
 
 impl<'a> MotionSearch<'a> {
-    /// Prepares a search. `leaves`: the values wanted of each block's leaves.
+    /// Prepares a search. `wanted`: the values of each block's leaves. `step`: the quantizer's; `lambda`: squared steps that a bit may cost.
     pub(crate) fn new(
         shape: &'a ColourShape,
         before: &'a ColourFrame,
         wanted: &'a [Vec<[f32; 3]>],
         search: &ColourSearch,
-        lambda: f32,
+        (step, lambda): (f32, f32),
     ) -> Self {
         let of_block = |block: usize| {
             let cells = &shape.cells().blocks()[block];
@@ -89,7 +93,8 @@ impl<'a> MotionSearch<'a> {
             probes
         };
         let probes = (0..shape.depths().len()).into_par_iter().map(of_block).collect();
-        Self { shape, before, wanted, probes, lambda }
+        let [lambda, enough] = [lambda, search.enough].map(|squared| squared * step * step);
+        Self { shape, before, wanted, probes, lambda, enough }
     }
 
     /// Leaves of a block.
@@ -150,6 +155,9 @@ impl<'a> MotionSearch<'a> {
                 .map_init(
                     || (NeighbourFinder::new(self.shape.cells().index()), Reader::new(self.before)),
                     |(finder, reader), (block, tried)| {
+                        if round > 0 && tried.known(vectors[block]).is_some_and(|error| error < self.enough) {
+                            return vectors[block];
+                        }
                         let coord = self.shape.cells().coords()[block];
                         finder.turn_to(coord);
                         reader.turn_to(coord);
@@ -204,6 +212,12 @@ impl<'a> MotionSearch<'a> {
 pub(crate) struct Tried(Vec<(Vector, f32, f32)>);
 
 impl Tried {
+    /// The error under a vector, if it was tried to the end.
+    fn known(&self, vector: Vector) -> Option<f32> {
+        let (_, error, _) = self.0.iter().find(|(tried, ..)| *tried == vector)?;
+        Some(*error).filter(|error| error.is_finite())
+    }
+
     /// Error of a block under a vector; infinite where it is more than `most`. The reader is turned to the block.
     fn error(
         &mut self,

@@ -83,8 +83,11 @@ impl Quantizer {
         weights: &[u32; 8],
         wanted: &[[f32; 3]; 8],
     ) -> Option<([[i16; 3]; DIFFERENCES], Gain)> {
-        let steps = self.analysed(children, weights, wanted);
         let rounding = if self.trade.search { 0.5 } else { self.trade.rounding };
+        if self.is_flat(children, weights, wanted, 1.0 - rounding) {
+            return None;
+        }
+        let steps = self.analysed(children, weights, wanted);
         let mut levels = steps.map(|values| values.map(|value| rounded(value, rounding)));
         if levels == [[0; 3]; DIFFERENCES] {
             return None;
@@ -117,6 +120,26 @@ impl Quantizer {
             best.1.bits -= none.1.bits;
         }
         (levels != [[0; 3]; DIFFERENCES]).then_some((levels, best.1))
+    }
+
+    /// Whether all differences of a node are certainly less than `least` steps: the values are too near to one another.
+    fn is_flat(&self, children: u8, weights: &[u32; 8], values: &[[f32; 3]; 8], least: f32) -> bool {
+        // The sides of a difference weigh a and b; its scale has a b / (a + b), which is a quarter of all weights at most.
+        let all: u32 = weights.iter().sum();
+        let most_scale = (all as f32 / (4 * HALF_WEIGHT) as f32).sqrt();
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for (child, value) in values.iter().enumerate() {
+            if children >> child & 1 != 0 {
+                for c in 0..3 {
+                    low[c] = low[c].min(value[c]);
+                    high[c] = high[c].max(value[c]);
+                }
+            }
+        }
+        // Far more than means are rounded by.
+        const MARGIN: f32 = 0.999;
+        let most = self.in_steps([0, 1, 2].map(|c| high[c] - low[c]), most_scale);
+        most.iter().all(|most| *most < MARGIN * least)
     }
 
     /// The differences between a node's children, in steps.

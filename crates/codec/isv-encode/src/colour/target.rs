@@ -1,14 +1,17 @@
 //! The samples that a frame's colour should have: those that read back, at the points where colours were seen, as these.
 
+use super::landing::locate;
 use isv_decode::colour::Reader;
 use isv_decode::colour::tree::BlockTree;
 use isv_decode::colour::{ColourFrame, ColourShape};
 use isv_kernels::simd::vectorized;
-use isv_volume::{BlockCoord, ColourSample, Grid, ycbcr_from_rgb};
+use isv_volume::{ColourSample, Grid, ycbcr_from_rgb};
 use rayon::prelude::*;
 
 /// Samples that a thread works on at a time.
 const CHUNK: usize = 4096;
+/// Blocks that a thread works on at least at a time.
+const BLOCKS: usize = 32;
 /// Distance from the decoded surface, in voxels, at which what was seen counts a third as much as on it.
 const NEAR: f32 = 0.15;
 /// Least weight of a colour sample.
@@ -47,14 +50,20 @@ struct Seen {
 }
 
 impl ColourTarget {
-    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection.
+    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection. Without any, a leaf has the mean of what was
+    /// seen in it.
     #[must_use]
     pub fn new(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Self {
         let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
         let starts = [0, counts[0], counts[0] + counts[1]];
         let mut target = Self { values: vec![[f32::NAN; 3]; counts.iter().sum()], starts };
-        let points = target.points(shape, grid, samples);
-        target.fit(shape, &points, rounds);
+        if rounds == 0 {
+            let seen = target.seen_in_leaves(shape, grid, samples);
+            target.fill(shape, &seen);
+        } else {
+            let points = target.points(shape, grid, samples);
+            target.fit(shape, &points, rounds);
+        }
         target
     }
 
@@ -64,10 +73,9 @@ impl ColourTarget {
         let mut target = Self::new(shape, grid, &[], 0);
         let points = target.points(shape, grid, samples);
         target.fit(shape, &points, rounds);
-        let missed = target.missed(&points);
         let mut squares = vec![Seen::default(); target.values.len()];
-        for (point, missed) in points.iter().zip(missed) {
-            let (tap, share) = point.heaviest();
+        for point in points.iter() {
+            let ((tap, share), missed) = (point.heaviest(), target.missed(point));
             let own = &mut squares[tap];
             own.weight += share * point.weight;
             own.colour[0] += share * point.weight * missed[0] * missed[0];
@@ -84,8 +92,35 @@ impl ColourTarget {
         (0..shape.depths().len()).map(of_block).collect()
     }
 
+    /// What was seen in each leaf, counted by its distance from the surface alone.
+    fn seen_in_leaves(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Seen> {
+        let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
+        let (depth, starts) = (shape.max_depth(), self.starts);
+        let of_chunk = |samples: &[ColourSample]| {
+            let mut reader = Reader::new(&frame);
+            let mut found = Vec::with_capacity(samples.len());
+            vectorized(
+                #[inline(always)]
+                || {
+                    for sample in samples {
+                        if let Some(leaf) = find_leaf(&mut reader, grid, sample, (depth, starts)) {
+                            found.push(leaf);
+                        }
+                    }
+                },
+            );
+            found
+        };
+        let found: Vec<Vec<(u32, f32, [f32; 3])>> = samples.par_chunks(CHUNK).map(of_chunk).collect();
+        let mut seen = vec![Seen::default(); self.values.len()];
+        for (leaf, weight, colour) in found.iter().flatten() {
+            seen[*leaf as usize].add(*weight, colour);
+        }
+        seen
+    }
+
     /// The points of the decoded surface at which colours were seen.
-    fn points(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Point> {
+    fn points(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Points {
         let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
         let (depth, starts) = (shape.max_depth(), self.starts);
         let of_chunk = |samples: &[ColourSample]| {
@@ -103,17 +138,15 @@ impl ColourTarget {
             );
             points
         };
-        samples.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+        Points(samples.par_chunks(CHUNK).map(of_chunk).collect())
     }
 
     /// Fits the samples to what was seen at points.
-    fn fit(&mut self, shape: &ColourShape, points: &[Point], rounds: usize) {
+    fn fit(&mut self, shape: &ColourShape, points: &Points, rounds: usize) {
         let mut seen = vec![Seen::default(); self.values.len()];
-        for point in points {
+        for point in points.iter() {
             let (tap, share) = point.heaviest();
-            let (own, weight) = (&mut seen[tap], point.weight * share);
-            own.weight += weight;
-            (0..3).for_each(|c| own.colour[c] += weight * point.colour[c]);
+            seen[tap].add(point.weight * share, &point.colour);
         }
         self.fill(shape, &seen);
         for _ in 0..rounds {
@@ -132,20 +165,30 @@ impl ColourTarget {
     /// Gives the leaves near which nothing was seen the mean of their node's others, of the smallest node that has any; then of the
     /// blocks around.
     fn fill(&mut self, shape: &ColourShape, seen: &[Seen]) {
-        let mut tree = BlockTree::default();
-        let mut means: Vec<Option<[f32; 3]>> = Vec::with_capacity(shape.depths().len());
-        for block in 0..shape.depths().len() {
-            shape.build_tree(block, &mut tree);
-            let depth = tree.depth();
-            let start = self.starts[usize::from(depth)] + shape.block_samples(block, depth).start;
-            let slots: Vec<usize> = tree.leaf_slots().map(|slot| start + slot).collect();
-            let leaves: Vec<Option<[f32; 3]>> = slots.iter().map(|at| seen[*at].mean()).collect();
-            let filled = if leaves.iter().all(Option::is_some) { leaves } else { filled(&tree, leaves) };
-            means.push(filled.first().copied().flatten().map(|_| mean(&filled)));
-            for (at, value) in slots.iter().zip(filled) {
-                self.values[*at] = value.unwrap_or([f32::NAN; 3]);
-            }
+        let mut rest = &mut self.values[..];
+        let mut layers: [&mut [[f32; 3]]; 3] = Default::default();
+        for (layer, values) in layers.iter_mut().enumerate() {
+            *values = rest.split_off_mut(..shape.layer_len(layer)).expect("as many as were counted");
         }
+        let mut blocks = Vec::with_capacity(shape.depths().len());
+        for (block, depth) in shape.depths().iter().enumerate() {
+            let start = self.starts[usize::from(*depth)] + shape.block_samples(block, *depth).start;
+            let mut values: &mut [[f32; 3]] = &mut [];
+            for (layer, rest) in (0..).zip(&mut layers) {
+                let own = rest.split_off_mut(..shape.block_samples(block, layer).len());
+                if layer == *depth {
+                    values = own.expect("as many as were counted");
+                }
+            }
+            blocks.push((block, &seen[start..start + values.len()], values));
+        }
+        let means = blocks
+            .into_par_iter()
+            .with_min_len(BLOCKS)
+            .map_init(BlockTree::default, |tree, (block, seen, values)| {
+                fill_block(shape, block, tree, seen, values)
+            })
+            .collect();
         self.spread_between_blocks(shape, means);
     }
 
@@ -181,36 +224,44 @@ impl ColourTarget {
         }
     }
 
-    /// Errors of readings at points: what was seen there less what is read.
-    fn missed(&self, points: &[Point]) -> Vec<[f32; 3]> {
-        let of_point = |point: &Point| {
-            let mut missed = point.colour;
-            for (tap, share) in point.taps.iter().zip(point.shares) {
-                if share > 0.0 {
-                    let value = &self.values[*tap as usize];
-                    (0..3).for_each(|c| missed[c] -= share * value[c]);
+    /// Error of a reading at a point: what was seen there less what is read.
+    #[inline(always)]
+    fn missed(&self, point: &Point) -> [f32; 3] {
+        let mut missed = point.colour;
+        for (tap, share) in point.taps.iter().zip(point.shares) {
+            if share > 0.0 {
+                let value = &self.values[*tap as usize];
+                for c in 0..3 {
+                    missed[c] -= share * value[c];
                 }
             }
-            missed
-        };
-        points.par_iter().map(of_point).collect()
+        }
+        missed
     }
 
     /// Corrects the samples by what readings at the points miss of what was seen there.
-    fn project_back(&mut self, points: &[Point]) {
-        let missed = self.missed(points);
+    fn project_back(&mut self, points: &Points) {
+        let of_chunk = |chunk: &Vec<Point>| chunk.iter().map(|point| self.missed(point)).collect();
+        let missed: Vec<Vec<[f32; 3]>> = points.0.par_iter().map(of_chunk).collect();
         let mut corrections = vec![Seen::default(); self.values.len()];
-        for (point, missed) in points.iter().zip(missed) {
+        for (point, missed) in points.iter().zip(missed.iter().flatten()) {
             for (tap, share) in point.taps.iter().zip(point.shares) {
-                let (correction, share) = (&mut corrections[*tap as usize], share * point.weight);
-                correction.weight += share;
-                (0..3).for_each(|c| correction.colour[c] += share * missed[c]);
+                corrections[*tap as usize].add(share * point.weight, missed);
             }
         }
         for (value, correction) in self.values.iter_mut().zip(corrections) {
             let gain = GAIN / correction.weight.max(LEAST_WEIGHT);
             (0..3).for_each(|c| value[c] += gain * correction.colour[c]);
         }
+    }
+}
+
+/// Points by the chunks of samples that they come from.
+struct Points(Vec<Vec<Point>>);
+
+impl Points {
+    fn iter(&self) -> impl Iterator<Item = &Point> {
+        self.0.iter().flatten()
     }
 }
 
@@ -228,10 +279,53 @@ impl Point {
 }
 
 impl Seen {
+    /// Adds a colour.
+    #[inline(always)]
+    fn add(&mut self, weight: f32, colour: &[f32; 3]) {
+        for c in 0..3 {
+            self.colour[c] += weight * colour[c];
+        }
+        self.weight += weight;
+    }
+
     /// The mean colour, if anything was seen.
     fn mean(&self) -> Option<[f32; 3]> {
         (self.weight > 0.0).then(|| self.colour.map(|c| c / self.weight))
     }
+}
+
+/// Fills the leaves of a block, as far as anything was seen of it, and tells their mean.
+fn fill_block(
+    shape: &ColourShape,
+    block: usize,
+    tree: &mut BlockTree,
+    seen: &[Seen],
+    values: &mut [[f32; 3]],
+) -> Option<[f32; 3]> {
+    let (mut sums, mut count, mut missing) = ([0.0; 3], 0.0f32, false);
+    let mut put = |slot: usize, value: [f32; 3]| {
+        values[slot] = value;
+        count += 1.0;
+        (0..3).for_each(|c| sums[c] += value[c]);
+    };
+    for slot in shape.leaf_slots(block) {
+        match seen[slot].mean() {
+            Some(value) => put(slot, value),
+            None => missing = true,
+        }
+    }
+    if missing {
+        shape.build_tree(block, tree);
+        let filled = filled(tree, tree.leaf_slots().map(|slot| seen[slot].mean()).collect());
+        (sums, count) = ([0.0; 3], 0.0);
+        for (slot, value) in tree.leaf_slots().zip(filled) {
+            let value = value?;
+            values[slot] = value;
+            count += 1.0;
+            (0..3).for_each(|c| sums[c] += value[c]);
+        }
+    }
+    Some(sums.map(|sum| sum / count.max(1.0)))
 }
 
 /// The leaves of a block, of which those without a value have the mean of the smallest node that has any. All `None` if none has.
@@ -239,8 +333,7 @@ fn filled(tree: &BlockTree, leaves: Vec<Option<[f32; 3]>>) -> Vec<Option<[f32; 3
     let levels = tree.levels();
     let mut up = vec![leaves];
     for nodes in levels[..levels.len() - 1].iter().rev() {
-        let below = &up[up.len() - 1];
-        let mut rest = &below[..];
+        let mut rest = &up[up.len() - 1][..];
         let means = nodes.children.iter().map(|children| {
             let (own, others) = rest.split_at(children.count_ones() as usize);
             rest = others;
@@ -251,10 +344,13 @@ fn filled(tree: &BlockTree, leaves: Vec<Option<[f32; 3]>>) -> Vec<Option<[f32; 3
     }
     let mut values = up.pop().unwrap_or_default();
     for nodes in &levels[..levels.len() - 1] {
-        let below = up.pop().unwrap_or_default();
-        let parents = nodes.children.iter().zip(&values);
-        let of_parents = parents.flat_map(|(children, value)| vec![*value; children.count_ones() as usize]);
-        values = below.iter().zip(of_parents).map(|(own, parent)| own.or(parent)).collect();
+        let mut below = up.pop().unwrap_or_default();
+        let mut rest = &mut below[..];
+        for (children, value) in nodes.children.iter().zip(&values) {
+            let own = rest.split_off_mut(..children.count_ones() as usize);
+            own.expect("a value for each child").iter_mut().for_each(|own| *own = own.or(*value));
+        }
+        values = below;
     }
     values
 }
@@ -269,59 +365,53 @@ fn mean(values: &[Option<[f32; 3]>]) -> [f32; 3] {
     sums.map(|sum| sum / count.max(1.0))
 }
 
-/// Finds the point of the decoded surface that shows a colour sample: its position, its normal, and its distance (voxels).
-///
-/// The position counts 1/256 voxel from the centre of the first voxel of the sample's block, which the reader is turned to. `None`
-/// without a near surface that faces the same way.
-#[must_use]
+/// The weight of a colour that was seen at a distance (voxels) from a plane with a normal.
 #[inline(always)]
-pub fn locate(reader: &mut Reader, grid: &Grid, sample: &ColourSample) -> Option<([i32; 3], [i8; 3], f32)> {
-    let voxel_m = grid.voxel_size.metres();
-    let (mut block, mut local, mut position) = ([0; 3], [0; 3], [0.0; 3]);
+fn weight(sample: &ColourSample, normal: [i8; 3], height: f32) -> f32 {
+    let mut agreement = f32::from(u8::from(sample.normal == [0.0; 3]));
     for axis in 0..3 {
-        let at = f64::from(sample.position[axis]) / voxel_m - 0.5;
-        let voxel = at.floor() as i32;
-        block[axis] = voxel >> 3;
-        local[axis] = voxel & 7;
-        position[axis] = (256.0 * (at - 8.0 * f64::from(block[axis]))) as f32;
+        agreement += f32::from(normal[axis]) / 127.0 * sample.normal[axis];
     }
-    let origin = BlockCoord::from(block);
-    if !origin.in_range() {
-        return None;
-    }
-    reader.turn_to(origin);
-    let mut best = nearest_plane(reader, local, position, sample.normal);
-    if best.is_none_or(|plane| plane.height > 0.5) {
-        best = nearest_around(reader, local, position, sample.normal, best);
-    }
-    let Landing { onto, normal, height } = best?;
-    let mut rounded = [0; 3];
-    for axis in 0..3 {
-        rounded[axis] = onto[axis].round_ties_even() as i32;
-    }
-    Some((rounded, normal, height))
+    let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
+    sample.weight * nearness * agreement.clamp(LEAST, 1.0)
 }
 
-/// The best of what the planes around a cell offer and what was found in it.
-#[inline(never)]
-fn nearest_around(
-    reader: &mut Reader,
-    local: [i32; 3],
-    position: [f32; 3],
-    facing: [f32; 3],
-    found: Option<Landing>,
-) -> Option<Landing> {
-    let mut best = found;
-    for neighbour in (0..27).filter(|n| *n != 13) {
-        let step = [neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1];
-        let voxel = [0, 1, 2].map(|axis| local[axis] + step[axis]);
-        let other = nearest_plane(reader, voxel, position, facing);
-        best = match (best, other) {
-            (Some(a), Some(b)) => Some(if b.height < a.height { b } else { a }),
-            (a, b) => a.or(b),
-        };
+/// The YCbCr values of a colour.
+#[inline(always)]
+fn ycbcr(sample: &ColourSample) -> [f32; 3] {
+    let mut colour = [0.0; 3];
+    for (value, ycbcr) in colour.iter_mut().zip(ycbcr_from_rgb(sample.colour)) {
+        *value = ycbcr as f32;
     }
-    best
+    colour
+}
+
+/// Finds the leaf that a colour was seen in, by its place among the samples of all layers, with the weight and the values of the colour.
+#[inline(always)]
+fn find_leaf(
+    reader: &mut Reader,
+    grid: &Grid,
+    sample: &ColourSample,
+    (depth, starts): (u8, [usize; 3]),
+) -> Option<(u32, f32, [f32; 3])> {
+    let (onto, normal, height) = locate(reader, grid, sample)?;
+    let mut heaviest = (reader.leaf(onto, normal, depth), 0);
+    if heaviest.0.is_none() {
+        reader.taps(
+            onto,
+            normal,
+            depth,
+            #[inline(always)]
+            |tap, weight| {
+                if tap.is_leaf && weight > heaviest.1 {
+                    heaviest = (Some(tap), weight);
+                }
+            },
+        );
+    }
+    let tap = heaviest.0?;
+    let at = (starts[usize::from(tap.layer)] + tap.at as usize) as u32;
+    Some((at, weight(sample, normal, height), ycbcr(sample)))
 }
 
 /// Finds the samples that a reading takes where a colour was seen.
@@ -333,13 +423,8 @@ fn find(
     (depth, starts): (u8, [usize; 3]),
 ) -> Option<Point> {
     let (onto, normal, height) = locate(reader, grid, sample)?;
-    let mut agreement = f32::from(u8::from(sample.normal == [0.0; 3]));
-    for axis in 0..3 {
-        agreement += f32::from(normal[axis]) / 127.0 * sample.normal[axis];
-    }
-    let nearness = (-(height / NEAR).powi(2)).exp().max(LEAST);
-    let weight = sample.weight * nearness * agreement.clamp(LEAST, 1.0);
-    let mut point = Point { colour: [0.0; 3], weight, taps: [0; 8], shares: [0.0; 8] };
+    let weight = weight(sample, normal, height);
+    let mut point = Point { colour: ycbcr(sample), weight, taps: [0; 8], shares: [0.0; 8] };
     let (mut count, mut all) = (0, 0.0);
     reader.taps(
         onto,
@@ -362,49 +447,5 @@ fn find(
     for share in &mut point.shares {
         *share /= all;
     }
-    let ycbcr = ycbcr_from_rgb(sample.colour);
-    for channel in 0..3 {
-        point.colour[channel] = ycbcr[channel] as f32;
-    }
     Some(point)
-}
-
-/// Point of the decoded surface that shows a colour sample.
-#[derive(Clone, Copy, Debug)]
-struct Landing {
-    /// In 1/256 voxel from the reader's origin.
-    onto: [f32; 3],
-    normal: [i8; 3],
-    /// Distance in voxels, and more where the plane does not stand for the surface any more.
-    height: f32,
-}
-
-/// The point nearest to a position on the plane of a cell that faces a normal.
-#[inline(always)]
-fn nearest_plane(
-    reader: &mut Reader,
-    voxel: [i32; 3],
-    position: [f32; 3],
-    facing: [f32; 3],
-) -> Option<Landing> {
-    let found = reader.cell(voxel)?;
-    let surfel = reader.surfel(found);
-    let (mut normal, mut from_middle) = ([0.0; 3], [0.0; 3]);
-    let (mut agreement, mut height) = (0.0, 0.0);
-    for axis in 0..3 {
-        normal[axis] = f32::from(surfel.normal[axis]) / 127.0;
-        from_middle[axis] = position[axis] - (256 * voxel[axis] + 128) as f32;
-        agreement += normal[axis] * facing[axis];
-        height += (from_middle[axis] - f32::from(surfel.offset[axis])) * normal[axis];
-    }
-    if facing != [0.0; 3] && agreement <= 0.0 {
-        return None;
-    }
-    // A plane stands for the surface in its cell and a little beyond.
-    let (mut onto, mut beyond) = ([0.0; 3], 0.0);
-    for axis in 0..3 {
-        onto[axis] = position[axis] - height * normal[axis];
-        beyond += ((from_middle[axis] - height * normal[axis]).abs() - 192.0).max(0.0);
-    }
-    Some(Landing { onto, normal: surfel.normal, height: height.abs() / 256.0 + beyond / 64.0 })
 }
