@@ -91,18 +91,24 @@ impl Picture {
         both
     }
 
-    /// Writes the picture as a PNG file, which says by whom it was made.
+    /// Writes the picture as a PNG file, which says by whom it was made. Without a transparent pixel the file has no alpha.
     ///
     /// # Errors
     /// What the writer returns, or [`io::ErrorKind::InvalidInput`] for a picture without pixels.
     pub fn write_png(&self, to: impl Write) -> io::Result<()> {
         let [width, height] = self.size.map(|s| s as u32);
         let mut encoder = png::Encoder::new(to, width, height);
-        encoder.set_color(png::ColorType::Rgba);
+        let is_opaque = self.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255);
+        encoder.set_color(if is_opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
         encoder.set_depth(png::BitDepth::Eight);
         encoder.add_text_chunk("Comment".to_owned(), "made by isv".to_owned()).map_err(into_io)?;
         let mut writer = encoder.write_header().map_err(into_io)?;
-        writer.write_image_data(&self.rgba).map_err(into_io)?;
+        if is_opaque {
+            let rgb: Vec<u8> = self.rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+            writer.write_image_data(&rgb).map_err(into_io)?;
+        } else {
+            writer.write_image_data(&self.rgba).map_err(into_io)?;
+        }
         writer.finish().map_err(into_io)
     }
 }

@@ -47,7 +47,7 @@ pub use captured_take::CapturedTake;
 pub use chart::{Axis, Chart, Series};
 pub use codec::{Codec, OperatingPoint, Scale, Training, UnknownCodec};
 pub use error::StudyError;
-pub use figure_take::{CodedFigure, DecodedFigure, FigureTake};
+pub use figure_take::{CodedFigure, DecodedFigure, FigureCoder, FigureFrame, FigureTake};
 pub use isv_baseline::Draco;
 pub use measure::{Measured, StudySettings, Subject, Take, TakeError, TakeFrames};
 pub use memory::peak_bytes;
