@@ -60,6 +60,17 @@ impl Picture {
         }
     }
 
+    /// The part of this picture, of a width and height in pixels, whose top left corner lies at `(x, y)`.
+    ///
+    /// # Panics
+    /// If it reaches beyond this picture.
+    #[must_use]
+    pub fn part(&self, [x, y]: [usize; 2], size: [usize; 2]) -> Picture {
+        assert!(x + size[0] <= self.size[0] && y + size[1] <= self.size[1], "a part lies inside");
+        let rows = self.rgba.chunks_exact(self.size[0] * 4).skip(y).take(size[1]);
+        Self { size, rgba: rows.flat_map(|row| &row[x * 4..][..size[0] * 4]).copied().collect() }
+    }
+
     /// Mixes a colour into a pixel by a coverage of 0 to 255; pixels outside the picture are left alone.
     pub(crate) fn lay_over(&mut self, [x, y]: [usize; 2], rgb: [u8; 3], coverage: u8) {
         if x >= self.size[0] || y >= self.size[1] {
