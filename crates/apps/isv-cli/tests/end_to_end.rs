@@ -251,7 +251,7 @@ fn the_demo_needs_nothing() {
     assert!(String::from_utf8_lossy(&mesh[..400]).contains("property uchar red"), "vertices have colours");
     // Again it takes the place of what it wrote, and of nothing else.
     let again = work.isv(&["demo", "-o", "shown", "--frames", "1"]).done();
-    assert!(String::from_utf8_lossy(again.stdout()).contains(" triangles, 1 frame, "));
+    assert!(String::from_utf8_lossy(again.stdout()).contains(" triangles with a texture, 1 frame, "));
     for name in ["figure.isv", "comparison.png", "decoded/frame_0000.ply"] {
         let own = work.read(&format!("shown/{name}"));
         work.write(&format!("shown/{name}"), "my own");
