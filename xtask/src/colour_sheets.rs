@@ -2,7 +2,6 @@
 
 use anyhow::{Context, Result};
 use isv::EncodeOptions;
-use isv::raw::format::FrameRate;
 use isv::raw::io::{AtomicFile, Colours, Unit};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::capture::{Capture, Hints};
@@ -10,7 +9,7 @@ use isv::raw::take::stream::StreamSummary;
 use isv::raw::take::{Cancellation, Event, Input, MemoryLimit, evaluate};
 use isv_study::{CapturedTake, Sheet, SheetStream, Take};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Qualities of geometry and colour: about 0.3, 0.6 and 1.2 Mbps of `liam_textured`.
@@ -44,13 +43,7 @@ pub(crate) fn run(data: &Path, sequence: &str, out: &Path, yaw_degrees: f64) -> 
 }
 
 /// Measures a stream, prints its row, and decodes the frames of the sheet.
-fn stream(
-    input: &Path,
-    path: &PathBuf,
-    quality: f32,
-    frames: &[usize],
-    hints: &Hints,
-) -> Result<SheetStream> {
+fn stream(input: &Path, path: &Path, quality: f32, frames: &[usize], hints: &Hints) -> Result<SheetStream> {
     let [geometry, colour] = mbps(path)?;
     let open = |path: &Path| Capture::open(&Input::from_argument(path), hints);
     let options = CompareOptions::default();
@@ -71,18 +64,9 @@ fn stream(
     })
 }
 
-/// Rates of geometry and of colour with one keyframe a second, from the mean sizes of both kinds of frames.
+/// Rates of geometry and of colour (megabits a second) of a stream with all its bytes.
 fn mbps(path: &Path) -> Result<[f64; 2]> {
     let summary = StreamSummary::read(&Input::from_argument(path))?;
-    let second = FrameRate::DEFAULT.per_second();
-    let mean = |keyframe: bool| {
-        let packets: Vec<_> = summary.packets.iter().filter(|packet| packet.keyframe == keyframe).collect();
-        let count = packets.len().max(1) as f64;
-        let sum = |bytes: fn(&isv::raw::take::stream::PacketSummary) -> usize| {
-            packets.iter().map(|packet| bytes(packet)).sum::<usize>() as f64 / count
-        };
-        [sum(|packet| packet.bytes - packet.bytes_colour), sum(|packet| packet.bytes_colour)]
-    };
-    let (key, other) = (mean(true), mean(false));
-    Ok([0, 1].map(|part| (key[part] + (second - 1.0) * other[part]) * 8e-6))
+    let colour = summary.packets.iter().map(|packet| packet.bytes_colour as u64).sum::<u64>();
+    Ok([summary.bytes - colour, colour].map(|bytes| bytes as f64 * 8e-6 / summary.duration_s))
 }
