@@ -170,6 +170,27 @@ mod tests {
     }
 
     #[test]
+    fn an_opaque_picture_has_no_alpha_in_its_file() {
+        let mut picture = Picture::filled([3, 2], [1, 2, 3, 255]);
+        picture.paste(&Picture::filled([1, 1], [200, 100, 50, 255]), 2, 1);
+        let mut file = Vec::new();
+        picture.write_png(&mut file).unwrap();
+        let mut reader = png::Decoder::new(io::Cursor::new(file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        assert_eq!(reader.next_frame(&mut pixels).unwrap().color_type, png::ColorType::Rgb);
+        assert_eq!((pixels.len(), &pixels[15..]), (18, &[200, 100, 50][..]));
+    }
+
+    #[test]
+    fn a_part_has_the_pixels_of_its_place() {
+        let mut picture = Picture::filled([5, 4], [1, 2, 3, 255]);
+        picture.paste(&Picture::filled([1, 1], [9, 9, 9, 255]), 3, 2);
+        let part = picture.part([2, 1], [3, 2]);
+        assert_eq!(part.size(), [3, 2]);
+        assert_eq!((part.pixel(1, 1), part.pixel(0, 0)), ([9, 9, 9, 255], [1, 2, 3, 255]));
+    }
+
+    #[test]
     fn a_picture_without_pixels_is_an_error() {
         assert!(Picture::filled([0, 4], [0; 4]).write_png(io::sink()).is_err());
     }
