@@ -1,5 +1,6 @@
 //! Development commands: `cargo xtask COMMAND`.
 
+mod colour_sheets;
 mod colour_table;
 mod conformance;
 mod fuzz_seeds;
@@ -48,6 +49,18 @@ enum Command {
         /// Sequences to measure
         #[arg(required = true)]
         sequences: Vec<String>,
+    },
+    /// Draw a textured take beside its streams at about 0.3, 0.6 and 1.2 Mbps, and print their rates and errors
+    ColourSheets {
+        folder: PathBuf,
+        /// Take to draw
+        sequence: String,
+        /// Folder of the picture and the streams
+        #[arg(long, default_value = "target/colour-sheets")]
+        output: PathBuf,
+        /// Turn of the camera about the up axis: 0 looks from +z
+        #[arg(long, default_value = "0", allow_negative_numbers = true)]
+        yaw: f64,
     },
     /// Make the paper's figures and table again on our clips: docs/results
     PaperResults {
@@ -122,6 +135,9 @@ fn main() -> Result<()> {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
         Command::ColourTable { folder, sequences } => colour_table::run(&folder, &sequences),
+        Command::ColourSheets { folder, sequence, output, yaw } => {
+            colour_sheets::run(&folder, &sequence, &output, yaw)
+        }
         Command::IngestTable { folder, sequences } => ingest_table::run(&folder, &sequences),
         Command::Loss { data, docs } => loss::run(&data, &docs),
         Command::PaperResults { data, docs, work, part } => paper_results::run(&data, &docs, &work, part),

@@ -50,6 +50,46 @@ fn a_study_leaves_a_page_tables_and_streams() {
 }
 
 #[test]
+fn colour_is_compared_and_shown_side_by_side() {
+    let workspace = Workspace::with_painted_figure(3);
+    let run = workspace.isv(&compare("main-realtime,paper-zero", &["--yaw=-20"])).done();
+    let said = String::from_utf8(run.stdout().to_vec()).unwrap();
+    assert!(said.contains("colour Y dB is the PSNR") && said.contains("study/sheet.png"), "{said}");
+    assert!(workspace.read("study/sheet.png").starts_with(b"\x89PNG"));
+    for chart in ["colour_y_psnr_db.svg", "render_y_psnr_db.svg"] {
+        assert!(workspace.names("study/charts").contains(&chart.to_owned()), "{chart}");
+    }
+    let table = String::from_utf8(workspace.read("study/results.csv")).unwrap();
+    let column = table.lines().next().unwrap().split(',').position(|name| name == "bytes_colour").unwrap();
+    let colour = |codec: &str| {
+        let row = table.lines().find(|line| line.starts_with(codec)).unwrap();
+        row.split(',').nth(column).unwrap().parse::<f64>().unwrap()
+    };
+    assert!(colour("main-realtime") > 0.0 && colour("paper-zero") == 0.0, "{table}");
+    // The stream of a point is one with colour, as isv encode makes it.
+    let streams = workspace.names("study/points/main-realtime");
+    let stream = streams.iter().find(|name| name.ends_with(".isv")).unwrap();
+    let info = workspace.isv(&["info", &format!("study/points/main-realtime/{stream}")]).done();
+    assert!(String::from_utf8_lossy(info.stdout()).contains("colour       2 layers"));
+}
+
+#[test]
+fn a_study_without_colour_says_so() {
+    let workspace = Workspace::with_figure(1);
+    let run = workspace.isv(&compare("main-realtime", &[])).done();
+    let said = String::from_utf8_lossy(run.stdout()).into_owned();
+    assert!(said.contains("No colour was compared: the frames have none."), "{said}");
+    let page = String::from_utf8(workspace.read("study/index.html")).unwrap();
+    assert!(page.contains("There is no colour to compare"));
+    assert!(workspace.read("study/sheet.png").starts_with(b"\x89PNG"));
+
+    let workspace = Workspace::with_painted_figure(1);
+    let run = workspace.isv(&compare("paper-zero", &[])).done();
+    let said = String::from_utf8_lossy(run.stdout()).into_owned();
+    assert!(said.contains("the frames have colour, but none of these codecs keeps it"), "{said}");
+}
+
+#[test]
 fn a_study_goes_on_where_it_stopped() {
     let workspace = Workspace::with_figure(2);
     // What is of all commands may come before the command's name.

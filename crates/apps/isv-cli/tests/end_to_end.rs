@@ -230,15 +230,28 @@ fn the_demo_needs_nothing() {
     let work = Workspace::new();
     let run = work.isv(&["demo", "-o", "shown", "--frames", "2"]).done();
     let text = String::from_utf8_lossy(run.stdout()).into_owned();
-    for word in ["Mbps", "3dof", "realtime", "balanced", "archive", "shown/comparison.png"] {
+    for word in [
+        "geometry Mbps",
+        "colour Mbps",
+        "Y dB",
+        "3dof",
+        "realtime",
+        "balanced",
+        "archive",
+        "shown/comparison.png",
+    ] {
         assert!(text.contains(word), "{text}");
     }
     assert_eq!(work.names("shown"), ["comparison.png", "decoded", "figure.isv"]);
     assert_eq!(work.names("shown/decoded").len(), 2);
     work.isv(&["verify", "shown/figure.isv"]).done();
+    let info = work.isv(&["info", "shown/figure.isv"]).done();
+    assert!(String::from_utf8_lossy(info.stdout()).contains("colour       2 layers"));
+    let mesh = work.read("shown/decoded/frame_0000.ply");
+    assert!(String::from_utf8_lossy(&mesh[..400]).contains("property uchar red"), "vertices have colours");
     // Again it takes the place of what it wrote, and of nothing else.
     let again = work.isv(&["demo", "-o", "shown", "--frames", "1"]).done();
-    assert!(String::from_utf8_lossy(again.stdout()).contains(" triangles, 1 frame, "));
+    assert!(String::from_utf8_lossy(again.stdout()).contains(" triangles with a texture, 1 frame, "));
     for name in ["figure.isv", "comparison.png", "decoded/frame_0000.ply"] {
         let own = work.read(&format!("shown/{name}"));
         work.write(&format!("shown/{name}"), "my own");

@@ -12,7 +12,10 @@ use support::Workspace;
 
 /// Width, height and RGBA pixels of a still.
 fn png(bytes: &[u8]) -> ([usize; 2], Vec<u8>) {
-    let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+    let mut decoder = png::Decoder::new(Cursor::new(bytes));
+    // A picture without a transparent pixel has no alpha in its file.
+    decoder.set_transformations(png::Transformations::ALPHA);
+    let mut reader = decoder.read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut pixels).unwrap();
     ([info.width as usize, info.height as usize], pixels)

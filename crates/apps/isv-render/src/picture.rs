@@ -60,6 +60,17 @@ impl Picture {
         }
     }
 
+    /// The part of this picture, of a width and height in pixels, whose top left corner lies at `(x, y)`.
+    ///
+    /// # Panics
+    /// If it reaches beyond this picture.
+    #[must_use]
+    pub fn part(&self, [x, y]: [usize; 2], size: [usize; 2]) -> Picture {
+        assert!(x + size[0] <= self.size[0] && y + size[1] <= self.size[1], "a part lies inside");
+        let rows = self.rgba.chunks_exact(self.size[0] * 4).skip(y).take(size[1]);
+        Self { size, rgba: rows.flat_map(|row| &row[x * 4..][..size[0] * 4]).copied().collect() }
+    }
+
     /// Mixes a colour into a pixel by a coverage of 0 to 255; pixels outside the picture are left alone.
     pub(crate) fn lay_over(&mut self, [x, y]: [usize; 2], rgb: [u8; 3], coverage: u8) {
         if x >= self.size[0] || y >= self.size[1] {
@@ -91,18 +102,24 @@ impl Picture {
         both
     }
 
-    /// Writes the picture as a PNG file, which says by whom it was made.
+    /// Writes the picture as a PNG file, which says by whom it was made. Without a transparent pixel the file has no alpha.
     ///
     /// # Errors
     /// What the writer returns, or [`io::ErrorKind::InvalidInput`] for a picture without pixels.
     pub fn write_png(&self, to: impl Write) -> io::Result<()> {
         let [width, height] = self.size.map(|s| s as u32);
         let mut encoder = png::Encoder::new(to, width, height);
-        encoder.set_color(png::ColorType::Rgba);
+        let is_opaque = self.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255);
+        encoder.set_color(if is_opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
         encoder.set_depth(png::BitDepth::Eight);
         encoder.add_text_chunk("Comment".to_owned(), "made by isv".to_owned()).map_err(into_io)?;
         let mut writer = encoder.write_header().map_err(into_io)?;
-        writer.write_image_data(&self.rgba).map_err(into_io)?;
+        if is_opaque {
+            let rgb: Vec<u8> = self.rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+            writer.write_image_data(&rgb).map_err(into_io)?;
+        } else {
+            writer.write_image_data(&self.rgba).map_err(into_io)?;
+        }
         writer.finish().map_err(into_io)
     }
 }
@@ -150,6 +167,27 @@ mod tests {
         reader.next_frame(&mut pixels).unwrap();
         assert_eq!(pixels, picture.rgba());
         assert_eq!(picture.pixel(2, 1), [200, 100, 50, 7]);
+    }
+
+    #[test]
+    fn an_opaque_picture_has_no_alpha_in_its_file() {
+        let mut picture = Picture::filled([3, 2], [1, 2, 3, 255]);
+        picture.paste(&Picture::filled([1, 1], [200, 100, 50, 255]), 2, 1);
+        let mut file = Vec::new();
+        picture.write_png(&mut file).unwrap();
+        let mut reader = png::Decoder::new(io::Cursor::new(file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        assert_eq!(reader.next_frame(&mut pixels).unwrap().color_type, png::ColorType::Rgb);
+        assert_eq!((pixels.len(), &pixels[15..]), (18, &[200, 100, 50][..]));
+    }
+
+    #[test]
+    fn a_part_has_the_pixels_of_its_place() {
+        let mut picture = Picture::filled([5, 4], [1, 2, 3, 255]);
+        picture.paste(&Picture::filled([1, 1], [9, 9, 9, 255]), 3, 2);
+        let part = picture.part([2, 1], [3, 2]);
+        assert_eq!(part.size(), [3, 2]);
+        assert_eq!((part.pixel(1, 1), part.pixel(0, 0)), ([9, 9, 9, 255], [1, 2, 3, 255]));
     }
 
     #[test]

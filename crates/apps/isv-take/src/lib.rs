@@ -68,3 +68,5 @@ pub use up::Up;
 pub use evaluate::{EvaluateError, Evaluation, evaluate};
 #[cfg(feature = "encode")]
 pub use projection::Projection;
+#[cfg(feature = "encode")]
+pub use tile_texture::{Texel, add_tile_texture, texture_tiles};

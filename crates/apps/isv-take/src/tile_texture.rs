@@ -12,20 +12,32 @@ const TILE: [usize; 2] = [SIDE + 1, SIDE];
 
 /// Gives a mesh that was extracted from a frame's volume the frame's colour. Each triangle has texels of its own, so that nothing
 /// bleeds into it from others.
-pub(crate) fn add_tile_texture(mesh: &mut TriangleMesh, colour: &ColourFrame, grid: &Grid) {
+pub fn add_tile_texture(mesh: &mut TriangleMesh, colour: &ColourFrame, grid: &Grid) {
+    texture_tiles(mesh, |texels| {
+        let points: Vec<DVec3> = texels.iter().map(|texel| texel.point).collect();
+        surface_colours::<DVec3>(colour, grid, &points)
+    });
+}
+
+/// Gives a mesh a texture of tiles, whose texels have the colours that `colours` finds for them, in their order.
+///
+/// The texels of a triangle follow each other, and triangles are in the mesh's order.
+pub fn texture_tiles(mesh: &mut TriangleMesh, colours: impl FnOnce(&[Texel]) -> Vec<Rgb>) {
     let tiles = Tiles::new(mesh);
-    let points: Vec<DVec3> = (0..tiles.texels(mesh)).map(|number| tiles.texel(mesh, number).point).collect();
-    let colours = surface_colours::<DVec3>(colour, grid, &points);
+    let texels: Vec<Texel> = (0..tiles.texels(mesh)).map(|number| tiles.texel(mesh, number)).collect();
+    let colours = colours(&texels);
     tiles.paint(mesh, colours);
 }
 
 /// Texel of a triangle, and the point of its plane that it shows.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Texel {
-    pub(crate) point: DVec3,
-    pub(crate) face: usize,
+pub struct Texel {
+    /// The point (m).
+    pub point: DVec3,
+    /// Number of the triangle.
+    pub face: usize,
     /// Weights of the triangle's corners; of a texel beyond it, one is below 0.
-    pub(crate) weights: [f32; 3],
+    pub weights: [f32; 3],
     /// Index of its pixel.
     place: usize,
 }

@@ -51,10 +51,10 @@ fn add_arm(clay: &mut Clay, arm: &Limb, chest: &Frame, side: f32) {
         height_m,
     };
     let axes = |along: Vec3| Mat3::from_cols(across, along, across.cross(along));
-    clay.take(Matter::Jacket, &Frame { origin: arm.root, axes: axes(upper) });
+    clay.take(Matter::Sleeve, &Frame { origin: arm.root, axes: axes(upper) });
     let sleeve = RoundCone::new(arm.root, arm.middle, [0.055, 0.043]);
     clay.add_rippled(sleeve, 0.035, creases(arm.root, upper, 0.0024));
-    clay.take(Matter::Jacket, &Frame { origin: arm.middle, axes: axes(lower) });
+    clay.take(Matter::Sleeve, &Frame { origin: arm.middle, axes: axes(lower) });
     let cuff = arm.end - lower * 0.02;
     let sleeve = RoundCone::new(arm.middle, cuff, [0.043, 0.033]);
     clay.add_rippled(sleeve, 0.015, creases(arm.middle, lower, 0.003));
@@ -96,7 +96,7 @@ fn add_leg(clay: &mut Clay, leg: &Limb, foot: &Frame) {
 
 /// An ankle boot with a heel.
 fn add_shoe(clay: &mut Clay, foot: &Frame) {
-    clay.take(Matter::Leather, foot);
+    clay.take(Matter::Boot, foot);
     let shaft = RoundCone::new(foot.at(0.0, 0.065, -0.004), foot.at(0.0, -0.01, -0.002), [0.045, 0.042]);
     clay.add(shaft, 0.006);
     let [heel, ball, toe] =

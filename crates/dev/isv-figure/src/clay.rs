@@ -5,10 +5,20 @@ use crate::shape::Shape;
 use crate::skeleton::Frame;
 use glam::{Mat3, Vec3};
 use isv_volume::Rgb;
+use rayon::prelude::*;
 
 /// How much the field may change over a distance of centimetres, as a multiple of it: exact shapes and blends keep 1;
 /// relief and approximate shapes exceed it. The test `figure_is_closed` would see the holes if it were too small.
 pub(crate) const STEEPEST: f32 = 1.25;
+
+/// Places that are painted together, given the parts near all of them.
+const TOGETHER: usize = 32;
+
+/// Distances from the surface (m) at which light finds it open or not.
+const OPEN_AT_M: [f32; 3] = [0.015, 0.03, 0.06];
+
+/// Direction to the light, of length 1: above, to her right and ahead.
+const TO_LIGHT: Vec3 = Vec3::new(-0.36, 0.8, 0.48);
 
 /// The figure so far.
 #[derive(Debug)]
@@ -92,16 +102,50 @@ impl Clay {
         self.parts.push(Part { shape, join, blend_m, ripple, paint: self.paint });
     }
 
-    /// The colour at a place on the surface: that of the nearest part, of the last of several.
-    pub(crate) fn colour(&self, place: Vec3) -> Rgb {
-        let mut nearest = (f32::MAX, self.paint);
-        for part in self.parts.iter().filter(|part| part.join == Join::Add) {
-            let distance = part.distance(place);
-            if distance <= nearest.0 {
-                nearest = (distance, part.paint);
+    /// Colours at places on the surface, without light: each of the nearest part, of the last of several.
+    ///
+    /// Places that follow each other lie near each other, or it takes longer.
+    pub(crate) fn colours(&self, places: &[Vec3]) -> Vec<Rgb> {
+        places.par_chunks(TOGETHER).flat_map_iter(|places| self.colours_nearby(places)).collect()
+    }
+
+    fn colours_nearby<'a>(&'a self, places: &'a [Vec3]) -> impl Iterator<Item = Rgb> + use<'a> {
+        let (centre, radius_m) = sphere_around(places);
+        let added = self.parts.iter().filter(|part| part.join == Join::Add);
+        let distances: Vec<_> = added.map(|part| (part, part.distance(centre))).collect();
+        let least = distances.iter().map(|(_, distance)| *distance).fold(f32::MAX, f32::min);
+        let limit = least + 2.0 * STEEPEST * radius_m;
+        let near = distances.into_iter().filter(move |(_, distance)| *distance <= limit);
+        let near: Vec<&Part> = near.map(|(part, _)| part).collect();
+        places.iter().map(move |place| {
+            let mut nearest = (f32::MAX, self.paint);
+            for part in &near {
+                let distance = part.distance(*place);
+                if distance <= nearest.0 {
+                    nearest = (distance, part.paint);
+                }
             }
-        }
-        nearest.1.colour(place)
+            nearest.1.colour(*place)
+        })
+    }
+
+    /// Soft light from above on places with unit normals, as it is on a stage: about 1 in the open, less in folds.
+    pub(crate) fn light(&self, places: &[Vec3], normals: &[Vec3]) -> Vec<f32> {
+        let chunks = places.par_chunks(TOGETHER).zip(normals.par_chunks(TOGETHER));
+        chunks.flat_map_iter(|(places, normals)| self.light_nearby(places, normals)).collect()
+    }
+
+    fn light_nearby(&self, places: &[Vec3], normals: &[Vec3]) -> Vec<f32> {
+        let (centre, radius_m) = sphere_around(places);
+        let [.., farthest_m] = OPEN_AT_M;
+        let near = |part: &&Part| part.matters(centre, radius_m + farthest_m, farthest_m);
+        let near: Vec<_> = self.parts.iter().filter(near).collect();
+        let at = |place: &Vec3, normal: &Vec3| {
+            let open = OPEN_AT_M.map(|step| distance(&near, *place + *normal * step) / step);
+            let open = open.iter().sum::<f32>() / OPEN_AT_M.len() as f32;
+            (0.84 + 0.16 * normal.dot(TO_LIGHT)) * (0.45 + 0.6 * open.clamp(0.0, 1.0))
+        };
+        places.iter().zip(normals).map(|(place, normal)| at(place, normal)).collect()
     }
 
     /// Where a ray meets the figure so far; `from` lies outside.
@@ -155,6 +199,13 @@ pub(crate) fn distance(parts: &[&Part], p: Vec3) -> f32 {
         }
     });
     joined.max(-p.y)
+}
+
+/// A sphere around places: its middle and its radius (m).
+fn sphere_around(places: &[Vec3]) -> (Vec3, f32) {
+    let low = places.iter().fold(Vec3::MAX, |low, place| low.min(*place));
+    let high = places.iter().fold(Vec3::MIN, |high, place| high.max(*place));
+    ((low + high) / 2.0, (high - low).length() / 2.0)
 }
 
 /// The smaller value, rounded off where the two are closer than `blend`.

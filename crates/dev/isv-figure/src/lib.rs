@@ -29,10 +29,9 @@ mod shape;
 mod skeleton;
 
 use clay::Clay;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use isv_surface::{SurfaceOptions, extract_surface};
-use isv_volume::{Appearance, SparseVolume, TriangleMesh, VoxelSize};
-use rayon::prelude::*;
+use isv_volume::{Appearance, Rgb, SparseVolume, TriangleMesh, VoxelSize};
 use skeleton::Skeleton;
 use std::sync::Arc;
 
@@ -51,13 +50,58 @@ pub fn figure_mesh(time_s: f64, voxel_size: VoxelSize) -> TriangleMesh {
 }
 
 /// The figure's surface at a time as [`figure_mesh`] has it, with the colours of her skin, hair and clothes at its vertices.
+///
+/// Voxels of 3 mm show her face. On larger ones a texture is needed, which [`FigurePaint`] has the colours of.
 #[must_use]
 pub fn painted_figure_mesh(time_s: f64, voxel_size: VoxelSize) -> TriangleMesh {
     let mut mesh = figure_mesh(time_s, voxel_size);
-    let clay = model(time_s);
-    let colours = mesh.vertices.par_iter().map(|vertex| clay.colour(vertex.as_vec3())).collect();
+    let paint = FigurePaint::at(time_s);
+    let lit = paint.colours(&mesh.vertices).into_iter().zip(paint.light(&mesh));
+    let colours = lit.map(|(colour, light)| lit_colour(colour, light)).collect();
     mesh.appearance = Some(Arc::new(Appearance { vertex_colours: colours, ..Appearance::default() }));
     mesh
+}
+
+/// Middle of the figure's head at a time (m): what a close-up shows.
+#[must_use]
+pub fn head_m(time_s: f64) -> DVec3 {
+    Skeleton::at(time_s).head.origin.as_dvec3()
+}
+
+/// Paint of the figure at a time, and the light on her.
+#[derive(Debug)]
+pub struct FigurePaint {
+    clay: Clay,
+}
+
+impl FigurePaint {
+    /// The paint at a time (s).
+    #[must_use]
+    pub fn at(time_s: f64) -> Self {
+        Self { clay: model(time_s) }
+    }
+
+    /// Colours at points of the surface (m), without light. Points that follow each other had better lie near each other.
+    #[must_use]
+    pub fn colours(&self, points: &[DVec3]) -> Vec<Rgb> {
+        self.clay.colours(&to_f32(points))
+    }
+
+    /// Light at the vertices of a mesh with normals: soft, from above, about 1 in the open and less in folds.
+    #[must_use]
+    pub fn light(&self, mesh: &TriangleMesh) -> Vec<f32> {
+        self.clay.light(&to_f32(&mesh.vertices), &to_f32(&mesh.normals))
+    }
+}
+
+/// A colour in light.
+#[must_use]
+pub fn lit_colour(colour: Rgb, light: f32) -> Rgb {
+    colour.map(|c| (f32::from(c) * light).round().min(255.0) as u8)
+}
+
+fn to_f32(points: &[DVec3]) -> Vec<Vec3> {
+    points.iter().map(|point| point.as_vec3()).collect()
 }
 
 /// The figure at a time as the volume that [`figure_mesh`] is taken from: signed distances, good near the surface only.

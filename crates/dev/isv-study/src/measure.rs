@@ -6,7 +6,9 @@ use crate::session::{DracoEncoding, Encoding, IsvEncoding, Memory, Stream, TangE
 use crate::{Codec, OperatingPoint, Record, Scale, StudyError, Training};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignMode, decide_sign, ingest_mesh};
-use isv::raw::metrics::{CompareOptions, GeometryError, compare, summary};
+use isv::raw::metrics::{
+    ColourError, CompareOptions, GeometryError, colour_summary, compare, compare_colours, summary,
+};
 use isv::raw::volume::TriangleMesh;
 use isv_baseline::{BlockBasis, BlockMoments, Draco};
 
@@ -141,7 +143,8 @@ impl<'a> Subject<'a> {
     pub fn measure(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Measured, StudyError> {
         let encoded = self.encode(point, step)?;
         let decoded = time_decoding(&*encoded.stream)?;
-        let (frame_errors, picture) = self.compare_frames(&*encoded.stream, step)?;
+        let Compared { frame_errors, frame_colour_errors, picture } =
+            self.compare_frames(&*encoded.stream, step)?;
         let frames = encoded.frame_bytes.len();
         if frame_errors.len() != frames {
             return Err(StudyError::FrameCount { encoded: frames, decoded: frame_errors.len() });
@@ -153,15 +156,19 @@ impl<'a> Subject<'a> {
             point: point.to_string(),
             frames_per_second: self.take.frame_rate().per_second(),
             bytes: encoded.stream.bytes(),
+            bytes_colour: encoded.stream.bytes_colour(),
             frame_bytes: encoded.frame_bytes,
             kinds: encoded.stream.kinds(),
             prepare_ms: Timing::from_ms(encoded.prepare_ms),
             encode_ms: Timing::from_ms(encoded.encode_ms),
+            colour_encode_ms: encoded.colour_ms.map(Timing::from_ms),
             decode_ms: Timing::from_ms(decoded.ms),
             encode_peak_bytes: encoded.peak_bytes,
             decode_peak_bytes: decoded.peak_bytes,
             error: summary(&frame_errors).ok_or_else(no_frames)?,
             frame_errors,
+            colour_error: colour_summary(&frame_colour_errors),
+            frame_colour_errors,
         };
         Ok(Measured {
             record,
@@ -172,7 +179,7 @@ impl<'a> Subject<'a> {
 
     fn encode(&self, point: OperatingPoint, step: &mut dyn FnMut()) -> Result<Encoded, StudyError> {
         let (mut frame_bytes, mut prepare_ms, mut encode_ms) = (Vec::new(), Vec::new(), Vec::new());
-        let mut memory = Vec::new();
+        let (mut colour_ms, mut memory) = (Vec::new(), Vec::new());
         let alone = reset_peak();
         let mut encoding = self.encoding(point)?;
         for mesh in self.take.meshes().map_err(StudyError::Take)? {
@@ -180,6 +187,7 @@ impl<'a> Subject<'a> {
             frame_bytes.push(frame.bytes);
             prepare_ms.push(frame.prepare_ms);
             encode_ms.push(frame.encode_ms);
+            colour_ms.extend(frame.colour_ms);
             memory.push(frame.memory);
             step();
         }
@@ -189,29 +197,29 @@ impl<'a> Subject<'a> {
             frame_bytes,
             prepare_ms,
             encode_ms,
+            colour_ms: (!colour_ms.is_empty()).then_some(colour_ms),
             peak_bytes: Memory::peak(&memory, peak_bytes().filter(|_| alone)),
         })
     }
 
-    /// Decodes again and compares; also returns the decoded picture frame.
-    fn compare_frames(
-        &self,
-        stream: &dyn Stream,
-        step: &mut dyn FnMut(),
-    ) -> Result<(Vec<GeometryError>, Option<TriangleMesh>), StudyError> {
-        let (mut errors, mut picture) = (Vec::new(), None);
-        for (original, decoded) in self.take.meshes().map_err(StudyError::Take)?.zip(stream.decode()?) {
+    /// Decodes again, with colour, and compares.
+    fn compare_frames(&self, stream: &dyn Stream, step: &mut dyn FnMut()) -> Result<Compared, StudyError> {
+        let mut compared = Compared::default();
+        for (original, decoded) in self.take.meshes().map_err(StudyError::Take)?.zip(stream.decode(true)?) {
             let (original, decoded) = (original.map_err(StudyError::Take)?, decoded?);
-            let frame = errors.len();
-            let error = compare(&original, &decoded.mesh, &self.settings.compare);
+            let frame = compared.frame_errors.len();
             let number = self.settings.first_frame + frame;
-            errors.push(error.map_err(|cause| StudyError::Compare { frame: number, cause })?);
+            let in_frame = |cause| StudyError::Compare { frame: number, cause };
+            let options = &self.settings.compare;
+            compared.frame_errors.push(compare(&original, &decoded.mesh, options).map_err(in_frame)?);
+            let colours = compare_colours(&original, &decoded.mesh, options).map_err(in_frame)?;
+            compared.frame_colour_errors.push(colours);
             if frame == self.settings.picture_frame {
-                picture = Some(decoded.mesh);
+                compared.picture = Some(decoded.mesh);
             }
             step();
         }
-        Ok((errors, picture))
+        Ok(compared)
     }
 }
 
@@ -244,7 +252,17 @@ struct Encoded {
     frame_bytes: Vec<u64>,
     prepare_ms: Vec<f64>,
     encode_ms: Vec<f64>,
+    colour_ms: Option<Vec<f64>>,
     peak_bytes: Option<u64>,
+}
+
+/// What comparing a take with what was decoded has given.
+#[derive(Default)]
+struct Compared {
+    frame_errors: Vec<GeometryError>,
+    frame_colour_errors: Vec<ColourError>,
+    /// The decoded picture frame.
+    picture: Option<TriangleMesh>,
 }
 
 /// What decoding took.
@@ -253,11 +271,11 @@ struct Decoding {
     peak_bytes: Option<u64>,
 }
 
-/// Decodes everything for the sake of time and memory alone: comparing would blur both.
+/// Decodes all geometry for the sake of time and memory alone: comparing would blur both.
 fn time_decoding(stream: &dyn Stream) -> Result<Decoding, StudyError> {
     let (mut ms, mut memory) = (Vec::new(), Vec::new());
     let alone = reset_peak();
-    for frame in stream.decode()? {
+    for frame in stream.decode(false)? {
         let frame = frame?;
         ms.push(frame.ms);
         memory.push(frame.memory);

@@ -1,6 +1,6 @@
 //! The measures of error that a study draws.
 
-use isv::raw::metrics::GeometryError;
+use isv::raw::metrics::{ColourError, GeometryError};
 
 /// A measure of the error of decoded frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,11 +15,24 @@ pub enum Metric {
     D1,
     /// MPEG's point-to-plane PSNR.
     D2,
+    /// PSNR of luma at points of the decoded surface.
+    ColourY,
+    /// PSNR of luma in pictures from six sides.
+    RenderY,
 }
 
 impl Metric {
-    /// All of them, the one that says most first.
+    /// Measures of geometry, the one that says most first.
     pub const ALL: [Self; 5] = [Self::PointToSurface, Self::Chamfer, Self::NormalError, Self::D1, Self::D2];
+
+    /// Measures of colour, for codecs and captures that have any.
+    pub const COLOUR: [Self; 2] = [Self::ColourY, Self::RenderY];
+
+    /// Whether it measures colour, so that the rate it stands against is that of colour.
+    #[must_use]
+    pub fn is_of_colour(self) -> bool {
+        Self::COLOUR.contains(&self)
+    }
 
     /// Its key in `isv eval --json`.
     #[must_use]
@@ -30,6 +43,8 @@ impl Metric {
             Self::NormalError => "normal_error_deg",
             Self::D1 => "d1_psnr_db",
             Self::D2 => "d2_psnr_db",
+            Self::ColourY => "colour_y_psnr_db",
+            Self::RenderY => "render_y_psnr_db",
         }
     }
 
@@ -42,6 +57,8 @@ impl Metric {
             Self::NormalError => "Normal error",
             Self::D1 => "D1 PSNR",
             Self::D2 => "D2 PSNR",
+            Self::ColourY => "Colour at the surface",
+            Self::RenderY => "Colour in pictures",
         }
     }
 
@@ -54,16 +71,18 @@ impl Metric {
             Self::NormalError => "mean angle, degrees",
             Self::D1 => "point to point, dB",
             Self::D2 => "point to plane, dB",
+            Self::ColourY => "PSNR of Y at the surface, dB",
+            Self::RenderY => "PSNR of Y in pictures, dB",
         }
     }
 
     /// Whether it measures quality rather than error.
     #[must_use]
     pub fn higher_is_better(self) -> bool {
-        matches!(self, Self::D1 | Self::D2)
+        matches!(self, Self::D1 | Self::D2 | Self::ColourY | Self::RenderY)
     }
 
-    /// Its value, where it exists.
+    /// The value of a measure of geometry, where it exists; none of colour.
     #[must_use]
     pub fn of(self, error: &GeometryError) -> Option<f64> {
         match self {
@@ -72,6 +91,17 @@ impl Metric {
             Self::NormalError => error.normal_error_deg,
             Self::D1 => error.d1_psnr_db,
             Self::D2 => error.d2_psnr_db,
+            Self::ColourY | Self::RenderY => None,
+        }
+    }
+
+    /// The value of a measure of colour, where it exists; none of geometry.
+    #[must_use]
+    pub fn of_colour(self, error: &ColourError) -> Option<f64> {
+        match self {
+            Self::ColourY => error.colour_y_psnr_db,
+            Self::RenderY => error.render_y_psnr_db,
+            _ => None,
         }
     }
 

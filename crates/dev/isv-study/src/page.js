@@ -20,7 +20,7 @@ for (const list of document.querySelectorAll('.tabs')) {
 }
 // Pictures open large.
 const dialog = document.querySelector('dialog');
-for (const picture of document.querySelectorAll('.pair img')) {
+for (const picture of document.querySelectorAll('.pair img, .sheet')) {
   picture.addEventListener('click', () => {
     dialog.querySelector('img').src = picture.src;
     dialog.querySelector('img').alt = picture.alt;

@@ -18,14 +18,21 @@ pub(crate) fn html(
     deltas: &[DeltaRow],
     charts: &[(&'static str, Chart)],
     pictures: Option<&CodecPictures>,
+    sheet: Option<&[u8]>,
 ) -> String {
     let take = escape(&report.take);
     let sections = [
         head(report, pictures.is_some()),
         charts_section("rates", "Rate and error", RATES, charts.iter().take(Metric::ALL.len())),
+        colours_section(report, charts, sheet),
         pictures.map_or(String::new(), pictures_section),
         deltas_section(report, deltas),
-        charts_section("costs", "Time, and what the bits say", COSTS, charts.iter().skip(Metric::ALL.len())),
+        charts_section(
+            "costs",
+            "Time, and what the bits say",
+            COSTS,
+            charts.iter().skip(report.metrics().len()),
+        ),
         results_section(report),
         method_section(report),
     ];
@@ -44,8 +51,18 @@ const RATES: &str = "Every byte that a decoder needs is counted, except a traine
                      encoded, decoded from its bytes and compared with what went in. Rates are on a logarithmic axis. Point at \
                      a dot for its settings.";
 
+const COLOURS: &str = "Rates are those of colour alone. Errors are measured where both the capture and the stream have colour: at \
+                       points of the decoded surface, and in pictures from six sides. Colour has the quality of the geometry at \
+                       the same point.";
+
+const NO_COLOURS: &str = "There is no colour to compare: the capture has none, or no codec of this study keeps it. Profile main does.";
+
+const SHEET: &str = "The source and the streams, each at its point nearest to one rate, in their colours without light. The last \
+                     rows show the top, and the part where the colours differ most. The same as <a \
+                     href=\"sheet.png\">sheet.png</a>.";
+
 const COSTS: &str = "Time to encode is from mesh to bytes: ingest or simplification, then coding; time to decode is from bytes \
-                     to mesh. Draco runs as a program of its own that reads and writes files, which is part of its time.";
+                     to mesh. Colour is not part of these times. Draco runs as a program of its own that reads and writes files, which is part of its time.";
 
 const PICTURES: &str = "Each codec at its point nearest to the same rate: by surface normal, and by distance from what went in. Click \
                         to enlarge.";
@@ -59,6 +76,7 @@ fn head(report: &Report, has_pictures: bool) -> String {
     let frames = report.records.iter().map(Record::frames).max().unwrap_or(0);
     let links = [
         ("rates", "Rate and error"),
+        ("colours", "Colour"),
         ("pictures", "Pictures"),
         ("deltas", "Savings"),
         ("costs", "Time and bits"),
@@ -80,6 +98,26 @@ fn head(report: &Report, has_pictures: bool) -> String {
         escape(&report.take),
         escape(&report.setting)
     )
+}
+
+/// Charts of colour, or the reason why there are none, and the contact sheet.
+fn colours_section(report: &Report, charts: &[(&'static str, Chart)], sheet: Option<&[u8]>) -> String {
+    let of_colour = |name: &str| Metric::COLOUR.iter().any(|metric| metric.key() == name);
+    let figures: String =
+        charts.iter().filter(|(name, _)| of_colour(name)).map(|(name, chart)| inline(name, chart)).collect();
+    let figures = match figures.is_empty() {
+        true => figures,
+        false => format!("<div class=\"charts\">\n{figures}</div>\n"),
+    };
+    let words = if report.has_colour() { COLOURS } else { NO_COLOURS };
+    let sheet = sheet.map_or(String::new(), |png| {
+        let image = picture(png, "The source and the streams side by side");
+        format!(
+            "<p>{SHEET}</p>\n<figure class=\"picture\">{}</figure>",
+            image.replace("<img", "<img class=\"sheet\"")
+        )
+    });
+    section("colours", "Colour", words, &(figures + &sheet))
 }
 
 fn section(id: &str, title: &str, words: &str, body: &str) -> String {
@@ -153,8 +191,9 @@ fn deltas_section(report: &Report, deltas: &[DeltaRow]) -> String {
     if codecs.len() < 2 {
         return String::new();
     }
-    let ids: Vec<_> = Metric::ALL.iter().map(|m| (format!("delta-{}", m.key()), m.title())).collect();
-    let panels: String = Metric::ALL
+    let metrics = report.metrics();
+    let ids: Vec<_> = metrics.iter().map(|m| (format!("delta-{}", m.key()), m.title())).collect();
+    let panels: String = metrics
         .iter()
         .zip(&ids)
         .map(|(metric, (id, _))| {
@@ -207,6 +246,9 @@ fn results_section(report: &Report) -> String {
         "codec",
         "point",
         "Mbps",
+        "of colour",
+        "colour Y dB",
+        "pictures Y dB",
         "p2s mm",
         "p2s rms",
         "Hausdorff",
@@ -239,6 +281,9 @@ fn result_row(record: &Record) -> String {
     let megabytes = |bytes: Option<u64>| number(bytes.map(|b| b as f64 / 1e6), 0);
     let cells = [
         format!("{:.3}", record.mbps()),
+        number((record.bytes_colour > 0).then(|| record.colour_mbps()), 3),
+        number(record.value(Metric::ColourY), 2),
+        number(record.value(Metric::RenderY), 2),
         number(error.p2s_mean_mm, 3),
         number(error.p2s_rms_mm, 3),
         number(error.hausdorff_mm, 2),

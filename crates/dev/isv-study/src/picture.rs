@@ -70,13 +70,10 @@ impl CodecPictures {
         mbps: f64,
     ) -> Result<Self, StudyError> {
         let bounds = original.bounds().unwrap_or_default();
-        let (low, high) = bounds;
-        let mut top = bounds;
-        top.0.y = high.y - CLOSE_UP_SHARE * (high.y - low.y);
         let view = |bounds, size| Camera::fitting(bounds, size).from_direction(VIEW[0], VIEW[1]);
         let setup = PictureSetup {
             whole: view(bounds, WHOLE),
-            close_up: view(crop(original, top), CLOSE_UP),
+            close_up: view(crop(original, top_of(bounds)), CLOSE_UP),
             scale: ErrorScale::new(range_m)
                 .ok_or_else(|| StudyError::Chart("no range of errors".to_owned()))?,
         };
@@ -91,8 +88,14 @@ impl CodecPictures {
     }
 }
 
+/// The top of a box: of a person, head and shoulders.
+pub(crate) fn top_of((low, high): Bounds) -> Bounds {
+    let from_y = high.y - CLOSE_UP_SHARE * (high.y - low.y);
+    (DVec3 { y: from_y, ..low }, high)
+}
+
 /// The box around the part of a mesh that lies in another box.
-fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
+pub(crate) fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
     let inside = mesh.vertices.iter().filter(|v| v.cmpge(within.0).all() && v.cmple(within.1).all());
     inside
         .fold(None, |bounds: Option<Bounds>, v| {
@@ -102,7 +105,7 @@ fn crop(mesh: &TriangleMesh, within: Bounds) -> Bounds {
 }
 
 /// Smallest and largest corner, in metres.
-type Bounds = (DVec3, DVec3);
+pub(crate) type Bounds = (DVec3, DVec3);
 
 /// The cameras, and the colours of errors.
 struct PictureSetup {
@@ -131,7 +134,7 @@ impl PictureSetup {
         let distance = distance.map_or(String::new(), |mm| format!(", {mm:.2} mm"));
         Ok(CodecPicture {
             codec: Some(record.codec.clone()),
-            caption: format!("{}: {:.2} Mbps{distance}", record.point, record.mbps()),
+            caption: format!("{}: {:.2} Mbps{distance}", record.point, record.geometry_mbps()),
             whole: self.view(mesh, Some(original), &self.whole)?,
             close_up: self.view(mesh, Some(original), &self.close_up)?,
         })
@@ -146,7 +149,8 @@ impl PictureSetup {
     }
 }
 
-fn png(picture: &Picture) -> Result<Vec<u8>, StudyError> {
+/// A picture as a PNG file.
+pub(crate) fn png(picture: &Picture) -> Result<Vec<u8>, StudyError> {
     let mut bytes = Vec::new();
     picture.write_png(&mut bytes).map_err(|error| StudyError::Chart(error.to_string()))?;
     Ok(bytes)

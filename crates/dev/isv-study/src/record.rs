@@ -1,7 +1,7 @@
 //! What a study knows of one codec at one point.
 
 use crate::Metric;
-use isv::raw::metrics::GeometryError;
+use isv::raw::metrics::{ColourError, GeometryError};
 use serde::{Deserialize, Serialize};
 
 /// A codec at an operating point on a take. Every byte that a decoder needs is counted, except a trained transform.
@@ -17,15 +17,21 @@ pub struct Record {
     pub frames_per_second: f64,
     /// Bytes of the whole stream.
     pub bytes: u64,
+    /// Bytes of these that are colour.
+    #[serde(default)]
+    pub bytes_colour: u64,
     /// Bytes of each frame.
     pub frame_bytes: Vec<u64>,
     /// The bytes by what they say, where the codec tells.
     pub kinds: Option<BytesByKind>,
     /// Mesh to what the codec takes: ingest, or simplification.
     pub prepare_ms: Timing,
-    /// That to bytes.
+    /// Time to encode the geometry of what was prepared.
     pub encode_ms: Timing,
-    /// Bytes to mesh.
+    /// Time to encode colour; `None` if there is none.
+    #[serde(default)]
+    pub colour_encode_ms: Option<Timing>,
+    /// Time from bytes to a mesh without colour.
     pub decode_ms: Timing,
     /// Peak memory in bytes while preparing and encoding, or of the program that encodes; `None` where the system does not
     /// say.
@@ -36,6 +42,12 @@ pub struct Record {
     pub error: GeometryError,
     /// Error of each frame.
     pub frame_errors: Vec<GeometryError>,
+    /// Mean error of colour over frames; without figures if the capture or the codec has no colour.
+    #[serde(default)]
+    pub colour_error: ColourError,
+    /// Error of each frame's colour.
+    #[serde(default)]
+    pub frame_colour_errors: Vec<ColourError>,
 }
 
 /// Bytes of a stream by what they say, to fractions of a byte.
@@ -53,12 +65,15 @@ pub struct BytesByKind {
     pub ac: f64,
     /// Headers, flags, lengths and the index.
     pub headers: f64,
+    /// Colour.
+    #[serde(default)]
+    pub colour: f64,
 }
 
 impl BytesByKind {
     /// Names and values, in the order of charts and tables.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, f64); 6] {
+    pub fn named(&self) -> [(&'static str, f64); 7] {
         [
             ("occupancy", self.occupancy),
             ("masks", self.masks),
@@ -66,6 +81,7 @@ impl BytesByKind {
             ("DC", self.dc),
             ("AC", self.ac),
             ("headers and flags", self.headers),
+            ("colour", self.colour),
         ]
     }
 }
@@ -101,10 +117,28 @@ impl Record {
         self.frame_bytes.len()
     }
 
-    /// Megabits a second.
+    /// Rate of the whole stream (megabits a second).
     #[must_use]
     pub fn mbps(&self) -> f64 {
         self.per_second(self.bytes as f64)
+    }
+
+    /// Rate of all but colour (megabits a second).
+    #[must_use]
+    pub fn geometry_mbps(&self) -> f64 {
+        self.per_second((self.bytes - self.bytes_colour) as f64)
+    }
+
+    /// Rate of colour (megabits a second); 0 without.
+    #[must_use]
+    pub fn colour_mbps(&self) -> f64 {
+        self.per_second(self.bytes_colour as f64)
+    }
+
+    /// The rate that a measure stands against (megabits a second): that of geometry or of colour.
+    #[must_use]
+    pub fn mbps_for(&self, metric: Metric) -> f64 {
+        if metric.is_of_colour() { self.colour_mbps() } else { self.geometry_mbps() }
     }
 
     /// A part of the stream's bytes as megabits a second.
@@ -116,6 +150,6 @@ impl Record {
     /// A mean error.
     #[must_use]
     pub fn value(&self, metric: Metric) -> Option<f64> {
-        metric.of(&self.error)
+        if metric.is_of_colour() { metric.of_colour(&self.colour_error) } else { metric.of(&self.error) }
     }
 }

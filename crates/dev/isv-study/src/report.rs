@@ -35,7 +35,7 @@ pub struct DeltaRow {
 }
 
 /// Names and colours of the parts of a stream, in the order of [`crate::BytesByKind::named`].
-const KIND_COLOURS: [&str; 6] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a"];
+const KIND_COLOURS: [&str; 7] = ["#54778f", "#a7bccb", "#d1603d", "#e5b53b", "#3a8f6b", "#9a9a9a", "#8b5fbf"];
 
 /// Colours of codecs by family: isv's paper profile blue and violet, its main profile crimson, trained transforms green, Draco from dark red to yellow.
 const CODEC_COLOURS: [(&str, &str); 15] = [
@@ -69,11 +69,26 @@ impl Report {
         self.records.iter().filter(move |record| record.codec == codec)
     }
 
-    /// A codec's points, rate in megabits a second.
+    /// Whether any codec has colour that could be compared.
+    #[must_use]
+    pub fn has_colour(&self) -> bool {
+        self.records.iter().any(|record| record.value(Metric::ColourY).is_some())
+    }
+
+    /// The measures that there are: those of geometry, and those of colour if there is any.
+    #[must_use]
+    pub fn metrics(&self) -> Vec<Metric> {
+        let colour = if self.has_colour() { &Metric::COLOUR[..] } else { &[] };
+        Metric::ALL.iter().chain(colour).copied().collect()
+    }
+
+    /// A codec's points, rate in megabits a second: that of geometry or of colour, as the measure is.
     #[must_use]
     pub fn curve(&self, codec: &str, metric: Metric) -> Vec<RatePoint> {
         let point = |record: &Record| {
-            record.value(metric).map(|v| RatePoint { rate: record.mbps(), quality_db: metric.quality_db(v) })
+            record
+                .value(metric)
+                .map(|v| RatePoint { rate: record.mbps_for(metric), quality_db: metric.quality_db(v) })
         };
         self.records_of(codec).filter_map(point).collect()
     }
@@ -83,7 +98,7 @@ impl Report {
     pub fn deltas(&self) -> Vec<DeltaRow> {
         let codecs = self.codecs();
         let mut rows = Vec::new();
-        for metric in Metric::ALL {
+        for metric in self.metrics() {
             for anchor in &codecs {
                 for test in codecs.iter().filter(|test| *test != anchor) {
                     let delta = delta(&self.curve(anchor, metric), &self.curve(test, metric));
@@ -102,7 +117,7 @@ impl Report {
     /// All charts, each with the name of its files.
     #[must_use]
     pub fn charts(&self) -> Vec<(&'static str, Chart)> {
-        let mut charts: Vec<_> = Metric::ALL.into_iter().map(|m| (m.key(), self.rate_chart(m))).collect();
+        let mut charts: Vec<_> = self.metrics().into_iter().map(|m| (m.key(), self.rate_chart(m))).collect();
         charts.push((
             "encode_ms",
             self.time_chart("Rate against time to encode", |r| r.prepare_ms.median + r.encode_ms.median),
@@ -120,12 +135,20 @@ impl Report {
         } else {
             Axis::logarithmic(metric.axis())
         };
-        let series = self.series(|record| record.value(metric).map(|value| (record.mbps(), value)));
-        Chart::Lines { title: metric.title().to_owned(), x: Axis::logarithmic("rate, Mbps"), y, series }
+        let series = self.series(|record| record.value(metric).map(|value| (record.mbps_for(metric), value)));
+        let rate = match (metric.is_of_colour(), self.has_colour()) {
+            (true, _) => "rate of colour, Mbps",
+            (false, true) => "rate of geometry, Mbps",
+            (false, false) => "rate, Mbps",
+        };
+        // A codec without colour has no place in the legend of a chart of it.
+        let series =
+            series.into_iter().filter(|one| !metric.is_of_colour() || !one.points.is_empty()).collect();
+        Chart::Lines { title: metric.title().to_owned(), x: Axis::logarithmic(rate), y, series }
     }
 
     fn time_chart(&self, title: &str, ms: fn(&Record) -> f64) -> Chart {
-        let series = self.series(|record| Some((ms(record), record.mbps())));
+        let series = self.series(|record| Some((ms(record), record.geometry_mbps())));
         let (x, y) = (Axis::logarithmic("median time, ms a frame"), Axis::logarithmic("rate, Mbps"));
         Chart::Lines { title: title.to_owned(), x, y, series }
     }
@@ -139,7 +162,10 @@ impl Report {
             let Some((record, kinds)) = told.get(told.len() / 2) else { continue };
             names = kinds.named().map(|(name, _)| name.to_owned()).to_vec();
             let heights = kinds.named().map(|(_, bytes)| record.per_second(bytes));
-            bars.push((codec.to_owned(), heights.to_vec()));
+            // Colour comes last, and is left out where nobody has any.
+            let shown = if self.has_colour() { heights.len() } else { heights.len() - 1 };
+            bars.push((codec.to_owned(), heights[..shown].to_vec()));
+            names.truncate(shown);
         }
         let parts = names.into_iter().zip(KIND_COLOURS.map(str::to_owned)).collect();
         let (title, y) = ("Bits by kind, middle point".to_owned(), "Mbps".to_owned());
@@ -164,32 +190,37 @@ impl Report {
         self.codecs().into_iter().map(line).collect()
     }
 
-    /// The rate that most codecs have a point near to: that for which the distances to each codec's nearest point, as
+    /// The rate of geometry that most codecs have a point near to: that for which the distances to each codec's nearest point, as
     /// ratios, have the smallest sum. None without records.
     #[must_use]
     pub fn common_mbps(&self) -> Option<f64> {
         let spread = |mbps: f64| {
             let nearest = self.near_rate(mbps);
-            nearest.into_iter().map(|record| (record.mbps() / mbps).ln().abs()).sum::<f64>()
+            nearest.into_iter().map(|record| (record.geometry_mbps() / mbps).ln().abs()).sum::<f64>()
         };
-        let rates = self.records.iter().map(Record::mbps);
+        let rates = self.records.iter().map(Record::geometry_mbps);
         rates.min_by(|a, b| spread(*a).total_cmp(&spread(*b)))
     }
 
-    /// Each codec's point nearest to a rate, by ratio.
+    /// Each codec's point nearest to a rate of geometry, by ratio.
     #[must_use]
     pub fn near_rate(&self, mbps: f64) -> Vec<&Record> {
-        let distance = |record: &Record| (record.mbps() / mbps).ln().abs();
+        let distance = |record: &Record| (record.geometry_mbps() / mbps).ln().abs();
         let nearest = |codec| self.records_of(codec).min_by(|a, b| distance(a).total_cmp(&distance(b)));
         self.codecs().into_iter().filter_map(nearest).collect()
     }
 
     /// Writes tables, charts and the page into a folder that is there: `results.csv`, `bd_rates.csv`, `charts/*.svg` and
-    /// `.png`, `index.html`.
+    /// `.png`, `index.html`, and `sheet.png` if there is a contact sheet.
     ///
     /// # Errors
     /// Files that cannot be written, charts that cannot be drawn.
-    pub fn write(&self, folder: &Path, pictures: Option<&CodecPictures>) -> Result<(), StudyError> {
+    pub fn write(
+        &self,
+        folder: &Path,
+        pictures: Option<&CodecPictures>,
+        sheet: Option<&[u8]>,
+    ) -> Result<(), StudyError> {
         let deltas = self.deltas();
         write_file(&folder.join("results.csv"), table::results(&self.records).as_bytes())?;
         write_file(&folder.join("bd_rates.csv"), table::deltas(&deltas).as_bytes())?;
@@ -202,7 +233,11 @@ impl Report {
             write_file(&charts_folder.join(format!("{name}.svg")), chart.svg().as_bytes())?;
             write_file(&charts_folder.join(format!("{name}.png")), &chart.png()?)?;
         }
-        write_file(&folder.join("index.html"), page::html(self, &deltas, &charts, pictures).as_bytes())
+        if let Some(sheet) = sheet {
+            write_file(&folder.join("sheet.png"), sheet)?;
+        }
+        let page = page::html(self, &deltas, &charts, pictures, sheet);
+        write_file(&folder.join("index.html"), page.as_bytes())
     }
 }
 

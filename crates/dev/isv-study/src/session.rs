@@ -28,11 +28,19 @@ pub(crate) trait Stream {
     /// Size of all of it.
     fn bytes(&self) -> u64;
 
+    /// Bytes of it that are colour.
+    fn bytes_colour(&self) -> u64 {
+        0
+    }
+
     /// What of it says what, where that is known.
     fn kinds(&self) -> Option<BytesByKind>;
 
-    /// Decodes frame after frame, from the bytes alone.
-    fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError>;
+    /// Decodes frame after frame, from the bytes alone; with `colour`, meshes have the stream's colour, if it has any.
+    fn decode(
+        &self,
+        colour: bool,
+    ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError>;
 
     /// The bytes as a file that another command reads, if there is one.
     fn isv_file(&self) -> Option<&[u8]> {
@@ -45,6 +53,8 @@ pub(crate) struct EncodedFrame {
     pub(crate) bytes: u64,
     pub(crate) prepare_ms: f64,
     pub(crate) encode_ms: f64,
+    /// Time that coding its colour took (ms), if it has any.
+    pub(crate) colour_ms: Option<f64>,
     pub(crate) memory: Memory,
 }
 

@@ -48,7 +48,7 @@ impl Store {
     /// [`StudyError::Output`] and [`StudyError::File`].
     pub fn make(&self) -> Result<(), StudyError> {
         let is_study = self.folder.join("points").is_dir();
-        for name in ["index.html", "results.csv", "bd_rates.csv"] {
+        for name in ["index.html", "results.csv", "bd_rates.csv", "sheet.png"] {
             let path = self.folder.join(name);
             check_overwriting(&path, "this folder has no study", |_| is_study)?;
         }
@@ -84,6 +84,12 @@ impl Store {
     #[must_use]
     pub fn picture(&self, record: &Record) -> PathBuf {
         self.path(&record.codec, &record.point, "ply")
+    }
+
+    /// The stream of a record that other commands can read, if its codec makes such.
+    #[must_use]
+    pub fn stream(&self, record: &Record) -> Option<PathBuf> {
+        Some(self.path(&record.codec, &record.point, "isv")).filter(|path| path.is_file())
     }
 
     fn path(&self, codec: &str, point: &str, extension: &str) -> PathBuf {

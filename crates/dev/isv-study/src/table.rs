@@ -13,7 +13,9 @@ pub(crate) fn results(records: &[Record]) -> String {
     }
     csv += ",p2s_rms_mm,p2s_p99_mm,hausdorff_mm,area_ratio,component_ratio,chamfer_floor_mm,d1_ceiling_db";
     csv += ",prepare_ms,encode_ms,decode_ms,encode_peak_bytes,decode_peak_bytes";
-    csv += ",bytes_occupancy,bytes_masks,bytes_motion,bytes_dc,bytes_ac,bytes_headers\n";
+    csv += ",bytes_occupancy,bytes_masks,bytes_motion,bytes_dc,bytes_ac,bytes_headers,bytes_colour";
+    csv += ",mbps_geometry,mbps_colour,colour_encode_ms,colour_y_psnr_db,colour_ycc_psnr_db";
+    csv += ",colour_y_symmetric_psnr_db,colour_ycc_symmetric_psnr_db,render_y_psnr_db,render_ssim\n";
     for record in records {
         csv += &row(record);
     }
@@ -47,8 +49,21 @@ fn row(record: &Record) -> String {
     cells.extend(peaks.map(|peak| peak.map_or(String::new(), |bytes| bytes.to_string())));
     match &record.kinds {
         Some(kinds) => cells.extend(kinds.named().map(|(_, bytes)| format!("{bytes:.1}"))),
-        None => cells.extend(std::iter::repeat_n(String::new(), 6)),
+        None => cells.extend(std::iter::repeat_n(String::new(), 7)),
     }
+    cells.extend([record.geometry_mbps(), record.colour_mbps()].map(|mbps| format!("{mbps:.6}")));
+    let colour = &record.colour_error;
+    let times = record.colour_encode_ms.map_or(String::new(), |timing| format!("{:.3}", timing.median));
+    let figures = [
+        colour.colour_y_psnr_db,
+        colour.colour_ycc_psnr_db,
+        colour.colour_y_symmetric_psnr_db,
+        colour.colour_ycc_symmetric_psnr_db,
+        colour.render_y_psnr_db,
+        colour.render_ssim,
+    ];
+    cells.push(times);
+    cells.extend(figures.map(|value| value.map_or(String::new(), |v| format!("{v:.6}"))));
     cells.join(",") + "\n"
 }
 

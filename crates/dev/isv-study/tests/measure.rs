@@ -4,7 +4,7 @@ use isv::raw::format::FrameRate;
 use isv::raw::ingest::MeshIngest;
 use isv::raw::metrics::CompareOptions;
 use isv::raw::volume::{BlockEdge, Grid, TriangleMesh, Truncation, VoxelSize};
-use isv_figure::figure_mesh;
+use isv_figure::{figure_mesh, painted_figure_mesh};
 use isv_study::{
     Codec, Measured, Metric, OperatingPoint, StudyError, StudySettings, Subject, Take, TakeError, TakeFrames,
 };
@@ -20,6 +20,11 @@ impl Meshes {
     fn figure(frames: usize) -> Self {
         let voxel = VoxelSize::from_metres(VOXEL_M).unwrap();
         Self((0..frames).map(|frame| Ok(figure_mesh(frame as f64 / 30.0, voxel))).collect())
+    }
+
+    fn painted_figure(frames: usize) -> Self {
+        let voxel = VoxelSize::from_metres(VOXEL_M).unwrap();
+        Self((0..frames).map(|frame| Ok(painted_figure_mesh(frame as f64 / 30.0, voxel))).collect())
     }
 }
 
@@ -81,6 +86,47 @@ fn every_byte_is_counted() {
     let frames: u64 = record.frame_bytes.iter().sum();
     assert!(frames < record.bytes && record.bytes - frames < 200, "{frames} of {}", record.bytes);
     assert!((record.mbps() - record.bytes as f64 * 8.0 * 10.0 / 1e6).abs() < 1e-12);
+}
+
+#[test]
+fn colour_is_measured_where_capture_and_codec_have_it() {
+    let take = Meshes::painted_figure(2);
+    let points = measure_points("main-realtime", &take, 2).unwrap();
+    for Measured { record, .. } in &points {
+        assert!(
+            (1..record.bytes).contains(&record.bytes_colour),
+            "{} of {}",
+            record.bytes_colour,
+            record.bytes
+        );
+        assert_eq!(record.kinds.unwrap().colour, record.bytes_colour as f64);
+        assert!((record.geometry_mbps() + record.colour_mbps() - record.mbps()).abs() < 1e-9);
+        assert_eq!(record.frame_colour_errors.len(), 2);
+        assert!(record.colour_encode_ms.is_some());
+        for metric in Metric::COLOUR {
+            let db = record.value(metric).unwrap();
+            assert!((15.0..60.0).contains(&db), "{metric:?}: {db}");
+        }
+    }
+    let [fine, coarse] = [&points[0].record, &points[1].record];
+    assert!(fine.bytes_colour > coarse.bytes_colour);
+    assert!(fine.value(Metric::ColourY) > coarse.value(Metric::ColourY));
+
+    // Geometry costs what it costs without colour.
+    let plain = measure_points("main-realtime", &Meshes::figure(2), 1).unwrap().remove(0).record;
+    let middle = measure_points("main-realtime", &take, 1).unwrap().remove(0).record;
+    let more = middle.bytes - middle.bytes_colour - plain.bytes;
+    assert!(more < 24, "{more} bytes more");
+    assert_eq!((plain.bytes_colour, plain.value(Metric::ColourY)), (0, None));
+    assert_eq!(plain.frame_bytes.len(), 2);
+
+    for name in ["paper-zero", "draco"] {
+        let Some(mut measured) = measure_points(name, &take, 1) else { continue };
+        let record = measured.remove(0).record;
+        assert_eq!((record.bytes_colour, record.value(Metric::ColourY)), (0, None), "{name}");
+    }
+    let bytes = |take| measure_points("draco", take, 1).map(|mut measured| measured.remove(0).record.bytes);
+    assert_eq!(bytes(&take), bytes(&Meshes::figure(2)), "Draco gets no colour");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Tables, charts and the page of made-up records.
 
-use isv::raw::metrics::GeometryError;
+use isv::raw::metrics::{ColourError, GeometryError};
 use isv_study::{BytesByKind, Metric, Record, Report, Timing};
 
 fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
@@ -18,15 +18,19 @@ fn record(codec: &str, point: &str, bytes: u64, p2s_mm: f64) -> Record {
         point: point.to_owned(),
         frames_per_second: 30.0,
         bytes,
+        bytes_colour: 0,
         frame_bytes: vec![bytes / 2; 2],
         kinds: codec.starts_with("paper").then(BytesByKind::default),
         prepare_ms: Timing::from_ms(vec![10.0, 12.0, 50.0]),
         encode_ms: Timing::from_ms(vec![20.0]),
+        colour_encode_ms: None,
         decode_ms: Timing::from_ms(vec![5.0]),
         encode_peak_bytes: Some(40_000_000),
         decode_peak_bytes: None,
         error,
         frame_errors: vec![error; 2],
+        colour_error: ColourError::default(),
+        frame_colour_errors: Vec::new(),
     }
 }
 
@@ -72,7 +76,7 @@ fn codecs_are_shown_near_one_rate() {
 #[test]
 fn files_are_whole() {
     let folder = tempfile::tempdir().unwrap();
-    report().write(folder.path(), None).unwrap();
+    report().write(folder.path(), None, None).unwrap();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
 
     let results = read("results.csv");
@@ -94,7 +98,7 @@ fn files_are_whole() {
 #[test]
 fn the_page_needs_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
-    report().write(folder.path(), None).unwrap();
+    report().write(folder.path(), None, None).unwrap();
     let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
     let without_names = page.replace("http://www.w3.org/", "").replace("url(#", "");
     for reference in ["http:", "https:", "src=\"/", "<link", "@import", "url("] {
@@ -117,4 +121,53 @@ fn medians_are_of_the_middle() {
     assert_eq!((timing.median, timing.mean), (12.0, 24.0));
     assert_eq!(Timing::from_ms(vec![10.0, 20.0]).median, 15.0);
     assert_eq!(Timing::from_ms(vec![]), Timing::default());
+}
+
+/// The report with colour at the points of a codec.
+fn report_in_colour() -> Report {
+    let mut report = report();
+    for (index, record) in report.records.iter_mut().filter(|r| r.codec == "paper-zero").enumerate() {
+        record.bytes_colour = record.bytes / 4;
+        record.colour_error.colour_y_psnr_db = Some(40.0 - index as f64);
+        record.colour_error.render_y_psnr_db = Some(36.0 - index as f64);
+    }
+    report
+}
+
+#[test]
+fn colour_stands_against_its_own_rate() {
+    let report = report_in_colour();
+    let curve = report.curve("paper-zero", Metric::ColourY);
+    let rates: Vec<_> = curve.iter().map(|point| point.rate).collect();
+    assert_eq!(rates, [2.4, 1.2, 0.6]);
+    assert_eq!(report.curve("paper-zero", Metric::PointToSurface)[0].rate, 7.2);
+    assert!(report.curve("draco", Metric::ColourY).is_empty());
+    let names: Vec<_> = report.charts().into_iter().map(|(name, _)| name).collect();
+    assert!(names.contains(&"colour_y_psnr_db") && names.contains(&"render_y_psnr_db"), "{names:?}");
+    let plain: Vec<_> = self::report().charts().into_iter().map(|(name, _)| name).collect();
+    assert!(!plain.contains(&"colour_y_psnr_db"), "{plain:?}");
+}
+
+#[test]
+fn the_page_says_what_there_is_of_colour() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = |report: &Report, sheet: Option<&[u8]>| {
+        report.write(folder.path(), None, sheet).unwrap();
+        std::fs::read_to_string(folder.path().join("index.html")).unwrap()
+    };
+    let plain = page(&report(), None);
+    assert!(plain.contains("There is no colour to compare") && !plain.contains("sheet.png"));
+    assert!(!folder.path().join("sheet.png").exists());
+    let coloured = page(&report_in_colour(), Some(b"a picture"));
+    assert!(coloured.contains("Rates are those of colour alone") && coloured.contains("sheet.png"));
+    assert_eq!(std::fs::read(folder.path().join("sheet.png")).unwrap(), b"a picture");
+    let table = std::fs::read_to_string(folder.path().join("results.csv")).unwrap();
+    let columns: Vec<_> = table.lines().next().unwrap().split(',').collect();
+    let cell = |name: &str| {
+        let column = columns.iter().position(|column| *column == name).unwrap();
+        table.lines().nth(1).unwrap().split(',').nth(column).unwrap().to_owned()
+    };
+    assert_eq!(cell("mbps"), "9.600000");
+    assert_eq!([cell("mbps_geometry"), cell("mbps_colour")], ["7.200000", "2.400000"]);
+    assert_eq!(cell("colour_y_psnr_db"), "40.000000");
 }

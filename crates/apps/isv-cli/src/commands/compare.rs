@@ -14,7 +14,7 @@ use crate::threads::use_threads;
 use anyhow::{Context, Result, bail};
 use isv::raw::format::FrameRate;
 use isv::raw::ingest::{MeshIngest, SignDecision, SignMode, decide_sign};
-use isv::raw::io::{Unit, check_folder_name, read_mesh};
+use isv::raw::io::{Colours, Unit, check_folder_name, read_mesh};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::FrameRange;
 use isv::raw::take::Length;
@@ -23,8 +23,8 @@ use isv::raw::take::encode::default_grid;
 use isv::raw::volume::{Grid, VoxelSize};
 use isv_study::worker::{self, Outcome};
 use isv_study::{
-    CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Store, StudyError,
-    StudySettings, Take, Training,
+    CapturedTake, Codec, CodecPictures, Metric, OperatingPoint, Record, Report, Scale, Sheet, SheetStream,
+    Store, StudyError, StudySettings, Take, Training,
 };
 use std::ffi::OsString;
 use std::num::NonZero;
@@ -34,13 +34,16 @@ use std::process::Command;
 /// Points at which each codec is measured unless asked otherwise; also the most.
 const POINTS: u8 = 5;
 
+/// Most streams of the contact sheet.
+const SHEET_STREAMS: usize = 5;
+
 /// Where the scale of errors in pictures ends, in voxels.
 const ERROR_RANGE_VOXELS: f64 = 0.4;
 
 /// Study codecs side by side: rate, error, time and memory of each over its operating points
 ///
-/// Writes results.csv, bd_rates.csv, charts and index.html into DIR. Run again after an interruption, it goes on where it
-/// stopped.
+/// Writes results.csv, bd_rates.csv, charts, a contact sheet and index.html into DIR. Run again after an interruption, it
+/// goes on where it stopped. Colour is compared where the input and the codec have it: profile main does.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Meshes: a folder of frames, a pattern, a file or an .isv
@@ -67,6 +70,9 @@ pub(crate) struct Args {
     /// Number of the frame that is drawn [default: the one in the middle]
     #[arg(help_heading = "Input", long, value_name = "N")]
     picture: Option<usize>,
+    /// Turn of the camera of the contact sheet about the up axis: 0 looks from +z
+    #[arg(long, value_name = "DEGREES", default_value = "0", allow_negative_numbers = true)]
+    yaw: f64,
     /// Edge of a voxel of the codecs of volumes
     #[arg(help_heading = "Codecs", long, value_name = "LENGTH", default_value = "5mm")]
     voxel: Length,
@@ -154,9 +160,19 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         report.notes.push(format!("no pictures: {error:#}"));
         None
     });
+    let sheet = study.sheet(&report).unwrap_or_else(|error| {
+        progress.note(&format!("no contact sheet: {error:#}"));
+        report.notes.push(format!("no contact sheet: {error:#}"));
+        None
+    });
     drop(progress);
-    report.write(&args.output, pictures.as_ref())?;
-    print(&format!("{}\n\n{}", summary(&report), study.outcome()))
+    report.write(&args.output, pictures.as_ref(), sheet.as_deref())?;
+    print(&format!(
+        "{}\n{}\n\n{}",
+        summary(&report),
+        study.word_on_colour(&report),
+        study.outcome(sheet.is_some())
+    ))
 }
 
 /// This program with its arguments, and the word that makes it a worker behind the command's name, before any that might end options.
@@ -198,6 +214,10 @@ struct Study {
     scale: Scale,
     /// How published codecs make volumes of meshes, by the first frame.
     published_sign: SignDecision,
+    /// Whether the take's first frame has colour.
+    has_colour: bool,
+    /// From where the contact sheet is drawn.
+    yaw_degrees: f64,
     store: Store,
 }
 
@@ -206,7 +226,8 @@ impl Study {
         let voxel_size = VoxelSize::from_metres(args.voxel.metres())
             .map_err(|error| usage(format!("--voxel {}: {error}", args.voxel)))?;
         let hints = Hints { frame_rate: args.fps, ..capture::hints(args.units) }.with_origin(args.origin);
-        let take = CapturedTake::open(&args.input, hints.clone(), args.frames)?;
+        let in_colour = Hints { colours: Colours::Keep, ..hints.clone() };
+        let take = CapturedTake::open(&args.input, in_colour, args.frames)?;
         if args.train.contains(&args.input) {
             return Err(usage(format!(
                 "--train {}: a transform trained on the take itself is tang-scene",
@@ -232,7 +253,17 @@ impl Study {
         let store = Store::new(&args.output, &take, &training, &settings)?;
         let scale = Scale::new(&first, &grid);
         let published_sign = decide_sign(&first, settings.published_ingest().sign).0;
-        Ok(Self { take, training, settings, points: usize::from(args.points), scale, published_sign, store })
+        Ok(Self {
+            take,
+            training,
+            settings,
+            points: usize::from(args.points),
+            scale,
+            published_sign,
+            has_colour: first.appearance.is_some(),
+            yaw_degrees: args.yaw,
+            store,
+        })
     }
 
     /// The points at which a codec is measured.
@@ -287,11 +318,55 @@ impl Study {
         Ok(Some(CodecPictures::new(&original, &decoded, range_m, frame, mbps)?))
     }
 
-    fn outcome(&self) -> String {
+    /// The source and the streams that isv reads, near one rate: those with colour first, if the take has any.
+    fn sheet(&self, report: &Report) -> Result<Option<Vec<u8>>> {
+        let near = report.common_mbps().map_or(Vec::new(), |mbps| report.near_rate(mbps));
+        let mut chosen: Vec<_> =
+            near.into_iter().filter_map(|record| Some((record, self.store.stream(record)?))).collect();
+        chosen.sort_by_key(|(record, _)| record.bytes_colour == 0);
+        chosen.truncate(SHEET_STREAMS);
+        if chosen.is_empty() {
+            return Ok(None);
+        }
+        let mut frames = vec![0, self.settings.picture_frame, self.take.frames() - 1];
+        frames.dedup();
+        let hints = capture::colour_hints(Unit::Metre);
+        let mut streams = Vec::new();
+        for (record, path) in chosen {
+            let stream = CapturedTake::open(&path, hints.clone(), None)?;
+            let meshes = frames.iter().map(|frame| stream.mesh(*frame)).collect::<Result<_, _>>()?;
+            streams.push(SheetStream::of_record(record, meshes));
+        }
+        let source = frames.iter().map(|frame| self.take.mesh(*frame)).collect::<Result<_, _>>()?;
+        let close_up = frames.iter().position(|frame| *frame == self.settings.picture_frame);
+        let numbers = frames.iter().map(|frame| self.settings.first_frame + frame).collect();
+        let close_up = close_up.unwrap_or_default();
+        let sheet = Sheet { frames: numbers, source, streams, close_up, yaw_degrees: self.yaw_degrees };
+        Ok(Some(sheet.png()?))
+    }
+
+    /// What a reader must know of colour.
+    fn word_on_colour(&self, report: &Report) -> &'static str {
+        match (self.has_colour, report.has_colour()) {
+            (_, true) => {
+                "\nMbps is the rate of geometry; colour Y dB is the PSNR of luma at the decoded surface."
+            }
+            (true, false) => {
+                "\nNo colour was compared: the frames have colour, but none of these codecs keeps it (main-balanced does)."
+            }
+            (false, false) => "\nNo colour was compared: the frames have none.",
+        }
+    }
+
+    fn outcome(&self, has_sheet: bool) -> String {
         let folder = self.store.folder().display();
+        let sheet = match has_sheet {
+            true => format!("\n{folder}/sheet.png     source and streams side by side"),
+            false => String::new(),
+        };
         format!(
             "{folder}/index.html    charts, pictures and tables on one page\n\
-             {folder}/results.csv   all points; bd_rates.csv has the savings, charts/ the charts as SVG and PNG"
+             {folder}/results.csv   all points; bd_rates.csv has the savings, charts/ the charts as SVG and PNG{sheet}"
         )
     }
 }
@@ -302,6 +377,8 @@ fn summary(report: &Report) -> String {
         "codec",
         "point",
         "Mbps",
+        "colour Mbps",
+        "colour Y dB",
         "p2s mm",
         "normals deg",
         "D2 dB",
@@ -324,7 +401,9 @@ fn summary(report: &Report) -> String {
         table.add_row([
             record.codec.clone(),
             record.point.clone(),
-            format!("{:.2}", record.mbps()),
+            format!("{:.2}", record.geometry_mbps()),
+            number((record.bytes_colour > 0).then(|| record.colour_mbps()), 2),
+            number(record.value(Metric::ColourY), 1),
             number(record.value(Metric::PointToSurface), 3),
             number(record.value(Metric::NormalError), 2),
             number(record.value(Metric::D2), 2),

@@ -5,10 +5,11 @@ use crate::progress::Progress;
 use crate::stats::megabits_per_second;
 use crate::table::table_of;
 use anyhow::{Context, Result};
+use isv::raw::encode::colour::ColourSettings;
 use isv::raw::encode::{EncoderSettings, MotionMode, Preset};
 use isv::raw::format::{PaperParameters, Prediction, Profile};
 use isv::raw::io::{Format, check_folder_name, check_frame_output, write_mesh};
-use isv_study::{CodedFigure, DecodedFigure, FigureTake};
+use isv_study::{CodedFigure, DecodedFigure, FigureCoder, FigureTake};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +60,16 @@ impl DemoCodec {
             Self::Main(preset) => EncoderSettings { main: preset.settings(), ..usual },
         }
     }
+
+    /// How colour is coded. Profile `paper` has none, and preset archive codes it as balanced does.
+    fn colour(self) -> Option<ColourSettings> {
+        match self {
+            Self::Paper | Self::Main(Preset::Archive) => None,
+            Self::Main(preset) => {
+                Some(ColourSettings { checksums: true, ..ColourSettings::default().with_preset(preset) })
+            }
+        }
+    }
 }
 
 /// What is written into the folder: the stream, the pictures, and the folder of the meshes.
@@ -84,33 +95,32 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let frames = usize::from(args.frames);
     check_free(&args.output, &FigureTake::picks_among(frames))?;
     std::fs::create_dir_all(&args.output).with_context(|| format!("{folder}: cannot make this folder"))?;
-    let bar = |label| Progress::new(Some(frames), label);
-    let progress = bar("animating");
-    let take = FigureTake::new(frames, || progress.step())?;
-    drop(progress);
+    let mut take = FigureTake::new(frames);
+    let coded = encode(&mut take)?;
     let mut table = table_of([
         "profile",
-        "Mbps",
-        "bytes a frame",
+        "geometry Mbps",
+        "colour Mbps",
         "surface RMS mm",
         "p2s mean mm",
+        "colour Y dB",
         "encode ms a frame",
         "decode ms a frame",
     ]);
-    for codec in CODECS {
-        let progress = bar("encoding");
-        let coded = take.encode(codec.profile(), codec.settings(), || progress.step())?;
-        drop(progress);
-        let progress = bar("decoding");
+    for (codec, coded) in CODECS.into_iter().zip(coded) {
+        let progress = Progress::new(Some(frames), "decoding");
         let decoded = take.decode(&coded.bytes, || progress.step())?;
         drop(progress);
-        let bytes = coded.bytes.len();
+        let mbps = |bytes: usize| format!("{:.2}", megabits_per_second(bytes as u64, take.seconds()));
+        let has_colour = coded.bytes_colour > 0;
+        let colour_y_psnr_db = take.colour_error(&decoded)?.colour_y_psnr_db;
         table.add_row([
             codec.name(),
-            format!("{:.2}", megabits_per_second(bytes as u64, take.seconds())),
-            (bytes / frames).to_string(),
+            mbps(coded.bytes.len() - coded.bytes_colour),
+            if has_colour { mbps(coded.bytes_colour) } else { "-".to_owned() },
             format!("{:.3}", coded.surface_rms_mm),
             format!("{:.3}", take.p2s_mean_mm(&decoded)?),
+            colour_y_psnr_db.map_or("-".to_owned(), |db| format!("{db:.1}")),
             format!("{:.0}", coded.encode_ms / frames as f64),
             format!("{:.0}", decoded.decode_ms / frames as f64),
         ]);
@@ -119,15 +129,31 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         }
     }
     print(&format!(
-        "A figure of {} triangles, {}, voxels of 5mm, decoded volumes verified by hash:\n\n{}\n\n\
-         {folder}/{STREAM}       the stream of profile {}; isv info, verify, decode and render read it\n\
-         {folder}/{PICTURES}   frames as they were, the same frames decoded, and how far they are apart\n\
+        "A figure of {} triangles with a texture, {}, voxels of 5mm, decoded volumes and colours verified by hash:\n\n{}\n\n\
+         Colour Y dB is the PSNR of luma at points of the decoded surface. Profile paper has no colour, and archive codes it as \
+         balanced does.\n\n\
+         {folder}/{STREAM}       the stream of profile {}; isv info, verify, decode, render and view read it\n\
+         {folder}/{PICTURES}   frames as captured, the same frames decoded, and how far they are apart\n\
          {folder}/{MESHES}          these frames as PLY files",
         take.triangles(),
         frames_in_words(frames),
         table.trim_fmt(),
         KEPT.name(),
     ))
+}
+
+/// Animates a take and codes it by all codecs, frame after frame.
+fn encode(take: &mut FigureTake) -> Result<Vec<CodedFigure>> {
+    let progress = Progress::new(Some(take.frames() * CODECS.len()), "animating and encoding");
+    let coder = |codec: DemoCodec| FigureCoder::new(take, codec.profile(), codec.settings(), codec.colour());
+    let mut coders = CODECS.into_iter().map(coder).collect::<Result<Vec<_>, _>>()?;
+    while let Some(frame) = take.animate()? {
+        for coder in &mut coders {
+            coder.encode(&frame)?;
+            progress.step();
+        }
+    }
+    Ok(coders.into_iter().map(FigureCoder::finish).collect::<Result<_, _>>()?)
 }
 
 /// Refuses to overwrite what isv did not write.
@@ -154,7 +180,7 @@ fn write_files(take: &FigureTake, folder: &Path, coded: &CodedFigure, decoded: &
     let meshes = folder.join(MESHES);
     let sentence = || format!("{}: cannot make this folder", meshes.display());
     std::fs::create_dir_all(&meshes).with_context(sentence)?;
-    for (frame, mesh) in take.picks().iter().zip(&decoded.shown) {
+    for (frame, mesh) in take.picks().iter().zip(&decoded.meshes) {
         write_mesh(&folder.join(mesh_name(*frame)), mesh, Format::Ply)?;
     }
     Ok(())

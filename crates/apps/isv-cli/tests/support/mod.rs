@@ -3,7 +3,7 @@
 
 use isv::raw::io::{Format, write_mesh};
 use isv::raw::volume::{Appearance, TriangleMesh, VoxelSize};
-use isv_figure::figure_mesh;
+use isv_figure::{figure_mesh, painted_figure_mesh};
 use isv_testkit::sphere;
 use std::fs;
 use std::io::Write;
@@ -28,6 +28,18 @@ impl Workspace {
         fs::create_dir(workspace.path("frames")).unwrap();
         for frame in 0..frames {
             let mesh = figure_mesh(frame as f64 / 10.0, VoxelSize::from_metres(0.03).unwrap());
+            let path = workspace.path(&format!("frames/frame_{frame}.ply"));
+            write_mesh(&path, &mesh, Format::Ply).unwrap();
+        }
+        workspace
+    }
+
+    /// With a folder `frames` of the figure in colour, coarse but moving.
+    pub(crate) fn with_painted_figure(frames: usize) -> Self {
+        let workspace = Self::new();
+        fs::create_dir(workspace.path("frames")).unwrap();
+        for frame in 0..frames {
+            let mesh = painted_figure_mesh(frame as f64 / 10.0, VoxelSize::from_metres(0.02).unwrap());
             let path = workspace.path(&format!("frames/frame_{frame}.ply"));
             write_mesh(&path, &mesh, Format::Ply).unwrap();
         }

@@ -20,6 +20,8 @@ impl DracoEncoding {
 
     /// The mesh that Draco gets.
     fn prepare(&self, mesh: &TriangleMesh) -> Result<TriangleMesh, StudyError> {
+        // Colour would be coded with the vertices.
+        let mesh = &TriangleMesh { appearance: None, ..mesh.clone() };
         if self.faces_percent == 100 {
             return Ok(mesh.clone());
         }
@@ -41,6 +43,7 @@ impl Encoding for DracoEncoding {
             bytes,
             prepare_ms,
             encode_ms: run.ms,
+            colour_ms: None,
             memory: Memory::OfAProgram(run.peak_memory_bytes),
         })
     }
@@ -73,7 +76,10 @@ impl Stream for DracoStream {
         None
     }
 
-    fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
+    fn decode(
+        &self,
+        _colour: bool,
+    ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         Ok(Box::new((self.first_frame..).zip(&self.frames).map(|(frame, bytes)| {
             let run = self.draco.decode(bytes).map_err(|cause| StudyError::Draco { frame, cause })?;
             Ok(DecodedFrame {

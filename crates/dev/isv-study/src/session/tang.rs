@@ -50,7 +50,7 @@ impl Encoding for TangEncoding {
         kinds.headers += (frame.bytes_headers() as u64 + LENGTH_BYTES) as f64;
         let bytes = frame.bytes.len() as u64 + LENGTH_BYTES;
         self.stream.frames.push(frame.bytes);
-        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, memory: Memory::OfThisProcess })
+        Ok(EncodedFrame { bytes, prepare_ms, encode_ms, colour_ms: None, memory: Memory::OfThisProcess })
     }
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Stream>, StudyError> {
@@ -74,7 +74,10 @@ impl Stream for TangStream {
         Some(self.kinds)
     }
 
-    fn decode(&self) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
+    fn decode(
+        &self,
+        _colour: bool,
+    ) -> Result<Box<dyn Iterator<Item = Result<DecodedFrame, StudyError>> + '_>, StudyError> {
         let mut decoder = TangDecoder::new(&self.basis, self.settings, Limits::default());
         Ok(Box::new(self.frames.iter().map(move |bytes| {
             let (mesh, ms) = timed(|| decoder.decode(bytes).map(|volume| surface(&volume)));
