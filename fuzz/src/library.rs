@@ -1,8 +1,8 @@
 //! The library as its users call it: any options, any frames, in any order.
 
 use isv::{
-    AfterLoss, Block, DepthView, EncodeOptions, Length, Lod, Mesh, Points, Preset, Quantity, Reader, Refresh,
-    SignMode, TimestampSource, Volume, Writer,
+    AfterLoss, Block, ColourView, DepthView, EncodeOptions, Length, Lod, Mesh, Points, Preset, Quantity,
+    Reader, Refresh, SignMode, TimestampSource, Volume, Writer,
 };
 use std::io::Cursor;
 use std::time::Duration;
@@ -56,7 +56,14 @@ pub fn call_library(bytes: &[u8]) {
             0 => break,
             1 | 2 => writer.push_mesh(&mesh(&mut script)),
             3 => writer.push_points(&points(&mut script)),
-            4 => writer.push_depth(&[depth(&mut script)]),
+            4 => {
+                let view = depth(&mut script);
+                let colours = match script.byte() % 2 {
+                    0 => Vec::new(),
+                    _ => vec![colours_of(&view, &mut script)],
+                };
+                writer.push_depth_and_colour(&[view], &colours)
+            }
             5 => writer.push_volume(&volume(&mut script)),
             _ => {
                 writer.push_mesh_at(&mesh(&mut script), Duration::from_nanos(u64::from(script.byte()) << 40))
@@ -125,7 +132,13 @@ fn mesh(script: &mut Script) -> Mesh {
 fn points(script: &mut Script) -> Points {
     let positions = script.list(Script::place);
     let normals = if script.byte() % 2 == 0 { Vec::new() } else { script.list(Script::place) };
-    Points { positions, normals, viewpoint: (script.byte() % 3 == 0).then(|| script.place()) }
+    let viewpoint = (script.byte() % 3 == 0).then(|| script.place());
+    let colours = if script.byte() % 2 == 0 { Vec::new() } else { script.list(colour) };
+    Points { positions, normals, colours, viewpoint }
+}
+
+fn colour(script: &mut Script) -> [u8; 3] {
+    [(); 3].map(|()| script.byte())
 }
 
 fn depth(script: &mut Script) -> DepthView {
@@ -137,6 +150,15 @@ fn depth(script: &mut Script) -> DepthView {
         (0..48 - u32::from(script.byte() == 9)).map(|_| f32::from(script.byte()) / 100.0).collect();
     let (focal, principal) = ([8.0, if script.byte() == 5 { script.number() } else { 8.0 }], [3.5, 2.5]);
     DepthView { width: 8, height: 6, focal, principal, camera_to_world, depths_m }
+}
+
+/// A colour view from where a depth view is, or with a lens of its own.
+fn colours_of(view: &DepthView, script: &mut Script) -> ColourView {
+    let DepthView { width, height, principal, camera_to_world, .. } = *view;
+    let focal = [view.focal[0], if script.byte() == 5 { script.number() } else { view.focal[1] }];
+    let colours = (0..48 - u32::from(script.byte() == 9)).map(|_| colour(script)).collect();
+    let depth_view = (script.byte() % 2 == 0).then(|| usize::from(script.byte() % 3));
+    ColourView { width, height, focal, principal, camera_to_world, colours, depth_view }
 }
 
 fn volume(script: &mut Script) -> Volume {

@@ -1,13 +1,15 @@
-//! Frames that are no meshes: points, depth images and fields.
+//! Frames that are no meshes: points, depth and colour images, and fields.
 
 use crate::{Error, ErrorKind, Volume};
 use glam::{DMat4, DVec2, DVec3};
 use isv_io::fill_unobserved;
 use isv_volume::{
-    BlockCoord, BlockEdge, CODES_PER_VOXEL, CameraPose, DepthImage, Grid, Intrinsics, PointCloud,
+    BlockCoord, BlockEdge, CODES_PER_VOXEL, CameraPose, DepthImage, Grid, Image, Intrinsics, PointCloud,
     SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
 use std::collections::HashSet;
+use std::fmt::Display;
+use std::sync::Arc;
 
 /// Points of a surface, in metres.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,6 +18,8 @@ pub struct Points {
     pub positions: Vec<[f32; 3]>,
     /// Normals that point outside, one a point, zero where one is not known; empty if there are none.
     pub normals: Vec<[f32; 3]>,
+    /// 8-bit sRGB colours, one a point; empty if there are none.
+    pub colours: Vec<[u8; 3]>,
     /// Place that the points were seen from, if it is known. Estimated normals face it.
     pub viewpoint: Option<[f32; 3]>,
 }
@@ -26,6 +30,7 @@ impl Points {
         PointCloud {
             positions: self.positions.iter().map(wide).collect(),
             normals: self.normals.iter().map(|normal| wide(normal).normalize_or_zero()).collect(),
+            colours: self.colours.clone(),
             viewpoint: self.viewpoint.as_ref().map(wide),
             ..PointCloud::default()
         }
@@ -51,27 +56,69 @@ pub struct DepthView {
 
 impl DepthView {
     pub(crate) fn to_raw(&self) -> Result<DepthImage, Error> {
-        let invalid = |error| Error::new(ErrorKind::Frame, error);
-        let intrinsics = Intrinsics {
-            width: self.width,
-            height: self.height,
-            focal: DVec2::from(self.focal),
-            principal: DVec2::from(self.principal),
-        };
-        let matrix = DMat4::from_cols_array_2d(&self.camera_to_world).transpose();
-        let pose = CameraPose::from_matrix(matrix).map_err(invalid)?;
+        let Self { width, height, focal, principal, camera_to_world, .. } = *self;
+        let (intrinsics, pose) = camera([width, height], focal, principal, &camera_to_world)?;
         DepthImage::new(intrinsics, pose, self.depths_m.clone()).map_err(invalid)
     }
+}
+
+/// What a colour camera saw at one instant. Lens distortion has been removed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourView {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Focal lengths along x and y (pixels).
+    pub focal: [f64; 2],
+    /// Column and row of the principal point (pixels).
+    pub principal: [f64; 2],
+    /// Transform from the camera to the world (m), row by row. The camera looks along +z, its x points right and its y down.
+    pub camera_to_world: [[f64; 4]; 4],
+    /// 8-bit sRGB of all pixels, row by row from the top.
+    pub colours: Vec<[u8; 3]>,
+    /// Number of the depth view of the same frame from about the same place, such as that of an RGB-D camera; `None` if there is none.
+    pub depth_view: Option<usize>,
+}
+
+impl ColourView {
+    pub(crate) fn to_raw(&self) -> Result<isv_volume::ColourView, Error> {
+        let Self { width, height, focal, principal, camera_to_world, depth_view, .. } = *self;
+        let (intrinsics, pose) = camera([width, height], focal, principal, &camera_to_world)?;
+        let pixels = u64::from(width) * u64::from(height);
+        let image = Image::new(width, height, self.colours.clone()).ok_or_else(|| {
+            invalid(format!("a colour view has {} colours for {pixels} pixels", self.colours.len()))
+        })?;
+        let view = isv_volume::ColourView::new(Arc::new(image), intrinsics, pose);
+        Ok(view.expect("the lens has the image's size").with_depth_image(depth_view))
+    }
+}
+
+/// Lens and place of a camera.
+fn camera(
+    [width, height]: [u32; 2],
+    focal: [f64; 2],
+    principal: [f64; 2],
+    camera_to_world: &[[f64; 4]; 4],
+) -> Result<(Intrinsics, CameraPose), Error> {
+    let (focal, principal) = (DVec2::from(focal), DVec2::from(principal));
+    let intrinsics = Intrinsics { width, height, focal, principal };
+    intrinsics.validate().map_err(invalid)?;
+    let matrix = DMat4::from_cols_array_2d(camera_to_world).transpose();
+    Ok((intrinsics, CameraPose::from_matrix(matrix).map_err(invalid)?))
+}
+
+fn invalid(why: impl Display) -> Error {
+    Error::new(ErrorKind::Frame, why)
 }
 
 impl Volume {
     /// The volume as the codec has it, its distances as integers.
     pub(crate) fn to_raw(&self) -> Result<SparseVolume, Error> {
-        let invalid = |why: String| Error::new(ErrorKind::Frame, format!("a volume {why}"));
-        let out_of_range = |error: isv_volume::GridError| Error::new(ErrorKind::Frame, error);
-        let edge = BlockEdge::from_voxels(self.edge).map_err(out_of_range)?;
-        let voxel_size = VoxelSize::from_metres(self.voxel_m).map_err(out_of_range)?;
-        let truncation = Truncation::from_voxels(self.truncation_voxels).map_err(out_of_range)?;
+        let edge = BlockEdge::from_voxels(self.edge).map_err(invalid)?;
+        let voxel_size = VoxelSize::from_metres(self.voxel_m).map_err(invalid)?;
+        let truncation = Truncation::from_voxels(self.truncation_voxels).map_err(invalid)?;
+        let invalid = |why: String| invalid(format!("a volume {why}"));
         let grid = Grid { voxel_size, edge, truncation };
         let limit = f64::from(truncation.codes());
         let codes_per_metre = f64::from(CODES_PER_VOXEL) / voxel_size.metres();

@@ -71,7 +71,7 @@ pub use quantity::Quantity;
 #[cfg(feature = "encode")]
 pub use encode_options::EncodeOptions;
 #[cfg(feature = "encode")]
-pub use field::{DepthView, Points};
+pub use field::{ColourView, DepthView, Points};
 #[cfg(feature = "encode")]
 pub use isv_encode::{Preset, Refresh};
 #[cfg(feature = "encode")]

@@ -1,6 +1,6 @@
 //! Frames to streams, one by one.
 
-use crate::{DepthView, EncodeOptions, Error, ErrorKind, Mesh, Points, Volume};
+use crate::{ColourView, DepthView, EncodeOptions, Error, ErrorKind, Mesh, Points, Volume};
 use isv_io::{AtomicFile, Geometry};
 use isv_take::Length;
 use isv_take::capture::Content;
@@ -130,8 +130,22 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// See [`Self::push_mesh`].
     pub fn push_depth(&mut self, views: &[DepthView]) -> Result<(), Error> {
+        self.push_depth_and_colour(views, &[])
+    }
+
+    /// Encodes what depth and colour cameras saw at one instant. A stream has colour if its first frame has.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_depth_and_colour(
+        &mut self,
+        views: &[DepthView],
+        colours: &[ColourView],
+    ) -> Result<(), Error> {
         let images = views.iter().map(DepthView::to_raw).collect::<Result<_, _>>()?;
-        self.push(Content::Depth(images), None)
+        let colours = colours.iter().map(ColourView::to_raw).collect::<Result<_, _>>()?;
+        self.encoder.push_with_views(Content::Depth(images), colours, None)?;
+        Ok(())
     }
 
     /// Encodes a field.

@@ -2,8 +2,8 @@
 #![cfg(feature = "encode")]
 
 use isv::{
-    AfterLoss, Block, Cancellation, DecodeOptions, DepthView, EncodeOptions, Error, ErrorKind, Lod, Mesh,
-    Points, Preset, Quantity, Reader, TimestampSource, Unit, Volume, Writer, take,
+    AfterLoss, Block, Cancellation, ColourView, DecodeOptions, DepthView, EncodeOptions, Error, ErrorKind,
+    Lod, Mesh, Points, Preset, Quantity, Reader, TimestampSource, Unit, Volume, Writer, take,
 };
 use std::io::Cursor;
 use std::sync::{Arc, Mutex};
@@ -143,12 +143,23 @@ fn a_stream_can_be_entered_with_its_colours() {
 fn points_depth_and_fields_become_streams_too() {
     let corner = |i: usize, j: usize| [0.01 * i as f32, 0.01 * j as f32, 0.0];
     let positions: Vec<_> = (0..40 * 40).map(|k| corner(k % 40, k / 40)).collect();
-    let points = Points { normals: vec![[0.0, 0.0, 1.0]; positions.len()], positions, viewpoint: None };
+    let normals = vec![[0.0, 0.0, 1.0]; positions.len()];
+    let colours = vec![[200, 90, 20]; positions.len()];
+    let points = Points { normals, positions, colours, viewpoint: None };
     let mut writer = Writer::new(Vec::new(), &options()).unwrap();
     writer.push_points(&points).unwrap();
     let (bytes, _) = writer.into_inner().unwrap();
     let mesh = reader(&bytes).next_frame().unwrap().unwrap().mesh().unwrap();
     assert_near(bounds(&mesh.positions), [[0.0, 0.0, 0.0], [0.39, 0.39, 0.0]], 0.05);
+    let is_orange = |[r, g, b]: &[u8; 3]| r.abs_diff(200) < 9 && g.abs_diff(90) < 9 && b.abs_diff(20) < 9;
+    // Beyond the rim of the sheet nothing was seen.
+    let orange = mesh.colours.iter().filter(|colour| is_orange(colour)).count();
+    assert!(
+        orange * 10 > mesh.positions.len() * 9,
+        "{orange} of {}: {:?}",
+        mesh.positions.len(),
+        mesh.colours
+    );
 
     let view = DepthView {
         width: 64,
@@ -166,6 +177,30 @@ fn points_depth_and_fields_become_streams_too() {
     assert!(report.voxel.metres() >= 0.01, "{}", report.voxel);
     let mesh = reader(&bytes).next_frame().unwrap().unwrap().mesh().unwrap();
     assert!(mesh.positions.iter().all(|p| (p[2] - 1.0).abs() < 0.02));
+}
+
+#[test]
+fn colour_cameras_paint_what_depth_cameras_saw() {
+    let camera_to_world = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.], [0., 0., 0., 1.]];
+    let (width, height, focal, principal) = (64, 48, [60.0, 60.0], [31.5, 23.5]);
+    let depth = DepthView { width, height, focal, principal, camera_to_world, depths_m: vec![1.0; 64 * 48] };
+    let pixel = |k: u32| if k % width < 32 { [210, 40, 40] } else { [40, 40, 210] };
+    let colours = (0..width * height).map(pixel).collect();
+    let colour =
+        ColourView { width, height, focal, principal, camera_to_world, colours, depth_view: Some(0) };
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new().voxel(20.mm())).unwrap();
+    let short = ColourView { colours: vec![[0; 3]; 5], ..colour.clone() };
+    let refused = writer.push_depth_and_colour(std::slice::from_ref(&depth), &[short]);
+    assert_eq!(refused.unwrap_err().to_string(), "a colour view has 5 colours for 3072 pixels");
+    writer.push_depth_and_colour(&[depth], &[colour]).unwrap();
+    let (bytes, _) = writer.into_inner().unwrap();
+    let mesh = reader(&bytes).next_frame().unwrap().unwrap().mesh().unwrap();
+    assert_eq!(mesh.colours.len(), mesh.positions.len());
+    for (position, [red, _, blue]) in mesh.positions.iter().zip(&mesh.colours) {
+        if position[0].abs() > 0.05 {
+            assert_eq!(red > blue, position[0] < 0.0, "{position:?}: red {red}, blue {blue}");
+        }
+    }
 }
 
 /// A field goes in, and comes back as it was where profile `paper` keeps all of it.

@@ -252,7 +252,7 @@ fn a_rate_pays_for_geometry_and_colour() {
     let usual = ColourSettings { rounds: 1, ..ColourSettings::default() }.with_preset(Preset::Realtime);
     let mut shares = Vec::new();
     for (rate, colour) in
-        [(60e3, ColourShare::Joint), (150e3, ColourShare::Joint), (150e3, ColourShare::Fixed)]
+        [(60e3, ColourShare::Joint), (150e3, ColourShare::Joint), (100e3, ColourShare::Fixed)]
     {
         let bits = at_rate(Bitrate { colour, ..Bitrate::new(rate, 30.0) }, &cycle, usual);
         let (mut level, mut fullest) = (0.0f64, 0.0f64);

@@ -92,4 +92,5 @@ pub use unit::{ParseUnitError, Unit};
 pub use volume::{
     ArrayFlaw, DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence, fill_unobserved,
     is_volume_folder, read_volume, volume_grid, write_vdb, write_vdb_placed, write_vdb_to, write_volume,
+    write_volume_colours,
 };

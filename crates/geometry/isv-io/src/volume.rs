@@ -16,7 +16,7 @@ pub use fill::fill_unobserved;
 pub use read::{read_volume, volume_grid};
 pub use sequence::{VolumeSequence, is_volume_folder};
 pub use vdb::{write_vdb, write_vdb_placed, write_vdb_to};
-pub use write::write_volume;
+pub use write::{write_volume, write_volume_colours};
 
 /// Block coordinates: integers `(n, 3)`, in the order x, y, z.
 const COORDS: &str = "coords.npy";
@@ -24,5 +24,11 @@ const COORDS: &str = "coords.npy";
 const TSDF: &str = "tsdf.npy";
 /// Weights, in the shape of the distances; 0 is unobserved.
 const WEIGHT: &str = "weight.npy";
+/// Places of colour samples in metres: floats `(m, 3)`, in the order x, y, z.
+const COLOUR_POSITION: &str = "colour_position.npy";
+/// Unit normals of the surface there.
+const COLOUR_NORMAL: &str = "colour_normal.npy";
+/// sRGB of these samples: bytes `(m, 3)`.
+const COLOUR_RGB: &str = "colour_rgb.npy";
 /// Voxel size, truncation and unit.
 const DESCRIPTION: &str = "grid.json";

@@ -9,6 +9,7 @@ use isv_format::FrameRate;
 use isv_io::{
     Format, GlbAnimationWriter, GlbEncoding, Output, check_frame_output, check_volume_output, is_pipe,
     write_glb_to, write_mesh_placed, write_obj_files, write_points_placed, write_vdb_placed, write_volume,
+    write_volume_colours,
 };
 use std::collections::BTreeSet;
 use std::fs;
@@ -112,10 +113,14 @@ impl FrameFiles {
         }
         let path = self.path.join(name);
         self.check_free(&path)?;
-        if let Product::Volume(volume) = product
+        if let Product::Volume { volume, colours } = product
             && self.format == OutputFormat::Npy
         {
-            return Ok(write_volume(&path, volume)?);
+            write_volume(&path, volume)?;
+            if !colours.is_empty() {
+                write_volume_colours(&path, colours)?;
+            }
+            return Ok(());
         }
         self.write_file(&path, product)
     }
@@ -198,7 +203,7 @@ fn frames_in(folder: &Path, format: OutputFormat) -> BTreeSet<String> {
 fn push(animation: &mut GlbAnimationWriter, start_s: f64, product: &Product) -> Result<(), DecodeTakeError> {
     match product {
         Product::Mesh(mesh) => Ok(animation.push(start_s, mesh)?),
-        Product::Points(_) | Product::Volume(_) => unreachable!("the recipe allows GLB for meshes alone"),
+        Product::Points(_) | Product::Volume { .. } => unreachable!("the recipe allows GLB for meshes alone"),
     }
 }
 
@@ -220,7 +225,7 @@ fn write_product(
         (Product::Points(points), OutputFormat::Geometry(format)) => {
             write_points_placed(out, points, format, placement)?;
         }
-        (Product::Volume(volume), OutputFormat::Vdb) => {
+        (Product::Volume { volume, .. }, OutputFormat::Vdb) => {
             write_vdb_placed(out, volume, *unit, placement.translation)?;
         }
         _ => unreachable!("the recipe matched form and format"),

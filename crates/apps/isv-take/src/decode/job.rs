@@ -3,7 +3,7 @@
 use super::files::FrameFiles;
 use super::product::{Product, Recipe};
 use super::reduction::Reduction;
-use super::{DecodeOptions, DecodeTakeError, Form, Reductions};
+use super::{DecodeOptions, DecodeTakeError, OutputFormat, Reductions};
 use crate::baked_texture::TextureBaker;
 use crate::stream::{AfterLoss, ConcealingFrames, DecodeSettings, StreamFrame, StreamFrames, timed};
 use crate::{Cancellation, DeviceError, Input, Observer, OpenDevice, Prefetch, StreamError};
@@ -86,7 +86,8 @@ impl Job {
         let settings = DecodeSettings {
             frames: options.frames,
             lod: options.lod,
-            colour: form != Form::Volume && !options.drop_colour,
+            // OpenVDB files have fields alone.
+            colour: format != OutputFormat::Vdb && !options.drop_colour,
             device: open_device()?,
             memory: options.memory,
             observer: Arc::clone(observer),

@@ -78,7 +78,7 @@ impl Placed {
                 scaled(&mut points.positions);
                 Product::Points(points)
             }
-            volume @ Product::Volume(_) => volume,
+            volume @ Product::Volume { .. } => volume,
         }
     }
 
@@ -87,7 +87,7 @@ impl Placed {
         let positions = match product {
             Product::Mesh(TriangleMesh { vertices, .. }) => vertices,
             Product::Points(PointCloud { positions, .. }) => positions,
-            Product::Volume(_) => return,
+            Product::Volume { .. } => return,
         };
         if self.is_rounded && self.placement.needs_double(positions) {
             self.is_rounded = false;

@@ -12,7 +12,7 @@ use isv_format::Profile;
 use isv_ingest::coded_field;
 use isv_simplify::Budget;
 use isv_surface::{PointDensity, SurfaceOptions, sample_evenly};
-use isv_volume::{Appearance, BlockSet, Grid, PointCloud, SparseVolume, TriangleMesh};
+use isv_volume::{Appearance, BlockSet, ColourSample, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::sync::Arc;
 
 /// A frame in the form that the user wants.
@@ -20,7 +20,11 @@ use std::sync::Arc;
 pub(super) enum Product {
     Mesh(TriangleMesh),
     Points(PointCloud),
-    Volume(SparseVolume),
+    Volume {
+        volume: SparseVolume,
+        /// Colours of its surface, if the stream has any.
+        colours: Vec<ColourSample>,
+    },
 }
 
 /// How to make products.
@@ -100,7 +104,7 @@ impl Recipe {
             Product::Points(points) => {
                 points.colours = surface_colours(colour, &self.grid, &points.positions);
             }
-            Product::Volume(_) => {}
+            Product::Volume { colours, .. } => *colours = colour.to_samples(&self.grid),
         }
     }
 
@@ -113,14 +117,15 @@ impl Recipe {
     ) -> Result<Product, ProductError> {
         let Some(options) = self.surface() else {
             let volume = volume.into_sparse()?;
-            return Ok(Product::Volume(match self.profile {
+            let volume = match self.profile {
                 // Distances may be coded away from the surface too: --band full.
                 Profile::Main => match coded_blocks.and_then(|coded| coded_field(&volume, coded)) {
                     Some(field) => field,
                     None => with_distances(&volume, self.memory)?,
                 },
                 Profile::Paper(_) => volume,
-            }));
+            };
+            return Ok(Product::Volume { volume, colours: Vec::new() });
         };
         let mesh = match surface {
             Some(mesh) => mesh,

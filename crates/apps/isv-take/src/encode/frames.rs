@@ -9,7 +9,7 @@ use super::{
 use crate::capture::{CapturedFrame, Content};
 use crate::{Observer, OpenDevice};
 use isv_format::PacketWriter;
-use isv_volume::SparseVolume;
+use isv_volume::{ColourView, SparseVolume};
 use std::io::Write;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -67,9 +67,22 @@ impl<W: Write> FrameEncoder<W> {
     /// # Errors
     /// [`EncodeError::Frame`] for a frame that cannot be used, other variants for what ends the stream.
     pub fn push(&mut self, content: Content, timestamp_ns: Option<u64>) -> Result<FrameReport, EncodeError> {
+        self.push_with_views(content, Vec::new(), timestamp_ns)
+    }
+
+    /// Encodes the next frame, whose depth images have colour images beside them. See [`Self::push`].
+    ///
+    /// # Errors
+    /// Those of [`Self::push`].
+    pub fn push_with_views(
+        &mut self,
+        content: Content,
+        views: Vec<ColourView>,
+        timestamp_ns: Option<u64>,
+    ) -> Result<FrameReport, EncodeError> {
         let number = self.pushed;
         let name = format!("frame {number}");
-        let frame = CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) };
+        let frame = CapturedFrame { timestamp_ns, views, ..CapturedFrame::new(number, name, content) };
         self.pushed += 1;
         let read = SystemTime::now();
         self.start(&frame)?;

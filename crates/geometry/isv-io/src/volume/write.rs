@@ -1,16 +1,16 @@
 //! From a volume to arrays.
 
 use super::description::{Description, TsdfUnit};
-use super::{COORDS, DESCRIPTION, TSDF, WEIGHT, npy};
+use super::{COLOUR_NORMAL, COLOUR_POSITION, COLOUR_RGB, COORDS, DESCRIPTION, TSDF, WEIGHT, npy};
 use crate::own::COMMENT;
 use crate::{AtomicFile, WriteError};
-use isv_volume::SparseVolume;
-use std::io::{self, Write};
+use isv_volume::{ColourSample, SparseVolume};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 /// Writes a volume as a folder of arrays, which is made if it is not there: distances as `float32` in truncation distances,
 /// weights as `uint8`, 1 where observed and 0 elsewhere, and `grid.json`. Reading it back gives the same volume, but for the
-/// samples of unobserved voxels, which have no meaning.
+/// samples of unobserved voxels, which have no meaning. Colours that the folder had of another volume are removed.
 ///
 /// # Errors
 /// [`WriteError`]; each file is replaced whole or not at all.
@@ -28,6 +28,13 @@ pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteErr
         serde_json::to_writer_pretty(&mut *file, &description)?;
         writeln!(file)
     })?;
+    for name in [COLOUR_POSITION, COLOUR_NORMAL, COLOUR_RGB] {
+        let path = folder.join(name);
+        match std::fs::remove_file(&path) {
+            Err(cause) if cause.kind() != ErrorKind::NotFound => return Err(WriteError::new(&path, cause)),
+            _ => {}
+        }
+    }
     let n = grid.edge.voxels();
     let shape = [volume.block_count(), n, n, n];
     write_file(&folder.join(COORDS), |file| {
@@ -44,6 +51,27 @@ pub fn write_volume(folder: &Path, volume: &SparseVolume) -> Result<(), WriteErr
     write_file(&folder.join(WEIGHT), |file| {
         file.write_all(&npy::header("|u1", &shape))?;
         (0..volume.block_count()).try_for_each(|block| file.write_all(&weights(volume, block)))
+    })
+}
+
+/// Writes the colours of a volume's surface beside its arrays: places in metres and unit normals as `float32`, sRGB as `uint8`.
+///
+/// # Errors
+/// [`WriteError`]; each file is replaced whole or not at all.
+pub fn write_volume_colours(folder: &Path, samples: &[ColourSample]) -> Result<(), WriteError> {
+    let shape = [samples.len(), 3];
+    let floats = |name: &str, of: fn(&ColourSample) -> [f32; 3]| {
+        write_file(&folder.join(name), |file| {
+            file.write_all(&npy::header("<f4", &shape))?;
+            samples.iter().flat_map(of).try_for_each(|value| file.write_all(&value.to_le_bytes()))
+        })
+    };
+    floats(COLOUR_POSITION, |sample| sample.position)?;
+    floats(COLOUR_NORMAL, |sample| sample.normal)?;
+    write_file(&folder.join(COLOUR_RGB), |file| {
+        file.write_all(&npy::header("|u1", &shape))?;
+        let bytes = |sample: &ColourSample| sample.colour.map(|channel| channel.round() as u8);
+        samples.iter().try_for_each(|sample| file.write_all(&bytes(sample)))
     })
 }
 
