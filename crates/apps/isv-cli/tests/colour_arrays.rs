@@ -30,15 +30,18 @@ fn colours_of_the_surface_lie_beside_the_arrays() {
     let (positions, normals) = (floats(&positions), floats(&normals));
     assert!(positions.len() > 5_000 && shape.starts_with(&format!("({}, 3", positions.len())), "{shape}");
     assert_eq!((normals.len(), colours.len()), (positions.len(), 3 * positions.len()));
-    let mut error = 0.0;
+    let (mut error, mut straight) = (0.0, 0.0);
     for ((position, normal), colour) in positions.iter().zip(&normals).zip(colours.chunks_exact(3)) {
         let radius = position.iter().map(|p| p * p).sum::<f32>().sqrt();
-        assert!((radius - 0.3).abs() < 0.01, "{position:?}");
+        assert!((radius - 0.3).abs() < 0.02, "{position:?}");
         let outwards: f32 = (0..3).map(|axis| position[axis] * normal[axis] / radius).sum();
-        assert!(outwards > 0.8, "{position:?}, {normal:?}");
+        assert!(outwards > 0.5, "{position:?}, {normal:?}");
+        straight += outwards;
         let painted = |axis: usize| 128.0 + 100.0 * (9.0 * position[axis] + 0.2).sin();
         error += (0..3).map(|axis| (f32::from(colour[axis]) - painted(axis)).abs()).sum::<f32>();
     }
+    let straight = straight / normals.len() as f32;
+    assert!(straight > 0.95, "normals point outwards: {straight}");
     let error = error / colours.len() as f32;
     assert!(error < 4.0, "{error} of 255 on average");
     // Colours of another stream do not stay beside its volumes.
