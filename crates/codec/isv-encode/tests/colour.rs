@@ -272,5 +272,5 @@ fn a_rate_pays_for_geometry_and_colour() {
         assert!(accuracy.abs() <= 0.05 && fullest <= rate, "{rate}: {accuracy}, {}", fullest / rate);
         shares.push(share);
     }
-    assert!(shares[..2].iter().all(|share| (0.2..0.8).contains(share)), "{shares:?}");
+    assert!(shares[..2].iter().all(|share| (0.2..0.9).contains(share)), "{shares:?}");
 }

@@ -96,7 +96,7 @@ impl ColourSettings {
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         match preset {
-            Preset::Realtime => Self { rounds: 0, search: ColourSearch::QUICK, spacing: 0.45, ..self },
+            Preset::Realtime => Self { rounds: 1, search: ColourSearch::QUICK, spacing: 0.45, ..self },
             Preset::Balanced | Preset::Archive => self,
         }
     }
