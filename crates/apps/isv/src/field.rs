@@ -37,7 +37,7 @@ impl Points {
     }
 }
 
-/// What a depth camera saw at one instant. Lens distortion has been removed.
+/// Image of a depth camera at one instant. Lens distortion has been removed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthView {
     /// Pixels a row.
@@ -62,7 +62,7 @@ impl DepthView {
     }
 }
 
-/// What a colour camera saw at one instant. Lens distortion has been removed.
+/// Image of a colour camera at one instant. Lens distortion has been removed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourView {
     /// Pixels a row.

@@ -24,7 +24,7 @@ pub(crate) enum Matter {
     Hair,
     /// Cloth with stripes along y, all around the trunk.
     Jacket,
-    /// The same cloth around an arm.
+    /// Cloth of the jacket, around an arm.
     Sleeve,
     /// Plain cloth.
     Trim,

@@ -95,7 +95,7 @@ pub struct CodedFigure {
 pub struct DecodedFigure {
     /// Meshes of the frames that are measured and drawn, with a texture where the stream has colour.
     pub shown: Vec<TriangleMesh>,
-    /// The same meshes with a colour at each vertex, for files.
+    /// Meshes of these frames with a colour at each vertex, for files.
     pub meshes: Vec<TriangleMesh>,
     /// Time for all frames (ms), colour included.
     pub decode_ms: f64,

@@ -256,7 +256,7 @@ struct Encoded {
     peak_bytes: Option<u64>,
 }
 
-/// What comparing a take with what was decoded has given.
+/// Errors of a decoded take.
 #[derive(Default)]
 struct Compared {
     frame_errors: Vec<GeometryError>,

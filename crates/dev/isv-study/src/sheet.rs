@@ -22,7 +22,7 @@ const MARGIN: usize = 2;
 /// A stream in a contact sheet.
 #[derive(Debug)]
 pub struct SheetStream {
-    /// Its name and its figures, which stand above it.
+    /// Name and figures of the column, which stand above it.
     pub lines: [String; 3],
     /// The decoded frames of the sheet, with the stream's colour if it has any.
     pub meshes: Vec<TriangleMesh>,
@@ -109,7 +109,7 @@ impl Sheet {
         Camera::fitting(bounds, size).from_direction(self.yaw_degrees, PITCH_DEGREES)
     }
 
-    /// What stands above the columns.
+    /// Draws the lines above the columns.
     fn heads(&self) -> Picture {
         let source = ["source", "", ""].map(str::to_owned);
         let columns: Vec<_> = std::iter::once(&source).chain(self.streams.iter().map(|s| &s.lines)).collect();

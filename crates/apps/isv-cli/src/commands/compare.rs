@@ -345,7 +345,7 @@ impl Study {
         Ok(Some(sheet.png()?))
     }
 
-    /// What a reader must know of colour.
+    /// Explains to a reader how colour is counted, or why there is none.
     fn word_on_colour(&self, report: &Report) -> &'static str {
         match (self.has_colour, report.has_colour()) {
             (_, true) => {

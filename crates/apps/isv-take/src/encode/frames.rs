@@ -73,7 +73,7 @@ impl<W: Write> FrameEncoder<W> {
     /// Encodes the next frame, whose depth images have colour images beside them. See [`Self::push`].
     ///
     /// # Errors
-    /// Those of [`Self::push`].
+    /// [`EncodeError`], as of [`Self::push`].
     pub fn push_with_views(
         &mut self,
         content: Content,

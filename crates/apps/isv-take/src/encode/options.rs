@@ -378,7 +378,7 @@ impl EncodeOptions {
         }
     }
 
-    /// What the steps of a stream's frames are chosen for.
+    /// Target of the steps of a stream's frames.
     fn target(&self, header: &StreamHeader) -> RateTarget {
         let voxel_m = header.grid.voxel_size.metres();
         match (self.main.bitrate, self.main.max_error) {

@@ -1,4 +1,4 @@
-//! Which cells of a volume have corners inside and outside.
+//! Cells of a volume that have corners inside and outside.
 
 use super::morton::interleave;
 use isv_kernels::signs::inside;
@@ -15,9 +15,9 @@ type Layers = [u64; 8];
 
 /// The voxels of a volume's blocks, a bit each.
 pub(super) struct VoxelBits {
-    /// Which lie inside the surface.
+    /// Voxels inside the surface.
     inside: Vec<Layers>,
-    /// Which were observed.
+    /// Voxels that were observed.
     observed: Vec<Layers>,
 }
 

@@ -159,16 +159,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The leaf that a position lies in, if it is in a cell whose surface faces a normal. `depth`: of the frame's deepest blocks.
-    #[inline(always)]
-    pub fn leaf(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Tap> {
-        let found = self.cell(shifted(position, 8))?;
-        if !self.surfel(found).faces(normal) {
-            return None;
-        }
-        self.sample(found, shifted(position, 8 - u32::from(depth)), depth)
-    }
-
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
     #[inline(always)]
     fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {

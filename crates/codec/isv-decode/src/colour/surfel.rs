@@ -45,8 +45,8 @@ pub(super) fn surfels(corners: &Corners) -> [Surfel; LANES] {
     out
 }
 
-/// Divides and takes roots in `f64`, which is exact. Integers are below 2^44, the squared gradient below 2^38. So a quotient or a root
-/// that is no integer is farther from the next one than `f64` rounds, also where it is a product with a reciprocal.
+/// Divides and takes roots in `f64`, which is exact. Integers are below 2^44, the squared gradient below 2^38. A quotient or a root
+/// that is no integer is farther from the next one than `f64` rounds. This also holds for products with a reciprocal.
 #[inline(always)]
 fn derive(corners: &Corners, out: &mut [Surfel; LANES]) {
     let mut sum = [0; LANES];

@@ -19,7 +19,7 @@ use isv_decode::colour::transform::DIFFERENCES;
 use isv_decode::colour::tree::BlockTree;
 use isv_decode::colour::{ColourCells, ColourFrame, ColourReference, ColourShape, Sample};
 use isv_decode::main::{BlockMode, CausalBlocks, Vector};
-use isv_format::{ColourHeader, ColourKind, ColourPayload, SliceLayout};
+use isv_format::{ColourHeader, ColourKind, ColourPayload, PayloadParts, SliceLayout};
 use isv_volume::{ColourSample, SparseVolume};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -45,7 +45,7 @@ pub struct ColourSettings {
     pub lambda: f32,
     /// Mean squared error that half voxels may leave in a block before it gets quarter voxels, in squared steps of keyframes.
     pub deepening: f32,
-    /// Rounds of back projection; without any, a sample is the mean of what was seen in its part of a cell.
+    /// Rounds of back projection.
     pub rounds: usize,
     /// How hard vectors are searched for.
     pub search: ColourSearch,
@@ -180,11 +180,12 @@ impl ColourEncoder {
             predicts: kind.predicts(),
             max_depth: self.settings.layers - 1,
         };
-        let coded = match reference.as_ref().filter(|_| samples.is_empty()) {
+        let (coded, encoded) = match reference.as_ref().filter(|_| samples.is_empty()) {
             Some(before) => {
                 let coded = self.carry_over(&frame, &before.frame, self.steps(kind, scale));
-                rate.learn(&coded.attempt(kind, scale));
-                coded
+                let encoded = self.encoded(kind, &coded);
+                rate.spend(encoded.stream_bits());
+                (coded, encoded)
             }
             None => {
                 let target = ColourTarget::new(&shape, volume.grid(), samples, self.settings.rounds);
@@ -193,14 +194,6 @@ impl ColourEncoder {
             }
         };
         self.entropy = coded.entropy;
-        let header = ColourHeader {
-            kind,
-            luma_step: coded.steps.luma as u16,
-            chroma_step: coded.steps.chroma as u16,
-            slices: self.settings.slices,
-            hash: self.settings.checksums.then(|| coded.frame.hash()),
-        };
-        let encoded = EncodedColour::new(header, &coded.segments);
         self.reference = Some(ColourReference::new(Arc::new(coded.frame), &coded.symbols));
         self.since_intra = if kind.predicts() { self.since_intra + 1 } else { 1 };
         encoded
@@ -214,7 +207,7 @@ impl ColourEncoder {
         reference: Option<&ColourReference>,
         (kind, mut scale): (ColourKind, f64),
         rate: &mut ColourRate,
-    ) -> CodedColour {
+    ) -> (CodedColour, EncodedColour) {
         let modes = match reference {
             Some(reference) => self.choose_modes(frame, wanted, reference, self.step(kind, scale)),
             None => vec![BlockMode::Spatial; wanted.len()],
@@ -223,16 +216,35 @@ impl ColourEncoder {
         let mut attempts = Vec::new();
         loop {
             let coded = self.code_frame(frame, wanted, &modes, before, self.steps(kind, scale));
-            let attempt = coded.attempt(kind, scale);
+            let encoded = self.encoded(kind, &coded);
+            let attempt = ColourAttempt { intra: !kind.predicts(), scale, bits: encoded.stream_bits() };
             attempts.push(attempt);
             match rate.retry(&attempts) {
                 Some(other) => scale = other,
                 None => {
                     rate.learn(&attempt);
-                    return coded;
+                    return (coded, encoded);
                 }
             }
         }
+    }
+
+    /// The colour part of a frame as coded.
+    fn encoded(&self, kind: ColourKind, coded: &CodedColour) -> EncodedColour {
+        let CodedColour { frame, segments, steps, .. } = coded;
+        let header = ColourHeader {
+            kind,
+            luma_step: steps.luma as u16,
+            chroma_step: steps.chroma as u16,
+            slices: self.settings.slices,
+            hash: self.settings.checksums.then(|| frame.hash()),
+        };
+        let layers =
+            segments.layers.iter().map(|slices| slices.iter().map(Vec::as_slice).collect()).collect();
+        let payload =
+            ColourPayload { header, modes: segments.modes.iter().map(Vec::as_slice).collect(), layers };
+        let mode_bytes = segments.modes.iter().map(Vec::len).sum();
+        EncodedColour { bytes: payload.to_bytes(), mode_bytes }
     }
 
     /// Step of luma in 8-bit steps. `scale`: a factor on that of the settings.
@@ -403,15 +415,6 @@ struct CodedColour {
     steps: ColourSteps,
 }
 
-impl CodedColour {
-    /// What rate control learns from. `scale`: of the steps.
-    fn attempt(&self, kind: ColourKind, scale: f64) -> ColourAttempt {
-        let Segments { modes, layers } = &self.segments;
-        let bytes: usize = modes.iter().chain(layers.iter().flatten()).map(Vec::len).sum();
-        ColourAttempt { intra: !kind.predicts(), scale, bits: 8.0 * bytes as f64 }
-    }
-}
-
 /// The bytes of a frame: modes by slice, coefficients by layer and slice.
 struct Segments {
     modes: Vec<Vec<u8>>,
@@ -419,12 +422,9 @@ struct Segments {
 }
 
 impl EncodedColour {
-    fn new(header: ColourHeader, segments: &Segments) -> Self {
-        let layers =
-            segments.layers.iter().map(|slices| slices.iter().map(Vec::as_slice).collect()).collect();
-        let payload =
-            ColourPayload { header, modes: segments.modes.iter().map(Vec::as_slice).collect(), layers };
-        Self { bytes: payload.to_bytes(), mode_bytes: segments.modes.iter().map(Vec::len).sum() }
+    /// Bits that the colour adds to a stream.
+    fn stream_bits(&self) -> f64 {
+        8.0 * (self.bytes.len() + PayloadParts::LENGTH_BYTES) as f64
     }
 }
 

@@ -1,4 +1,4 @@
-//! Where on the decoded surface a colour that was seen near it belongs.
+//! Points of the decoded surface that show colours which were seen near it.
 
 use isv_decode::colour::Reader;
 use isv_volume::{BlockCoord, ColourSample, Grid};

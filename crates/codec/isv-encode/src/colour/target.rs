@@ -50,20 +50,14 @@ struct Seen {
 }
 
 impl ColourTarget {
-    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection. Without any, a leaf has the mean of what was
-    /// seen in it.
+    /// Fits samples to what was seen. `shape`: of the samples; `rounds`: of back projection.
     #[must_use]
     pub fn new(shape: &ColourShape, grid: &Grid, samples: &[ColourSample], rounds: usize) -> Self {
         let counts = [0, 1, 2].map(|layer| shape.layer_len(layer));
         let starts = [0, counts[0], counts[0] + counts[1]];
         let mut target = Self { values: vec![[f32::NAN; 3]; counts.iter().sum()], starts };
-        if rounds == 0 {
-            let seen = target.seen_in_leaves(shape, grid, samples);
-            target.fill(shape, &seen);
-        } else {
-            let points = target.points(shape, grid, samples);
-            target.fit(shape, &points, rounds);
-        }
+        let points = target.points(shape, grid, samples);
+        target.fit(shape, &points, rounds);
         target
     }
 
@@ -90,33 +84,6 @@ impl ColourTarget {
             if weight > 0.0 { square / weight } else { 0.0 }
         };
         (0..shape.depths().len()).map(of_block).collect()
-    }
-
-    /// What was seen in each leaf, counted by its distance from the surface alone.
-    fn seen_in_leaves(&self, shape: &ColourShape, grid: &Grid, samples: &[ColourSample]) -> Vec<Seen> {
-        let frame = ColourFrame { shape: shape.clone(), layers: Default::default() };
-        let (depth, starts) = (shape.max_depth(), self.starts);
-        let of_chunk = |samples: &[ColourSample]| {
-            let mut reader = Reader::new(&frame);
-            let mut found = Vec::with_capacity(samples.len());
-            vectorized(
-                #[inline(always)]
-                || {
-                    for sample in samples {
-                        if let Some(leaf) = find_leaf(&mut reader, grid, sample, (depth, starts)) {
-                            found.push(leaf);
-                        }
-                    }
-                },
-            );
-            found
-        };
-        let found: Vec<Vec<(u32, f32, [f32; 3])>> = samples.par_chunks(CHUNK).map(of_chunk).collect();
-        let mut seen = vec![Seen::default(); self.values.len()];
-        for (leaf, weight, colour) in found.iter().flatten() {
-            seen[*leaf as usize].add(*weight, colour);
-        }
-        seen
     }
 
     /// The points of the decoded surface at which colours were seen.
@@ -384,34 +351,6 @@ fn ycbcr(sample: &ColourSample) -> [f32; 3] {
         *value = ycbcr as f32;
     }
     colour
-}
-
-/// Finds the leaf that a colour was seen in, by its place among the samples of all layers, with the weight and the values of the colour.
-#[inline(always)]
-fn find_leaf(
-    reader: &mut Reader,
-    grid: &Grid,
-    sample: &ColourSample,
-    (depth, starts): (u8, [usize; 3]),
-) -> Option<(u32, f32, [f32; 3])> {
-    let (onto, normal, height) = locate(reader, grid, sample)?;
-    let mut heaviest = (reader.leaf(onto, normal, depth), 0);
-    if heaviest.0.is_none() {
-        reader.taps(
-            onto,
-            normal,
-            depth,
-            #[inline(always)]
-            |tap, weight| {
-                if tap.is_leaf && weight > heaviest.1 {
-                    heaviest = (Some(tap), weight);
-                }
-            },
-        );
-    }
-    let tap = heaviest.0?;
-    let at = (starts[usize::from(tap.layer)] + tap.at as usize) as u32;
-    Some((at, weight(sample, normal, height), ycbcr(sample)))
 }
 
 /// Finds the samples that a reading takes where a colour was seen.

@@ -1,7 +1,7 @@
 //! Steps that meet a rate in one pass, through a leaky bucket.
 //!
-//! Bits of a frame are taken as `blocks x a x step^-b`, `a` learnt from the frames before of its kind. The step is the one at which
-//! keyframes and the frames between them together have the wanted mean, corrected by what was spent too much or too little.
+//! Bits of a frame are taken as `blocks x a x step^-b`, `a` learnt from the frames before of its kind. At the step that is taken, the
+//! frames of a GOP have the wanted mean. That mean is corrected by what was spent too much or too little.
 //!
 //! Colour is coded behind the geometry of its frame. Its bits are part of the mean, and its steps follow from that of geometry.
 
@@ -194,8 +194,13 @@ impl BitrateControl {
             ];
             self.colour.learn_split(bits, step);
         }
-        self.level += attempt.bits;
-        self.balance += attempt.bits;
+        self.spend(attempt.bits);
+    }
+
+    /// Counts bits beside the geometry of the last frame.
+    pub(super) fn spend(&mut self, bits: f64) {
+        self.level += bits;
+        self.balance += bits;
     }
 
     fn learn_bits(&mut self, attempt: &Attempt) {

@@ -18,9 +18,9 @@ const LEAST_CHANGE: f64 = 1.2;
 const ERROR_EXPONENTS: [f64; 2] = [0.875, 0.9];
 /// Powers that bits of whole GOPs fall with: of geometry, of colour.
 const MEAN_EXPONENTS: [f64; 2] = [0.9, 1.6];
-/// Bits of colour over those of geometry where a bit of either takes the same error from pictures, at a step of 1 voxel and scale 1.
+/// Bits of colour over those of geometry in a good split, at a step of 1 voxel and scale 1.
 const SHARES_AT_ONE: f64 = 2.6;
-/// Bits of colour at scale 1 over those of geometry at a step of 1 voxel, and over what they should be, before anything is known.
+/// [`ColourSplit::excess`] before anything is known.
 const EXCESS: f64 = 0.31;
 /// How much the scale of a frame may differ from that of the frame before; of intra frames, more.
 const LARGEST_CHANGE: f64 = 1.12;
@@ -29,11 +29,11 @@ const LARGEST_CHANGE_OF_INTRA: f64 = 1.5;
 /// Colour in a bit rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourShare {
-    /// There is none, or the rate does not count it.
+    /// No colour, or none that the rate counts.
     None,
-    /// Its steps are those of the settings; geometry gets the rest. Coarser steps are taken only where the buffer would be overrun.
+    /// Colour with the steps of the settings; geometry gets the rest. Coarser steps are taken only where the buffer would be overrun.
     Fixed,
-    /// Its steps go with those of geometry.
+    /// Colour with steps that go with those of geometry.
     Joint,
 }
 
@@ -43,7 +43,7 @@ pub enum ColourShare {
 /// as `step^0.875` of geometry and `scale^0.9` of colour, their bits as `step^-0.9` and `scale^-1.6` (`docs/design/019-rate-control.md`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourSplit {
-    /// Bits of colour at scale 1 over those of geometry at a step of 1 voxel, and over what they should be.
+    /// Factor by which colour takes more bits than its share, at a step of 1 voxel and scale 1.
     excess: f64,
 }
 
@@ -196,6 +196,13 @@ impl<'a> ColourRate<'a> {
     /// The factor to code the frame with anew, unless the last of its attempts is good enough or as good as can be.
     pub(crate) fn retry(&self, attempts: &[ColourAttempt]) -> Option<f64> {
         self.0.as_ref().and_then(|control| control.retry_colour(attempts))
+    }
+
+    /// Counts the bits of colour that was kept and not coded, from which nothing is learnt.
+    pub(crate) fn spend(&mut self, bits: f64) {
+        if let Some(control) = &mut self.0 {
+            control.spend(bits);
+        }
     }
 
     /// Learns from the attempt that goes into the stream.
