@@ -11,6 +11,8 @@ use isv_volume::NeighbourFinder;
 const VECTOR_SCALE: i32 = 32;
 /// Mark of a part that has to have a sample and got none.
 const HOLE: Sample = [0, 0, 0, -1];
+/// Cells of a block from which on it pays to take those around them together.
+const SHARING: usize = 12;
 /// Full scale of a component of a normal.
 const NORMAL_SCALE: i32 = 127;
 
@@ -37,6 +39,21 @@ impl<'a> MotionField<'a> {
     pub fn new(around: &'a VectorsAround) -> Self {
         let uniform = around[13].filter(|own| around.iter().flatten().all(|v| v == own));
         Self { around, uniform }
+    }
+
+    /// The voxels that a block is read from: the first, and the one after the last, counted from the block's first. The normals of a
+    /// surface that changes may lead somewhat farther.
+    #[must_use]
+    #[inline(always)]
+    fn reach(&self) -> ([i32; 3], [i32; 3]) {
+        let (mut least, mut most) = ([i32::MAX; 3], [i32::MIN; 3]);
+        for vector in self.around.iter().flatten() {
+            for axis in 0..3 {
+                least[axis] = least[axis].min(i32::from(vector.0[axis]));
+                most[axis] = most[axis].max(i32::from(vector.0[axis]));
+            }
+        }
+        reach(least, most)
     }
 
     /// The motion at the middle of a cell, in 1/256 voxel.
@@ -78,6 +95,18 @@ impl<'a> MotionField<'a> {
         }
         divided(sums, weights)
     }
+}
+
+/// Voxels around those of a block that are read too.
+const MARGIN: i32 = 1;
+
+/// The voxels that a block is read from under vectors between two, of which one has the least component along each axis and the other
+/// the greatest: the first voxel, and the one after the last, counted from the block's first.
+#[must_use]
+#[inline(always)]
+pub fn reach(least: [i32; 3], most: [i32; 3]) -> ([i32; 3], [i32; 3]) {
+    // A cell is read between those it lies in and the next ones.
+    (most.map(|v| (-v >> 3) - MARGIN), least.map(|v| (7 - v >> 3) + 9 + MARGIN))
 }
 
 /// From the surface in a cell to where its colour is read, in 1/256 voxel: against the motion, then along the normal onto the
@@ -127,8 +156,7 @@ fn onto_surface(reader: &mut Reader, normal: [i8; 3], position: [i32; 3]) -> [i3
 /// From a position to the plane in a cell, if the cell has one that faces a normal.
 #[inline(always)]
 fn onto_plane(reader: &mut Reader, normal: [i8; 3], position: [i32; 3], voxel: [i32; 3]) -> Option<[i32; 3]> {
-    let found = reader.cell(voxel)?;
-    let plane = reader.surfel(found);
+    let plane = reader.plane(voxel)?;
     if !plane.faces(normal) {
         return None;
     }
@@ -179,6 +207,10 @@ pub fn predict_block(
     let (cells, depth) = (shape.cells(), shape.depths()[block]);
     reader.turn_to(cells.coords()[block]);
     let surfels = cells.block_surfels(block);
+    if surfels.len() >= SHARING {
+        let (lowest, end) = field.reach();
+        reader.hold(lowest, end, depth);
+    }
     let mut parts = [[0; 4]; 64];
     let mut holes = false;
     out.clear();

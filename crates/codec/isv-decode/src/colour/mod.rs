@@ -31,6 +31,7 @@ pub mod morton;
 mod reader;
 pub mod reconstruct;
 mod reference;
+mod region;
 mod surface;
 mod surfel;
 pub mod symbols;

@@ -9,6 +9,8 @@ pub(super) const LANES: usize = 16;
 pub(super) type Corners = [[i32; LANES]; 8];
 /// A value of each cell.
 type Values = [i32; LANES];
+/// A byte of each cell.
+type Bytes = [u8; LANES];
 
 /// The plane that stands for the surface in a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,7 +88,7 @@ fn derive(corners: &Corners, out: &mut [Surfel; LANES]) {
             surfel.offset[axis] = offset[axis][lane] as i16;
             surfel.normal[axis] = normal[axis][lane] as i8;
         }
-        surfel.halves = halves[lane] as u8;
+        surfel.halves = halves[lane];
     }
 }
 
@@ -108,9 +110,10 @@ fn add(a: &Values, b: &Values) -> Values {
     sum
 }
 
-/// The points of a cell's half grid, x fastest: multiples of the values there, of which only the sign counts.
+/// Which points of a cell's half grid lie inside, x fastest: a byte of ones or zeros a cell.
 #[inline(always)]
-fn half_grid(corners: &Corners) -> [Values; 27] {
+fn half_grid(corners: &Corners) -> [Bytes; 27] {
+    // Multiples of the values there, of which only the sign counts.
     let mut grid = [[0; LANES]; 27];
     for (corner, codes) in corners.iter().enumerate() {
         grid[2 * (corner & 1) + 6 * (corner >> 1 & 1) + 18 * (corner >> 2)] = *codes;
@@ -128,29 +131,58 @@ fn half_grid(corners: &Corners) -> [Values; 27] {
     for at in 0..9 {
         grid[at + 9] = add(&grid[at], &grid[at + 18]);
     }
-    grid
+    let mut inside = [[0; LANES]; 27];
+    for (inside, values) in inside.iter_mut().zip(&grid) {
+        for lane in 0..LANES {
+            inside[lane] = (values[lane] >> 31) as u8;
+        }
+    }
+    inside
 }
 
 /// Half cells that have corners inside and outside, a bit each.
 #[inline(always)]
-fn crossed_halves(corners: &Corners) -> Values {
-    let grid = half_grid(corners);
+fn crossed_halves(corners: &Corners) -> Bytes {
+    let inside = half_grid(corners);
+    // Whether any of a number of points lies inside, and whether all do: first of pairs along x.
+    let (mut any, mut all) = ([[0; LANES]; 18], [[0; LANES]; 18]);
+    for pair in 0..18 {
+        let [first, second] = [0, 1].map(|x| &inside[pair / 2 * 3 + pair % 2 + x]);
+        (any[pair], all[pair]) = (either(first, second), both(first, second));
+    }
+    // Then of squares, in the places of their lower pairs.
+    for z in 0..3 {
+        for at in 6 * z..6 * z + 4 {
+            (any[at], all[at]) = (either(&any[at], &any[at + 2]), both(&all[at], &all[at + 2]));
+        }
+    }
     let mut crossed = [0; LANES];
     for half in 0..8 {
-        let first = (half & 1) + 3 * (half >> 1 & 1) + 9 * (half >> 2);
-        // The sign of these: whether any corner lies inside, and whether all do.
-        let (mut any, mut all) = ([0; LANES], [-1; LANES]);
-        for corner in [0, 1, 3, 4, 9, 10, 12, 13] {
-            for lane in 0..LANES {
-                any[lane] |= grid[first + corner][lane];
-                all[lane] &= grid[first + corner][lane];
-            }
-        }
+        let at = 6 * (half >> 2) + (half & 3);
+        let (any, all) = (either(&any[at], &any[at + 6]), both(&all[at], &all[at + 6]));
         for lane in 0..LANES {
-            crossed[lane] |= ((any[lane] ^ all[lane]) >> 31 & 1) << half;
+            crossed[lane] |= (any[lane] ^ all[lane]) & 1 << half;
         }
     }
     crossed
+}
+
+#[inline(always)]
+fn either(a: &Bytes, b: &Bytes) -> Bytes {
+    let mut either = [0; LANES];
+    for lane in 0..LANES {
+        either[lane] = a[lane] | b[lane];
+    }
+    either
+}
+
+#[inline(always)]
+fn both(a: &Bytes, b: &Bytes) -> Bytes {
+    let mut both = [0; LANES];
+    for lane in 0..LANES {
+        both[lane] = a[lane] & b[lane];
+    }
+    both
 }
 
 /// Quarter cells that have corners inside and outside, a bit each, in Morton order.

@@ -3,7 +3,7 @@
 use super::quantizer::SAMPLE_SCALE;
 use crate::main::syntax::modes::{self as main_modes, merge_bits};
 use isv_decode::colour::Reader;
-use isv_decode::colour::compensation::predict_cell;
+use isv_decode::colour::compensation::{predict_cell, reach};
 use isv_decode::colour::morton::position;
 use isv_decode::colour::{ColourFrame, ColourShape, Sample};
 use isv_decode::main::syntax::modes::{ModeContext, ModeModels};
@@ -142,6 +142,17 @@ impl<'a> MotionSearch<'a> {
         sum / all.max(1) as f32
     }
 
+    /// Takes the cells together that a block is read from under vectors that differ from one by a step at most. The reader is turned to
+    /// the block.
+    fn hold(&self, reader: &mut Reader, block: usize, vector: Vector, step: i32) {
+        let [least, most] = [-step, step].map(|step| vector.0.map(|v| i32::from(v) + step));
+        let (lowest, end) = reach(least, most);
+        vectorized(
+            #[inline(always)]
+            || reader.hold(lowest, end, self.shape.depths()[block]),
+        );
+    }
+
     /// The best vectors, and the errors of all that were tried. `start`: vectors to begin from, of other searches or of geometry.
     pub(crate) fn run(&self, steps: &[i16], start: &[Vec<Vector>]) -> (Vec<Vector>, Vec<Tried>) {
         let count = self.probes.len();
@@ -161,6 +172,7 @@ impl<'a> MotionSearch<'a> {
                         let coord = self.shape.cells().coords()[block];
                         finder.turn_to(coord);
                         reader.turn_to(coord);
+                        self.hold(reader, block, vectors[block], i32::from(*step));
                         let neighbours = FACES.iter().filter_map(|slot| finder.get(*slot));
                         let around: Vec<Vector> = neighbours.map(|n| vectors[n as usize]).collect();
                         let middle = median(&around);
