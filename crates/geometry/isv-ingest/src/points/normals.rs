@@ -69,7 +69,8 @@ pub fn estimate_normals_seen_from(
         views.fill(Some(place));
     }
     let evidence = orient(&cloud.positions, &neighbours, &views, &mut normals);
-    let cloud = PointCloud { normals, positions: cloud.positions.clone(), ..cloud.without_points() };
+    let (positions, colours) = (cloud.positions.clone(), cloud.colours.clone());
+    let cloud = PointCloud { normals, positions, colours, ..cloud.without_points() };
     Ok((cloud, SideEvidence { basis, ..evidence }))
 }
 

@@ -224,6 +224,14 @@ fn estimated_normals_look_outward_or_to_the_viewpoint() {
 }
 
 #[test]
+fn points_keep_their_colours_when_normals_are_estimated() {
+    let mut cloud = sphere();
+    cloud.colours = (0..cloud.positions.len()).map(|point| [(point % 251) as u8, 7, 9]).collect();
+    let estimated = estimate_normals(&cloud).unwrap();
+    assert_eq!((estimated.positions, estimated.colours), (cloud.positions, cloud.colours));
+}
+
+#[test]
 fn broken_and_unfit_clouds_are_refused() {
     let settings = settings(0.01, BlockEdge::E8);
     let ingest =
