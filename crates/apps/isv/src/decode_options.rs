@@ -53,8 +53,8 @@ impl DecodeOptions {
         self
     }
 
-    /// Format of the files of a folder, by its usual extension: `ply`, `obj`, `stl` or `glb` for meshes, `ply`, `pcd` or `xyz` for
-    /// points, `npy` or `vdb` for fields.
+    /// Format of the files of a folder, by its usual extension: `ply`, `obj`, `stl`, `glb`, `usdc` or `usda` for meshes, `ply`, `pcd` or `xyz`
+    /// for points, `npy` or `vdb` for fields.
     #[must_use]
     pub fn format(mut self, extension: &str) -> Self {
         match extension.parse() {
@@ -64,7 +64,7 @@ impl DecodeOptions {
         self
     }
 
-    /// Vertex normals of meshes [default: in GLB files alone].
+    /// Vertex normals of meshes [default: in GLB and USD files alone].
     #[must_use]
     pub fn normals(mut self, wanted: bool) -> Self {
         self.raw.normals = Some(wanted);

@@ -22,6 +22,8 @@ pub enum Need {
     Python,
     /// Python with OpenVDB.
     OpenVdb,
+    /// Python with USD.
+    Usd,
     /// A browser and the player's packages; for tests of the player alone.
     Browser,
     /// Valgrind.
@@ -34,12 +36,13 @@ pub enum Need {
 
 impl Need {
     /// All needs.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Gpu,
         Self::Captures,
         Self::Draco,
         Self::Python,
         Self::OpenVdb,
+        Self::Usd,
         Self::Browser,
         Self::Valgrind,
         Self::Instructions,
@@ -55,6 +58,7 @@ impl Need {
             Self::Draco => "draco",
             Self::Python => "python",
             Self::OpenVdb => "openvdb",
+            Self::Usd => "usd",
             Self::Browser => "browser",
             Self::Valgrind => "valgrind",
             Self::Instructions => "instructions",

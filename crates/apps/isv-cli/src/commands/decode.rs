@@ -26,7 +26,7 @@ pub(crate) struct Args {
     input: PathBuf,
     /// Folder or file to write; - for standard output
     ///
-    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb an animation of all. Standard
+    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb, .usdc or .usda an animation of all. Standard
     /// output takes one frame, or any number as PLY.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -35,12 +35,12 @@ pub(crate) struct Args {
     form: Option<FormName>,
     /// File format [default: that of the output's name, else ply or npy]
     ///
-    /// Meshes are written as ply, obj, stl or glb, points as ply, pcd or xyz, volumes as npy or vdb.
+    /// Meshes are written as ply, obj, stl, glb, usdc or usda, points as ply, pcd or xyz, volumes as npy or vdb.
     #[arg(help_heading = "Output", long)]
     format: Option<OutputFormat>,
     /// Write vertex normals with meshes
     ///
-    /// GLB files and points always have theirs.
+    /// GLB and USD files and points always have theirs.
     #[arg(help_heading = "Meshes", long)]
     normals: bool,
     /// Encoding of meshes in GLB files [default: plain]
@@ -53,7 +53,7 @@ pub(crate) struct Args {
     /// name says obj. N is 64 to 8192.
     #[arg(help_heading = "Meshes", long, value_name = "N", value_parser = texture_side)]
     texture: Option<TextureSide>,
-    /// Leave vertex normals out of GLB files
+    /// Leave vertex normals out of GLB and USD files
     #[arg(help_heading = "Meshes", long, conflicts_with = "normals")]
     no_normals: bool,
     /// Most faces of each mesh

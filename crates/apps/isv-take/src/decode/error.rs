@@ -38,6 +38,15 @@ pub enum DecodeOptionsError {
     /// A texture of an OBJ file on standard output.
     #[error("an OBJ file with a texture is three files: name a folder or a file, or use --format glb")]
     TexturedPipe,
+    /// A USD file with an axis up that USD does not have.
+    #[error("USD files have y or z up, not {up}")]
+    NoUsdAxis {
+        /// Name of the axis.
+        up: &'static str,
+    },
+    /// A USD file on standard output.
+    #[error("a USD file is not written to standard output: name a file")]
+    UsdPipe,
     /// Fewer faces, but no meshes.
     #[error("a number of faces and an error of simplifying are for meshes")]
     NoMeshFaces,

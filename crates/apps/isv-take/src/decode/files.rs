@@ -4,17 +4,21 @@ use super::placement::Placed;
 use super::product::Product;
 use super::{DecodeEvent, DecodeOptionsError, DecodeTakeError, OutputFormat};
 use crate::timeline::Timeline;
-use crate::{Event, Observer};
+use crate::{Event, MemoryLimit, Observer};
 use isv_format::FrameRate;
 use isv_io::{
-    Format, GlbAnimationWriter, GlbEncoding, Output, check_frame_output, check_volume_output, is_pipe,
-    write_glb_to, write_mesh_placed, write_obj_files, write_points_placed, write_vdb_placed, write_volume,
-    write_volume_colours,
+    Format, GlbAnimationWriter, GlbEncoding, Output, UsdWriter, check_frame_output, check_volume_output,
+    is_pipe, write_glb_to, write_mesh_placed, write_obj_files, write_points_placed, write_vdb_placed,
+    write_volume, write_volume_colours,
 };
+use isv_volume::TriangleMesh;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Bytes that the frames of a USD file may take, unless another limit is given: some 400 frames of a person in voxels of 5 mm.
+const USD_BYTES: u64 = 4 << 30;
 
 /// The files of decoded frames, in order.
 pub(super) struct FrameFiles {
@@ -23,6 +27,9 @@ pub(super) struct FrameFiles {
     glb: GlbEncoding,
     placed: Placed,
     timeline: Timeline,
+    rate: FrameRate,
+    /// Bytes that the frames of a USD file may take.
+    memory: u64,
     place: Place,
     taken: usize,
 }
@@ -34,8 +41,10 @@ enum Place {
     Pipe(Output),
     /// A file. Its frame, which is shown at some time in seconds, is kept until it is sure that there is no other.
     File(Option<(f64, Product)>),
-    /// One file of all frames.
+    /// One GLB file of all frames.
     Animation(Box<GlbAnimationWriter>),
+    /// One USD file of all frames, once there is one.
+    Stage(Option<Box<UsdWriter>>),
 }
 
 impl FrameFiles {
@@ -46,6 +55,7 @@ impl FrameFiles {
         glb: GlbEncoding,
         placed: Placed,
         rate: FrameRate,
+        memory: MemoryLimit,
     ) -> Result<Self, DecodeTakeError> {
         let is_file = is_pipe(path) || OutputFormat::of_path(path).is_some();
         if is_file && format == OutputFormat::Npy {
@@ -53,11 +63,13 @@ impl FrameFiles {
         }
         let place = match format {
             OutputFormat::Geometry(Format::Ply) if is_pipe(path) => Place::Pipe(Output::create(path)?),
+            OutputFormat::Usd(_) if is_file => Place::Stage(None),
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
         let (path, timeline) = (path.to_owned(), Timeline::new(rate));
-        Ok(Self { path, format, glb, placed, timeline, place, taken: 0 })
+        let memory = memory.bytes.unwrap_or(USD_BYTES);
+        Ok(Self { path, format, glb, placed, timeline, rate, memory, place, taken: 0 })
     }
 
     /// Number of frames taken.
@@ -94,6 +106,13 @@ impl FrameFiles {
                 output.flush()?;
             }
             Place::Animation(animation) => push(animation, start_s, &product)?,
+            Place::Stage(Some(stage)) => stage.push(start_s, mesh_of(&product))?,
+            Place::Stage(None) => {
+                self.check_free(&self.path)?;
+                let mut stage = self.begin_stage(&self.path)?;
+                stage.push(start_s, mesh_of(&product))?;
+                self.place = Place::Stage(Some(Box::new(stage)));
+            }
             Place::File(held) => match held.take() {
                 None => *held = Some((start_s, product)),
                 Some(first) => self.begin_animation([first, (start_s, product)])?,
@@ -132,6 +151,11 @@ impl FrameFiles {
         {
             return Ok(write_obj_files(path, mesh, &self.placed.placement)?);
         }
+        if matches!(self.format, OutputFormat::Usd(_)) {
+            let mut stage = self.begin_stage(path)?;
+            stage.push(0.0, mesh_of(product))?;
+            return Ok(stage.finish(0.0)?);
+        }
         let mut file = Output::create(path)?;
         write_product(&mut file, product, self.format, self.glb, &self.placed)?;
         file.commit()?;
@@ -143,7 +167,7 @@ impl FrameFiles {
         match self.format {
             OutputFormat::Geometry(Format::Xyz) => return Ok(()),
             OutputFormat::Npy => check_volume_output(path)?,
-            OutputFormat::Vdb | OutputFormat::Geometry(_) => check_frame_output(path)?,
+            OutputFormat::Vdb | OutputFormat::Usd(_) | OutputFormat::Geometry(_) => check_frame_output(path)?,
         }
         Ok(())
     }
@@ -163,13 +187,19 @@ impl FrameFiles {
         Ok(())
     }
 
+    /// Starts a USD file.
+    fn begin_stage(&self, path: &Path) -> Result<UsdWriter, DecodeTakeError> {
+        let OutputFormat::Usd(encoding) = self.format else { unreachable!("USD files alone are stages") };
+        Ok(UsdWriter::create(path, encoding, self.placed.usd_stage(self.rate), self.memory)?)
+    }
+
     /// Completes the output. Tells what the folder still has of frames from before: who reads it as a take reads them too.
     pub(super) fn finish(self, observer: &dyn Observer) -> Result<(), DecodeTakeError> {
         if let Place::File(Some(_)) = self.place {
             self.check_free(&self.path)?;
         }
         match self.place {
-            Place::File(None) => {}
+            Place::File(None) | Place::Stage(None) => {}
             Place::Folder { left } => {
                 if let Some(first) = left.first() {
                     let (folder, frames, first) = (self.path, left.len(), first.clone());
@@ -178,6 +208,7 @@ impl FrameFiles {
             }
             Place::Pipe(output) => _ = output.commit()?,
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
+            Place::Stage(Some(stage)) => stage.finish(self.timeline.end_s())?,
             Place::File(Some((_, ref product))) => self.write_file(&self.path, product)?,
         }
         Ok(())
@@ -201,9 +232,13 @@ fn frames_in(folder: &Path, format: OutputFormat) -> BTreeSet<String> {
 }
 
 fn push(animation: &mut GlbAnimationWriter, start_s: f64, product: &Product) -> Result<(), DecodeTakeError> {
+    Ok(animation.push(start_s, mesh_of(product))?)
+}
+
+fn mesh_of(product: &Product) -> &TriangleMesh {
     match product {
-        Product::Mesh(mesh) => Ok(animation.push(start_s, mesh)?),
-        Product::Points(_) | Product::Volume { .. } => unreachable!("the recipe allows GLB for meshes alone"),
+        Product::Mesh(mesh) => mesh,
+        Product::Points(_) | Product::Volume { .. } => unreachable!("the recipe allows meshes alone"),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Forms of decoded frames, and their file formats.
 
 use super::{DecodeOptionsError, DecodeTakeError};
-use isv_io::{Format, check_folder_name, is_folder, is_pipe};
+use isv_io::{Format, UsdEncoding, check_folder_name, is_folder, is_pipe};
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
@@ -41,10 +41,14 @@ pub enum OutputFormat {
     Npy,
     /// A volume as OpenVDB has it.
     Vdb,
+    /// A mesh, or many of them over time, as USD has them.
+    Usd(UsdEncoding),
 }
 
 impl OutputFormat {
-    const VOLUMES: [(&'static str, Self); 2] = [("npy", Self::Npy), ("vdb", Self::Vdb)];
+    /// Those that are no [`Format`].
+    const OTHERS: [Self; 4] =
+        [Self::Usd(UsdEncoding::Binary), Self::Usd(UsdEncoding::Text), Self::Npy, Self::Vdb];
 
     /// The extension of its files, and its name on the command line.
     #[must_use]
@@ -53,6 +57,8 @@ impl OutputFormat {
             Self::Geometry(format) => format.extension(),
             Self::Npy => "npy",
             Self::Vdb => "vdb",
+            Self::Usd(UsdEncoding::Text) => "usda",
+            Self::Usd(UsdEncoding::Binary) => "usdc",
         }
     }
 
@@ -62,8 +68,12 @@ impl OutputFormat {
         if is_folder(path) {
             return None;
         }
-        let vdb = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"));
-        if vdb { Some(Self::Vdb) } else { Format::of_path(path).map(Self::Geometry) }
+        let is_named = |name: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(name));
+        // Files that are called .usd may be either, and readers look.
+        let usd = is_named("usd").then_some(Self::Usd(UsdEncoding::Binary));
+        let other =
+            Self::OTHERS.into_iter().find(|format| *format != Self::Npy && is_named(format.extension()));
+        usd.or(other).or_else(|| Format::of_path(path).map(Self::Geometry))
     }
 
     /// Settles what was left open: the name of the output tells the format, the format tells the form.
@@ -130,6 +140,7 @@ impl OutputFormat {
         match self {
             Self::Geometry(format) if format.writes_points() && !format.writes_mesh() => Form::Points,
             Self::Geometry(_) => Form::Mesh,
+            Self::Usd(_) => Form::Mesh,
             Self::Npy | Self::Vdb => Form::Volume,
         }
     }
@@ -138,6 +149,7 @@ impl OutputFormat {
         match (self, form) {
             (Self::Geometry(format), Form::Mesh) => format.writes_mesh(),
             (Self::Geometry(format), Form::Points) => format.writes_points(),
+            (Self::Usd(_), Form::Mesh) => true,
             (Self::Npy | Self::Vdb, Form::Volume) => true,
             _ => false,
         }
@@ -146,8 +158,7 @@ impl OutputFormat {
     /// All formats that hold a form.
     fn names_for(form: Form) -> String {
         let geometry = Format::ALL.iter().map(|format| Self::Geometry(*format));
-        let volumes = Self::VOLUMES.map(|(_, format)| format);
-        let all = geometry.chain(volumes).filter(|format| format.holds(form));
+        let all = geometry.chain(Self::OTHERS).filter(|format| format.holds(form));
         all.map(Self::extension).collect::<Vec<_>>().join(", ")
     }
 }
@@ -163,8 +174,8 @@ impl FromStr for OutputFormat {
 
     fn from_str(name: &str) -> Result<Self, String> {
         let forms = Form::ALL;
-        let volume = Self::VOLUMES.into_iter().find(|(own, _)| *own == name).map(|(_, format)| format);
-        let known = volume.or_else(|| name.parse().ok().map(Self::Geometry));
+        let other = Self::OTHERS.into_iter().find(|format| format.extension() == name);
+        let known = other.or_else(|| name.parse().ok().map(Self::Geometry));
         known.filter(|format| forms.into_iter().any(|form| format.holds(form))).ok_or_else(|| {
             let [meshes, points, volumes] = forms.map(Self::names_for);
             format!("`{name}` is not one of {meshes} (meshes), {points} (points), {volumes} (volumes)")

@@ -8,7 +8,7 @@ use crate::stream::AfterLoss;
 use crate::{FrameRange, Length, MemoryLimit, Observer, Up};
 use isv_decode::Lod;
 use isv_format::StreamHeader;
-use isv_io::{Format, GlbEncoding, Unit};
+use isv_io::{Format, GlbEncoding, Unit, is_pipe};
 use isv_simplify::Budget;
 use isv_surface::PointDensity;
 use std::num::NonZero;
@@ -21,7 +21,7 @@ pub struct DecodeOptions {
     pub form: Option<Form>,
     /// File format [default: that of the output's name, else PLY or arrays].
     pub format: Option<OutputFormat>,
-    /// Whether meshes have vertex normals [default: in GLB files].
+    /// Whether meshes have vertex normals [default: in GLB and USD files].
     pub normals: Option<bool>,
     /// Encoding of meshes in GLB files [default: plain].
     pub glb: Option<GlbEncoding>,
@@ -72,6 +72,9 @@ impl DecodeOptions {
             _ if self.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) => {
                 Some(DecodeOptionsError::NoGlb)
             }
+            _ if matches!(format, OutputFormat::Usd(_)) && is_pipe(output) => {
+                Some(DecodeOptionsError::UsdPipe)
+            }
             Form::Points | Form::Volume if self.normals == Some(false) => {
                 Some(DecodeOptionsError::NoMeshNormals)
             }
@@ -105,8 +108,10 @@ impl DecodeOptions {
         };
         Ok(Recipe {
             form,
-            // GLB files are for viewers, which shade flat without them.
-            normals: self.normals.unwrap_or(format == OutputFormat::Geometry(Format::Glb)),
+            // GLB and USD files are for viewers, which shade flat without them.
+            normals: self
+                .normals
+                .unwrap_or(matches!(format, OutputFormat::Geometry(Format::Glb) | OutputFormat::Usd(_))),
             density,
             profile: header.profile,
             grid: header.grid,

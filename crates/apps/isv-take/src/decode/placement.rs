@@ -4,7 +4,8 @@ use super::product::Product;
 use super::{DecodeEvent, DecodeOptions, DecodeOptionsError, Form, OutputFormat, PlacementOption};
 use crate::{Event, Length, Observer, Up};
 use glam::DVec3;
-use isv_io::{Format, Geometry, Placement, Unit};
+use isv_format::FrameRate;
+use isv_io::{Format, Geometry, Placement, Unit, UsdStage};
 use isv_volume::{PointCloud, TriangleMesh};
 
 /// Rounding of coordinates that nobody minds, in metres, where voxels are large.
@@ -51,10 +52,23 @@ impl Placed {
         if matches!(format, OutputFormat::Geometry(Format::Glb)) && has_other_axes {
             observer.event(&Event::Decode(DecodeEvent::NotGltf { unit, up }));
         }
+        if matches!(format, OutputFormat::Usd(_)) && !matches!(up, Up::Y | Up::Z) {
+            return Err(DecodeOptionsError::NoUsdAxis { up: up.name() });
+        }
         let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / unit.metres();
         let translation = DVec3::from(origin.unwrap_or_default());
         let is_rounded = matches!(format, OutputFormat::Geometry(Format::Stl));
         Ok(Self { unit, up, placement: Placement { translation, tolerance }, is_rounded })
+    }
+
+    /// What a USD file says of its coordinates and times.
+    pub(super) fn usd_stage(&self, rate: FrameRate) -> UsdStage {
+        UsdStage {
+            frames_per_second: rate.per_second(),
+            metres_per_unit: self.unit.metres(),
+            z_up: self.up == Up::Z,
+            translation: self.placement.translation,
+        }
     }
 
     /// A product in the output's unit and axes. Writers add the origin, as formats do it in ways of their own.
