@@ -1,0 +1,1 @@
+"""Frames of volumetric video as messages: see :mod:`isv_ros.messages`, which needs no ROS."""

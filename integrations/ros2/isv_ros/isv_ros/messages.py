@@ -1,0 +1,204 @@
+"""Frames to messages and back. Needs the package ``isv`` alone, no ROS.
+
+A message is a prefix of eight bytes and bytes of a stream. The prefix has two numbers of 32 bits, little-endian: that of the
+stream and that of the message in it, both from 0. Each group of pictures is a stream of its own, so that who listens from now on,
+or missed a message, goes on at the next one.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from typing import Any
+
+import isv
+
+_PREFIX = struct.Struct("<II")
+_WRAP = 1 << 32
+
+
+class Sender:
+    """Encodes frames to messages."""
+
+    def __init__(self, *, voxel: float, gop: int = 30, **options: Any) -> None:
+        """Begin.
+
+        Args:
+            voxel: Edge of a voxel (m).
+            gop: Frames of a group: a listener waits for at most so many.
+            options: Other options of ``isv.Writer``, such as ``quality`` or ``up``.
+
+        Raises:
+            ValueError: An option has a value that it cannot have.
+        """
+        if gop < 1:
+            raise ValueError(f"gop is {gop}: a group has at least 1 frame")
+        self._options = {"preset": "realtime", **options, "voxel": voxel, "gop": gop}
+        self._gop = gop
+        self._stream = -1
+        self._writer: isv.Writer | None = None
+        self._sink = _Sink()
+        self._number = 0
+
+    def push(self, frame: Any) -> bytes:
+        """Encode a frame, of any kind that ``isv.Writer.push`` takes: a cloud, a mesh, a field.
+
+        Returns:
+            The message.
+
+        Raises:
+            TypeError: The frame is none of these.
+            ValueError: It cannot be used. The next frame begins a group.
+        """
+        if self._writer is None or self._number == self._gop:
+            self._begin()
+        assert self._writer is not None
+        try:
+            self._writer.push(frame)
+        except Exception:
+            self._writer = None
+            raise
+        message = _PREFIX.pack(self._stream, self._number) + self._sink.take()
+        self._number += 1
+        return message
+
+    def _begin(self) -> None:
+        self._sink = _Sink()
+        self._writer = isv.Writer(self._sink, **self._options)
+        self._stream = (self._stream + 1) % _WRAP
+        self._number = 0
+
+
+class Receiver:
+    """Decodes messages to frames."""
+
+    def __init__(self, **options: Any) -> None:
+        """Begin.
+
+        Args:
+            options: Options of ``isv.open``, such as ``lod`` or ``memory_limit``.
+        """
+        self._options = options
+        self._decoding: _Decoding | None = None
+        self._next: tuple[int, int] | None = None
+
+    def push(self, message: bytes) -> list[isv.Frame]:
+        """Decode a message.
+
+        Args:
+            message: The message as it came.
+
+        Returns:
+            The frames that it completes: one, or none after a loss, until a group begins.
+
+        Raises:
+            ValueError: The message is none, or damaged. Decoding goes on at the next group.
+        """
+        if len(message) < _PREFIX.size:
+            raise ValueError(f"a message has at least {_PREFIX.size} bytes, not {len(message)}")
+        stream, number = _PREFIX.unpack_from(message)
+        if number == 0:
+            self.close()
+            self._decoding = _Decoding(self._options)
+        elif self._decoding is None or self._next != (stream, number):
+            self.close()
+            return []
+        assert self._decoding is not None
+        self._next = (stream, number + 1)
+        try:
+            frames = self._decoding.feed(message[_PREFIX.size :])
+            if not frames:
+                raise ValueError("a message that completes no frame: it was cut, or it is none")
+        except Exception:
+            self.close()
+            raise
+        return frames
+
+    def close(self) -> None:
+        """Forget what came, until a group begins."""
+        if self._decoding is not None:
+            self._decoding.end()
+        self._decoding, self._next = None, None
+
+
+class _Sink:
+    """A file that keeps what is written until it is taken."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def write(self, data: bytes) -> int:
+        self._parts.append(bytes(data))
+        return len(data)
+
+    def flush(self) -> None:
+        pass
+
+    def take(self) -> bytes:
+        data = b"".join(self._parts)
+        self._parts.clear()
+        return data
+
+
+class _Decoding:
+    """A stream that is decoded by a thread as its bytes come."""
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        self._options = options
+        self._changed = threading.Condition()
+        self._bytes = b""
+        self._ended = False
+        # Whether the thread has read all bytes and waits for more, or has ended.
+        self._idle = False
+        self._frames: list[isv.Frame] = []
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def read(self, size: int = -1) -> bytes:
+        """Give bytes to the decoder: waits for some, and has none at the end."""
+        with self._changed:
+            while not self._bytes and not self._ended:
+                self._idle = True
+                self._changed.notify_all()
+                self._changed.wait()
+            self._idle = False
+            end = len(self._bytes) if size < 0 else size
+            given, self._bytes = self._bytes[:end], self._bytes[end:]
+            return given
+
+    def feed(self, data: bytes) -> list[isv.Frame]:
+        """Decode bytes, and return the frames that they complete."""
+        with self._changed:
+            self._bytes += data
+            self._idle = False
+            self._changed.notify_all()
+            while not self._idle and self._thread.is_alive() and self._error is None:
+                self._changed.wait(timeout=1.0)
+            frames, self._frames = self._frames, []
+            if self._error is not None:
+                raise self._error
+            return frames
+
+    def end(self) -> None:
+        """End the thread."""
+        with self._changed:
+            self._ended = True
+            self._bytes = b""
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            with isv.open(self, **self._options) as take:
+                for frame in take:
+                    with self._changed:
+                        self._frames.append(frame)
+        except Exception as error:
+            with self._changed:
+                if not self._ended:
+                    self._error = error
+        finally:
+            with self._changed:
+                self._idle = True
+                self._changed.notify_all()
