@@ -18,7 +18,7 @@ fn short(name: &str) -> String {
 /// Imports of the programs and libraries, and those of their tests alone.
 fn of_manifests() -> (Imports, Imports) {
     let folders = |path: PathBuf| std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path());
-    let crates = folders(root().join("crates")).flat_map(folders);
+    let crates = folders(root().join("crates")).flat_map(folders).chain(folders(root().join("bindings")));
     let (mut all, mut only_tests) = (Imports::new(), Imports::new());
     for folder in crates.chain([root().join("xtask")]) {
         let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();

@@ -293,16 +293,6 @@ cli_enum! {
     }
 }
 
-/// The name of a kind of prediction.
-pub(crate) fn prediction(prediction: Prediction) -> &'static str {
-    match prediction {
-        Prediction::None => "none",
-        Prediction::ZeroMotion => "zero",
-        Prediction::ThreeDof => "3dof",
-        Prediction::SixDof => "6dof",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,6 +10,7 @@ use isv_metrics::{
 };
 use isv_surface::SurfaceOptions;
 use isv_volume::TriangleMesh;
+use serde::Serialize;
 use std::ops::Range;
 use thiserror::Error;
 
@@ -29,6 +30,41 @@ pub struct Evaluation {
     pub colours: Vec<ColourError>,
     /// The mean of each figure of colours over the frames that have it.
     pub mean_colours: ColourError,
+}
+
+/// Figures of an [`Evaluation`] as JSON has them: those of the mean, and `frames`. Their names are the keys of `isv eval --json`.
+#[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
+pub struct EvaluationFigures<'a> {
+    /// Figures of the mean.
+    #[serde(flatten)]
+    pub mean: FrameFigures<'a>,
+    /// Figures of each frame; `None` where both sides are empty.
+    pub frames: Vec<Option<FrameFigures<'a>>>,
+}
+
+/// Figures of a frame, or of the mean.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[non_exhaustive]
+pub struct FrameFigures<'a> {
+    /// Errors of geometry.
+    #[serde(flatten)]
+    pub geometry: &'a GeometryError,
+    /// Errors of colour.
+    #[serde(flatten)]
+    pub colours: &'a ColourError,
+}
+
+impl Evaluation {
+    /// Returns all figures, to be written as JSON.
+    #[must_use]
+    pub fn figures(&self) -> EvaluationFigures<'_> {
+        let frames = self.frames.iter().zip(&self.colours);
+        let frames = frames
+            .map(|(geometry, colours)| geometry.as_ref().map(|geometry| FrameFigures { geometry, colours }));
+        let mean = FrameFigures { geometry: &self.mean, colours: &self.mean_colours };
+        EvaluationFigures { mean, frames: frames.collect() }
+    }
 }
 
 /// Captures that could not be compared.
@@ -157,5 +193,26 @@ fn shape(geometry: &Geometry) -> Shape<'_> {
     match geometry {
         Geometry::Mesh(mesh) => mesh.into(),
         Geometry::Points(points) => points.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_stand_beside_distances_in_json() {
+        let mean = GeometryError { chamfer_mm: 2.5, ..GeometryError::default() };
+        let mean_colours = ColourError { colour_y_psnr_db: Some(38.25), ..ColourError::default() };
+        let (frames, colours) = (vec![None, Some(mean)], vec![ColourError::default(), mean_colours]);
+        let evaluation = Evaluation { first: 0, frames, mean, colours, mean_colours };
+        let json = serde_json::to_value(evaluation.figures()).unwrap();
+        assert!(json["frames"][0].is_null());
+        for figures in [&json, &json["frames"][1]] {
+            assert_eq!((&figures["chamfer_mm"], &figures["colour_y_psnr_db"]), (&2.5.into(), &38.25.into()));
+            for key in ["colour_ycc_psnr_db", "render_y_psnr_db", "render_ssim"] {
+                assert!(figures.as_object().unwrap()[key].is_null(), "{key}");
+            }
+        }
     }
 }

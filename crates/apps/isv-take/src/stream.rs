@@ -3,6 +3,8 @@
 mod concealing;
 mod cut;
 mod error;
+#[cfg(feature = "io")]
+mod info;
 mod join;
 mod repair;
 mod summary;
@@ -11,6 +13,8 @@ mod verify;
 pub use concealing::ConcealingFrames;
 pub use cut::cut;
 pub use error::{EditError, StreamError, StreamFault, damage_in_words};
+#[cfg(feature = "io")]
+pub use info::{PacketInfo, PaperInfo, StreamInfo};
 pub use join::join;
 pub use repair::{Repaired, repair};
 pub use summary::{PacketSummary, StreamSummary};
@@ -31,6 +35,11 @@ use std::time::Instant;
 
 /// Bytes from a file or a pipe.
 pub type ByteSource = Box<dyn Read + Send>;
+
+/// Bytes in which a reader can go to any place.
+pub trait SeekableBytes: Read + Seek + Send {}
+
+impl<S: Read + Seek + Send> SeekableBytes for S {}
 
 /// Opens a file that can be query in.
 ///
@@ -85,8 +94,15 @@ fn begin(
 /// # Errors
 /// [`StreamError`], which names it.
 pub fn load_index(input: &Input) -> Result<StreamIndex, StreamError> {
-    StreamIndex::load(&mut open_file(input)?)
-        .map_err(|error| StreamFault::from(error).in_stream(&input.name()))
+    index_of(&input.name(), &mut open_file(input)?)
+}
+
+/// Finds the frames of a stream in bytes; what follows a cut is not there. `name` is theirs in messages.
+///
+/// # Errors
+/// [`StreamError`], which names them.
+pub fn index_of(name: &str, source: &mut (impl Read + Seek)) -> Result<StreamIndex, StreamError> {
+    StreamIndex::load(source).map_err(|error| StreamFault::from(error).in_stream(name))
 }
 
 /// What a reader does where packets are damaged or missing.
@@ -164,7 +180,7 @@ impl StreamFrames {
         let mut first = 0;
         let path = input.path().filter(|path| path.is_file());
         if let (Some(range), true) = (settings.frames, path.is_some()) {
-            (packets, first) = seek(input, &header, range, settings.memory)?;
+            (packets, first) = seek(&input.name(), open_file(input)?, &header, range, settings.memory)?;
         }
         let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
         Ok(Self { length, first, next: first, ..Self::new(input.name(), header, packets, settings)? })
@@ -181,6 +197,21 @@ impl StreamFrames {
     ) -> Result<Self, StreamError> {
         let (packets, header) = begin(name, source, settings.memory)?;
         Self::new(name.to_owned(), header, packets, settings)
+    }
+
+    /// Reads a stream from bytes that can be sought in. Decoding begins at the last keyframe before the range.
+    ///
+    /// # Errors
+    /// [`StreamError`], which names it.
+    pub fn from_seekable(
+        name: &str,
+        mut source: Box<dyn SeekableBytes>,
+        settings: &DecodeSettings,
+    ) -> Result<Self, StreamError> {
+        let Some(range) = settings.frames else { return Self::from_source(name, Box::new(source), settings) };
+        let header = read_header(name, &mut source)?;
+        let (packets, first) = seek(name, source, &header, range, settings.memory)?;
+        Ok(Self { first, next: first, ..Self::new(name.to_owned(), header, packets, settings)? })
     }
 
     fn new(
@@ -273,24 +304,33 @@ impl Iterator for StreamFrames {
 
 /// A reader at the last keyframe before a range, and the number of that frame.
 fn seek(
-    input: &Input,
+    name: &str,
+    mut source: impl Read + Seek + Send + 'static,
     header: &StreamHeader,
     range: FrameRange,
     memory: MemoryLimit,
 ) -> Result<(PacketReader<ByteSource>, usize), StreamError> {
-    let index = load_index(input)?;
-    let mut file = open_file(input)?;
     let mut find = || {
+        let index = StreamIndex::load(&mut source)?;
         let range = range.within(index.frames.len())?;
         let no_keyframe = StreamFault::NoKeyframe { frame: range.start };
         let keyframe = index.keyframe_before(range.start).ok_or(no_keyframe)?;
         let at = index.frames[keyframe].at;
-        file.seek(SeekFrom::Start(at))?;
+        source.seek(SeekFrom::Start(at))?;
         Ok((at, keyframe))
     };
-    let (at, keyframe) = find().map_err(|fault: StreamFault| fault.in_stream(&input.name()))?;
-    let packets = PacketReader::at_packet(Box::new(file) as ByteSource, at, header);
+    let (at, keyframe) = find().map_err(|fault: StreamFault| fault.in_stream(name))?;
+    let packets = PacketReader::at_packet(Box::new(source) as ByteSource, at, header);
     Ok((packets.with_largest_payload(memory.largest_payload()), keyframe))
+}
+
+/// Reads the header of a stream. The source is behind it then.
+///
+/// # Errors
+/// [`StreamError`], which names the stream.
+pub fn read_header(name: &str, source: &mut dyn Read) -> Result<StreamHeader, StreamError> {
+    let packets = PacketReader::new(source).map_err(|error| StreamFault::from(error).in_stream(name))?;
+    Ok(*packets.header())
 }
 
 /// Tells that a stream that was read to its end ends without one.

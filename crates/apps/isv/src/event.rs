@@ -14,6 +14,12 @@ pub struct Event {
     pub is_warning: bool,
 }
 
+impl From<&isv_take::Event> for Event {
+    fn from(event: &isv_take::Event) -> Self {
+        Self { text: event.to_string(), is_warning: event.is_warning() }
+    }
+}
+
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
@@ -30,7 +36,7 @@ pub(crate) type ProgressHandler = Arc<dyn Fn(usize, Option<usize>) + Send + Sync
 /// Hands events to `tracing`, and to a handler if there is one.
 pub(crate) fn observer(handler: Option<EventHandler>) -> Arc<dyn Observer> {
     Arc::new(move |event: &isv_take::Event| {
-        let event = Event { text: event.to_string(), is_warning: event.is_warning() };
+        let event = Event::from(event);
         match event.is_warning {
             true => tracing::warn!("{event}"),
             false => tracing::info!("{event}"),

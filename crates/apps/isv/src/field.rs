@@ -1,41 +1,15 @@
-//! Frames that are no meshes: points, depth and colour images, and fields.
+//! Frames that are no meshes or points: depth and colour images, and fields.
 
-use crate::{Error, ErrorKind, Volume};
-use glam::{DMat4, DVec2, DVec3};
+use crate::{Error, ErrorKind, Volume, VolumeArrays};
+use glam::{DMat4, DVec2};
 use isv_io::fill_unobserved;
 use isv_volume::{
-    BlockCoord, BlockEdge, CODES_PER_VOXEL, CameraPose, DepthImage, Grid, Image, Intrinsics, PointCloud,
-    SparseVolume, Truncation, VolumeBuilder, VoxelMask, VoxelSize,
+    BlockCoord, BlockEdge, CODES_PER_VOXEL, CameraPose, DepthImage, Grid, Image, Intrinsics, SparseVolume,
+    Truncation, VolumeBuilder, VoxelMask, VoxelSize,
 };
 use std::collections::HashSet;
 use std::fmt::Display;
 use std::sync::Arc;
-
-/// Points of a surface, in metres.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Points {
-    /// Positions: x, y, z.
-    pub positions: Vec<[f32; 3]>,
-    /// Normals that point outside, one a point, zero where one is not known; empty if there are none.
-    pub normals: Vec<[f32; 3]>,
-    /// 8-bit sRGB colours, one a point; empty if there are none.
-    pub colours: Vec<[u8; 3]>,
-    /// Place that the points were seen from, if it is known. Estimated normals face it.
-    pub viewpoint: Option<[f32; 3]>,
-}
-
-impl Points {
-    pub(crate) fn to_raw(&self) -> PointCloud {
-        let wide = |v: &[f32; 3]| DVec3::from(v.map(f64::from));
-        PointCloud {
-            positions: self.positions.iter().map(wide).collect(),
-            normals: self.normals.iter().map(|normal| wide(normal).normalize_or_zero()).collect(),
-            colours: self.colours.clone(),
-            viewpoint: self.viewpoint.as_ref().map(wide),
-            ..PointCloud::default()
-        }
-    }
-}
 
 /// Image of a depth camera at one instant. Lens distortion has been removed.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,38 +89,62 @@ fn invalid(why: impl Display) -> Error {
 impl Volume {
     /// The volume as the codec has it, its distances as integers.
     pub(crate) fn to_raw(&self) -> Result<SparseVolume, Error> {
-        let edge = BlockEdge::from_voxels(self.edge).map_err(invalid)?;
-        let voxel_size = VoxelSize::from_metres(self.voxel_m).map_err(invalid)?;
-        let truncation = Truncation::from_voxels(self.truncation_voxels).map_err(invalid)?;
-        let invalid = |why: String| invalid(format!("a volume {why}"));
-        let grid = Grid { voxel_size, edge, truncation };
-        let limit = f64::from(truncation.codes());
-        let codes_per_metre = f64::from(CODES_PER_VOXEL) / voxel_size.metres();
-        let (mut builder, mut seen) = (VolumeBuilder::new(grid), HashSet::new());
-        for block in &self.blocks {
-            let coord = BlockCoord::from(block.coord);
-            if !coord.in_range() {
-                return Err(invalid(format!("has a block at {:?}, which is too far away", block.coord)));
-            }
-            if !seen.insert(block.coord) {
-                return Err(invalid(format!("has two blocks at {:?}", block.coord)));
-            }
-            if block.distances_m.len() != edge.block_voxels() {
-                let (found, wanted) = (block.distances_m.len(), edge.block_voxels());
-                return Err(invalid(format!("has a block of {found} distances in place of {wanted}")));
-            }
-            let mut unobserved = VoxelMask::empty(edge);
-            let code = |(voxel, distance): (usize, &f32)| {
-                if distance.is_nan() {
-                    unobserved.insert(voxel);
-                    return truncation.codes();
-                }
-                (f64::from(*distance) * codes_per_metre).round().clamp(-limit, limit) as i16
-            };
-            let mut samples: Vec<i16> = block.distances_m.iter().enumerate().map(code).collect();
-            fill_unobserved(edge, &mut samples, &unobserved);
-            builder.push(coord, samples, (!unobserved.is_empty()).then_some(unobserved));
-        }
-        Ok(builder.finish())
+        let blocks = self.blocks.iter().map(|block| (block.coord, &*block.distances_m));
+        raw_volume([self.edge, self.truncation_voxels], self.voxel_m, blocks)
     }
+}
+
+impl VolumeArrays {
+    /// The volume as the codec has it, its distances as integers.
+    pub(crate) fn to_raw(&self) -> Result<SparseVolume, Error> {
+        let edge = BlockEdge::from_voxels(self.edge).map_err(invalid)?;
+        let (found, wanted) = (self.distances_m.len(), self.coords.len().saturating_mul(edge.block_voxels()));
+        if found != wanted {
+            return Err(invalid(format!("a volume has {found} distances in place of {wanted}")));
+        }
+        let blocks = self.distances_m.chunks_exact(edge.block_voxels());
+        let blocks = self.coords.iter().copied().zip(blocks);
+        raw_volume([self.edge, self.truncation_voxels], self.voxel_m, blocks)
+    }
+}
+
+/// A volume as the codec has it, of the coordinates and distances of its blocks.
+fn raw_volume<'a>(
+    [edge, truncation_voxels]: [u32; 2],
+    voxel_m: f64,
+    blocks: impl Iterator<Item = ([i32; 3], &'a [f32])>,
+) -> Result<SparseVolume, Error> {
+    let edge = BlockEdge::from_voxels(edge).map_err(invalid)?;
+    let voxel_size = VoxelSize::from_metres(voxel_m).map_err(invalid)?;
+    let truncation = Truncation::from_voxels(truncation_voxels).map_err(invalid)?;
+    let invalid = |why: String| invalid(format!("a volume {why}"));
+    let grid = Grid { voxel_size, edge, truncation };
+    let limit = f64::from(truncation.codes());
+    let codes_per_metre = f64::from(CODES_PER_VOXEL) / voxel_size.metres();
+    let (mut builder, mut seen) = (VolumeBuilder::new(grid), HashSet::new());
+    for (place, distances_m) in blocks {
+        let coord = BlockCoord::from(place);
+        if !coord.in_range() {
+            return Err(invalid(format!("has a block at {place:?}, which is too far away")));
+        }
+        if !seen.insert(place) {
+            return Err(invalid(format!("has two blocks at {place:?}")));
+        }
+        if distances_m.len() != edge.block_voxels() {
+            let (found, wanted) = (distances_m.len(), edge.block_voxels());
+            return Err(invalid(format!("has a block of {found} distances in place of {wanted}")));
+        }
+        let mut unobserved = VoxelMask::empty(edge);
+        let code = |(voxel, distance): (usize, &f32)| {
+            if distance.is_nan() {
+                unobserved.insert(voxel);
+                return truncation.codes();
+            }
+            (f64::from(*distance) * codes_per_metre).round().clamp(-limit, limit) as i16
+        };
+        let mut samples: Vec<i16> = distances_m.iter().enumerate().map(code).collect();
+        fill_unobserved(edge, &mut samples, &unobserved);
+        builder.push(coord, samples, (!unobserved.is_empty()).then_some(unobserved));
+    }
+    Ok(builder.finish())
 }

@@ -1,9 +1,9 @@
 //! Decoded frames.
 
-use crate::{Error, Mesh};
+use crate::{Error, ErrorKind, Mesh, Points};
 use isv_decode::colour::{ColourFrame, surface_colours};
 use isv_format::{Profile, StreamHeader};
-use isv_surface::SurfaceOptions;
+use isv_surface::{PointDensity, SurfaceOptions, sample_evenly};
 use isv_take::MemoryLimit;
 use isv_take::stream::StreamFrame;
 use isv_volume::{BlockSet, CODES_PER_VOXEL, Grid, SparseVolume};
@@ -36,6 +36,21 @@ pub struct Volume {
     pub truncation_voxels: u32,
     /// The blocks, each of them once.
     pub blocks: Vec<Block>,
+}
+
+/// A sparse signed distance field as plain arrays: what [`Volume`] holds, block after block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VolumeArrays {
+    /// Edge of a voxel (m).
+    pub voxel_m: f64,
+    /// Edge of a block (voxels): 4, 8 or 16.
+    pub edge: u32,
+    /// Distance from the surface at which distances are cut off (voxels).
+    pub truncation_voxels: u32,
+    /// Places of the blocks, in blocks, each of them once.
+    pub coords: Vec<[i32; 3]>,
+    /// Distances of all blocks, in the order of [`Self::coords`]; those of a block as in [`Block::distances_m`].
+    pub distances_m: Vec<f32>,
 }
 
 /// A block of a [`Volume`].
@@ -73,9 +88,54 @@ impl Frame {
     /// # Errors
     /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface that there is no memory for.
     pub fn mesh(&self) -> Result<Mesh, Error> {
-        let mesh = self.memory.surface(&self.volume, SurfaceOptions { normals: true })?;
+        self.mesh_with(SurfaceOptions { normals: true })
+    }
+
+    /// Extracts the surface as [`Self::mesh`] does, without normals, which saves the time to find them.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface that there is no memory for.
+    pub fn mesh_without_normals(&self) -> Result<Mesh, Error> {
+        self.mesh_with(SurfaceOptions { normals: false })
+    }
+
+    fn mesh_with(&self, options: SurfaceOptions) -> Result<Mesh, Error> {
+        let mesh = self.memory.surface(&self.volume, options)?;
         let colours = self.colour.as_ref().map(|colour| surface_colours(colour, &self.grid, &mesh.vertices));
         Ok(Mesh { colours: colours.unwrap_or_default(), ..Mesh::from_raw(mesh) })
+    }
+
+    /// Spreads so many points evenly over the surface, with normals, and with colours if the stream has any.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface or points that there is no memory for.
+    pub fn points(&self, count: usize) -> Result<Points, Error> {
+        self.points_with(PointDensity::Count(count))
+    }
+
+    /// Spreads points evenly over the surface, each for a square of it with an edge of a voxel.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a surface or points that there is no memory for.
+    pub fn points_by_voxel(&self) -> Result<Points, Error> {
+        self.points_with(PointDensity::Spacing(self.volume.grid().voxel_size.metres()))
+    }
+
+    fn points_with(&self, density: PointDensity) -> Result<Points, Error> {
+        let mesh = self.memory.surface(&self.volume, SurfaceOptions { normals: true })?;
+        let points = sample_evenly(&mesh, density).map_err(|why| Error::new(ErrorKind::Memory, why))?;
+        let colours =
+            self.colour.as_ref().map(|colour| surface_colours(colour, &self.grid, &points.positions));
+        Ok(Points { colours: colours.unwrap_or_default(), ..Points::from_raw(&points) })
+    }
+
+    /// Returns the field as [`Self::volume`] does, as plain arrays.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Memory`](crate::ErrorKind::Memory) for a field that there is no memory for.
+    pub fn volume_arrays(&self) -> Result<VolumeArrays, Error> {
+        let field = self.field()?;
+        Ok(arrays_of(&field))
     }
 
     /// Returns the field. Streams of profile `main` keep distances near the surface alone; without the feature `io` the others of
@@ -114,23 +174,30 @@ impl Frame {
 }
 
 fn volume_of(volume: &SparseVolume) -> Volume {
+    let VolumeArrays { voxel_m, edge, truncation_voxels, coords, distances_m } = arrays_of(volume);
+    let blocks = distances_m.chunks_exact(volume.grid().edge.block_voxels());
+    let block = |(coord, distances_m): (_, &[f32])| Block { coord, distances_m: distances_m.to_vec() };
+    Volume { voxel_m, edge, truncation_voxels, blocks: coords.into_iter().zip(blocks).map(block).collect() }
+}
+
+fn arrays_of(volume: &SparseVolume) -> VolumeArrays {
     let grid = volume.grid();
     let metres_per_code = (grid.voxel_size.metres() / f64::from(CODES_PER_VOXEL)) as f32;
-    let block = |index: usize| {
-        let unobserved = volume.unobserved(index);
-        let distance = |(voxel, code): (usize, &i16)| match unobserved {
-            Some(mask) if mask.contains(voxel) => f32::NAN,
-            _ => f32::from(*code) * metres_per_code,
-        };
-        Block {
-            coord: volume.coords()[index].to_array(),
-            distances_m: volume.block(index).iter().enumerate().map(distance).collect(),
+    let mut distances_m = Vec::with_capacity(volume.block_count() * grid.edge.block_voxels());
+    for index in 0..volume.block_count() {
+        let distances = volume.block(index).iter().map(|code| f32::from(*code) * metres_per_code);
+        match volume.unobserved(index) {
+            None => distances_m.extend(distances),
+            Some(mask) => distances_m.extend(
+                distances.enumerate().map(|(voxel, m)| if mask.contains(voxel) { f32::NAN } else { m }),
+            ),
         }
-    };
-    Volume {
+    }
+    VolumeArrays {
         voxel_m: grid.voxel_size.metres(),
         edge: grid.edge.voxels() as u32,
         truncation_voxels: grid.truncation.voxels(),
-        blocks: (0..volume.block_count()).map(block).collect(),
+        coords: volume.coords().iter().map(|coord| coord.to_array()).collect(),
+        distances_m,
     }
 }

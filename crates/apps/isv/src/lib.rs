@@ -27,10 +27,12 @@
 //! All items but those of [`raw`], which are the layers below, with no promise. No value that can be made by the others panics: what
 //! is wrong is an [`Error`]. Warnings go to [`tracing`], and to a callback of whoever asks.
 
+mod bytes;
 mod error;
 mod event;
 mod frame;
 mod mesh;
+mod points;
 pub mod raw;
 mod reader;
 
@@ -52,11 +54,12 @@ mod writer;
 
 pub use error::{Error, ErrorKind};
 pub use event::Event;
-pub use frame::{Block, Frame, Volume};
+pub use frame::{Block, Frame, Volume, VolumeArrays};
 pub use isv_decode::Lod;
 pub use isv_take::stream::AfterLoss;
 pub use isv_take::{Cancellation, Device};
 pub use mesh::Mesh;
+pub use points::Points;
 pub use reader::Reader;
 
 #[cfg(feature = "io")]
@@ -71,7 +74,7 @@ pub use quantity::Quantity;
 #[cfg(feature = "encode")]
 pub use encode_options::EncodeOptions;
 #[cfg(feature = "encode")]
-pub use field::{ColourView, DepthView, Points};
+pub use field::{ColourView, DepthView};
 #[cfg(feature = "encode")]
 pub use isv_encode::{Preset, Refresh};
 #[cfg(feature = "encode")]

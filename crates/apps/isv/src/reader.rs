@@ -1,36 +1,49 @@
 //! Streams to frames.
 
+use crate::bytes::{SharedBytes, SharedSource};
 use crate::event::{EventHandler, observer};
 use crate::{Error, ErrorKind, Event, Frame};
 use isv_decode::Lod;
-use isv_format::StreamHeader;
+use isv_format::{StreamHeader, StreamIndex};
 use isv_take::stream::{
-    self, AfterLoss, ByteSource, ConcealingFrames, DecodeSettings, StreamError, StreamFrame, StreamFrames,
+    self, AfterLoss, ByteSource, ConcealingFrames, DecodeSettings, SeekableBytes, StreamError, StreamFrame,
+    StreamFrames,
 };
 use isv_take::{Device, FrameRange, Input, MemoryLimit, OpenDevice};
-use std::io::Read;
+use std::io::{Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 /// Reads the frames of a stream in order, or from any frame on. An iterator over frames, too.
 pub struct Reader {
-    input: Input,
+    source: Source,
     name: String,
     header: Option<StreamHeader>,
-    /// Bytes that cannot be query in, until they are read.
-    source: Option<ByteSource>,
-    /// Number of frames, of a file.
-    frames: Option<usize>,
+    /// Places of the frames, where the source can be sought in and its index is sound.
+    index: Option<StreamIndex>,
     lod: Lod,
     after_loss: AfterLoss,
     colour: bool,
     device: Device,
     memory: MemoryLimit,
     events: Option<EventHandler>,
+    /// Number of the first frame to read.
     start: usize,
+    /// Number of the frame that comes next.
+    next: usize,
     running: Option<Running>,
     has_failed: bool,
+}
+
+/// Where the bytes of a stream are.
+enum Source {
+    /// In a file.
+    File(Input),
+    /// In bytes that can be sought in, which are opened anew for each start.
+    Seekable(Box<dyn Fn() -> Box<dyn SeekableBytes> + Send>),
+    /// In bytes that come once, until they are read.
+    Once(Option<ByteSource>),
 }
 
 struct Running {
@@ -46,24 +59,52 @@ impl Reader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let input = Input::from(path);
         let (_, header) = stream::open(&input, MemoryLimit::default())?;
-        let frames = stream::load_index(&input).ok().map(|index| index.frames.len());
-        Ok(Self { header: Some(header), frames, ..Self::with_source(input.name(), input, None) })
+        let index = stream::load_index(&input).ok();
+        let name = input.name();
+        Ok(Self { header: Some(header), index, ..Self::with_source(name, Source::File(input)) })
+    }
+
+    /// Opens a stream in memory. `name` is its name in errors.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Stream`] for bytes that are no stream.
+    pub fn from_bytes(name: &str, bytes: impl AsRef<[u8]> + Send + Sync + 'static) -> Result<Self, Error> {
+        let bytes = SharedBytes::new(bytes);
+        Self::with_seekable(name, Box::new(move || Box::new(bytes.open())))
+    }
+
+    /// Opens a stream in bytes that can be sought in, such as an archive's. `name` is its name in errors.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] for bytes that cannot be read, [`ErrorKind::Stream`] for bytes that are no stream.
+    pub fn from_seekable(name: &str, source: impl Read + Seek + Send + 'static) -> Result<Self, Error> {
+        let source = SharedSource::new(source);
+        Self::with_seekable(name, Box::new(move || Box::new(source.open())))
+    }
+
+    fn with_seekable(
+        name: &str,
+        open: Box<dyn Fn() -> Box<dyn SeekableBytes> + Send>,
+    ) -> Result<Self, Error> {
+        let header = stream::read_header(name, &mut open())?;
+        let index = stream::index_of(name, &mut open()).ok();
+        let reader = Self::with_source(name.to_owned(), Source::Seekable(open));
+        Ok(Self { header: Some(header), index, ..reader })
     }
 
     /// Reads a stream from bytes as they come, such as a socket's. `name` is theirs in errors. No byte is read before the first frame
     /// is asked for.
     #[must_use]
     pub fn from_read(name: &str, source: impl Read + Send + 'static) -> Self {
-        Self::with_source(name.to_owned(), Input::StandardInput, Some(Box::new(source)))
+        Self::with_source(name.to_owned(), Source::Once(Some(Box::new(source))))
     }
 
-    fn with_source(name: String, input: Input, source: Option<ByteSource>) -> Self {
+    fn with_source(name: String, source: Source) -> Self {
         Self {
-            input,
+            source,
             name,
             header: None,
-            source,
-            frames: None,
+            index: None,
             lod: Lod::Full,
             after_loss: AfterLoss::Stop,
             colour: true,
@@ -71,6 +112,7 @@ impl Reader {
             memory: MemoryLimit::default(),
             events: None,
             start: 0,
+            next: 0,
             running: None,
             has_failed: false,
         }
@@ -119,10 +161,16 @@ impl Reader {
         self
     }
 
-    /// Number of frames, if the stream is a file with a sound index.
+    /// Number of frames, unless bytes come once.
     #[must_use]
     pub fn frames(&self) -> Option<usize> {
-        self.frames
+        self.index.as_ref().map(|index| index.frames.len())
+    }
+
+    /// Frames a second, once the header was read: at once unless bytes come once.
+    #[must_use]
+    pub fn fps(&self) -> Option<f64> {
+        self.header().map(|header| header.frame_rate.per_second())
     }
 
     /// Nominal time from frame to frame, once the header was read: at once for files.
@@ -142,15 +190,82 @@ impl Reader {
     /// # Errors
     /// [`ErrorKind::Options`] for bytes that cannot be query in, and for a frame that is not there.
     pub fn seek(&mut self, frame: usize) -> Result<(), Error> {
-        if self.input.path().is_none() {
-            return Err(Error::new(ErrorKind::Options, format!("{}: only files can be query in", self.name)));
-        }
-        if let Some(frames) = self.frames.filter(|frames| frame >= *frames) {
-            let why = format!("{}: frame {frame} asked for, but there are {frames}", self.name);
-            return Err(Error::new(ErrorKind::Options, why));
-        }
-        (self.start, self.running, self.has_failed) = (frame, None, false);
+        self.check_frame(frame)?;
+        self.start_at(frame);
         Ok(())
+    }
+
+    /// Goes to the start, where there may be no frame.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Options`] for bytes that come once.
+    pub fn rewind(&mut self) -> Result<(), Error> {
+        self.check_seekable()?;
+        self.start_at(0);
+        Ok(())
+    }
+
+    /// Number of the frame that [`Self::next_frame`] reads, if the last one could be read.
+    #[must_use]
+    pub fn next_number(&self) -> Option<usize> {
+        (!self.has_failed).then_some(self.next)
+    }
+
+    /// Goes towards a frame by the shortest way: on from the frame that comes next, or from the last keyframe before it. Returns the number
+    /// of the frame that [`Self::next_frame`] reads then, so that a caller may stop on the way.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Options`], as of [`Self::seek`].
+    pub fn approach(&mut self, frame: usize) -> Result<usize, Error> {
+        self.check_frame(frame)?;
+        let keyframe = match (self.after_loss, &self.index) {
+            (AfterLoss::Stop, Some(index)) => index.keyframe_before(frame).unwrap_or(frame),
+            // What is held in place of lost frames is known from the start on alone.
+            _ => 0,
+        };
+        if self.has_failed || self.running.is_none() || !(keyframe..=frame).contains(&self.next) {
+            self.start_at(keyframe);
+        }
+        Ok(self.next)
+    }
+
+    /// Reads a frame by its number. Frames that follow one another are decoded once.
+    ///
+    /// # Errors
+    /// [`Self::seek`] and [`Self::next_frame`] say which.
+    pub fn frame(&mut self, number: usize) -> Result<Frame, Error> {
+        self.approach(number)?;
+        while let Some(frame) = self.next_frame()? {
+            if frame.number() >= number {
+                return Ok(frame);
+            }
+        }
+        Err(Error::new(ErrorKind::Stream, format!("{}: ends before frame {number}", self.name)))
+    }
+
+    fn check_frame(&self, frame: usize) -> Result<(), Error> {
+        self.check_seekable()?;
+        match self.frames() {
+            Some(frames) if frame >= frames => {
+                let why = format!("{}: frame {frame} asked for, but there are {frames}", self.name);
+                Err(Error::new(ErrorKind::Options, why))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_seekable(&self) -> Result<(), Error> {
+        match self.source {
+            Source::Once(_) => {
+                let why = format!("{}: bytes that come once cannot be sought in", self.name);
+                Err(Error::new(ErrorKind::Options, why))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn start_at(&mut self, frame: usize) {
+        (self.start, self.next, self.running, self.has_failed) = (frame, frame, None, false);
     }
 
     /// Reads the next frame; `None` behind the last one.
@@ -172,7 +287,9 @@ impl Reader {
             None => self.begin()?,
         };
         let Running { header, frames } = self.running.insert(running);
-        frames.next().map(|frame| Frame::new(frame?, header, self.memory)).transpose()
+        let frame = frames.next().map(|frame| Frame::new(frame?, header, self.memory)).transpose()?;
+        self.next = frame.as_ref().map_or(self.next, |frame| frame.number() + 1);
+        Ok(frame)
     }
 
     fn begin(&mut self) -> Result<Running, Error> {
@@ -187,19 +304,21 @@ impl Reader {
             memory: self.memory,
             observer,
         };
-        let source = match (self.source.take(), self.input.path()) {
-            (Some(source), _) => Some(source),
-            (None, Some(_)) => None,
-            (None, None) => return Err(Error::new(ErrorKind::Input, "the bytes were read already")),
-        };
-        Ok(match (self.after_loss, source) {
-            (AfterLoss::Stop, None) => Running::whole(StreamFrames::open(&self.input, &settings)?),
-            (AfterLoss::Stop, Some(source)) => {
-                Running::whole(StreamFrames::from_source(&self.name, source, &settings)?)
+        let name = &self.name;
+        Ok(match (self.after_loss, &mut self.source) {
+            (AfterLoss::Stop, Source::File(input)) => Running::whole(StreamFrames::open(input, &settings)?),
+            (AfterLoss::Stop, Source::Seekable(open)) => {
+                Running::whole(StreamFrames::from_seekable(name, open(), &settings)?)
             }
-            (_, None) => Running::concealing(ConcealingFrames::open(&self.input, &settings)?),
-            (_, Some(source)) => {
-                Running::concealing(ConcealingFrames::from_source(&self.name, source, &settings)?)
+            (AfterLoss::Stop, Source::Once(source)) => {
+                Running::whole(StreamFrames::from_source(name, take_once(source)?, &settings)?)
+            }
+            (_, Source::File(input)) => Running::concealing(ConcealingFrames::open(input, &settings)?),
+            (_, Source::Seekable(open)) => {
+                Running::concealing(ConcealingFrames::from_source(name, Box::new(open()), &settings)?)
+            }
+            (_, Source::Once(source)) => {
+                Running::concealing(ConcealingFrames::from_source(name, take_once(source)?, &settings)?)
             }
         })
     }
@@ -207,6 +326,10 @@ impl Reader {
     fn header(&self) -> Option<&StreamHeader> {
         self.running.as_ref().map(|running| &running.header).or(self.header.as_ref())
     }
+}
+
+fn take_once(source: &mut Option<ByteSource>) -> Result<ByteSource, Error> {
+    source.take().ok_or_else(|| Error::new(ErrorKind::Input, "the bytes were read already"))
 }
 
 impl Running {
@@ -231,7 +354,7 @@ impl std::fmt::Debug for Reader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Reader")
             .field("name", &self.name)
-            .field("frames", &self.frames)
+            .field("frames", &self.frames())
             .finish_non_exhaustive()
     }
 }

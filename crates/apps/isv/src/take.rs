@@ -14,6 +14,8 @@ use isv_take::{
     capture::Capture,
     encode::{Job, Watch},
 };
+#[cfg(feature = "encode")]
+use std::io::Write;
 
 /// Result of decoding a stream to files.
 #[derive(Clone, Debug)]
@@ -71,6 +73,30 @@ pub fn encode(
     output: impl AsRef<Path>,
     options: &EncodeOptions,
 ) -> Result<Report, Error> {
+    let (file, report) = encode_with(input.as_ref(), options, || Ok(AtomicFile::create(output.as_ref())?))?;
+    file.commit()?;
+    Ok(report)
+}
+
+/// Encodes a capture into a sink. `input` is what [`encode`] takes.
+///
+/// # Errors
+/// See [`Error::kind`]. What the sink got by then is a stream without an end.
+#[cfg(feature = "encode")]
+pub fn encode_to<W: Write>(
+    input: impl AsRef<Path>,
+    sink: W,
+    options: &EncodeOptions,
+) -> Result<(W, Report), Error> {
+    encode_with(input.as_ref(), options, || Ok(sink))
+}
+
+#[cfg(feature = "encode")]
+fn encode_with<W: Write>(
+    input: &Path,
+    options: &EncodeOptions,
+    create: impl FnOnce() -> Result<W, Error>,
+) -> Result<(W, Report), Error> {
     options.check()?;
     let observer = options.job.observer();
     let capture = Capture::open(&Input::from(input), &options.raw.hints(&observer)?);
@@ -79,7 +105,7 @@ pub fn encode(
     let mut passes = Passes(&options.job.cancellation);
     let job = Job::prepare(capture, &options.raw, open_device, &observer, &mut passes)?;
     let (total, mut done) = (job.frames(), 0);
-    let sink = Counted { sink: AtomicFile::create(output.as_ref())?, bytes: 0 };
+    let sink = Counted { sink: create()?, bytes: 0 };
     let coded = job.run(sink, |_| {
         done += 1;
         if let Some(progress) = &options.job.progress {
@@ -88,8 +114,7 @@ pub fn encode(
     });
     let (writer, report) = coded.map_err(|unfinished| unfinished.error)?;
     let Counted { sink, bytes } = writer.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
-    sink.commit()?;
-    Ok(Report::new(&report, bytes))
+    Ok((sink, Report::new(&report, bytes)))
 }
 
 /// Passes that look for settings: nobody follows them, but they can be cancelled.

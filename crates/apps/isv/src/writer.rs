@@ -1,6 +1,6 @@
 //! Frames to streams, one by one.
 
-use crate::{ColourView, DepthView, EncodeOptions, Error, ErrorKind, Mesh, Points, Volume};
+use crate::{ColourView, DepthView, EncodeOptions, Error, ErrorKind, Mesh, Points, Volume, VolumeArrays};
 use isv_io::{AtomicFile, Geometry};
 use isv_take::Length;
 use isv_take::capture::Content;
@@ -153,6 +153,14 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// See [`Self::push_mesh`].
     pub fn push_volume(&mut self, volume: &Volume) -> Result<(), Error> {
+        self.push(Content::Volume(volume.to_raw()?), None)
+    }
+
+    /// Encodes a field in plain arrays.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_volume_arrays(&mut self, volume: &VolumeArrays) -> Result<(), Error> {
         self.push(Content::Volume(volume.to_raw()?), None)
     }
 

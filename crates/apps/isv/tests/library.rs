@@ -342,6 +342,102 @@ fn a_file_appears_whole_and_can_be_sought_in() {
 }
 
 #[test]
+fn bytes_and_seekable_sources_give_any_frame_by_the_shortest_way() {
+    let bytes = stream(&options().gop(4), 10);
+    let all: Vec<_> = reader(&bytes).map(|frame| frame.unwrap().mesh().unwrap()).collect();
+    let readers: [fn(&[u8]) -> Reader; 2] = [
+        |bytes| Reader::from_bytes("bytes", bytes.to_vec()).unwrap(),
+        |bytes| Reader::from_seekable("archive", Cursor::new(bytes.to_vec())).unwrap(),
+    ];
+    for open in readers {
+        let mut reader = open(&bytes);
+        assert_eq!((reader.frames(), reader.fps()), (Some(10), Some(30.0)));
+        for number in [7, 2, 3, 9, 0, 0, 8] {
+            let frame = reader.frame(number).unwrap();
+            assert_eq!(frame.number(), number);
+            assert!(frame.mesh().unwrap() == all[number], "frame {number}");
+        }
+        // From the keyframe before a frame, or on from the frame that comes next.
+        for (frame, begin) in [(7, 4), (6, 5), (9, 8)] {
+            assert_eq!(reader.approach(frame).unwrap(), begin);
+            assert_eq!(reader.next_frame().unwrap().unwrap().number(), begin);
+        }
+        assert_eq!(reader.approach(9).unwrap(), 9);
+        assert_eq!(kind(reader.frame(10)), ErrorKind::Options);
+        reader.seek(5).unwrap();
+        assert_eq!(reader.by_ref().map(|frame| frame.unwrap().number()).collect::<Vec<_>>(), [5, 6, 7, 8, 9]);
+        reader = open(&bytes);
+        assert_eq!(reader.frame(9).unwrap().number(), 9);
+        assert_eq!(reader.next_number(), Some(10));
+        assert!(reader.next_frame().unwrap().is_none());
+        reader.rewind().unwrap();
+        assert_eq!(reader.next_frame().unwrap().unwrap().number(), 0);
+        // What is held in place of a lost frame is known from the start on.
+        let mut holding = open(&bytes).after_loss(AfterLoss::Hold);
+        assert_eq!(holding.approach(6).unwrap(), 0);
+        assert!(holding.frame(6).unwrap().mesh().unwrap() == all[6]);
+    }
+    assert_eq!(
+        kind(Reader::from_bytes("text", b"no stream, but long enough for a header".to_vec())),
+        ErrorKind::Stream
+    );
+    assert_eq!(kind(reader(&bytes).approach(1)), ErrorKind::Options);
+    assert_eq!(kind(reader(&bytes).rewind()), ErrorKind::Options);
+}
+
+#[test]
+fn two_readers_of_one_source_have_places_of_their_own() {
+    let bytes = stream(&options().gop(4), 10);
+    let mut reader = Reader::from_seekable("archive", Cursor::new(bytes)).unwrap();
+    // The reader of the header and the index went before, each from the first byte.
+    assert_eq!(reader.next_frame().unwrap().unwrap().number(), 0);
+    assert_eq!(reader.frame(9).unwrap().number(), 9);
+    assert_eq!(reader.frame(1).unwrap().number(), 1);
+}
+
+#[test]
+fn frames_become_points_and_plain_arrays() {
+    let frame = reader(&coloured_stream(&options(), 1)).next().unwrap().unwrap();
+    let points = frame.points(500).unwrap();
+    assert_eq!([points.positions.len(), points.normals.len(), points.colours.len()], [500; 3]);
+    let spaced = frame.points_by_voxel().unwrap();
+    // The box has 1.12 m2, which is 2800 squares of 20 mm.
+    assert!((2500..3100).contains(&spaced.positions.len()), "{}", spaced.positions.len());
+    let (mesh, plain) = (frame.mesh().unwrap(), frame.mesh_without_normals().unwrap());
+    assert!(plain == Mesh { normals: Vec::new(), ..mesh });
+
+    let (volume, arrays) = (frame.volume().unwrap(), frame.volume_arrays().unwrap());
+    let coords: Vec<_> = volume.blocks.iter().map(|block| block.coord).collect();
+    assert_eq!(arrays.coords, coords);
+    let bits = |distances: &[f32]| distances.iter().map(|m| m.to_bits()).collect::<Vec<_>>();
+    let distances: Vec<f32> = volume.blocks.iter().flat_map(|block| block.distances_m.clone()).collect();
+    assert_eq!(bits(&arrays.distances_m), bits(&distances));
+
+    // Both are the same frame to an encoder.
+    let encode = |push: &dyn Fn(&mut Writer<Vec<u8>>) -> Result<(), Error>| {
+        let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
+        push(&mut writer).unwrap();
+        writer.into_inner().unwrap().0
+    };
+    let expected = encode(&|writer| writer.push_volume(&volume));
+    assert!(encode(&|writer| writer.push_volume_arrays(&arrays)) == expected);
+    let mut short = arrays.clone();
+    short.distances_m.pop();
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
+    assert_eq!(kind(writer.push_volume_arrays(&short)), ErrorKind::Frame);
+}
+
+#[test]
+fn a_folder_is_encoded_into_any_sink() {
+    let folder = folder_of_meshes(3);
+    let (output, options) = (folder.path().join("take.isv"), options().units(Unit::Centimetre));
+    take::encode(folder.path().join("*.obj"), &output, &options).unwrap();
+    let (bytes, report) = take::encode_to(folder.path().join("*.obj"), Vec::new(), &options).unwrap();
+    assert_eq!((report.frames, report.bytes), (3, bytes.len() as u64));
+    assert!(bytes == std::fs::read(&output).unwrap());
+}
+
+#[test]
 fn what_cannot_be_read_is_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("take.isv");

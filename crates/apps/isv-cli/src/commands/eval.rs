@@ -15,7 +15,6 @@ use isv::raw::io::Unit;
 use isv::raw::metrics::{ColourError, CompareOptions, GeometryError};
 use isv::raw::take::capture::Hints;
 use isv::raw::take::{Evaluation, FrameRange, Length, evaluate};
-use serde::Serialize;
 use std::path::PathBuf;
 
 /// Measure the error of frames against a reference: of their geometry and of their colours
@@ -82,35 +81,6 @@ pub(crate) struct Args {
     frames: Option<FrameRange>,
 }
 
-/// The fields of the mean and `frames` are the keys of `isv eval --json`.
-#[derive(Debug, Serialize)]
-struct EvaluationJson<'a> {
-    #[serde(flatten)]
-    mean: FigureJson<'a>,
-    frames: Vec<Option<FigureJson<'a>>>,
-}
-
-/// All figures of a frame, or of the mean.
-#[derive(Debug, Serialize)]
-struct FigureJson<'a> {
-    #[serde(flatten)]
-    geometry: &'a GeometryError,
-    #[serde(flatten)]
-    colours: &'a ColourError,
-}
-
-impl<'a> EvaluationJson<'a> {
-    fn new(evaluation: &'a Evaluation) -> Self {
-        let of_frame = |(geometry, colours): (&'a Option<GeometryError>, &'a ColourError)| {
-            geometry.as_ref().map(|geometry| FigureJson { geometry, colours })
-        };
-        Self {
-            mean: FigureJson { geometry: &evaluation.mean, colours: &evaluation.mean_colours },
-            frames: evaluation.frames.iter().zip(&evaluation.colours).map(of_frame).collect(),
-        }
-    }
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     let invalid_points = invalid_points(args.drop_invalid_points);
@@ -128,7 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let evaluation = evaluate(reference, test, args.frames, &options, memory, stop, || progress.step())?;
     drop(progress);
     print(&if args.json {
-        serde_json::to_string_pretty(&EvaluationJson::new(&evaluation))?
+        serde_json::to_string_pretty(&evaluation.figures())?
     } else {
         let Evaluation { first, frames, mean, .. } = &evaluation;
         let tables = [Some(table(frames, mean, *first)), colour_table(&evaluation)];
@@ -251,17 +221,6 @@ mod tests {
 
     fn colours(psnr: Option<f64>, ssim: Option<f64>) -> ColourError {
         ColourError { colour_y_psnr_db: psnr, render_ssim: ssim, ..ColourError::default() }
-    }
-
-    #[test]
-    fn colours_stand_beside_distances_in_json() {
-        let geometry = GeometryError { chamfer_mm: 2.5, ..GeometryError::default() };
-        let colours = colours(Some(38.25), None);
-        let json = serde_json::to_value(FigureJson { geometry: &geometry, colours: &colours }).unwrap();
-        assert_eq!((&json["chamfer_mm"], &json["colour_y_psnr_db"]), (&2.5.into(), &38.25.into()));
-        for key in ["colour_ycc_psnr_db", "render_y_psnr_db", "render_ssim"] {
-            assert!(json.as_object().unwrap()[key].is_null(), "{key}");
-        }
     }
 
     #[test]

@@ -1,0 +1,5 @@
+//! What the linker of macOS needs for a library whose symbols come from the interpreter that loads it.
+
+fn main() {
+    pyo3_build_config::add_extension_module_link_args();
+}

@@ -1,0 +1,32 @@
+//! The extension module of the Python package `isv`: arrays of NumPy to calls of the library, and back.
+//!
+//! What users see is in `python/isv`. Here is only what cannot be written in Python; its functions are documented in
+//! `python/isv/_isv.pyi`.
+
+mod arrays;
+mod errors;
+mod files;
+mod jobs;
+mod options;
+mod reader;
+mod threads;
+mod writer;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _isv(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("IsvError", module.py().get_type::<errors::IsvError>())?;
+    module.add_class::<reader::Reader>()?;
+    module.add_class::<reader::Frame>()?;
+    module.add_class::<writer::Writer>()?;
+    module.add_function(wrap_pyfunction!(jobs::encode, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::info, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::repair, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::join, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::cut, module)?)?;
+    module.add_function(wrap_pyfunction!(threads::set_threads, module)?)?;
+    Ok(())
+}
