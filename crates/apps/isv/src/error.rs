@@ -65,6 +65,7 @@ impl From<isv_take::StreamError> for Error {
             _ if error.is_beyond_memory() => ErrorKind::Memory,
             StreamFault::Format(isv_format::FormatError::LimitExceeded { .. }) => ErrorKind::Memory,
             StreamFault::Io(_) | StreamFault::Folder | StreamFault::NoFile => ErrorKind::Input,
+            StreamFault::Format(isv_format::FormatError::Io(_)) => ErrorKind::Input,
             StreamFault::Range(_) | StreamFault::Lod(_) => ErrorKind::Options,
             StreamFault::Device(_) => ErrorKind::Device,
             _ => ErrorKind::Stream,

@@ -185,6 +185,12 @@ impl Reader {
         self.header().map(|header| header.grid.voxel_size.metres())
     }
 
+    /// Whether frames may have colour, once the header was read: at once unless bytes come once.
+    #[must_use]
+    pub fn has_colour(&self) -> Option<bool> {
+        self.header().map(|header| header.colour_layers.count() > 0)
+    }
+
     /// Goes to a frame: the next one that is read. Frames since the keyframe before it are decoded on the way.
     ///
     /// # Errors

@@ -342,6 +342,54 @@ fn a_file_appears_whole_and_can_be_sought_in() {
 }
 
 #[test]
+fn readers_say_whether_frames_may_have_colour() {
+    for (bytes, has_colour) in [(coloured_stream(&options(), 1), true), (stream(&options(), 1), false)] {
+        assert_eq!(Reader::from_bytes("test", bytes.clone()).unwrap().has_colour(), Some(has_colour));
+        let mut reader = reader(&bytes);
+        assert_eq!(reader.has_colour(), None);
+        reader.next_frame().unwrap();
+        assert_eq!(reader.has_colour(), Some(has_colour));
+    }
+}
+
+#[test]
+fn coloured_frames_that_cannot_be_used_are_errors() {
+    let coloured = Mesh { colours: vec![[9; 3]; 8], ..cuboid(0.0, 0.5) };
+    let points = Points { positions: vec![[0.0; 3]; 8], colours: vec![[9; 3]; 8], ..Points::default() };
+    let mut writer = Writer::new(Vec::new(), &options()).unwrap();
+    writer.push_mesh(&coloured).unwrap();
+    for mesh in [
+        Mesh { triangles: vec![[0, 1, 99]], ..coloured.clone() },
+        Mesh { positions: vec![[f32::NAN; 3]; 8], ..coloured.clone() },
+        Mesh { colours: vec![[9; 3]; 3], ..coloured.clone() },
+    ] {
+        assert_eq!(kind(writer.push_mesh(&mesh)), ErrorKind::Frame);
+        assert_eq!(kind(Writer::new(Vec::new(), &options()).unwrap().push_mesh(&mesh)), ErrorKind::Frame);
+    }
+    for points in [
+        Points { positions: vec![[f32::NAN; 3]; 8], ..points.clone() },
+        Points { colours: vec![[9; 3]; 3], ..points.clone() },
+        Points { normals: vec![[0.0, 1.0, 0.0]; 3], ..points },
+    ] {
+        assert_eq!(kind(Writer::new(Vec::new(), &options()).unwrap().push_points(&points)), ErrorKind::Frame);
+    }
+}
+
+/// A source that cannot be read.
+struct Broken;
+
+impl std::io::Read for Broken {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+        Err(std::io::Error::other("no disk"))
+    }
+}
+
+#[test]
+fn a_source_that_fails_is_no_damaged_stream() {
+    assert_eq!(kind(Reader::from_read("test", Broken).next_frame()), ErrorKind::Input);
+}
+
+#[test]
 fn bytes_and_seekable_sources_give_any_frame_by_the_shortest_way() {
     let bytes = stream(&options().gop(4), 10);
     let all: Vec<_> = reader(&bytes).map(|frame| frame.unwrap().mesh().unwrap()).collect();

@@ -179,7 +179,9 @@ impl VolumeMaker {
             self.tell(EncodeEvent::FacesTurned { name: name.to_owned() });
         }
         let mesh = &*turned;
-        self.colours = self.colour_spacing_m.map_or_else(Vec::new, |spacing| mesh_colours(mesh, spacing));
+        // A broken mesh has no samples: its ingest says what is wrong.
+        let spacing_m = self.colour_spacing_m.filter(|_| mesh.validate().is_ok());
+        self.colours = spacing_m.map_or_else(Vec::new, |spacing| mesh_colours(mesh, spacing));
         let (sign, evidence) = match self.mesh_sign {
             Some(sign) => (sign, None),
             None => {
