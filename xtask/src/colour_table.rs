@@ -25,7 +25,7 @@ const ALONE: [f32; 3] = [30.0, 40.0, 50.0];
 const FARTHEST: f32 = 0.25;
 
 /// A frame as decoded, and the colours of its source.
-struct Frame {
+pub(crate) struct Frame {
     volume: SparseVolume,
     colours: Vec<ColourSample>,
 }
@@ -56,7 +56,7 @@ pub(crate) fn run(data: &str, sequences: &[String]) -> Result<()> {
 }
 
 /// The first frames of a sequence: geometry at the defaults (5 mm, quality 50), as decoders have it.
-fn frames(folder: &str) -> Result<Vec<Frame>> {
+pub(crate) fn frames(folder: &str) -> Result<Vec<Frame>> {
     let grid = default_grid();
     let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
@@ -76,20 +76,31 @@ fn frames(folder: &str) -> Result<Vec<Frame>> {
 }
 
 /// Bytes and errors of a sequence.
-struct Coded {
+pub(crate) struct Coded {
     /// Bytes of each frame.
-    bytes: Vec<f64>,
+    pub(crate) bytes: Vec<f64>,
     /// Bytes of modes and vectors in all frames but the first.
     vectors: usize,
     /// PSNR of Y, and of Cb and Cr (dB).
-    psnr_db: [f64; 2],
+    pub(crate) psnr_db: [f64; 2],
     /// Time that encoding each frame took, and that decoding did (ms).
     times_ms: Vec<[f64; 2]>,
 }
 
+impl Coded {
+    /// Rate (Mbps) with one keyframe a second, or of frames that are coded each `alone`.
+    pub(crate) fn mbps(&self, alone: bool) -> f64 {
+        let mean = |bytes: &[f64]| bytes.iter().sum::<f64>() / bytes.len().max(1) as f64;
+        let Some((first, others)) = self.bytes.split_first().filter(|_| !alone) else {
+            return FRAMES_A_SECOND * mean(&self.bytes) * 8e-6;
+        };
+        (first + (FRAMES_A_SECOND - 1.0) * mean(others)) * 8e-6
+    }
+}
+
 /// Codes and decodes frames. `alone`: each without the others.
-fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded> {
-    let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(LAYERS));
+pub(crate) fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded> {
+    let (mut encoder, mut decoder) = (ColourEncoder::new(settings), ColourDecoder::new(settings.layers));
     let (mut bytes, mut vectors, mut times_ms) = (Vec::new(), 0, Vec::new());
     let (mut squares, mut points) = ([0.0; 3], 0.0);
     for (number, Frame { volume, colours }) in frames.iter().enumerate() {
@@ -112,7 +123,9 @@ fn code(settings: ColourSettings, frames: &[Frame], alone: bool) -> Result<Coded
 }
 
 fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
-    let Coded { bytes, vectors, psnr_db, times_ms } = code(settings, frames, false)?;
+    let coded = code(settings, frames, false)?;
+    let mbps = coded.mbps(false);
+    let Coded { bytes, vectors, psnr_db, times_ms } = coded;
     let (first, others) = bytes.split_first().context("a sequence without frames")?;
     let (first_ms, others_ms) = times_ms.split_first().context("a sequence without frames")?;
     let median = |step: usize| {
@@ -125,7 +138,7 @@ fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[F
         "| {sequence} | {quality} | {:.2} | {first:.0} | {predicted:.0} | {:.0} | {:.3} | {:.2} | {:.2} | {:.0} | {:.0} | {:.0} |",
         settings.lambda,
         vectors as f64 / others.len().max(1) as f64,
-        (first + (FRAMES_A_SECOND - 1.0) * predicted) * 8e-6,
+        mbps,
         psnr_db[0],
         psnr_db[1],
         median(0),
@@ -137,14 +150,13 @@ fn print_row(sequence: &str, quality: f32, settings: ColourSettings, frames: &[F
 
 /// Prints what frames take that are coded each by itself.
 fn print_row_alone(sequence: &str, quality: f32, settings: ColourSettings, frames: &[Frame]) -> Result<()> {
-    let Coded { bytes, psnr_db, .. } = code(settings, frames, true)?;
+    let coded = code(settings, frames, true)?;
+    let mbps = coded.mbps(true);
+    let Coded { bytes, psnr_db, .. } = coded;
     let mean = bytes.iter().sum::<f64>() / bytes.len().max(1) as f64;
     println!(
         "| {sequence}, each frame alone | {quality} | {:.2} | {mean:.0} | | | {:.3} | {:.2} | {:.2} | | | |",
-        settings.lambda,
-        FRAMES_A_SECOND * mean * 8e-6,
-        psnr_db[0],
-        psnr_db[1],
+        settings.lambda, mbps, psnr_db[0], psnr_db[1],
     );
     Ok(())
 }

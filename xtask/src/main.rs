@@ -1,5 +1,6 @@
 //! Development commands: `cargo xtask COMMAND`.
 
+mod colour_ablation;
 mod colour_sheets;
 mod colour_table;
 mod conformance;
@@ -45,6 +46,13 @@ enum Command {
     },
     /// Measure rate and error of the colour of textured sequences in a folder
     ColourTable {
+        folder: String,
+        /// Sequences to measure
+        #[arg(required = true)]
+        sequences: Vec<String>,
+    },
+    /// Measure what each part of colour coding is worth, on textured sequences in a folder
+    ColourAblation {
         folder: String,
         /// Sequences to measure
         #[arg(required = true)]
@@ -135,6 +143,7 @@ fn main() -> Result<()> {
             lod_table::run(&folder, frames.unwrap_or(usize::MAX), &paper_table::header()?)
         }
         Command::ColourTable { folder, sequences } => colour_table::run(&folder, &sequences),
+        Command::ColourAblation { folder, sequences } => colour_ablation::run(&folder, &sequences),
         Command::ColourSheets { folder, sequence, output, yaw } => {
             colour_sheets::run(&folder, &sequence, &output, yaw)
         }
