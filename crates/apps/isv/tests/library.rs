@@ -462,13 +462,13 @@ fn frames_become_points_and_plain_arrays() {
     assert_eq!(bits(&arrays.distances_m), bits(&distances));
 
     // Both are the same frame to an encoder.
-    let encode = |push: &dyn Fn(&mut Writer<Vec<u8>>) -> Result<(), Error>| {
+    fn encode(push: impl Fn(&mut Writer<Vec<u8>>) -> Result<(), Error>) -> Vec<u8> {
         let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
         push(&mut writer).unwrap();
         writer.into_inner().unwrap().0
-    };
-    let expected = encode(&|writer| writer.push_volume(&volume));
-    assert!(encode(&|writer| writer.push_volume_arrays(&arrays)) == expected);
+    }
+    let expected = encode(|writer| writer.push_volume(&volume));
+    assert!(encode(|writer| writer.push_volume_arrays(&arrays)) == expected);
     let mut short = arrays.clone();
     short.distances_m.pop();
     let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
