@@ -212,7 +212,8 @@ def test_damage_is_an_error_behind_the_sound_frames_without_an_index_too(stream:
     for damaged, end in ((0, len(data)), (0, -40), (7, len(data)), (7, -40)):
         broken = data[:end]
         broken[packets[damaged] + 60] ^= 1
-        take, numbers = isv.open(broken), []
+        take = isv.open(broken)
+        numbers: list[int] = []
         for _ in range(2):
             numbers.clear()
             with pytest.raises(isv.IsvError) as failure:

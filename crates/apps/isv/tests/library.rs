@@ -443,6 +443,13 @@ fn two_readers_of_one_source_have_places_of_their_own() {
     assert_eq!(reader.frame(1).unwrap().number(), 1);
 }
 
+/// A stream of one frame, with the default options.
+fn encoded(push: impl FnOnce(&mut Writer<Vec<u8>>) -> Result<(), Error>) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
+    push(&mut writer).unwrap();
+    writer.into_inner().unwrap().0
+}
+
 #[test]
 fn frames_become_points_and_plain_arrays() {
     let frame = reader(&coloured_stream(&options(), 1)).next().unwrap().unwrap();
@@ -462,13 +469,8 @@ fn frames_become_points_and_plain_arrays() {
     assert_eq!(bits(&arrays.distances_m), bits(&distances));
 
     // Both are the same frame to an encoder.
-    fn encode(push: impl Fn(&mut Writer<Vec<u8>>) -> Result<(), Error>) -> Vec<u8> {
-        let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
-        push(&mut writer).unwrap();
-        writer.into_inner().unwrap().0
-    }
-    let expected = encode(|writer| writer.push_volume(&volume));
-    assert!(encode(|writer| writer.push_volume_arrays(&arrays)) == expected);
+    let expected = encoded(|writer| writer.push_volume(&volume));
+    assert!(encoded(|writer| writer.push_volume_arrays(&arrays)) == expected);
     let mut short = arrays.clone();
     short.distances_m.pop();
     let mut writer = Writer::new(Vec::new(), &EncodeOptions::new()).unwrap();
