@@ -88,6 +88,10 @@ impl<'a> Reader<'a> {
                 }
             }
         }
+        if self.region.is_empty() {
+            // There may be no samples at all.
+            self.region.clear();
+        }
     }
 
     /// The surface in the cell at a voxel, if it is crossed.
@@ -423,7 +427,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Reads as [`Reader::read_cell`] does, from cells of a region that is not empty. `layer`: their samples.
+/// Reads as [`Reader::read_cell`] does, from cells of a region, of which one at least is there. `layer`: their samples.
 #[inline(always)]
 fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
     around: [&RegionCell; 8],

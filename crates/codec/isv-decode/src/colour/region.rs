@@ -123,6 +123,12 @@ impl Region {
         }
     }
 
+    /// Whether no cell of the region is crossed.
+    #[inline(always)]
+    pub(super) fn is_empty(&self) -> bool {
+        self.cells.len() <= 1
+    }
+
     /// Depth of the samples.
     #[inline(always)]
     pub(super) fn depth(&self) -> u8 {
@@ -198,6 +204,18 @@ mod tests {
             }
         }
         ColourFrame { shape, layers }
+    }
+
+    #[test]
+    fn a_frame_without_samples_gives_none() {
+        let frame = ColourFrame::default();
+        let mut reader = Reader::new(&frame);
+        reader.turn_to(isv_volume::BlockCoord { x: 0, y: 0, z: 0 });
+        reader.hold([-1; 3], [10; 3], 1);
+        let mut parts = [[1; 4]; 64];
+        reader.read_cell([300; 3], [127, 0, 0], 1, 0xff, &mut parts);
+        assert_eq!(parts[..8], [[0; 4]; 8]);
+        assert_eq!(reader.plane([1; 3]), None);
     }
 
     #[test]
