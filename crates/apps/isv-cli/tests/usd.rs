@@ -25,7 +25,7 @@ fn a_take_becomes_one_usd_file() {
         "timeCodesPerSecond = 25",
         "startTimeCode = 0",
         "endTimeCode = 2",
-        "double3 xformOp:translate = (100, 0, 0)",
+        "double3 xformOp:translate = (100",
         "int[] faceVertexIndices.timeSamples",
         "normal3f[] normals",
         "color3f[] primvars:displayColor",
