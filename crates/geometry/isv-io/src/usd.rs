@@ -1,4 +1,4 @@
-//! Universal Scene Description: a mesh over time, as text (`.usda`) or binary (`.usdc`).
+//! Universal Scene Description: a mesh over time, as text (`.usda`).
 
 use crate::own::COMMENT;
 use crate::{AtomicFile, WriteError};
@@ -8,25 +8,13 @@ use openusd::gf::{Vec3d, Vec3f};
 use openusd::sdf::{ChildrenKey, Data, FieldKey, Path as PrimPath, SpecType, Specifier, Value, Variability};
 use openusd::tf::Token;
 use openusd::usda::TextWriter;
-use openusd::usdc::CrateWriter;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// Where a binary file has eight words that readers pass over.
-const RESERVED: u64 = 24;
 /// Root prim, which others refer to.
 const ROOT: &str = "/take";
 /// The mesh below it.
 const MESH: &str = "/take/surface";
-
-/// How a USD file is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum UsdEncoding {
-    /// Text: `.usda`.
-    Text,
-    /// Binary, "crate": `.usdc`.
-    Binary,
-}
 
 /// What a USD file says of all its frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +47,6 @@ impl UsdStage {
 pub struct UsdWriter {
     path: PathBuf,
     output: AtomicFile,
-    encoding: UsdEncoding,
     stage: UsdStage,
     frames: Vec<Frame>,
     /// Bytes of all frames.
@@ -82,14 +69,9 @@ impl UsdWriter {
     ///
     /// # Errors
     /// [`WriteError`] as [`AtomicFile::create`].
-    pub fn create(
-        path: &Path,
-        encoding: UsdEncoding,
-        stage: UsdStage,
-        limit: u64,
-    ) -> Result<Self, WriteError> {
+    pub fn create(path: &Path, stage: UsdStage, limit: u64) -> Result<Self, WriteError> {
         let output = AtomicFile::create(path)?;
-        Ok(Self { path: path.to_owned(), output, encoding, stage, frames: Vec::new(), held: 0, limit })
+        Ok(Self { path: path.to_owned(), output, stage, frames: Vec::new(), held: 0, limit })
     }
 
     /// Appends a frame that is shown from `start_s` on, in seconds. Coordinates are rounded to `f32`.
@@ -144,11 +126,11 @@ impl UsdWriter {
     /// # Errors
     /// [`WriteError`]; also if there are no frames.
     pub fn finish(self, end_s: f64) -> Result<(), WriteError> {
-        let Self { path, mut output, encoding, stage, frames, .. } = self;
+        let Self { path, mut output, stage, frames, .. } = self;
         let written = if frames.is_empty() {
             Err(invalid("a sequence needs at least one frame".to_owned()))
         } else {
-            layer(&stage, frames, end_s).and_then(|layer| write(&layer, encoding, &mut output))
+            layer(&stage, frames, end_s).and_then(|layer| write(&layer, &mut output))
         };
         written.map_err(|cause| WriteError::new(&path, cause))?;
         output.commit()
@@ -164,18 +146,9 @@ fn vector(v: DVec3) -> Vec3f {
 }
 
 /// Writes a layer.
-fn write(layer: &Data, encoding: UsdEncoding, output: &mut AtomicFile) -> io::Result<()> {
-    let written = match encoding {
-        UsdEncoding::Text => TextWriter::write(layer, output),
-        UsdEncoding::Binary => CrateWriter::write(layer, output),
-    };
-    written.map_err(|error| error.downcast::<io::Error>().unwrap_or_else(io::Error::other))?;
-    if encoding == UsdEncoding::Binary {
-        // Strings are compressed there; this tells that the file may be overwritten.
-        output.seek(SeekFrom::Start(RESERVED))?;
-        output.write_all(COMMENT.as_bytes())?;
-    }
-    Ok(())
+fn write(layer: &Data, output: &mut AtomicFile) -> io::Result<()> {
+    let written = TextWriter::write(layer, output);
+    written.map_err(|error| error.downcast::<io::Error>().unwrap_or_else(io::Error::other))
 }
 
 /// Puts the scene together.

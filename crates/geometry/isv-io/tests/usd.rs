@@ -1,7 +1,7 @@
 //! USD files, read back by USD itself where Python has it (`usd-core`).
 
 use glam::DVec3;
-use isv_io::{UsdEncoding, UsdStage, UsdWriter, was_made_by_isv};
+use isv_io::{UsdStage, UsdWriter, was_made_by_isv};
 use isv_testkit::{Need, skip};
 use isv_volume::{Appearance, TriangleMesh};
 use std::path::Path;
@@ -27,8 +27,8 @@ fn fan(corners: u32) -> TriangleMesh {
     TriangleMesh { normals: vec![DVec3::Z; vertices.len()], vertices, triangles, appearance }
 }
 
-fn write(path: &Path, encoding: UsdEncoding, frames: &[(f64, TriangleMesh)]) {
-    let mut writer = UsdWriter::create(path, encoding, STAGE, LIMIT).unwrap();
+fn write(path: &Path, frames: &[(f64, TriangleMesh)]) {
+    let mut writer = UsdWriter::create(path, STAGE, LIMIT).unwrap();
     for (start_s, mesh) in frames {
         writer.push(*start_s, mesh).unwrap();
     }
@@ -74,9 +74,9 @@ fn read(path: &Path) -> Option<String> {
 fn usd_reads_a_sequence_of_changing_meshes() {
     let folder = tempfile::tempdir().unwrap();
     let frames = [(0.0, fan(5)), (1.0 / 30.0, TriangleMesh::default()), (0.1, fan(7))];
-    for (encoding, name) in [(UsdEncoding::Binary, "take.usdc"), (UsdEncoding::Text, "take.usda")] {
+    for name in ["take.usda", "take.usd"] {
         let path = folder.path().join(name);
-        write(&path, encoding, &frames);
+        write(&path, &frames);
         assert!(was_made_by_isv(&std::fs::read(&path).unwrap()[..256]), "{name}");
         let Some(found) = read(&path) else { return };
         let expected = "stage 0.01 Z /take\n\
@@ -93,8 +93,8 @@ fn usd_reads_a_sequence_of_changing_meshes() {
 #[test]
 fn one_frame_has_no_times() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("frame.usdc");
-    write(&path, UsdEncoding::Binary, &[(0.0, fan(3))]);
+    let path = folder.path().join("frame.usda");
+    write(&path, &[(0.0, fan(3))]);
     let Some(found) = read(&path) else { return };
     assert!(found.contains("times 0.0 0.0 24.0 []\n"), "{found}");
     assert!(found.contains("frame 4 3 12 True True"), "{found}");
@@ -105,7 +105,7 @@ fn what_cannot_be_written_is_refused_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("take.usda");
     let error = |push: &dyn Fn(&mut UsdWriter) -> Result<(), isv_io::WriteError>| {
-        let mut writer = UsdWriter::create(&path, UsdEncoding::Text, STAGE, LIMIT).unwrap();
+        let mut writer = UsdWriter::create(&path, STAGE, LIMIT).unwrap();
         writer.push(1.0, &fan(3)).unwrap();
         push(&mut writer).unwrap_err().to_string()
     };
@@ -118,7 +118,7 @@ fn what_cannot_be_written_is_refused_and_leaves_no_file() {
     assert!(nowhere.contains("not finite"), "{nowhere}");
     let large = error(&|writer| writer.push(2.0, &fan(20_000)));
     assert!(large.contains("more than 1 MiB"), "{large}");
-    let empty = UsdWriter::create(&path, UsdEncoding::Text, STAGE, LIMIT).unwrap().finish(0.0);
+    let empty = UsdWriter::create(&path, STAGE, LIMIT).unwrap().finish(0.0);
     assert!(empty.unwrap_err().to_string().contains("at least one frame"));
     assert_eq!(folder.path().read_dir().unwrap().count(), 0);
 }

@@ -26,7 +26,7 @@ pub(crate) struct Args {
     input: PathBuf,
     /// Folder or file to write; - for standard output
     ///
-    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb, .usdc or .usda an animation of all. Standard
+    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb or .usda an animation of all. Standard
     /// output takes one frame, or any number as PLY.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     form: Option<FormName>,
     /// File format [default: that of the output's name, else ply or npy]
     ///
-    /// Meshes are written as ply, obj, stl, glb, usdc or usda, points as ply, pcd or xyz, volumes as npy or vdb.
+    /// Meshes are written as ply, obj, stl, glb or usda, points as ply, pcd or xyz, volumes as npy or vdb.
     #[arg(help_heading = "Output", long)]
     format: Option<OutputFormat>,
     /// Write vertex normals with meshes

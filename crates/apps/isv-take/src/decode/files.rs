@@ -63,7 +63,7 @@ impl FrameFiles {
         }
         let place = match format {
             OutputFormat::Geometry(Format::Ply) if is_pipe(path) => Place::Pipe(Output::create(path)?),
-            OutputFormat::Usd(_) if is_file => Place::Stage(None),
+            OutputFormat::Usda if is_file => Place::Stage(None),
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
@@ -151,7 +151,7 @@ impl FrameFiles {
         {
             return Ok(write_obj_files(path, mesh, &self.placed.placement)?);
         }
-        if matches!(self.format, OutputFormat::Usd(_)) {
+        if self.format == OutputFormat::Usda {
             let mut stage = self.begin_stage(path)?;
             stage.push(0.0, mesh_of(product))?;
             return Ok(stage.finish(0.0)?);
@@ -167,7 +167,7 @@ impl FrameFiles {
         match self.format {
             OutputFormat::Geometry(Format::Xyz) => return Ok(()),
             OutputFormat::Npy => check_volume_output(path)?,
-            OutputFormat::Vdb | OutputFormat::Usd(_) | OutputFormat::Geometry(_) => check_frame_output(path)?,
+            OutputFormat::Vdb | OutputFormat::Usda | OutputFormat::Geometry(_) => check_frame_output(path)?,
         }
         Ok(())
     }
@@ -189,8 +189,7 @@ impl FrameFiles {
 
     /// Starts a USD file.
     fn begin_stage(&self, path: &Path) -> Result<UsdWriter, DecodeTakeError> {
-        let OutputFormat::Usd(encoding) = self.format else { unreachable!("USD files alone are stages") };
-        Ok(UsdWriter::create(path, encoding, self.placed.usd_stage(self.rate), self.memory)?)
+        Ok(UsdWriter::create(path, self.placed.usd_stage(self.rate), self.memory)?)
     }
 
     /// Completes the output. Tells what the folder still has of frames from before: who reads it as a take reads them too.

@@ -1,7 +1,7 @@
 //! Forms of decoded frames, and their file formats.
 
 use super::{DecodeOptionsError, DecodeTakeError};
-use isv_io::{Format, UsdEncoding, check_folder_name, is_folder, is_pipe};
+use isv_io::{Format, check_folder_name, is_folder, is_pipe};
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
@@ -41,14 +41,13 @@ pub enum OutputFormat {
     Npy,
     /// A volume as OpenVDB has it.
     Vdb,
-    /// A mesh, or many of them over time, as USD has them.
-    Usd(UsdEncoding),
+    /// A mesh, or many of them over time, as USD has them in text.
+    Usda,
 }
 
 impl OutputFormat {
     /// Those that are no [`Format`].
-    const OTHERS: [Self; 4] =
-        [Self::Usd(UsdEncoding::Binary), Self::Usd(UsdEncoding::Text), Self::Npy, Self::Vdb];
+    const OTHERS: [Self; 3] = [Self::Usda, Self::Npy, Self::Vdb];
 
     /// The extension of its files, and its name on the command line.
     #[must_use]
@@ -57,8 +56,7 @@ impl OutputFormat {
             Self::Geometry(format) => format.extension(),
             Self::Npy => "npy",
             Self::Vdb => "vdb",
-            Self::Usd(UsdEncoding::Text) => "usda",
-            Self::Usd(UsdEncoding::Binary) => "usdc",
+            Self::Usda => "usda",
         }
     }
 
@@ -69,8 +67,8 @@ impl OutputFormat {
             return None;
         }
         let is_named = |name: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(name));
-        // Files that are called .usd may be either, and readers look.
-        let usd = is_named("usd").then_some(Self::Usd(UsdEncoding::Binary));
+        // Files that are called .usd may be text or binary, and readers look.
+        let usd = is_named("usd").then_some(Self::Usda);
         let other =
             Self::OTHERS.into_iter().find(|format| *format != Self::Npy && is_named(format.extension()));
         usd.or(other).or_else(|| Format::of_path(path).map(Self::Geometry))
@@ -140,7 +138,7 @@ impl OutputFormat {
         match self {
             Self::Geometry(format) if format.writes_points() && !format.writes_mesh() => Form::Points,
             Self::Geometry(_) => Form::Mesh,
-            Self::Usd(_) => Form::Mesh,
+            Self::Usda => Form::Mesh,
             Self::Npy | Self::Vdb => Form::Volume,
         }
     }
@@ -149,7 +147,7 @@ impl OutputFormat {
         match (self, form) {
             (Self::Geometry(format), Form::Mesh) => format.writes_mesh(),
             (Self::Geometry(format), Form::Points) => format.writes_points(),
-            (Self::Usd(_), Form::Mesh) => true,
+            (Self::Usda, Form::Mesh) => true,
             (Self::Npy | Self::Vdb, Form::Volume) => true,
             _ => false,
         }
