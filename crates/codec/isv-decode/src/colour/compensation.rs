@@ -106,7 +106,7 @@ const MARGIN: i32 = 1;
 #[inline(always)]
 pub fn reach(least: [i32; 3], most: [i32; 3]) -> ([i32; 3], [i32; 3]) {
     // A cell is read between those it lies in and the next ones.
-    (most.map(|v| (-v >> 3) - MARGIN), least.map(|v| (7 - v >> 3) + 9 + MARGIN))
+    (most.map(|v| (-v >> 3) - MARGIN), least.map(|v| ((7 - v) >> 3) + 9 + MARGIN))
 }
 
 /// From the surface in a cell to where its colour is read, in 1/256 voxel: against the motion, then along the normal onto the
