@@ -222,7 +222,7 @@ mod tests {
     fn readings_are_those_without_a_region() {
         let mut random = Random::new(21);
         for (depth, mixed) in [(0, false), (1, false), (1, true)] {
-            let frame = frame(&mut random, |block| if mixed { (block % 3 != 0) as u8 } else { depth });
+            let frame = frame(&mut random, |block| if mixed { u8::from(block % 3 != 0) } else { depth });
             let (mut held, mut plain) = (Reader::new(&frame), Reader::new(&frame));
             let (mut coloured, mut planes) = (0, 0);
             for round in 0..4000 {
