@@ -209,9 +209,12 @@ def test_what_a_callback_raises_ends_the_job(tmp_path: Path, stream: Path) -> No
 
 
 INTERRUPTED = """
+    import signal
     import sys
     import isv
 
+    # Jobs in the background of a shell are begun with this signal ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     print("ready", flush=True)
     try:
         {job}
