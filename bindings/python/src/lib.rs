@@ -16,6 +16,9 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _isv(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    // Before any thread could be building them while the process is forked.
+    isv::raw::decode::main::syntax::block_set::build_table();
+    isv::raw::surface::build_tables();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("IsvError", module.py().get_type::<errors::IsvError>())?;
     module.add_class::<reader::Reader>()?;

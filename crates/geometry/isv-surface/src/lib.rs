@@ -57,3 +57,4 @@ pub use band::surface_band;
 pub use cases::case_triangles;
 pub use extract::{SurfaceExtractor, SurfaceOptions, TooManyVertices, extract_surface};
 pub use sampling::{MAX_POINTS, PointDensity, SamplingError, sample_evenly};
+pub use triangles::build_tables;

@@ -21,6 +21,12 @@ struct CellTriangles {
     corners: [[usize; 3]; MAX_TRIANGLES],
 }
 
+/// Builds the tables of marching cubes, which are else built by whoever needs them first. A process that is forked meanwhile would wait
+/// for them for ever.
+pub fn build_tables() {
+    LazyLock::force(&TRIANGLES);
+}
+
 /// By sign pattern.
 static TRIANGLES: LazyLock<[CellTriangles; 256]> = LazyLock::new(|| {
     CASES.map(|case| {

@@ -291,6 +291,12 @@ impl Neighbours {
 /// Two bits, each followed by two empty places.
 const SPREAD: [u32; 4] = [0, 1, 8, 9];
 
+/// Builds the table of this module, which is else built by whoever needs it first. A process that is forked meanwhile would wait for it
+/// for ever.
+pub fn build_table() {
+    LazyLock::force(&NEIGHBOURS);
+}
+
 /// For each bit of a cell, the neighbours [`BEHIND`], [`AHEAD`] and at [`EDGES`].
 static NEIGHBOURS: LazyLock<[[Neighbours; 3]; 64]> = LazyLock::new(|| {
     std::array::from_fn(|bit| {
