@@ -36,7 +36,7 @@ pub(crate) struct Writer {
     events: jobs::Events,
 }
 
-/// Where a stream goes.
+/// Output of a stream.
 enum Target {
     File(isv::Writer),
     Sink(isv::Writer<PySink>),

@@ -33,7 +33,7 @@ class _Sending(Protocol):
 
 
 Sink: TypeAlias = str | os.PathLike[str] | _Writable | _Sending
-"""Where a stream goes: a path, a binary file, or a connected socket."""
+"""Output of a stream: a path, a binary file, or a connected socket."""
 
 
 class EncodeOptions(TypedDict, total=False):

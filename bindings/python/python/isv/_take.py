@@ -27,7 +27,7 @@ class _Receiving(Protocol):
 
 
 Source: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | _Readable | _Receiving
-"""Where a stream is: a path, its bytes, a binary file, or a connected socket."""
+"""Input of a stream: a path, its bytes, a binary file, or a connected socket."""
 
 _LEVELS = (1, 2, 4)
 

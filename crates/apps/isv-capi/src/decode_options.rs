@@ -2,9 +2,9 @@
 
 use crate::call::{Failure, Outcome, call_ok};
 use crate::callback::{User, event_handler, isv_event_fn, isv_progress_fn, progress_handler};
-use crate::encode_options::{device_from, frame_range, isv_device, no_such, parsed, up_from};
+use crate::encode_options::{device_from, frame_range, isv_device, no_such, origin_from, parsed, up_from};
 use crate::handle::{self, Handle, lock};
-use crate::memory::{place, slice, text};
+use crate::memory::{place, text};
 use crate::status::{ISV_ERROR_OPTIONS, isv_status};
 use isv::{AfterLoss, Cancellation, DecodeOptions, Length, Lod};
 use std::collections::BTreeMap;
@@ -228,8 +228,7 @@ pub unsafe extern "C" fn isv_decode_options_set_origin(
 ) -> isv_status {
     call_ok(|| {
         // SAFETY: isv.h asks for 3 numbers.
-        let origin = unsafe { slice("place_xyz", place_xyz, 3) }?;
-        let origin = [origin[0], origin[1], origin[2]];
+        let origin = unsafe { origin_from(place_xyz) }?;
         set(options, "origin", move |options| options.origin(origin))
     })
 }

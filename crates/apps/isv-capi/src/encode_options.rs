@@ -166,6 +166,13 @@ pub(crate) unsafe fn up_from(pointer: *const c_char) -> Outcome<isv::Up> {
     })
 }
 
+/// An origin of the caller's.
+pub(crate) unsafe fn origin_from(place_xyz: *const f64) -> Outcome<[f64; 3]> {
+    // SAFETY: the caller vouches for 3 numbers.
+    let place = unsafe { slice("place_xyz", place_xyz, 3) }?;
+    Ok([place[0], place[1], place[2]])
+}
+
 /// Creates options with all defaults. Free them with `isv_encode_options_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn isv_encode_options_new(options: *mut *mut isv_encode_options) -> isv_status {
@@ -420,14 +427,7 @@ pub unsafe extern "C" fn isv_encode_options_set_origin(
 ) -> isv_status {
     call_ok(|| {
         // SAFETY: isv.h asks for 3 numbers.
-        let origin = unsafe { slice("place_xyz", place_xyz, 3) }?;
-        let origin = [origin[0], origin[1], origin[2]];
-        if !origin.iter().all(|coordinate| coordinate.is_finite()) {
-            return Err(Failure::new(
-                ISV_ERROR_OPTIONS,
-                format!("origin {origin:?}: coordinates are finite"),
-            ));
-        }
+        let origin = unsafe { origin_from(place_xyz) }?;
         set(options, "origin", move |options| options.origin(origin))
     })
 }

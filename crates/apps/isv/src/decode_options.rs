@@ -105,10 +105,7 @@ impl DecodeOptions {
     /// Place of the stream's origin in the output, in its unit.
     #[must_use]
     pub fn origin(mut self, place: [f64; 3]) -> Self {
-        match place.iter().all(|coordinate| coordinate.is_finite()) {
-            true => self.raw.origin = Some(place),
-            false => self.job.refuse(format!("origin {place:?}: coordinates are finite")),
-        }
+        self.raw.origin = self.job.origin(place);
         self
     }
 

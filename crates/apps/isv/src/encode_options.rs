@@ -209,7 +209,7 @@ impl EncodeOptions {
     /// Place of a capture's meshes and points, in their unit, that becomes the origin.
     #[must_use]
     pub fn origin(mut self, place: [f64; 3]) -> Self {
-        self.raw.origin = Some(place);
+        self.raw.origin = self.job.origin(place);
         self
     }
 

@@ -17,6 +17,15 @@ pub(crate) struct JobOptions {
 }
 
 impl JobOptions {
+    /// An origin as the options keep it. Refuses coordinates that are not finite.
+    pub(crate) fn origin(&mut self, place: [f64; 3]) -> Option<[f64; 3]> {
+        let is_finite = place.iter().all(|coordinate| coordinate.is_finite());
+        if !is_finite {
+            self.refuse(format!("origin {place:?}: coordinates are finite"));
+        }
+        is_finite.then_some(place)
+    }
+
     /// Keeps the first wrong value, for [`Self::check`].
     pub(crate) fn refuse(&mut self, why: String) {
         self.wrong.get_or_insert(why);

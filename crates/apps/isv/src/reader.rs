@@ -36,7 +36,7 @@ pub struct Reader {
     has_failed: bool,
 }
 
-/// Where the bytes of a stream are.
+/// Place of a stream's bytes.
 enum Source {
     /// In a file.
     File(Input),

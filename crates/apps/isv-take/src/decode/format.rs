@@ -46,7 +46,7 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// Those that are no [`Format`].
+    /// Formats beside those of [`Format`].
     const OTHERS: [Self; 3] = [Self::Usda, Self::Npy, Self::Vdb];
 
     /// The extension of its files, and its name on the command line.

@@ -135,7 +135,7 @@ impl Region {
         self.depth
     }
 
-    /// Where the 2x2x2 voxels from one on lie in the region; `None` if not all do.
+    /// The place in the region of the 2x2x2 voxels from one on; `None` if not all lie in it.
     #[inline(always)]
     pub(super) fn find(&self, voxel: [i32; 3]) -> Option<usize> {
         let (mut at, mut stride, mut within) = (0, 1, true);
