@@ -256,6 +256,7 @@ fn wrong_options_are_errors_and_never_panic() {
         EncodeOptions::new().fps(0),
         EncodeOptions::new().fps(f64::NAN),
         EncodeOptions::new().gop(0),
+        EncodeOptions::new().origin([0.0, f64::NAN, 0.0]),
         EncodeOptions::new().two_passes(),
         EncodeOptions::new().shell_offset(0.0),
         EncodeOptions::new().shell_offset(f64::NAN),
