@@ -30,7 +30,7 @@ mod writer;
 
 pub use error::Mp4Error;
 pub use geometry::codec_string;
-pub use pipe::{GeometryPipe, unwrapped};
+pub use pipe::{GeometryPipe, Unwrapped};
 pub use reader::{Mp4File, is_mp4};
 pub use segments::{Segment, Segments};
 pub use sink::GeometrySink;

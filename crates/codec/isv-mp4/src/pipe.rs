@@ -6,10 +6,10 @@ use crate::stream::index_bytes;
 use crate::{Mp4Error, Sample, TrackKind};
 use isv_format::{IndexEntry, StreamHeader, StreamIndex};
 use std::collections::VecDeque;
-use std::io::{self, Cursor, Read};
+use std::io::{self, Chain, Cursor, Read};
 
 /// Bytes that tell an MP4 file.
-const SNIFFED: usize = 8;
+const SNIFFED: u64 = 8;
 
 /// A stream that lies in a fragmented MP4 file, read as it comes. The samples of a fragment lie behind its `moof`.
 pub struct GeometryPipe<R> {
@@ -33,16 +33,53 @@ pub struct GeometryPipe<R> {
     ended: bool,
 }
 
-/// Bytes of a stream, whether they come as such or in an MP4 file.
-///
-/// # Errors
-/// Those of the source.
-pub fn unwrapped<R: Read + Send + 'static>(mut source: R) -> io::Result<Box<dyn Read + Send>> {
-    let mut begin = Vec::new();
-    source.by_ref().take(SNIFFED as u64).read_to_end(&mut begin)?;
-    let is_mp4 = is_mp4(&begin);
-    let whole = Cursor::new(begin).chain(source);
-    Ok(if is_mp4 { Box::new(GeometryPipe::new(whole)) } else { Box::new(whole) })
+/// Bytes of a stream, whether they come as such or in an MP4 file. None is read before the first is asked for.
+pub struct Unwrapped<R>(Form<R>);
+
+enum Form<R> {
+    /// Nothing was read.
+    Unknown(R),
+    Plain(Begun<R>),
+    Mp4(Box<GeometryPipe<Begun<R>>>),
+    /// The source failed.
+    Failed,
+}
+
+/// A source of which some bytes were read.
+type Begun<R> = Chain<Cursor<Vec<u8>>, R>;
+
+impl<R: Read> Unwrapped<R> {
+    /// Reads from a source.
+    pub fn new(source: R) -> Self {
+        Self(Form::Unknown(source))
+    }
+
+    /// Tells by its first bytes what a source holds.
+    fn open(mut source: R) -> io::Result<Form<R>> {
+        let mut begin = Vec::new();
+        source.by_ref().take(SNIFFED).read_to_end(&mut begin)?;
+        let is_mp4 = is_mp4(&begin);
+        let whole = Cursor::new(begin).chain(source);
+        Ok(if is_mp4 { Form::Mp4(Box::new(GeometryPipe::new(whole))) } else { Form::Plain(whole) })
+    }
+}
+
+impl<R: Read> Read for Unwrapped<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        loop {
+            match &mut self.0 {
+                Form::Unknown(_) => {
+                    let Form::Unknown(source) = std::mem::replace(&mut self.0, Form::Failed) else {
+                        continue;
+                    };
+                    self.0 = Self::open(source)?;
+                }
+                Form::Plain(source) => return source.read(buffer),
+                Form::Mp4(source) => return source.read(buffer),
+                Form::Failed => return Err(io::ErrorKind::BrokenPipe.into()),
+            }
+        }
+    }
 }
 
 impl<R: Read> GeometryPipe<R> {

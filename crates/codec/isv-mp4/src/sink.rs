@@ -74,6 +74,11 @@ impl<W: Write> GeometrySink<W> {
         self.left_out
     }
 
+    /// The sink; `None` after an error.
+    pub fn sink_mut(&mut self) -> Option<&mut W> {
+        self.sink.as_mut().or(self.writer.as_mut().map(Mp4Writer::sink_mut))
+    }
+
     /// Writes what is held, the rest of the other tracks and the end of the file, and gives the sink back.
     ///
     /// # Errors

@@ -53,7 +53,7 @@ pub fn open_sound(mut file: File, options: SoundOptions) -> Result<Box<dyn Sampl
     if is_mp4(&begin[..read]) {
         let file = Mp4File::open(BufReader::new(file))?;
         let track = file.track_of(TrackKind::Sound)?;
-        return Ok(Box::new(TrackSource::new(file, track)));
+        return Ok(Box::new(TrackSource::new(file, track)?));
     }
     let packets = Packets::open(file)?;
     match (Waveform::of(&packets.codec), options.opus_bits_per_second) {

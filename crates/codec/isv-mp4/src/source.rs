@@ -40,12 +40,13 @@ pub struct TrackSource<S> {
 impl<S: Read + Seek + Send> TrackSource<S> {
     /// Reads track number `track` of a file.
     ///
-    /// # Panics
-    /// If the file has no such track.
-    #[must_use]
-    pub fn new(file: Mp4File<S>, track: usize) -> Self {
-        assert!(track < file.tracks().len(), "track {track} of {}", file.tracks().len());
-        Self { file, track, next: 0 }
+    /// # Errors
+    /// A file that has no such track.
+    pub fn new(file: Mp4File<S>, track: usize) -> Result<Self, Mp4Error> {
+        if track >= file.tracks().len() {
+            return Err(Mp4Error::NoTrack("this number"));
+        }
+        Ok(Self { file, track, next: 0 })
     }
 }
 
@@ -109,22 +110,44 @@ impl SampleSource for Trimmed {
 }
 
 /// Tracks of one description one after the other, each from a time on.
+///
+/// A part ends where the next one begins: what it has behind is left out, and a sample that reaches over is made shorter.
 pub struct Chained {
     parts: Vec<(u64, Box<dyn SampleSource>)>,
     current: usize,
-    /// Time (in the track's timescale) at which the last sample ended.
-    end: u64,
+    /// The last sample, until it is known when the next one begins.
+    held: Option<SourceSample>,
 }
 
 impl Chained {
-    /// Plays each part from its time on (ns). Samples that would begin before the part before has ended are left out.
+    /// Plays each part from its time on (ns).
     ///
     /// # Panics
     /// Without any part.
     #[must_use]
     pub fn new(parts: Vec<(u64, Box<dyn SampleSource>)>) -> Self {
         assert!(!parts.is_empty(), "a chain of no parts");
-        Self { parts, current: 0, end: 0 }
+        Self { parts, current: 0, held: None }
+    }
+
+    /// The next sample of the part that is played, or of the next one.
+    fn next_of_parts(&mut self) -> Result<Option<SourceSample>, Mp4Error> {
+        let description = self.description().clone();
+        while let Some((begin_ns, part)) = self.parts.get_mut(self.current) {
+            let begin = description.from_ns(*begin_ns);
+            let sample = part
+                .next_sample()?
+                .map(|sample| SourceSample { time: sample.time.saturating_add(begin), ..sample });
+            let end = self
+                .parts
+                .get(self.current + 1)
+                .map_or(u64::MAX, |(next_ns, _)| description.from_ns(*next_ns));
+            match sample {
+                Some(sample) if sample.time < end => return Ok(Some(sample)),
+                _ => self.current += 1,
+            }
+        }
+        Ok(None)
     }
 }
 
@@ -134,18 +157,15 @@ impl SampleSource for Chained {
     }
 
     fn next_sample(&mut self) -> Result<Option<SourceSample>, Mp4Error> {
-        while let Some((begin_ns, part)) = self.parts.get_mut(self.current) {
-            while let Some(sample) = part.next_sample()? {
-                let time = sample.time + part.description().from_ns(*begin_ns);
-                // What the part before holds beyond its geometry goes first: sound must not be heard twice.
-                if time < self.end {
-                    continue;
-                }
-                self.end = time + u64::from(sample.duration);
-                return Ok(Some(SourceSample { time, ..sample }));
-            }
-            self.current += 1;
+        let next = self.next_of_parts()?;
+        let Some(mut sample) = std::mem::replace(&mut self.held, next) else {
+            // The first one is held, too.
+            return if self.held.is_some() { self.next_sample() } else { Ok(None) };
+        };
+        if let Some(next) = &self.held {
+            let room = next.time.saturating_sub(sample.time);
+            sample.duration = sample.duration.min(u32::try_from(room).unwrap_or(u32::MAX));
         }
-        Ok(None)
+        Ok(Some(sample))
     }
 }

@@ -53,6 +53,12 @@ impl<S: Read + Seek> GeometryStream<S> {
         &self.file
     }
 
+    /// The file, without the place in it.
+    #[must_use]
+    pub fn into_file(self) -> Mp4File<S> {
+        self.file
+    }
+
     fn samples_end(&self) -> u64 {
         self.offsets[self.offsets.len() - 1]
     }

@@ -122,6 +122,12 @@ impl Track {
         self.description.shown_ns(end) as f64 / 1e9
     }
 
+    /// Time (ns) on the movie's time line at which a sample is decoded.
+    #[must_use]
+    pub fn shown_ns(&self, sample: &Sample) -> u64 {
+        self.description.shown_ns(sample.time)
+    }
+
     /// Bytes of all samples.
     #[must_use]
     pub fn bytes(&self) -> u64 {

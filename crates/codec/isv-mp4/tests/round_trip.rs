@@ -156,19 +156,20 @@ fn a_part_of_sound_keeps_step() {
     let times = |source: &mut dyn SampleSource| {
         let mut found = Vec::new();
         while let Some(sample) = source.next_sample().unwrap() {
-            found.push((sample.time, sample.data[0]));
+            found.push((sample.time, sample.duration, sample.data[0]));
         }
         found
     };
     // Clicks are 20 ms long: from 0.25 s on, the first whole one begins at 0.26 s.
     let mut part = Trimmed::new(Box::new(Clicks::new(1.0)), 250_000_000, 330_000_000);
-    assert_eq!(times(&mut part), [(10, 13), (30, 14), (50, 15), (70, 16)]);
-    let parts: Vec<(u64, Box<dyn SampleSource>)> = vec![
-        (0, Box::new(Trimmed::new(Box::new(Clicks::new(1.0)), 0, 50_000_000))),
-        (50_000_000, Box::new(Clicks::new(0.06))),
-    ];
-    // The third click of the first part reaches into the second part, which gives way.
-    assert_eq!(times(&mut Chained::new(parts)), [(0, 0), (20, 1), (40, 2), (70, 1), (90, 2)]);
+    assert_eq!(times(&mut part), [(10, 20, 13), (30, 20, 14), (50, 20, 15), (70, 20, 16)]);
+    let parts: Vec<(u64, Box<dyn SampleSource>)> =
+        vec![(0, Box::new(Clicks::new(1.0))), (50_000_000, Box::new(Clicks::new(0.06)))];
+    // The third click of the first part reaches into the second part, and what comes behind it is left out.
+    assert_eq!(
+        times(&mut Chained::new(parts)),
+        [(0, 20, 0), (20, 20, 1), (40, 10, 2), (50, 20, 0), (70, 20, 1), (90, 20, 2)]
+    );
 }
 
 #[test]
@@ -179,7 +180,8 @@ fn tracks_of_a_file_can_be_taken_out() {
     let track = read.track_of(TrackKind::Sound).unwrap();
     assert!(read.track_of(TrackKind::Picture).is_err());
     let alone =
-        isv_mp4::write_tracks(Vec::new(), vec![Box::new(isv_mp4::TrackSource::new(read, track))]).unwrap();
+        isv_mp4::write_tracks(Vec::new(), vec![Box::new(isv_mp4::TrackSource::new(read, track).unwrap())])
+            .unwrap();
     let alone = Mp4File::open(Cursor::new(alone)).unwrap();
     assert_eq!((alone.tracks().len(), alone.tracks()[0].samples.len()), (1, 50));
 }
