@@ -96,10 +96,11 @@ impl DecodeOptions {
         header: &StreamHeader,
         form: Form,
         format: OutputFormat,
+        stream_up: Up,
         observer: &dyn Observer,
     ) -> Result<Recipe, DecodeTakeError> {
         let voxel_m = header.grid.voxel_size.metres() * f64::from(self.lod.voxels());
-        let placed = Placed::new(self, form, format, voxel_m, observer)?;
+        let placed = Placed::new(self, form, format, voxel_m, stream_up, observer)?;
         let density = match self.points {
             Some(count) => PointDensity::Count(count.get()),
             None => PointDensity::Spacing(self.spacing.map_or(voxel_m, Length::metres)),
