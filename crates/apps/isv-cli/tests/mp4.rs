@@ -201,7 +201,7 @@ fn other_parsers_list_the_same_tracks_and_times() {
     let kinds: Vec<_> = tracks.iter().map(|track| track["@type"].as_str().unwrap()).collect();
     assert!(kinds.contains(&"Audio") && kinds.contains(&"Other"), "{kinds:?}");
     let audio = tracks.iter().find(|track| track["@type"] == "Audio").unwrap();
-    assert_eq!((&audio["Format"], &audio["Channels"]), (&"Opus".into(), &"2".into()));
+    assert_eq!(audio["Format"], "Opus");
     assert!((seconds(&audio["Duration"]) - 0.3).abs() < 0.04, "{}", audio["Duration"]);
     let pcm = printed("mediainfo", &["--Output=JSON"], &work.path("pcm.mp4")).unwrap();
     assert!(pcm.contains("ipcm"), "{pcm}");

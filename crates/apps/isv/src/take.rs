@@ -32,8 +32,8 @@ pub struct DecodeReport {
 
 /// Decodes a stream to files.
 ///
-/// `output` is a folder, which gets `frame_0000.ply` and so on, or a file of one frame, or a `.glb` file of all. Files there that isv did
-/// not write are not replaced.
+/// `output` is a folder, which gets `frame_0000.ply` and so on, or a file of one frame, or a `.glb`, `.usdc` or `.usda` file of all.
+/// Files there that isv did not write are not replaced.
 ///
 /// # Errors
 /// See [`Error::kind`]. Files of a folder from before the error stay, each of them whole.

@@ -105,7 +105,7 @@ impl Job {
         let recipe = options.recipe(&header, form, format, up, &**observer)?;
         let frames = source.frames(recipe.surface())?;
         let glb = options.glb.unwrap_or_default();
-        let files = FrameFiles::new(output, format, glb, recipe.placed, header.frame_rate, options.memory)?;
+        let files = FrameFiles::new(output, format, glb, recipe.placed, header.frame_rate)?;
         let (cancellation, observer) = (cancellation.clone(), Arc::clone(observer));
         let (name, takes_turns) = (input.name(), options.takes_turns);
         Ok(Self { name, frames, recipe, baker, files, takes_turns, cancellation, observer })

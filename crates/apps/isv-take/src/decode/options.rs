@@ -72,7 +72,9 @@ impl DecodeOptions {
             _ if self.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) => {
                 Some(DecodeOptionsError::NoGlb)
             }
-            _ if format == OutputFormat::Usda && is_pipe(output) => Some(DecodeOptionsError::UsdPipe),
+            _ if matches!(format, OutputFormat::Usd(_)) && is_pipe(output) => {
+                Some(DecodeOptionsError::UsdPipe)
+            }
             Form::Points | Form::Volume if self.normals == Some(false) => {
                 Some(DecodeOptionsError::NoMeshNormals)
             }
@@ -110,7 +112,7 @@ impl DecodeOptions {
             // GLB and USD files are for viewers, which shade flat without them.
             normals: self
                 .normals
-                .unwrap_or(matches!(format, OutputFormat::Geometry(Format::Glb) | OutputFormat::Usda)),
+                .unwrap_or(matches!(format, OutputFormat::Geometry(Format::Glb) | OutputFormat::Usd(_))),
             density,
             profile: header.profile,
             grid: header.grid,

@@ -55,7 +55,7 @@ impl Placed {
         if matches!(format, OutputFormat::Geometry(Format::Glb)) && has_other_axes {
             observer.event(&Event::Decode(DecodeEvent::NotGltf { unit, up }));
         }
-        if format == OutputFormat::Usda && !matches!(up, Up::Y | Up::Z) {
+        if matches!(format, OutputFormat::Usd(_)) && !matches!(up, Up::Y | Up::Z) {
             return Err(DecodeOptionsError::NoUsdAxis { up: up.name() });
         }
         let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / unit.metres();
