@@ -15,7 +15,7 @@ pub use cut::cut;
 pub use error::{EditError, StreamError, StreamFault, damage_in_words};
 #[cfg(feature = "io")]
 pub use info::{PacketInfo, PaperInfo, StreamInfo};
-pub use join::join;
+pub use join::{JoinedTimes, join};
 pub use repair::{Repaired, repair};
 pub use summary::{PacketSummary, StreamSummary};
 pub use verify::{Verified, verify};

@@ -4,7 +4,7 @@ use crate::output::check_stream_output;
 use crate::{memory, stream, words};
 use anyhow::Result;
 use isv::raw::take::Input;
-use isv::raw::take::stream::join;
+use isv::raw::take::stream::{JoinedTimes, join};
 use std::path::PathBuf;
 
 /// Put streams one after the other, without coding anything anew. They have the same profile, grid and frame rate
@@ -16,13 +16,19 @@ pub(crate) struct Args {
     /// The stream to write; - for standard output
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
+    /// Keep the times of all packets, as `isv encode --time-origin` has them
+    ///
+    /// Without it, each stream follows the one before at the frame rate.
+    #[arg(long)]
+    keep_times: bool,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&args.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &args.output)?;
     let inputs: Vec<Input> = args.inputs.iter().map(|input| Input::from_argument(input)).collect();
-    let joined = join(&inputs, memory::limit(), &*words::observer(), || stream::create(&args.output));
+    let times = if args.keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
+    let joined = join(&inputs, times, memory::limit(), &*words::observer(), || stream::create(&args.output));
     let (output, frames) = joined.map_err(stream::edit_error)?;
     stream::commit(output, &args.output, frames)
 }
