@@ -23,13 +23,14 @@ mod stats;
 mod stream;
 mod table;
 mod threads;
+mod tracks;
 mod words;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use commands::{
-    backends, compare, cut, decode, demo, encode, eval, export_player, info, join, render, repair, serve,
-    verify, view,
+    backends, compare, cut, decode, demo, demux, encode, eval, export_player, info, join, mux, render,
+    repair, serve, verify, view,
 };
 use failure::usage;
 use isv::raw::kernels::simd::{self, Instructions};
@@ -66,6 +67,8 @@ enum Command {
     Cut(cut::Args),
     Join(join::Args),
     Repair(repair::Args),
+    Mux(mux::Args),
+    Demux(demux::Args),
     Eval(eval::Args),
     Compare(compare::Args),
     Render(render::Args),
@@ -103,6 +106,8 @@ fn run(command: &Command) -> Result<()> {
         Command::Cut(args) => cut::run(args),
         Command::Join(args) => join::run(args),
         Command::Repair(args) => repair::run(args),
+        Command::Mux(args) => mux::run(args),
+        Command::Demux(args) => demux::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),

@@ -1,10 +1,10 @@
-//! `.isv` streams as the command line reads and writes them.
+//! Streams as the command line reads and writes them.
 
-use crate::output::{Output, frames_in_words, is_pipe, print};
+use crate::output::{Output, frames_in_words, is_pipe, print, say};
 use crate::{memory, words};
 use anyhow::{Result, anyhow};
 use isv::raw::take::decode::DecodeTakeError;
-use isv::raw::take::stream::{self, EditError};
+use isv::raw::take::stream::{self, Container, EditError, Tracks};
 use isv::raw::take::{Input, StreamError};
 use std::io;
 use std::path::Path;
@@ -19,13 +19,40 @@ pub(crate) fn check(path: &Path) -> Result<(), StreamError> {
     stream::open(&Input::from_argument(path), memory::limit()).map(drop)
 }
 
-/// Opens the file of a stream that is copied.
-pub(crate) fn create(path: &Path) -> io::Result<Output> {
-    Ok(Output::create(path)?)
+/// A sink for a stream, in a file that has its name once it is whole.
+pub(crate) type StreamOutput = stream::StreamOutput<Output>;
+
+/// Opens the file that a stream is written to, with tracks beside the stream. Its name says whether it is an MP4 file.
+pub(crate) fn create(path: &Path, tracks: Tracks) -> io::Result<StreamOutput> {
+    create_in(path, Container::of(path), tracks)
+}
+
+/// Opens the file that a stream is written to, of a kind.
+pub(crate) fn create_in(path: &Path, container: Container, tracks: Tracks) -> io::Result<StreamOutput> {
+    StreamOutput::new(Output::create(path)?, container, tracks).map_err(io::Error::other)
+}
+
+/// The tracks to keep of a stream that is copied into a file: those beside it, unless the file can have none, which is said then.
+pub(crate) fn kept_tracks(tracks: Tracks, input: &str, output: &Path) -> Tracks {
+    if Container::of(output) == Container::Isv && !tracks.is_empty() {
+        say(format_args!("{input}: sound and picture are not kept: an MP4 file would have them"));
+        return Tracks::new();
+    }
+    tracks
 }
 
 /// Gives a copied stream its name, and says what is in it.
-pub(crate) fn commit(output: Output, path: &Path, frames: usize) -> Result<()> {
+pub(crate) fn commit(output: StreamOutput, path: &Path, frames: usize) -> Result<()> {
+    commit_file(finish(output)?, path, frames)
+}
+
+/// Completes the file of a stream.
+pub(crate) fn finish(output: StreamOutput) -> Result<Output> {
+    output.finish().map_err(|error| edit_error(stream::write_error(error)))
+}
+
+/// Gives a file its name, and says what is in it.
+pub(crate) fn commit_file(output: Output, path: &Path, frames: usize) -> Result<()> {
     let bytes = output.commit()?;
     if is_pipe(path) {
         return Ok(());

@@ -1,22 +1,36 @@
-//! `.isv` streams from files and pipes: decoded frame by frame, checked, repaired, cut and joined.
+//! Streams from `.isv` and MP4 files and from pipes: decoded frame by frame, checked, repaired, cut and joined.
 
+mod bytes;
 mod concealing;
 mod cut;
 mod error;
 #[cfg(feature = "io")]
 mod info;
 mod join;
+#[cfg(feature = "io")]
+mod mux;
+#[cfg(feature = "io")]
+mod output;
 mod repair;
 mod summary;
 mod verify;
 
+pub use bytes::{StreamBytes, StreamFile};
 pub use concealing::ConcealingFrames;
 pub use cut::cut;
 pub use error::{EditError, StreamError, StreamFault, damage_in_words};
 #[cfg(feature = "io")]
 pub use info::{PacketInfo, PaperInfo, StreamInfo};
 pub use join::join;
+#[cfg(feature = "sound")]
+pub use mux::sound;
+#[cfg(feature = "io")]
+pub use mux::{demux, mux, picture, tracks_beside, tracks_beside_all, write_error};
+#[cfg(feature = "io")]
+pub use output::{Container, StreamOutput, Tracks};
 pub use repair::{Repaired, repair};
+#[cfg(feature = "io")]
+pub use summary::TrackSummary;
 pub use summary::{PacketSummary, StreamSummary};
 pub use verify::{Verified, verify};
 
@@ -41,17 +55,21 @@ pub trait SeekableBytes: Read + Seek + Send {}
 
 impl<S: Read + Seek + Send> SeekableBytes for S {}
 
-/// Opens a file that can be query in.
+/// Opens the file of a stream, an `.isv` or an MP4 file.
 ///
 /// # Errors
 /// [`StreamError`], which names it.
-pub fn open_file(input: &Input) -> Result<BufReader<File>, StreamError> {
+pub fn open_file(input: &Input) -> Result<StreamFile, StreamError> {
     let open = || {
         let file = File::open(input.path().ok_or(StreamFault::NoFile)?)?;
-        if file.metadata().is_ok_and(|m| m.is_dir()) {
+        let metadata = file.metadata();
+        if metadata.as_ref().is_ok_and(|found| found.is_dir()) {
             return Err(StreamFault::Folder);
         }
-        Ok(BufReader::with_capacity(1 << 16, file))
+        let is_file = metadata.is_ok_and(|found| found.is_file());
+        let source = BufReader::with_capacity(1 << 16, file);
+        // What has come out of a pipe cannot be put back.
+        if is_file { StreamFile::new(source) } else { Ok(StreamFile::plain(source)) }
     };
     open().map_err(|fault: StreamFault| fault.in_stream(&input.name()))
 }
@@ -62,9 +80,24 @@ pub fn open_file(input: &Input) -> Result<BufReader<File>, StreamError> {
 /// [`StreamError`], which names it.
 pub fn source(input: &Input) -> Result<ByteSource, StreamError> {
     Ok(match input {
-        Input::StandardInput => Box::new(io::stdin()),
-        Input::Path(_) => Box::new(open_file(input)?),
+        Input::StandardInput => piped(io::stdin()),
+        Input::Path(path) if path.is_file() => Box::new(open_file(input)?),
+        Input::Path(_) => piped(open_file(input)?),
     })
+}
+
+/// Bytes of the stream in a file, with what is behind it.
+fn length(input: &Input) -> Result<u64, StreamError> {
+    let length = open_file(input)?.length();
+    length.map_err(|error| StreamFault::from(error).in_stream(&input.name()))
+}
+
+/// Bytes of a stream that come once, as such or in an MP4 file. None is read before the first is asked for.
+fn piped(source: impl Read + Send + 'static) -> ByteSource {
+    #[cfg(feature = "io")]
+    return Box::new(isv_mp4::Unwrapped::new(source));
+    #[cfg(not(feature = "io"))]
+    Box::new(source)
 }
 
 /// Opens a stream and reads its header.
@@ -87,6 +120,14 @@ fn begin(
     let packets = packets.with_largest_payload(memory.largest_payload());
     let header = *packets.header();
     Ok((packets, header))
+}
+
+/// Bytes of a stream in bytes that can be sought in and that may be those of an MP4 file. `name` is theirs in messages.
+///
+/// # Errors
+/// [`StreamError`], which names them.
+pub fn seekable<S: Read + Seek>(name: &str, source: S) -> Result<StreamBytes<S>, StreamError> {
+    StreamBytes::new(source).map_err(|fault| fault.in_stream(name))
 }
 
 /// Finds the frames of a stream in a file; what follows a cut is not there.
@@ -182,7 +223,10 @@ impl StreamFrames {
         if let (Some(range), true) = (settings.frames, path.is_some()) {
             (packets, first) = seek(&input.name(), open_file(input)?, &header, range, settings.memory)?;
         }
-        let length = path.and_then(|path| path.metadata().ok()).map(|file| file.len());
+        let length = match path {
+            Some(_) => Some(length(input)?),
+            None => None,
+        };
         Ok(Self { length, first, next: first, ..Self::new(input.name(), header, packets, settings)? })
     }
 
@@ -199,15 +243,16 @@ impl StreamFrames {
         Self::new(name.to_owned(), header, packets, settings)
     }
 
-    /// Reads a stream from bytes that can be sought in. Decoding begins at the last keyframe before the range.
+    /// Reads a stream from bytes that can be sought in, an MP4 file's too. Decoding begins at the last keyframe before the range.
     ///
     /// # Errors
     /// [`StreamError`], which names it.
     pub fn from_seekable(
         name: &str,
-        mut source: Box<dyn SeekableBytes>,
+        source: Box<dyn SeekableBytes>,
         settings: &DecodeSettings,
     ) -> Result<Self, StreamError> {
+        let mut source = seekable(name, source)?;
         let Some(range) = settings.frames else { return Self::from_source(name, Box::new(source), settings) };
         let header = read_header(name, &mut source)?;
         let (packets, first) = seek(name, source, &header, range, settings.memory)?;

@@ -18,6 +18,8 @@ pub use isv_kernels as kernels;
 #[cfg(feature = "encode")]
 pub use isv_metrics as metrics;
 #[cfg(feature = "io")]
+pub use isv_mp4 as mp4;
+#[cfg(feature = "io")]
 pub use isv_simplify as simplify;
 pub use isv_surface as surface;
 pub use isv_take as take;

@@ -86,8 +86,8 @@ impl Reader {
         name: &str,
         open: Box<dyn Fn() -> Box<dyn SeekableBytes> + Send>,
     ) -> Result<Self, Error> {
-        let header = stream::read_header(name, &mut open())?;
-        let index = stream::index_of(name, &mut open()).ok();
+        let header = stream::read_header(name, &mut stream::seekable(name, open())?)?;
+        let index = stream::index_of(name, &mut stream::seekable(name, open())?).ok();
         let reader = Self::with_source(name.to_owned(), Source::Seekable(open));
         Ok(Self { header: Some(header), index, ..reader })
     }
@@ -321,7 +321,8 @@ impl Reader {
             }
             (_, Source::File(input)) => Running::concealing(ConcealingFrames::open(input, &settings)?),
             (_, Source::Seekable(open)) => {
-                Running::concealing(ConcealingFrames::from_source(name, Box::new(open()), &settings)?)
+                let bytes = stream::seekable(name, open())?;
+                Running::concealing(ConcealingFrames::from_source(name, Box::new(bytes), &settings)?)
             }
             (_, Source::Once(source)) => {
                 Running::concealing(ConcealingFrames::from_source(name, take_once(source)?, &settings)?)

@@ -5,9 +5,7 @@ use isv_take::{FrameRange, Input};
 use std::path::Path;
 
 #[cfg(feature = "encode")]
-use crate::{EncodeOptions, ErrorKind, Report, writer::Counted};
-#[cfg(feature = "encode")]
-use isv_io::AtomicFile;
+use crate::{EncodeOptions, ErrorKind, FileSink, Report, writer::Counted};
 #[cfg(feature = "encode")]
 use isv_take::{
     Cancellation,
@@ -73,7 +71,7 @@ pub fn encode(
     output: impl AsRef<Path>,
     options: &EncodeOptions,
 ) -> Result<Report, Error> {
-    let (file, report) = encode_with(input.as_ref(), options, || Ok(AtomicFile::create(output.as_ref())?))?;
+    let (file, report) = encode_with(input.as_ref(), options, || FileSink::create(output.as_ref()))?;
     file.commit()?;
     Ok(report)
 }

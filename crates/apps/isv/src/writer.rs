@@ -5,6 +5,7 @@ use isv_io::{AtomicFile, Geometry};
 use isv_take::Length;
 use isv_take::capture::Content;
 use isv_take::encode::FrameEncoder;
+use isv_take::stream::{Container, StreamOutput, Tracks};
 use std::io::{self, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -16,9 +17,29 @@ pub struct Writer<W: Write = FileSink> {
     encoder: FrameEncoder<Counted<W>>,
 }
 
-/// A file beside its final name, which it gets when it is whole.
-#[derive(Debug)]
-pub struct FileSink(AtomicFile);
+/// A file beside its final name, which it gets when it is whole. One that is named `.mp4` is an MP4 file.
+pub struct FileSink(StreamOutput<AtomicFile>);
+
+impl FileSink {
+    pub(crate) fn create(path: &Path) -> Result<Self, Error> {
+        let file = AtomicFile::create(path)?;
+        let output = StreamOutput::new(file, Container::of(path), Tracks::new());
+        Ok(Self(output.map_err(|error| Error::new(ErrorKind::Output, error))?))
+    }
+
+    /// Completes the file and gives it its name.
+    pub(crate) fn commit(self) -> Result<(), Error> {
+        let file = self.0.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
+        file.commit()?;
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for FileSink {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("FileSink").finish_non_exhaustive()
+    }
+}
 
 impl Write for FileSink {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -75,13 +96,13 @@ impl Report {
 }
 
 impl Writer {
-    /// Makes a stream in a file, which has its name once [`Self::finish`] has been called.
+    /// Makes a stream in an `.isv` or `.mp4` file, which has its name once [`Self::finish`] has been called.
     ///
     /// # Errors
     /// [`ErrorKind::Options`], [`ErrorKind::Device`] or [`ErrorKind::Output`].
     pub fn create(path: impl AsRef<Path>, options: &EncodeOptions) -> Result<Self, Error> {
         options.check()?;
-        Self::new(FileSink(AtomicFile::create(path.as_ref())?), options)
+        Self::new(FileSink::create(path.as_ref())?, options)
     }
 
     /// Completes the stream and gives the file its name.
@@ -89,7 +110,7 @@ impl Writer {
     /// # Errors
     /// [`ErrorKind::Output`] if the file cannot be written, or could not before.
     pub fn finish(self) -> Result<Report, Error> {
-        let (FileSink(file), report) = self.into_inner()?;
+        let (file, report) = self.into_inner()?;
         file.commit()?;
         Ok(report)
     }

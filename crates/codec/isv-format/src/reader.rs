@@ -57,6 +57,11 @@ impl<R: Read> PacketReader<R> {
         self.index.as_ref()
     }
 
+    /// The source, behind what was read of it.
+    pub fn into_source(self) -> R {
+        self.source
+    }
+
     /// Where the next packet begins, or the stream ends once it is [complete](Self::complete).
     pub fn at(&self) -> u64 {
         self.at

@@ -3,14 +3,14 @@
 use crate::output::check_stream_output;
 use crate::{memory, stream, words};
 use anyhow::Result;
-use isv::raw::take::stream::cut;
+use isv::raw::take::stream::{cut, tracks_beside};
 use isv::raw::take::{FrameRange, Input};
 use std::path::PathBuf;
 
 /// Copy frames of a stream into one of its own, from a keyframe on, without coding anything anew
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The stream: a file
+    /// The stream: an .isv or MP4 file
     #[arg(value_name = "IN.isv")]
     input: PathBuf,
     /// Frames A to B-1, counted from 0; either end may be left out
@@ -27,8 +27,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&[&args.input], &args.output)?;
     let input = Input::from_argument(&args.input);
-    let copied =
-        cut(&input, args.frames, memory::limit(), &*words::observer(), || stream::create(&args.output));
+    let tracks = stream::kept_tracks(tracks_beside(&input, Some(args.frames))?, &input.name(), &args.output);
+    let create = || stream::create(&args.output, tracks);
+    let copied = cut(&input, args.frames, memory::limit(), &*words::observer(), create);
     let (output, frames) = copied.map_err(stream::edit_error)?;
     stream::commit(output, &args.output, frames)
 }

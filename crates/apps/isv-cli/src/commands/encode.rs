@@ -10,24 +10,30 @@ use crate::backend::BackendArgs;
 use crate::capture::invalid_points;
 use crate::cli_enums::{TimestampsName, UpName};
 use crate::count;
+use crate::failure::usage;
 use crate::interrupt;
 use crate::origin;
 use crate::output::{Output, check_stream_output, frames_in_words, is_pipe, say};
 use crate::progress::Progress;
 use crate::stats::{EncodedFrameStats, StatsFile, megabits_per_second};
+use crate::stream::{self, StreamOutput};
 use crate::threads::use_threads;
+use crate::tracks::TrackArgs;
 use crate::{memory, words};
 use anyhow::{Result, bail};
 use colour::ColourArgs;
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::raw::encode::Band;
+use isv::raw::format::FrameRate;
 use isv::raw::io::Unit;
 use isv::raw::take::capture::{Capture, ContentKind};
 use isv::raw::take::encode::{
     EncodeOptions, FrameReport, Job, ProfileChoice, Report, Unfinished, UnfinishedStream, Watch,
 };
+use isv::raw::take::stream::{Container, Tracks, tracks_beside};
 use isv::raw::take::{Cancellation, FrameRange, Input, Length};
+use std::iter;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,9 +43,10 @@ use std::sync::Arc;
 pub(crate) struct Args {
     /// Capture: a folder, a pattern such as 'take/*.obj', a file, or - for a pipe
     ///
-    /// Frames are meshes, points, volumes, or depth images with their calibration, in natural order of their names; or an .isv file.
+    /// Frames are meshes, points, volumes, or depth images with their calibration, in natural order of their names; or an .isv or
+    /// MP4 file.
     input: PathBuf,
-    /// Stream to write; - for standard output
+    /// Stream to write, an .isv or .mp4 file; - for standard output
     ///
     /// While encoding, the file is called OUT.isv.part. If the encoder is killed, that file still plays up to its
     /// last complete frame.
@@ -104,6 +111,8 @@ pub(crate) struct Args {
     #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
+    tracks: TrackArgs,
+    #[command(flatten)]
     backend: BackendArgs,
     /// Write times and sizes of every frame to this file
     ///
@@ -133,6 +142,28 @@ impl Args {
             memory: memory::limit(),
             ..EncodeOptions::default()
         })
+    }
+
+    /// Refuses sound and picture for a file that can have none.
+    fn check_tracks(&self) -> Result<()> {
+        match Container::of(&self.output) == Container::Mp4 || self.tracks.is_empty() {
+            true => Ok(()),
+            false => Err(usage(format!(
+                "--audio and --video: an .isv file has no sound and no picture: name the output {}",
+                self.output.with_extension("mp4").display()
+            ))),
+        }
+    }
+
+    /// The tracks beside the stream: those asked for, and those of an MP4 file that is coded anew. They begin with the first frame.
+    fn tracks(&self, input: &Input, rate: FrameRate) -> Result<Tracks> {
+        let time = |frame: usize| rate.timestamp_ns(frame as u64);
+        let end = |frame: usize| if frame == FrameRange::OPEN { u64::MAX } else { time(frame) };
+        let part = self.frames.map(|frames| time(frames.start)..end(frames.end));
+        let kept = tracks_beside(input, self.frames)?;
+        let mut tracks = stream::kept_tracks(kept, &input.name(), &self.output);
+        tracks.extend(self.tracks.open(part)?);
+        Ok(tracks)
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
@@ -175,7 +206,9 @@ impl Watch for Passes {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    check_stream_output(&[&args.input], &args.output)?;
+    let inputs: Vec<_> = iter::once(args.input.as_path()).chain(args.tracks.files()).collect();
+    check_stream_output(&inputs, &args.output)?;
+    args.check_tracks()?;
     let (input, options) = (Input::from_argument(&args.input), args.options());
     let progress = Arc::new(Progress::new(None, "encoding"));
     let observer = words::observer_above(&progress);
@@ -192,7 +225,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         progress.expect(frames);
     }
     let voxel_m = job.header().grid.voxel_size.metres();
-    let output = Output::create(&args.output)?;
+    let tracks = args.tracks(&input, job.header().frame_rate)?;
+    let output = stream::create(&args.output, tracks)?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
     if options.band == Some(Band::Full) {
         progress.note(match options.profile_choice() {
@@ -218,7 +252,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             return Err(error.into());
         }
     };
-    finish(args, &options, writer.finish()?, &report, voxel_m, stats)
+    finish(args, &options, stream::finish(writer.finish()?)?, &report, voxel_m, stats)
 }
 
 fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
@@ -243,14 +277,14 @@ fn frame_stats(report: &FrameReport) -> EncodedFrameStats {
 }
 
 /// Keeps the frames before a failure, beside the name that the stream was to have: what came through a pipe cannot be had again.
-fn rescue(stream: UnfinishedStream<Output>) {
+fn rescue(stream: UnfinishedStream<StreamOutput>) {
     let UnfinishedStream { mut writer, frames, .. } = stream;
     if frames == 0 {
         return;
     }
-    let kept = writer.sink_mut().keep();
+    let kept = writer.sink_mut().sink_mut().and_then(Output::keep);
     // On a full disk not even an index has room. What is there opens all the same.
-    let _ = writer.finish().map(Output::commit);
+    let _ = writer.finish().map_err(Into::into).and_then(stream::finish).map(Output::commit);
     if let Some(path) = kept {
         say(format_args!("{} holds the first {}", path.display(), frames_in_words(frames)));
     }

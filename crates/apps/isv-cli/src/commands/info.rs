@@ -5,12 +5,12 @@ use crate::output::{frames_in_words, print, say};
 use crate::stream;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
-use isv::raw::take::stream::{PacketInfo, PaperInfo, StreamInfo};
+use isv::raw::take::stream::{PacketInfo, PaperInfo, StreamInfo, TrackSummary};
 use isv::raw::take::{Input, Length};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Describe .isv files
+/// Describe .isv and MP4 files
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The files. After one that cannot be read, the others are described too
@@ -109,6 +109,10 @@ fn table(info: &StreamInfo) -> String {
             &kind,
             format!("{}, on average {bytes} bytes and {blocks} blocks", frames_in_words(packets.len())),
         );
+    }
+    for track in &info.tracks {
+        let TrackSummary { kind, codec, samples, end_s, bytes, .. } = track;
+        row(kind, format!("{codec}, {samples} samples, {end_s:.2} s, {bytes} bytes"));
     }
     if info.colour_layers > 0 {
         row("colour", colour_in_words(info));

@@ -3,7 +3,7 @@
 use crate::output::{check_stream_output, frames_in_words, is_pipe, print, say};
 use crate::{memory, stream};
 use anyhow::Result;
-use isv::raw::take::stream::{Repaired, damage_in_words, repair};
+use isv::raw::take::stream::{Repaired, damage_in_words, repair, tracks_beside};
 use isv::raw::take::{Input, left_out_in_words};
 use std::iter;
 use std::path::{Path, PathBuf};
@@ -31,9 +31,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&inputs, &args.output)?;
     let input = Input::from_argument(&args.input);
     let other = args.header_from.as_deref().map(Input::from_argument);
-    let repaired = repair(&input, other.as_ref(), memory::limit(), || stream::create(&args.output));
-    let (output, report) = repaired.map_err(stream::edit_error)?;
-    output.commit()?;
+    // Of an MP4 file that is damaged in its tables nothing else can be had either.
+    let tracks = stream::kept_tracks(tracks_beside(&input, None)?, &input.name(), &args.output);
+    let create = || stream::create(&args.output, tracks);
+    let (output, report) =
+        repair(&input, other.as_ref(), memory::limit(), create).map_err(stream::edit_error)?;
+    stream::finish(output)?.commit()?;
     let sentence = format!("{}: {}", input.name(), in_words(&report));
     if is_pipe(&args.output) {
         say(sentence);

@@ -14,6 +14,7 @@ use isv_io::{
     is_depth_folder, passed_over,
 };
 use isv_volume::Grid;
+use std::ffi::OsStr;
 use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -35,7 +36,7 @@ pub(super) enum Kind {
         /// What was taken for granted.
         notes: Vec<String>,
     },
-    /// An `.isv` file.
+    /// A stream in an `.isv` or MP4 file.
     Stream(PathBuf, StreamHeader, Hints),
     /// An `.isv` stream on standard input.
     PipedStream(Box<StreamFrames>),
@@ -47,7 +48,8 @@ impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
     pub(super) fn open(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         let Input::Path(path) = input else { return Ok((None, pipe::open(hints)?)) };
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv")) {
+        let is_stream = |end: &OsStr| ["isv", "mp4"].iter().any(|ending| end.eq_ignore_ascii_case(ending));
+        if path.extension().is_some_and(is_stream) {
             // It is opened more than once.
             if path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
                 return Err(CaptureError::NoRegularFile { name: input.name() });

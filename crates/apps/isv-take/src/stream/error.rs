@@ -33,6 +33,10 @@ pub enum StreamFault {
     /// Packets of the stream.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// The MP4 file around the stream.
+    #[cfg(feature = "io")]
+    #[error(transparent)]
+    Mp4(#[from] isv_mp4::Mp4Error),
     /// A frame. Frames in the error are counted from the stream's start.
     #[error(transparent)]
     Decode(#[from] DecodeError),

@@ -1,6 +1,6 @@
 //! Facts that a stream states about itself, as JSON has them.
 
-use super::{PacketSummary, StreamError, StreamSummary};
+use super::{PacketSummary, StreamError, StreamSummary, TrackSummary};
 use crate::Input;
 use isv_format::{PaperParameters, Prediction, Profile, StreamHeader};
 use isv_kernels::quant::STEP_FRACTION_BITS;
@@ -34,6 +34,8 @@ pub struct StreamInfo {
     pub duration_s: f64,
     /// Bytes of the whole file.
     pub bytes: u64,
+    /// Tracks of an MP4 file; none of an `.isv` file.
+    pub tracks: Vec<TrackSummary>,
     /// Bytes of the geometry parts of all frames.
     pub bytes_geometry: usize,
     /// Bytes of the colour parts of all frames, without their lengths.
@@ -109,6 +111,7 @@ impl StreamInfo {
             block_edge: header.grid.edge.voxels(),
             paper: PaperInfo::new(header),
             bytes: summary.bytes,
+            tracks: summary.tracks.clone(),
             bytes_geometry: packets.iter().map(|packet| packet.bytes_geometry).sum(),
             bytes_colour: packets.iter().map(|packet| packet.bytes_colour).sum(),
             duration_s: summary.duration_s,

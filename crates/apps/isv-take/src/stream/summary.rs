@@ -21,6 +21,11 @@ pub struct StreamSummary {
     pub duration_s: f64,
     /// Bytes of the file; of a pipe, those of the stream.
     pub bytes: u64,
+    /// Bytes of the stream and what is behind it: those of the file, but for an MP4 file.
+    pub stream_bytes: u64,
+    /// Tracks of the MP4 file that the stream is in, the stream's included; none in an `.isv` file.
+    #[cfg(feature = "io")]
+    pub tracks: Vec<TrackSummary>,
     /// Bytes of the file behind the end of the stream, where there should be none.
     pub bytes_behind: u64,
     /// Whether index and trailer are there, with which a writer ends.
@@ -55,21 +60,38 @@ impl StreamSummary {
     /// # Errors
     /// [`StreamError`], which names it.
     pub fn read(input: &Input) -> Result<Self, StreamError> {
-        let source = open_file(input)?;
+        let mut source = open_file(input)?;
         let read = || {
-            let file = source.get_ref().metadata()?;
+            let file = input.path().ok_or(StreamFault::NoFile)?.metadata()?;
+            let length = if file.is_file() { Some(source.length()?) } else { None };
+            #[cfg(feature = "io")]
+            let tracks = source
+                .mp4()
+                .map_or_else(Vec::new, |mp4| mp4.tracks().iter().map(TrackSummary::new).collect());
             let mut reader = PacketReader::new(source)?;
             let header = *reader.header();
             let packets = read_packets(&mut reader, &header.profile)?;
             // A pipe has no length but what was read of it.
-            let bytes = if file.is_file() { file.len() } else { reader.at() };
+            let stream_bytes = length.unwrap_or(reader.at());
+            let bytes = length.map_or(stream_bytes, |_| file.len());
             let is_complete = reader.complete();
-            let bytes_behind = if is_complete { bytes.saturating_sub(reader.at()) } else { 0 };
+            let bytes_behind = if is_complete { stream_bytes.saturating_sub(reader.at()) } else { 0 };
             let unknown_packets = reader.skipped();
             let mut timeline = Timeline::new(header.frame_rate);
             packets.iter().for_each(|packet: &PacketSummary| _ = timeline.place(packet.timestamp_ns));
             let duration_s = timeline.end_s();
-            Ok(Self { header, packets, unknown_packets, duration_s, bytes, bytes_behind, is_complete })
+            Ok(Self {
+                header,
+                packets,
+                unknown_packets,
+                duration_s,
+                bytes,
+                stream_bytes,
+                #[cfg(feature = "io")]
+                tracks,
+                bytes_behind,
+                is_complete,
+            })
         };
         read().map_err(|fault: StreamFault| fault.in_stream(&input.name()))
     }
@@ -77,8 +99,41 @@ impl StreamSummary {
     /// Megabits a second of the stream; 0 if it takes no time to show.
     #[must_use]
     pub fn mbps(&self) -> f64 {
-        let bits = (self.bytes - self.bytes_behind) as f64 * 8.0;
+        let bits = (self.stream_bytes - self.bytes_behind) as f64 * 8.0;
         if self.duration_s > 0.0 { bits / self.duration_s / 1e6 } else { 0.0 }
+    }
+}
+
+/// A track of an MP4 file. The names of the fields are keys of `isv info --json`.
+#[cfg(feature = "io")]
+#[derive(Clone, Debug, serde::Serialize)]
+#[non_exhaustive]
+pub struct TrackSummary {
+    /// What it holds: `geometry`, `sound`, `picture` or `other`.
+    pub kind: &'static str,
+    /// Type of its sample entry, such as `isv1`, `mp4a`, `Opus` or `avc1`.
+    pub codec: String,
+    /// Language (ISO 639-2), `und` if it is not known.
+    pub language: String,
+    /// Number of samples.
+    pub samples: usize,
+    /// Time (s) at which the last sample ends.
+    pub end_s: f64,
+    /// Bytes of all samples.
+    pub bytes: u64,
+}
+
+#[cfg(feature = "io")]
+impl TrackSummary {
+    fn new(track: &isv_mp4::Track) -> Self {
+        Self {
+            kind: track.description.kind.name(),
+            codec: track.description.codec(),
+            language: track.description.language.clone(),
+            samples: track.samples.len(),
+            end_s: track.end_s(),
+            bytes: track.bytes(),
+        }
     }
 }
 

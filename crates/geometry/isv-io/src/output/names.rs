@@ -62,7 +62,8 @@ pub fn check_stream_name(path: &Path) -> Result<(), OutputError> {
         return Ok(());
     }
     let is_stream = |ending: &str| {
-        ending.eq_ignore_ascii_case("isv") || UNFINISHED.iter().any(|own| ending.eq_ignore_ascii_case(own))
+        ["isv", "mp4"].iter().any(|own| ending.eq_ignore_ascii_case(own))
+            || UNFINISHED.iter().any(|own| ending.eq_ignore_ascii_case(own))
     };
     let Some(ending) = file_ending(path).filter(|ending| !is_stream(ending)) else { return Ok(()) };
     let [name, proposal] = [path, &path.with_extension("isv")].map(|path| path.display().to_string());
@@ -155,12 +156,20 @@ mod tests {
 
     #[test]
     fn streams_are_isv_files_or_have_no_ending() {
-        for name in
-            ["take.isv", "take.ISV", "take", "take.v2", "-", "take.isv.part", "take.isv.tmp", "2024.01.05"]
-        {
+        for name in [
+            "take.isv",
+            "take.ISV",
+            "take.mp4",
+            "take",
+            "take.v2",
+            "-",
+            "take.isv.part",
+            "take.isv.tmp",
+            "2024.01.05",
+        ] {
             assert!(check_stream_name(Path::new(name)).is_ok(), "{name}");
         }
-        for name in ["take.ply", "take.mp4", "take.GLB", "take.isv.gz", "take.npz", "take.3mf", "take.bin"] {
+        for name in ["take.ply", "take.mov", "take.GLB", "take.isv.gz", "take.npz", "take.3mf", "take.bin"] {
             let error = check_stream_name(Path::new(name)).unwrap_err().to_string();
             assert!(error.starts_with(&format!("{name}: what is written is an .isv stream")), "{error}");
         }

@@ -1,0 +1,41 @@
+//! `isv mux`: a stream in an MP4 file, with sound and picture beside it.
+
+use crate::output::check_stream_output;
+use crate::tracks::TrackArgs;
+use crate::{memory, stream, words};
+use anyhow::Result;
+use isv::raw::take::Input;
+use isv::raw::take::stream::{Container, mux, tracks_beside};
+use std::iter;
+use std::path::PathBuf;
+
+/// Put a stream into an MP4 file, with sound and picture beside it. Nothing is coded anew but WAV sound
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The stream, an .isv or MP4 file; - for standard input
+    ///
+    /// Tracks that an MP4 file has beside its stream are kept.
+    #[arg(value_name = "IN.isv")]
+    input: PathBuf,
+    /// The file to write; - for standard output
+    #[arg(short, long, value_name = "OUT.mp4")]
+    output: PathBuf,
+    #[command(flatten)]
+    tracks: TrackArgs,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let inputs: Vec<_> = iter::once(args.input.as_path()).chain(args.tracks.files()).collect();
+    check_stream_output(&inputs, &args.output)?;
+    // Whatever its name: that is what the command is for.
+    let container = Container::Mp4;
+    let input = Input::from_argument(&args.input);
+    let mut tracks = tracks_beside(&input, None)?;
+    tracks.extend(args.tracks.open(None)?);
+    let observer = words::observer();
+    let muxed =
+        mux(&input, memory::limit(), &*observer, || stream::create_in(&args.output, container, tracks));
+    let (output, frames) = muxed.map_err(stream::edit_error)?;
+    stream::commit_file(output, &args.output, frames)
+}

@@ -1,0 +1,136 @@
+//! Tracks: what they hold, and where their samples are.
+
+use crate::boxes::Kind;
+use mp4_atom::FourCC;
+
+/// What a track holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TrackKind {
+    /// An `.isv` stream.
+    Geometry,
+    /// Sound.
+    Sound,
+    /// Pictures.
+    Picture,
+    /// Anything else: text, times, data.
+    Other,
+}
+
+impl TrackKind {
+    /// Its name in messages: `geometry`, `sound`, `picture` or `other`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Geometry => "geometry",
+            Self::Sound => "sound",
+            Self::Picture => "picture",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// Where a track begins on the time line of the movie.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Edit {
+    /// Time before the track begins (ms).
+    pub delay_ms: u32,
+    /// Time in the track, in its timescale, of what is heard or seen first. What is before it only warms a decoder up.
+    pub media_time: u64,
+}
+
+/// All that a track states once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TrackDescription {
+    /// What it holds.
+    pub kind: TrackKind,
+    /// Units of time a second; not 0.
+    pub timescale: u32,
+    /// The sample entry, a whole box: codec and its configuration.
+    pub sample_entry: Vec<u8>,
+    /// Language (ISO 639-2): three letters, `und` if it is not known.
+    pub language: String,
+    /// Begin on the time line.
+    pub edit: Edit,
+    /// Width and height of pictures, as 16.16 fixed-point numbers of pixels; 0 without pictures.
+    pub size: [u32; 2],
+}
+
+impl TrackDescription {
+    /// A track without an edit, in no language.
+    #[must_use]
+    pub fn new(kind: TrackKind, timescale: u32, sample_entry: Vec<u8>) -> Self {
+        let (language, edit, size) = ("und".to_owned(), Edit::default(), [0; 2]);
+        Self { kind, timescale, sample_entry, language, edit, size }
+    }
+
+    /// Type of the sample entry: `mp4a`, `Opus`, `isv1` and so on.
+    #[must_use]
+    pub fn codec(&self) -> String {
+        let kind: Kind =
+            self.sample_entry.get(4..8).map_or(*b"    ", |kind| kind.try_into().expect("4 bytes"));
+        FourCC::from(kind).to_string()
+    }
+
+    /// A time in the track's timescale, in nanoseconds.
+    pub(crate) fn to_ns(&self, time: u64) -> u64 {
+        (u128::from(time) * 1_000_000_000 / u128::from(self.timescale)) as u64
+    }
+
+    /// A time in nanoseconds, in the track's timescale, rounded to the nearest.
+    pub(crate) fn from_ns(&self, ns: u64) -> u64 {
+        ((u128::from(ns) * u128::from(self.timescale) + 500_000_000) / 1_000_000_000) as u64
+    }
+
+    /// Time (ns) on the time line of the movie of a time in the track. What only warms a decoder up is at 0.
+    pub(crate) fn shown_ns(&self, time: u64) -> u64 {
+        self.to_ns(time.saturating_sub(self.edit.media_time)) + u64::from(self.edit.delay_ms) * 1_000_000
+    }
+}
+
+/// Where a sample is, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    /// Decode time in the track's timescale.
+    pub time: u64,
+    /// Offset in the file.
+    pub at: u64,
+    /// Size in bytes.
+    pub bytes: u32,
+    /// Duration in the track's timescale.
+    pub duration: u32,
+    /// How much later than decoded it is shown, in the track's timescale.
+    pub composition_offset: i32,
+    /// Whether decoding can begin here.
+    pub sync: bool,
+}
+
+/// A track of a file.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// What it states once.
+    pub description: TrackDescription,
+    /// Its samples, in the order of decoding.
+    pub samples: Vec<Sample>,
+}
+
+impl Track {
+    /// Time (s) on the movie's time line at which the last sample ends.
+    #[must_use]
+    pub fn end_s(&self) -> f64 {
+        let end = self.samples.last().map_or(0, |last| last.time + u64::from(last.duration));
+        self.description.shown_ns(end) as f64 / 1e9
+    }
+
+    /// Time (ns) on the movie's time line at which a sample is decoded.
+    #[must_use]
+    pub fn shown_ns(&self, sample: &Sample) -> u64 {
+        self.description.shown_ns(sample.time)
+    }
+
+    /// Bytes of all samples.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.samples.iter().map(|sample| u64::from(sample.bytes)).sum()
+    }
+}
