@@ -244,6 +244,17 @@ test('a slow device gets what it can decode, and is not asked for more again and
   }
 });
 
+test('a device that was slow for a moment is asked for more later', () => {
+  const { choice, next, download } = ladder();
+  next();
+  download(100e6);
+  next();
+  for (let frame = 0; frame < 20; frame++) choice.decoded(0, 90);
+  assert.equal(next(), 1);
+  for (let frame = 0; frame < 400; frame++) choice.decoded(1, 10);
+  assert.equal(next(), 0);
+});
+
 test('at twice the speed there is half the room', () => {
   const { next, download } = ladder();
   next();

@@ -12,6 +12,9 @@ const EARLIER = 0.25;
 const FRAME_WEIGHT = 0.1;
 /** Frames of a rung after which their mean is believed: the first ones run code that is not yet optimised. */
 const BELIEVED = 15;
+/** Most frames that a rung's mean counts, and how many of them each frame of another rung takes back: machines become faster and slower. */
+const REMEMBERED = 45;
+const FORGOTTEN = 0.1;
 /** Seconds after which a download is compared with one of a lower rung. */
 const PATIENCE = 0.4;
 
@@ -42,8 +45,9 @@ export class Choice {
 
   /** @param {number} rung @param {number} ms that a frame took */
   decoded(rung, ms) {
+    for (const other of this.#frames) other.frames = Math.max(0, other.frames - FORGOTTEN);
     const mean = this.#frames[rung];
-    mean.frames++;
+    mean.frames = Math.min(REMEMBERED, mean.frames + 1 + FORGOTTEN);
     mean.ms += (ms - mean.ms) * Math.max(FRAME_WEIGHT, 1 / mean.frames);
   }
 

@@ -38,6 +38,8 @@ const TRUSTED = 0.5;
  * @property {Media} media
  * @property {import('../mp4/movie.js').Track} track
  *
+ * @typedef {{ bytes: number }} Meter bytes downloaded so far
+ *
  * @typedef {object} Loading a segment, or what will be one
  * @property {number} rung
  * @property {Promise<Uint8Array[]>} packets
@@ -54,6 +56,7 @@ export class LadderSource {
   /** Where the playhead is, and how fast it goes. */
   #playhead = { seconds: 0, speed: 1, workers: 1 };
   #rungs;
+  #meter;
   #choice;
   /** First frame of each segment, and one more. */
   #firsts;
@@ -69,9 +72,9 @@ export class LadderSource {
    * @param {string} name
    * @param {Rung[]} rungs
    * @param {{ headers: Uint8Array[], facts: StreamFacts[], metadata: import('../metadata.js').Metadata, all: Rungs['all'],
-   *   sound: import('../sound/tracks.js').SoundTracks | null }} what
+   *   sound: import('../sound/tracks.js').SoundTracks | null, meter: Meter }} what
    */
-  constructor(name, rungs, { headers, facts, metadata, sound, all }) {
+  constructor(name, rungs, { headers, facts, metadata, sound, all, meter }) {
     this.name = name;
     this.headers = headers;
     this.facts = facts;
@@ -79,6 +82,7 @@ export class LadderSource {
     this.sound = sound;
     this.rungs = { all, shown: -1, throughput: 0 };
     this.#rungs = rungs;
+    this.#meter = meter;
     this.#choice = new Choice(rungs.map(({ bandwidth }) => bandwidth));
     const { segments } = rungs[0].media;
     this.#chosen = new Int8Array(segments.length).fill(-1);
@@ -111,9 +115,10 @@ export class LadderSource {
     const text = new TextDecoder().decode(await bytes.read(0, length));
     const master = isMaster(text) ? parseMaster(text, url) : { rungs: [{ url, bandwidth: 1, codecs: '', sound: null }], sounds: new Map() };
     const soundUrl = [...master.sounds.values()][0];
+    const meter = { bytes: 0 };
     const [rungs, sound] = await Promise.all([
       Promise.all(master.rungs.map((rung) => readRung(rung, rung.url === url ? text : undefined))),
-      soundUrl === undefined ? null : readSound(master.sounds.get(master.rungs[0].sound ?? '') ?? soundUrl),
+      soundUrl === undefined ? null : readSound(master.sounds.get(master.rungs[0].sound ?? '') ?? soundUrl, meter),
     ]);
     checkAligned(rungs);
     const parse = await parser;
@@ -123,6 +128,7 @@ export class LadderSource {
       metadata: metadataOf(rungs[0].isvC.subarray(STREAM_HEADER_BYTES, METADATA_LIMIT)),
       all: master.rungs.map(({ bandwidth, codecs }) => ({ bandwidth, codecs })),
       sound,
+      meter,
     });
   }
 
@@ -234,6 +240,7 @@ export class LadderSource {
     /** @type {number | null} */
     let lower = null;
     let got = 0;
+    const before = this.#meter.bytes;
     const look = (/** @type {number} */ length) => {
       const passed = (performance.now() - begun) / 1000;
       const ahead = (this.times.starts[this.#firsts[number]] - this.#playhead.seconds) / this.#playhead.speed;
@@ -248,11 +255,12 @@ export class LadderSource {
         limit: SEGMENT_LIMIT,
         signal: AbortSignal.any([signal, giveUp.signal]),
         progress: (all, length) => {
+          this.#meter.bytes += all - got;
           got = all;
           look(length);
         },
       });
-      this.#note(bytes.length, begun);
+      this.#note(before, begun);
       const { packets, starts } = readSegment(bytes, track, frames);
       this.#refine(number, starts);
       loading.rung = rung;
@@ -261,7 +269,7 @@ export class LadderSource {
       this.#trim();
       return packets;
     } catch (error) {
-      if (got || lower !== null) this.#note(got, begun);
+      if (got || lower !== null) this.#note(before, begun);
       if (lower === null || signal.aborted) throw error;
     } finally {
       clearInterval(timer);
@@ -270,9 +278,9 @@ export class LadderSource {
     return this.#load(number, loading, lower, signal);
   }
 
-  /** @param {number} bytes @param {number} begun ms */
-  #note(bytes, begun) {
-    this.#choice.downloaded(bytes, (performance.now() - begun) / 1000);
+  /** Notes what the network gave, to sound as well. @param {number} before bytes that the meter showed @param {number} begun ms */
+  #note(before, begun) {
+    this.#choice.downloaded(this.#meter.bytes - before, (performance.now() - begun) / 1000);
     this.rungs.throughput = this.#choice.throughput;
   }
 
@@ -305,8 +313,8 @@ async function readRung({ url, bandwidth }, text) {
   return { bandwidth, media, track: geometry, isvC };
 }
 
-/** @param {string} url of a playlist @returns {Promise<import('../sound/tracks.js').SoundTracks | null>} */
-async function readSound(url) {
+/** @param {string} url of a playlist @param {Meter} meter @returns {Promise<import('../sound/tracks.js').SoundTracks | null>} */
+async function readSound(url, meter) {
   const media = parseMedia(await downloadText(url), url);
   const { moov, bytes } = await readInit(media.init);
   const track = soundsOf(moov)[0];
@@ -319,7 +327,14 @@ async function readSound(url) {
       begin: 0,
       starts,
       init: async () => bytes,
-      fragment: (at, signal) => download(media.segments[at].url, { limit: SEGMENT_LIMIT, signal }),
+      fragment: (at, signal) => {
+        let before = 0;
+        const progress = (/** @type {number} */ got) => {
+          meter.bytes += got - before;
+          before = got;
+        };
+        return download(media.segments[at].url, { limit: SEGMENT_LIMIT, signal, progress });
+      },
     },
   ];
 }

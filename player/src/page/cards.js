@@ -94,7 +94,7 @@ function streamFigures(player) {
   const whole = source.bytesBetween(0, source.frames);
   const { starts, duration } = source.times;
   return {
-    ...(source.rungs ? { Rung: rungFigure(source.rungs) } : {}),
+    ...(source.rungs ? rungFigures(source.rungs) : {}),
     Size: `${asBytes(whole)}, ${asBitrate((8 * whole) / duration)}`,
     'This second': asBitrate((8 * source.bytesBetween(from, from + frames)) / (starts[from + frames] - starts[from])),
     Frame: frame,
@@ -104,9 +104,11 @@ function streamFigures(player) {
 }
 
 /** Which rung of a ladder is shown, and what the network gives. @param {import('../ladder/source.js').Rungs} rungs */
-function rungFigure({ shown, all, throughput }) {
-  const network = throughput ? `, network ${asBitrate(throughput)}` : '';
-  return shown < 0 ? '' : `${shown + 1} of ${all.length}${network}`;
+function rungFigures({ shown, all, throughput }) {
+  return {
+    Rung: shown < 0 ? '' : `${shown + 1} of ${all.length}`,
+    Network: throughput ? asBitrate(throughput) : '',
+  };
 }
 
 /** @param {IsvPlayer} player @param {import('./stage.js').Stage} stage @returns {Record<string, string>} */

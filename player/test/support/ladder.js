@@ -10,10 +10,10 @@ const FRAME = TIMESCALE / 30;
 /**
  * Files of a ladder, by name.
  * @param {Uint8Array[]} streams with keyframes at the same frames, 30 a second, the best first
- * @param {{ sound?: import('./mp4.js').Sound }} [options]
+ * @param {{ sound?: import('./mp4.js').Sound, padding?: number }} [options] padding: bytes of nothing in each segment for each byte of frames
  * @returns {Record<string, Uint8Array>}
  */
-export function laddered(streams, { sound } = {}) {
+export function laddered(streams, { sound, padding = 0 } = {}) {
   /** @type {Record<string, Uint8Array>} */
   const files = {};
   const ftyp = made('ftyp', Buffer.from('iso6\0\0\0\0iso6cmfc', 'latin1'));
@@ -40,7 +40,8 @@ export function laddered(streams, { sound } = {}) {
       while (end < packets.length && !(packets[end][5] & 1)) end++;
       const of = packets.slice(first, end);
       const moof = geometryMoof(of, Array.from({ length: of.length + 1 }, (_, frame) => (first + frame) * FRAME), segment);
-      const file = Buffer.concat([styp, moof, made('mdat', ...of)]);
+      const mdat = made('mdat', ...of);
+      const file = Buffer.concat([styp, moof, mdat, ...(padding ? [made('free', new Uint8Array(padding * mdat.length))] : [])]);
       files[`${folder}/${segment}.m4s`] = file;
       most = Math.max(most, (8 * file.length * 30) / of.length);
       lines.push(`#EXT-X-ISV-FRAMES:${of.length}\n#EXTINF:${(of.length / 30).toFixed(6)},\n${segment}.m4s`);

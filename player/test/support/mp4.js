@@ -36,10 +36,11 @@ const NO_SYNC = 0x01010000;
  * @property {number} [timescale]
  * @property {number[]} [starts] times of the frames in its units, and the end of the last; 30 a second if not given
  * @property {Uint8Array} [metadata] packets before the first frame
+ * @property {number} [padding] bytes of nothing behind each fragment
  */
 
 /** A stream in MP4. @param {Uint8Array} stream @param {Muxing} [options] @returns {Buffer} */
-export function muxed(stream, { sound, tables = true, timescale = 30_000, starts, metadata = zeros(0) } = {}) {
+export function muxed(stream, { sound, tables = true, timescale = 30_000, starts, metadata = zeros(0), padding = 0 } = {}) {
   const packets = packetsOf(stream);
   const at = starts ?? Array.from({ length: packets.length + 1 }, (_, frame) => (frame * timescale) / 30);
   const moov = made('moov', mvhd(), geometryTrak(timescale, Buffer.concat([stream.subarray(0, 48), metadata])), ...(sound ? [sound.trak] : []), made('mvex', trex(1), ...(sound ? [sound.trex] : [])));
@@ -52,8 +53,9 @@ export function muxed(stream, { sound, tables = true, timescale = 30_000, starts
   const samples = [];
   const add = (/** @type {number} */ track, /** @type {number} */ time, /** @type {Uint8Array[]} */ boxes) => {
     entries.push({ track, time, moof: length });
-    parts.push(...boxes);
-    length += boxes.reduce((bytes, box) => bytes + box.length, 0);
+    const all = padding ? [...boxes, made('free', zeros(padding))] : boxes;
+    parts.push(...all);
+    length += all.reduce((bytes, box) => bytes + box.length, 0);
   };
   const waiting = [...(sound?.fragments ?? [])];
   for (let first = 0; first < packets.length; ) {
@@ -140,7 +142,7 @@ export function fakeSound(seconds, entry = made('Opus', zeros(28)), ...more) {
   return { trak: trak(2, 48_000, 'soun', made('smhd', u32(0, 0)), entry, ...more), trex: trex(2), fragments, timescale: 48_000 };
 }
 
-/** Sound of a fragmented MP4 file that has nothing else, as track 2. @param {Uint8Array} file @returns {Sound} */
+/** Sound of a fragmented MP4 file, as track 2. @param {Uint8Array} file @returns {Sound} */
 export function soundIn(file) {
   const bytes = new Uint8Array(file);
   /** @type {import('../../src/mp4/boxes.js').Box[]} */
@@ -148,17 +150,19 @@ export function soundIn(file) {
   for (let at = 0; at < bytes.length; at = boxes[boxes.length - 1].end) boxes.push(boxAt(bytes, at));
   const moov = /** @type {import('../../src/mp4/boxes.js').Box} */ (boxes.find(({ type }) => type === 'moov'));
   const found = (/** @type {import('../../src/mp4/boxes.js').Box | undefined} */ box) => /** @type {import('../../src/mp4/boxes.js').Box} */ (box);
+  const trak = found(moov.children().find((box) => box.type === 'trak' && box.find('mdia', 'hdlr')?.name(8) === 'soun'));
   const set = (/** @type {import('../../src/mp4/boxes.js').Box} */ box, /** @type {number} */ at) => bytes.set(u32(2), box.body + at);
-  const tkhd = found(moov.find('trak', 'tkhd'));
-  const mdhd = found(moov.find('trak', 'mdia', 'mdhd'));
-  const trex = found(moov.find('mvex', 'trex'));
+  const tkhd = found(trak.child('tkhd'));
+  const mdhd = found(trak.find('mdia', 'mdhd'));
+  const track = tkhd.u32(tkhd.version === 1 ? 20 : 12);
+  const trex = found(moov.find('mvex')?.children().find((box) => box.type === 'trex' && box.u32(4) === track));
   set(tkhd, tkhd.version === 1 ? 20 : 12);
   set(trex, 4);
   const fragments = boxes.flatMap((moof, at) => {
-    if (moof.type !== 'moof') return [];
+    if (moof.type !== 'moof' || found(moof.find('traf', 'tfhd')).u32(4) !== track) return [];
     set(found(moof.find('traf', 'tfhd')), 4);
     const tfdt = found(moof.find('traf', 'tfdt'));
     return [{ time: tfdt.version === 1 ? tfdt.u64(4) : tfdt.u32(4), moof: moof.whole, mdat: boxes[at + 1].whole }];
   });
-  return { trak: found(moov.child('trak')).whole, trex: trex.whole, fragments, timescale: mdhd.u32(mdhd.version === 1 ? 20 : 12) };
+  return { trak: trak.whole, trex: trex.whole, fragments, timescale: mdhd.u32(mdhd.version === 1 ? 20 : 12) };
 }

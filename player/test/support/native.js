@@ -52,6 +52,15 @@ export function depthStream() {
   return encoded(writeDepthTake, ['--voxel', '1cm', '--backend', 'cpu']);
 }
 
+/** A stream in MP4 with the sound of a WAV file. @param {Uint8Array} stream @param {Uint8Array} [wav] @returns {Uint8Array} */
+export function muxed(stream, wav) {
+  return inFolder((folder) => {
+    if (wav) writeFileSync(join(folder, 'sound.wav'), wav);
+    isv(['mux', fileOf(stream, folder), ...(wav ? ['--audio', 'sound.wav'] : []), '-o', 'take.mp4'], folder);
+    return readFileSync(join(folder, 'take.mp4'));
+  });
+}
+
 /** Exports the player with a stream; gone when `use` is done. @template T @param {Uint8Array} stream @param {(folder: string) => Promise<T>} use @returns {Promise<T>} */
 export async function exported(stream, use) {
   const folder = mkdtempSync(join(tmpdir(), 'isv-export-'));

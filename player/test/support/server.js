@@ -63,6 +63,7 @@ export async function serve(files = {}) {
   let free = 0;
   /** Sends bytes as slowly as they come over a line that all requests share. @param {import('node:http').ServerResponse} response @param {Uint8Array} bytes */
   async function trickle(response, bytes) {
+    free = Math.max(free, performance.now());
     for (let at = 0; at < bytes.length && !response.destroyed; ) {
       const { rate } = served.habits;
       if (!rate) {
@@ -70,7 +71,7 @@ export async function serve(files = {}) {
         break;
       }
       const part = bytes.subarray(at, at + Math.max(256, Math.floor(rate / 50)));
-      free = Math.max(free, performance.now()) + (1000 * part.length) / rate;
+      free += (1000 * part.length) / rate;
       const wait = free - performance.now();
       await new Promise((wake) => setTimeout(wake, wait));
       response.write(part);
