@@ -153,6 +153,13 @@ export function made(type, ...parts) {
   return box;
 }
 
+/** What the `mdat` of a fragment holds. @param {Uint8Array} fragment */
+export function payloadOf(fragment) {
+  const mdat = new Box(fragment, 'fragment', 0, 0, fragment.length).child('mdat');
+  if (!mdat) throw broken('a fragment has no samples');
+  return fragment.subarray(mdat.body, mdat.end);
+}
+
 /** @param {string} what */
 export function broken(what) {
   return new IsvFailure('damaged', `the MP4 file is damaged: ${what}`);

@@ -4,7 +4,8 @@
 // is missing, sound waits for it.
 
 import { isAbort, words } from '../failure.js';
-import { nameOfCodec } from './tracks.js';
+import { payloadOf } from '../mp4/boxes.js';
+import { MP3_TYPE, nameOfCodec, typesOf } from './tracks.js';
 
 /** Seconds of sound fetched ahead of the playhead, and kept behind it. */
 const AHEAD = 20;
@@ -35,6 +36,8 @@ export class Sound {
   /** The element that is heard. @type {HTMLAudioElement} */
   element;
   #track;
+  /** What the browser takes it as. */
+  #type;
   #on;
   #duration;
   /** When fragments begin, in seconds. */
@@ -71,19 +74,21 @@ export class Sound {
     const { MediaSource: Plain, ManagedMediaSource: Managed } = /** @type {any} */ (globalThis);
     /** @type {typeof MediaSource | undefined} */
     const Media = Plain ?? Managed;
-    const track = Media && tracks.find(({ codec }) => Media.isTypeSupported(typeOf(codec)));
-    if (!Media || !track) {
+    const ways = tracks.flatMap((track) => typesOf(track.codec).map((type) => ({ track, type })));
+    const way = Media && ways.find(({ type }) => Media.isTypeSupported(type));
+    if (!Media || !way) {
       const names = [...new Set(tracks.map(({ codec }) => nameOfCodec(codec)))].join(', ');
       const why = Media ? `this browser does not play ${names} from MP4` : 'this browser lets no page give it sound piece by piece';
       on.unsupported({ message: `the take plays without sound: ${why}` });
       return null;
     }
-    return new Sound(track, new Media(), { duration, on, volume, muted });
+    return new Sound(way, new Media(), { duration, on, volume, muted });
   }
 
-  /** @param {SoundTrack} track @param {MediaSource} media @param {{ duration: number, on: SoundEvents, volume: number, muted: boolean }} options */
-  constructor(track, media, { duration, on, volume, muted }) {
+  /** @param {{ track: SoundTrack, type: string }} way @param {MediaSource} media @param {{ duration: number, on: SoundEvents, volume: number, muted: boolean }} options */
+  constructor({ track, type }, media, { duration, on, volume, muted }) {
     this.#track = track;
+    this.#type = type;
     this.#media = media;
     this.#on = on;
     this.#duration = duration;
@@ -208,11 +213,11 @@ export class Sound {
     this.#media.onsourceopen = null;
     try {
       this.#media.duration = Math.max(this.#duration, this.#starts[this.#starts.length - 1]);
-      const buffer = this.#media.addSourceBuffer(typeOf(this.#track.codec));
+      const buffer = this.#media.addSourceBuffer(this.#type);
       buffer.timestampOffset = -this.#track.begin;
       const init = await this.#retried(() => this.#track.init());
       if (this.#failed) return;
-      await appended(buffer, init);
+      if (this.#type !== MP3_TYPE) await appended(buffer, init);
       this.#buffer = buffer;
       this.#feed();
     } catch (error) {
@@ -281,12 +286,18 @@ export class Sound {
   /** @param {SourceBuffer} buffer @param {number} at @param {Uint8Array} fragment */
   async #give(buffer, at, fragment) {
     await this.#trim(buffer, BEHIND);
+    let bytes = fragment;
+    if (this.#type === MP3_TYPE) {
+      bytes = payloadOf(fragment);
+      // MP3 says nothing of its times.
+      buffer.timestampOffset = this.#starts[at];
+    }
     try {
-      await appended(buffer, fragment);
+      await appended(buffer, bytes);
     } catch (error) {
       if (!(error instanceof Error && error.name === 'QuotaExceededError')) throw error;
       await this.#trim(buffer, 1);
-      await appended(buffer, fragment);
+      await appended(buffer, bytes);
     }
     this.#given.add(at);
     if (at === this.#starts.length - 1 && this.#media.readyState === 'open') this.#media.endOfStream();
@@ -337,11 +348,6 @@ export class Sound {
     this.close();
     this.#on.unsupported({ message: `the take plays without sound: ${why}` });
   }
-}
-
-/** @param {string} codec */
-function typeOf(codec) {
-  return `audio/mp4; codecs="${codec}"`;
 }
 
 /** The last entry that is not above a value; the first if all are. @param {Float64Array} sorted @param {number} value */

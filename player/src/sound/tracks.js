@@ -21,6 +21,16 @@ const NAMES = /** @type {[string, string][]} */ ([
   ['ipcm', 'PCM'],
 ]);
 
+/** What browsers call MP3 by itself. */
+export const MP3_TYPE = 'audio/mpeg';
+
+/** Types under which browsers may take a codec, the best first. @param {string} codec */
+export function typesOf(codec) {
+  const inMp4 = `audio/mp4; codecs="${codec}"`;
+  // Frames of MP3 need no MP4 around them, and not all browsers take them in it.
+  return /^mp4a\.6[9b]$/i.test(codec) ? [inMp4, MP3_TYPE] : [inMp4];
+}
+
 /** @param {string} codec */
 export function nameOfCodec(codec) {
   return NAMES.find(([begin]) => codec.startsWith(begin))?.[1] ?? codec;
