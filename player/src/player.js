@@ -36,6 +36,7 @@ const CUSHION = 0.2;
  * @property {boolean} [autoplay]
  * @property {boolean} [loop]
  * @property {number} [speed]
+ * @property {boolean} [sound] false: its sound is not played, as beside another take
  * @property {number} [volume] of sound, 0 to 1
  * @property {boolean} [muted]
  */
@@ -321,7 +322,7 @@ export class IsvPlayer extends EventTarget {
     this.ahead = ahead;
     this.ahead.setDetails(this.#details);
     this.clock.gates.add(this.#gate);
-    this.#listening = source.sound !== null && !this.clock.leader;
+    this.#listening = source.sound !== null && options.sound !== false && !this.clock.leader;
     this.#setClock(source);
     this.#dress();
     this.#turn();

@@ -84,6 +84,8 @@ export interface PlayerOptions {
   autoplay?: boolean;
   loop?: boolean;
   speed?: number;
+  /** `false`: its sound is not played, as beside another take. */
+  sound?: boolean;
   /** Of sound, 0 to 1. */
   volume?: number;
   muted?: boolean;

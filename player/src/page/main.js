@@ -98,7 +98,7 @@ class Page {
     this.clock.seek(0);
     this.#framed = false;
     this.#open = false;
-    this.players = takes.map(({ options }) => new IsvPlayer({ ...options, ...share, ...this.#heard }));
+    this.players = takes.map(({ options }, at) => new IsvPlayer({ ...options, ...share, ...this.#heard, sound: at === 0 }));
     this.views = this.players.map((player) => new IsvViews(player));
     this.players.forEach((player, at) => this.#listen(player, takes[at].name));
     this.stage.show(this.players);
@@ -192,7 +192,7 @@ class Page {
     on('recovered', () => this.#messages.release(name));
     on('silent', ({ message }) => this.#messages.say(`${of}${message}`, 'warn'));
     on('blocked', () =>
-      this.#messages.propose('blocked', 'The browser has turned the sound off.', 'Turn it on', () => this.#hear({ muted: false })),
+      this.#messages.propose('blocked', 'The sound is off.', 'Turn it on', () => this.#hear({ muted: false })),
     );
     on('volume', ({ muted }) => {
       if (!muted) this.#messages.release('blocked');

@@ -102,6 +102,7 @@ export class Sound {
     this.element.muted = muted;
     this.element.onvolumechange = () => on.volume();
     this.element.ontimeupdate = () => this.#feed();
+    this.element.onwaiting = () => this.#recheck();
     this.element.onerror = () => this.#fail(this.element.error?.message || 'the browser cannot decode it');
     media.onsourceopen = () => this.#begin();
     this.element.src = URL.createObjectURL(media);
@@ -179,7 +180,7 @@ export class Sound {
     this.#closing.abort();
     document.removeEventListener('visibilitychange', this.#hide);
     const { element } = this;
-    element.onerror = element.ontimeupdate = element.onvolumechange = null;
+    element.onerror = element.ontimeupdate = element.onwaiting = element.onvolumechange = null;
     element.pause();
     URL.revokeObjectURL(element.src);
     element.removeAttribute('src');
@@ -238,6 +239,15 @@ export class Sound {
     for (let range = 0; range < buffered.length; range++)
       if (buffered.start(range) <= seconds && seconds < buffered.end(range) - OFF) return true;
     return false;
+  }
+
+  /** A browser that is short of memory may have dropped what it was given: it is given again. */
+  #recheck() {
+    const { buffered, currentTime } = this.element;
+    for (let range = 0; range < buffered.length; range++)
+      if (buffered.start(range) <= currentTime && currentTime < buffered.end(range) - OFF) return;
+    this.#given.delete(indexOf(this.#starts, currentTime));
+    this.#feed();
   }
 
   async #feed() {

@@ -202,6 +202,20 @@ describe('sound', { skip }, () => {
     }
   });
 
+  test('of two takes side by side, the first is heard, and both go with it', async () => {
+    const { page, errors } = await open('?src=/files/clap.mp4&compare=/files/short-sound.mp4');
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].sound?.element.currentTime > 2.2);
+    const { sounds, frames } = await page.evaluate(() => {
+      const { players } = /** @type {any} */ (globalThis).isv;
+      return { sounds: players.map((/** @type {any} */ { sound }) => sound !== null), frames: players.map((/** @type {any} */ { frame }) => frame) };
+    });
+    assert.deepEqual(sounds, [true, false]);
+    assert.equal(frames[0], frames[1]);
+    // It goes round with the shorter one.
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].sound.element.currentTime < 1);
+    assert.deepEqual(errors, []);
+  });
+
   test('volume and mute have buttons and keys', async () => {
     const { page } = await open('?src=/files/clap.mp4&paused');
     await page.locator('#sound').waitFor();
