@@ -41,8 +41,12 @@ fn read_as_it_is(bytes: &[u8]) {
         read_packet(packet, &header, bytes);
     }
     assert!(at <= bytes.len() as u64);
-    assert!(gaps <= reader.skipped(), "packets follow each other without gaps, but for those skipped");
-    assert!(reader.skipped() == 0 || header.version > FormatVersion::V1, "version 1 has nothing to skip");
+    let may_skip = header.version > FormatVersion::V1;
+    assert!(gaps == 0 || may_skip, "packets follow each other without gaps, but for those skipped");
+    assert!(
+        reader.skipped() == 0 && reader.metadata().is_none() || may_skip,
+        "version 1 has nothing to skip"
+    );
     salvage(bytes, &packets, &header);
     load_index(bytes, &packets, end, &header);
 }
@@ -73,7 +77,9 @@ fn read_packet(packet: &Packet, header: &StreamHeader, bytes: &[u8]) {
                 assert_eq!(again, payload);
             }
         }
-        PacketKind::Skippable { .. } => panic!("a packet of an unknown type is given"),
+        PacketKind::Metadata | PacketKind::Skippable { .. } => {
+            panic!("a packet is given that is none of the stream's")
+        }
         PacketKind::Index => {
             if let Ok(index) = StreamIndex::parse(&packet.payload, packet.at) {
                 assert_eq!(index.to_payload(), packet.payload, "an index has one form");

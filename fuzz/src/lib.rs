@@ -10,6 +10,7 @@ pub mod encoder;
 pub mod library;
 pub mod live;
 pub mod loss;
+pub mod mp4;
 pub mod mutators;
 pub mod range_decoder;
 pub mod stream;

@@ -10,9 +10,11 @@ use isv::raw::format::{
     StreamHeader,
 };
 use isv::raw::ingest::{MeshIngest, SignDecision, ingest_mesh};
+use isv::raw::mp4::{GeometrySink, SoundOptions, open_sound};
 use isv::raw::volume::{BlockEdge, SparseVolume};
 use isv_testkit::small_ball;
 use std::fs;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
 pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
@@ -31,6 +33,14 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
             seeds.save(target, first_frames(stream))?;
         }
     }
+    let mut as_it_is = SoundOptions::default();
+    as_it_is.opus_bits_per_second = None;
+    for sound in [None, Some(SoundOptions::default()), Some(as_it_is)] {
+        let file = mp4_file(&streams[0], sound)?;
+        seeds.save("mp4", &file)?;
+        seeds.save("sound", &file)?;
+    }
+    seeds.save("sound", &waveform())?;
     for layers in 1..=3 {
         seeds.save("colour", &colour_parts(layers))?;
     }
@@ -39,6 +49,30 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
         seeds.save(target, &noise)?;
     }
     seeds.save("range_decoder", &[&32u16.to_le_bytes()[..], &noise].concat())
+}
+
+/// A stream in an MP4 file, with sound beside it.
+fn mp4_file(stream: &[u8], sound: Option<SoundOptions>) -> Result<Vec<u8>> {
+    let sound = sound.map(|options| open_sound(Cursor::new(waveform()), options)).transpose()?;
+    let mut sink = GeometrySink::new(Vec::new(), sound.into_iter().collect())?;
+    sink.write_all(stream)?;
+    Ok(sink.finish()?)
+}
+
+/// 10 ms of sound at 8 kHz in a WAV file.
+fn waveform() -> Vec<u8> {
+    let numbers: Vec<u8> = (0..160u8).collect();
+    let (rate, bytes) = (8000u32, numbers.len() as u32);
+    let mut file = [b"RIFF", &(36 + bytes).to_le_bytes()[..], b"WAVEfmt ", &16u32.to_le_bytes()].concat();
+    for field in [1u16, 1] {
+        file.extend(field.to_le_bytes());
+    }
+    file.extend(rate.to_le_bytes());
+    file.extend((2 * rate).to_le_bytes());
+    for field in [2u16, 16] {
+        file.extend(field.to_le_bytes());
+    }
+    [&file[..], b"data", &bytes.to_le_bytes(), &numbers].concat()
 }
 
 /// A tetrahedron as a volume.

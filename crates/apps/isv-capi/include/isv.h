@@ -677,14 +677,14 @@ isv_status isv_decode_options_set_point_count(struct isv_decode_options *options
 isv_status isv_decode_options_set_point_spacing(struct isv_decode_options *options, double spacing_m);
 
 /**
- * Sets the format of the files of a folder: "ply", "obj", "stl" or "glb" for meshes, "ply", "pcd" or "xyz" for points, "npy" or
- * "vdb" for fields.
+ * Sets the format of the files of a folder: "ply", "obj", "stl", "glb", "usda" or "usdc" for meshes, "ply", "pcd" or "xyz" for points,
+ * "npy" or "vdb" for fields.
  */
 isv_status isv_decode_options_set_format(struct isv_decode_options *options,
                                          const char *extension);
 
 /**
- * Writes vertex normals of meshes (1) or not (0) [default: in GLB files alone].
+ * Writes vertex normals of meshes (1) or not (0) [default: in GLB and USD files alone].
  */
 isv_status isv_decode_options_set_normals(struct isv_decode_options *options, int32_t are_wanted);
 
@@ -1059,8 +1059,8 @@ isv_status isv_encode_take(const char *input,
 /**
  * Decodes a stream to files.
  *
- * `input` is the stream's path. `output` is a folder, which gets `frame_0000.ply` and so on, a file of one frame, or a `.glb` file of
- * all. Both are UTF-8. `options` and `report` may be null. Files that isv did not write are not replaced.
+ * `input` is the stream's path. `output` is a folder, which gets `frame_0000.ply` and so on, a file of one frame, or a `.glb`, `.usdc`
+ * or `.usda` file of all. Both are UTF-8. `options` and `report` may be null. Files that isv did not write are not replaced.
  */
 isv_status isv_decode_take(const char *input,
                            const char *output,

@@ -150,8 +150,8 @@ pub extern "C" fn isv_decode_options_set_point_spacing(
     })
 }
 
-/// Sets the format of the files of a folder: "ply", "obj", "stl" or "glb" for meshes, "ply", "pcd" or "xyz" for points, "npy" or
-/// "vdb" for fields.
+/// Sets the format of the files of a folder: "ply", "obj", "stl", "glb", "usda" or "usdc" for meshes, "ply", "pcd" or "xyz" for points,
+/// "npy" or "vdb" for fields.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn isv_decode_options_set_format(
     options: *mut isv_decode_options,
@@ -164,7 +164,7 @@ pub unsafe extern "C" fn isv_decode_options_set_format(
     })
 }
 
-/// Writes vertex normals of meshes (1) or not (0) [default: in GLB files alone].
+/// Writes vertex normals of meshes (1) or not (0) [default: in GLB and USD files alone].
 #[unsafe(no_mangle)]
 pub extern "C" fn isv_decode_options_set_normals(
     options: *mut isv_decode_options,

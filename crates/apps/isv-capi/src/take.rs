@@ -44,8 +44,8 @@ pub unsafe extern "C" fn isv_encode_take(
 
 /// Decodes a stream to files.
 ///
-/// `input` is the stream's path. `output` is a folder, which gets `frame_0000.ply` and so on, a file of one frame, or a `.glb` file of
-/// all. Both are UTF-8. `options` and `report` may be null. Files that isv did not write are not replaced.
+/// `input` is the stream's path. `output` is a folder, which gets `frame_0000.ply` and so on, a file of one frame, or a `.glb`, `.usdc`
+/// or `.usda` file of all. Both are UTF-8. `options` and `report` may be null. Files that isv did not write are not replaced.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn isv_decode_take(
     input: *const c_char,

@@ -9,6 +9,7 @@ use isv::raw::io::{DenseAxes, GlbEncoding, SampleAt};
 use isv::raw::take::Up;
 use isv::raw::take::decode::Form;
 use isv::raw::take::encode::{FusionMode, Normals, ProfileChoice, TimestampSource};
+use isv::raw::take::metadata::MetadataChoice;
 use isv::raw::take::stream::AfterLoss;
 use isv_render::{Background, NormalKind, PictureFormat, Shading};
 
@@ -143,6 +144,18 @@ cli_enum! {
         Rate => TimestampSource::Rate,
         /// When the frame was read, in nanoseconds since 1970: live viewers see how late they are
         Clock => TimestampSource::Clock,
+    }
+}
+
+cli_enum! {
+    /// `--metadata`
+    MetadataName for MetadataChoice {
+        /// Streams with colour, and those with a title or a capture device
+        Auto => MetadataChoice::Auto,
+        /// Any stream
+        Always => MetadataChoice::Always,
+        /// None
+        Never => MetadataChoice::Never,
     }
 }
 

@@ -604,7 +604,7 @@ fn wrong_command_lines() {
     work.isv(&["decode", "a.isv", "-o", "a.obj", "--format", "ply"]).fails(2, &["--format ply", "a.obj"]);
     let decode = |more: &[&str]| work.isv(&[&["decode", "a.isv", "-o", "a"], more].concat());
     decode(&["--format", "las"])
-        .fails(2, &["`las` is not one of ply, obj, stl, glb, usda (meshes), ply, pcd, xyz"]);
+        .fails(2, &["`las` is not one of ply, obj, stl, glb, usda, usdc (meshes), ply, pcd, xyz"]);
     decode(&["--as", "points", "--format", "stl"])
         .fails(2, &["stl files are not written of points: use one of ply"]);
     decode(&["--as", "mesh", "--points", "9"]).fails(2, &["--points and --spacing need --as points"]);

@@ -1,4 +1,4 @@
-//! `isv decode -o take.usda`: meshes over time for DCC programs and engines.
+//! `isv decode -o take.usdc` and `take.usda`: meshes over time for DCC programs and engines.
 
 mod support;
 
@@ -8,23 +8,30 @@ use support::Workspace;
 fn a_take_becomes_one_usd_file() {
     let work = Workspace::with_painted_balls(3);
     work.isv(&["encode", "balls", "-o", "take.isv", "--voxel", "20mm", "--fps", "25"]).done();
-    for name in ["take.usda", "take.usd"] {
-        work.isv(&["decode", "take.isv", "-o", name, "--up", "z", "--units", "cm", "--origin", "100,0,0"])
-            .done();
+    let placed = ["--up", "z", "--units", "cm", "--origin", "100,0,0"];
+    let decode = |name: &str, options: &[&str]| {
+        work.isv(&[&["decode", "take.isv", "-o", name], options].concat()).done()
+    };
+    for name in ["take.usda", "take.usdc", "take.usd"] {
+        decode(name, &placed);
         // It is there, and made by isv, so it is overwritten.
-        work.isv(&["decode", "take.isv", "-o", name, "--frames", "1..2"]).done();
-        work.isv(&["decode", "take.isv", "-o", name, "--up", "z", "--units", "cm", "--origin", "100,0,0"])
-            .done();
+        decode(name, &["--frames", "1..2"]);
+        decode(name, &placed);
     }
-    assert_eq!(work.read("take.usd"), work.read("take.usda"));
-    let text = String::from_utf8(work.read("take.usda")).unwrap();
+    let (text, binary) = (work.read("take.usda"), work.read("take.usdc"));
+    assert!(binary.starts_with(b"PXR-USDC"));
+    assert!(binary.len() < text.len() / 2, "{} and {}", binary.len(), text.len());
+    assert!(work.read("take.usd") == binary);
+    decode("take.usd", &[&placed[..], &["--format", "usda"]].concat());
+    assert!(work.read("take.usd") == text);
+    let text = String::from_utf8(text).unwrap();
     let lines = [
         "metersPerUnit = 0.01",
         "upAxis = \"Z\"",
         "timeCodesPerSecond = 25",
         "startTimeCode = 0",
         "endTimeCode = 2",
-        "double3 xformOp:translate = (100",
+        "double3 xformOp:translate = (100, 0, 0)",
         "int[] faceVertexIndices.timeSamples",
         "normal3f[] normals",
         "color3f[] primvars:displayColor",
@@ -32,9 +39,11 @@ fn a_take_becomes_one_usd_file() {
     for line in lines {
         assert!(text.contains(line), "{line}");
     }
-    work.isv(&["decode", "take.isv", "-o", "frames", "--format", "usda", "--no-colour", "--no-normals"])
-        .done();
-    assert_eq!(work.names("frames"), ["frame_0000.usda", "frame_0001.usda", "frame_0002.usda"]);
+    for format in ["usda", "usdc"] {
+        decode(format, &["--format", format, "--no-colour", "--no-normals"]);
+        let names = ["frame_0000", "frame_0001", "frame_0002"].map(|name| format!("{name}.{format}"));
+        assert_eq!(work.names(format), names);
+    }
 }
 
 #[test]
@@ -42,10 +51,19 @@ fn what_usd_cannot_hold_is_refused() {
     let work = Workspace::with_painted_balls(1);
     work.isv(&["encode", "balls", "-o", "take.isv", "--voxel", "20mm"]).done();
     let decode = |args: &[&str]| work.isv(&[&["decode", "take.isv"], args].concat());
-    decode(&["-o", "take.usda", "--up", "x"]).fails(2, &["USD files have y or z up, not x"]);
-    decode(&["-o", "-", "--format", "usda"]).fails(2, &["name a file"]);
-    decode(&["-o", "take.usda", "--texture", "512"]).fails(2, &["usda files hold no texture"]);
-    decode(&["-o", "take.usda", "--as", "points"]).fails(2, &["usda files are not written of points"]);
-    work.write("film.usda", "#usda 1.0\n");
-    decode(&["-o", "film.usda"]).fails(2, &["film.usda", "was not made by isv"]);
+    for format in ["usda", "usdc"] {
+        let file = format!("take.{format}");
+        decode(&["-o", &file, "--up", "x"]).fails(2, &["USD files have y or z up, not x"]);
+        decode(&["-o", "-", "--format", format]).fails(2, &["name a file"]);
+        let textured = format!("{format} files hold no texture");
+        decode(&["-o", &file, "--texture", "512"]).fails(2, &[&textured]);
+        let points = format!("{format} files are not written of points");
+        decode(&["-o", &file, "--as", "points"]).fails(2, &[&points]);
+        decode(&["-o", &file, "--format", "ply"]).fails(2, &["format ply does not fit the output's name"]);
+    }
+    decode(&["-o", "take.usdc", "--format", "usda"]).fails(2, &["format usda does not fit"]);
+    for (name, text) in [("film.usda", "#usda 1.0\n"), ("film.usdc", "PXR-USDC\0\u{8}")] {
+        work.write(name, text);
+        decode(&["-o", name]).fails(2, &[name, "was not made by isv"]);
+    }
 }

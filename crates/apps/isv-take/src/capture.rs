@@ -7,7 +7,8 @@ mod pipe;
 mod size;
 
 use crate::encode::{CaptureError, FrameError};
-use crate::stream::DecodeSettings;
+use crate::metadata::Metadata;
+use crate::stream::{self, DecodeSettings};
 use crate::tile_texture::add_tile_texture;
 use crate::{FrameRange, Input, MemoryError, MemoryLimit, Observer, OpenDevice, Up};
 use isv_decode::Lod;
@@ -259,6 +260,15 @@ impl Capture {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// What a stream that is coded anew says of itself; `None` of other captures, and of a stream that says nothing.
+    #[must_use]
+    pub fn metadata(&self) -> Option<Metadata> {
+        match &self.kind {
+            Kind::Stream(..) => stream::metadata(&self.input).ok().flatten(),
+            _ => None,
+        }
     }
 
     /// Frames a second, where the capture says.

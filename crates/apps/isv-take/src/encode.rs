@@ -2,6 +2,7 @@
 
 mod auto_voxel;
 mod coding;
+mod describe;
 mod error;
 mod event;
 mod frames;
@@ -12,6 +13,7 @@ mod timestamps;
 mod two_pass;
 mod volumes;
 
+pub use describe::MetadataOptions;
 pub use error::{CaptureError, EncodeError, FrameError, OptionName, OptionsError};
 pub use event::EncodeEvent;
 pub use frames::FrameEncoder;

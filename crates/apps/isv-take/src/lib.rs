@@ -30,6 +30,8 @@ mod distances;
 #[cfg(feature = "io")]
 mod length;
 #[cfg(feature = "io")]
+pub mod metadata;
+#[cfg(feature = "io")]
 mod up;
 
 #[cfg(feature = "encode")]

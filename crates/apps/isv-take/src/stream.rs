@@ -25,7 +25,7 @@ pub use join::join;
 #[cfg(feature = "sound")]
 pub use mux::sound;
 #[cfg(feature = "io")]
-pub use mux::{demux, mux, picture, tracks_beside, tracks_beside_all, write_error};
+pub use mux::{demux, mux, picture, sound_of, tracks_beside, tracks_beside_all, write_error};
 #[cfg(feature = "io")]
 pub use output::{Container, StreamOutput, Tracks};
 pub use repair::{Repaired, repair};
@@ -35,10 +35,12 @@ pub use summary::{PacketSummary, StreamSummary};
 pub use verify::{Verified, verify};
 
 use crate::device::{DecodedVolume, StreamDecoder};
+#[cfg(feature = "io")]
+use crate::metadata::Metadata;
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer, OpenDevice};
 use isv_decode::Lod;
 use isv_decode::colour::ColourFrame;
-use isv_format::{PacketReader, StreamHeader, StreamIndex};
+use isv_format::{MetadataText, PacketReader, StreamHeader, StreamIndex};
 use isv_surface::SurfaceOptions;
 use isv_volume::{BlockSet, TriangleMesh};
 use std::fs::File;
@@ -128,6 +130,36 @@ fn begin(
 /// [`StreamError`], which names them.
 pub fn seekable<S: Read + Seek>(name: &str, source: S) -> Result<StreamBytes<S>, StreamError> {
     StreamBytes::new(source).map_err(|fault| fault.in_stream(name))
+}
+
+/// What a stream in a file says of itself; `None` if that is nothing.
+///
+/// # Errors
+/// [`StreamError`], which names it.
+#[cfg(feature = "io")]
+pub fn metadata(input: &Input) -> Result<Option<Metadata>, StreamError> {
+    Ok(metadata_text(input)?.as_ref().and_then(Metadata::parse))
+}
+
+/// What a stream in bytes says of itself; `None` if that is nothing. `name` is theirs in messages.
+///
+/// # Errors
+/// [`StreamError`], which names them.
+#[cfg(feature = "io")]
+pub fn metadata_of(name: &str, source: ByteSource) -> Result<Option<Metadata>, StreamError> {
+    let (packets, _) = begin(name, source, MemoryLimit::default())?;
+    Ok(text_before_frames(packets).as_ref().and_then(Metadata::parse))
+}
+
+/// The text of what a stream in a file says of itself.
+fn metadata_text(input: &Input) -> Result<Option<MetadataText>, StreamError> {
+    Ok(text_before_frames(open(input, MemoryLimit::default())?.0))
+}
+
+fn text_before_frames(mut packets: PacketReader<ByteSource>) -> Option<MetadataText> {
+    // It stands before the first frame. Whether that is sound is for others to find.
+    let _ = packets.next_frame();
+    packets.metadata().cloned()
 }
 
 /// Finds the frames of a stream in a file; what follows a cut is not there.

@@ -167,7 +167,7 @@ extern "C" fn isv_packet_kind() -> u32 {
     with(|session| match session.packet_header().map(|header| header.kind) {
         Some(PacketKind::Frame { keyframe: true, .. }) => 1,
         Some(PacketKind::Index) => 2,
-        Some(PacketKind::Skippable { .. }) => 3,
+        Some(PacketKind::Metadata | PacketKind::Skippable { .. }) => 3,
         Some(PacketKind::Frame { .. }) | None => 0,
     })
 }

@@ -7,6 +7,7 @@ use isv_format::FrameRate;
 use isv_ingest::SignMode;
 use isv_io::{InvalidPoints, Unit};
 use isv_take::encode::{FusionMode, MainOptions, Normals, ProfileChoice, TimestampSource, VoxelChoice};
+use isv_take::metadata::MetadataChoice;
 use isv_take::{BitRate, Cancellation, Device, FrameRange, Length, MemoryLimit, Observer, OpenDevice, Up};
 use std::num::NonZero;
 use std::ops::Range;
@@ -140,6 +141,27 @@ impl EncodeOptions {
     #[must_use]
     pub fn checksums(mut self, wanted: bool) -> Self {
         self.raw.checksums = wanted;
+        self
+    }
+
+    /// Title of the take, for people.
+    #[must_use]
+    pub fn title(mut self, title: impl Into<String>) -> Self {
+        self.raw.metadata.title = Some(title.into());
+        self
+    }
+
+    /// What captured the take, for people.
+    #[must_use]
+    pub fn capture_device(mut self, device: impl Into<String>) -> Self {
+        self.raw.metadata.device = Some(device.into());
+        self
+    }
+
+    /// Whether the stream says what it is and how it was made [default: where it has colour, a title or a capture device].
+    #[must_use]
+    pub fn metadata(mut self, choice: MetadataChoice) -> Self {
+        self.raw.metadata.choice = choice;
         self
     }
 

@@ -74,6 +74,15 @@ impl From<isv_take::StreamError> for Error {
     }
 }
 
+impl From<isv_take::stream::EditError> for Error {
+    fn from(error: isv_take::stream::EditError) -> Self {
+        match error {
+            isv_take::stream::EditError::Stream(error) => error.into(),
+            other => Self::new(ErrorKind::Output, other),
+        }
+    }
+}
+
 impl From<isv_take::MemoryError> for Error {
     fn from(error: isv_take::MemoryError) -> Self {
         Self::new(ErrorKind::Memory, error)

@@ -20,6 +20,7 @@
 //! - `encode` (default): [`Writer`], [`take::encode`] and the readers of captures. Takes `io` with it.
 //! - `io`: [`take::decode`] to files of meshes, points and fields. Without it this crate decodes to arrays alone, and compiles about
 //!   what a decoder needs.
+//! - `sound`: [`take::mux`] takes sound from MP3, Ogg, FLAC and WAV files, too.
 //! - `gpu`: GPUs by Vulkan, Metal and DX12, chosen with [`Device`].
 //!
 //! # What is stable
@@ -56,6 +57,8 @@ pub use error::{Error, ErrorKind};
 pub use event::Event;
 pub use frame::{Block, Frame, Volume, VolumeArrays};
 pub use isv_decode::Lod;
+#[cfg(feature = "io")]
+pub use isv_take::metadata::{Metadata, MetadataChoice, SourceMetadata, SurfaceMetadata};
 pub use isv_take::stream::AfterLoss;
 pub use isv_take::{Cancellation, Device};
 pub use mesh::Mesh;

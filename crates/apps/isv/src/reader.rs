@@ -5,6 +5,8 @@ use crate::event::{EventHandler, observer};
 use crate::{Error, ErrorKind, Event, Frame};
 use isv_decode::Lod;
 use isv_format::{StreamHeader, StreamIndex};
+#[cfg(feature = "io")]
+use isv_take::metadata::Metadata;
 use isv_take::stream::{
     self, AfterLoss, ByteSource, ConcealingFrames, DecodeSettings, SeekableBytes, StreamError, StreamFrame,
     StreamFrames,
@@ -159,6 +161,21 @@ impl Reader {
     pub fn on_event(mut self, handler: impl Fn(&Event) + Send + Sync + 'static) -> Self {
         self.events = Some(Arc::new(handler));
         self
+    }
+
+    /// What the stream says of itself; `None` if it says nothing, and where bytes come once.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Input`] for a file that cannot be read any more.
+    #[cfg(feature = "io")]
+    pub fn metadata(&self) -> Result<Option<Metadata>, Error> {
+        Ok(match &self.source {
+            Source::File(input) => stream::metadata(input)?,
+            Source::Seekable(open) => {
+                stream::metadata_of(&self.name, Box::new(stream::seekable(&self.name, open())?))?
+            }
+            Source::Once(_) => None,
+        })
     }
 
     /// Number of frames, unless bytes come once.

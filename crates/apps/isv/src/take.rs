@@ -1,11 +1,14 @@
 //! Whole takes: a capture in and a stream out, or a stream in and files out.
 
-use crate::{DecodeOptions, Error};
-use isv_take::{FrameRange, Input};
+use crate::{DecodeOptions, Error, ErrorKind};
+use isv_io::AtomicFile;
+use isv_take::stream::{self, Container, StreamOutput};
+use isv_take::{Event, FrameRange, Input, MemoryLimit};
+use std::io;
 use std::path::Path;
 
 #[cfg(feature = "encode")]
-use crate::{EncodeOptions, ErrorKind, FileSink, Report, writer::Counted};
+use crate::{EncodeOptions, FileSink, Report, writer::Counted};
 #[cfg(feature = "encode")]
 use isv_take::{
     Cancellation,
@@ -29,8 +32,8 @@ pub struct DecodeReport {
 
 /// Decodes a stream to files.
 ///
-/// `output` is a folder, which gets `frame_0000.ply` and so on, or a file of one frame, or a `.glb` file of all. Files there that isv did
-/// not write are not replaced.
+/// `output` is a folder, which gets `frame_0000.ply` and so on, or a file of one frame, or a `.glb`, `.usdc` or `.usda` file of all.
+/// Files there that isv did not write are not replaced.
 ///
 /// # Errors
 /// See [`Error::kind`]. Files of a folder from before the error stay, each of them whole.
@@ -56,6 +59,42 @@ pub fn decode(
     let report = report.map_err(|unfinished| unfinished.error)?;
     let simplify_error_m = report.reductions.worst.0;
     Ok(DecodeReport { frames: report.frames, simplify_error_m, is_cancelled: report.is_cancelled })
+}
+
+/// Puts a stream into an MP4 file, with sound beside it, and returns the number of frames.
+///
+/// `input` is an `.isv` or MP4 file; tracks beside its stream stay. `sound` is an MP4 file, or with feature `sound` an MP3, Ogg, FLAC or WAV
+/// file; waveforms are coded with Opus. The output has its name once it is whole.
+///
+/// # Errors
+/// [`ErrorKind::Input`](crate::ErrorKind::Input) or [`ErrorKind::Stream`](crate::ErrorKind::Stream) for what is read,
+/// [`ErrorKind::Output`](crate::ErrorKind::Output) for what is written.
+pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Path>) -> Result<usize, Error> {
+    let input = Input::from(input);
+    let mut tracks = stream::tracks_beside(&input, None)?;
+    if let Some(path) = sound {
+        let named = |error| Error::new(ErrorKind::Input, format!("{}: {error}", path.display()));
+        tracks.push(stream::sound_of(path).map_err(named)?);
+    }
+    let output = output.as_ref();
+    let create = || {
+        let file = AtomicFile::create(output).map_err(io::Error::other)?;
+        StreamOutput::new(file, Container::Mp4, tracks).map_err(io::Error::other)
+    };
+    let (file, frames) = stream::mux(&input, MemoryLimit::default(), &|_: &Event| {}, create)?;
+    file.commit()?;
+    Ok(frames)
+}
+
+/// Takes the stream out of an MP4 file, byte for byte. The output has its name once it is whole.
+///
+/// # Errors
+/// As of [`mux`].
+pub fn demux(input: impl AsRef<Path>, output: impl AsRef<Path>) -> Result<(), Error> {
+    let create = || AtomicFile::create(output.as_ref()).map_err(io::Error::other);
+    let file = stream::demux(&Input::from(input), create)?;
+    file.commit()?;
+    Ok(())
 }
 
 /// Encodes a capture into a stream.

@@ -3,6 +3,7 @@
 //! ```text
 //! stream = StreamHeader, packet ..., [index packet, trailer]
 //! packet = PacketHeader (length, type, keyframe flag, timestamp, checksum), payload
+//! metadata payload = JSON, before the first frame
 //! frame payload = geometry part, [colour part and its length]
 //! geometry part = FrameHeader, block-set segment, mask segment, then a segment of modes and one of coefficients a slice
 //! ```
@@ -19,6 +20,7 @@ mod frame;
 mod frame_rate;
 mod header;
 mod index;
+mod metadata;
 mod packet;
 mod payload_parts;
 mod reader;
@@ -38,6 +40,7 @@ pub use frame::{
 pub use frame_rate::{FrameRate, ParseFrameRateError};
 pub use header::{MAGIC, PaperParameters, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
+pub use metadata::{MOST_METADATA_BYTES, MetadataText};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use payload_parts::PayloadParts;
 pub use reader::PacketReader;

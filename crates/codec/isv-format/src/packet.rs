@@ -1,6 +1,7 @@
 //! Packets: one a frame, each whole in itself.
 
 use crate::bytes::ByteReader;
+use crate::metadata::{MOST_METADATA_BYTES, TYPE_METADATA};
 use crate::{FormatError, FormatVersion, FrameKind, PayloadParts, Profile, StreamHeader};
 
 /// First bytes of a packet.
@@ -22,6 +23,8 @@ pub enum PacketKind {
     },
     /// The index: where the frames are. Comes last.
     Index,
+    /// What the take is: see [`crate::MetadataText`]. Occurs in version 2.
+    Metadata,
     /// A type that this build does not know, and may skip. Readers pass such packets over; they occur in version 2.
     Skippable {
         /// The type, at least 128: bit 7 says that it may be skipped.
@@ -43,7 +46,7 @@ pub struct PacketHeader {
     /// What the payload is.
     pub kind: PacketKind,
     /// Frames since the last keyframe, modulo `2^16`; 0 for a keyframe and for an index. Tells when a packet is missing. Means nothing
-    /// in a packet that is skipped.
+    /// in other packets.
     pub since_keyframe: u16,
     /// Bytes of payload, at most [`MAX_PAYLOAD`].
     pub payload_bytes: u32,
@@ -96,6 +99,7 @@ impl PacketHeader {
                 (TYPE_FRAME, flags | flag(colour, FLAG_COLOUR))
             }
             PacketKind::Index => (TYPE_INDEX, 0),
+            PacketKind::Metadata => (TYPE_METADATA, 0),
             PacketKind::Skippable { code } => (code, 0),
         };
         let mut out = Vec::with_capacity(Self::BYTES);
@@ -135,7 +139,10 @@ impl PacketHeader {
         let mut fields = ByteReader::new(&bytes[MAGIC.len()..], at, "a packet header");
         let (code, flags, since_keyframe) = (fields.u8()?, fields.u8()?, fields.u16()?);
         let kind = Self::parse_kind(code, flags, at, stream)?;
-        let counts = matches!(kind, PacketKind::Frame { keyframe: false, .. } | PacketKind::Skippable { .. });
+        let counts = matches!(
+            kind,
+            PacketKind::Frame { keyframe: false, .. } | PacketKind::Metadata | PacketKind::Skippable { .. }
+        );
         if since_keyframe != 0 && !counts {
             return Err(FormatError::malformed(at, "a keyframe or an index counts frames since a keyframe"));
         }
@@ -156,6 +163,7 @@ impl PacketHeader {
             _ if stream.version == FormatVersion::V1 || matches!(code, TYPE_FRAME | TYPE_INDEX) => {
                 Err(FormatError::malformed(at, format!("packet type {code} with flags {flags:#x}")))
             }
+            TYPE_METADATA => Ok(PacketKind::Metadata),
             _ if code & SKIPPABLE != 0 => Ok(PacketKind::Skippable { code }),
             _ => Err(FormatError::PacketType { found: code, at }),
         }
@@ -164,6 +172,11 @@ impl PacketHeader {
     /// Whether a reader needs the payload of a packet with these bytes as header, for more than its checksum. They may be damaged.
     pub(crate) fn is_of_known_type(bytes: &[u8; Self::BYTES]) -> bool {
         matches!(bytes[MAGIC.len()], TYPE_FRAME | TYPE_INDEX)
+    }
+
+    /// Whether a packet with these bytes as header says that it holds metadata of a length that is kept. They may be damaged.
+    pub(crate) fn is_of_metadata(bytes: &[u8; Self::BYTES], payload_bytes: u32) -> bool {
+        bytes[MAGIC.len()] == TYPE_METADATA && payload_bytes as usize <= MOST_METADATA_BYTES
     }
 }
 

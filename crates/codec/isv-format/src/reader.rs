@@ -1,6 +1,8 @@
 //! Packets off a byte source, one after the other.
 
-use crate::{FormatError, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::{
+    FormatError, MAX_PAYLOAD, MetadataText, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex,
+};
 use std::io::Read;
 
 /// Most bytes held of a packet that is passed over.
@@ -16,6 +18,9 @@ pub struct PacketReader<R> {
     saw_index: bool,
     /// Number of packets passed over, as their types are not known.
     skipped: usize,
+    /// The first metadata before the first frame.
+    metadata: Option<MetadataText>,
+    saw_frame: bool,
     /// The index, once it and the trailer have been read.
     index: Option<StreamIndex>,
 }
@@ -33,7 +38,17 @@ impl<R: Read> PacketReader<R> {
     /// Continues at a packet that begins at byte `at` of a stream with this header, to which `source` has been brought.
     pub fn at_packet(source: R, at: u64, header: &StreamHeader) -> Self {
         let (header, largest_payload) = (*header, MAX_PAYLOAD);
-        Self { source, header, at, largest_payload, saw_index: false, skipped: 0, index: None }
+        Self {
+            source,
+            header,
+            at,
+            largest_payload,
+            saw_index: false,
+            skipped: 0,
+            metadata: None,
+            saw_frame: false,
+            index: None,
+        }
     }
 
     /// Refuses packets whose payload is larger than this, before a byte of it is read.
@@ -72,6 +87,11 @@ impl<R: Read> PacketReader<R> {
         self.skipped
     }
 
+    /// What the take is, once the first frame has been read; `None` if the stream does not say it.
+    pub fn metadata(&self) -> Option<&MetadataText> {
+        self.metadata.as_ref()
+    }
+
     /// Whether bytes follow what was read: behind the end of a stream there should be none. Waits for a byte of a source that has not
     /// ended.
     ///
@@ -82,7 +102,8 @@ impl<R: Read> PacketReader<R> {
     }
 
     /// The next packet of a known type, its checksum verified; `None` at the end of the bytes or after the index. The trailer is not
-    /// looked at. Packets that may be skipped are checked and passed over; their payloads are not held.
+    /// looked at. Metadata before the first frame
+    /// are kept; other packets that may be skipped are checked and passed over, and their payloads are not held.
     ///
     /// # Errors
     /// Bytes that end inside a packet, or are none. A packet of another version's type that must not be skipped.
@@ -94,7 +115,9 @@ impl<R: Read> PacketReader<R> {
                 return Err(FormatError::payload_above(payload_bytes.into(), self.largest_payload, self.at));
             }
             // The type counts once the checksum was compared. Until then it decides what is held, and nothing else.
-            let mut payload = PacketHeader::is_of_known_type(&bytes).then(Vec::new);
+            let is_kept = PacketHeader::is_of_known_type(&bytes)
+                || self.takes_metadata() && PacketHeader::is_of_metadata(&bytes, payload_bytes);
+            let mut payload = is_kept.then(Vec::new);
             let (fields, stated) = bytes.split_at(PacketHeader::BYTES - 4);
             if self.read_payload(fields, payload_bytes, payload.as_mut())?.to_le_bytes() != stated {
                 return Err(FormatError::Checksum { at: self.at, what: "the packet" });
@@ -103,7 +126,12 @@ impl<R: Read> PacketReader<R> {
             let at = self.at;
             self.at += PacketHeader::BYTES as u64 + u64::from(payload_bytes);
             match payload {
+                Some(payload) if header.kind == PacketKind::Metadata => {
+                    self.metadata = MetadataText::from_payload(payload);
+                }
+                None if header.kind == PacketKind::Metadata => {}
                 Some(payload) => {
+                    self.saw_frame |= header.kind.is_frame();
                     self.saw_index = header.kind == PacketKind::Index;
                     return Ok(Some(Packet { header, at, payload }));
                 }
@@ -111,6 +139,11 @@ impl<R: Read> PacketReader<R> {
             }
         }
         Ok(None)
+    }
+
+    /// Whether metadata would be kept that comes now.
+    fn takes_metadata(&self) -> bool {
+        self.metadata.is_none() && !self.saw_frame
     }
 
     /// The bytes of a packet's header; `None` at the end of the bytes.

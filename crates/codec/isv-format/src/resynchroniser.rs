@@ -1,7 +1,10 @@
 //! Packets and stream headers out of bytes that may be damaged, cut or joined: where none begins, the next one is looked for.
 
 use crate::packet::checksum;
-use crate::{FormatError, MAGIC, MAX_PAYLOAD, Packet, PacketHeader, PacketKind, StreamHeader, StreamIndex};
+use crate::{
+    FormatError, MAGIC, MAX_PAYLOAD, MetadataText, Packet, PacketHeader, PacketKind, StreamHeader,
+    StreamIndex,
+};
 use std::io::{self, Read};
 
 /// Most bytes asked of the source at a time.
@@ -30,6 +33,8 @@ pub enum Piece {
         /// Whether a sound trailer follows, with which a writer ends.
         is_end: bool,
     },
+    /// A whole packet of metadata; `None` if its text is none.
+    Metadata(Option<MetadataText>),
     /// A whole packet that was skipped: this build does not know its type, and may pass it over.
     Skipped,
     /// A whole packet of a type that this build does not know and must not skip, as an error. Nothing behind it has a meaning, up to the
@@ -154,6 +159,11 @@ impl<R: Read> Resynchroniser<R> {
                 let payload = self.window.peek(packet_bytes)?[PacketHeader::BYTES..].to_vec();
                 self.pass(packet_bytes);
                 Ok(Piece::Frame(Packet { header, at, payload }))
+            }
+            PacketKind::Metadata => {
+                let payload = self.window.peek(packet_bytes)?[PacketHeader::BYTES..].to_vec();
+                self.pass(packet_bytes);
+                Ok(Piece::Metadata(MetadataText::from_payload(payload)))
             }
             PacketKind::Skippable { .. } => {
                 self.pass(packet_bytes);
@@ -341,6 +351,7 @@ mod tests {
                 Piece::Header(_) => "header".to_owned(),
                 Piece::Frame(packet) => format!("frame {}", packet.header.timestamp_ns),
                 Piece::Index { frames, is_end } => format!("index of {frames}, end {is_end}"),
+                Piece::Metadata(_) => "metadata".to_owned(),
                 Piece::Skipped => "skipped".to_owned(),
                 Piece::Unsupported(why) | Piece::Damage(why) => why.to_string(),
             });

@@ -1,7 +1,7 @@
 //! Packets of a damaged stream: what is sound, and where something is missing.
 
 use crate::resynchroniser::{Piece, Resynchroniser};
-use crate::{FormatError, Packet, StreamHeader};
+use crate::{FormatError, MetadataText, Packet, StreamHeader};
 use std::io::Read;
 
 /// What is found in a damaged stream, in order.
@@ -40,6 +40,9 @@ pub struct SalvageReader<R> {
     indexed: Option<usize>,
     /// Number of sound packets passed over, as their types are not known.
     skipped: usize,
+    /// The first metadata before the first frame.
+    metadata: Option<MetadataText>,
+    saw_frame: bool,
 }
 
 impl<R: Read> SalvageReader<R> {
@@ -68,6 +71,8 @@ impl<R: Read> SalvageReader<R> {
             saw_trailer: false,
             indexed: None,
             skipped: 0,
+            metadata: None,
+            saw_frame: false,
         }
     }
 
@@ -97,6 +102,11 @@ impl<R: Read> SalvageReader<R> {
         self.skipped
     }
 
+    /// What the take is, once the first frame has been read; `None` if the stream does not say it.
+    pub fn metadata(&self) -> Option<&MetadataText> {
+        self.metadata.as_ref()
+    }
+
     /// The next frame, or what lies before it; `None` at the end of the bytes and where another stream begins. Index and trailer are
     /// passed over where they are sound; so is a header that is this stream's again.
     ///
@@ -116,12 +126,19 @@ impl<R: Read> SalvageReader<R> {
                     continue;
                 }
                 Piece::Frame(packet) => {
+                    self.saw_frame = true;
                     self.saw_trailer = false;
                     Some(Salvaged::Frame(packet))
                 }
                 Piece::Index { frames, is_end } => {
                     self.indexed = Some(frames);
                     self.saw_trailer |= is_end;
+                    None
+                }
+                Piece::Metadata(found) => {
+                    if !self.saw_frame && self.metadata.is_none() {
+                        self.metadata = found;
+                    }
                     None
                 }
                 Piece::Skipped => {

@@ -1,13 +1,17 @@
 //! Packets into a byte sink, one after the other.
 
 use crate::packet::{MAX_PAYLOAD, PacketHeader, PacketKind};
-use crate::{FormatError, FramePayload, IndexEntry, Packet, PayloadParts, StreamHeader, StreamIndex};
+use crate::{
+    FormatError, FormatVersion, FramePayload, IndexEntry, MetadataText, Packet, PayloadParts, StreamHeader,
+    StreamIndex,
+};
 use std::io::Write;
 
 /// Writes a stream to anything that takes bytes. Never seeks, patches nothing.
 #[derive(Debug)]
 pub struct PacketWriter<W> {
     sink: W,
+    version: FormatVersion,
     has_colour: bool,
     at: u64,
     since_keyframe: u16,
@@ -26,6 +30,7 @@ impl<W: Write> PacketWriter<W> {
         sink.flush()?;
         Ok(Self {
             sink,
+            version: header.version,
             has_colour: header.colour_layers.is_some(),
             at: StreamHeader::BYTES as u64,
             since_keyframe: 0,
@@ -37,6 +42,21 @@ impl<W: Write> PacketWriter<W> {
     /// The sink. What is written to it behind the writer's back breaks the stream.
     pub fn sink_mut(&mut self) -> &mut W {
         &mut self.sink
+    }
+
+    /// Writes what the take is. Comes before the first frame, and once.
+    ///
+    /// # Errors
+    /// I/O errors of the sink.
+    ///
+    /// # Panics
+    /// In a stream of version 1, and behind a frame.
+    pub fn write_metadata(&mut self, text: &MetadataText) -> Result<(), FormatError> {
+        assert!(self.version >= FormatVersion::V2, "metadata in a stream of version 1");
+        assert!(self.index.frames.is_empty(), "metadata behind a frame");
+        self.write_packet(PacketKind::Metadata, 0, text.as_str().as_bytes())?;
+        self.sink.flush()?;
+        Ok(())
     }
 
     /// Writes a frame packet and returns its size in bytes. The sink is flushed: whoever is at the other end of a pipe has the

@@ -17,6 +17,7 @@ mod interleave;
 #[cfg(feature = "sound")]
 mod opus;
 mod pipe;
+mod playlist;
 mod reader;
 mod sample_table;
 mod segments;
@@ -31,6 +32,7 @@ mod writer;
 pub use error::Mp4Error;
 pub use geometry::codec_string;
 pub use pipe::{GeometryPipe, Unwrapped};
+pub use playlist::{Rung, master_playlist, media_playlist, segment_name};
 pub use reader::{Mp4File, is_mp4};
 pub use segments::{Segment, Segments};
 pub use sink::GeometrySink;

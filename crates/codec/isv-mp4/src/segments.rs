@@ -1,9 +1,10 @@
-//! Segments of a file of one track, for a network: each fragment a file, with the boxes before them in another.
+//! Segments of a file of one track, for a network: some fragments a file, with the boxes before them in another.
 
 use crate::init::{write_init, write_segment_type};
 use crate::reader::FragmentPlace;
 use crate::{Mp4Error, Mp4File};
 use std::io::{Read, Seek, SeekFrom};
+use std::num::NonZero;
 
 /// A segment, as a playlist lists it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,19 +22,40 @@ pub struct Segments<S> {
 }
 
 impl<S: Read + Seek> Segments<S> {
-    /// Finds the segments.
+    /// Finds the segments. With `length`, a segment begins at each multiple of so many samples, where a fragment has to begin too;
+    /// without, with each fragment.
     ///
     /// # Errors
-    /// A file of several tracks, and one that is not fragmented or not whole.
-    pub fn new(file: Mp4File<S>) -> Result<Self, Mp4Error> {
-        let places = file.fragments().to_vec();
-        let listed: usize = places.iter().map(|place| place.samples.len()).sum();
+    /// A file of several tracks, one that is not fragmented or not whole, and fragments that do not begin where segments do.
+    pub fn new(file: Mp4File<S>, length: Option<NonZero<usize>>) -> Result<Self, Mp4Error> {
+        let refused = |what: &str| Mp4Error::Unsupported(what.to_owned());
+        let fragments = file.fragments();
+        let listed: usize = fragments.iter().map(|place| place.samples.len()).sum();
         match file.tracks() {
-            [track] if file.is_whole() && listed == track.samples.len() => Ok(Self { file, places }),
-            _ => Err(Mp4Error::Unsupported(
-                "segments are made of a whole, fragmented file of one track".to_owned(),
-            )),
+            [track] if file.is_whole() && listed == track.samples.len() => {}
+            _ => return Err(refused("segments are made of a whole, fragmented file of one track")),
         }
+        let mut places: Vec<FragmentPlace> = Vec::new();
+        for fragment in fragments {
+            let begins = length.is_none_or(|length| fragment.samples.start % length == 0);
+            match places.last_mut().filter(|_| !begins) {
+                Some(segment) => {
+                    segment.bytes.end = fragment.bytes.end;
+                    segment.samples.end = fragment.samples.end;
+                }
+                None => places.push(fragment.clone()),
+            }
+        }
+        if length.is_some_and(|length| places.iter().any(|place| place.samples.len() > length.get())) {
+            return Err(refused("a fragment does not begin where a segment should"));
+        }
+        Ok(Self { file, places })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn file(&self) -> &Mp4File<S> {
+        &self.file
     }
 
     /// The file that comes before all segments.

@@ -7,7 +7,6 @@ use crate::{
 };
 use mp4_atom::esds::{DecoderConfig, EsDescriptor, SLConfig};
 use mp4_atom::{Audio, Esds, Mp4a, Opus, PcmC};
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use symphonia::core::codecs::audio::AudioCodecParameters;
 use symphonia::core::codecs::audio::well_known::{
@@ -17,7 +16,7 @@ use symphonia::core::codecs::audio::well_known::{
 use symphonia::core::errors::Error as SymphoniaError;
 use symphonia::core::formats::probe::Hint;
 use symphonia::core::formats::{FormatOptions, FormatReader, TrackType};
-use symphonia::core::io::MediaSourceStream;
+use symphonia::core::io::{MediaSource, MediaSourceStream};
 use symphonia::core::meta::MetadataOptions;
 
 /// Most channels of sound.
@@ -46,19 +45,51 @@ impl Default for SoundOptions {
 ///
 /// # Errors
 /// [`Mp4Error`]: a file without sound, or with sound that MP4 has no name for.
-pub fn open_sound(mut file: File, options: SoundOptions) -> Result<Box<dyn SampleSource>, Mp4Error> {
-    let mut begin = [0; 8];
-    let read = file.by_ref().take(8).read(&mut begin)?;
-    file.seek(SeekFrom::Start(0))?;
-    if is_mp4(&begin[..read]) {
-        let file = Mp4File::open(BufReader::new(file))?;
+pub fn open_sound<S: Read + Seek + Send + Sync + 'static>(
+    mut source: S,
+    options: SoundOptions,
+) -> Result<Box<dyn SampleSource>, Mp4Error> {
+    let mut begin = Vec::new();
+    source.by_ref().take(8).read_to_end(&mut begin)?;
+    let length = source.seek(SeekFrom::End(0))?;
+    source.seek(SeekFrom::Start(0))?;
+    if is_mp4(&begin) {
+        let file = Mp4File::open(BufReader::new(source))?;
         let track = file.track_of(TrackKind::Sound)?;
         return Ok(Box::new(TrackSource::new(file, track)?));
     }
-    let packets = Packets::open(file)?;
+    let packets = Packets::open(Media { source, length })?;
     match (Waveform::of(&packets.codec), options.opus_bits_per_second) {
         (Some(form), Some(rate)) => Ok(Box::new(OpusSource::new(packets, form, rate)?)),
         _ => Ok(Box::new(PacketSource::new(packets)?)),
+    }
+}
+
+/// A source as the library wants it.
+struct Media<S> {
+    source: S,
+    length: u64,
+}
+
+impl<S: Read> Read for Media<S> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.source.read(buffer)
+    }
+}
+
+impl<S: Seek> Seek for Media<S> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.source.seek(to)
+    }
+}
+
+impl<S: Read + Seek + Send + Sync> MediaSource for Media<S> {
+    fn is_seekable(&self) -> bool {
+        true
+    }
+
+    fn byte_len(&self) -> Option<u64> {
+        Some(self.length)
     }
 }
 
@@ -74,8 +105,8 @@ pub(crate) struct Packets {
 }
 
 impl Packets {
-    fn open(file: File) -> Result<Self, Mp4Error> {
-        let stream = MediaSourceStream::new(Box::new(file), Default::default());
+    fn open(source: impl MediaSource + 'static) -> Result<Self, Mp4Error> {
+        let stream = MediaSourceStream::new(Box::new(source), Default::default());
         let reader = symphonia::default::get_probe()
             .probe(&Hint::new(), stream, FormatOptions::default(), MetadataOptions::default())
             .map_err(|error| match error {

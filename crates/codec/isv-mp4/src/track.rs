@@ -1,7 +1,10 @@
 //! Tracks: what they hold, and where their samples are.
 
 use crate::boxes::Kind;
-use mp4_atom::FourCC;
+use mp4_atom::{Decode, FourCC, Mp4a};
+
+/// Object type of MPEG-4 sound, whose profile says more.
+const MPEG4_AUDIO: u8 = 0x40;
 
 /// What a track holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +73,22 @@ impl TrackDescription {
         let kind: Kind =
             self.sample_entry.get(4..8).map_or(*b"    ", |kind| kind.try_into().expect("4 bytes"));
         FourCC::from(kind).to_string()
+    }
+
+    /// Name of the codec as manifests state it (RFC 6381), as far as it needs more than the type of the sample entry.
+    #[must_use]
+    pub fn codec_string(&self) -> String {
+        let codec = self.codec();
+        match Mp4a::decode(&mut &self.sample_entry[..]).map(|entry| entry.esds.es_desc.dec_config) {
+            Ok(config) if config.object_type_indication == MPEG4_AUDIO => {
+                let profile = config.dec_specific.map_or(0, |specific| specific.profile);
+                format!("{codec}.40.{profile}")
+            }
+            Ok(config) => format!("{codec}.{:02X}", config.object_type_indication),
+            // Browsers know these by names in small letters.
+            Err(_) if codec == "Opus" || codec == "fLaC" => codec.to_ascii_lowercase(),
+            Err(_) => codec,
+        }
     }
 
     /// A time in the track's timescale, in nanoseconds.

@@ -5,6 +5,7 @@ mod support;
 use isv_format::PacketReader;
 use isv_mp4::{Chained, GeometryPipe, GeometryStream, Mp4File, SampleSource, TrackKind, Trimmed};
 use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::num::NonZero;
 use support::{Clicks, conformance, in_mp4, read_all};
 
 #[test]
@@ -190,7 +191,11 @@ fn tracks_of_a_file_can_be_taken_out() {
 fn segments_hold_the_file() {
     let stream = support::stream(90, 30);
     let (file, _) = in_mp4(&stream, Vec::new()).unwrap();
-    let mut segments = isv_mp4::Segments::new(Mp4File::open(Cursor::new(&file)).unwrap()).unwrap();
+    let open = || Mp4File::open(Cursor::new(&file)).unwrap();
+    let longer = isv_mp4::Segments::new(open(), NonZero::new(60)).unwrap();
+    assert_eq!(longer.list().iter().map(|segment| segment.samples).collect::<Vec<_>>(), [60, 30]);
+    assert!(isv_mp4::Segments::new(open(), NonZero::new(45)).is_err(), "no fragment begins there");
+    let mut segments = isv_mp4::Segments::new(open(), None).unwrap();
     let list = segments.list();
     assert_eq!(list.iter().map(|segment| segment.samples).collect::<Vec<_>>(), [30; 3]);
     assert!(list.iter().all(|segment| (segment.duration_s - 1.0).abs() < 1e-6));

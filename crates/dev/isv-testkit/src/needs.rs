@@ -26,6 +26,8 @@ pub enum Need {
     Usd,
     /// A browser and the player's packages; for tests of the player alone.
     Browser,
+    /// FFmpeg's `ffprobe`, and MediaInfo.
+    Media,
     /// Valgrind.
     Valgrind,
     /// A set of vector instructions.
@@ -36,7 +38,7 @@ pub enum Need {
 
 impl Need {
     /// All needs.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Gpu,
         Self::Captures,
         Self::Draco,
@@ -44,6 +46,7 @@ impl Need {
         Self::OpenVdb,
         Self::Usd,
         Self::Browser,
+        Self::Media,
         Self::Valgrind,
         Self::Instructions,
         Self::MemoryUse,
@@ -60,6 +63,7 @@ impl Need {
             Self::OpenVdb => "openvdb",
             Self::Usd => "usd",
             Self::Browser => "browser",
+            Self::Media => "media",
             Self::Valgrind => "valgrind",
             Self::Instructions => "instructions",
             Self::MemoryUse => "memory-use",

@@ -90,7 +90,7 @@ pub use placement::Placement;
 pub use scale_check::{ScaleCheck, ScaleError};
 pub use sequence::{FrameSequence, SequenceError};
 pub use unit::{ParseUnitError, Unit};
-pub use usd::{UsdStage, UsdWriter};
+pub use usd::{UsdEncoding, UsdStage, UsdWriter};
 pub use volume::{
     ArrayFlaw, DenseAxes, DenseOptions, SampleAt, VolumeError, VolumeSequence, fill_unobserved,
     is_volume_folder, read_volume, volume_grid, write_vdb, write_vdb_placed, write_vdb_to, write_volume,

@@ -26,8 +26,8 @@ pub(crate) struct Args {
     input: PathBuf,
     /// Folder or file to write; - for standard output
     ///
-    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb or .usda an animation of all. Standard
-    /// output takes one frame, or any number as PLY.
+    /// A folder gets frame_0000.ply and so on. A file holds one frame, or as .glb, .usdc or .usda an animation of
+    /// all. Standard output takes one frame, or any number as PLY.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// What to make of each frame [default: what the format is for, else mesh]
@@ -35,7 +35,8 @@ pub(crate) struct Args {
     form: Option<FormName>,
     /// File format [default: that of the output's name, else ply or npy]
     ///
-    /// Meshes are written as ply, obj, stl, glb or usda, points as ply, pcd or xyz, volumes as npy or vdb.
+    /// Meshes are written as ply, obj, stl, glb, usda (USD as text) or usdc (binary USD), points as ply, pcd or xyz,
+    /// volumes as npy or vdb. A .usd file is binary, or text with --format usda.
     #[arg(help_heading = "Output", long)]
     format: Option<OutputFormat>,
     /// Write vertex normals with meshes

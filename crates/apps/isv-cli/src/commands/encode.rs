@@ -1,6 +1,7 @@
 //! `isv encode`: a capture to a stream.
 
 mod colour;
+mod describe;
 mod header;
 mod ingest;
 mod paper;
@@ -22,6 +23,7 @@ use crate::tracks::TrackArgs;
 use crate::{memory, words};
 use anyhow::{Result, bail};
 use colour::ColourArgs;
+use describe::DescribeArgs;
 use header::HeaderArgs;
 use ingest::IngestArgs;
 use isv::raw::encode::Band;
@@ -111,6 +113,8 @@ pub(crate) struct Args {
     #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
     threads: Option<NonZero<usize>>,
     #[command(flatten)]
+    describe: DescribeArgs,
+    #[command(flatten)]
     tracks: TrackArgs,
     #[command(flatten)]
     backend: BackendArgs,
@@ -134,6 +138,7 @@ impl Args {
             fields: self.ingest.options(),
             gop: self.gop,
             colour: self.colour.options(),
+            metadata: self.describe.options(),
             checksums: self.checksums,
             timestamps: self.timestamps.into(),
             skip_bad_frames: self.skip_bad_frames,

@@ -5,6 +5,7 @@ use crate::output::{frames_in_words, print, say};
 use crate::stream;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
+use isv::raw::take::metadata::Metadata;
 use isv::raw::take::stream::{PacketInfo, PaperInfo, StreamInfo, TrackSummary};
 use isv::raw::take::{Input, Length};
 use serde::Serialize;
@@ -117,6 +118,11 @@ fn table(info: &StreamInfo) -> String {
     if info.colour_layers > 0 {
         row("colour", colour_in_words(info));
     }
+    if let Some(metadata) = &info.metadata {
+        for (name, value) in metadata_rows(metadata) {
+            row(name, value);
+        }
+    }
     if info.unknown_packets > 0 {
         row("unknown", format!("{} packets of types that only a newer isv knows", info.unknown_packets));
     }
@@ -127,6 +133,39 @@ fn table(info: &StreamInfo) -> String {
         row("behind", format!("{} bytes that are no part of the stream", info.bytes_behind));
     }
     table.trim_fmt()
+}
+
+/// What a stream says of itself, a row each.
+fn metadata_rows(metadata: &Metadata) -> Vec<(&'static str, String)> {
+    let mut rows = Vec::new();
+    let mut row = |name, value: Option<String>| rows.extend(value.map(|value| (name, printable(&value))));
+    row("title", metadata.title.clone());
+    row("device", metadata.device.clone());
+    let axis = |up: &String| format!("{up} up");
+    let place = |[x, y, z]: [f64; 3]| format!("origin at {x}, {y}, {z} m of the capture");
+    let parts = [metadata.unit.clone(), metadata.up.as_ref().map(axis), metadata.origin.map(place)];
+    let parts: Vec<_> = parts.into_iter().flatten().chain(metadata.colour_space.clone()).collect();
+    row("space", (!parts.is_empty()).then(|| parts.join(", ")));
+    row("source", metadata.source.as_ref().map(|source| format!("{}, {} up", source.unit, source.up)));
+    row(
+        "surface",
+        metadata.surface.as_ref().map(|surface| match surface.shell_mm {
+            Some(mm) => format!("{}, shell {mm} mm thick", surface.sign),
+            None => surface.sign.clone(),
+        }),
+    );
+    let settings = metadata.settings.iter().map(|(key, value)| match value {
+        serde_json::Value::String(text) => format!("{key} {text}"),
+        other => format!("{key} {other}"),
+    });
+    let made = metadata.encoder.iter().cloned().chain(settings).collect::<Vec<_>>();
+    row("encoder", (!made.is_empty()).then(|| made.join(", ")));
+    rows
+}
+
+/// A text of a stream, which must not move the cursor of a terminal.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 /// Layers, and what part of the bytes is for colour.

@@ -56,7 +56,7 @@ impl<R: Read> Packets<R> {
                     Piece::End
                 }
                 // Viewers have no use for these.
-                Found::Index { is_end: false, .. } | Found::Skipped => continue,
+                Found::Index { is_end: false, .. } | Found::Metadata(_) | Found::Skipped => continue,
                 Found::Unsupported(why) | Found::Damage(why) => Piece::Damage(why.to_string()),
             }));
         }

@@ -4,21 +4,18 @@ use super::placement::Placed;
 use super::product::Product;
 use super::{DecodeEvent, DecodeOptionsError, DecodeTakeError, OutputFormat};
 use crate::timeline::Timeline;
-use crate::{Event, MemoryLimit, Observer};
+use crate::{Event, Observer};
 use isv_format::FrameRate;
 use isv_io::{
-    Format, GlbAnimationWriter, GlbEncoding, Output, UsdWriter, check_frame_output, check_volume_output,
-    is_pipe, write_glb_to, write_mesh_placed, write_obj_files, write_points_placed, write_vdb_placed,
-    write_volume, write_volume_colours,
+    Format, GlbAnimationWriter, GlbEncoding, Output, UsdEncoding, UsdWriter, check_frame_output,
+    check_volume_output, is_pipe, write_glb_to, write_mesh_placed, write_obj_files, write_points_placed,
+    write_vdb_placed, write_volume, write_volume_colours,
 };
 use isv_volume::TriangleMesh;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-/// Bytes that the frames of a USD file may take, unless another limit is given: some 400 frames of a person in voxels of 5 mm.
-const USD_BYTES: u64 = 4 << 30;
 
 /// The files of decoded frames, in order.
 pub(super) struct FrameFiles {
@@ -28,8 +25,6 @@ pub(super) struct FrameFiles {
     placed: Placed,
     timeline: Timeline,
     rate: FrameRate,
-    /// Bytes that the frames of a USD file may take.
-    memory: u64,
     place: Place,
     taken: usize,
 }
@@ -44,7 +39,7 @@ enum Place {
     /// One GLB file of all frames.
     Animation(Box<GlbAnimationWriter>),
     /// One USD file of all frames, once there is one.
-    Stage(Option<Box<UsdWriter>>),
+    Stage { encoding: UsdEncoding, writer: Option<Box<UsdWriter>> },
 }
 
 impl FrameFiles {
@@ -55,7 +50,6 @@ impl FrameFiles {
         glb: GlbEncoding,
         placed: Placed,
         rate: FrameRate,
-        memory: MemoryLimit,
     ) -> Result<Self, DecodeTakeError> {
         let is_file = is_pipe(path) || OutputFormat::of_path(path).is_some();
         if is_file && format == OutputFormat::Npy {
@@ -63,13 +57,12 @@ impl FrameFiles {
         }
         let place = match format {
             OutputFormat::Geometry(Format::Ply) if is_pipe(path) => Place::Pipe(Output::create(path)?),
-            OutputFormat::Usda if is_file => Place::Stage(None),
+            OutputFormat::Usd(encoding) if is_file => Place::Stage { encoding, writer: None },
             _ if is_file => Place::File(None),
             _ => Place::Folder { left: frames_in(path, format) },
         };
         let (path, timeline) = (path.to_owned(), Timeline::new(rate));
-        let memory = memory.bytes.unwrap_or(USD_BYTES);
-        Ok(Self { path, format, glb, placed, timeline, rate, memory, place, taken: 0 })
+        Ok(Self { path, format, glb, placed, timeline, rate, place, taken: 0 })
     }
 
     /// Number of frames taken.
@@ -106,12 +99,13 @@ impl FrameFiles {
                 output.flush()?;
             }
             Place::Animation(animation) => push(animation, start_s, &product)?,
-            Place::Stage(Some(stage)) => stage.push(start_s, mesh_of(&product))?,
-            Place::Stage(None) => {
+            Place::Stage { writer: Some(stage), .. } => stage.push(start_s, mesh_of(&product))?,
+            Place::Stage { encoding, writer: None } => {
+                let encoding = *encoding;
                 self.check_free(&self.path)?;
-                let mut stage = self.begin_stage(&self.path)?;
+                let mut stage = self.begin_stage(&self.path, encoding)?;
                 stage.push(start_s, mesh_of(&product))?;
-                self.place = Place::Stage(Some(Box::new(stage)));
+                self.place = Place::Stage { encoding, writer: Some(Box::new(stage)) };
             }
             Place::File(held) => match held.take() {
                 None => *held = Some((start_s, product)),
@@ -151,8 +145,8 @@ impl FrameFiles {
         {
             return Ok(write_obj_files(path, mesh, &self.placed.placement)?);
         }
-        if self.format == OutputFormat::Usda {
-            let mut stage = self.begin_stage(path)?;
+        if let OutputFormat::Usd(encoding) = self.format {
+            let mut stage = self.begin_stage(path, encoding)?;
             stage.push(0.0, mesh_of(product))?;
             return Ok(stage.finish(0.0)?);
         }
@@ -167,7 +161,7 @@ impl FrameFiles {
         match self.format {
             OutputFormat::Geometry(Format::Xyz) => return Ok(()),
             OutputFormat::Npy => check_volume_output(path)?,
-            OutputFormat::Vdb | OutputFormat::Usda | OutputFormat::Geometry(_) => check_frame_output(path)?,
+            OutputFormat::Vdb | OutputFormat::Usd(_) | OutputFormat::Geometry(_) => check_frame_output(path)?,
         }
         Ok(())
     }
@@ -188,8 +182,8 @@ impl FrameFiles {
     }
 
     /// Starts a USD file.
-    fn begin_stage(&self, path: &Path) -> Result<UsdWriter, DecodeTakeError> {
-        Ok(UsdWriter::create(path, self.placed.usd_stage(self.rate), self.memory)?)
+    fn begin_stage(&self, path: &Path, encoding: UsdEncoding) -> Result<UsdWriter, DecodeTakeError> {
+        Ok(UsdWriter::create(path, self.placed.usd_stage(self.rate), encoding)?)
     }
 
     /// Completes the output. Tells what the folder still has of frames from before: who reads it as a take reads them too.
@@ -198,7 +192,7 @@ impl FrameFiles {
             self.check_free(&self.path)?;
         }
         match self.place {
-            Place::File(None) | Place::Stage(None) => {}
+            Place::File(None) | Place::Stage { writer: None, .. } => {}
             Place::Folder { left } => {
                 if let Some(first) = left.first() {
                     let (folder, frames, first) = (self.path, left.len(), first.clone());
@@ -207,7 +201,7 @@ impl FrameFiles {
             }
             Place::Pipe(output) => _ = output.commit()?,
             Place::Animation(animation) => animation.finish(self.timeline.end_s())?,
-            Place::Stage(Some(stage)) => stage.finish(self.timeline.end_s())?,
+            Place::Stage { writer: Some(stage), .. } => stage.finish(self.timeline.end_s())?,
             Place::File(Some((_, ref product))) => self.write_file(&self.path, product)?,
         }
         Ok(())

@@ -1,10 +1,13 @@
 //! Forms of decoded frames, and their file formats.
 
 use super::{DecodeOptionsError, DecodeTakeError};
-use isv_io::{Format, check_folder_name, is_folder, is_pipe};
+use isv_io::{Format, UsdEncoding, check_folder_name, is_folder, is_pipe};
 use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
+
+/// Extension of USD files that are text or binary; readers look.
+const EITHER_USD: &str = "usd";
 
 /// Kind of product that a decoded frame is turned into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,13 +44,14 @@ pub enum OutputFormat {
     Npy,
     /// A volume as OpenVDB has it.
     Vdb,
-    /// A mesh, or many of them over time, as USD has them in text.
-    Usda,
+    /// A mesh, or many of them over time, in a USD file.
+    Usd(UsdEncoding),
 }
 
 impl OutputFormat {
     /// Formats beside those of [`Format`].
-    const OTHERS: [Self; 3] = [Self::Usda, Self::Npy, Self::Vdb];
+    const OTHERS: [Self; 4] =
+        [Self::Usd(UsdEncoding::Text), Self::Usd(UsdEncoding::Binary), Self::Npy, Self::Vdb];
 
     /// The extension of its files, and its name on the command line.
     #[must_use]
@@ -56,7 +60,8 @@ impl OutputFormat {
             Self::Geometry(format) => format.extension(),
             Self::Npy => "npy",
             Self::Vdb => "vdb",
-            Self::Usda => "usda",
+            Self::Usd(UsdEncoding::Text) => "usda",
+            Self::Usd(UsdEncoding::Binary) => "usdc",
         }
     }
 
@@ -66,12 +71,16 @@ impl OutputFormat {
         if is_folder(path) {
             return None;
         }
-        let is_named = |name: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(name));
-        // Files that are called .usd may be text or binary, and readers look.
-        let usd = is_named("usd").then_some(Self::Usda);
-        let other =
-            Self::OTHERS.into_iter().find(|format| *format != Self::Npy && is_named(format.extension()));
+        // USD's own tools write binary files of this name too.
+        let usd = is_named(path, EITHER_USD).then_some(Self::Usd(UsdEncoding::Binary));
+        let is_file = |format: &Self| *format != Self::Npy && is_named(path, format.extension());
+        let other = Self::OTHERS.into_iter().find(is_file);
         usd.or(other).or_else(|| Format::of_path(path).map(Self::Geometry))
+    }
+
+    /// Whether the format may have a file of this name, which stands for another.
+    fn may_be_named(self, path: &Path) -> bool {
+        matches!(self, Self::Usd(_)) && is_named(path, EITHER_USD)
     }
 
     /// Settles what was left open: the name of the output tells the format, the format tells the form.
@@ -87,6 +96,7 @@ impl OutputFormat {
         }
         if let (Some(format), Some(named)) = (format, named)
             && format != named
+            && !format.may_be_named(output)
         {
             return Err(DecodeOptionsError::FormatAndName { format, name: name() }.into());
         }
@@ -138,7 +148,7 @@ impl OutputFormat {
         match self {
             Self::Geometry(format) if format.writes_points() && !format.writes_mesh() => Form::Points,
             Self::Geometry(_) => Form::Mesh,
-            Self::Usda => Form::Mesh,
+            Self::Usd(_) => Form::Mesh,
             Self::Npy | Self::Vdb => Form::Volume,
         }
     }
@@ -147,7 +157,7 @@ impl OutputFormat {
         match (self, form) {
             (Self::Geometry(format), Form::Mesh) => format.writes_mesh(),
             (Self::Geometry(format), Form::Points) => format.writes_points(),
-            (Self::Usda, Form::Mesh) => true,
+            (Self::Usd(_), Form::Mesh) => true,
             (Self::Npy | Self::Vdb, Form::Volume) => true,
             _ => false,
         }
@@ -159,6 +169,10 @@ impl OutputFormat {
         let all = geometry.chain(Self::OTHERS).filter(|format| format.holds(form));
         all.map(Self::extension).collect::<Vec<_>>().join(", ")
     }
+}
+
+fn is_named(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
 }
 
 impl fmt::Display for OutputFormat {

@@ -5,8 +5,8 @@ use super::product::{Product, Recipe};
 use super::reduction::Reduction;
 use super::{DecodeOptions, DecodeTakeError, OutputFormat, Reductions};
 use crate::baked_texture::TextureBaker;
-use crate::stream::{AfterLoss, ConcealingFrames, DecodeSettings, StreamFrame, StreamFrames, timed};
-use crate::{Cancellation, DeviceError, Input, Observer, OpenDevice, Prefetch, StreamError};
+use crate::stream::{self, AfterLoss, ConcealingFrames, DecodeSettings, StreamFrame, StreamFrames, timed};
+use crate::{Cancellation, DeviceError, Input, Observer, OpenDevice, Prefetch, StreamError, Up};
 use isv_decode::colour::ColourFrame;
 use isv_format::StreamHeader;
 use isv_surface::SurfaceOptions;
@@ -98,10 +98,14 @@ impl Job {
             return Err(DecodeTakeError::NoColour { name: input.name() });
         }
         let baker = options.texture.map(TextureBaker::new);
-        let recipe = options.recipe(&header, form, format, &**observer)?;
+        // A pipe is not read twice: its axes are those of most streams.
+        let is_file = input.path().is_some_and(Path::is_file);
+        let described = if is_file { stream::metadata(input)? } else { None };
+        let up = described.map_or(Up::Y, |described| described.up_axis());
+        let recipe = options.recipe(&header, form, format, up, &**observer)?;
         let frames = source.frames(recipe.surface())?;
         let glb = options.glb.unwrap_or_default();
-        let files = FrameFiles::new(output, format, glb, recipe.placed, header.frame_rate, options.memory)?;
+        let files = FrameFiles::new(output, format, glb, recipe.placed, header.frame_rate)?;
         let (cancellation, observer) = (cancellation.clone(), Arc::clone(observer));
         let (name, takes_turns) = (input.name(), options.takes_turns);
         Ok(Self { name, frames, recipe, baker, files, takes_turns, cancellation, observer })

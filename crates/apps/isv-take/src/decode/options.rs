@@ -72,7 +72,9 @@ impl DecodeOptions {
             _ if self.glb.is_some() && format != OutputFormat::Geometry(Format::Glb) => {
                 Some(DecodeOptionsError::NoGlb)
             }
-            _ if format == OutputFormat::Usda && is_pipe(output) => Some(DecodeOptionsError::UsdPipe),
+            _ if matches!(format, OutputFormat::Usd(_)) && is_pipe(output) => {
+                Some(DecodeOptionsError::UsdPipe)
+            }
             Form::Points | Form::Volume if self.normals == Some(false) => {
                 Some(DecodeOptionsError::NoMeshNormals)
             }
@@ -96,10 +98,11 @@ impl DecodeOptions {
         header: &StreamHeader,
         form: Form,
         format: OutputFormat,
+        stream_up: Up,
         observer: &dyn Observer,
     ) -> Result<Recipe, DecodeTakeError> {
         let voxel_m = header.grid.voxel_size.metres() * f64::from(self.lod.voxels());
-        let placed = Placed::new(self, form, format, voxel_m, observer)?;
+        let placed = Placed::new(self, form, format, voxel_m, stream_up, observer)?;
         let density = match self.points {
             Some(count) => PointDensity::Count(count.get()),
             None => PointDensity::Spacing(self.spacing.map_or(voxel_m, Length::metres)),
@@ -109,7 +112,7 @@ impl DecodeOptions {
             // GLB and USD files are for viewers, which shade flat without them.
             normals: self
                 .normals
-                .unwrap_or(matches!(format, OutputFormat::Geometry(Format::Glb) | OutputFormat::Usda)),
+                .unwrap_or(matches!(format, OutputFormat::Geometry(Format::Glb) | OutputFormat::Usd(_))),
             density,
             profile: header.profile,
             grid: header.grid,

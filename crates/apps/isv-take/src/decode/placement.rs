@@ -19,6 +19,8 @@ const ROUNDING_VOXELS: f64 = 0.1;
 pub(super) struct Placed {
     pub(super) unit: Unit,
     up: Up,
+    /// Axis of the stream that points up.
+    stream_up: Up,
     pub(super) placement: Placement,
     /// Whether the format has single precision alone, of which nothing was said yet.
     is_rounded: bool,
@@ -31,6 +33,7 @@ impl Placed {
         form: Form,
         format: OutputFormat,
         voxel_m: f64,
+        stream_up: Up,
         observer: &dyn Observer,
     ) -> Result<Self, DecodeOptionsError> {
         let DecodeOptions { unit, up, origin, .. } = *options;
@@ -52,13 +55,13 @@ impl Placed {
         if matches!(format, OutputFormat::Geometry(Format::Glb)) && has_other_axes {
             observer.event(&Event::Decode(DecodeEvent::NotGltf { unit, up }));
         }
-        if format == OutputFormat::Usda && !matches!(up, Up::Y | Up::Z) {
+        if matches!(format, OutputFormat::Usd(_)) && !matches!(up, Up::Y | Up::Z) {
             return Err(DecodeOptionsError::NoUsdAxis { up: up.name() });
         }
         let tolerance = ROUNDING_M.min(ROUNDING_VOXELS * voxel_m) / unit.metres();
         let translation = DVec3::from(origin.unwrap_or_default());
         let is_rounded = matches!(format, OutputFormat::Geometry(Format::Stl));
-        Ok(Self { unit, up, placement: Placement { translation, tolerance }, is_rounded })
+        Ok(Self { unit, up, stream_up, placement: Placement { translation, tolerance }, is_rounded })
     }
 
     /// What a USD file says of its coordinates and times.
@@ -73,10 +76,10 @@ impl Placed {
 
     /// A product in the output's unit and axes. Writers add the origin, as formats do it in ways of their own.
     pub(super) fn turn(&self, product: Product) -> Product {
-        if self.unit == Unit::Metre && self.up == Up::Y {
+        if self.unit == Unit::Metre && self.up == self.stream_up {
             return product;
         }
-        let rotation = self.up.to_y_up().transpose();
+        let rotation = self.up.to_y_up().transpose() * self.stream_up.to_y_up();
         let scale = self.unit.metres();
         let scaled = |positions: &mut Vec<DVec3>| positions.iter_mut().for_each(|v| *v /= scale);
         match product {

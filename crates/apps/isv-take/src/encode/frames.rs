@@ -1,6 +1,7 @@
 //! Frames to a stream, one by one as they come.
 
 use super::coding::Coding;
+use super::describe::{MetadataDraft, stream_up};
 use super::job::StreamSink;
 use super::volumes::VolumeMaker;
 use super::{
@@ -111,7 +112,7 @@ impl<W: Write> FrameEncoder<W> {
         }
         let Stage::Running(running) = self.stage else { return Err(EncodeError::Ended) };
         let Running { maker, stream, .. } = *running;
-        let report = stream.report(None, maker.shell.get().copied(), false);
+        let report = stream.report(None, maker.surface.get().and_then(|surface| surface.shell_mm), false);
         Ok((PacketWriter::finish(stream.packets)?, report))
     }
 
@@ -134,6 +135,7 @@ impl<W: Write> FrameEncoder<W> {
             if first.has_colour() {
                 header = header.with_colour(options.colour_layers(&header));
             }
+            header = options.metadata.versioned(header);
             let settings = options.encoder_settings(&header);
             let coding = Coding {
                 measures_change: options.measures_change,
@@ -144,7 +146,9 @@ impl<W: Write> FrameEncoder<W> {
             let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
                 return Err(EncodeError::Ended);
             };
-            let stream = StreamSink::new(sink, &header, settings.main.target, options)?;
+            let up = stream_up(options, grid.is_none(), None);
+            let draft = MetadataDraft::new(options, &header, up, &maker.surface);
+            let stream = StreamSink::new(sink, &header, settings.main.target, options, draft)?;
             self.stage = Stage::Running(Box::new(Running { maker, coding, stream }));
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! A whole capture to a stream.
 
 use super::coding::{CodedFrame, Coding};
+use super::describe::{MetadataDraft, stream_up};
 use super::spacing::{self, Need};
 use super::timestamps::Timestamps;
 use super::two_pass::{Steps, Watch};
@@ -42,6 +43,8 @@ struct Facts {
     /// Size of the input files in bytes, if it is known.
     input_bytes: Option<u64>,
     takes_turns: bool,
+    /// Axis of the stream that points up, if it is known.
+    up: Option<String>,
     options: EncodeOptions,
 }
 
@@ -122,6 +125,8 @@ impl Job {
         watch: &mut dyn Watch,
     ) -> Result<Self, EncodeError> {
         let input = &capture.input().clone();
+        let source = capture.metadata();
+        let options = &EncodeOptions { metadata: options.metadata.or(source.as_ref()), ..options.clone() };
         let mut header = options.header(capture.grid(), capture.frame_rate())?;
         let range = capture.range(options.frames)?;
         let (comes_once, counted) = (capture.frames().is_none(), capture.counted().map(drop));
@@ -131,6 +136,7 @@ impl Job {
             keeps_times: capture.frame_rate() == Some(header.frame_rate),
             input_bytes: capture.bytes(&range),
             takes_turns: options.takes_turns,
+            up: stream_up(options, capture.content() != ContentKind::Volume, source.as_ref()),
             options: options.clone(),
         };
         let cancellation = watch.cancellation().clone();
@@ -151,6 +157,7 @@ impl Job {
         if has_colour {
             header = header.with_colour(options.colour_layers(&header));
         }
+        header = options.metadata.versioned(header);
         let Steps { settings, colour_scale } =
             settings(input, options, counted, &mut header, fits, observer, watch)?;
         let device = open_device()?;
@@ -215,10 +222,11 @@ impl Job {
         for remark in remarks {
             observer.event(&Event::Encode(EncodeEvent::Capture { name: input.name(), remark }));
         }
-        let shell = Arc::clone(&maker.shell);
+        let surface = Arc::clone(&maker.surface);
         let failed = |error| Box::new(Unfinished { error, stream: None });
         let target = settings.main.target;
-        let mut stream = StreamSink::new(sink, &header, target, &facts.options).map_err(failed)?;
+        let draft = MetadataDraft::new(&facts.options, &header, facts.up.clone(), &surface);
+        let mut stream = StreamSink::new(sink, &header, target, &facts.options, draft).map_err(failed)?;
         (stream.first, stream.keeps_times) = (range.start, facts.keeps_times);
         for frame in pipeline(frames, maker, coding, facts.takes_turns, &cancellation) {
             match frame.and_then(|frame| stream.write(frame, &*observer)) {
@@ -237,13 +245,19 @@ impl Job {
         }
         let is_cancelled = cancellation.is_cancelled();
         stream.check(&input.name(), is_cancelled).map_err(failed)?;
-        let report = stream.report(facts.input_bytes, shell.get().copied(), is_cancelled);
+        let report = stream.report(
+            facts.input_bytes,
+            surface.get().and_then(|surface| surface.shell_mm),
+            is_cancelled,
+        );
         Ok((stream.packets, report))
     }
 }
 
 /// The writing side of a stream.
 pub(super) struct StreamSink<W: Write> {
+    /// Metadata, until the first frame is written.
+    metadata: Option<MetadataDraft>,
     header: StreamHeader,
     frame_writer: FrameWriter,
     pub(super) packets: PacketWriter<W>,
@@ -265,8 +279,10 @@ impl<W: Write> StreamSink<W> {
         header: &StreamHeader,
         target: RateTarget,
         options: &EncodeOptions,
+        metadata: Option<MetadataDraft>,
     ) -> Result<Self, EncodeError> {
         Ok(Self {
+            metadata,
             header: *header,
             frame_writer: FrameWriter::default(),
             packets: PacketWriter::new(sink, header)?,
@@ -305,6 +321,9 @@ impl<W: Write> StreamSink<W> {
         let stated = timestamp_ns.filter(|_| self.keeps_times);
         let timestamp_ns = self.timestamps.of((number - self.first) as u64, read, stated);
         self.timeline.place(timestamp_ns);
+        if let Some(text) = self.metadata.take().and_then(MetadataDraft::finish) {
+            self.packets.write_metadata(&text)?;
+        }
         let colour_part = colour.as_ref().map(|colour| &colour.bytes[..]);
         let bytes =
             self.packets.write_coloured_frame(coded.keyframe, timestamp_ns, &coded.payload(), colour_part)?;

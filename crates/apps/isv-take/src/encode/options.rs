@@ -1,6 +1,7 @@
 //! What a user may choose of encoding, and what holds where nothing is chosen.
 
 use super::coding::ColourCoding;
+use super::describe::MetadataOptions;
 use super::error::{OptionName, OptionsError};
 use super::timestamps::TimestampSource;
 use super::volumes::{DepthFusion, VolumeMaker};
@@ -22,7 +23,7 @@ use std::num::NonZero;
 use std::sync::Arc;
 
 /// Quality where no target is given.
-const DEFAULT_QUALITY: f32 = 50.0;
+pub(super) const DEFAULT_QUALITY: f32 = 50.0;
 /// Frames from a keyframe to the next.
 const DEFAULT_GOP: NonZero<u32> = NonZero::new(30).expect("30 is not 0");
 /// Half the thickness of a shell (voxels).
@@ -232,6 +233,8 @@ pub struct EncodeOptions {
     pub main: MainOptions,
     /// Options of colour, which profile `main` codes where the capture has any.
     pub colour: ColourOptions,
+    /// What the stream says of itself.
+    pub metadata: MetadataOptions,
     /// Most frames from a keyframe to the next.
     pub gop: NonZero<u32>,
     /// Whether frames carry a hash of the decoded volume.
@@ -268,6 +271,7 @@ impl Default for EncodeOptions {
             paper: PaperOptions::default(),
             main: MainOptions::default(),
             colour: ColourOptions::default(),
+            metadata: MetadataOptions::default(),
             gop: DEFAULT_GOP,
             checksums: false,
             timestamps: TimestampSource::Source,
@@ -442,7 +446,7 @@ impl EncodeOptions {
             extended: profile == ProfileChoice::Main,
             memory: self.memory,
             observer: Arc::clone(observer),
-            shell: Arc::default(),
+            surface: Arc::default(),
             colour_spacing_m,
             colours: Vec::new(),
             colours_stand: false,

@@ -118,7 +118,7 @@ fn measure_rates(
         coder: OpenDevice::CPU.coder(header, steps.settings, &silent)?,
         colour: options.colour_encoder(header, steps.colour_scale),
     };
-    let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options)?;
+    let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options, None)?;
     stream.first = range.start;
     let mut colour = 0;
     for frame in pipeline(capture.read(range)?, maker, coding, options.takes_turns, &cancellation) {

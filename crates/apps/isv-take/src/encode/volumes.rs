@@ -25,6 +25,9 @@ use std::time::SystemTime;
 /// Samples of colour along the edge of a voxel where frames add up: somewhat more than one a place that is remembered.
 const ACCUMULATED_SAMPLES: f64 = 3.0;
 
+/// Name of the decision for a shell.
+const OFFSET: &str = "offset";
+
 /// A frame ready to be encoded.
 pub(super) struct IngestedFrame {
     /// Number in the capture.
@@ -76,7 +79,7 @@ pub(super) struct VolumeMaker {
     pub(super) extended: bool,
     pub(super) memory: MemoryLimit,
     pub(super) observer: Arc<dyn Observer>,
-    pub(super) shell: Arc<Shell>,
+    pub(super) surface: Arc<OnceLock<SurfaceDecision>>,
     /// Distance between the colours that are sampled on meshes (m); nothing if no colours are wanted.
     pub(super) colour_spacing_m: Option<f64>,
     /// Colours sampled on the current frame.
@@ -85,8 +88,14 @@ pub(super) struct VolumeMaker {
     pub(super) colours_stand: bool,
 }
 
-/// Thickness of the shell around surfaces without inside (mm), once one was made.
-pub(super) type Shell = OnceLock<f64>;
+/// What was decided on the first frame with a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfaceDecision {
+    /// How inside is told from outside: `closed`, `sheet`, `oriented` (points) or `offset`.
+    pub(super) sign: &'static str,
+    /// Thickness of the shell around surfaces without inside (mm), if one was made.
+    pub(super) shell_mm: Option<f64>,
+}
 
 /// What becomes of depth images.
 pub(super) struct DepthFusion {
@@ -200,7 +209,11 @@ impl VolumeMaker {
         let volume = self.mesh_to_volume_as(name, mesh, sign)?;
         if let Some(evidence) = evidence {
             self.mesh_sign = Some(sign);
-            self.tell_shell(sign == SignDecision::Offset);
+            self.keep_decision(match sign {
+                SignDecision::Closed { .. } => "closed",
+                SignDecision::Sheet => "sheet",
+                SignDecision::Offset => OFFSET,
+            });
             self.tell(EncodeEvent::Sign { decision: sign, evidence, mode: self.mesh.sign });
             let (faces, blocks) = (mesh.triangles.len(), volume.block_count());
             if sign == SignDecision::Sheet && faces < blocks {
@@ -243,13 +256,11 @@ impl VolumeMaker {
         })
     }
 
-    /// Keeps the thickness of a shell for the last line.
-    fn tell_shell(&self, is_shell: bool) {
-        if is_shell {
-            let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
-            // What was decided on the first frame holds for all.
-            let _ = self.shell.set((thickness_mm * 1e3).round() / 1e3);
-        }
+    /// Keeps what was decided on the first frame, which holds for all.
+    fn keep_decision(&self, sign: &'static str) {
+        let thickness_mm = 2e3 * self.mesh.offset_voxels * self.mesh.grid.voxel_size.metres();
+        let shell_mm = (sign == OFFSET).then(|| (thickness_mm * 1e3).round() / 1e3);
+        let _ = self.surface.set(SurfaceDecision { sign, shell_mm });
     }
 
     fn points_to_volume(&mut self, name: &str, cloud: PointCloud) -> Result<SparseVolume, FrameError> {
@@ -271,7 +282,10 @@ impl VolumeMaker {
         let volume = ingest_points(&cloud, &self.points, sign);
         let volume = volume.map_err(|cause| self.ingest_error(name, cause, cloud.bounds()))?;
         self.point_sign = Some(sign);
-        self.tell_shell(sign == PointSign::Offset);
+        self.keep_decision(match sign {
+            PointSign::Oriented => "oriented",
+            PointSign::Offset => OFFSET,
+        });
         self.tell(EncodeEvent::PointSign { decision: sign, evidence, mode: self.points.sign });
         self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
         Ok(volume)

@@ -1,11 +1,12 @@
 //! Frames of a stream, as they are, in a stream of their own.
 
-use super::{EditError, StreamFault, load_index, open, open_file, tell_if_cut, tell_if_left_out};
+use super::{EditError, StreamFault, load_index, metadata_text, open, open_file};
+use super::{tell_if_cut, tell_if_left_out};
 use crate::{Event, FrameRange, Input, MemoryLimit, Observer};
 use isv_format::{PacketChain, PacketReader, PacketWriter, StreamIndex};
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Copies frames of a stream in a file, from a keyframe on, without coding anything anew. The copy begins at time 0. Packets of unknown
+/// Copies frames of a stream in a file, from a keyframe on, without coding anything anew. The copy begins at time 0 and keeps the metadata. Packets of unknown
 /// types between the frames are left out, and the observer is told. Returns the sink and the number of frames; `create` is called once there is a frame to write.
 ///
 /// # Errors
@@ -39,6 +40,9 @@ pub fn cut<W: Write>(
         return Err(fault(StreamFault::FalseKeyframe { frame: range.start }).into());
     }
     let mut writer = PacketWriter::new(create()?, &header)?;
+    if let Some(text) = &metadata_text(input)? {
+        writer.write_metadata(text)?;
+    }
     let first_ns = packet.header.timestamp_ns;
     let mut chain = PacketChain::default();
     for frame in range.clone() {

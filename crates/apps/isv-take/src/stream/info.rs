@@ -2,6 +2,7 @@
 
 use super::{PacketSummary, StreamError, StreamSummary, TrackSummary};
 use crate::Input;
+use crate::metadata::Metadata;
 use isv_format::{PaperParameters, Prediction, Profile, StreamHeader};
 use isv_kernels::quant::STEP_FRACTION_BITS;
 use isv_volume::CODES_PER_VOXEL;
@@ -48,6 +49,8 @@ pub struct StreamInfo {
     pub bytes_behind: u64,
     /// Packets whose types are not known and may be skipped.
     pub unknown_packets: usize,
+    /// What the stream says of itself; nothing if it says nothing.
+    pub metadata: Option<Metadata>,
     /// Numbers of the keyframes.
     pub keyframes: Vec<usize>,
     /// Facts of each frame.
@@ -119,6 +122,7 @@ impl StreamInfo {
             complete: summary.is_complete,
             bytes_behind: summary.bytes_behind,
             unknown_packets: summary.unknown_packets,
+            metadata: summary.metadata.clone(),
             keyframes: keyframes.collect(),
             packets: packets.iter().map(PacketInfo::new).collect(),
         }

@@ -1,13 +1,13 @@
 //! Streams one after the other, as one.
 
-use super::{EditError, StreamFault, open, tell_if_cut, tell_if_left_out};
+use super::{EditError, StreamFault, metadata_text, open, tell_if_cut, tell_if_left_out};
 use crate::timeline::frame_at;
 use crate::{Event, Input, MemoryLimit, Observer};
-use isv_format::{PacketChain, PacketWriter, StreamHeader};
+use isv_format::{MetadataText, PacketChain, PacketWriter, StreamHeader};
 use std::io::{self, Write};
 
 /// Copies streams one after the other, without coding anything anew. They have one version, profile, grid, frame rate and number of colour
-/// layers. Packets of unknown types are left out, and the observer is told. Returns the sink and the number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
+/// layers. Packets of unknown types are left out, and the observer is told; metadata stay if all streams have the same. Returns the sink and the number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
 ///
 /// # Errors
 /// [`EditError`]: a pipe, streams that do not go together or begin with no keyframe, and what reading and writing may fail by.
@@ -36,6 +36,9 @@ pub fn join<W: Write>(
         }
     }
     let mut writer = PacketWriter::new(create()?, &header)?;
+    if let Some(text) = &common_metadata(inputs)? {
+        writer.write_metadata(text)?;
+    }
     let (mut frames, mut next_ns) = (0, 0);
     for input in inputs {
         let name = input.name();
@@ -67,6 +70,13 @@ pub fn join<W: Write>(
         tell_if_cut(&name, &packets, observer);
     }
     Ok((writer.finish()?, frames))
+}
+
+/// What all streams say of themselves, if it is the same.
+fn common_metadata(inputs: &[Input]) -> Result<Option<MetadataText>, EditError> {
+    let texts = inputs.iter().map(metadata_text).collect::<Result<Vec<_>, _>>()?;
+    let (first, others) = texts.split_first().expect("there is a stream");
+    Ok(first.clone().filter(|_| others.iter().all(|other| other == first)))
 }
 
 /// What keeps packets of two streams from being in one.

@@ -4,7 +4,7 @@ use super::output::Tracks;
 use super::{EditError, StreamBytes, StreamError, StreamFault, StreamOutput, open_file, source, tell_if_cut};
 use crate::{FrameRange, Input, MemoryLimit, Observer};
 use isv_format::PacketReader;
-use isv_mp4::{Chained, Mp4Error, Mp4File, Track, TrackKind, TrackSource, Trimmed};
+use isv_mp4::{Chained, Mp4Error, Mp4File, SampleSource, Track, TrackKind, TrackSource, Trimmed};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
@@ -95,7 +95,7 @@ pub fn tracks_beside(input: &Input, frames: Option<FrameRange>) -> Result<Tracks
 /// # Errors
 /// [`StreamError`], which names a file.
 pub fn tracks_beside_all(inputs: &[Input]) -> Result<Option<Tracks>, StreamError> {
-    let mut chains: Option<Vec<Vec<(u64, Box<dyn isv_mp4::SampleSource>)>>> = None;
+    let mut chains: Option<Vec<Vec<(u64, Box<dyn SampleSource>)>>> = None;
     let mut begin_ns = 0u64;
     for input in inputs {
         let tracks = tracks_beside(input, None)?;
@@ -124,25 +124,44 @@ fn geometry_ns(input: &Input) -> Result<u64, StreamError> {
     Ok(((track.end_s() * 1e9).round() as u64).saturating_sub(begin_ns))
 }
 
-/// The track of sound of an MP4 file, to lie beside a stream.
+/// The sound of a file, to lie beside a stream.
 ///
 /// # Errors
 /// [`Mp4Error`]: no sound that can be taken.
 #[cfg(feature = "sound")]
-pub fn sound(
-    path: &Path,
-    options: isv_mp4::SoundOptions,
-) -> Result<Box<dyn isv_mp4::SampleSource>, Mp4Error> {
+pub fn sound(path: &Path, options: isv_mp4::SoundOptions) -> Result<Box<dyn SampleSource>, Mp4Error> {
     isv_mp4::open_sound(File::open(path)?, options)
+}
+
+/// The sound of a file, to lie beside a stream, with the default options.
+///
+/// # Errors
+/// [`Mp4Error`]: no sound that can be taken.
+#[cfg(feature = "sound")]
+pub fn sound_of(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
+    sound(path, isv_mp4::SoundOptions::default())
+}
+
+/// The track of sound of an MP4 file, to lie beside a stream.
+///
+/// # Errors
+/// [`Mp4Error`]: no MP4 file with sound.
+#[cfg(not(feature = "sound"))]
+pub fn sound_of(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
+    track_of(path, TrackKind::Sound)
 }
 
 /// The track of pictures of an MP4 file, to lie beside a stream.
 ///
 /// # Errors
 /// [`Mp4Error`]: no MP4 file with pictures.
-pub fn picture(path: &Path) -> Result<Box<dyn isv_mp4::SampleSource>, Mp4Error> {
+pub fn picture(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
+    track_of(path, TrackKind::Picture)
+}
+
+fn track_of(path: &Path, kind: TrackKind) -> Result<Box<dyn SampleSource>, Mp4Error> {
     let file = Mp4File::open(BufReader::new(File::open(path)?))?;
-    let track = file.track_of(TrackKind::Picture)?;
+    let track = file.track_of(kind)?;
     Ok(Box::new(TrackSource::new(file, track)?))
 }
 

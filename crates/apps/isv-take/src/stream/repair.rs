@@ -75,7 +75,13 @@ pub fn repair<W: Write>(
             usage => {
                 let writer = match (&mut writer, create.take()) {
                     (Some(writer), _) => writer,
-                    (none, Some(create)) => none.insert(PacketWriter::new(create()?, packets.header())?),
+                    (none, Some(create)) => {
+                        let writer = none.insert(PacketWriter::new(create()?, packets.header())?);
+                        if let Some(text) = packets.metadata() {
+                            writer.write_metadata(text)?;
+                        }
+                        writer
+                    }
                     (None, None) => unreachable!("it is taken when the writer is made"),
                 };
                 writer.copy_frame(&packet, packet.header.timestamp_ns)?;

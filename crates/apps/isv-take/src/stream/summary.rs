@@ -2,6 +2,8 @@
 
 use super::{StreamError, StreamFault, open_file};
 use crate::Input;
+#[cfg(feature = "io")]
+use crate::metadata::Metadata;
 use crate::timeline::Timeline;
 use isv_format::{FormatError, FrameCoding, FramePayload, Packet, PacketKind, PacketReader, Prediction};
 use isv_format::{Profile, StreamHeader};
@@ -13,6 +15,9 @@ use std::io::Read;
 pub struct StreamSummary {
     /// Header of the stream.
     pub header: StreamHeader,
+    /// What the stream says of itself.
+    #[cfg(feature = "io")]
+    pub metadata: Option<Metadata>,
     /// Frame packets, up to the end or a cut.
     pub packets: Vec<PacketSummary>,
     /// Number of other packets, whose types this build does not know.
@@ -77,11 +82,15 @@ impl StreamSummary {
             let is_complete = reader.complete();
             let bytes_behind = if is_complete { stream_bytes.saturating_sub(reader.at()) } else { 0 };
             let unknown_packets = reader.skipped();
+            #[cfg(feature = "io")]
+            let metadata = reader.metadata().and_then(Metadata::parse);
             let mut timeline = Timeline::new(header.frame_rate);
             packets.iter().for_each(|packet: &PacketSummary| _ = timeline.place(packet.timestamp_ns));
             let duration_s = timeline.end_s();
             Ok(Self {
                 header,
+                #[cfg(feature = "io")]
+                metadata,
                 packets,
                 unknown_packets,
                 duration_s,

@@ -1,0 +1,220 @@
+//! MP4 files: streams go in and out byte for byte, sound and picture stay in step, and every command reads and writes them.
+
+mod support;
+
+use isv::raw::mp4::{Mp4File, TrackKind};
+use isv_testkit::{Need, skip};
+use serde_json::Value;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::process::Command;
+use support::{ENCODE, Workspace};
+
+const FRAMES: usize = 9;
+const NOT_OVERWRITTEN: &str = "so it is not overwritten";
+
+/// A click of 10 ms every 100 ms, at 44.1 kHz in two channels of 16 bits.
+fn clicks(seconds: f64) -> Vec<u8> {
+    let rate = 44_100u32;
+    let frames = (seconds * f64::from(rate)).round() as u32;
+    let mut numbers = Vec::new();
+    for frame in 0..frames {
+        let is_click = frame % (rate / 10) < rate / 100;
+        let value = if is_click { (f64::from(frame) * 0.3).sin() * 20_000.0 } else { 0.0 };
+        numbers.extend([(value as i16).to_le_bytes(); 2].concat());
+    }
+    let size = numbers.len() as u32;
+    let format = [&16u32.to_le_bytes()[..], &1u16.to_le_bytes(), &2u16.to_le_bytes(), &rate.to_le_bytes()];
+    let format = [&format.concat()[..], &(rate * 4).to_le_bytes(), &4u16.to_le_bytes(), &16u16.to_le_bytes()];
+    [
+        b"RIFF",
+        &(size + 36).to_le_bytes()[..],
+        b"WAVEfmt ",
+        &format.concat(),
+        b"data",
+        &size.to_le_bytes(),
+        &numbers,
+    ]
+    .concat()
+}
+
+/// A workspace with `take.isv`, `clicks.wav` and `take.mp4` of both.
+fn workspace() -> (Workspace, Vec<u8>) {
+    let (work, stream) = Workspace::with_stream(FRAMES);
+    work.write("clicks.wav", clicks(0.3));
+    work.isv(&["mux", "take.isv", "--audio", "clicks.wav", "-o", "take.mp4"]).done();
+    (work, stream)
+}
+
+fn info(work: &Workspace, file: &str) -> Value {
+    work.isv(&["info", file, "--json"]).json()
+}
+
+fn open(work: &Workspace, file: &str) -> Mp4File<BufReader<File>> {
+    Mp4File::open(BufReader::new(File::open(work.path(file)).unwrap())).unwrap()
+}
+
+#[test]
+fn a_stream_comes_out_as_it_went_in() {
+    let (work, stream) = workspace();
+    work.isv(&["demux", "take.mp4", "-o", "back.isv"]).done();
+    assert!(work.read("back.isv") == stream);
+    let described = info(&work, "take.mp4");
+    let tracks = described["tracks"].as_array().unwrap();
+    assert_eq!(tracks.len(), 2);
+    assert_eq!((&tracks[0]["codec"], &tracks[0]["samples"]), (&"isv1".into(), &FRAMES.into()));
+    assert_eq!((&tracks[1]["kind"], &tracks[1]["codec"]), (&"sound".into(), &"Opus".into()));
+    // 0.3 s, a packet of 20 ms more at most, and what warms the decoder up.
+    let end_s = tracks[1]["end_s"].as_f64().unwrap();
+    assert!((0.3..0.33).contains(&end_s), "{end_s}");
+    assert_eq!(described["frames"], info(&work, "take.isv")["frames"]);
+    assert_eq!(described["bitrate_mbps"], info(&work, "take.isv")["bitrate_mbps"]);
+}
+
+#[test]
+fn every_command_reads_it() {
+    let (work, stream) = workspace();
+    let decode =
+        |input: &str, output: &str| work.isv(&["decode", input, "-o", output, "--frames", "4..6"]).done();
+    decode("take.isv", "a");
+    decode("take.mp4", "b");
+    for frame in ["frame_0004.ply", "frame_0005.ply"] {
+        assert!(work.read(&format!("a/{frame}")) == work.read(&format!("b/{frame}")), "{frame}");
+    }
+    work.isv(&["verify", "take.mp4"]).done();
+    let piped = work.isv_with_input(&["demux", "take.mp4", "-o", "-"], b"").done();
+    assert!(piped.stdout() == stream);
+    let piped = work.isv_with_input(&["repair", "-", "-o", "-"], &work.read("take.mp4")).done();
+    assert!(piped.stdout() == stream, "through a pipe");
+    work.isv(&["encode", "take.mp4", "-o", "again.mp4", "--quality", "20"]).done();
+    let tracks = info(&work, "again.mp4")["tracks"].as_array().unwrap().len();
+    assert_eq!(tracks, 2, "sound stays when geometry is coded anew");
+}
+
+#[test]
+fn encoding_into_it_is_encoding_and_putting_into_it() {
+    let (work, _) = workspace();
+    let mut encode: Vec<&str> = ENCODE.to_vec();
+    let output = encode.iter().position(|word| *word == "take.isv").unwrap();
+    encode[output] = "direct.mp4";
+    encode.extend(["--audio", "clicks.wav"]);
+    work.isv(&encode).done();
+    assert!(work.read("direct.mp4") == work.read("take.mp4"));
+}
+
+#[test]
+fn sound_is_cut_and_joined_with_the_frames() {
+    let (work, _) = workspace();
+    work.isv(&["cut", "take.mp4", "3..6", "-o", "b.mp4"]).done();
+    work.isv(&["cut", "take.mp4", "0..3", "-o", "a.mp4"]).done();
+    work.isv(&["join", "a.mp4", "b.mp4", "-o", "ab.mp4"]).done();
+    let whole = open(&work, "take.mp4");
+    let sound = whole.track_of(TrackKind::Sound).unwrap();
+    for (file, begin_ms, frames) in [("a.mp4", 0, 3), ("b.mp4", 100, 3), ("ab.mp4", 0, 6)] {
+        let mut part = open(&work, file);
+        let description = &whole.tracks()[sound].description;
+        assert_eq!(part.tracks()[1].description, *description, "{file}");
+        assert_eq!(part.tracks()[0].samples.len(), frames);
+        let samples = part.tracks()[1].samples.clone();
+        assert!(!samples.is_empty());
+        // Each packet is the packet of the whole at the same time.
+        for sample in samples.iter().take(4) {
+            let begin = begin_ms * u64::from(description.timescale) / 1000;
+            let of_whole =
+                whole.tracks()[sound].samples.iter().find(|other| other.time == sample.time + begin);
+            let of_whole = of_whole.unwrap_or_else(|| panic!("{file}: {sample:?}"));
+            let data = open(&work, "take.mp4").read(of_whole).unwrap();
+            assert!(part.read(sample).unwrap() == data, "{file}");
+        }
+    }
+    let cut = work.isv(&["cut", "take.mp4", "3..6", "-o", "b.isv"]).done();
+    assert!(cut.stderr().contains("sound and picture are not kept"), "{}", cut.stderr());
+}
+
+#[test]
+fn what_cannot_be_is_said_in_a_sentence() {
+    let (work, _) = workspace();
+    let refused = |args: &[&str], words: &str| {
+        // An output that is refused before any work is a wrong command line.
+        let status = if words == NOT_OVERWRITTEN { 2 } else { 1 };
+        work.isv(args).fails(status, &[words]);
+    };
+    refused(&["mux", "take.isv", "--audio", "take.isv", "-o", "x.mp4"], "take.isv: this is no MP4, MP3, Ogg");
+    refused(&["mux", "take.isv", "--audio", "missing.wav", "-o", "x.mp4"], "missing.wav");
+    refused(&["mux", "take.isv", "--video", "clicks.wav", "-o", "x.mp4"], "clicks.wav: not an MP4 file");
+    refused(&["mux", "take.isv", "--video", "take.mp4", "-o", "x.mp4"], "no track of picture is in it");
+    refused(&["demux", "take.isv", "-o", "x.isv"], "not an MP4 file");
+    refused(&["mux", "take.isv", "-o", "clicks.wav"], NOT_OVERWRITTEN);
+    refused(&["cut", "take.mp4", "0..3", "-o", "clicks.wav"], NOT_OVERWRITTEN);
+    work.write("sound.mp4", [0u8; 64]);
+    refused(&["mux", "take.isv", "-o", "sound.mp4"], NOT_OVERWRITTEN);
+    work.isv(&["demux", "take.mp4", "--tracks", "s.mp4"]).done();
+    refused(&["info", "s.mp4"], "no track of geometry");
+    assert!(!work.path("x.mp4").exists(), "nothing is left of what failed");
+    work.isv(&["encode", "frames", "-o", "x.isv", "--audio", "clicks.wav"])
+        .fails(2, &["name the output x.mp4"]);
+}
+
+/// What another program prints of a file.
+fn printed(program: &str, args: &[&str], file: &Path) -> Option<String> {
+    let output = Command::new(program).args(args).arg(file).output().ok()?;
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn other_parsers_list_the_same_tracks_and_times() {
+    let (work, _) = workspace();
+    work.isv(&["mux", "take.isv", "--audio", "clicks.wav", "--pcm", "-o", "pcm.mp4"]).done();
+    let file = work.path("take.mp4");
+    let probe = ["-v", "error", "-of", "json", "-show_streams", "-show_packets"];
+    let (Some(probed), Some(described)) =
+        (printed("ffprobe", &probe, &file), printed("mediainfo", &["--Output=JSON"], &file))
+    else {
+        return skip(Need::Media, "ffprobe and mediainfo are not installed");
+    };
+    let probed: Value = serde_json::from_str(&probed).unwrap();
+    let streams = probed["streams"].as_array().unwrap();
+    let tags: Vec<_> = streams.iter().map(|stream| stream["codec_tag_string"].as_str().unwrap()).collect();
+    assert_eq!(tags, ["isv1", "Opus"]);
+    assert_eq!((&streams[1]["codec_name"], &streams[1]["sample_rate"]), (&"opus".into(), &"48000".into()));
+    let seconds = |value: &Value| value.as_str().unwrap().parse::<f64>().unwrap();
+    let packets = probed["packets"].as_array().unwrap();
+    let times = |stream: usize| {
+        let of_stream = packets.iter().filter(move |packet| packet["stream_index"] == stream);
+        of_stream.map(|packet| seconds(&packet["pts_time"])).collect::<Vec<_>>()
+    };
+    let mut own = open(&work, "take.mp4");
+    assert_eq!(times(0).len(), FRAMES);
+    for (frame, time) in times(0).into_iter().enumerate() {
+        assert!((time - frame as f64 / 30.0).abs() < 1e-4, "frame {frame} at {time}");
+        let sample = own.tracks()[0].samples[frame];
+        let packet = packets.iter().filter(|packet| packet["stream_index"] == 0).nth(frame).unwrap();
+        assert_eq!(packet["pos"].as_str().unwrap(), sample.at.to_string());
+        assert_eq!(packet["size"].as_str().unwrap(), own.read(&sample).unwrap().len().to_string());
+        assert_eq!(sample.sync, frame % 3 == 0);
+    }
+    // What warms the decoder up lies before the begin.
+    assert!((times(1)[0] + 312.0 / 48_000.0).abs() < 1e-3, "{}", times(1)[0]);
+    let described: Value = serde_json::from_str(&described).unwrap();
+    let tracks = described["media"]["track"].as_array().unwrap();
+    let kinds: Vec<_> = tracks.iter().map(|track| track["@type"].as_str().unwrap()).collect();
+    assert!(kinds.contains(&"Audio") && kinds.contains(&"Other"), "{kinds:?}");
+    let audio = tracks.iter().find(|track| track["@type"] == "Audio").unwrap();
+    assert_eq!(audio["Format"], "Opus");
+    assert!((seconds(&audio["Duration"]) - 0.3).abs() < 0.04, "{}", audio["Duration"]);
+    let pcm = printed("mediainfo", &["--Output=JSON"], &work.path("pcm.mp4")).unwrap();
+    assert!(pcm.contains("ipcm"), "{pcm}");
+}
+
+#[test]
+fn a_file_that_is_cut_off_has_its_first_frames() {
+    let (work, _) = workspace();
+    let bytes = work.read("take.mp4");
+    let second = open(&work, "take.mp4").tracks()[0].samples[4];
+    work.write("cut.mp4", &bytes[..second.at as usize + 10]);
+    work.isv(&["verify", "cut.mp4"]).fails(1, &["ends without an index"]);
+    work.isv(&["repair", "cut.mp4", "-o", "whole.mp4"]).done();
+    work.isv(&["verify", "whole.mp4"]).done();
+    assert_eq!(info(&work, "whole.mp4")["frames"], 4);
+}
