@@ -1,39 +1,57 @@
 /**
- * Playback time: where in a take the playhead is. Knows nothing of decoding or drawing; one clock may drive several players.
+ * Playback time: where in a take the playhead is, in seconds from its first frame. Knows nothing of decoding, drawing or sound;
+ * one clock may drive several players.
  *
- * The position is counted in frames: 12.25 is a quarter of the way from frame 12 to frame 13. Players that share a clock
- * hold it back through {@link Clock.gates}: it never passes a frame that one of them cannot show yet.
+ * Players hold the clock back through {@link Clock.gates}: it never passes a frame that one of them cannot show yet. Sound, where
+ * there is some, leads the clock.
  */
+
+/**
+ * What tells the time while it plays: sound.
+ * @typedef {object} Leader
+ * @property {(seconds: number, jumps: number) => number | null} time the time now, given that of the clock and how often it was moved; null
+ *   where it does not lead
+ * @property {boolean} stalled whether it has nothing to play yet
+ */
+
+/** How far before a frame that is not there the clock stops, in seconds. */
+const BEFORE = 1e-4;
+
 export class Clock {
-  /** Position in frames, 0 to below `frames`. */
-  position = 0;
+  /** Seconds from the first frame, 0 to below `duration`. */
+  seconds = 0;
   playing = false;
   loop = true;
-  /** Since when, in ms, the clock waits for a frame; null if it does not. @type {number | null} */
+  /** Since when, in ms, the clock waits for a frame or for sound; null if it does not. @type {number | null} */
   waitingSince = null;
+  /** Whether it waits for a frame: then sound waits, too. */
+  held = false;
+  /** How often it was moved other than by playing. */
+  jumps = 0;
   /**
-   * Each gives the position, in frames, that the clock may not reach; asked with the position it is at.
-   * @type {Set<(position: number) => number>}
+   * Each gives the time that the clock may not reach, asked with the time it is at. One that is not later holds it there.
+   * @type {Set<(seconds: number) => number>}
    */
   gates = new Set();
-  #frames;
-  #fps;
+  /** @type {Leader | null} */
+  leader = null;
+  /** Moves on from a time by seconds that have passed. A take whose frames are irregular gives another. */
+  advance = plain;
+  #duration;
+  #last;
   #speed = 1;
   /** Time of the last tick in ms. @type {number | null} */
-  #last = null;
+  #ticked = null;
 
-  /** @param {{ fps?: number, frames?: number }} [facts] frames a second, number of frames (Infinity while unknown) */
-  constructor({ fps = 30, frames = 0 } = {}) {
-    this.#fps = fps;
-    this.#frames = frames;
+  /** @param {{ duration?: number, last?: number }} [facts] seconds of the take, and when its last frame begins */
+  constructor({ duration = 0, last = duration } = {}) {
+    this.#duration = duration;
+    this.#last = last;
   }
 
-  get fps() {
-    return this.#fps;
-  }
-
-  get frames() {
-    return this.#frames;
+  /** Seconds; 0 until a take is open. */
+  get duration() {
+    return this.#duration;
   }
 
   /** Times real time, 1/16 to 16. */
@@ -46,43 +64,40 @@ export class Clock {
     this.#speed = Math.min(16, Math.max(1 / 16, speed));
   }
 
-  /** The frame under the playhead. */
-  get frame() {
-    return Math.floor(this.position);
+  /** What is played is known, or has changed. @param {{ duration: number, last: number }} facts */
+  set({ duration, last }) {
+    this.#duration = duration;
+    this.#last = last;
+    if (this.seconds > last) this.seek(last);
   }
 
-  /** Seconds from the first frame. */
-  get seconds() {
-    return this.position / this.#fps;
-  }
-
-  /** What is played is known, or has changed. @param {{ fps: number, frames: number }} facts */
-  set({ fps, frames }) {
-    this.#fps = fps;
-    this.#frames = frames;
-    this.seek(this.frame);
+  /** Another take is played: nothing is known of it. */
+  reset() {
+    this.set({ duration: 0, last: 0 });
+    this.advance = plain;
+    this.leader = null;
   }
 
   /** Starts, from the beginning if the playhead is on the last frame and will not go round. */
   play() {
     if (this.playing) return;
-    if (!this.loop && this.frame >= this.#frames - 1) this.position = 0;
+    if (!this.loop && this.#duration > 0 && this.seconds >= this.#last) this.#jump(0);
     this.playing = true;
-    this.#last = null;
+    this.#ticked = null;
   }
 
   pause() {
     this.playing = false;
     this.waitingSince = null;
-    this.position = this.frame;
+    this.held = false;
   }
 
-  /** @param {number} frame taken to the nearest there is */
-  seek(frame) {
-    const last = Math.max(0, this.#frames - 1);
-    this.position = Math.min(last, Math.max(0, Math.floor(Number.isFinite(frame) ? frame : 0)));
+  /** @param {number} seconds taken to the nearest frame there is */
+  seek(seconds) {
+    this.#jump(Math.min(this.#last, Math.max(0, Number.isFinite(seconds) ? seconds : 0)));
     this.waitingSince = null;
-    this.#last = null;
+    this.held = false;
+    this.#ticked = null;
   }
 
   /**
@@ -91,28 +106,43 @@ export class Clock {
    * @returns {'wrapped' | 'ended' | null} what happened
    */
   tick(now) {
-    const passed = this.#last === null ? 0 : Math.max(0, now - this.#last);
-    this.#last = now;
-    if (!this.playing || this.#frames === 0) return null;
-    const wanted = this.position + (passed / 1000) * this.#fps * this.#speed;
-    const gate = Math.min(Infinity, ...[...this.gates].map((gate) => gate(this.position)));
-    if (wanted >= gate) {
+    const passed = this.#ticked === null ? 0 : Math.max(0, now - this.#ticked);
+    this.#ticked = now;
+    if (!this.playing || this.#duration === 0) return null;
+    const led = this.leader?.time(this.seconds, this.jumps) ?? null;
+    const wanted = led ?? this.advance(this.seconds, (passed / 1000) * this.#speed);
+    // Sound has gone on, whatever is there to be seen.
+    const from = led ?? this.seconds;
+    const gate = Math.min(Infinity, ...[...this.gates].map((gate) => gate(Math.min(from, this.#last))));
+    this.held = wanted >= gate;
+    if (this.held || (led !== null && this.leader?.stalled)) this.waitingSince ??= now;
+    else this.waitingSince = null;
+    if (this.held) {
       // Just before the frame that is not there, so that it is shown as soon as it is.
-      this.position = Math.max(this.position, Math.min(wanted, gate - 1e-3));
-      this.waitingSince ??= now;
+      this.seconds = Math.max(Math.min(from, this.#last), Math.min(wanted, gate - BEFORE));
       return null;
     }
-    this.waitingSince = null;
-    if (wanted < this.#frames) {
-      this.position = wanted;
+    if (wanted < this.#duration) {
+      this.seconds = wanted;
       return null;
     }
     if (this.loop) {
-      this.position = (wanted - this.#frames) % this.#frames;
+      this.#jump(led === null ? (wanted - this.#duration) % this.#duration : 0);
       return 'wrapped';
     }
-    this.position = this.#frames - 1;
-    this.playing = false;
+    this.#jump(this.#last);
+    this.pause();
     return 'ended';
   }
+
+  /** @param {number} seconds */
+  #jump(seconds) {
+    this.seconds = seconds;
+    this.jumps++;
+  }
+}
+
+/** @param {number} seconds @param {number} passed */
+function plain(seconds, passed) {
+  return seconds + passed;
 }

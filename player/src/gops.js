@@ -21,6 +21,11 @@ export class Gops {
     this.runs = Uint32Array.from(runs);
   }
 
+  /** Number of the GOP that a frame is in, from 0 on; -1 before the first keyframe. @param {number} frame */
+  indexOf(frame) {
+    return upTo(this.keyframes, frame);
+  }
+
   /** The keyframe that a frame is decoded from; -1 if there is none before it. @param {number} frame */
   keyframeOf(frame) {
     const at = upTo(this.keyframes, frame);

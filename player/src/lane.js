@@ -37,6 +37,8 @@ export class Lane {
   task = null;
   /** The frame that the decoder would go on with; -1 if it needs a keyframe. */
   next = -1;
+  /** The stream of the last packet; -1 if that does not matter. */
+  stream = 0;
   /** Frames on their way that will come with a surface. @type {Set<number>} */
   coming = new Set();
   #port;
@@ -65,12 +67,17 @@ export class Lane {
     return new Promise((wake) => this.#wakes.push(wake));
   }
 
-  /** @param {{ frame: number, packet: Uint8Array, at: number, surface: boolean, details: boolean }} work */
-  decode({ frame, packet, at, surface, details }) {
+  /**
+   * @param {{ frame: number, packet: Uint8Array, at: number, surface: boolean, details: boolean, stream?: number, header?: Uint8Array }} work `header`
+   *   opens the decoder anew where the packet is of another stream than the one before
+   */
+  decode({ frame, packet, at, surface, details, stream = 0, header }) {
     this.#waiting++;
     if (surface) this.coming.add(frame);
     this.next = frame + 1;
-    const order = /** @type {const} */ ({ do: 'decode', run: this.#generation, frame, packet, at, surface, details });
+    const anew = stream === this.stream ? undefined : header;
+    this.stream = stream;
+    const order = /** @type {const} */ ({ do: 'decode', run: this.#generation, frame, packet, at, surface, details, stream, header: anew });
     this.#port.postMessage(order, [/** @type {ArrayBuffer} */ (packet.buffer)]);
   }
 
@@ -81,6 +88,8 @@ export class Lane {
     this.next = -1;
     this.coming.clear();
     this.#generation++;
+    // What would have opened the decoder anew may be among what is given up.
+    this.stream = -1;
     this.#waiting = 0;
     this.#rouse();
     this.#port.postMessage({ do: 'cancel' });

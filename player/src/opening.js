@@ -3,7 +3,7 @@
 import { allowanceFor, allowanceOf } from './allowance.js';
 import { IsvFailure } from './failure.js';
 import { BlobBytes, HttpBytes } from './ranges.js';
-import { FileSource } from './source.js';
+import { openSource } from './source.js';
 import { compileDecoder, spawnWorker } from './spawn.js';
 import { Decoder } from './wasm.js';
 import { DecodeAhead } from './workers.js';
@@ -26,9 +26,9 @@ async function open(options) {
   const parser = module.then((module) => Decoder.create(module));
   parser.catch(() => {}); // Said below, unless the file fails first.
   try {
-    const source = await FileSource.open(bytesOf(options), parser);
+    const source = await openSource(bytesOf(options), parser);
     const { memory = MEMORY } = options;
-    const allowance = allowanceFor(allowanceOf(options), source.facts);
+    const allowance = allowanceFor(allowanceOf(options), { colour: source.facts.some(({ colour }) => colour) });
     const spawn = () => ports.pop() ?? spawnWorker();
     return new DecodeAhead({ source, module: await module, spawn, workers, budget: memory, allowance });
   } finally {

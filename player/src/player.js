@@ -2,6 +2,7 @@
 
 import { Group, Mesh } from 'three';
 import { allowanceOf } from './allowance.js';
+import { isUp } from './axes.js';
 import { Clock } from './clock.js';
 import { IsvFailure, words } from './failure.js';
 import { LiveSource } from './live.js';
@@ -9,17 +10,19 @@ import { MovingGeometry } from './moving-geometry.js';
 import { openFile } from './opening.js';
 import { compileDecoder, spawnWorker } from './spawn.js';
 import { colouredMaterial, litMaterial } from './surface-material.js';
-import { isUp, toYUp } from './up.js';
+import { toYUp } from './up.js';
 
 /** Frames before the target that are made on the way to it when going back, so that the next steps back are at once. */
 const BEHIND = 8;
 /** Wait for a frame, in ms, after which it is called waiting. */
 const PATIENCE = 250;
+/** Seconds of frames that are there before sound goes on after a wait: one long pause is heard less than many short ones. */
+const CUSHION = 0.2;
 
 /**
  * What to play, one of the first three, and how.
  * @typedef {object} PlayerOptions
- * @property {string} [url] a file, by HTTP with ranges
+ * @property {string} [url] a file or the playlist of a ladder, by HTTP
  * @property {Blob | ArrayBuffer | Uint8Array} [source] a file that is already here
  * @property {string} [live] address of a live stream, ws: or wss: or relative
  * @property {string | URL | WebAssembly.Module} [wasm] the decoder, if it is not beside the modules
@@ -27,12 +30,15 @@ const PATIENCE = 250;
  * @property {number} [memory] most bytes of decoded frames; 256 MiB
  * @property {number} [maxMemory] most bytes that decoders may take; half of the machine's memory
  * @property {number} [voxels] most voxels of a frame; as many as that memory has room for
- * @property {import('./up.js').Up} [up] the axis of the capture that points up; the object is turned so that it is Y
+ * @property {import('./axes.js').Up} [up] the axis of the capture that points up; what the take says, or `y`. The object is turned so that it is Y
  * @property {import('three').Material} [material] of the mesh; without it, the stream's colour, unlit, or grey in light where it has none
  * @property {Clock} [clock] shared with other players
  * @property {boolean} [autoplay]
  * @property {boolean} [loop]
  * @property {number} [speed]
+ * @property {boolean} [sound] false: its sound is not played, as beside another take
+ * @property {number} [volume] of sound, 0 to 1
+ * @property {boolean} [muted]
  */
 
 export class IsvPlayer extends EventTarget {
@@ -49,10 +55,12 @@ export class IsvPlayer extends EventTarget {
   shownFrame = -1;
   /** How long the last frame took to be copied into the mesh and its listeners to look at it, in ms. */
   uploadMs = 0;
-  /** The stream, once it is open. @type {import('./source.js').FileSource | null} */
+  /** The take, once it is open. @type {import('./source.js').Source | null} */
   source = null;
   /** @type {LiveSource | null} */
   live = null;
+  /** Sound of the take; null without, and where the browser cannot play it. @type {import('./sound/sound.js').Sound | null} */
+  sound = null;
   /** Frames decoded ahead. @type {import('./workers.js').DecodeAhead | null} */
   ahead = null;
   clock;
@@ -60,23 +68,33 @@ export class IsvPlayer extends EventTarget {
   error = null;
   /** Settles when the stream is open and its first picture is decoded; rejects with what went wrong. @type {Promise<IsvPlayer>} */
   ready;
-  #gate = (/** @type {number} */ position) => this.#gatePosition(position);
+  #gate = (/** @type {number} */ seconds) => this.#gateTime(seconds);
   #details = false;
-  /** @type {import('./up.js').Up} */
-  #up = 'y';
+  /** What the user wants to be up; null if that is left to the take. @type {import('./axes.js').Up | null} */
+  #up = null;
+  /** Volume and muting that the user wants. */
+  #wanted = { volume: 1, muted: false };
+  /** Whether it is not known yet if there will be sound: the playhead stands still until then. */
+  #listening = false;
+  /** How often the clock had been moved when that was last looked at. */
+  #jumps = 0;
+  /** The stream of the frame that is shown. */
+  #stream = 0;
   /** The refused frame that was told of last; -1 if the playhead was elsewhere since. */
   #refused = -1;
   #waiting = false;
   #closed = false;
   /** Where a drag on the scrub bar is, while a picture near an earlier place is still on its way. */
   #scrub = -1;
+  /** Whether the playhead is being dragged: sound waits for the end of it. */
+  #dragged = false;
   /** Settles {@link IsvPlayer.ready}. */
   #first = /** @type {{ resolve: (player: IsvPlayer) => void, reject: (error: Error) => void }} */ ({});
 
   /** @param {PlayerOptions} options */
   constructor(options) {
     super();
-    const { clock = new Clock(), loop, speed, autoplay = false, material, up = 'y' } = options;
+    const { clock = new Clock(), loop, speed, autoplay = false, material, up, volume = 1, muted = false } = options;
     this.clock = clock;
     if (loop !== undefined) clock.loop = loop;
     if (speed !== undefined) clock.speed = speed;
@@ -84,7 +102,8 @@ export class IsvPlayer extends EventTarget {
     this.materials = { colour: colouredMaterial(), shaded: material ?? litMaterial() };
     this.mesh = new Mesh(new MovingGeometry(), this.materials.shaded);
     this.object.add(this.mesh);
-    this.up = up;
+    this.#wanted = { volume: Math.min(1, Math.max(0, volume)), muted };
+    if (up !== undefined) this.up = up;
     this.ready = new Promise((resolve, reject) => (this.#first = { resolve, reject }));
     this.ready.catch(() => {}); // An error event says it, too.
     this.#open(options).catch((error) => this.#fail(error));
@@ -96,24 +115,29 @@ export class IsvPlayer extends EventTarget {
     return this.live ? Infinity : (this.source?.frames ?? 0);
   }
 
-  /** Frames a second. */
+  /** Frames a second, as the stream's header says. */
   get fps() {
     return this.facts?.fps ?? 30;
   }
 
   /** Seconds. */
   get duration() {
-    return this.frames / this.fps;
+    return this.live ? Infinity : (this.source?.times.duration ?? 0);
   }
 
-  /** What the stream's header says; null until it is there. */
+  /** What the header of the stream says that the shown frame comes from; null until it is there. */
   get facts() {
-    return this.source?.facts ?? this.live?.facts ?? null;
+    return this.source?.facts[this.#stream] ?? this.live?.facts ?? null;
+  }
+
+  /** What the take says of itself; empty until it is open, and where it says nothing. */
+  get metadata() {
+    return this.source?.metadata ?? {};
   }
 
   /** The frame under the playhead. */
   get frame() {
-    return this.live ? this.shownFrame : this.#frameAt(this.clock.position);
+    return this.live ? this.shownFrame : this.#frameAt(this.clock.seconds);
   }
 
   get playing() {
@@ -127,13 +151,32 @@ export class IsvPlayer extends EventTarget {
 
   /** The axis of the capture that points up. Setting it turns `object`. */
   get up() {
-    return this.#up;
+    return this.#up ?? this.metadata.up ?? 'y';
   }
 
   set up(up) {
     if (!isUp(up)) throw new RangeError(`up is y, z, x, -y, -z or -x, not ${up}`);
     this.#up = up;
-    this.object.quaternion.copy(toYUp(up));
+    this.#turn();
+  }
+
+  /** Volume of sound, 0 to 1. */
+  get volume() {
+    return this.sound?.volume ?? this.#wanted.volume;
+  }
+
+  set volume(volume) {
+    this.#wanted.volume = Math.min(1, Math.max(0, volume));
+    if (this.sound) this.sound.volume = this.#wanted.volume;
+  }
+
+  get muted() {
+    return this.sound?.muted ?? this.#wanted.muted;
+  }
+
+  set muted(muted) {
+    this.#wanted.muted = muted;
+    if (this.sound) this.sound.muted = muted;
   }
 
   get speed() {
@@ -177,7 +220,8 @@ export class IsvPlayer extends EventTarget {
   /** Moves the playhead; the frame is shown as soon as it is decoded. @param {number} frame */
   seek(frame) {
     this.#scrub = -1;
-    this.clock.seek(this.#clockFrame(frame));
+    this.#dragged = false;
+    this.#move(frame);
     this.#aim();
     this.ahead?.hurry();
   }
@@ -188,7 +232,7 @@ export class IsvPlayer extends EventTarget {
     this.pause();
     const wanted = this.frame + frames;
     const frame = this.loop ? (wanted + this.frames) % this.frames : wanted;
-    this.clock.seek(this.#clockFrame(frame));
+    this.#move(frame);
     this.#aim(frames < 0 ? BEHIND : 0);
   }
 
@@ -199,7 +243,8 @@ export class IsvPlayer extends EventTarget {
    */
   scrub(frame) {
     if (!this.ahead || !this.source) return;
-    this.clock.seek(this.#clockFrame(frame));
+    this.#dragged = true;
+    this.#move(frame);
     if (this.ahead.settled(this.frame)) {
       this.#scrub = -1;
       this.#aim();
@@ -221,18 +266,26 @@ export class IsvPlayer extends EventTarget {
     if (!this.ahead) return false;
     const { target, lost } = this.ahead;
     if (this.shownFrame === target || lost.has(target)) this.ahead.release();
+    this.#noteJumps();
     const event = this.clock.tick(now);
+    this.source?.attend?.({ seconds: this.clock.seconds, speed: this.clock.speed, workers: this.ahead.workers });
     if (event) this.#tell(event);
     this.#noteWaiting(now);
     this.#noteLost();
-    if (this.#scrub >= 0) return this.#updateScrub();
+    if (this.#scrub >= 0) {
+      this.sound?.follow(this.clock, { still: true });
+      return this.#updateScrub();
+    }
     this.#aim(this.ahead.behind && this.ahead.target === this.frame ? this.ahead.behind : 0);
-    return this.#show(this.frame);
+    const shown = this.#show(this.frame);
+    this.sound?.follow(this.clock, { still: this.#dragged });
+    return shown;
   }
 
   dispose() {
     this.#closed = true;
     this.clock.gates.delete(this.#gate);
+    this.#silence();
     this.ahead?.close();
     this.source?.close();
     this.live?.close();
@@ -269,9 +322,10 @@ export class IsvPlayer extends EventTarget {
     this.ahead = ahead;
     this.ahead.setDetails(this.#details);
     this.clock.gates.add(this.#gate);
-    if (this.clock.frames === 0) this.clock.set({ fps: source.facts.fps, frames: source.frames });
-    else this.#shorten(source);
+    this.#listening = source.sound !== null && options.sound !== false && !this.clock.leader;
+    this.#setClock(source);
     this.#dress();
+    this.#turn();
     this.#tell('open');
     this.ahead.listen({
       frame: () => this.#firstPicture(),
@@ -282,6 +336,7 @@ export class IsvPlayer extends EventTarget {
     this.ahead.aim(this.frame, { loop: this.loop });
     this.ahead.hurry();
     this.ahead.start();
+    if (source.sound && this.#listening) await this.#listen(source.sound);
   }
 
   /** Shows a stream that has colour in it, unless the user gave a material. */
@@ -292,10 +347,48 @@ export class IsvPlayer extends EventTarget {
     this.mesh.material = this.facts?.colour ? colour : shaded;
   }
 
-  /** Another stream already has the clock: it ends with the shorter one. @param {import('./source.js').FileSource} source */
-  #shorten(source) {
-    const frames = Math.floor((source.frames * this.clock.fps) / source.facts.fps + 1e-6);
-    this.clock.set({ fps: this.clock.fps, frames: Math.max(1, Math.min(this.clock.frames, frames)) });
+  /** Turns the object so that what is up is Y. */
+  #turn() {
+    this.object.quaternion.copy(toYUp(this.up));
+  }
+
+  /** Tells the clock how long the take is. Where another already has it, it ends with the shorter one. @param {import('./source.js').Source} source */
+  #setClock({ times }) {
+    const { duration, last } = times;
+    if (this.clock.duration === 0) {
+      this.clock.set({ duration, last });
+      this.clock.advance = (seconds, passed) => times.advance(seconds, passed);
+    } else if (duration < this.clock.duration) this.clock.set({ duration, last });
+  }
+
+  /** Has sound played, which then leads the clock. @param {import('./sound/tracks.js').SoundTracks} tracks */
+  async #listen(tracks) {
+    const { Sound } = await import('./sound/sound.js');
+    this.#listening = false;
+    if (this.#closed || this.clock.leader) return;
+    this.sound = Sound.of(tracks, {
+      ...this.#wanted,
+      duration: this.clock.duration,
+      on: {
+        unsupported: (detail) => {
+          this.#silence();
+          this.#tell('silent', detail);
+        },
+        blocked: () => this.#tell('blocked'),
+        volume: () => this.#tell('volume', { volume: this.volume, muted: this.muted }),
+        stalled: (error) => this.#tell('stalled', { message: words(error) }),
+        recovered: () => this.#tell('recovered'),
+      },
+    });
+    if (!this.sound) return;
+    this.clock.leader = this.sound;
+    this.#tell('sound', { codec: this.sound.codec });
+  }
+
+  #silence() {
+    if (this.sound && this.clock.leader === this.sound) this.clock.leader = null;
+    this.sound?.close();
+    this.sound = null;
   }
 
   #firstPicture() {
@@ -331,6 +424,7 @@ export class IsvPlayer extends EventTarget {
     /** @type {MovingGeometry} */ (this.mesh.geometry).show(decoded);
     this.shown = decoded;
     this.shownFrame = frame;
+    this.#noteStream(decoded.stream);
     this.#tell('frame', { frame, decoded });
     this.uploadMs = performance.now() - begin;
   }
@@ -344,7 +438,7 @@ export class IsvPlayer extends EventTarget {
       return this.#show(frame);
     }
     if (!ahead.settled(ahead.target)) return false;
-    const keyframe = /** @type {import('./source.js').FileSource} */ (this.source).gops.keyframeOf(this.#scrub);
+    const keyframe = /** @type {import('./source.js').Source} */ (this.source).gops.keyframeOf(this.#scrub);
     const passed = ahead.target;
     ahead.aim(ahead.settled(keyframe) || keyframe < 0 ? this.#scrub : keyframe, { loop: this.loop });
     return this.#show(passed);
@@ -385,7 +479,7 @@ export class IsvPlayer extends EventTarget {
       // The first of them, which a slow machine may have passed.
       let first = frame;
       while (refused.has(first - 1) && lost.get(first - 1) === why) first--;
-      if (first < frame) this.clock.seek(this.#clockFrame(first));
+      if (first < frame) this.#move(first);
     }
     if (this.#refused === this.frame) return;
     this.#refused = this.frame;
@@ -393,22 +487,51 @@ export class IsvPlayer extends EventTarget {
     this.#tell('refused', { frame: this.frame, message: why });
   }
 
-  /** The position that the clock may not reach, in its own frames. @param {number} position */
-  #gatePosition(position) {
-    const missing = this.ahead?.firstMissing(this.#frameAt(position)) ?? Infinity;
-    return (missing / this.fps) * this.clock.fps;
+  /** The time that the clock may not reach. @param {number} seconds */
+  #gateTime(seconds) {
+    if (!this.source || !this.ahead) return Infinity;
+    if (this.#listening) return seconds;
+    const { times, frames } = this.source;
+    const frame = times.frameAt(seconds);
+    const missing = this.ahead.firstMissing(frame);
+    if (missing === Infinity) return Infinity;
+    const waits = this.sound !== null && this.clock.held && missing > frame;
+    if (waits && !this.ahead.hasAhead(frame, times.frameAt(seconds + CUSHION) - frame)) return times.starts[frame];
+    return missing < frames ? times.starts[missing] : times.duration + times.starts[missing - frames];
   }
 
-  /** A frame of the clock as one of this stream, whose rate may be another. @param {number} position */
-  #frameAt(position) {
-    if (!this.source) return 0;
-    const { facts, frames } = this.source;
-    return Math.min(frames - 1, Math.floor((Math.floor(position) / this.clock.fps) * facts.fps + 1e-6));
+  /** @param {number} seconds */
+  #frameAt(seconds) {
+    return this.source?.times.frameAt(seconds) ?? 0;
   }
 
-  /** @param {number} frame of this stream */
-  #clockFrame(frame) {
-    return Math.ceil((frame / this.fps) * this.clock.fps - 1e-6);
+  /** Moves the playhead to the beginning of a frame. @param {number} frame */
+  #move(frame) {
+    const { times, frames } = this.source ?? {};
+    if (!times || !frames) return;
+    this.clock.seek(times.starts[Math.min(frames - 1, Math.max(0, Math.floor(Number.isFinite(frame) ? frame : 0)))]);
+    this.#jumps = this.clock.jumps;
+  }
+
+  /** Another player, or the user, has moved the clock: its frame is wanted first. */
+  #noteJumps() {
+    if (this.#jumps === this.clock.jumps) return;
+    this.#jumps = this.clock.jumps;
+    if (this.#dragged) return;
+    this.#aim();
+    this.ahead?.hurry();
+  }
+
+  /** What the shown frame's stream says may differ from what the one before said. @param {number} stream */
+  #noteStream(stream) {
+    const rungs = this.source?.rungs;
+    if (stream !== this.#stream) {
+      this.#stream = stream;
+      this.#dress();
+    }
+    if (!rungs || rungs.shown === stream) return;
+    rungs.shown = stream;
+    this.#tell('rung', { rung: stream, rungs: rungs.all });
   }
 
   /** @param {string} type @param {unknown} [detail] */

@@ -18,6 +18,7 @@ const TAIL = 1 << 16;
  * @property {string} name
  * @property {() => Promise<number>} open reads both ends; gives the length of the file in bytes
  * @property {(from: number, to: number, signal?: AbortSignal) => Promise<Uint8Array>} read bytes `from` to before `to`
+ * @property {(from: number, to: number, signal?: AbortSignal) => Promise<Uint8Array>} readAlone the same, but never more than these
  * @property {() => void} close
  */
 
@@ -42,6 +43,11 @@ export class BlobBytes {
     } catch (cause) {
       throw new IsvFailure('missing', `${this.name} cannot be read any more: was it moved or changed?`, { cause });
     }
+  }
+
+  /** @param {number} from @param {number} to */
+  readAlone(from, to) {
+    return this.read(from, to);
   }
 
   close() {}
@@ -114,6 +120,20 @@ export class HttpBytes {
     }
     this.#readAhead(last + 1);
     return bytes;
+  }
+
+  /** Reads bytes that lie among others that are not wanted now. @param {number} from @param {number} to @param {AbortSignal} [signal] @returns {Promise<Uint8Array>} */
+  async readAlone(from, to, signal) {
+    const last = Math.floor((to - 1) / CHUNK);
+    let held = Boolean(this.#whole || (this.#tail && from >= this.#tail.from));
+    if (!held) {
+      let chunk = Math.floor(from / CHUNK);
+      while (chunk <= last && this.#chunks.has(chunk)) chunk++;
+      held = chunk > last;
+    }
+    if (held) return this.read(from, to, signal);
+    const signals = [this.#closing.signal, ...(signal ? [signal] : [])];
+    return this.#part(await this.#request(`bytes=${from}-${to - 1}`, AbortSignal.any(signals)), from, to);
   }
 
   close() {
@@ -249,8 +269,8 @@ export function nameOf(url) {
   }
 }
 
-/** Not every browser iterates over bodies. @param {Response} response */
-async function* chunksOf(response) {
+/** The parts of a body as they come: not every browser iterates over bodies. @param {Response} response */
+export async function* chunksOf(response) {
   const reader = response.body?.getReader();
   if (!reader) return;
   try {
@@ -265,7 +285,7 @@ async function* chunksOf(response) {
 }
 
 /** @param {Uint8Array[]} parts @param {number} length */
-function joined(parts, length) {
+export function joined(parts, length) {
   if (parts.length === 1) return parts[0];
   const bytes = new Uint8Array(length);
   let at = 0;

@@ -2,11 +2,9 @@
 
 import { Matrix4, Quaternion } from 'three';
 
-/** @typedef {'y' | 'z' | 'x' | '-y' | '-z' | '-x'} Up */
-
 /**
  * Rotations that take an axis to Y, row by row: the table of `isv --up` (`crates/apps/isv-take/src/up.rs`).
- * @type {Record<Up, number[]>}
+ * @type {Record<import('./axes.js').Up, number[]>}
  */
 const ROWS = {
   y: [1, 0, 0, 0, 1, 0, 0, 0, 1],
@@ -17,15 +15,7 @@ const ROWS = {
   '-x': [0, 1, 0, -1, 0, 0, 0, 0, 1],
 };
 
-/** The axes in the order in which a key goes through them: the frequent ones first. @type {readonly Up[]} */
-export const UPS = ['y', 'z', '-y', '-z', 'x', '-x'];
-
-/** @param {unknown} name @returns {name is Up} */
-export function isUp(name) {
-  return typeof name === 'string' && Object.hasOwn(ROWS, name);
-}
-
-/** The rotation that takes an axis to Y. @param {Up} up @returns {Quaternion} */
+/** The rotation that takes an axis to Y. @param {import('./axes.js').Up} up @returns {Quaternion} */
 export function toYUp(up) {
   const [a, b, c, d, e, f, g, h, i] = ROWS[up];
   return new Quaternion().setFromRotationMatrix(new Matrix4().set(a, b, c, 0, d, e, f, 0, g, h, i, 0, 0, 0, 0, 1));

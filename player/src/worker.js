@@ -17,6 +17,8 @@ import { words } from './failure.js';
  * @property {number} at where the packet begins in the stream
  * @property {boolean} surface
  * @property {boolean} details
+ * @property {number} stream which of the take's streams the packet is of
+ * @property {Uint8Array} [header] of that stream, if the packet before was of another
  * @typedef {Start | Decode | { do: 'cancel' }} Order
  */
 
@@ -32,6 +34,7 @@ import { words } from './failure.js';
  * @property {boolean} keyframe
  * @property {number} inexactBlocks blocks that are not what was encoded
  * @property {number} packetBytes
+ * @property {number} stream which of the take's streams it comes from: 0, but in a ladder
  * @property {number} bytes what the arrays take
  * @property {number} decodeMs
  * @property {number} surfaceMs
@@ -94,14 +97,15 @@ function next() {
 }
 
 /** @param {Decode} order */
-function decode({ run, frame, packet, at, surface, details }) {
+function decode({ run, frame, packet, at, surface, details, stream, header }) {
   if (!decoder || !facts) return;
   try {
+    if (header) facts = decoder.open(header);
     const decoded = decoder.decode(packet, { at, surface, normals: true, details });
     const { memoryBytes } = decoder;
     whole ||= decoded.inexactBlocks === 0;
     if (!surface || !whole) return scope.postMessage({ is: 'done', run, frame, mesh: null, memoryBytes });
-    const mesh = finished(decoded, facts, packet.length);
+    const mesh = finished(decoded, facts, packet.length, stream);
     scope.postMessage({ is: 'done', run, frame, mesh, memoryBytes }, buffersOf(mesh));
   } catch (error) {
     lostRun = run;
@@ -110,11 +114,11 @@ function decode({ run, frame, packet, at, surface, details }) {
   }
 }
 
-/** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @returns {Frame} */
-function finished({ blocks, ...decoded }, facts, packetBytes) {
+/** @param {import('./wasm.js').DecodedFrame} decoded @param {import('./wasm.js').StreamFacts} facts @param {number} packetBytes @param {number} stream @returns {Frame} */
+function finished({ blocks, ...decoded }, facts, packetBytes, stream) {
   const { positions } = decoded;
   const details = blocks ? { ...blocks, vertexBits: bitsOfVertices(positions, blocks, facts) } : null;
-  const mesh = { ...decoded, bounds: boundsOf(positions), details, packetBytes, bytes: 0 };
+  const mesh = { ...decoded, bounds: boundsOf(positions), details, packetBytes, stream, bytes: 0 };
   mesh.bytes = buffersOf(mesh).reduce((bytes, buffer) => bytes + buffer.byteLength, 0);
   return mesh;
 }

@@ -59,7 +59,7 @@ export class DecodeAhead {
 
   /**
    * @param {object} options
-   * @param {import('./source.js').FileSource} options.source
+   * @param {import('./source.js').Source} options.source
    * @param {WebAssembly.Module} options.module
    * @param {() => import('./lane.js').Port} options.spawn starts a worker
    * @param {number} options.workers
@@ -74,7 +74,7 @@ export class DecodeAhead {
     this.#on = on ?? null;
     /** @type {Ring<Frame>} */
     this.#ring = new Ring(budget);
-    const start = { module, header: source.header, allowance };
+    const start = { module, header: source.headers[0], allowance };
     this.begun = new Promise((resolve) => (this.#settle = resolve));
     const answers = {
       ready: () => this.#settle(),
@@ -159,6 +159,11 @@ export class DecodeAhead {
       if (!this.settled(next % frames)) return next;
     }
     return Infinity;
+  }
+
+  /** Whether frames from one on are there: so many, or as many as fit into memory. @param {number} frame @param {number} frames */
+  hasAhead(frame, frames) {
+    return this.#missing(frame, Math.min(frame + frames, frame + this.#window, this.#gops.frames)) < 0;
   }
 
   /** Spans `[from, to)` of frames that are there, ascending. @returns {[number, number][]} */
@@ -293,13 +298,20 @@ export class DecodeAhead {
         const wanted = this.#nextWanted(task.at, task.end);
         if (wanted < 0) break;
         task.at = Math.max(task.at, this.#gops.keyframeOf(wanted));
-        const at = this.#source.offsets[task.at];
         const packet = await this.#source.packet(task.at, task.cancelling.signal);
+        const at = this.#source.offsetOf(task.at);
+        const stream = this.#source.streamOf(task.at);
+        const keyframe = this.#gops.keyframeOf(task.at);
+        if (stream !== lane.stream && lane.next === task.at && task.at > keyframe) {
+          // The rest of a GOP comes from another rung now: it is decoded from its beginning.
+          task.at = keyframe;
+          continue;
+        }
         await lane.room();
         if (task.cancelled) return;
         this.#readAgain();
         const surface = this.#nextWanted(task.at, task.at + 1) === task.at;
-        lane.decode({ frame: task.at, packet, at, surface, details: this.details });
+        lane.decode({ frame: task.at, packet, at, surface, details: this.details, stream, header: this.#source.headers[stream] });
         task.at++;
       }
     } catch (error) {
@@ -314,6 +326,7 @@ export class DecodeAhead {
   #done({ frame, mesh, memoryBytes = 0 }) {
     this.#spare(memoryBytes);
     if (!mesh || (this.details && !mesh.details)) return;
+    this.#source.measured?.(mesh);
     this.#ring.put(frame, mesh);
     this.#ring.trim((held) => this.#distance(held));
     this.#tell((on) => on.frame?.(frame));
@@ -341,7 +354,8 @@ export class DecodeAhead {
   /** @param {Lane} lane @param {import('./worker.js').Lost} answer */
   #lose(lane, { frame, message, refused = false, blocks = 0 }) {
     lane.cancel();
-    const why = refused ? refusal(frame, blocks, this.#source.facts.blockSide, this.#allowance) : message;
+    const { blockSide } = this.#source.facts[this.#source.streamOf(frame)];
+    const why = refused ? refusal(frame, blocks, blockSide, this.#allowance) : message;
     this.#loseUntilKeyframe(frame, why, refused);
     this.#deal();
   }

@@ -57,6 +57,20 @@ test('packets of unknown types stand between frames, with an index and without',
   }
 });
 
+test('frames of a stream stay as long as their packets say', async () => {
+  const irregular = Buffer.from(repeated(short, 9));
+  const packets = packetsOf(irregular);
+  // Twice as slow as the frame rate says.
+  packets.forEach((packet, frame) => Buffer.from(packet.buffer, packet.byteOffset).writeBigUInt64LE(BigInt(Math.round((frame * 2e9) / 30)), 12));
+  const source = await FileSource.open(new BlobBytes(new Blob([new Uint8Array(irregular)]), 'irregular.isv'), parser);
+  const { times, facts } = source;
+  const frameMs = 1000 / facts[0].fps;
+  assert.equal(times.frameAt(times.advance(0, (5.5 * frameMs) / 1000)), 5, 'nothing has been read');
+  for (let frame = 0; frame < 9; frame++) await source.packet(frame);
+  assert.equal(times.frameAt(times.advance(0, 5.5 * (2 / 30))), 5);
+  assert.equal(times.frameAt(times.starts[7]), 7, 'a seek needs no times');
+});
+
 test('a packet that must be known is no end', async () => {
   const stream = await readFile(new URL('../../conformance/refused/version_2_type_3.isv', import.meta.url));
   const open = FileSource.open(new BlobBytes(new Blob([stream]), 'newer.isv'), parser);

@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
+import { UPS, isUp } from '../src/axes.js';
 import { skipUnless } from './support/need.js';
 
 /** @type {typeof import('../src/up.js') | null} */
@@ -8,7 +9,7 @@ const module = await import('../src/up.js').catch(() => null);
 const skip = skipUnless(module !== null, 'browser', 'three is not installed', 'up.test.js');
 
 test('each axis turns to y, and nothing is mirrored', { skip }, async () => {
-  const { UPS, isUp, toYUp } = /** @type {typeof import('../src/up.js')} */ (module);
+  const { toYUp } = /** @type {typeof import('../src/up.js')} */ (module);
   const { Vector3 } = await import('three');
   assert.equal(UPS.length, 6);
   for (const up of UPS) {
@@ -21,7 +22,7 @@ test('each axis turns to y, and nothing is mirrored', { skip }, async () => {
 });
 
 test('the table is that of the library', { skip }, async () => {
-  const { UPS, toYUp } = /** @type {typeof import('../src/up.js')} */ (module);
+  const { toYUp } = /** @type {typeof import('../src/up.js')} */ (module);
   const { Vector3 } = await import('three');
   const source = readFileSync(new URL('../../crates/apps/isv-take/src/up.rs', import.meta.url), 'utf8');
   const names = { y: 'Y', z: 'Z', x: 'X', '-y': 'MinusY', '-z': 'MinusZ', '-x': 'MinusX' };

@@ -45,6 +45,8 @@ export interface Frame {
   keyframe: boolean;
   /** Size in the file. */
   packetBytes: number;
+  /** The rung of a ladder that it comes from; 0 of other takes. */
+  stream: number;
   /** Size in memory. */
   bytes: number;
   decodeMs: number;
@@ -57,7 +59,7 @@ export interface Frame {
 export type Up = 'y' | 'z' | 'x' | '-y' | '-z' | '-x';
 
 export interface PlayerOptions {
-  /** A file, by HTTP; with ranges where the server has them. */
+  /** A stream, an MP4 file or the playlist of a ladder, by HTTP; with ranges where the server has them. */
   url?: string;
   /** A file that is already here. */
   source?: Blob | ArrayBuffer | Uint8Array;
@@ -73,7 +75,7 @@ export interface PlayerOptions {
   maxMemory?: number;
   /** Most voxels of a frame; as many as that memory has room for. */
   voxels?: number;
-  /** The axis of the capture that points up; `y`. The object is turned so that it is Y. */
+  /** The axis of the capture that points up; what the take says, or `y`. The object is turned so that it is Y. */
   up?: Up;
   /** Of the mesh; without it, the stream's colour, unlit, or grey in light where it has none. Colours are in the attribute `srgb`. */
   material?: Material;
@@ -82,6 +84,34 @@ export interface PlayerOptions {
   autoplay?: boolean;
   loop?: boolean;
   speed?: number;
+  /** `false`: its sound is not played, as beside another take. */
+  sound?: boolean;
+  /** Of sound, 0 to 1. */
+  volume?: number;
+  muted?: boolean;
+}
+
+/** What a take says of itself. All of it may be missing. */
+export interface Metadata {
+  title?: string;
+  /** The axis of the capture that points up. */
+  up?: Up;
+  /** Of the capture's files. */
+  unit?: string;
+  device?: string;
+  colour_space?: string;
+  /** Place of the capture's origin in metres. */
+  origin?: [number, number, number];
+  encoder?: string;
+  settings?: unknown;
+  surface?: unknown;
+}
+
+/** A rung of a ladder: the take at one rate. */
+export interface Rung {
+  /** Bits a second at most. */
+  bandwidth: number;
+  codecs: string;
 }
 
 /** Events of a player and what their `detail` is. */
@@ -103,6 +133,16 @@ export interface PlayerEvents {
   /** Bytes cannot be read, which is tried again; they can. */
   stalled: { message: string };
   recovered: undefined;
+  /** Sound is there, and leads the clock. */
+  sound: { codec: string };
+  /** The browser cannot play the take's sound: it plays without. */
+  silent: { message: string };
+  /** The browser plays no sound before the user has touched the page: the take plays muted. */
+  blocked: undefined;
+  /** Volume or muting has changed. */
+  volume: { volume: number; muted: boolean };
+  /** Frames of another rung of the ladder are shown: `rung` 0 is the best. */
+  rung: { rung: number; rungs: Rung[] };
   /** Of a live stream. */
   state: { state: LiveState };
   /** It cannot be played. */
@@ -136,13 +176,15 @@ export class IsvPlayer extends EventTarget {
   readonly clock: Clock;
   /** Settles with the first decoded frame; rejects if the stream cannot be played. */
   readonly ready: Promise<this>;
-  /** Null until the stream is open. */
+  /** What the header of the stream says that is shown. Null until it is open. */
   readonly facts: StreamFacts | null;
   /** Number of frames; 0 until the file is open, Infinity of a live stream. */
   readonly frames: number;
   readonly fps: number;
   /** Seconds. */
   readonly duration: number;
+  /** What the take says of itself; empty until it is open. */
+  readonly metadata: Metadata;
   /** The frame under the playhead. */
   readonly frame: number;
   /** The frame that is shown, and its number; null and -1 before the first. */
@@ -156,6 +198,11 @@ export class IsvPlayer extends EventTarget {
   readonly error: Error | null;
   speed: number;
   loop: boolean;
+  /** Of sound, 0 to 1. */
+  volume: number;
+  muted: boolean;
+  /** Sound, with the element that plays it; null without. */
+  readonly sound: { readonly element: HTMLAudioElement; readonly codec: string } | null;
   /** Whether frames come with what each block is and took. Changing it decodes frames anew. */
   details: boolean;
   play(): void;
@@ -197,19 +244,17 @@ export class IsvViews {
 
 /** Playback time, for players that share it. */
 export class Clock {
-  constructor(facts?: { fps?: number; frames?: number });
-  /** In frames. */
-  position: number;
+  constructor(facts?: { duration?: number; last?: number });
+  /** Seconds from the first frame. */
+  seconds: number;
   playing: boolean;
   loop: boolean;
   speed: number;
-  readonly fps: number;
-  readonly frames: number;
-  readonly frame: number;
-  readonly seconds: number;
+  /** Seconds; 0 until a take is open. */
+  readonly duration: number;
   play(): void;
   pause(): void;
-  seek(frame: number): void;
+  seek(seconds: number): void;
 }
 
 /** An error outside the decoder, with a message that can be shown as it is. */

@@ -47,8 +47,9 @@ export class Cards {
   update(now, stage) {
     if (now - this.#last < PERIOD) return;
     this.#last = now;
-    for (const { player, facts, list, figures } of this.#shown) {
+    for (const { player, name, facts, list, figures } of this.#shown) {
       facts.textContent = factsOf(player);
+      name.textContent = player.metadata.title ?? name.title;
       for (const [title, value] of Object.entries({ ...streamFigures(player), ...timeFigures(player, stage) })) {
         let figure = figures.get(title);
         if (!figure) {
@@ -91,12 +92,22 @@ function streamFigures(player) {
   const from = Math.max(0, Math.min(player.frame - Math.floor(second / 2), source.frames - second));
   const frames = Math.min(second, source.frames);
   const whole = source.bytesBetween(0, source.frames);
+  const { starts, duration } = source.times;
   return {
-    Size: `${asBytes(whole)}, ${asBitrate((8 * whole * player.fps) / source.frames)}`,
-    'This second': asBitrate((8 * source.bytesBetween(from, from + frames) * player.fps) / frames),
+    ...(source.rungs ? rungFigures(source.rungs) : {}),
+    Size: `${asBytes(whole)}, ${asBitrate((8 * whole) / duration)}`,
+    'This second': asBitrate((8 * source.bytesBetween(from, from + frames)) / (starts[from + frames] - starts[from])),
     Frame: frame,
     Triangles: triangles,
     Buffer: `${ahead.held} frames, ${asBytes(ahead.bytes)}`,
+  };
+}
+
+/** Which rung of a ladder is shown, and what the network gives. @param {import('../ladder/source.js').Rungs} rungs */
+function rungFigures({ shown, all, throughput }) {
+  return {
+    Rung: shown < 0 ? '' : `${shown + 1} of ${all.length}`,
+    Network: throughput ? asBitrate(throughput) : '',
   };
 }
 

@@ -10,6 +10,9 @@ const PATIENCE = 300;
 const query = new URLSearchParams(location.search);
 const urls = query.has('live') ? [] : filesOf(query);
 if (query.has('live')) prepare(1);
+// What a file is, its content says; its name says which modules will most likely be needed.
+if (urls.some((url) => /\.(mp4|m4v|m3u8)([?#]|$)/i.test(url))) for (const module of ['mp4/take.js', 'sound/sound.js']) import(`../${module}`).catch(() => {});
+if (urls.some((url) => /\.m3u8([?#]|$)/i.test(url))) import('../ladder/source.js').catch(() => {});
 const anticipated = Promise.all(limited().map((url) => anticipate({ url, ...memoryOf(query), ...shareOf(urls.length) })));
 
 /** The files, or none where the address is wrong, which the page says. */

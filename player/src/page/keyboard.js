@@ -11,6 +11,8 @@ import { VIEWS } from '../views.js';
  * @property {(frame: number) => void} seek
  * @property {(steps: number) => void} faster
  * @property {() => void} loop
+ * @property {() => void} mute
+ * @property {(steps: number) => void} louder
  * @property {(number: number) => void} view
  * @property {(yaw: number, pitch: number) => void} turn radians
  * @property {(right: number, up: number) => void} pan parts of the distance
@@ -39,6 +41,13 @@ const KEYS = [
   { keys: ['End'], shown: ['End'], says: 'last frame', does: (c) => c.seek(Infinity) },
   { keys: ['[', ']'], shown: ['[', ']'], says: 'slower, faster', does: (c, e) => c.faster(e.key === ']' ? 1 : -1) },
   { keys: ['l'], shown: ['L'], says: 'loop', does: (c) => c.loop() },
+  { keys: ['m'], shown: ['M'], says: 'sound off, on', does: (c) => c.mute() },
+  {
+    keys: ['ArrowUp', 'ArrowDown'],
+    shown: ['\u2191', '\u2193'],
+    says: 'louder, softer',
+    does: (c, e) => c.louder(e.key === 'ArrowUp' ? 1 : -1),
+  },
   {
     keys: VIEWS.map((_, at) => String(at)),
     shown: VIEWS.map((_, at) => String(at)),
@@ -98,5 +107,6 @@ function takesKey({ target, key }) {
   if (target instanceof HTMLSelectElement) return true;
   if (!(target instanceof HTMLInputElement)) return false;
   if (target.type === 'radio') return key.startsWith('Arrow') || key === ' ';
+  if (target.id === 'volume') return key.startsWith('Arrow') || key === 'Home' || key === 'End';
   return target.type === 'number';
 }

@@ -1,6 +1,6 @@
 // The page: opens what its address names, or files that are dropped on it, and ties controls to players.
 //
-// `?src=A.isv` plays a file, `&compare=B.isv` another beside it, `?live=/live` a live stream, `?list=streams.json` offers several.
+// `?src=A.isv` plays a file, an MP4 file or the playlist of a ladder, `&compare=B.isv` another beside it, `?live=/live` a live stream, `?list=streams.json` offers several.
 // `&view=normals` and `&up=z` are where it begins, `&paused` stands still at first, `&max-memory=2GB` is what decoders may take.
 
 import { Box3 } from 'three';
@@ -9,7 +9,7 @@ import { facingOf } from '../facing.js';
 import { IsvFailure, words } from '../failure.js';
 import { IsvPlayer } from '../player.js';
 import { nameOf } from '../ranges.js';
-import { UPS, isUp } from '../up.js';
+import { UPS, isUp } from '../axes.js';
 import { IsvViews, VIEWS } from '../views.js';
 import { Cards } from './cards.js';
 import { decoding } from './early.js';
@@ -43,6 +43,8 @@ class Page {
   #framed = false;
   /** Whether the back of a surface can be seen. */
   #open = false;
+  /** Volume and muting that the user has chosen. @type {{ volume?: number, muted?: boolean }} */
+  #heard = {};
   /** What the page's address says of memory. @type {{ maxMemory?: number }} */
   #memory;
 
@@ -63,6 +65,9 @@ class Page {
       seek: (/** @type {number} */ frame) => this.seek(frame),
       faster: (/** @type {number} */ steps) => this.#transport.faster(steps),
       loop: () => (this.clock.loop = !this.clock.loop),
+      mute: () => this.#hear({ muted: !this.players[0]?.muted }),
+      louder: (/** @type {number} */ steps) => this.#hear({ volume: (this.players[0]?.volume ?? 1) + steps / 10, muted: false }),
+      volume: (/** @type {number} */ volume) => this.#hear({ volume, muted: volume === 0 }),
       view: (/** @type {number} */ number) => this.look(VIEWS[number].name),
       turn: (/** @type {number} */ yaw, /** @type {number} */ pitch) => this.stage.turn(yaw, pitch),
       pan: (/** @type {number} */ right, /** @type {number} */ up) => this.stage.pan(right, up),
@@ -89,10 +94,11 @@ class Page {
     for (const views of this.views) views.dispose();
     for (const player of this.players) player.dispose();
     const share = { clock: this.clock, ...this.#memory, ...shareOf(takes.length) };
-    this.clock.set({ fps: 30, frames: 0 });
+    this.clock.reset();
+    this.clock.seek(0);
     this.#framed = false;
     this.#open = false;
-    this.players = takes.map(({ options }) => new IsvPlayer({ ...options, ...share }));
+    this.players = takes.map(({ options }, at) => new IsvPlayer({ ...options, ...share, ...this.#heard, sound: at === 0 }));
     this.views = this.players.map((player) => new IsvViews(player));
     this.players.forEach((player, at) => this.#listen(player, takes[at].name));
     this.stage.show(this.players);
@@ -117,9 +123,14 @@ class Page {
   seek(frame) {
     const first = this.players[0];
     if (!first || first.live) return;
+    // The clock is shared: the others go with it.
     first.seek(Math.min(frame, first.frames - 1));
-    // The clock is shared: the others only have to hear of it.
-    for (const other of this.players.slice(1)) other.seek(other.frame);
+  }
+
+  /** Sets volume or muting, also of what is opened later. @param {{ volume?: number, muted?: boolean }} how */
+  #hear(how) {
+    Object.assign(this.#heard, how);
+    for (const player of this.players) Object.assign(player, how);
   }
 
   /** @param {import('../views.js').View} view */
@@ -170,6 +181,8 @@ class Page {
       player.addEventListener(type, (event) => then(/** @type {CustomEvent} */ (event).detail));
     on('open', () => {
       this.look(this.view);
+      const { title } = player.metadata;
+      if (title && this.players.length === 1) document.title = `${title} \u00b7 isv`;
       if (player.facts?.colour) this.stage.compile();
       if (player.source && !player.source.indexed)
         this.#messages.say(`${of}the file has no index: it was cut, or is still being written`, 'warn');
@@ -177,6 +190,14 @@ class Page {
     on('error', ({ message }) => this.#fail(player, `${of}${message}`));
     on('stalled', ({ message }) => this.#messages.hold(name, `${message}; trying again`));
     on('recovered', () => this.#messages.release(name));
+    on('silent', ({ message }) => this.#messages.say(`${of}${message}`, 'warn'));
+    on('blocked', () =>
+      this.#messages.propose('blocked', 'The sound is off.', 'Turn it on', () => this.#hear({ muted: false })),
+    );
+    on('volume', ({ muted }) => {
+      if (!muted) this.#messages.release('blocked');
+    });
+    on('rung', () => this.#explain());
     let hasCard = false;
     on('refused', ({ message }) => {
       hasCard = !player.shown;
@@ -231,8 +252,9 @@ class Page {
     if (this.stage.draw() && this.#framed) this.firstPictureMs ??= performance.now();
     this.#cards.update(now, this.stage);
     const first = this.players[0];
-    this.#scrubBar.update(first, first?.live ? 0 : Math.min(first?.frames ?? 0, this.clock.frames));
-    this.#transport.update(first, this.stage, this.#cards.brief);
+    const frames = first?.source ? first.source.times.frameAt(this.clock.duration - 1e-3) + 1 : 0;
+    this.#scrubBar.update(first, frames);
+    this.#transport.update(first, this.stage, this.#cards.brief, frames);
   }
 
   #colour() {

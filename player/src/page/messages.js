@@ -26,6 +26,16 @@ export class Messages {
     else this.#held.set(key, this.#add(text, tone));
   }
 
+  /** Offers to do something until it is done or taken back. @param {string} key @param {string} text @param {string} label @param {() => void} action */
+  propose(key, text, label, action) {
+    this.release(key);
+    const message = this.#add(`${text} `, '');
+    const button = make('button', { text: label });
+    button.addEventListener('click', action);
+    message.append(button);
+    this.#held.set(key, message);
+  }
+
   /** @param {string} key */
   release(key) {
     this.#held.get(key)?.remove();
@@ -40,7 +50,7 @@ export class Messages {
   /** Offers streams to open. @param {{ name: string, href: string }[]} streams */
   offer(streams) {
     this.welcome();
-    byId('welcome-words').textContent = streams.length ? 'Choose a stream, or drop an .isv file here.' : 'Nothing is served here. Drop an .isv file.';
+    byId('welcome-words').textContent = streams.length ? 'Choose a stream, or drop a file here.' : 'Nothing is served here. Drop an .isv or .mp4 file.';
     const items = streams.map(({ name, href }) => {
       const link = make('a', { text: name });
       link.setAttribute('href', href);

@@ -43,7 +43,8 @@ export class Stage {
   #divider;
   /** @type {{ scene: Scene, player: IsvPlayer, ground: Group }[]} */
   #pictures = [];
-  #up = /** @type {import('../up.js').Up} */ ('y');
+  /** The axis that the user wants to be up; null if that is left to the take. @type {import('../axes.js').Up | null} */
+  #up = null;
   #gridShown = true;
   #box = new Box3();
   /** From where an open surface shows its front, in the axes of the capture. @type {[number, number, number] | null} */
@@ -70,7 +71,7 @@ export class Stage {
   }
 
   get up() {
-    return this.#up;
+    return this.#up ?? this.#pictures[0]?.player.up ?? 'y';
   }
 
   /** The axis of the capture that points up. */
@@ -95,7 +96,7 @@ export class Stage {
     this.#pictures = players.map((player) => {
       const scene = new Scene();
       const ground = new Group();
-      player.up = this.#up;
+      if (this.#up) player.up = this.#up;
       ground.visible = this.#gridShown;
       scene.add(player.object, ground, new HemisphereLight(0xffffff, 0x77706a, 1.15));
       return { scene, player, ground };
@@ -227,7 +228,7 @@ export class Stage {
 
   /** A direction in the axes of the capture as one of the scene, no steeper than is good to look at. @param {[number, number, number]} facing */
   #towards(facing) {
-    const towards = new Vector3(...facing).applyQuaternion(toYUp(this.#up));
+    const towards = new Vector3(...facing).applyQuaternion(toYUp(this.up));
     const across = Math.hypot(towards.x, towards.z);
     const pitch = Math.min(STEEPEST, Math.max(-STEEPEST, Math.atan2(towards.y, across)));
     // Of what faces straight up, the heading would be noise.
@@ -237,7 +238,7 @@ export class Stage {
 
   /** What is looked at, as it is turned. */
   #turnedBox() {
-    return this.#box.clone().applyMatrix4(new Matrix4().makeRotationFromQuaternion(toYUp(this.#up)));
+    return this.#box.clone().applyMatrix4(new Matrix4().makeRotationFromQuaternion(toYUp(this.up)));
   }
 
   #layGround() {

@@ -11,15 +11,19 @@ export class Transport {
   #time = byId('clock');
   #up = byId('up');
   #play = button('play');
+  #sound = byId('sound');
+  #volume = byId('volume', HTMLInputElement);
+  #mute = button('mute');
   #toggles = { loop: button('loop'), grid: button('grid'), figures: button('figures') };
 
-  /** @param {import('../clock.js').Clock} clock @param {import('./keyboard.js').Commands} commands */
+  /** @param {import('../clock.js').Clock} clock @param {import('./keyboard.js').Commands & { volume: (volume: number) => void }} commands */
   constructor(clock, commands) {
     this.#clock = clock;
-    const { toggle, loop, fit, grid, figures, open, help } = commands;
+    const { toggle, loop, mute, fit, grid, figures, open, help } = commands;
     /** @type {Record<string, () => void>} */
     const actions = {
       loop,
+      mute,
       fit,
       grid,
       up: () => commands.up(1),
@@ -35,6 +39,7 @@ export class Transport {
       one.addEventListener('click', () => actions[name]());
     }
     this.#speed.addEventListener('change', () => (clock.speed = Number(this.#speed.value)));
+    this.#volume.addEventListener('input', () => commands.volume(this.#volume.valueAsNumber));
     this.#frame.addEventListener('change', () => commands.seek(this.#frame.valueAsNumber || 0));
   }
 
@@ -45,8 +50,8 @@ export class Transport {
     this.#clock.speed = Number(this.#speed.value);
   }
 
-  /** @param {import('../player.js').IsvPlayer | undefined} player @param {import('./stage.js').Stage} stage @param {boolean} brief whether figures are hidden */
-  update(player, stage, brief) {
+  /** @param {import('../player.js').IsvPlayer | undefined} player @param {import('./stage.js').Stage} stage @param {boolean} brief whether figures are hidden @param {number} frames */
+  update(player, stage, brief, frames) {
     const playing = player?.playing ?? false;
     const label = playing ? 'Pause' : 'Play';
     if (this.#play.getAttribute('aria-label') !== label) {
@@ -59,10 +64,16 @@ export class Transport {
     write(this.#up, stage.up.toUpperCase().replace('-', '\u2212'));
     if (!player) return;
     if (document.activeElement !== this.#frame) this.#frame.value = String(Math.max(0, player.frame));
-    const frames = Math.min(player.frames, this.#clock.frames);
     write(this.#of, player.live || !frames ? '' : `of ${frames}`);
     const waits = player.waiting ? ' \u00b7 waiting' : '';
-    write(this.#time, player.live ? '' : `${asTime(Math.max(0, player.frame) / player.fps)}${waits}`);
+    write(this.#time, player.live ? '' : `${asTime(player.source?.times.starts[Math.max(0, player.frame)] ?? 0)}${waits}`);
+    this.#sound.hidden = !player.sound;
+    const silent = player.muted || player.volume === 0;
+    press(this.#mute, silent);
+    const icon = silent ? '#i-muted' : '#i-sound';
+    const use = this.#mute.querySelector('use');
+    if (use?.getAttribute('href') !== icon) use?.setAttribute('href', icon);
+    if (document.activeElement !== this.#volume) this.#volume.value = String(player.muted ? 0 : player.volume);
   }
 }
 

@@ -460,6 +460,46 @@ describe('the page', { skip }, () => {
     assert.ok(reallocations <= 3, `${reallocations}`);
   });
 
+  test('fingers turn, zoom and tap on a phone, and decoded frames take less memory there', async () => {
+    const { page, errors } = await open('?src=/files/blob.isv&paused', { width: 390, height: 844, touch: true });
+    await shows(page, 0);
+    const touches = await page.context().newCDPSession(page);
+    const camera = () =>
+      page.evaluate(() => {
+        const { camera, controls } = /** @type {any} */ (globalThis).isv.stage;
+        const arm = camera.position.clone().sub(controls.target);
+        return { heading: Math.atan2(arm.x, arm.z), distance: arm.length() };
+      });
+    /** @param {{ x: number, y: number }[][]} path points of each finger, one after the other */
+    const touch = async (path) => {
+      const at = (/** @type {number} */ step) => path.map((points, id) => ({ ...points[step], id }));
+      await touches.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: at(0) });
+      for (let step = 1; step < path[0].length; step++) await touches.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: at(step) });
+      await touches.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
+      await page.waitForTimeout(300);
+    };
+    const line = (/** @type {number} */ from, /** @type {number} */ to) => Array.from({ length: 9 }, (_, at) => ({ x: from + ((to - from) * at) / 8, y: 350 }));
+    const first = await camera();
+    await touch([line(150, 250)]);
+    const turned = await camera();
+    assert.ok(Math.abs(turned.heading - first.heading) > 0.1, 'one finger turns');
+    await touch([line(180, 90), line(210, 300)]);
+    assert.ok((await camera()).distance < 0.8 * turned.distance, 'two fingers zoom');
+    await page.getByRole('button', { name: 'Play' }).tap();
+    assert.equal((await state(page)).playing, true);
+    await page.getByRole('button', { name: 'Pause' }).tap();
+    const box = await page.locator('#position').boundingBox();
+    assert.ok(box);
+    await page.touchscreen.tap(box.x + 7 + ((box.width - 14) * 6) / (FRAMES - 1), box.y + box.height / 2);
+    await isNative(page, 6);
+    const { budget, workers } = await page.evaluate(() => {
+      const { budget, workers } = /** @type {any} */ (globalThis).isv.players[0].ahead;
+      return { budget, workers };
+    });
+    assert.ok(budget <= 64 << 20 && workers <= 2, `${budget} bytes, ${workers} workers`);
+    assert.deepEqual(errors, []);
+  });
+
   test('fits a phone: nothing is wider than the screen', async () => {
     const { page } = await open('?src=/files/blob.isv&paused&view=normals', { width: 360, height: 740, touch: true });
     await shows(page, 0);

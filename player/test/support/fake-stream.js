@@ -12,9 +12,10 @@ export function fakeSource(frames, gop, first) {
   const source = {
     gops,
     frames,
-    facts: { blockSide: 8 },
-    header: new Uint8Array(48),
-    offsets: Float64Array.from({ length: frames + 1 }, (_, frame) => 48 + 24 * frame),
+    facts: [{ blockSide: 8 }],
+    headers: [new Uint8Array(48)],
+    streamOf: () => 0,
+    offsetOf: (/** @type {number} */ frame) => 48 + 24 * frame,
     /** @type {number[]} */
     read: [],
     /** @type {Error | null} */

@@ -28,30 +28,36 @@ function isv(words, folder) {
   execFileSync(ISV_BIN, words, { cwd: folder, stdio: ['ignore', 'ignore', 'pipe'] });
 }
 
-/** A stream of a blob that moves, with one keyframe or more. @param {number} frames @param {{ paint?: import('./blob.js').Paint, gop?: number }} [options] @returns {Uint8Array} */
-export function blobStream(frames, { paint, gop = frames } = {}) {
+/** A stream of files. @param {(folder: string) => void} write @param {string[]} words options of `isv encode` @returns {Uint8Array} */
+export function encoded(write, words) {
   return inFolder((folder) => {
-    writeBlob(folder, frames, paint);
-    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--gop', String(gop), '--checksums'], folder);
+    write(folder);
+    isv(['encode', '.', '-o', 'out.isv', ...words], folder);
     return readFileSync(join(folder, 'out.isv'));
   });
+}
+
+/** A stream of a blob that moves, with one keyframe or more. @param {number} frames @param {{ paint?: import('./blob.js').Paint, gop?: number }} [options] @returns {Uint8Array} */
+export function blobStream(frames, { paint, gop = frames } = {}) {
+  return encoded((folder) => writeBlob(folder, frames, paint), ['--voxel', '1cm', '--gop', String(gop), '--checksums']);
 }
 
 /** A frame of a ball of more than 131,072 blocks, as coarse as that allows. @returns {Uint8Array} */
 export function largeStream() {
-  return inFolder((folder) => {
-    writeBlob(folder, 1);
-    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1.1mm', '--backend', 'cpu'], folder);
-    return readFileSync(join(folder, 'out.isv'));
-  });
+  return encoded((folder) => writeBlob(folder, 1), ['--voxel', '1.1mm', '--backend', 'cpu']);
 }
 
 /** A stream of a depth camera's take. @returns {Uint8Array} */
 export function depthStream() {
+  return encoded(writeDepthTake, ['--voxel', '1cm', '--backend', 'cpu']);
+}
+
+/** A stream in MP4 with the sound of a WAV file. @param {Uint8Array} stream @param {Uint8Array} [wav] @returns {Uint8Array} */
+export function muxed(stream, wav) {
   return inFolder((folder) => {
-    writeDepthTake(folder);
-    isv(['encode', '.', '-o', 'out.isv', '--voxel', '1cm', '--backend', 'cpu'], folder);
-    return readFileSync(join(folder, 'out.isv'));
+    if (wav) writeFileSync(join(folder, 'sound.wav'), wav);
+    isv(['mux', fileOf(stream, folder), ...(wav ? ['--audio', 'sound.wav'] : []), '-o', 'take.mp4'], folder);
+    return readFileSync(join(folder, 'take.mp4'));
   });
 }
 

@@ -2,7 +2,7 @@
 
 /**
  * @typedef {import('playwright-core').Page} BrowserPage
- * @typedef {{ width?: number, height?: number, dark?: boolean, touch?: boolean }} Screen
+ * @typedef {{ width?: number, height?: number, dark?: boolean, touch?: boolean }} Screen touch: a phone
  */
 
 /**
@@ -17,6 +17,8 @@ export async function opened(browser, url, { width = 800, height = 600, dark = f
     viewport: { width, height },
     colorScheme: dark ? 'dark' : 'light',
     hasTouch: touch,
+    isMobile: touch,
+    screen: { width, height },
   });
   const page = await context.newPage();
   await Promise.all(browser.contexts().map((other) => other !== context && other.close()));

@@ -15,6 +15,9 @@ const TYPES = {
   '.js': 'text/javascript',
   '.wasm': 'application/wasm',
   '.isv': 'application/octet-stream',
+  '.mp4': 'video/mp4',
+  '.m4s': 'video/iso.segment',
+  '.m3u8': 'application/vnd.apple.mpegurl',
 };
 
 /**
@@ -22,7 +25,8 @@ const TYPES = {
  * @property {string} url where the page is
  * @property {Map<string, Uint8Array>} files what is served under `/files/`, by name; may change
  * @property {{ path: string, range: string | undefined }[]} requests
- * @property {{ ranges: boolean, delayMs: number, missing: Set<string> }} habits whether ranges are heeded, and paths that are not found
+ * @property {{ ranges: boolean, delayMs: number, missing: Set<string>, rate: number }} habits whether ranges are heeded, paths that are not found, and
+ *   bytes a second of all that is under `/files/`, 0 for as many as it takes
  * @property {() => Promise<void>} close
  */
 
@@ -32,7 +36,7 @@ export async function serve(files = {}) {
   const served = {
     files: new Map(Object.entries(files)),
     requests: [],
-    habits: { ranges: true, delayMs: 0, missing: new Set() },
+    habits: { ranges: true, delayMs: 0, missing: new Set(), rate: 0 },
   };
   const server = createServer(async (request, response) => {
     const path = decodeURIComponent((request.url ?? '/').split('?')[0]);
@@ -47,13 +51,34 @@ export async function serve(files = {}) {
       'cache-control': 'no-store',
     };
     const range = served.habits.ranges ? rangeOf(request.headers.range, bytes.length) : null;
-    if (!range) return response.writeHead(200, { ...headers, 'content-length': bytes.length }).end(bytes);
+    const send = path.startsWith('/files/') ? trickle : (/** @type {typeof response} */ to, /** @type {Uint8Array} */ all) => to.end(all);
+    if (!range) return send(response.writeHead(200, { ...headers, 'content-length': bytes.length }), bytes);
     const [from, to] = range;
     if (from >= bytes.length) return response.writeHead(416, { 'content-range': `bytes */${bytes.length}` }).end();
     const part = bytes.subarray(from, to);
     headers['content-range'] = `bytes ${from}-${to - 1}/${bytes.length}`;
-    response.writeHead(206, { ...headers, 'content-length': part.length }).end(part);
+    send(response.writeHead(206, { ...headers, 'content-length': part.length }), part);
   });
+  /** When the line is free again, in ms. */
+  let free = 0;
+  /** Sends bytes as slowly as they come over a line that all requests share. @param {import('node:http').ServerResponse} response @param {Uint8Array} bytes */
+  async function trickle(response, bytes) {
+    free = Math.max(free, performance.now());
+    for (let at = 0; at < bytes.length && !response.destroyed; ) {
+      const { rate } = served.habits;
+      if (!rate) {
+        response.write(bytes.subarray(at));
+        break;
+      }
+      const part = bytes.subarray(at, at + Math.max(256, Math.floor(rate / 50)));
+      free += (1000 * part.length) / rate;
+      const wait = free - performance.now();
+      await new Promise((wake) => setTimeout(wake, wait));
+      response.write(part);
+      at += part.length;
+    }
+    response.end();
+  }
   await new Promise((listening) => server.listen(0, '127.0.0.1', () => listening(undefined)));
   const { port } = /** @type {import('node:net').AddressInfo} */ (server.address());
   const close = () =>

@@ -9,9 +9,9 @@ const PACKET_HEADER = 24;
 export function packetsOf(stream) {
   const view = new DataView(stream.buffer, stream.byteOffset, stream.byteLength);
   const packets = [];
-  for (let at = HEADER; at + PACKET_HEADER <= stream.length && stream[at + 4] === 1;) {
+  for (let at = HEADER; at + PACKET_HEADER <= stream.length && stream[at + 4] !== 2;) {
     const end = at + PACKET_HEADER + view.getUint32(at + 8, true);
-    packets.push(stream.subarray(at, end));
+    if (stream[at + 4] === 1) packets.push(stream.subarray(at, end));
     at = end;
   }
   return packets;
@@ -41,6 +41,29 @@ export function repeated(stream, frames, { indexed = true, gop } = {}) {
   }
   if (indexed) parts.push(...ending(index, at));
   return Buffer.concat(parts);
+}
+
+/** A packet of metadata. @param {unknown} said */
+export function metadataPacket(said) {
+  const payload = Buffer.from(JSON.stringify(said));
+  const packet = Buffer.concat([Buffer.alloc(PACKET_HEADER), payload]);
+  packet.write('ISVP', 0, 'latin1');
+  packet[4] = 0x80;
+  packet.writeUInt32LE(payload.length, 8);
+  sign(packet);
+  return packet;
+}
+
+/** A stream with a packet before its first frame. @param {Uint8Array} stream @param {Uint8Array} packet @param {{ indexed?: boolean }} [options] */
+export function withMetadata(stream, packet, { indexed = true } = {}) {
+  const packets = packetsOf(stream);
+  const index = Buffer.alloc(8 * packets.length);
+  let at = HEADER + packet.length;
+  packets.forEach((frame, number) => {
+    index.writeBigUInt64LE((BigInt(at) << 1n) | BigInt(frame[5] & 1), 8 * number);
+    at += frame.length;
+  });
+  return Buffer.concat([stream.subarray(0, HEADER), packet, ...packets, ...(indexed ? ending(index, at) : [])]);
 }
 
 /** Index packet and trailer. @param {Buffer} index its payload @param {number} at where it begins */
