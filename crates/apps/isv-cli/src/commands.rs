@@ -12,6 +12,7 @@ pub(crate) mod export_player;
 pub(crate) mod info;
 pub(crate) mod join;
 pub(crate) mod mux;
+pub(crate) mod package;
 pub(crate) mod render;
 pub(crate) mod repair;
 pub(crate) mod serve;

@@ -29,8 +29,8 @@ mod words;
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use commands::{
-    backends, compare, cut, decode, demo, demux, encode, eval, export_player, info, join, mux, render,
-    repair, serve, verify, view,
+    backends, compare, cut, decode, demo, demux, encode, eval, export_player, info, join, mux, package,
+    render, repair, serve, verify, view,
 };
 use failure::usage;
 use isv::raw::kernels::simd::{self, Instructions};
@@ -75,6 +75,7 @@ enum Command {
     View(view::Args),
     Serve(serve::Args),
     ExportPlayer(export_player::Args),
+    Package(package::Args),
     Backends(backends::Args),
 }
 
@@ -114,6 +115,7 @@ fn run(command: &Command) -> Result<()> {
         Command::View(args) => view::run(args),
         Command::Serve(args) => serve::run(args),
         Command::ExportPlayer(args) => export_player::run(args),
+        Command::Package(args) => package::run(args),
         Command::Backends(args) => backends::run(args),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::output::say;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::borrow::Cow;
 use std::io::{IsTerminal, stderr};
 
 /// Steps done out of a number that may be unknown. The bar goes when the value is dropped.
@@ -12,7 +13,7 @@ pub(crate) struct Progress {
 
 impl Progress {
     /// A bar for `total` steps, labelled with what is being done.
-    pub(crate) fn new(total: Option<usize>, label: &'static str) -> Self {
+    pub(crate) fn new(total: Option<usize>, label: impl Into<Cow<'static, str>>) -> Self {
         let target =
             if stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(total.map(|n| n as u64), target).with_message(label);

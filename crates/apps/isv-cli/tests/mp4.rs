@@ -9,40 +9,15 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use std::process::Command;
-use support::{ENCODE, Workspace};
+use support::{ENCODE, Workspace, waveform};
 
 const FRAMES: usize = 9;
 const NOT_OVERWRITTEN: &str = "so it is not overwritten";
 
-/// A click of 10 ms every 100 ms, at 44.1 kHz in two channels of 16 bits.
-fn clicks(seconds: f64) -> Vec<u8> {
-    let rate = 44_100u32;
-    let frames = (seconds * f64::from(rate)).round() as u32;
-    let mut numbers = Vec::new();
-    for frame in 0..frames {
-        let is_click = frame % (rate / 10) < rate / 100;
-        let value = if is_click { (f64::from(frame) * 0.3).sin() * 20_000.0 } else { 0.0 };
-        numbers.extend([(value as i16).to_le_bytes(); 2].concat());
-    }
-    let size = numbers.len() as u32;
-    let format = [&16u32.to_le_bytes()[..], &1u16.to_le_bytes(), &2u16.to_le_bytes(), &rate.to_le_bytes()];
-    let format = [&format.concat()[..], &(rate * 4).to_le_bytes(), &4u16.to_le_bytes(), &16u16.to_le_bytes()];
-    [
-        b"RIFF",
-        &(size + 36).to_le_bytes()[..],
-        b"WAVEfmt ",
-        &format.concat(),
-        b"data",
-        &size.to_le_bytes(),
-        &numbers,
-    ]
-    .concat()
-}
-
 /// A workspace with `take.isv`, `clicks.wav` and `take.mp4` of both.
 fn workspace() -> (Workspace, Vec<u8>) {
     let (work, stream) = Workspace::with_stream(FRAMES);
-    work.write("clicks.wav", clicks(0.3));
+    work.write("clicks.wav", waveform(0.3));
     work.isv(&["mux", "take.isv", "--audio", "clicks.wav", "-o", "take.mp4"]).done();
     (work, stream)
 }

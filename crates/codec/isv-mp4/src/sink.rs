@@ -32,6 +32,8 @@ pub struct GeometrySink<W: Write> {
     /// The last frame, whose duration the next one tells.
     last: Option<SourceSample>,
     last_ns: u64,
+    /// Timestamp of the first frame, with which the movie begins.
+    first_ns: Option<u64>,
     left_out: usize,
 }
 
@@ -64,6 +66,7 @@ impl<W: Write> GeometrySink<W> {
             fragment_bytes: 0,
             last: None,
             last_ns: 0,
+            first_ns: None,
             left_out: 0,
         })
     }
@@ -187,7 +190,8 @@ impl<W: Write> GeometrySink<W> {
     ) -> Result<(), Mp4Error> {
         let geometry = &self.descriptions[0];
         let frame = geometry.from_ns(stream.frame_rate.timestamp_ns(1)).clamp(1, u32::MAX.into()) as u32;
-        let mut time = geometry.from_ns(timestamp_ns);
+        let first_ns = *self.first_ns.get_or_insert(timestamp_ns);
+        let mut time = geometry.from_ns(timestamp_ns.saturating_sub(first_ns));
         if let Some(mut last) = self.last.take() {
             // Times that do not ascend are of a writer without a clock: then frames come at the nominal rate.
             if timestamp_ns <= self.last_ns || time <= last.time {

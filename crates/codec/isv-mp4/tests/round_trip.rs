@@ -92,6 +92,13 @@ fn times_that_do_not_ascend_become_those_of_the_frame_rate() {
     let ms: Vec<_> =
         track.samples.iter().map(|s| s.time * 1000 / u64::from(track.description.timescale)).collect();
     assert_eq!(ms, [0, 33, 66, 500, 533]);
+    // A clock's time is that of the stream, and the movie begins with its first frame.
+    let year = 1_700_000_000_000_000_000;
+    let stream = support::stream_with_times([year, year + 100_000_000].into_iter(), 2);
+    let (file, _) = in_mp4(&stream, Vec::new()).unwrap();
+    assert!(read_all(&mut GeometryStream::open(Cursor::new(&file)).unwrap()) == stream);
+    let file = Mp4File::open(Cursor::new(&file)).unwrap();
+    assert!((file.tracks()[0].end_s() - (0.1 + 1.0 / 30.0)).abs() < 1e-3);
 }
 
 #[test]

@@ -37,23 +37,35 @@ use isv::raw::take::stream::{Container, Tracks, tracks_beside};
 use isv::raw::take::{Cancellation, FrameRange, Input, Length};
 use std::iter;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Encode a capture into an .isv stream
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Capture: a folder, a pattern such as 'take/*.obj', a file, or - for a pipe
-    ///
-    /// Frames are meshes, points, volumes, or depth images with their calibration, in natural order of their names; or an .isv or
-    /// MP4 file.
-    input: PathBuf,
+    #[command(flatten)]
+    capture: CaptureArgs,
     /// Stream to write, an .isv or .mp4 file; - for standard output
     ///
     /// While encoding, the file is called OUT.isv.part. If the encoder is killed, that file still plays up to its
     /// last complete frame.
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
+    /// Write times and sizes of every frame to this file
+    ///
+    /// Stages then take turns, so that the time of one is not also that of another.
+    #[arg(help_heading = "Running", long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+}
+
+/// A capture, and how it is encoded.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CaptureArgs {
+    /// Capture: a folder, a pattern such as 'take/*.obj', a file, or - for a pipe
+    ///
+    /// Frames are meshes, points, volumes, or depth images with their calibration, in natural order of their names; or an .isv or
+    /// MP4 file.
+    pub(super) input: PathBuf,
     /// Unit of the input's coordinates: m, dm, cm, mm, in, ft or us-ft
     #[arg(help_heading = "Coordinates of the input", long, default_value_t = Unit::Metre)]
     units: Unit,
@@ -75,7 +87,7 @@ pub(crate) struct Args {
     up: UpName,
     /// Frames A to B-1, counted from 0; either end may be left out
     #[arg(help_heading = "Input", long, value_name = "A..B")]
-    frames: Option<FrameRange>,
+    pub(super) frames: Option<FrameRange>,
     /// Most frames from a keyframe to the next
     ///
     /// With --refresh gradual, all of a frame is refreshed within so many frames.
@@ -122,22 +134,46 @@ pub(crate) struct Args {
     checksums: bool,
     /// Number of threads [default: one a core]
     #[arg(help_heading = "Running", long, value_name = "N", value_parser = count::parse::<NonZero<usize>>)]
-    threads: Option<NonZero<usize>>,
+    pub(super) threads: Option<NonZero<usize>>,
     #[command(flatten)]
     describe: DescribeArgs,
     #[command(flatten)]
     tracks: TrackArgs,
     #[command(flatten)]
-    backend: BackendArgs,
-    /// Write times and sizes of every frame to this file
-    ///
-    /// Stages then take turns, so that the time of one is not also that of another.
-    #[arg(help_heading = "Running", long, value_name = "FILE.json")]
-    stats: Option<PathBuf>,
+    pub(super) backend: BackendArgs,
 }
 
 impl Args {
     fn options(&self) -> EncodeOptions {
+        let options = self.capture.options();
+        let is_measured = self.stats.is_some();
+        EncodeOptions {
+            takes_turns: options.takes_turns || is_measured,
+            measures_change: is_measured,
+            ..options
+        }
+    }
+
+    /// Refuses sound and picture for a file that can have none.
+    fn check_tracks(&self) -> Result<()> {
+        match Container::of(&self.output) == Container::Mp4 || self.capture.tracks.is_empty() {
+            true => Ok(()),
+            false => Err(usage(format!(
+                "--audio and --video: an .isv file has no sound and no picture: name the output {}",
+                self.output.with_extension("mp4").display()
+            ))),
+        }
+    }
+}
+
+impl CaptureArgs {
+    /// The files that are read: the capture, then sound and picture.
+    pub(super) fn files(&self) -> Vec<&Path> {
+        iter::once(self.input.as_path()).chain(self.tracks.files()).collect()
+    }
+
+    /// What the flags choose.
+    pub(super) fn options(&self) -> EncodeOptions {
         self.header.options(EncodeOptions {
             frames: self.frames,
             unit: self.units,
@@ -155,37 +191,25 @@ impl Args {
             checksums: self.checksums,
             timestamps: self.timestamps.into(),
             skip_bad_frames: self.skip_bad_frames,
-            takes_turns: self.stats.is_some() || self.threads.is_some_and(|threads| threads.get() == 1),
-            measures_change: self.stats.is_some(),
+            takes_turns: self.threads.is_some_and(|threads| threads.get() == 1),
             memory: memory::limit(),
             ..EncodeOptions::default()
         })
     }
 
-    /// Refuses sound and picture for a file that can have none.
-    fn check_tracks(&self) -> Result<()> {
-        match Container::of(&self.output) == Container::Mp4 || self.tracks.is_empty() {
-            true => Ok(()),
-            false => Err(usage(format!(
-                "--audio and --video: an .isv file has no sound and no picture: name the output {}",
-                self.output.with_extension("mp4").display()
-            ))),
-        }
-    }
-
-    /// The tracks beside the stream: those asked for, and those of an MP4 file that is coded anew. They begin with the first frame.
-    fn tracks(&self, input: &Input, rate: FrameRate) -> Result<Tracks> {
+    /// The tracks beside the stream: those of an MP4 file that is coded anew, and those asked for. They begin with the first frame.
+    pub(super) fn open_tracks(&self, input: &Input, rate: FrameRate, output: &Path) -> Result<Tracks> {
         let time = |frame: usize| rate.timestamp_ns(frame as u64);
         let end = |frame: usize| if frame == FrameRange::OPEN { u64::MAX } else { time(frame) };
         let part = self.frames.map(|frames| time(frames.start)..end(frames.end));
         let kept = tracks_beside(input, self.frames)?;
-        let mut tracks = stream::kept_tracks(kept, &input.name(), &self.output);
+        let mut tracks = stream::kept_tracks(kept, &input.name(), output);
         tracks.extend(self.tracks.open(part)?);
         Ok(tracks)
     }
 
     /// A sentence on what was asked for and has no effect on such a capture.
-    fn without_effect(&self, capture: &Capture) -> Option<String> {
+    pub(super) fn without_effect(&self, capture: &Capture) -> Option<String> {
         let content = capture.content();
         let geometry = [
             ("--units", self.units != Unit::Metre),
@@ -206,7 +230,8 @@ impl Args {
 }
 
 /// A bar for each pass that looks for settings.
-struct Passes(Option<Progress>);
+#[derive(Default)]
+pub(super) struct Passes(Option<Progress>);
 
 impl Watch for Passes {
     fn begin(&mut self, frames: usize) {
@@ -224,28 +249,33 @@ impl Watch for Passes {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let inputs: Vec<_> = iter::once(args.input.as_path()).chain(args.tracks.files()).collect();
-    check_stream_output(&inputs, &args.output)?;
+    let flags = &args.capture;
+    check_stream_output(&flags.files(), &args.output)?;
     args.check_tracks()?;
-    let (input, options) = (Input::from_argument(&args.input), args.options());
+    let (input, options) = (Input::from_argument(&flags.input), args.options());
     let progress = Arc::new(Progress::new(None, "encoding"));
     let observer = words::observer_above(&progress);
     let capture = Capture::open(&input, &options.hints(&observer)?)?;
     // Wrong flags are told before anything is read.
     options.header(capture.grid(), capture.frame_rate())?;
-    capture.range(args.frames)?;
-    use_threads(args.threads)?;
+    capture.range(flags.frames)?;
+    use_threads(flags.threads)?;
     interrupt::listen()?;
-    let without_effect = args.without_effect(&capture);
-    let job =
-        Job::prepare(capture, &options, || args.backend.open(&*observer), &observer, &mut Passes(None))?;
+    let without_effect = flags.without_effect(&capture);
+    let job = Job::prepare(
+        capture,
+        &options,
+        || flags.backend.open(&*observer),
+        &observer,
+        &mut Passes::default(),
+    )?;
     if let Some(frames) = job.frames() {
         progress.expect(frames);
     }
     let voxel_m = job.header().grid.voxel_size.metres();
-    let tracks = args.tracks(&input, job.header().frame_rate)?;
+    let tracks = flags.open_tracks(&input, job.header().frame_rate, &args.output)?;
     let output = stream::create(&args.output, tracks)?;
-    let mut stats = StatsFile::create(args.stats.as_deref(), [&args.input, &args.output])?;
+    let mut stats = StatsFile::create(args.stats.as_deref(), [&flags.input, &args.output])?;
     if options.band == Some(Band::Full) {
         progress.note(match options.profile_choice() {
             ProfileChoice::Paper => "the whole band is kept, by profile paper: main keeps what is near the surface",
@@ -317,7 +347,7 @@ fn finish(
     voxel_m: f64,
     stats: StatsFile<EncodedFrameStats>,
 ) -> Result<()> {
-    let (input, output) = (Input::from_argument(&args.input).name(), args.output.display());
+    let (input, output) = (Input::from_argument(&args.capture.input).name(), args.output.display());
     let frames = frames_in_words(report.frames);
     let bytes = stream.commit()?;
     let mbps = megabits_per_second(bytes, report.seconds);

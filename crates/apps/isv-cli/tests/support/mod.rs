@@ -118,6 +118,31 @@ impl Workspace {
 pub(crate) const ENCODE: [&str; 8] =
     ["encode", "frames", "-o", "take.isv", "--voxel", "20mm", "--gop=3", "--checksums"];
 
+/// A WAV file: a click of 10 ms every 100 ms, at 44.1 kHz in two channels of 16 bits.
+pub(crate) fn waveform(seconds: f64) -> Vec<u8> {
+    let rate = 44_100u32;
+    let frames = (seconds * f64::from(rate)).round() as u32;
+    let mut numbers = Vec::new();
+    for frame in 0..frames {
+        let is_click = frame % (rate / 10) < rate / 100;
+        let value = if is_click { (f64::from(frame) * 0.3).sin() * 20_000.0 } else { 0.0 };
+        numbers.extend([(value as i16).to_le_bytes(); 2].concat());
+    }
+    let size = numbers.len() as u32;
+    let format = [&16u32.to_le_bytes()[..], &1u16.to_le_bytes(), &2u16.to_le_bytes(), &rate.to_le_bytes()];
+    let format = [&format.concat()[..], &(rate * 4).to_le_bytes(), &4u16.to_le_bytes(), &16u16.to_le_bytes()];
+    [
+        b"RIFF",
+        &(size + 36).to_le_bytes()[..],
+        b"WAVEfmt ",
+        &format.concat(),
+        b"data",
+        &size.to_le_bytes(),
+        &numbers,
+    ]
+    .concat()
+}
+
 /// What a run left behind.
 pub(crate) struct Run {
     args: String,

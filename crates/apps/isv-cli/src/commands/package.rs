@@ -1,0 +1,276 @@
+//! `isv package`: a take in several rates with the player, as files for any web host.
+
+use super::encode::{CaptureArgs, Passes};
+use crate::count;
+use crate::interrupt;
+use crate::output::say;
+use crate::progress::Progress;
+use crate::stats::megabits_per_second;
+use crate::threads::use_threads;
+use crate::{memory, stream, words};
+use anyhow::{Context, Result, bail};
+use isv::raw::format::StreamHeader;
+use isv::raw::io::check_folder_name;
+use isv::raw::mp4::{
+    Mp4File, Rung, Segment, Segments, codec_string, master_playlist, media_playlist, segment_name,
+    write_tracks,
+};
+use isv::raw::take::capture::{Capture, ContentKind};
+use isv::raw::take::encode::{EncodeOptions, Job, VoxelChoice};
+use isv::raw::take::stream::{Container, StreamOutput, StreamSummary, Tracks, mux};
+use isv::raw::take::{BitRate, Input, MemorySize};
+use isv_serve::{ExportFolder, Page, PageOptions};
+use std::fs::File;
+use std::io::{BufReader, BufWriter};
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Name of the playlist that the page opens.
+const MASTER: &str = "master.m3u8";
+/// Most rungs: below a hundredth of the best rate nothing is worth watching.
+const MOST_RUNGS: usize = 8;
+
+/// Encode a take in several rates, each half of the one before, and write them with the player for any web host
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    capture: CaptureArgs,
+    /// Folder to write: new, empty, or that of an earlier run
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Number of rates, 1 to 8
+    ///
+    /// The best has the quality or rate that is asked for. A stream whose keyframes come regularly is itself the best.
+    #[arg(long, value_name = "N", default_value = "3", value_parser = count::parse::<NonZero<usize>>)]
+    rungs: NonZero<usize>,
+}
+
+/// A rate of the take, in a file of its own.
+struct CodedRung {
+    segments: Segments<BufReader<File>>,
+    header: StreamHeader,
+    bytes: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let rungs = args.rungs.get();
+    if rungs > MOST_RUNGS {
+        bail!("--rungs: 1 to {MOST_RUNGS}, not {rungs}");
+    }
+    check_folder_name(&args.output, "the files of a page")?;
+    use_threads(args.capture.threads)?;
+    interrupt::listen()?;
+    let mut folder = ExportFolder::create(&args.output)?;
+    let input = Input::from_argument(&args.capture.input);
+    let mut options = EncodeOptions { fixed_gop: true, ..args.capture.options() };
+    let best = match regular_gop(&input)? {
+        Some(gop) if args.capture.frames.is_none() && !is_asked_for(&options) => {
+            options.gop = gop;
+            copied(&input, gop)?
+        }
+        _ => encoded(args, &input, &options, 1)?,
+    };
+    let best_bits = best.bytes as f64 * 8.0 / best.seconds.max(f64::MIN_POSITIVE);
+    let mut coded = vec![best];
+    for rung in 1..rungs {
+        let options = lower(&options, &input, best_bits / f64::from(1u32 << rung))?;
+        coded.push(encoded(args, &input, &options, rung + 1)?);
+    }
+    check_aligned(&coded)?;
+    let tracks = args.capture.open_tracks(&input, coded[0].header.frame_rate, "sound.mp4".as_ref())?;
+    let sound = sound(tracks, coded[0].seconds)?;
+    let master = write_ladder(&mut folder, &mut coded, sound)?;
+    folder.write(MASTER, master.as_bytes())?;
+    let options = PageOptions { up: None, max_memory: memory::chosen().map(MemorySize::bytes) };
+    for (path, bytes) in Page::player().export(&[MASTER.to_owned()], &options) {
+        folder.write(path, &bytes)?;
+    }
+    if interrupt::requested() {
+        bail!("interrupted: nothing was written");
+    }
+    folder.commit()?;
+    let rates: Vec<_> =
+        coded.iter().map(|rung| format!("{:.3}", megabits_per_second(rung.bytes, rung.seconds))).collect();
+    let output = args.output.display();
+    say(format_args!(
+        "{output}: {} Mbps: put it on a web server, or try it with python3 -m http.server -d {output}",
+        rates.join(", ")
+    ));
+    Ok(())
+}
+
+/// Whether a quality or a rate is asked for, which a stream that is copied would not have.
+fn is_asked_for(options: &EncodeOptions) -> bool {
+    let main = &options.main;
+    main.quality.is_some()
+        || main.bitrate.is_some()
+        || main.max_error.is_some()
+        || options.colour.quality.is_some()
+}
+
+/// The distance from one keyframe of a stream to the next, if it is the same everywhere; `None` of what is no stream.
+fn regular_gop(input: &Input) -> Result<Option<NonZero<u32>>> {
+    let is_stream = input
+        .path()
+        .and_then(|path| path.extension())
+        .is_some_and(|end| end.eq_ignore_ascii_case("isv") || end.eq_ignore_ascii_case("mp4"));
+    if !is_stream {
+        return Ok(None);
+    }
+    let packets = StreamSummary::read(input)?.packets;
+    let keyframes: Vec<_> = (0..packets.len()).filter(|frame| packets[*frame].keyframe).collect();
+    let gop = keyframes.get(1).copied().unwrap_or(packets.len());
+    let is_regular = keyframes.iter().enumerate().all(|(number, frame)| *frame == number * gop);
+    Ok(u32::try_from(gop).ok().filter(|_| is_regular).and_then(NonZero::new))
+}
+
+/// The options of a lower rate (bits a second): it is met in two passes, with voxels that suit it.
+fn lower(options: &EncodeOptions, input: &Input, bits: f64) -> Result<EncodeOptions> {
+    let mut lower = options.clone();
+    lower.main.bitrate = Some(BitRate::from_bits_per_second(bits));
+    (lower.main.quality, lower.main.max_error, lower.main.passes) = (None, None, Some(2));
+    lower.colour.quality = None;
+    let silent = words::observer();
+    let capture = Capture::open(input, &options.hints(&silent)?)?;
+    // Samples of meshes are coded with several sizes, and the best is taken. Other captures keep theirs.
+    if capture.content() == ContentKind::Geometry && options.voxel == VoxelChoice::Fit {
+        lower.voxel = VoxelChoice::Auto;
+    }
+    Ok(lower)
+}
+
+/// Codes the take into an MP4 file without a name.
+fn encoded(args: &Args, input: &Input, options: &EncodeOptions, rung: usize) -> Result<CodedRung> {
+    let progress = Arc::new(Progress::new(None, format!("rate {rung}")));
+    let observer = words::observer_above(&progress);
+    let capture = Capture::open(input, &options.hints(&observer)?)?;
+    let open = || args.capture.backend.open(&*observer);
+    let job = Job::prepare(capture, options, open, &observer, &mut Passes::default())?;
+    if let Some(frames) = job.frames() {
+        progress.expect(frames);
+    }
+    let done = job.run(unnamed()?, |_| progress.step());
+    progress.clear();
+    let (writer, report) = done.map_err(|unfinished| unfinished.error)?;
+    if report.is_cancelled {
+        bail!("interrupted: nothing was written");
+    }
+    let output = writer.finish()?.finish()?;
+    CodedRung::new(output, report.header, report.seconds, options.gop)
+}
+
+/// Puts a stream as it is into an MP4 file without a name.
+fn copied(input: &Input, gop: NonZero<u32>) -> Result<CodedRung> {
+    let summary = StreamSummary::read(input)?;
+    let observer = words::observer();
+    let create = || unnamed().map_err(std::io::Error::other);
+    let (output, _) = mux(input, memory::limit(), &*observer, create).map_err(stream::edit_error)?;
+    CodedRung::new(output, summary.header, summary.duration_s, gop)
+}
+
+/// An MP4 file of geometry alone that goes away with the program.
+fn unnamed() -> Result<StreamOutput<BufWriter<File>>> {
+    let file = tempfile::tempfile().context("the folder for temporary files")?;
+    Ok(StreamOutput::new(BufWriter::new(file), Container::Mp4, Tracks::new())?)
+}
+
+impl CodedRung {
+    fn new(output: BufWriter<File>, header: StreamHeader, seconds: f64, gop: NonZero<u32>) -> Result<Self> {
+        let file = output.into_inner().map_err(|error| error.into_error())?;
+        let bytes = file.metadata()?.len();
+        let length = NonZero::new(gop.get() as usize);
+        let segments = Segments::new(Mp4File::open(BufReader::new(file))?, length)?;
+        Ok(Self { segments, header, bytes, seconds })
+    }
+}
+
+/// Makes sure that a player may go from any rate to any other at each segment.
+fn check_aligned(rungs: &[CodedRung]) -> Result<()> {
+    let lists: Vec<_> = rungs.iter().map(|rung| rung.segments.list()).collect();
+    match lists.iter().all(|list| *list == lists[0]) {
+        true => Ok(()),
+        false => bail!("the rates do not have the same frames: was the capture changed meanwhile?"),
+    }
+}
+
+/// The first sound, in an MP4 file of its own, as long as geometry; `None` if there is none.
+fn sound(tracks: Tracks, seconds: f64) -> Result<Option<Segments<BufReader<File>>>> {
+    use isv::raw::mp4::{TrackKind, Trimmed};
+    let is_sound =
+        |track: &Box<dyn isv::raw::mp4::SampleSource>| track.description().kind == TrackKind::Sound;
+    let (mut sounds, others): (Tracks, Tracks) = tracks.into_iter().partition(is_sound);
+    let left_out = others.len() + sounds.len().saturating_sub(1);
+    if left_out > 0 {
+        say(format_args!("{left_out} tracks of sound and picture are left out: a ladder has one of sound"));
+    }
+    if sounds.is_empty() {
+        return Ok(None);
+    }
+    let end_ns = (seconds * 1e9).ceil() as u64;
+    let sound = Box::new(Trimmed::new(sounds.swap_remove(0), 0, end_ns));
+    let file = tempfile::tempfile().context("the folder for temporary files")?;
+    let output = write_tracks(BufWriter::new(file), vec![sound])?;
+    let file = output.into_inner().map_err(|error| error.into_error())?;
+    Ok(Some(Segments::new(Mp4File::open(BufReader::new(file))?, None)?))
+}
+
+/// Writes all segments and their playlists, and returns the playlist of all.
+fn write_ladder(
+    folder: &mut ExportFolder,
+    rungs: &mut [CodedRung],
+    mut sound: Option<Segments<BufReader<File>>>,
+) -> Result<String> {
+    let sound_peak = match &mut sound {
+        Some(sound) => write_segments(folder, "sound", sound, false)?,
+        None => Rates::default(),
+    };
+    let sound_codec = sound.as_ref().map(|sound| sound.file().tracks()[0].description.codec_string());
+    let mut listed = Vec::new();
+    for (number, rung) in rungs.iter_mut().enumerate() {
+        let name = format!("rung-{number}");
+        let rates = write_segments(folder, &name, &mut rung.segments, true)?;
+        let codecs = std::iter::once(codec_string(&rung.header)).chain(sound_codec.clone());
+        listed.push(Rung {
+            uri: format!("{name}/stream.m3u8"),
+            peak_bits: rates.peak_bits + sound_peak.peak_bits,
+            mean_bits: rates.mean_bits + sound_peak.mean_bits,
+            codecs: codecs.collect::<Vec<_>>().join(","),
+            frame_rate: rung.header.frame_rate.per_second(),
+        });
+    }
+    Ok(master_playlist(&listed, sound.is_some().then_some("sound/stream.m3u8")))
+}
+
+/// Bits a second of segments.
+#[derive(Clone, Copy, Default)]
+struct Rates {
+    peak_bits: u64,
+    mean_bits: u64,
+}
+
+/// Writes the segments of a track into a folder, with their playlist.
+fn write_segments(
+    folder: &mut ExportFolder,
+    name: &str,
+    segments: &mut Segments<BufReader<File>>,
+    is_geometry: bool,
+) -> Result<Rates> {
+    let list: Vec<Segment> = segments.list();
+    folder.write(&format!("{name}/init.mp4"), &segments.init())?;
+    let (mut peak, mut bits, mut seconds) = (0f64, 0f64, 0f64);
+    for (number, segment) in list.iter().enumerate() {
+        let bytes = segments.read(number)?;
+        folder.write(&format!("{name}/{}", segment_name(number)), &bytes)?;
+        let size = bytes.len() as f64 * 8.0;
+        // The last one may be a frame long, of which a rate says nothing.
+        let lasts = segment.duration_s.max(list[0].duration_s / 2.0).max(f64::MIN_POSITIVE);
+        peak = peak.max(size / lasts);
+        (bits, seconds) = (bits + size, seconds + segment.duration_s);
+    }
+    folder.write(&format!("{name}/stream.m3u8"), media_playlist(&list, is_geometry).as_bytes())?;
+    let mean = if seconds > 0.0 { bits / seconds } else { 0.0 };
+    Ok(Rates { peak_bits: peak.ceil() as u64, mean_bits: mean.ceil() as u64 })
+}

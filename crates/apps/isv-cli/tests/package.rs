@@ -1,0 +1,107 @@
+//! Ladders of rates: segments that are aligned, playlists that list them, the player beside, and rates that halve.
+
+mod support;
+
+use isv::raw::format::PacketReader;
+use isv::raw::mp4::{GeometryStream, Mp4File};
+use std::fs;
+use std::io::{Cursor, Read};
+use support::Workspace;
+
+const FRAMES: usize = 8;
+const GOP: usize = 3;
+
+/// A rung's playlist: frames and seconds of each segment.
+fn segments(work: &Workspace, rung: &str) -> Vec<(usize, f64)> {
+    let text = fs::read_to_string(work.path(&format!("site/{rung}/stream.m3u8"))).unwrap();
+    let numbers = |tag: &str| {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(tag));
+        lines.map(|number| number.trim_end_matches(',').parse::<f64>().unwrap()).collect::<Vec<_>>()
+    };
+    assert!(text.starts_with("#EXTM3U\n") && text.ends_with("#EXT-X-ENDLIST\n"));
+    let frames = numbers("#EXT-X-ISV-FRAMES:").into_iter().map(|frames| frames as usize);
+    frames.zip(numbers("#EXTINF:")).collect()
+}
+
+/// The stream of a rung, put together as a player does it.
+fn stream(work: &Workspace, rung: &str) -> Vec<u8> {
+    let mut file = work.read(&format!("site/{rung}/init.mp4"));
+    for number in 0..segments(work, rung).len() {
+        file.extend(work.read(&format!("site/{rung}/{number:04}.m4s")));
+    }
+    let mut bytes = Vec::new();
+    GeometryStream::open(Cursor::new(file)).unwrap().read_to_end(&mut bytes).unwrap();
+    bytes
+}
+
+fn rates(work: &Workspace) -> Vec<f64> {
+    let master = fs::read_to_string(work.path("site/master.m3u8")).unwrap();
+    let lines = master.lines().filter_map(|line| line.split_once("AVERAGE-BANDWIDTH=").map(|(_, rest)| rest));
+    lines.map(|rest| rest.split(',').next().unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn a_capture_becomes_rates_that_halve_with_keyframes_at_the_same_frames() {
+    let work = Workspace::with_figure(FRAMES);
+    work.write("click.wav", support::waveform(0.3));
+    let run = ["package", "frames", "-o", "site", "--rungs", "2", "--voxel", "20mm", "--gop", "3"];
+    work.isv(&[&run[..], &["--audio", "click.wav", "--title", "A walk"]].concat()).done();
+    let expected: Vec<_> = [GOP, GOP, FRAMES - 2 * GOP].map(|frames| (frames, frames as f64 / 30.0)).to_vec();
+    for rung in ["rung-0", "rung-1"] {
+        let listed = segments(&work, rung);
+        assert_eq!(listed.len(), expected.len(), "{rung}");
+        for ((frames, seconds), (frames_expected, seconds_expected)) in listed.iter().zip(&expected) {
+            assert!(
+                frames == frames_expected && (seconds - seconds_expected).abs() < 1e-3,
+                "{rung}: {listed:?}"
+            );
+        }
+        let bytes = stream(&work, rung);
+        let mut reader = PacketReader::new(&bytes[..]).unwrap();
+        for frame in 0..FRAMES {
+            let packet = reader.next_frame().unwrap().unwrap();
+            assert!(packet.is_keyframe() || frame % GOP != 0, "{rung}: frame {frame}");
+        }
+        assert!(reader.next_frame().unwrap().is_none() && reader.complete());
+        work.write("rung.isv", &bytes);
+        work.isv(&["verify", "rung.isv"]).done();
+        let title = work.isv(&["info", "rung.isv", "--json"]).json();
+        assert_eq!(title["metadata"]["title"], "A walk");
+    }
+    let sound = Mp4File::open(Cursor::new(
+        [work.read("site/sound/init.mp4"), work.read("site/sound/0000.m4s")].concat(),
+    ))
+    .unwrap();
+    assert!(
+        sound.tracks()[0].end_s() <= 0.3 + 0.02,
+        "sound is as long as geometry: {}",
+        sound.tracks()[0].end_s()
+    );
+    let master = fs::read_to_string(work.path("site/master.m3u8")).unwrap();
+    assert!(
+        master.contains("CODECS=\"isv1.1.2,opus\"") && master.contains("URI=\"sound/stream.m3u8\""),
+        "{master}"
+    );
+    let sizes = ["rung-0", "rung-1"].map(|rung| stream(&work, rung).len() as f64);
+    let ratio = sizes[0] / sizes[1];
+    assert!((1.6..=2.4).contains(&ratio), "{sizes:?}");
+    assert!(rates(&work).windows(2).all(|pair| pair[0] > pair[1]), "the best comes first");
+    let page = fs::read_to_string(work.path("site/start.js")).unwrap();
+    assert!(page.contains("master.m3u8") && work.path("site/index.html").exists(), "{page}");
+}
+
+#[test]
+fn a_stream_with_regular_keyframes_is_its_own_best_rate() {
+    let (work, bytes) = Workspace::with_stream(FRAMES + 1);
+    work.isv(&["package", "take.isv", "-o", "site", "--rungs", "2"]).done();
+    assert!(stream(&work, "rung-0") == bytes);
+    assert_eq!(segments(&work, "rung-1").iter().map(|(frames, _)| *frames).collect::<Vec<_>>(), [GOP; 3]);
+    // What is there of an earlier run is replaced, and nothing else.
+    work.isv(&["package", "take.isv", "-o", "site", "--rungs", "1"]).done();
+    assert!(!work.path("site/rung-1").exists());
+    work.write("site/thesis.txt", "years");
+    work.isv(&["package", "take.isv", "-o", "site", "--rungs", "1"])
+        .fails(1, &["thesis.txt is from no export"]);
+    work.isv(&["package", "take.isv", "-o", "other", "--rungs", "9"]).fails(1, &["--rungs: 1 to 8"]);
+    assert!(!work.path("other").exists());
+}
