@@ -24,7 +24,7 @@ from isv.batch.engines import ordered
 from isv.batch.ray_engine import RayEngine
 from isv.batch.tasks import run_task
 
-VOXEL, GOP = 0.008, 10
+VOXEL, GOP = 0.004, 10
 CHOICES = Choices(sample=0, pictures=0)
 
 

@@ -158,9 +158,9 @@ def write_take(
     return folder
 
 
-def half_written(folder: Path) -> list[Path]:
-    """Files in a folder that are not whole, and streams that cannot be verified."""
-    found = [path for path in folder.rglob("*") if ".part" in path.name]
+def half_written(folder: Path, *, killed: bool = False) -> list[Path]:
+    """Files that are not whole, and streams that cannot be verified. Tasks that were killed leave hidden files."""
+    found = [path for path in folder.rglob("*") if ".part" in path.name and not (killed and path.name.startswith("."))]
     for path in folder.rglob("*.isv"):
         try:
             isv.verify(path)

@@ -217,10 +217,11 @@ def test_what_may_pass_is_tried_again(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(Store, "_copy", drop)
     assert inline(plan, tmp_path / "out").done == 1
-    # It is tried three times in all.
+    # It is tried three times in all. What is written then is why it failed.
     left[0] = 3
     failed = inline(plan, tmp_path / "other")
-    assert failed.failures == 1 and left[0] == 0
+    assert failed.failures == 1 and left[0] == -1
+    assert (tmp_path / "other" / "takes" / "a" / "error.json").exists()
 
 
 def test_lines_add_up_to_the_rate() -> None:
@@ -321,7 +322,15 @@ def test_a_worker_that_is_killed_is_replaced_and_what_kills_workers_is_found(tmp
     with LocalEngine(2, retries=1) as engine:
         summary = run(plan, Store(str(out)), engine, Choices(sample=0, pictures=0, package=package))
     assert summary.done == 3 and dict(summary.failed) == {"bad": "its process died 2 times"}
-    assert half_written(out) == [] and not (out / "takes" / "bad" / "take.json").exists()
+    assert half_written(out, killed=True) == [] and not (out / "takes" / "bad" / "take.json").exists()
+    # What was left behind goes when it is old.
+    left = [out / "takes" / "a" / "shards" / f".{name}.isv.part" for name in ("old", "new")]
+    for path in left:
+        path.write_bytes(b"half")
+    os.utime(left[0], (0, 0))
+    (out / "takes" / "a" / "take.json").unlink()
+    assert inline(plan, out, Choices(sample=0, pictures=0)).done >= 1
+    assert [path.exists() for path in left] == [False, True]
     for name in ("a", "b", "c"):
         expected = serial(tmp_path / name, tmp_path / "serial.isv")
         assert (out / "takes" / name / "package" / "take.isv").read_bytes() == expected

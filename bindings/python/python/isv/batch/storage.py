@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import tempfile
+import time
 import uuid
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,15 @@ class Store:
             return []
         names = (str(path)[len(root) :].lstrip("/") for path in found)
         return sorted(name for name in names if name and not name.endswith(".part"))
+
+    def sweep(self, folder: str, older_s: float = 3600.0) -> None:
+        """Remove what tasks that were killed had begun to write into a folder, and left for so long (s)."""
+        if not self.is_local:
+            return
+        for path in Path(self.path(folder)).rglob(".*.part"):
+            with contextlib.suppress(OSError):
+                if time.time() - path.stat().st_mtime > older_s:
+                    path.unlink()
 
     def children(self) -> list[tuple[str, bool]]:
         """The names in the folder itself, each with whether it is a folder."""

@@ -261,6 +261,7 @@ def _finish(task: Task) -> Task:
         for path in made:
             store.publish(path, f"{folder}/package/{path.relative_to(scratch / 'package').as_posix()}")
         store.remove(f"{folder}/error.json")
+        store.sweep(folder)
         store.publish_json(row, f"{folder}/take.json")
         if finish["discard_shards"]:
             for shard in take["shards"]:
