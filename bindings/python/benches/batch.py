@@ -2,17 +2,20 @@
 
 The capture is encoded as so many takes, each of which is one shard. Prints a table. Overhead: processor time of all of
 a run on Ray (driver, workers and daemons) over that of the same tasks one after the other in one process. Scaling: time
-of the same tasks on a cluster of one processor over that on one of two. Starting clusters is left out.
+of the same tasks on a cluster of one processor over that on one of two, beside what plain processes gain on the same
+machine. Starting clusters is left out.
 
 Ray gives its workers a niceness of 15. On a machine that others use too, set ``RAY_worker_niceness=0``.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import statistics
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,7 @@ import isv
 import psutil
 import ray
 from isv.batch import Choices, InlineEngine, Plan, Store, plan_takes, run, write_plan
+from isv.batch.driver import task_at
 from isv.batch.engines import ordered
 from isv.batch.ray_engine import RayEngine
 from isv.batch.tasks import run_task
@@ -66,6 +70,21 @@ def encoded(plan: Plan, folder: Path) -> float:
     return time.process_time() - cpu
 
 
+def by_processes(plan: Plan, folder: Path, processes: int) -> float:
+    """Encode all shards in so many processes without an engine: what the machine allows. Returns wall time (s)."""
+    store = Store(str(folder / "plain"))
+    shards = sum(len(take["shards"]) for take in plan.takes())
+    tasks = [task_at(plan, store, "encode", number, CHOICES, None) for number in range(shards)]
+    nothing = {"task": "plan", "name": "", "source": str(folder / "none"), "options": {}, "shard_frames": 1}
+    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        list(pool.map(run_task, [nothing] * (4 * processes)))
+        wall = time.monotonic()
+        results = list(pool.map(run_task, [{**task, "threads": 1} for task in tasks if task is not None]))
+        took = time.monotonic() - wall
+    assert all(result["ok"] for result in results)
+    return took
+
+
 def on_ray(plan: Plan, folder: Path, cpus: int) -> tuple[float, float]:
     """Run the plan on a cluster of so many processors. Returns processor and wall time (s)."""
     ray.init(address="local", num_cpus=cpus, log_to_driver=False, logging_level="error", include_dashboard=False)
@@ -100,12 +119,14 @@ def main() -> None:
                 folder.mkdir()
             bare, hand = encoded(plan, folders[0]), by_hand(plan, folders[0])
             one, two = on_ray(plan, folders[1], 1), on_ray(plan, folders[2], 2)
+            plain = [by_processes(plan, folders[count], count) for count in (1, 2)]
             figures.append(
                 {
                     "processor time over by hand, 1 worker": one[0] / hand[0],
                     "processor time over by hand, 2 workers": two[0] / hand[0],
                     "wall time over by hand, 1 worker": one[1] / hand[1],
                     "wall time, 1 worker over 2": one[1] / two[1],
+                    "wall time without an engine, 1 process over 2": plain[0] / plain[1],
                     "by hand over encoding alone, processor time": hand[0] / bare,
                     "by hand (s of processor time)": hand[0],
                 }
