@@ -6,7 +6,7 @@ import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import isv
 import numpy as np
@@ -132,3 +132,38 @@ def write_ply(path: Path, mesh: isv.Mesh) -> None:
     lines += [f"property {names[kind]} {name}" for name, kind in kinds]
     lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
     path.write_bytes("\n".join(lines).encode() + vertices.tobytes() + faces.tobytes())
+
+
+def skip_without(need: str, why: str) -> NoReturn:
+    """Skip a test for want of something, or fail if ISV_REQUIRE names it. ISV_SKIPS gets a line of it."""
+    if need in os.environ.get("ISV_REQUIRE", "").split(","):
+        pytest.fail(f"{why}, and ISV_REQUIRE asks for {need}")
+    if "ISV_SKIPS" in os.environ:
+        test = os.environ.get("PYTEST_CURRENT_TEST", "").split(" ")[0]
+        with open(os.environ["ISV_SKIPS"], "a", encoding="utf-8") as file:
+            file.write(f"{need}\t{test}\n")
+    pytest.skip(why)
+
+
+def write_take(
+    folder: Path, frames: int, *, first: float = 0.0, colored: bool = False, open_from: int | None = None
+) -> Path:
+    """Write a take of boxes that move, each a file. From a frame on two sides of them may be left."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(frames):
+        mesh = box(first + 0.01 * number, colored)
+        if open_from is not None and number >= open_from:
+            mesh = isv.Mesh(mesh.vertices, mesh.faces[:4], None, mesh.colors)
+        write_ply(folder / f"frame_{number:04}.ply", mesh)
+    return folder
+
+
+def half_written(folder: Path, *, killed: bool = False) -> list[Path]:
+    """Files that are not whole, and streams that cannot be verified. Tasks that were killed leave hidden files."""
+    found = [path for path in folder.rglob("*") if ".part" in path.name and not (killed and path.name.startswith("."))]
+    for path in folder.rglob("*.isv"):
+        try:
+            isv.verify(path)
+        except isv.IsvError:
+            found.append(path)
+    return found

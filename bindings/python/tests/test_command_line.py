@@ -5,12 +5,13 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Any
 
 import isv
 import numpy as np
 import pytest
 
-from conftest import VOXEL, Command, boxes, capture, read_ply, write_ply
+from conftest import VOXEL, Command, box, boxes, capture, read_ply, write_ply
 
 
 @pytest.fixture(scope="module")
@@ -170,11 +171,16 @@ def test_verdicts_and_measurements_of_parts_are_those_of_the_command_line(
     with pytest.raises(isv.IsvError) as failure:
         isv.verify(tmp_path / "damaged.isv")
     assert failure.value.kind == "stream"
-    # One frame against another one, moved by the distance between them: as if they were the same.
+    # One frame against another one, and against a mesh of it elsewhere.
     same = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(2, 3))
     moved = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(7, 8))
-    back = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(7, 8), test_origin=(0.05, 0, 0))
-    assert same["p2s_mean_mm"] < 1e-9 and moved["p2s_mean_mm"] > 4 * back["p2s_mean_mm"]
+    assert same["p2s_mean_mm"] < 1e-9 and moved["p2s_mean_mm"] > 5
+    write_ply(tmp_path / "box.ply", box(0.7))
+    far, near = (
+        isv.evaluate(tmp_path / "box.ply", stream, spacing=0.01, frames=(0, 1), test_frames=(7, 8), origin=origin)
+        for origin in (None, (0.63, 0, 0))
+    )
+    assert near["p2s_mean_mm"] < 3 < 100 < far["p2s_mean_mm"]
     with pytest.raises(isv.IsvError, match="1 of them, but test_frames has 2"):
         isv.evaluate(stream, stream, frames=(2, 3), test_frames=(7, 9))
 
@@ -184,7 +190,7 @@ def test_parts_encoded_apart_join_to_the_whole(tmp_path: Path) -> None:
     folder.mkdir()
     for number, mesh in enumerate(boxes(6)):
         write_ply(folder / f"frame_{number + 10 * (number > 3):04}.ply", mesh)
-    fixed: isv.EncodeOptions = {"voxel": VOXEL, "gop": 2, "fixed_gop": True}
+    fixed: dict[str, Any] = {"voxel": VOXEL, "gop": 2, "fixed_gop": True}
     isv.encode(folder, tmp_path / "whole.isv", **fixed)
     for part, frames in (("a", (0, 4)), ("b", (4, 6))):
         isv.encode(folder, tmp_path / f"{part}.isv", frames=frames, time_origin=0, **fixed)
@@ -227,7 +233,7 @@ def test_frames_are_drawn_as_the_command_line_draws_them(command: Command, strea
     assert (tmp_path / "found.png").read_bytes() == (tmp_path / "expected.png").read_bytes()
     isv.draw(stream, tmp_path / "errors.png", [3], size=64, against=stream, against_first=1)
     assert (tmp_path / "errors.png").read_bytes() != (tmp_path / "found.png").read_bytes()
-    for wrong in ({"frames": []}, {"frames": [3], "size": 3}, {"frames": [30]}):
+    for frames, size in (([], 64), ([3], 3), ([30], 64)):
         with pytest.raises(ValueError):
-            isv.draw(stream, tmp_path / "wrong.png", **wrong)  # type: ignore[arg-type]
+            isv.draw(stream, tmp_path / "wrong.png", frames, size=size)
     assert not (tmp_path / "wrong.png").exists()

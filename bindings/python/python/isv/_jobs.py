@@ -64,8 +64,8 @@ def evaluate(
         test_frames: As many frames of what is measured [default: the same ones, or all if there are just as many].
         units: Unit of the reference. Streams know theirs.
         test_units: Unit of what is measured.
-        origin: Place (x, y, z) of the reference, in its unit, that is the origin of what is measured.
-        test_origin: Place (x, y, z) of what is measured, in its unit, that is the origin.
+        origin: Place (x, y, z) of meshes or points of the reference, in its unit, that is the origin of the other side.
+        test_origin: Place (x, y, z) of meshes or points that are measured, in their unit, that is the origin.
         up: Axis of the reference that points up.
         test_up: Axis of what is measured that points up.
         progress: Function that is called with the number of frames done, and None.
