@@ -53,7 +53,7 @@ export class LadderSource {
   /** @type {Rungs} */
   rungs;
   indexed = true;
-  /** Where the playhead is, and how fast it goes. */
+  /** Place and speed of the playhead. */
   #playhead = { seconds: 0, speed: 1, workers: 1 };
   #rungs;
   #meter;

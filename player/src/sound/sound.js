@@ -53,7 +53,7 @@ export class Sound {
   #feeding = false;
   #failures = 0;
   #failed = false;
-  /** Where the playhead was, and how often it had been moved, when {@link Sound.follow} was last called. */
+  /** Place of the playhead, and number of its jumps, when {@link Sound.follow} was last called. */
   #seconds = 0;
   #jumps = -1;
   #loops = true;
@@ -162,7 +162,7 @@ export class Sound {
     this.#loops = clock.loop;
     this.#seconds = seconds;
     const covered = this.#covers(seconds);
-    // Where there was no sound, the clock went by itself.
+    // The clock went by itself while there was no sound.
     const late = covered && !this.#covered && Math.abs(element.currentTime - seconds) > OFF;
     if (covered && (moved || late) && element.currentTime !== seconds) element.currentTime = seconds;
     if (moved) this.#jumps = jumps;

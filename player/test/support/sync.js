@@ -1,4 +1,4 @@
-// How far what is seen is from what is heard, measured in the page.
+// Distance in time of what is seen from what is heard, measured in the page.
 
 /**
  * @typedef {object} Measured
