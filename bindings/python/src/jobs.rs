@@ -8,12 +8,14 @@ use isv::raw::format::MAGIC;
 use isv::raw::io::{AtomicFile, Output, check_not_input, check_overwriting, check_stream_name};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::capture::{Capture, Hints};
-use isv::raw::take::stream::{self, StreamInfo};
-use isv::raw::take::{FrameRange, Input, MemoryLimit};
-use isv::{Cancellation, Event, Report, Unit, Up};
+use isv::raw::take::encode::Settled;
+use isv::raw::take::stream::{self, DecodeSettings, JoinedTimes, StreamInfo};
+use isv::raw::take::{FrameRange, Input, MemoryLimit, OpenDevice};
+use isv::{Cancellation, Event, Report, SignMode, Unit, Up};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -118,6 +120,11 @@ pub(crate) fn check_output(py: Python<'_>, inputs: &[&Path], output: &Path) -> P
     check().map_err(|error| errors::with_kind(py, "output", error))
 }
 
+/// Refuses an output that is read.
+pub(crate) fn check_not_a_source(py: Python<'_>, input: &Path, output: &Path) -> PyResult<()> {
+    check_not_input(&[input], output).map_err(|error| errors::with_kind(py, "output", error))
+}
+
 /// Encodes a capture.
 #[pyfunction]
 pub(crate) fn encode(
@@ -160,7 +167,9 @@ pub(crate) fn evaluate(
     test: PathBuf,
     spacing: f64,
     frames: Option<(usize, Option<usize>)>,
+    test_frames: Option<(usize, Option<usize>)>,
     units: [String; 2],
+    origins: [Option<[f64; 3]>; 2],
     up: [String; 2],
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
@@ -169,16 +178,19 @@ pub(crate) fn evaluate(
     }
     let (events, cancellation, memory) = (Events::default(), Cancellation::new(), MemoryLimit::default());
     let observer: Arc<dyn isv::raw::take::Observer> = Arc::new(observer(&events));
-    let hints = |unit: &str, up: &str| {
+    let hints = |unit: &str, origin: Option<[f64; 3]>, up: &str| {
         let unit: Unit = unit.parse().map_err(|why| PyValueError::new_err(format!("units: {why}")))?;
         let up = Up::ALL.into_iter().find(|axis| axis.name() == up);
         let up =
             up.ok_or_else(|| PyValueError::new_err("up is \"y\", \"z\", \"x\", \"-y\", \"-z\" or \"-x\""))?;
         let colours = isv::raw::io::Colours::Keep;
-        Ok::<_, PyErr>(Hints { up, colours, ..Hints::in_unit(unit, memory, Arc::clone(&observer)) })
+        let usual = Hints::in_unit(unit, memory, Arc::clone(&observer)).with_origin(origin);
+        Ok::<_, PyErr>(Hints { up, colours, ..usual })
     };
-    let hints = [hints(&units[0], &up[0])?, hints(&units[1], &up[1])?];
-    let range = frames.map(|(start, stop)| FrameRange { start, end: stop.unwrap_or(FrameRange::OPEN) });
+    let hints = [hints(&units[0], origins[0], &up[0])?, hints(&units[1], origins[1], &up[1])?];
+    let ranges = [frames, test_frames].map(|frames| {
+        frames.map(|(start, stop)| FrameRange { start, end: stop.unwrap_or(FrameRange::OPEN) })
+    });
     let options = CompareOptions { spacing_m: spacing, ..CompareOptions::default() };
     let measured = run(py, progress, &events, &cancellation, |steps| {
         let open = |path: &Path, hints| Capture::open(&Input::from(path), hints);
@@ -190,11 +202,101 @@ pub(crate) fn evaluate(
             _ = steps.send((done, None));
         };
         let stop = &cancellation;
-        let evaluation = isv::raw::take::evaluate(reference, test, range, &options, memory, stop, count);
+        let evaluation = match ranges {
+            [frames, None] => {
+                isv::raw::take::evaluate(reference, test, frames, &options, memory, stop, count)
+            }
+            [frames, of_test] => {
+                let ranges =
+                    [reference.range(frames), test.range(of_test)].map(|r| r.map_err(|e| e.to_string()));
+                let [in_reference, in_test] = ranges;
+                let ranges = [in_reference?, in_test?];
+                if ranges[0].len() != ranges[1].len() {
+                    return Err(format!(
+                        "frames: {} of them, but test_frames has {}",
+                        ranges[0].len(),
+                        ranges[1].len()
+                    ));
+                }
+                isv::raw::take::evaluate_ranges([reference, test], ranges, &options, memory, stop, count)
+            }
+        };
         let evaluation = evaluation.map_err(|error| error.to_string())?;
         serde_json::to_string(&evaluation.figures()).map_err(|error| error.to_string())
     })?;
     measured.map_err(|why| errors::with_kind(py, "input", why))
+}
+
+/// Lists the files of a capture's frames, in order; `None` where frames are no files of meshes or points.
+#[pyfunction]
+pub(crate) fn frame_files(py: Python<'_>, input: PathBuf) -> PyResult<Option<Vec<PathBuf>>> {
+    let events = Events::default();
+    let hints = Hints::in_unit(Unit::Metre, MemoryLimit::default(), Arc::new(observer(&events)));
+    let capture = py.detach(|| Capture::open(&Input::from(input), &hints));
+    let capture = capture.map_err(|error| errors::with_kind(py, "input", error))?;
+    Ok(capture.frame_files().map(<[PathBuf]>::to_vec))
+}
+
+/// Decides what options leave open of a capture. Returns JSON.
+#[pyfunction]
+pub(crate) fn settle_options(
+    py: Python<'_>,
+    input: PathBuf,
+    options: &Bound<'_, PyDict>,
+    every: usize,
+) -> PyResult<String> {
+    let Some(every) = NonZero::new(every) else {
+        return Err(PyValueError::new_err("every is 0: a number from 1 on"));
+    };
+    let (events, cancellation) = (Events::default(), Cancellation::new());
+    let options = Options::read(options)?.encode.cancellation(&cancellation).on_event(events.handler());
+    let settled = run(py, None, &events, &cancellation, |_| isv::take::settle(&input, every, &options))?;
+    let settled = settled.map_err(|error| errors::of_library(py, error))?;
+    serde_json::to_string(&settled_figures(&settled))
+        .map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// Decisions by the names of Python's options.
+fn settled_figures(settled: &Settled) -> serde_json::Value {
+    let Settled { frames, header, content, sign, quality, frames_stand_alone, .. } = settled;
+    let sign = sign.map(|sign| match sign {
+        SignMode::Closed => "closed",
+        SignMode::Sheet => "sheet",
+        SignMode::Offset => "offset",
+        _ => "auto",
+    });
+    serde_json::json!({
+        "frames": [frames.start, frames.end],
+        "fps": header.frame_rate.per_second(),
+        "voxel": header.grid.voxel_size.metres(),
+        "block": header.grid.edge.voxels(),
+        "truncation": header.grid.truncation.voxels(),
+        "profile": header.profile.name(),
+        "color": header.colour_layers.is_some(),
+        "content": content.name(),
+        "sign": sign,
+        "quality": quality,
+        "frames_stand_alone": frames_stand_alone,
+    })
+}
+
+/// Decodes a whole stream and checks it. Returns the number of frames, and of those that state a hash.
+#[pyfunction]
+pub(crate) fn verify(py: Python<'_>, path: PathBuf) -> PyResult<(usize, usize)> {
+    let (events, cancellation) = (Events::default(), Cancellation::new());
+    let (verified, checked) = run(py, None, &events, &cancellation, |_| {
+        let settings = DecodeSettings {
+            frames: None,
+            lod: isv::raw::decode::Lod::Full,
+            colour: true,
+            device: OpenDevice::CPU,
+            memory: MemoryLimit::default(),
+            observer: Arc::new(observer(&events)),
+        };
+        stream::verify(&Input::from(path), &settings, || {})
+    })?;
+    checked.map_err(|error| errors::of_stream(py, error))?;
+    Ok((verified.frames, verified.hashed))
 }
 
 /// Describes a stream. Returns JSON.
@@ -232,7 +334,13 @@ pub(crate) fn repair(
 
 /// Puts streams one after the other. Returns the number of frames.
 #[pyfunction]
-pub(crate) fn join(py: Python<'_>, inputs: Vec<PathBuf>, output: PathBuf) -> PyResult<usize> {
+pub(crate) fn join(
+    py: Python<'_>,
+    inputs: Vec<PathBuf>,
+    output: PathBuf,
+    keep_times: bool,
+) -> PyResult<usize> {
+    let times = if keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
     if inputs.is_empty() {
         return Err(PyValueError::new_err("there is no stream to join"));
     }
@@ -241,7 +349,7 @@ pub(crate) fn join(py: Python<'_>, inputs: Vec<PathBuf>, output: PathBuf) -> PyR
     let events = Events::default();
     let joined = py.detach(|| {
         let observer = observer(&events);
-        stream::join(&inputs, MemoryLimit::default(), &observer, || Ok(Output::create(&output)?))
+        stream::join(&inputs, times, MemoryLimit::default(), &observer, || Ok(Output::create(&output)?))
     });
     events.log(py)?;
     let (file, frames) = joined.map_err(|error| errors::of_edit(py, error))?;

@@ -8,6 +8,7 @@ mod errors;
 mod files;
 mod jobs;
 mod options;
+mod pictures;
 mod reader;
 mod threads;
 mod writer;
@@ -30,6 +31,10 @@ fn _isv(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::repair, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::join, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::cut, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::frame_files, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::settle_options, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::verify, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::draw, module)?)?;
     module.add_function(wrap_pyfunction!(threads::set_threads, module)?)?;
     Ok(())
 }

@@ -66,6 +66,9 @@ impl Options {
                 },
                 "fps" => encode.fps(number()?),
                 "gop" => encode.gop(count(&name, &value)?),
+                "fixed_gop" => encode.fixed_gop(value.extract()?),
+                "time_origin" => encode.time_origin(value.extract()?),
+                "expect_color" if value.extract()? => encode.expect_colour(),
                 "full_band" if value.extract()? => encode.full_band(),
                 "profile" => pick(
                     &name,
@@ -123,7 +126,9 @@ impl Options {
                 "drop_invalid_points" => encode.drop_invalid_points(value.extract()?),
                 "memory_limit" => encode.memory_limit(value.extract()?),
                 // Flags that are off.
-                "two_passes" | "full_band" | "estimate_normals" | "accumulate_depth" => encode,
+                "two_passes" | "full_band" | "expect_color" | "estimate_normals" | "accumulate_depth" => {
+                    encode
+                }
                 _ => return Err(PyTypeError::new_err(format!("{name} is no option of encoding"))),
             };
         }

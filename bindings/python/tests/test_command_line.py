@@ -157,3 +157,77 @@ def test_edits_are_those_of_the_command_line(command: Command, stream: Path, tmp
     command("repair", tmp_path / "damaged.isv", "-o", tmp_path / "expected.isv")
     assert (tmp_path / "repaired.isv").read_bytes() == (tmp_path / "expected.isv").read_bytes()
     assert 0 < report.kept < 12 and len(report.damage) >= 1 and not report.had_end
+
+
+def test_verdicts_and_measurements_of_parts_are_those_of_the_command_line(
+    command: Command, stream: Path, tmp_path: Path
+) -> None:
+    said = json.loads(command("verify", "--json", stream))[0]
+    assert isv.verify(stream) == (said["frames"], said["frames_hashed"]) == (12, 0)
+    damaged = bytearray(stream.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    (tmp_path / "damaged.isv").write_bytes(damaged)
+    with pytest.raises(isv.IsvError) as failure:
+        isv.verify(tmp_path / "damaged.isv")
+    assert failure.value.kind == "stream"
+    # One frame against another one, moved by the distance between them: as if they were the same.
+    same = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(2, 3))
+    moved = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(7, 8))
+    back = isv.evaluate(stream, stream, spacing=0.01, frames=(2, 3), test_frames=(7, 8), test_origin=(0.05, 0, 0))
+    assert same["p2s_mean_mm"] < 1e-9 and moved["p2s_mean_mm"] > 4 * back["p2s_mean_mm"]
+    with pytest.raises(isv.IsvError, match="1 of them, but test_frames has 2"):
+        isv.evaluate(stream, stream, frames=(2, 3), test_frames=(7, 9))
+
+
+def test_parts_encoded_apart_join_to_the_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "take"
+    folder.mkdir()
+    for number, mesh in enumerate(boxes(6)):
+        write_ply(folder / f"frame_{number + 10 * (number > 3):04}.ply", mesh)
+    fixed: isv.EncodeOptions = {"voxel": VOXEL, "gop": 2, "fixed_gop": True}
+    isv.encode(folder, tmp_path / "whole.isv", **fixed)
+    for part, frames in (("a", (0, 4)), ("b", (4, 6))):
+        isv.encode(folder, tmp_path / f"{part}.isv", frames=frames, time_origin=0, **fixed)
+    parts = [tmp_path / "a.isv", tmp_path / "b.isv"]
+    assert isv.join(parts, tmp_path / "joined.isv", keep_times=True) == 6
+    assert (tmp_path / "joined.isv").read_bytes() == (tmp_path / "whole.isv").read_bytes()
+    isv.join(parts, tmp_path / "followed.isv")
+    assert (tmp_path / "followed.isv").read_bytes() != (tmp_path / "whole.isv").read_bytes(), "the pause is gone"
+
+
+def test_what_is_left_open_is_settled_as_encoding_does_it(stream: Path, tmp_path: Path) -> None:
+    for number, mesh in enumerate(boxes(4, colored=True)):
+        write_ply(tmp_path / f"frame_{number}.ply", mesh)
+    settled = isv.settle(tmp_path, frames=(1, 4), fps=12.5)
+    assert settled["frames"] == [1, 4] and settled["fps"] == 12.5 and settled["voxel"] == 0.005
+    assert (settled["sign"], settled["color"], settled["profile"]) == ("closed", True, "main")
+    assert isv.settle(tmp_path, color=False, profile="paper")["color"] is False
+    assert settled["quality"] is None, "nothing was tried"
+    of_stream = isv.settle(stream)
+    assert (of_stream["content"], of_stream["sign"], of_stream["voxel"]) == ("volumes", None, VOXEL)
+    with pytest.raises(ValueError, match="every is 0"):
+        isv.settle(tmp_path, every=0)
+
+
+def test_frames_are_drawn_as_the_command_line_draws_them(command: Command, stream: Path, tmp_path: Path) -> None:
+    isv.draw(stream, tmp_path / "found.png", [3, 4], size=64, columns=2)
+    command(
+        "render",
+        stream,
+        "-o",
+        tmp_path / "expected.png",
+        "--frames",
+        "3..5",
+        "--size",
+        64,
+        "--captions",
+        "--columns",
+        2,
+    )
+    assert (tmp_path / "found.png").read_bytes() == (tmp_path / "expected.png").read_bytes()
+    isv.draw(stream, tmp_path / "errors.png", [3], size=64, against=stream, against_first=1)
+    assert (tmp_path / "errors.png").read_bytes() != (tmp_path / "found.png").read_bytes()
+    for wrong in ({"frames": []}, {"frames": [3], "size": 3}, {"frames": [30]}):
+        with pytest.raises(ValueError):
+            isv.draw(stream, tmp_path / "wrong.png", **wrong)  # type: ignore[arg-type]
+    assert not (tmp_path / "wrong.png").exists()

@@ -8,7 +8,7 @@ from . import maps
 from ._data import Camera, ColorImage, DepthImage, Mesh, Points, Volume
 from ._encode import EncodeOptions, Report, Writer, encode
 from ._isv import IsvError, __version__
-from ._jobs import Repaired, cut, evaluate, info, join, repair, set_threads
+from ._jobs import Repaired, cut, draw, evaluate, info, join, repair, set_threads, settle, verify
 from ._take import Frame, Take, open
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "Writer",
     "__version__",
     "cut",
+    "draw",
     "encode",
     "evaluate",
     "info",
@@ -35,4 +36,6 @@ __all__ = [
     "open",
     "repair",
     "set_threads",
+    "settle",
+    "verify",
 ]

@@ -53,12 +53,18 @@ class EncodeOptions(TypedDict, total=False):
     """Frames a second, to a thousandth [default: the source's, else 30]."""
     gop: int
     """Most frames from a keyframe to the next [default: 30]."""
+    fixed_gop: bool
+    """Code every ``gop`` frames by themselves: a group has the same bytes, however many groups are coded at once."""
+    time_origin: int
+    """Frame at which the stream's time begins [default: the first of ``frames``]. Sources that are paths."""
     preset: Literal["realtime", "balanced", "archive"]
     """Work to take on [default: "balanced"]."""
     refresh: Literal["keyframes", "gradual"]
     """How decoders recover from lost packets [default: "keyframes"]."""
     color: bool
     """Whether colour is coded, where frames have any [default: True]."""
+    expect_color: bool
+    """Make room for colour though the first frame has none, as streams are to be joined."""
     color_quality: float
     """Quality of colour, 0 to 100 [default: 50, or what a bit rate gives]."""
     profile: Literal["main", "paper"]

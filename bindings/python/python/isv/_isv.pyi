@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from os import PathLike
+from pathlib import Path
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -14,12 +15,16 @@ __all__ = [
     "Writer",
     "__version__",
     "cut",
+    "draw",
     "encode",
     "evaluate",
+    "frame_files",
     "info",
     "join",
     "repair",
     "set_threads",
+    "settle_options",
+    "verify",
 ]
 
 __version__: str
@@ -105,7 +110,9 @@ def evaluate(
     test: _Path,
     spacing: float,
     frames: _Frames | None,
+    test_frames: _Frames | None,
     units: list[str],
+    origins: list[tuple[float, float, float] | None],
     up: list[str],
     progress: _Progress,
 ) -> str: ...
@@ -113,6 +120,18 @@ def info(path: _Path) -> str: ...
 def repair(
     input: _Path, output: _Path, header_from: _Path | None
 ) -> tuple[int, int, int, list[tuple[int, int]], bool]: ...
-def join(inputs: list[_Path], output: _Path) -> int: ...
+def join(inputs: list[_Path], output: _Path, keep_times: bool) -> int: ...
+def frame_files(input: _Path) -> list[Path] | None: ...
+def settle_options(input: _Path, options: dict[str, Any], every: int) -> str: ...
+def verify(path: _Path) -> tuple[int, int]: ...
+def draw(
+    input: _Path,
+    output: _Path,
+    frames: list[int],
+    size: int,
+    columns: int | None,
+    against: tuple[_Path, str, tuple[float, float, float] | None, str, int] | None,
+    range_m: float,
+) -> None: ...
 def cut(input: _Path, output: _Path, frames: _Frames) -> int: ...
 def set_threads(threads: int | None) -> None: ...

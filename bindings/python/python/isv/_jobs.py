@@ -6,12 +6,16 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from . import _isv
 from ._checks import frames_of, progress_of
+from ._encode import EncodeOptions
 
-__all__ = ["Repaired", "cut", "evaluate", "info", "join", "repair", "set_threads"]
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+__all__ = ["Repaired", "cut", "draw", "evaluate", "info", "join", "repair", "set_threads", "settle", "verify"]
 
 _Path: TypeAlias = str | os.PathLike[str]
 
@@ -41,8 +45,11 @@ def evaluate(
     *,
     spacing: float = 0.005,
     frames: slice | range | tuple[int, int] | None = None,
+    test_frames: slice | range | tuple[int, int] | None = None,
     units: Literal["m", "dm", "cm", "mm", "in", "ft", "us-ft"] = "m",
     test_units: Literal["m", "dm", "cm", "mm", "in", "ft", "us-ft"] = "m",
+    origin: Sequence[float] | None = None,
+    test_origin: Sequence[float] | None = None,
     up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
     test_up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
     progress: Callable[[int, int | None], object] | None = None,
@@ -54,8 +61,11 @@ def evaluate(
         test: What is measured, of the same kinds.
         spacing: Edge of the square of surface that each sample stands for (m).
         frames: Frames of the reference, counted from 0 [default: all].
+        test_frames: As many frames of what is measured [default: the same ones, or all if there are just as many].
         units: Unit of the reference. Streams know theirs.
         test_units: Unit of what is measured.
+        origin: Place (x, y, z) of the reference, in its unit, that is the origin of what is measured.
+        test_origin: Place (x, y, z) of what is measured, in its unit, that is the origin.
         up: Axis of the reference that points up.
         test_up: Axis of what is measured that points up.
         progress: Function that is called with the number of frames done, and None.
@@ -71,7 +81,15 @@ def evaluate(
     paths = [_there(path) for path in (reference, test)]
     progress = progress_of(progress)
     json_text = _isv.evaluate(
-        paths[0], paths[1], float(spacing), frames_of(frames), [units, test_units], [up, test_up], progress
+        paths[0],
+        paths[1],
+        float(spacing),
+        frames_of(frames),
+        frames_of(test_frames, "test_frames"),
+        [units, test_units],
+        [_place(origin), _place(test_origin)],
+        [up, test_up],
+        progress,
     )
     figures: dict[str, Any] = json.loads(json_text)
     return figures
@@ -108,12 +126,14 @@ def repair(path: _Path, output: _Path, *, header_from: _Path | None = None) -> R
     return Repaired(*_isv.repair(_there(path), os.fspath(output), other))
 
 
-def join(paths: Sequence[_Path], output: _Path) -> int:
+def join(paths: Sequence[_Path], output: _Path, *, keep_times: bool = False) -> int:
     """Put streams one after the other, without coding anything anew. They have one profile, grid and frame rate.
 
     Args:
         paths: The streams, in order, at least one.
         output: The stream to write, which is another file.
+        keep_times: Keep the times of all packets, as parts of a take have them that were encoded with ``time_origin``
+            [default: each stream follows the one before at the frame rate].
 
     Returns:
         The number of frames.
@@ -125,7 +145,95 @@ def join(paths: Sequence[_Path], output: _Path) -> int:
     """
     if isinstance(paths, (str, bytes, os.PathLike)):
         raise TypeError("paths is a list of paths, not one path")
-    return _isv.join([_there(path) for path in paths], os.fspath(output))
+    return _isv.join([_there(path) for path in paths], os.fspath(output), bool(keep_times))
+
+
+def settle(
+    source: _Path,
+    *,
+    every: int = 300,
+    frames: slice | range | tuple[int, int] | None = None,
+    **options: Unpack[EncodeOptions],
+) -> dict[str, Any]:
+    """Decide what options leave open of a take, as encoding it would, for parts of it that are encoded apart.
+
+    Args:
+        source: A path of what ``isv encode`` takes.
+        every: Number of frames after which the shape of a mesh is looked at again. A take with an open part in any of
+            the frames looked at is one of sheets.
+        frames: Frames of the source to encode, counted from 0 [default: all].
+        options: See :class:`EncodeOptions`.
+
+    Returns:
+        ``frames`` (the first and the one behind the last), ``fps``, ``voxel`` (m), ``block`` and ``truncation``
+        (voxels), ``profile``, ``color``, ``content``, ``sign`` (None without meshes), ``quality`` (None unless it goes
+        with ``voxel="auto"``) and ``frames_stand_alone``.
+
+    Raises:
+        OSError: The source is not there.
+        ValueError: An option has a value that it cannot have.
+        IsvError: The take cannot be encoded with these options; its ``kind`` says what can be done about it.
+    """
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    if (wanted := frames_of(frames)) is not None:
+        given["frames"] = wanted
+    decided: dict[str, Any] = json.loads(_isv.settle_options(_there(source), given, int(every)))
+    return decided
+
+
+def verify(path: _Path) -> tuple[int, int]:
+    """Decode a whole stream and check it: checksums of packets, hashes of frames, index and end.
+
+    Returns:
+        The number of frames, and of those that state a hash.
+
+    Raises:
+        OSError: The file is not there.
+        IsvError: Something is wrong with the stream (kind "stream").
+    """
+    return _isv.verify(_there(path))
+
+
+def draw(
+    path: _Path,
+    output: _Path,
+    frames: Sequence[int],
+    *,
+    size: int = 384,
+    columns: int | None = None,
+    against: _Path | None = None,
+    against_first: int = 0,
+    units: Literal["m", "dm", "cm", "mm", "in", "ft", "us-ft"] = "m",
+    origin: Sequence[float] | None = None,
+    up: Literal["y", "z", "x", "-y", "-z", "-x"] = "y",
+    error_range: float = 0.002,
+) -> None:
+    """Draw frames of a stream, or of a capture in metres, into one PNG file.
+
+    Args:
+        path: The stream or capture.
+        output: The picture to write: a contact sheet of several frames.
+        frames: Numbers of the frames.
+        size: Edge of each drawing (pixels).
+        columns: Columns of the contact sheet [default: about as many as rows].
+        against: A capture of meshes, or a stream. Surfaces are coloured by their distance to it [default: by their own
+            colours, or by their normals].
+        against_first: Frame of ``against`` that belongs to frame 0.
+        units: Unit of ``against``.
+        origin: Place (x, y, z) of ``against``, in its unit, that is the origin.
+        up: Axis of ``against`` that points up.
+        error_range: Distance at which the colours of errors end (m).
+
+    Raises:
+        OSError: A file is not there.
+        ValueError: A frame, a size or a length cannot be.
+        IsvError: A frame cannot be read or has no surface (kind "input"), or the picture would replace what it is of.
+    """
+    reference = None
+    if against is not None:
+        reference = (_there(against), units, _place(origin), up, int(against_first))
+    numbers = [int(number) for number in frames]
+    _isv.draw(_there(path), os.fspath(output), numbers, int(size), columns, reference, float(error_range))
 
 
 def cut(path: _Path, output: _Path, frames: slice | range | tuple[int, int]) -> int:
@@ -161,6 +269,13 @@ def set_threads(threads: int | None) -> None:
     if threads is not None and not 1 <= threads <= 1024:
         raise ValueError(f"threads is {threads}: a number from 1 to 1024")
     _isv.set_threads(threads)
+
+
+def _place(place: Sequence[float] | None) -> tuple[float, float, float] | None:
+    if place is None:
+        return None
+    x, y, z = (float(coordinate) for coordinate in place)
+    return x, y, z
 
 
 def _there(path: _Path) -> str:

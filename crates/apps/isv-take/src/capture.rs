@@ -19,6 +19,7 @@ use isv_surface::SurfaceOptions;
 use isv_volume::{ColourView, DepthImage, Grid, SparseVolume, TriangleMesh, Truncation, VoxelSize};
 use kinds::Kind;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use kinds::Remark;
@@ -271,6 +272,12 @@ impl Capture {
         }
     }
 
+    /// The files of the frames, in order, where each frame is a file of meshes or points.
+    #[must_use]
+    pub fn frame_files(&self) -> Option<&[PathBuf]> {
+        self.kind.frame_files()
+    }
+
     /// Frames a second, where the capture says.
     #[must_use]
     pub fn frame_rate(&self) -> Option<FrameRate> {
@@ -333,13 +340,31 @@ impl Capture {
         size::bytes(&self.kind, range, self.input.path().filter(|_| is_all))
     }
 
+    /// When a frame was taken, as [`Self::read_since`] has the times of frames read since it (ns); `None` if the capture does not say.
+    pub(crate) fn stated_ns(&self, frame: usize) -> Option<u64> {
+        self.kind.stated_ns(frame)
+    }
+
     /// Reads the frames of a range that [`Self::range`] gave.
     ///
     /// # Errors
     /// See [`CaptureError`].
     pub fn read(self, range: Range<usize>) -> Result<Frames<CapturedFrame>, CaptureError> {
+        self.read_since(None, range)
+    }
+
+    /// Reads the frames of a range, with times as they are where reading begins with an earlier frame.
+    ///
+    /// # Errors
+    /// See [`CaptureError`].
+    pub(crate) fn read_since(
+        self,
+        time_origin: Option<usize>,
+        range: Range<usize>,
+    ) -> Result<Frames<CapturedFrame>, CaptureError> {
         let (origin_m, up) = (self.origin_m, self.up);
-        let frames = self.kind.read(self.name, range)?;
+        let time_origin = time_origin.unwrap_or(range.start);
+        let frames = self.kind.read(self.name, time_origin, range)?;
         if origin_m == [0.0; 3] && up == Up::Y {
             return Ok(frames);
         }

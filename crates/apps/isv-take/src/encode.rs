@@ -6,8 +6,10 @@ mod describe;
 mod error;
 mod event;
 mod frames;
+mod groups;
 mod job;
 mod options;
+mod settle;
 mod spacing;
 mod timestamps;
 mod two_pass;
@@ -22,5 +24,6 @@ pub use options::{
     ColourOptions, DEFAULT_OFFSET_VOXELS, EncodeOptions, FieldOptions, FusionMode, MainOptions, Normals,
     PaperOptions, ProfileChoice, VoxelChoice, default_grid,
 };
+pub use settle::{Settled, settle};
 pub use timestamps::TimestampSource;
 pub use two_pass::Watch;

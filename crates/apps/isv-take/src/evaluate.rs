@@ -123,11 +123,27 @@ pub fn evaluate(
     options: &CompareOptions,
     memory: MemoryLimit,
     cancellation: &Cancellation,
+    on_frame: impl FnMut(),
+) -> Result<Evaluation, EvaluateError> {
+    let ranges = matching_ranges(&reference, &test, frames)?;
+    evaluate_ranges([reference, test], ranges, options, memory, cancellation, on_frame)
+}
+
+/// Measures frames of a capture against those of a reference, which comes first; both ranges have one length. See [`evaluate`].
+///
+/// # Errors
+/// See [`EvaluateError`].
+pub fn evaluate_ranges(
+    [reference, test]: [Capture; 2],
+    [in_reference, in_test]: [Range<usize>; 2],
+    options: &CompareOptions,
+    memory: MemoryLimit,
+    cancellation: &Cancellation,
     mut on_frame: impl FnMut(),
 ) -> Result<Evaluation, EvaluateError> {
+    assert_eq!(in_reference.len(), in_test.len(), "frames are measured in pairs");
     let names = [&reference, &test].map(|capture| capture.name().to_owned());
     let [reference_name, test_name] = &names;
-    let [in_reference, in_test] = matching_ranges(&reference, &test, frames)?;
     let first = in_reference.start;
     let geometries = |capture, range| geometries(capture, range, memory, cancellation);
     let pairs = geometries(reference, in_reference)?.zip(geometries(test, in_test)?);

@@ -67,7 +67,7 @@ pub use length::Length;
 pub use up::Up;
 
 #[cfg(feature = "encode")]
-pub use evaluate::{EvaluateError, Evaluation, EvaluationFigures, FrameFigures, evaluate};
+pub use evaluate::{EvaluateError, Evaluation, EvaluationFigures, FrameFigures, evaluate, evaluate_ranges};
 #[cfg(feature = "encode")]
 pub use projection::Projection;
 #[cfg(feature = "encode")]

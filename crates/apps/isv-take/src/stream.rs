@@ -21,7 +21,7 @@ pub use cut::cut;
 pub use error::{EditError, StreamError, StreamFault, damage_in_words};
 #[cfg(feature = "io")]
 pub use info::{PacketInfo, PaperInfo, StreamInfo};
-pub use join::join;
+pub use join::{JoinedTimes, join};
 #[cfg(feature = "sound")]
 pub use mux::sound;
 #[cfg(feature = "io")]

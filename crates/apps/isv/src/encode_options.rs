@@ -123,6 +123,27 @@ impl EncodeOptions {
         self
     }
 
+    /// Codes every `gop` frames by themselves. The groups of a capture are then the same bytes, however many of them are coded at once.
+    #[must_use]
+    pub fn fixed_gop(mut self, wanted: bool) -> Self {
+        self.raw.fixed_gop = wanted;
+        self
+    }
+
+    /// Frame of a capture at which the stream's time begins [default: the first that is coded]: for pieces that are joined.
+    #[must_use]
+    pub fn time_origin(mut self, frame: usize) -> Self {
+        self.raw.time_origin = Some(frame);
+        self
+    }
+
+    /// Gives the stream a place for colour though its first frame may have none.
+    #[must_use]
+    pub fn expect_colour(mut self) -> Self {
+        self.raw.colour.is_expected = true;
+        self
+    }
+
     /// Keeps the whole band of distances, by profile `paper`, and not what the surface needs alone.
     #[must_use]
     pub fn full_band(mut self) -> Self {

@@ -13,10 +13,10 @@ use crate::{EncodeOptions, FileSink, Report, writer::Counted};
 use isv_take::{
     Cancellation,
     capture::Capture,
-    encode::{Job, Watch},
+    encode::{Job, Settled, Watch},
 };
 #[cfg(feature = "encode")]
-use std::io::Write;
+use std::{io::Write, num::NonZero};
 
 /// Result of decoding a stream to files.
 #[derive(Clone, Debug)]
@@ -152,6 +152,24 @@ fn encode_with<W: Write>(
     let (writer, report) = coded.map_err(|unfinished| unfinished.error)?;
     let Counted { sink, bytes } = writer.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
     Ok((sink, Report::new(&report, bytes)))
+}
+
+/// Decides what options leave open of a capture, as encoding it would, for pieces of it that are encoded apart. Meshes are looked at
+/// every so many frames.
+///
+/// # Errors
+/// See [`Error::kind`].
+#[cfg(feature = "encode")]
+pub fn settle(
+    input: impl AsRef<Path>,
+    every: NonZero<usize>,
+    options: &EncodeOptions,
+) -> Result<Settled, Error> {
+    options.check()?;
+    let observer = options.job.observer();
+    let mut passes = Passes(&options.job.cancellation);
+    let input = Input::from(input.as_ref());
+    Ok(isv_take::encode::settle(&input, &options.raw, every.get(), &observer, &mut passes)?)
 }
 
 /// Passes that look for settings: nobody follows them, but they can be cancelled.

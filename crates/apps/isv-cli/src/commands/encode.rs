@@ -81,6 +81,17 @@ pub(crate) struct Args {
     /// With --refresh gradual, all of a frame is refreshed within so many frames.
     #[arg(help_heading = "Stream", long, value_name = "FRAMES", default_value = "30", value_parser = count::parse::<NonZero<u32>>)]
     gop: NonZero<u32>,
+    /// Code every --gop frames by themselves
+    ///
+    /// Parts of a take that begin at multiples of --gop are then the bytes that they are in the stream of the whole: encode them
+    /// with --frames and --time-origin, and put them together with `isv join --keep-times`.
+    #[arg(help_heading = "Stream", long)]
+    fixed_gop: bool,
+    /// Frame at which the stream's time begins [default: the first]
+    ///
+    /// A frame before the first of --frames leaves a stream that begins later than at 0, for `isv join --keep-times`.
+    #[arg(help_heading = "Stream", long, value_name = "FRAME")]
+    time_origin: Option<usize>,
     #[command(flatten)]
     header: HeaderArgs,
     #[command(flatten)]
@@ -137,6 +148,8 @@ impl Args {
             dense: self.ingest.dense(),
             fields: self.ingest.options(),
             gop: self.gop,
+            fixed_gop: self.fixed_gop,
+            time_origin: self.time_origin,
             colour: self.colour.options(),
             metadata: self.describe.options(),
             checksums: self.checksums,

@@ -4,7 +4,7 @@ use crate::output::{check_stream_output, say};
 use crate::{memory, stream, words};
 use anyhow::Result;
 use isv::raw::take::Input;
-use isv::raw::take::stream::{Tracks, join, tracks_beside_all};
+use isv::raw::take::stream::{JoinedTimes, Tracks, join, tracks_beside_all};
 use std::path::PathBuf;
 
 /// Put streams one after the other, without coding anything anew. They have the same profile, grid and frame rate
@@ -16,6 +16,11 @@ pub(crate) struct Args {
     /// The stream to write; - for standard output
     #[arg(short, long, value_name = "OUT.isv")]
     output: PathBuf,
+    /// Keep the times of all packets, as `isv encode --time-origin` has them
+    ///
+    /// Without it, each stream follows the one before at the frame rate.
+    #[arg(long)]
+    keep_times: bool,
 }
 
 /// Runs the command.
@@ -30,8 +35,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         Tracks::new()
     });
     let tracks = stream::kept_tracks(tracks, &inputs[0].name(), &args.output);
+    let times = if args.keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
     let create = || stream::create(&args.output, tracks);
-    let joined = join(&inputs, memory::limit(), &*words::observer(), create);
+    let joined = join(&inputs, times, memory::limit(), &*words::observer(), create);
     let (output, frames) = joined.map_err(stream::edit_error)?;
     stream::commit(output, &args.output, frames)
 }

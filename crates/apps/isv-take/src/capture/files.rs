@@ -19,20 +19,21 @@ pub(super) struct FileFrames {
 }
 
 impl FileFrames {
-    /// The files of `sequence`, the first of which is frame `first`.
-    pub(super) fn new(sequence: &FrameSequence, first: usize, hints: &Hints) -> Self {
-        let paths = sequence.paths().to_vec().into_iter();
+    /// The files of `sequence`, whose first is frame `origin`, from frame `first` on.
+    pub(super) fn new(sequence: &FrameSequence, origin: usize, first: usize, hints: &Hints) -> Self {
+        let before = first - origin;
+        let paths = sequence.paths()[before..].to_vec();
         let rate = hints.frame_rate;
         let times_ns = match sequence.times() {
             FrameTimes::Even => None,
             FrameTimes::Numbered(places) => {
-                Some(places.iter().map(|place| rate.timestamp_ns(*place)).collect())
+                Some(places[before..].iter().map(|place| rate.timestamp_ns(*place)).collect())
             }
-            FrameTimes::Nanoseconds(times) => Some(times.clone()),
+            FrameTimes::Nanoseconds(times) => Some(times[before..].to_vec()),
         };
         let scale = (!hints.mixed_scales).then(ScaleCheck::new);
         let times_ns = times_ns.map(Vec::into_iter);
-        Self { paths, number: first, options: hints.read_options(), times_ns, scale }
+        Self { paths: paths.into_iter(), number: first, options: hints.read_options(), times_ns, scale }
     }
 
     fn read(&mut self, number: usize, path: &Path) -> Result<CapturedFrame, FrameError> {
@@ -42,11 +43,15 @@ impl FileFrames {
         if let Some(scale) = &mut self.scale {
             scale.check(path, &geometry)?;
         }
-        let scanned_ns = || acquisition_time_s(path).map(|seconds| (seconds.max(0.0) * 1e9).round() as u64);
         let (name, content) = (path.display().to_string(), Content::Geometry(geometry));
-        let timestamp_ns = named_ns.or_else(scanned_ns);
+        let timestamp_ns = named_ns.or_else(|| scanned_ns(path));
         Ok(CapturedFrame { timestamp_ns, ..CapturedFrame::new(number, name, content) })
     }
+}
+
+/// When a file says that it was scanned (ns).
+pub(super) fn scanned_ns(path: &Path) -> Option<u64> {
+    acquisition_time_s(path).map(|seconds| (seconds.max(0.0) * 1e9).round() as u64)
 }
 
 impl Iterator for FileFrames {

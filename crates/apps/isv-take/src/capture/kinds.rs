@@ -1,17 +1,17 @@
 //! The kinds of captures.
 
-use super::files::FileFrames;
+use super::files::{FileFrames, scanned_ns};
 use super::pipe::{self, PipedGeometry};
 use super::{CapturedFrame, Content, ContentKind, Frames, Hints, default_voxel_size, stream_settings};
 use crate::encode::{CaptureError, FrameError};
-use crate::stream::{self, StreamFrames, load_index};
+use crate::stream::{self, StreamFrames, StreamSummary, load_index};
 use crate::timeline::Timeline;
-use crate::{FrameRange, Input, Length, StreamFault};
+use crate::{FrameRange, Input, Length, MemoryLimit, StreamFault};
 use isv_format::{FrameRate, Profile, StreamHeader};
 use isv_ingest::coded_field;
 use isv_io::{
-    Animation, DepthSequence, FrameSequence, Saturation, SequenceError, VolumeError, VolumeSequence,
-    is_depth_folder, passed_over,
+    Animation, DepthSequence, FrameSequence, FrameTimes, Saturation, SequenceError, VolumeError,
+    VolumeSequence, is_depth_folder, passed_over,
 };
 use isv_volume::Grid;
 use std::ffi::OsStr;
@@ -183,6 +183,26 @@ impl Kind {
         }
     }
 
+    pub(super) fn frame_files(&self) -> Option<&[PathBuf]> {
+        match self {
+            Self::Files(sequence, _) => Some(sequence.paths()),
+            _ => None,
+        }
+    }
+
+    /// When a frame was taken, as [`Self::read`] has it with this frame as the origin (ns).
+    pub(super) fn stated_ns(&self, frame: usize) -> Option<u64> {
+        match self {
+            Self::Files(sequence, _) if *sequence.times() != FrameTimes::Even => Some(0),
+            Self::Files(sequence, _) => scanned_ns(sequence.paths().get(frame)?),
+            Self::Depth(depth) => depth.timestamp_ns(frame),
+            Self::Stream(..) => Some(0),
+            Self::Animation(..) | Self::Volumes { .. } | Self::PipedStream(_) | Self::PipedGeometry(_) => {
+                None
+            }
+        }
+    }
+
     pub(super) fn frames_stand_alone(&self) -> bool {
         match self {
             Self::Files(..)
@@ -198,11 +218,13 @@ impl Kind {
     pub(super) fn read(
         self,
         name: String,
+        time_origin: usize,
         range: Range<usize>,
     ) -> Result<Frames<CapturedFrame>, CaptureError> {
         Ok(match self {
             Self::Files(sequence, hints) => {
-                Box::new(FileFrames::new(&sequence.select(range.clone())?, range.start, &hints))
+                let since_origin = sequence.select(time_origin..range.end)?;
+                Box::new(FileFrames::new(&since_origin, time_origin, range.start, &hints))
             }
             Self::Animation(animation, rate) => Box::new(range.map(move |number| {
                 let geometry = animation.geometry_at(number as f64 / rate.per_second())?;
@@ -226,12 +248,16 @@ impl Kind {
                 let input = Input::from(path);
                 // All of a stream is read to its very end, where it may turn out to be cut off.
                 let is_all = range == (0..load_index(&input)?.frames.len());
-                let range = FrameRange { start: range.start, end: range.end };
+                let start = range.start;
+                let range = FrameRange { start, end: range.end };
                 let settings = stream_settings(&hints, (!is_all).then_some(range));
                 let frames = StreamFrames::open(&input, &settings)?;
-                Box::new(volumes_of(frames, name))
+                Box::new(volumes_of(frames, name, timeline_from(&input, time_origin..start)?))
             }
-            Self::PipedStream(frames) => Box::new(volumes_of(frames.limited_to(range), name)),
+            Self::PipedStream(frames) => {
+                let timeline = Timeline::new(frames.header().frame_rate);
+                Box::new(volumes_of(frames.limited_to(range), name, timeline))
+            }
             Self::PipedGeometry(frames) => Box::new(frames.limited_to(range)),
         })
     }
@@ -349,10 +375,26 @@ fn depth_remarks(depth: &DepthSequence) -> Vec<Remark> {
     remarks
 }
 
-fn volumes_of(frames: StreamFrames, name: String) -> impl Iterator<Item = Result<CapturedFrame, FrameError>> {
+/// A timeline that begins with some frames of a stream.
+fn timeline_from(input: &Input, frames: Range<usize>) -> Result<Timeline, CaptureError> {
+    if frames.is_empty() {
+        return Ok(Timeline::new(stream::open(input, MemoryLimit::default())?.1.frame_rate));
+    }
+    let summary = StreamSummary::read(input)?;
+    let mut timeline = Timeline::new(summary.header.frame_rate);
+    let packets = summary.packets.get(frames).unwrap_or_default();
+    packets.iter().for_each(|packet| _ = timeline.place(packet.timestamp_ns));
+    Ok(timeline)
+}
+
+/// `timeline`: of the frames before.
+fn volumes_of(
+    frames: StreamFrames,
+    name: String,
+    mut timeline: Timeline,
+) -> impl Iterator<Item = Result<CapturedFrame, FrameError>> {
     let is_main = frames.header().profile == Profile::Main;
     // Streams may be joined, and their clocks be set: what makes no sense is not handed on.
-    let mut timeline = Timeline::new(frames.header().frame_rate);
     frames.map(move |frame| {
         let frame = frame?;
         let (number, start_s) = (frame.number, timeline.place(frame.timestamp_ns));

@@ -1,13 +1,18 @@
 //! Volumes to symbols: the part of encoding between ingest and the bytes.
 
-use super::EncodeError;
+use super::groups::Groups;
+use super::two_pass::Steps;
 use super::volumes::IngestedFrame;
+use super::{EncodeError, EncodeOptions};
 use crate::device::Coder;
 use crate::stream::timed;
+use crate::{DeviceError, Observer, OpenDevice};
 use isv_encode::colour::{ColourEncoder, EncodedColour};
 use isv_encode::{ColourRate, UnwrittenFrame, surface_rms_voxels};
+use isv_format::StreamHeader;
 use isv_volume::{BlockIndex, ColourSample, SparseVolume};
 use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::SystemTime;
 
 /// A frame ready to be written.
@@ -34,11 +39,19 @@ pub(super) struct CodedFrame {
 
 /// Codes volumes.
 pub(super) struct Coding {
-    pub(super) coder: Coder,
-    /// The coder of colour, in streams that have any.
-    pub(super) colour: Option<ColourCoding>,
+    coders: Coders,
+    /// Makes the coders of a group of pictures that is coded by itself.
+    open: Box<dyn Fn() -> Result<Coders, DeviceError> + Send>,
+    groups: Groups,
     /// Whether statistics are wanted of what coding has done to the surface.
-    pub(super) measures_change: bool,
+    measures_change: bool,
+}
+
+/// Coders of a stream, with what they keep from frame to frame.
+struct Coders {
+    coder: Coder,
+    /// The coder of colour, in streams that have any.
+    colour: Option<ColourCoding>,
 }
 
 /// Share of blocks without a colour of their own that a frame may have before its colours are coded: one in so many.
@@ -85,6 +98,25 @@ impl ColourCoding {
 }
 
 impl Coding {
+    /// Opens the coders of a stream that begins with the frame `first` of its capture.
+    pub(super) fn open(
+        options: &EncodeOptions,
+        header: &StreamHeader,
+        Steps { settings, colour_scale }: Steps,
+        device: &OpenDevice,
+        first: usize,
+        observer: &Arc<dyn Observer>,
+    ) -> Result<Self, DeviceError> {
+        let (device, header, observer, all) =
+            (device.clone(), *header, Arc::clone(observer), options.clone());
+        let open = move || {
+            let coder = device.coder(&header, settings, &observer)?;
+            Ok(Coders { coder, colour: all.colour_encoder(&header, colour_scale) })
+        };
+        let (coders, groups) = (open()?, options.groups(first));
+        Ok(Self { coders, open: Box::new(open), groups, measures_change: options.measures_change })
+    }
+
     /// Codes one frame after the other.
     pub(super) fn code_all(
         mut self,
@@ -105,19 +137,23 @@ impl Coding {
             blocks_band,
             ingest_ms,
         } = frame;
-        let (coded, coding_ms) = timed(|| self.coder.code(&volume));
+        if self.groups.enter(number) {
+            self.coders = (self.open)()?;
+        }
+        let Coders { coder, colour } = &mut self.coders;
+        let (coded, coding_ms) = timed(|| coder.code(&volume));
         let frame = coded?;
         let surface_rms_voxels = match self.measures_change {
             true => {
-                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
+                let decoded = coder.reconstruction()?.expect("a frame was just coded");
                 Some(surface_rms_voxels(&volume, &decoded))
             }
             false => None,
         };
-        let (colour, colour_ms) = match &mut self.colour {
+        let (colour, colour_ms) = match colour {
             Some(colour) => {
-                let decoded = self.coder.reconstruction()?.expect("a frame was just coded");
-                let rate = self.coder.colour_rate();
+                let decoded = coder.reconstruction()?.expect("a frame was just coded");
+                let rate = coder.colour_rate();
                 timed(|| Some(colour.code(&decoded, &colours, colours_stand, frame.is_keyframe(), rate)))
             }
             None => (None, 0.0),

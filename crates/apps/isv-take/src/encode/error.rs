@@ -186,6 +186,9 @@ pub enum OptionsError {
     /// Options of which only one can be met.
     #[error("{0} and {1}: only one of them can be met")]
     Conflict(OptionName, OptionName),
+    /// Groups of pictures that are coded by themselves, and a setting that goes from one to the next.
+    #[error("fixed-gop: {0} goes from one group of pictures to the next")]
+    Carries(&'static str),
     /// An option that makes sense with another one alone.
     #[error("{0} needs {1}")]
     Needs(OptionName, OptionName),
@@ -297,6 +300,10 @@ pub enum OptionName {
     FrameRate,
     /// Voxel size by trial.
     AutoVoxel,
+    /// Groups of pictures that are coded by themselves.
+    FixedGop,
+    /// Frame at which the stream's time begins.
+    TimeOrigin,
 }
 
 impl std::fmt::Display for OptionName {
@@ -316,6 +323,8 @@ impl std::fmt::Display for OptionName {
             Self::AcStep => "ac-step",
             Self::FrameRate => "fps",
             Self::AutoVoxel => "voxel auto",
+            Self::FixedGop => "fixed-gop",
+            Self::TimeOrigin => "time-origin",
         })
     }
 }

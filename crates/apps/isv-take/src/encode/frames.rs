@@ -3,6 +3,7 @@
 use super::coding::Coding;
 use super::describe::{MetadataDraft, stream_up};
 use super::job::StreamSink;
+use super::two_pass::Steps;
 use super::volumes::VolumeMaker;
 use super::{
     EncodeError, EncodeOptions, FrameReport, OptionName, OptionsError, Report, VoxelChoice, spacing,
@@ -132,17 +133,14 @@ impl<W: Write> FrameEncoder<W> {
                 header.grid.voxel_size = spacing::announce(need, &**observer);
                 header.profile = options.profile(&header.grid)?;
             }
-            if first.has_colour() {
+            if options.colour.is_expected || first.has_colour() {
                 header = header.with_colour(options.colour_layers(&header));
             }
             header = options.metadata.versioned(header);
             let settings = options.encoder_settings(&header);
-            let coding = Coding {
-                measures_change: options.measures_change,
-                coder: self.device.coder(&header, settings, observer)?,
-                colour: options.colour_encoder(&header, 1.0),
-            };
-            let maker = options.volume_maker(&header, self.device.clone(), observer);
+            let steps = Steps { settings, colour_scale: 1.0 };
+            let coding = Coding::open(options, &header, steps, &self.device, 0, observer)?;
+            let maker = options.volume_maker(&header, self.device.clone(), 0, observer);
             let Stage::Waiting(sink) = std::mem::replace(&mut self.stage, Stage::Failed) else {
                 return Err(EncodeError::Ended);
             };

@@ -6,7 +6,10 @@ use super::spacing::{self, Need};
 use super::timestamps::Timestamps;
 use super::two_pass::{Steps, Watch};
 use super::volumes::{IngestedFrame, VolumeMaker};
-use super::{EncodeError, EncodeEvent, EncodeOptions, FrameError, VoxelChoice, auto_voxel, two_pass};
+use super::{
+    EncodeError, EncodeEvent, EncodeOptions, FrameError, OptionName, OptionsError, VoxelChoice, auto_voxel,
+    two_pass,
+};
 use crate::capture::{Capture, CapturedFrame, ContentKind, Frames, Remark};
 use crate::stream::timed;
 use crate::timeline::Timeline;
@@ -45,6 +48,9 @@ struct Facts {
     takes_turns: bool,
     /// Axis of the stream that points up, if it is known.
     up: Option<String>,
+    /// Frame at which the stream's time begins, and when it was taken, if that was asked for and the capture says.
+    time_origin: usize,
+    time_base_ns: Option<u64>,
     options: EncodeOptions,
 }
 
@@ -129,6 +135,12 @@ impl Job {
         let options = &EncodeOptions { metadata: options.metadata.or(source.as_ref()), ..options.clone() };
         let mut header = options.header(capture.grid(), capture.frame_rate())?;
         let range = capture.range(options.frames)?;
+        let time_origin = options.time_origin.unwrap_or(range.start);
+        if time_origin > range.start {
+            let (option, what) = (OptionName::TimeOrigin, "no frame behind the first that is coded");
+            return Err(OptionsError::Range { option, what }.into());
+        }
+        let time_base_ns = options.time_origin.and_then(|origin| capture.stated_ns(origin));
         let (comes_once, counted) = (capture.frames().is_none(), capture.counted().map(drop));
         let facts = Facts {
             comes_once,
@@ -137,6 +149,8 @@ impl Job {
             input_bytes: capture.bytes(&range),
             takes_turns: options.takes_turns,
             up: stream_up(options, capture.content() != ContentKind::Volume, source.as_ref()),
+            time_origin,
+            time_base_ns,
             options: options.clone(),
         };
         let cancellation = watch.cancellation().clone();
@@ -151,6 +165,7 @@ impl Job {
         }
         let (frames, has_colour) = match (options.colour_layers(&header), has_colour) {
             (ColourLayers::None, _) => (frames, false),
+            _ if options.colour.is_expected => (frames, true),
             (_, Some(known)) => (frames, known),
             (_, None) => with_first(frames, comes_once, &cancellation),
         };
@@ -158,16 +173,11 @@ impl Job {
             header = header.with_colour(options.colour_layers(&header));
         }
         header = options.metadata.versioned(header);
-        let Steps { settings, colour_scale } =
-            settings(input, options, counted, &mut header, fits, observer, watch)?;
+        let steps = settings(input, options, counted, &mut header, fits, observer, watch)?;
         let device = open_device()?;
-        let maker = options.volume_maker(&header, device.clone(), observer);
-        let coding = Coding {
-            measures_change: options.measures_change,
-            coder: device.coder(&header, settings, observer)?,
-            colour: options.colour_encoder(&header, colour_scale),
-        };
-        let (input, observer) = (input.clone(), Arc::clone(observer));
+        let maker = options.volume_maker(&header, device.clone(), range.start, observer);
+        let coding = Coding::open(options, &header, steps, &device, range.start, observer)?;
+        let (input, settings, observer) = (input.clone(), steps.settings, Arc::clone(observer));
         Ok(Self {
             input,
             header,
@@ -187,6 +197,11 @@ impl Job {
     #[must_use]
     pub fn header(&self) -> &StreamHeader {
         &self.header
+    }
+
+    /// The encoder's settings.
+    pub(super) fn settings(&self) -> &EncoderSettings {
+        &self.settings
     }
 
     /// Number of frames that there are to code, if it is known.
@@ -211,13 +226,13 @@ impl Job {
             header,
             settings,
             frames,
-            range,
             maker,
             coding,
             remarks,
             facts,
             cancellation,
             observer,
+            ..
         } = self;
         for remark in remarks {
             observer.event(&Event::Encode(EncodeEvent::Capture { name: input.name(), remark }));
@@ -227,7 +242,10 @@ impl Job {
         let target = settings.main.target;
         let draft = MetadataDraft::new(&facts.options, &header, facts.up.clone(), &surface);
         let mut stream = StreamSink::new(sink, &header, target, &facts.options, draft).map_err(failed)?;
-        (stream.first, stream.keeps_times) = (range.start, facts.keeps_times);
+        (stream.first, stream.keeps_times) = (facts.time_origin, facts.keeps_times);
+        if let Some(base_ns) = facts.time_base_ns.filter(|_| facts.keeps_times) {
+            stream.timestamps = stream.timestamps.since(base_ns);
+        }
         for frame in pipeline(frames, maker, coding, facts.takes_turns, &cancellation) {
             match frame.and_then(|frame| stream.write(frame, &*observer)) {
                 Ok(report) => on_frame(Some(report)),
@@ -431,14 +449,14 @@ fn frames_and_need(
 ) -> Result<(Frames<CapturedFrame>, Option<Need>), EncodeError> {
     let is_sampled = matches!(capture.content(), ContentKind::Geometry | ContentKind::Depth);
     if !is_sampled || !options.voxel_is_open(&capture) {
-        return Ok((capture.read(range)?, None));
+        return Ok((capture.read_since(options.time_origin, range)?, None));
     }
     if capture.frames().is_some() {
         let need = spacing::of_frames(input, options, &range, grid, observer)?;
-        return Ok((capture.read(range)?, need));
+        return Ok((capture.read_since(options.time_origin, range)?, need));
     }
     // On a thread of its own, so that the user can interrupt the wait.
-    let mut frames = Prefetch::new(capture.read(range)?, cancellation);
+    let mut frames = Prefetch::new(capture.read_since(options.time_origin, range)?, cancellation);
     let first = frames.next();
     let need = first.as_ref().and_then(|frame| spacing::of_frame(options, frame.as_ref().ok()?, grid));
     Ok((Box::new(first.into_iter().chain(frames)), need))

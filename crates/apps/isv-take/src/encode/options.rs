@@ -3,6 +3,7 @@
 use super::coding::ColourCoding;
 use super::describe::MetadataOptions;
 use super::error::{OptionName, OptionsError};
+use super::groups::Groups;
 use super::timestamps::TimestampSource;
 use super::volumes::{DepthFusion, VolumeMaker};
 use crate::capture::{Capture, Hints, default_voxel_size};
@@ -115,6 +116,8 @@ pub struct MainOptions {
 pub struct ColourOptions {
     /// Whether colour is left out.
     pub is_dropped: bool,
+    /// Whether the stream has a place for colour though its first frame may have none.
+    pub is_expected: bool,
     /// Quality of colour, 0 to 100; with a bit rate what the rate gives, else 50.
     pub quality: Option<f32>,
 }
@@ -237,6 +240,11 @@ pub struct EncodeOptions {
     pub metadata: MetadataOptions,
     /// Most frames from a keyframe to the next.
     pub gop: NonZero<u32>,
+    /// Whether every `gop` frames begin a group of pictures that is coded by itself: the groups of a capture are then the same bytes,
+    /// however many of them are coded at once.
+    pub fixed_gop: bool,
+    /// Frame of the capture at which the stream's time begins; the first frame that is coded.
+    pub time_origin: Option<usize>,
     /// Whether frames carry a hash of the decoded volume.
     pub checksums: bool,
     /// What packets are stamped with.
@@ -273,6 +281,8 @@ impl Default for EncodeOptions {
             colour: ColourOptions::default(),
             metadata: MetadataOptions::default(),
             gop: DEFAULT_GOP,
+            fixed_gop: false,
+            time_origin: None,
             checksums: false,
             timestamps: TimestampSource::Source,
             skip_bad_frames: false,
@@ -318,6 +328,7 @@ impl EncodeOptions {
         if self.frame_rate.is_some_and(|rate| rate.numerator == 0 || rate.denominator == 0) {
             return Err(OptionsError::Range { option: OptionName::FrameRate, what: "a number above 0" });
         }
+        self.check_groups()?;
         let grid = self.grid(grid)?;
         let offset = self.fields.offset_voxels;
         let truncation = grid.truncation.voxels();
@@ -329,6 +340,24 @@ impl EncodeOptions {
             grid,
             self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT),
         ))
+    }
+
+    /// Refuses groups that are coded by themselves where something is to go from one to the next.
+    fn check_groups(&self) -> Result<(), OptionsError> {
+        let carried = [
+            (self.main.refresh == Some(Refresh::Gradual), "gradual refresh"),
+            (self.fields.fusion == FusionMode::Accumulate, "depth that accumulates"),
+            (self.main.bitrate.is_some() && self.main.passes != Some(2), "a bit rate met in one pass"),
+        ];
+        match carried.into_iter().find(|(is_asked, _)| self.fixed_gop && *is_asked) {
+            Some((_, what)) => Err(OptionsError::Carries(what)),
+            None => Ok(()),
+        }
+    }
+
+    /// Groups of pictures that are coded by themselves, of a stream that begins with a frame.
+    pub(super) fn groups(&self, first: usize) -> Groups {
+        Groups::new(self.fixed_gop.then_some(self.gop), first)
     }
 
     /// The profile asked for, or the default: main, but for the whole band, of which it has no place for the unobserved voxels.
@@ -409,6 +438,7 @@ impl EncodeOptions {
         &self,
         header: &StreamHeader,
         device: OpenDevice,
+        first: usize,
         observer: &Arc<dyn Observer>,
     ) -> VolumeMaker {
         let (profile, fields, grid) = (self.profile_choice(), &self.fields, header.grid);
@@ -424,6 +454,7 @@ impl EncodeOptions {
         let settings = FusionSettings { max_depth_m, max_blocks, ..FusionSettings::new(grid) };
         VolumeMaker {
             device,
+            groups: self.groups(first),
             mesh: MeshIngest { reach, ..fields.mesh_ingest(grid, profile) },
             mesh_ingester: None,
             mesh_sign: None,
@@ -438,6 +469,7 @@ impl EncodeOptions {
             viewpoint_m: fields.viewpoint.map(|place| DVec3::from(place) * self.unit.metres() - origin_m),
             scan_origin_m: -origin_m,
             sides_said: false,
+            sign_said: false,
             depth: DepthFusion { mode: fields.fusion, settings, fuser: None, colours: None },
             band: match profile {
                 ProfileChoice::Main => Band::Full,

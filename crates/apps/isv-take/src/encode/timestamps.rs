@@ -32,6 +32,11 @@ impl Timestamps {
         Self { source, rate, base: None, last: None }
     }
 
+    /// Timestamps that count from a time that the source states (ns).
+    pub(crate) fn since(self, stated_ns: u64) -> Self {
+        Self { base: Some((stated_ns, 0)), ..self }
+    }
+
     /// The timestamp in nanoseconds of a frame counted from the stream's first that had been read at a time. `stated`: when the source
     /// took it, in nanoseconds from any start. Timestamps ascend, whatever clocks do.
     pub(crate) fn of(&mut self, frame: u64, read: SystemTime, stated: Option<u64>) -> u64 {

@@ -112,12 +112,9 @@ fn measure_rates(
     let skip_bad_frames = options.skip_bad_frames && capture.frames_stand_alone();
     let range = capture.range(options.frames)?;
     watch.begin(range.len());
-    let maker = options.volume_maker(header, OpenDevice::CPU, &silent);
-    let coding = Coding {
-        measures_change: false,
-        coder: OpenDevice::CPU.coder(header, steps.settings, &silent)?,
-        colour: options.colour_encoder(header, steps.colour_scale),
-    };
+    let options = &EncodeOptions { measures_change: false, ..options.clone() };
+    let maker = options.volume_maker(header, OpenDevice::CPU, range.start, &silent);
+    let coding = Coding::open(options, header, *steps, &OpenDevice::CPU, range.start, &silent)?;
     let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options, None)?;
     stream.first = range.start;
     let mut colour = 0;

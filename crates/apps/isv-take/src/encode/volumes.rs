@@ -1,5 +1,6 @@
 //! Captured frames to volumes: the part of encoding before the codec.
 
+use super::groups::Groups;
 use super::options::{FusionMode, Normals, WORTH_A_WARNING};
 use super::{EncodeError, EncodeEvent, FrameError};
 use crate::capture::{CapturedFrame, Content};
@@ -18,7 +19,7 @@ use isv_io::{Geometry, Unit};
 use isv_surface::{SurfaceOptions, surface_band};
 use isv_volume::{ColourSample, ColourView, DepthImage, Grid, PointCloud, SparseVolume, TriangleMesh};
 use std::borrow::Cow;
-use std::mem::take;
+use std::mem::{replace, take};
 use std::sync::{Arc, OnceLock};
 use std::time::SystemTime;
 
@@ -48,9 +49,10 @@ pub(super) struct IngestedFrame {
     pub(super) ingest_ms: f64,
 }
 
-/// Makes volumes; what is decided on the first frame holds for all.
+/// Makes volumes; what is decided on the first frame holds for all, or for all of its group where groups are coded by themselves.
 pub(super) struct VolumeMaker {
     pub(super) device: OpenDevice,
+    pub(super) groups: Groups,
     pub(super) mesh: MeshIngest,
     /// Opened for the first mesh.
     pub(super) mesh_ingester: Option<device::MeshIngest>,
@@ -73,6 +75,8 @@ pub(super) struct VolumeMaker {
     pub(super) scan_origin_m: DVec3,
     /// Whether a word was said on the sides of normals.
     pub(super) sides_said: bool,
+    /// Whether it was said how inside is told from outside.
+    pub(super) sign_said: bool,
     pub(super) depth: DepthFusion,
     pub(super) band: Band,
     /// Whether decoders extend the frames: profile `main`.
@@ -123,6 +127,9 @@ impl VolumeMaker {
         read: SystemTime,
     ) -> Result<IngestedFrame, EncodeError> {
         let CapturedFrame { number, name, timestamp_ns, content, colour, views } = frame;
+        if self.groups.enter(number) {
+            self.forget();
+        }
         let stream_grid = match &content {
             Content::Volume(volume) | Content::Decoded(volume) => *volume.grid(),
             Content::Geometry(_) | Content::Depth(_) => self.mesh.grid,
@@ -166,6 +173,16 @@ impl VolumeMaker {
         })
     }
 
+    /// Forgets the frames before, of which the next ones must know nothing.
+    fn forget(&mut self) {
+        self.mesh_ingester = None;
+        self.mesh_sign = None;
+        self.face_turner = FaceTurner::default();
+        self.loss_seen = 0.0;
+        self.point_sign = None;
+        self.colours.clear();
+    }
+
     fn ingest_error(&self, name: &str, cause: IngestError, bounds: Option<(DVec3, DVec3)>) -> FrameError {
         let extent_m = bounds.map(|(low, high)| (high - low).to_array());
         FrameError::Ingest { name: name.to_owned(), cause, extent_m, unit: self.unit }
@@ -207,8 +224,10 @@ impl VolumeMaker {
         };
         self.mesh_ingester = Some(ingester);
         let volume = self.mesh_to_volume_as(name, mesh, sign)?;
-        if let Some(evidence) = evidence {
-            self.mesh_sign = Some(sign);
+        self.mesh_sign = Some(sign);
+        if let Some(evidence) = evidence
+            && !replace(&mut self.sign_said, true)
+        {
             self.keep_decision(match sign {
                 SignDecision::Closed { .. } => "closed",
                 SignDecision::Sheet => "sheet",
@@ -282,12 +301,14 @@ impl VolumeMaker {
         let volume = ingest_points(&cloud, &self.points, sign);
         let volume = volume.map_err(|cause| self.ingest_error(name, cause, cloud.bounds()))?;
         self.point_sign = Some(sign);
-        self.keep_decision(match sign {
-            PointSign::Oriented => "oriented",
-            PointSign::Offset => OFFSET,
-        });
-        self.tell(EncodeEvent::PointSign { decision: sign, evidence, mode: self.points.sign });
-        self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
+        if !replace(&mut self.sign_said, true) {
+            self.keep_decision(match sign {
+                PointSign::Oriented => "oriented",
+                PointSign::Offset => OFFSET,
+            });
+            self.tell(EncodeEvent::PointSign { decision: sign, evidence, mode: self.points.sign });
+            self.warn_if_tiny(name, cloud.bounds().map(|(low, high)| low.distance(high)));
+        }
         Ok(volume)
     }
 
@@ -302,7 +323,7 @@ impl VolumeMaker {
             Normals::Estimate => true,
             Normals::Given => self.viewpoint_m.is_some() && !has_normals,
         };
-        let is_first = !std::mem::replace(&mut self.sides_said, true);
+        let is_first = !replace(&mut self.sides_said, true);
         if !estimates {
             if is_first && self.viewpoint_m.is_some() {
                 self.tell(EncodeEvent::ViewpointUnused { name: name.to_owned() });

@@ -6,6 +6,17 @@ use crate::{Event, Input, MemoryLimit, Observer};
 use isv_format::{MetadataText, PacketChain, PacketWriter, StreamHeader};
 use std::io::{self, Write};
 
+/// Times of joined streams.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JoinedTimes {
+    /// Each stream follows the one before at the frame rate.
+    #[default]
+    Follow,
+    /// Packets keep their times, as pieces of one take have them that were encoded with a time origin. A time that does not ascend
+    /// becomes one frame after the one before.
+    Keep,
+}
+
 /// Copies streams one after the other, without coding anything anew. They have one version, profile, grid, frame rate and number of colour
 /// layers. Packets of unknown types are left out, and the observer is told; metadata stay if all streams have the same. Returns the sink and the number of frames; `create` is called when it is sure that they go together, for which files are opened twice.
 ///
@@ -16,6 +27,7 @@ use std::io::{self, Write};
 /// Without any stream.
 pub fn join<W: Write>(
     inputs: &[Input],
+    times: JoinedTimes,
     memory: MemoryLimit,
     observer: &dyn Observer,
     create: impl FnOnce() -> io::Result<W>,
@@ -39,7 +51,7 @@ pub fn join<W: Write>(
     if let Some(text) = &common_metadata(inputs)? {
         writer.write_metadata(text)?;
     }
-    let (mut frames, mut next_ns) = (0, 0);
+    let (mut frames, mut next_ns, mut last_ns) = (0, 0, None);
     for input in inputs {
         let name = input.name();
         let fault = |fault: StreamFault| fault.in_stream(&name);
@@ -58,8 +70,16 @@ pub fn join<W: Write>(
             let first_ns = *first_ns.get_or_insert(packet.header.timestamp_ns);
             let time_ns = packet.header.timestamp_ns.saturating_sub(first_ns).saturating_add(begin_ns);
             let frame = frame_at(header.frame_rate, time_ns);
-            writer
-                .copy_frame(&packet, frame.map_or(time_ns, |frame| header.frame_rate.timestamp_ns(frame)))?;
+            let at_ns = match times {
+                JoinedTimes::Follow => frame.map_or(time_ns, |frame| header.frame_rate.timestamp_ns(frame)),
+                JoinedTimes::Keep => {
+                    let after_last_ns = |last: u64| last.saturating_add(header.frame_rate.timestamp_ns(1));
+                    let stated_ns = packet.header.timestamp_ns;
+                    last_ns.filter(|last| stated_ns <= *last).map_or(stated_ns, after_last_ns)
+                }
+            };
+            last_ns = Some(at_ns);
+            writer.copy_frame(&packet, at_ns)?;
             next_ns = match frame {
                 Some(frame) => header.frame_rate.timestamp_ns(frame + 1),
                 None => time_ns.saturating_add(header.frame_rate.timestamp_ns(1)),

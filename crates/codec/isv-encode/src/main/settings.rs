@@ -48,6 +48,13 @@ impl FrameQuality {
         Self::of_step(Self::STEP_OF_0 * (Self::STEP_OF_100 / Self::STEP_OF_0).powf(share))
     }
 
+    /// Quality, 0 to 100, whose step is nearest.
+    #[must_use]
+    pub fn to_quality(self) -> f32 {
+        let share = (self.step / Self::STEP_OF_0).ln() / (Self::STEP_OF_100 / Self::STEP_OF_0).ln();
+        (100.0 * share).clamp(0.0, 100.0)
+    }
+
     /// Another step, and the lambda that there was.
     pub(super) fn with_step_share(self, share: f32) -> Self {
         Self { step: share * self.step, lambda: self.lambda / (share * share) }
@@ -111,6 +118,18 @@ impl Default for MainSettings {
             keyframe_lambda: 0.4,
             slices: 1,
             refresh: Refresh::Keyframes,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn qualities_come_back_from_their_steps() {
+        for quality in [0.0, 12.5, 50.0, 77.7, 100.0] {
+            assert!((FrameQuality::of_quality(quality).to_quality() - quality).abs() < 1e-3, "{quality}");
         }
     }
 }

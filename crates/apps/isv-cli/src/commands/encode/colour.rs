@@ -16,10 +16,19 @@ pub(super) struct ColourArgs {
     /// Images are then not opened, so that a missing one is no error.
     #[arg(help_heading = "Colour (profile main)", long, conflicts_with = "colour_quality")]
     no_colour: bool,
+    /// Make room for colour though the first frame has none
+    ///
+    /// For parts of a take that are joined: streams with and without colour do not go together.
+    #[arg(help_heading = "Colour (profile main)", long, conflicts_with = "no_colour")]
+    expect_colour: bool,
 }
 
 impl ColourArgs {
     pub(super) fn options(&self) -> ColourOptions {
-        ColourOptions { is_dropped: self.no_colour, quality: self.colour_quality }
+        ColourOptions {
+            is_dropped: self.no_colour,
+            is_expected: self.expect_colour,
+            quality: self.colour_quality,
+        }
     }
 }
