@@ -50,6 +50,7 @@ const INDEX_LIMIT = PACKET_HEADER_BYTES + 8 * FRAME_LIMIT;
  * @property {import('./ladder/source.js').Rungs | null} rungs null in what is no ladder
  * @property {(playhead: { seconds: number, speed: number, workers: number }) => void} [attend] hears where the playhead is, how fast it goes, and how
  *   many workers decode
+ * @property {(stream: number) => boolean} [outdated] whether frames of a stream would come from a better one now
  * @property {(frame: import('./worker.js').Frame) => void} [measured] hears of each frame that has been decoded
  * @property {() => void} close
  */

@@ -14,6 +14,8 @@ const BEHIND = 20;
 const AGAIN = 4;
 /** Seconds by which the element may be off the clock when it starts: it is set right before it is heard. */
 const OFF = 0.005;
+/** Most seconds of a fragment: sound of which the last begins earlier than this before the take is not heard. */
+const LONGEST_FRAGMENT = 60;
 /** Waits in ms before a fetch that failed is tried again, the last one over and over. */
 const RETRIES = [500, 1000, 2000, 4000, 8000];
 /** What media elements call it that there is enough to go on. */
@@ -76,6 +78,12 @@ export class Sound {
     const Media = Plain ?? Managed;
     const ways = tracks.flatMap((track) => typesOf(track.codec).map((type) => ({ track, type })));
     const way = Media && ways.find(({ type }) => Media.isTypeSupported(type));
+    // A take that is stamped with the time of day may lie where its sound does not.
+    const elsewhere = tracks.every(({ starts }) => starts[starts.length - 1] < -LONGEST_FRAGMENT);
+    if (elsewhere) {
+      on.unsupported({ message: 'the take plays without sound: that ends before its first frame' });
+      return null;
+    }
     if (!Media || !way) {
       const names = [...new Set(tracks.map(({ codec }) => nameOfCodec(codec)))].join(', ');
       const why = Media ? `this browser does not play ${names} from MP4` : 'this browser lets no page give it sound piece by piece';
