@@ -5,7 +5,7 @@ import { after, before, describe, test } from 'node:test';
 import { hasBrowser, launch } from '../support/browser.js';
 import { FPS, RADII, clapSound, clapStream } from '../support/clap.js';
 import { fakeSound, muxed as muxedByHand, soundIn } from '../support/mp4.js';
-import { ISV_BIN, muxed } from '../support/native.js';
+import { ISV_BIN, muxed, packaged } from '../support/native.js';
 import { skipUnless } from '../support/need.js';
 import { opened, shows } from '../support/page.js';
 import { serve } from '../support/server.js';
@@ -157,6 +157,25 @@ describe('sound', { skip }, () => {
     await page.evaluate(() => /** @type {any} */ (globalThis).late());
     await plays(page, 2.5);
     await isTogether(page, 'after geometry has come');
+  });
+
+  test('a ladder of the program plays with its sound', async () => {
+    for (const [name, bytes] of packaged(clapStream(8), clapSound(8), 2)) server.files.set(`site/${name}`, bytes);
+    const { page, errors } = await open('?src=/files/site/master.m3u8&paused');
+    await measure(page, (RADII.small + RADII.large) / 2);
+    const { frames, all } = await page.evaluate(() => {
+      const [player] = /** @type {any} */ (globalThis).isv.players;
+      return { frames: player.frames, all: player.source.rungs.all };
+    });
+    assert.deepEqual([frames, all.length], [8 * FPS, 2]);
+    assert.match(all[0].codecs, /^isv1\.1\.[12],opus$/);
+    await act(page, (isv) => isv.toggle());
+    await plays(page, 3.5);
+    await isTogether(page, 'a ladder');
+    await seeks(page, 5 * FPS - 5);
+    await plays(page, 2);
+    await isTogether(page, 'a ladder after a seek');
+    assert.deepEqual(errors, []);
   });
 
   test('a hidden page is silent, and goes on where it was', async () => {
