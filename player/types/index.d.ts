@@ -205,7 +205,7 @@ export class IsvPlayer extends EventTarget {
   volume: number;
   muted: boolean;
   /** Sound, with the element that plays it; null without. */
-  readonly sound: { readonly element: HTMLAudioElement; readonly codec: string } | null;
+  readonly sound: { readonly element: HTMLVideoElement; readonly codec: string } | null;
   /** Whether frames come with what each block is and took. Changing it decodes frames anew. */
   details: boolean;
   play(): void;

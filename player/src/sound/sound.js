@@ -35,7 +35,7 @@ const HAVE_FUTURE_DATA = 3;
 
 /** @implements {Leader} */
 export class Sound {
-  /** The element that is heard. @type {HTMLAudioElement} */
+  /** The element that is heard: one for video, as browsers let only these begin muted. @type {HTMLVideoElement} */
   element;
   #track;
   /** What the browser takes it as. */
@@ -64,6 +64,8 @@ export class Sound {
   /** Whether the element went on at the last call. */
   #going = false;
   #starting = false;
+  /** Whether the browser lets it begin not even muted: then the clock goes by itself until the user wants sound. */
+  #locked = false;
   #hide = () => this.#visibility();
 
   /**
@@ -103,7 +105,8 @@ export class Sound {
     // What begins after the take is not played.
     const { starts } = track;
     this.#starts = starts.filter((start, at) => at === 0 || start < duration);
-    this.element = new Audio();
+    this.element = document.createElement('video');
+    this.element.playsInline = true;
     this.element.preload = 'auto';
     this.element.disableRemotePlayback = true;
     this.element.volume = volume;
@@ -141,6 +144,10 @@ export class Sound {
 
   set muted(muted) {
     this.element.muted = muted;
+    if (muted || !this.#locked) return;
+    this.#locked = false;
+    // Now, as this may be the user's click.
+    this.#start();
   }
 
   /** @param {number} seconds of the clock @param {number} jumps @returns {number | null} */
@@ -212,7 +219,7 @@ export class Sound {
       if (refused && !this.element.muted) {
         this.element.muted = true;
         this.#on.blocked();
-      } else if (refused) this.#fail('the browser does not let it start');
+      } else if (refused) this.#locked = true;
     } finally {
       this.#starting = false;
     }
@@ -236,7 +243,7 @@ export class Sound {
 
   /** Whether there is sound at a time, as far as that is known. @param {number} seconds */
   #covers(seconds) {
-    if (this.#failed || seconds >= this.#duration) return false;
+    if (this.#failed || this.#locked || seconds >= this.#duration) return false;
     if (this.element.ended && seconds >= this.element.currentTime - OFF) return false;
     const starts = this.#starts;
     if (seconds < starts[0] - OFF) return false;
