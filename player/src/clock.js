@@ -14,7 +14,7 @@
  * @property {boolean} stalled whether it has nothing to play yet
  */
 
-/** How far before a frame that is not there the clock stops, in seconds. */
+/** Distance at which the clock stops before a missing frame, in seconds. */
 const BEFORE = 1e-4;
 
 export class Clock {
@@ -26,7 +26,7 @@ export class Clock {
   waitingSince = null;
   /** Whether it waits for a frame: then sound waits, too. */
   held = false;
-  /** How often it was moved other than by playing. */
+  /** Number of times it was moved other than by playing. */
   jumps = 0;
   /**
    * Each gives the time that the clock may not reach, asked with the time it is at. One that is not later holds it there.

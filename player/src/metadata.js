@@ -1,6 +1,6 @@
 // What a take says of itself: a skippable packet before its first frame, with JSON.
 
-import { UPS } from './axes.js';
+import { isUp } from './axes.js';
 
 const PACKET_HEADER_BYTES = 24;
 /** First bytes of a packet, where its type stands, and where the bytes of its payload. */
@@ -9,28 +9,39 @@ const TYPE_AT = 4;
 const PAYLOAD_LENGTH_AT = 8;
 /** Type of the packet. */
 const METADATA = 0x80;
-/** Most bytes that are looked at. */
+/** Most bytes of packets before the first frame that are looked at, and most bytes of metadata. */
 export const METADATA_LIMIT = 1 << 20;
+const PAYLOAD_LIMIT = 1 << 16;
 /** Most characters of a text. */
 const TEXT_LIMIT = 1000;
 
-/** Keys with words. */
-const TEXTS = /** @type {const} */ (['title', 'unit', 'device', 'colour_space', 'encoder']);
-/** Keys with whatever their writer knows. */
-const FREE = /** @type {const} */ (['settings', 'surface']);
+/** What a value must be like to be taken. @type {Record<string, (value: any) => boolean>} */
+const TAKEN = {
+  title: isText,
+  unit: isText,
+  device: isText,
+  colour_space: isText,
+  encoder: isText,
+  up: isUp,
+  origin: (value) => Array.isArray(value) && value.length === 3 && value.every(Number.isFinite),
+  source: isObject,
+  surface: isObject,
+  settings: isObject,
+};
 
 /**
- * What a take says of itself. All of it may be missing.
+ * What a take says of itself (docs/spec/format.md, 6.8). All of it may be missing; keys that are not listed here are kept.
  * @typedef {object} Metadata
  * @property {string} [title]
- * @property {import('./axes.js').Up} [up] the axis of the capture that points up
- * @property {string} [unit] of the capture's files
+ * @property {import('./axes.js').Up} [up] the axis of the stream's coordinates that points up
+ * @property {string} [unit] of the stream's coordinates
  * @property {string} [device] what captured it
  * @property {string} [colour_space]
- * @property {[number, number, number]} [origin] place of the capture's origin in metres
+ * @property {[number, number, number]} [origin] place of the stream's origin in the coordinates of the capture, in metres
  * @property {string} [encoder]
- * @property {unknown} [settings] of the encoder
- * @property {unknown} [surface] what was made of the capture's surface
+ * @property {object} [source] unit and axis of the capture
+ * @property {object} [surface] what was decided on the capture's surface
+ * @property {object} [settings] of the encoder
  */
 
 /**
@@ -45,7 +56,7 @@ export function metadataOf(packets) {
     const begin = at + PACKET_HEADER_BYTES;
     const end = begin + view.getUint32(at + PAYLOAD_LENGTH_AT, true);
     if (magic !== MAGIC || end > packets.length) break;
-    if (packets[at + TYPE_AT] === METADATA) return parsed(packets.subarray(begin, end));
+    if (packets[at + TYPE_AT] === METADATA && end - begin <= PAYLOAD_LIMIT) return parsed(packets.subarray(begin, end));
     at = end;
   }
   return {};
@@ -59,17 +70,17 @@ function parsed(payload) {
   } catch {
     return {}; // What cannot be read says nothing; the take plays without.
   }
-  if (typeof json !== 'object' || json === null) return {};
-  /** @type {Metadata} */
-  const metadata = {};
-  for (const key of TEXTS) {
-    const text = json[key];
-    if (typeof text === 'string' && text && text.length <= TEXT_LIMIT) metadata[key] = text;
-  }
-  for (const key of FREE) if (Object.hasOwn(json, key)) metadata[key] = json[key];
-  if (UPS.includes(json.up)) metadata.up = json.up;
-  const { origin } = json;
-  if (Array.isArray(origin) && origin.length === 3 && origin.every(Number.isFinite))
-    metadata.origin = /** @type {[number, number, number]} */ (origin);
-  return metadata;
+  if (!isObject(json)) return {};
+  const kept = Object.entries(json).filter(([key, value]) => !Object.hasOwn(TAKEN, key) || TAKEN[key](value));
+  return Object.fromEntries(kept);
+}
+
+/** @param {unknown} value */
+function isText(value) {
+  return typeof value === 'string' && value !== '' && value.length <= TEXT_LIMIT;
+}
+
+/** @param {unknown} value */
+function isObject(value) {
+  return typeof value === 'object' && value !== null && !Array.isArray(value);
 }

@@ -76,7 +76,7 @@ export class IsvPlayer extends EventTarget {
   #wanted = { volume: 1, muted: false };
   /** Whether it is not known yet if there will be sound: the playhead stands still until then. */
   #listening = false;
-  /** How often the clock had been moved when that was last looked at. */
+  /** Number of the clock's jumps when that was last looked at. */
   #jumps = 0;
   /** The stream of the frame that is shown. */
   #stream = 0;

@@ -40,7 +40,7 @@ export class Ring {
 
   /** @param {number} number @param {Frame} frame */
   put(number, frame) {
-    this.#drop(number);
+    this.drop(number);
     this.#frames.set(number, frame);
     this.bytes += frame.bytes;
   }
@@ -60,12 +60,12 @@ export class Ring {
     byDistance.pop();
     for (const number of byDistance) {
       if (this.bytes <= this.budget) return;
-      this.#drop(number);
+      this.drop(number);
     }
   }
 
-  /** @param {number} number */
-  #drop(number) {
+  /** Frees a frame. @param {number} number */
+  drop(number) {
     const frame = this.#frames.get(number);
     if (!frame) return;
     this.bytes -= frame.bytes;

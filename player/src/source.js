@@ -11,7 +11,7 @@ const PACKET_HEADER_BYTES = 24;
 const TRAILER_BYTES = 16;
 /** Where a packet header states the bytes of its payload. */
 const PAYLOAD_LENGTH_AT = 8;
-/** Where it states when the frame is shown. */
+/** Place in it of the time at which the frame is shown. */
 const TIMESTAMP_AT = 12;
 /** What an MP4 file has behind its first 4 bytes, and what a playlist begins with. */
 const FTYP = 'ftyp';
@@ -50,6 +50,7 @@ const INDEX_LIMIT = PACKET_HEADER_BYTES + 8 * FRAME_LIMIT;
  * @property {import('./ladder/source.js').Rungs | null} rungs null in what is no ladder
  * @property {(playhead: { seconds: number, speed: number, workers: number }) => void} [attend] hears where the playhead is, how fast it goes, and how
  *   many workers decode
+ * @property {(stream: number) => boolean} [outdated] whether frames of a stream would come from a better one now
  * @property {(frame: import('./worker.js').Frame) => void} [measured] hears of each frame that has been decoded
  * @property {() => void} close
  */
@@ -179,7 +180,7 @@ function opened(parse, header, name) {
 }
 
 /**
- * Where the frames are, and what else a file says.
+ * Places of frames, and what else a file says.
  * @typedef {object} Table
  * @property {Float64Array} offsets of the packet of each frame
  * @property {Float64Array} sizes bytes up to the next packet of a frame; packets of unknown types may stand between two of them
@@ -207,7 +208,7 @@ async function readStream(bytes, length, parse, fps) {
   };
 }
 
-/** Where frames begin, and where the last one ends. @typedef {{ ends: Float64Array, keyframes: Uint8Array, indexed: boolean }} Places */
+/** Beginnings of frames, and the end of the last one. @typedef {{ ends: Float64Array, keyframes: Uint8Array, indexed: boolean }} Places */
 
 /** @param {Bytes} bytes @param {number} length @param {Parser} parse @returns {Promise<Places | null>} null without a good index */
 async function readIndex(bytes, length, parse) {

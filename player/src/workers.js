@@ -112,10 +112,17 @@ export class DecodeAhead {
   /** Moves the playhead. @param {number} frame @param {{ loop?: boolean, behind?: number }} [options] */
   aim(frame, { loop = this.loop, behind = 0 } = {}) {
     if (frame === this.target && loop === this.loop && behind === this.behind) return;
+    if (frame !== this.target) this.#leave(this.target);
     this.target = frame;
     this.loop = loop;
     this.behind = behind;
     this.#deal();
+  }
+
+  /** Frees a frame that has been passed, if there would be a better one by the next time. @param {number} frame */
+  #leave(frame) {
+    const passed = this.#ring.get(frame);
+    if (passed && this.#source.outdated?.(passed.stream)) this.#ring.drop(frame);
   }
 
   /** @param {Events} on */

@@ -69,6 +69,17 @@ test('it begins at the lowest rung, and goes to the one that the network has roo
   source.close();
 });
 
+test('what came from a low rung at first comes from a better one the next time', async () => {
+  const source = await open();
+  for (let frame = 0; frame < 20; frame++) await source.packet(frame);
+  assert.deepEqual([source.streamOf(0), source.outdated?.(2), source.outdated?.(0)], [2, true, false]);
+  await source.packet(2);
+  assert.equal(source.streamOf(0), 2, 'not in the middle of a GOP');
+  await source.packet(0);
+  assert.equal(source.streamOf(0), 0);
+  source.close();
+});
+
 test('frames of a segment come from the rung that its first came from', async () => {
   const source = await open();
   await source.packet(0);

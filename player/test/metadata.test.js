@@ -11,7 +11,7 @@ const stream = await readFile(new URL('../../conformance/version_2_skipped.isv',
 
 test('a stream says what it is before its first frame', async () => {
   const parser = await Decoder.create();
-  const said = { title: 'Dancer', up: '-y', unit: 'mm', device: 'rig 2', origin: [0, 1.5, -2], settings: { voxel: '5mm' } };
+  const said = { title: 'Dancer', novelty: [1], up: '-y', unit: 'mm', device: 'rig 2', origin: [0, 1.5, -2], settings: { voxel: '5mm' } };
   for (const indexed of [true, false]) {
     const bytes = withMetadata(stream, metadataPacket(said), { indexed });
     const source = await FileSource.open(new BlobBytes(new Blob([new Uint8Array(bytes)]), 'take.isv'), parser);
@@ -20,15 +20,16 @@ test('a stream says what it is before its first frame', async () => {
   }
 });
 
-test('what is not known, or of another type, is left out', () => {
+test('what is of another type is left out', () => {
   for (const [said, kept] of /** @type {[unknown, object][]} */ ([
-    [{ title: 5, up: 'north', origin: [1, 2], unit: '', novelty: true }, {}],
+    [{ title: 5, up: 'north', origin: [1, 2], unit: '', settings: [], source: 'mm' }, {}],
     [{ title: 'x'.repeat(1001), up: 'z', origin: [1, 2, '3'] }, { up: 'z' }],
     [{ origin: [1, 2, 1e999] }, {}],
     [[], {}],
     [null, {}],
     ['title', {}],
-    [{ surface: null, encoder: 'isv 1', colour_space: 'sRGB' }, { surface: null, encoder: 'isv 1', colour_space: 'sRGB' }],
+    [{ surface: null, encoder: 'isv 1', colour_space: 'sRGB' }, { encoder: 'isv 1', colour_space: 'sRGB' }],
+    [{ title: 'x', more: 'x'.repeat(65_536) }, {}],
   ]))
     assert.deepEqual(metadataOf(metadataPacket(said)), kept, JSON.stringify(said));
 });

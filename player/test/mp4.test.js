@@ -40,7 +40,7 @@ async function isTheStream(source, frames = packets.length) {
   assert.deepEqual([...source.gops.keyframes], [...packets.keys()].slice(0, frames).filter((frame) => frame % GOP === 0));
 }
 
-/** Where a box begins, from its name on. @param {Uint8Array} bytes @param {string} type @param {number} [nth] */
+/** Place of a box. @param {Uint8Array} bytes @param {string} type @param {number} [nth] */
 function find(bytes, type, nth = 0) {
   let at = -1;
   for (let found = 0; found <= nth; found++) at = Buffer.from(bytes).indexOf(type, at + 1, 'latin1');

@@ -80,6 +80,26 @@ test('memory is bounded: frames far ahead are not made, those behind are freed',
   assert.ok(ahead.settled(495) && ahead.settled(520));
 });
 
+test('frames that could be better are decoded again once they have been shown', async () => {
+  const { ahead, source, ports } = begun({ frames: 30, hold: 40, workers: 1 });
+  source.stream = 1;
+  await rest();
+  assert.deepEqual(new Set(held(ahead, 30).map((frame) => /** @type {any} */ (ahead.get(frame)).stream)), new Set([1]));
+  source.stream = 0;
+  for (let frame = 0; frame < 15; frame++) {
+    ahead.aim(frame);
+    await rest();
+  }
+  assert.deepEqual(
+    held(ahead, 30).map((frame) => /** @type {any} */ (ahead.get(frame)).stream),
+    [...new Array(14).fill(0), ...new Array(16).fill(1)],
+  );
+  const before = ports[0].decoded.length;
+  for (let frame = 15; frame < 20; frame++) ahead.aim(frame);
+  await rest();
+  assert.ok(ports[0].decoded.length > before);
+});
+
 test('a take that fits is kept whole and decoded once, however often it goes round', async () => {
   const { ahead, ports } = begun({ frames: 30, hold: 40 });
   await rest();

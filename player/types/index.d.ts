@@ -86,25 +86,28 @@ export interface PlayerOptions {
   speed?: number;
   /** `false`: its sound is not played, as beside another take. */
   sound?: boolean;
-  /** Of sound, 0 to 1. */
+  /** Volume of sound, 0 to 1. */
   volume?: number;
   muted?: boolean;
 }
 
-/** What a take says of itself. All of it may be missing. */
+/** What a take says of itself. All of it may be missing, and there may be more. */
 export interface Metadata {
   title?: string;
-  /** The axis of the capture that points up. */
+  /** The axis of the stream's coordinates that points up. */
   up?: Up;
-  /** Of the capture's files. */
+  /** Unit of the stream's coordinates. */
   unit?: string;
   device?: string;
   colour_space?: string;
-  /** Place of the capture's origin in metres. */
+  /** Origin of the stream in the coordinates of the capture, in metres. */
   origin?: [number, number, number];
   encoder?: string;
-  settings?: unknown;
-  surface?: unknown;
+  /** Unit and axis of the capture. */
+  source?: object;
+  /** What was decided on the capture's surface. */
+  surface?: object;
+  settings?: object;
 }
 
 /** A rung of a ladder: the take at one rate. */
@@ -198,11 +201,11 @@ export class IsvPlayer extends EventTarget {
   readonly error: Error | null;
   speed: number;
   loop: boolean;
-  /** Of sound, 0 to 1. */
+  /** Volume of sound, 0 to 1. */
   volume: number;
   muted: boolean;
   /** Sound, with the element that plays it; null without. */
-  readonly sound: { readonly element: HTMLAudioElement; readonly codec: string } | null;
+  readonly sound: { readonly element: HTMLVideoElement; readonly codec: string } | null;
   /** Whether frames come with what each block is and took. Changing it decodes frames anew. */
   details: boolean;
   play(): void;

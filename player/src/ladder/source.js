@@ -53,7 +53,7 @@ export class LadderSource {
   /** @type {Rungs} */
   rungs;
   indexed = true;
-  /** Where the playhead is, and how fast it goes. */
+  /** Place and speed of the playhead. */
   #playhead = { seconds: 0, speed: 1, workers: 1 };
   #rungs;
   #meter;
@@ -157,6 +157,11 @@ export class LadderSource {
     this.#playhead = playhead;
   }
 
+  /** @param {number} stream */
+  outdated(stream) {
+    return stream > this.#choice.current;
+  }
+
   /** Learns how long a frame took. @param {import('../worker.js').Frame} frame */
   measured({ stream, decodeMs, surfaceMs }) {
     this.#choice.decoded(stream, decodeMs + surfaceMs);
@@ -187,6 +192,8 @@ export class LadderSource {
    * @returns {Promise<Uint8Array[]>} its packets
    */
   async #segment(number, begun, signal) {
+    const held = this.#segments.get(number);
+    if (held?.bytes && !begun && !held.waiting && this.outdated(held.rung)) this.#drop(number, held);
     const loading = this.#segments.get(number) ?? this.#begin(number, begun && this.#chosen[number] >= 0 ? this.#chosen[number] : null);
     // Moves it to the end: it is the one used last.
     this.#segments.delete(number);

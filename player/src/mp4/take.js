@@ -24,8 +24,8 @@ const BOX_LIMIT = 1 << 21;
 const MFRO_BYTES = 16;
 
 /**
- * Where fragments of sound are: bytes from the first of the `moof` to before the next fragment, and the first sample's time in units
- * of its track.
+ * Place of a fragment of sound: from the first byte of its `moof` to before the next fragment. Its first sample's time is in units of
+ * the track.
  * @typedef {{ from: number, to: number, time: number }} Place
  */
 

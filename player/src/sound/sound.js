@@ -14,6 +14,8 @@ const BEHIND = 20;
 const AGAIN = 4;
 /** Seconds by which the element may be off the clock when it starts: it is set right before it is heard. */
 const OFF = 0.005;
+/** Most seconds of a fragment: sound of which the last begins earlier than this before the take is not heard. */
+const LONGEST_FRAGMENT = 60;
 /** Waits in ms before a fetch that failed is tried again, the last one over and over. */
 const RETRIES = [500, 1000, 2000, 4000, 8000];
 /** What media elements call it that there is enough to go on. */
@@ -33,7 +35,7 @@ const HAVE_FUTURE_DATA = 3;
 
 /** @implements {Leader} */
 export class Sound {
-  /** The element that is heard. @type {HTMLAudioElement} */
+  /** The element that is heard: one for video, as browsers let only these begin muted. @type {HTMLVideoElement} */
   element;
   #track;
   /** What the browser takes it as. */
@@ -53,7 +55,7 @@ export class Sound {
   #feeding = false;
   #failures = 0;
   #failed = false;
-  /** Where the playhead was, and how often it had been moved, when {@link Sound.follow} was last called. */
+  /** Place of the playhead, and number of its jumps, when {@link Sound.follow} was last called. */
   #seconds = 0;
   #jumps = -1;
   #loops = true;
@@ -62,6 +64,8 @@ export class Sound {
   /** Whether the element went on at the last call. */
   #going = false;
   #starting = false;
+  /** Whether the browser lets it begin not even muted: then the clock goes by itself until the user wants sound. */
+  #locked = false;
   #hide = () => this.#visibility();
 
   /**
@@ -76,6 +80,12 @@ export class Sound {
     const Media = Plain ?? Managed;
     const ways = tracks.flatMap((track) => typesOf(track.codec).map((type) => ({ track, type })));
     const way = Media && ways.find(({ type }) => Media.isTypeSupported(type));
+    // A take that is stamped with the time of day may lie where its sound does not.
+    const elsewhere = tracks.every(({ starts }) => starts[starts.length - 1] < -LONGEST_FRAGMENT);
+    if (elsewhere) {
+      on.unsupported({ message: 'the take plays without sound: that ends before its first frame' });
+      return null;
+    }
     if (!Media || !way) {
       const names = [...new Set(tracks.map(({ codec }) => nameOfCodec(codec)))].join(', ');
       const why = Media ? `this browser does not play ${names} from MP4` : 'this browser lets no page give it sound piece by piece';
@@ -95,7 +105,8 @@ export class Sound {
     // What begins after the take is not played.
     const { starts } = track;
     this.#starts = starts.filter((start, at) => at === 0 || start < duration);
-    this.element = new Audio();
+    this.element = document.createElement('video');
+    this.element.playsInline = true;
     this.element.preload = 'auto';
     this.element.disableRemotePlayback = true;
     this.element.volume = volume;
@@ -133,6 +144,10 @@ export class Sound {
 
   set muted(muted) {
     this.element.muted = muted;
+    if (muted || !this.#locked) return;
+    this.#locked = false;
+    // Now, as this may be the user's click.
+    this.#start();
   }
 
   /** @param {number} seconds of the clock @param {number} jumps @returns {number | null} */
@@ -162,7 +177,7 @@ export class Sound {
     this.#loops = clock.loop;
     this.#seconds = seconds;
     const covered = this.#covers(seconds);
-    // Where there was no sound, the clock went by itself.
+    // The clock went by itself while there was no sound.
     const late = covered && !this.#covered && Math.abs(element.currentTime - seconds) > OFF;
     if (covered && (moved || late) && element.currentTime !== seconds) element.currentTime = seconds;
     if (moved) this.#jumps = jumps;
@@ -204,7 +219,7 @@ export class Sound {
       if (refused && !this.element.muted) {
         this.element.muted = true;
         this.#on.blocked();
-      } else if (refused) this.#fail('the browser does not let it start');
+      } else if (refused) this.#locked = true;
     } finally {
       this.#starting = false;
     }
@@ -228,7 +243,7 @@ export class Sound {
 
   /** Whether there is sound at a time, as far as that is known. @param {number} seconds */
   #covers(seconds) {
-    if (this.#failed || seconds >= this.#duration) return false;
+    if (this.#failed || this.#locked || seconds >= this.#duration) return false;
     if (this.element.ended && seconds >= this.element.currentTime - OFF) return false;
     const starts = this.#starts;
     if (seconds < starts[0] - OFF) return false;

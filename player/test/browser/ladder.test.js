@@ -40,6 +40,8 @@ describe('a ladder', { skip }, () => {
     rates = [...Buffer.from(files['master.m3u8']).toString().matchAll(/BANDWIDTH=(\d+)/g)].map(([, rate]) => Number(rate));
     browser = await launch();
     server = await serve(files);
+    const short = laddered(streams.map((stream) => repeated(stream, 4 * SEGMENT)), { padding: PADDING });
+    for (const [name, bytes] of Object.entries(short)) server.files.set(`short/${name}`, bytes);
   });
 
   after(async () => {
@@ -123,6 +125,19 @@ describe('a ladder', { skip }, () => {
     const { lost, longest } = await noted(page);
     assert.equal(lost, 0, 'rungs change without a gap');
     assert.ok(longest <= SEGMENT / 30, `it stalled for ${longest} s`);
+    assert.deepEqual(errors, []);
+  });
+
+  test('a short take that goes round is seen at its best the second time', async () => {
+    server.habits.rate = 0;
+    const { page, errors } = await opened(browser, `${server.url}?src=/files/short/master.m3u8&paused`);
+    const first = () => page.evaluate(() => /** @type {any} */ (globalThis).isv.players[0].ahead.get(0)?.stream);
+    await shows(page, 0);
+    assert.equal(await first(), 2);
+    await page.evaluate(() => /** @type {any} */ (globalThis).isv.toggle());
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].ahead.get(0)?.stream === 0);
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].frame > 60);
+    await page.waitForFunction(() => /** @type {any} */ (globalThis).isv.players[0].frame < 60 && /** @type {any} */ (globalThis).isv.players[0].shown.stream === 0);
     assert.deepEqual(errors, []);
   });
 

@@ -14,7 +14,10 @@ export function fakeSource(frames, gop, first) {
     frames,
     facts: [{ blockSide: 8 }],
     headers: [new Uint8Array(48)],
-    streamOf: () => 0,
+    /** The stream that packets come from now. */
+    stream: 0,
+    streamOf: () => source.stream,
+    outdated: (/** @type {number} */ stream) => stream > source.stream,
     offsetOf: (/** @type {number} */ frame) => 48 + 24 * frame,
     /** @type {number[]} */
     read: [],
@@ -69,7 +72,7 @@ export class FakePort {
   }
 
   /** @param {any} order */
-  #decode({ run, frame, packet, surface, details }) {
+  #decode({ run, frame, packet, surface, details, stream }) {
     const [number, keyframe] = new Float64Array(packet.buffer);
     this.decoded.push(number);
     if (this.damaged.has(number) || (!keyframe && this.#last !== number - 1)) {
@@ -82,7 +85,7 @@ export class FakePort {
       return this.#answer({ is: 'lost', run, frame, message: 'too large', refused: true, blocks: this.refused[number] });
     }
     this.#last = number;
-    const mesh = surface ? { number, bytes: FRAME_BYTES, details: details ? {} : null } : null;
+    const mesh = surface ? { number, stream, bytes: FRAME_BYTES, details: details ? {} : null } : null;
     this.#answer({ is: 'done', run, frame, mesh, memoryBytes: this.memoryBytes });
   }
 

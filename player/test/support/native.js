@@ -1,7 +1,7 @@
 // What the native program makes of the same streams.
 
 import { execFileSync, spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -58,6 +58,17 @@ export function muxed(stream, wav) {
     if (wav) writeFileSync(join(folder, 'sound.wav'), wav);
     isv(['mux', fileOf(stream, folder), ...(wav ? ['--audio', 'sound.wav'] : []), '-o', 'take.mp4'], folder);
     return readFileSync(join(folder, 'take.mp4'));
+  });
+}
+
+/** Files of a ladder of a stream, by name. @param {Uint8Array} stream @param {Uint8Array} wav @param {number} rungs @returns {Map<string, Uint8Array>} */
+export function packaged(stream, wav, rungs) {
+  return inFolder((folder) => {
+    writeFileSync(join(folder, 'sound.wav'), wav);
+    isv(['package', fileOf(stream, folder), '--audio', 'sound.wav', '-o', 'site', '--rungs', String(rungs)], folder);
+    const site = join(folder, 'site');
+    const names = readdirSync(site, { recursive: true, encoding: 'utf8' }).filter((name) => /\.(m3u8|mp4|m4s)$/.test(name));
+    return new Map(names.map((name) => [name, readFileSync(join(site, name))]));
   });
 }
 

@@ -1,4 +1,4 @@
-// How far what is seen is from what is heard, measured in the page.
+// Distance in time of what is seen from what is heard, measured in the page.
 
 /**
  * @typedef {object} Measured
@@ -16,7 +16,7 @@ export async function measure(page, between) {
   await page.evaluate((between) => {
     const { isv } = /** @type {any} */ (globalThis);
     const player = isv.players[0];
-    /** @type {HTMLAudioElement} */
+    /** @type {HTMLVideoElement} */
     const element = player.sound.element;
     const measured = { pictures: 0, frames: new Set(), worst: 0, wrong: 0, clicks: /** @type {number[]} */ ([]) };
     Object.assign(globalThis, { measured });

@@ -4,13 +4,13 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest, Sha256};
 
-/// Everything is from this server: modules, workers, WebAssembly and sockets. Of what stands in the page itself only these
-/// very scripts run, which are named by their hashes: an import map cannot be a file.
+/// Everything is from this server: modules, workers, WebAssembly and sockets. The page hands sound to the browser as a blob. Of what
+/// stands in the page itself only these very scripts run, which are named by their hashes: an import map cannot be a file.
 pub(crate) fn for_page(html: &str) -> String {
     let hashes: String = inline_scripts(html).map(|script| format!(" '{}'", hash(script))).collect();
     format!(
         "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'{hashes}; worker-src 'self'; connect-src 'self'; \
-         style-src 'self'; img-src 'self' data: blob:; font-src 'self'; base-uri 'none'; form-action 'none'; \
+         style-src 'self'; img-src 'self' data: blob:; media-src blob:; font-src 'self'; base-uri 'none'; form-action 'none'; \
          frame-ancestors 'self'"
     )
 }

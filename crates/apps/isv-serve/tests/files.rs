@@ -196,6 +196,7 @@ async fn the_page_is_served_with_its_types_and_its_policy() {
             policy.starts_with("default-src 'none'; script-src 'self' 'wasm-unsafe-eval' 'sha256-"),
             "{policy}"
         );
+        assert!(policy.contains("media-src blob:"), "sound: {policy}");
         let known = [("If-None-Match", answer.header("etag"))];
         let again = ask(address, &format!("GET {path}"), &known).await;
         assert_eq!((again.status, again.body.len()), (304, 0), "{path}");
