@@ -2,6 +2,7 @@
 
 mod support;
 
+use isv_mp4::{GeometrySink, Mp4File};
 use isv_serve::{Feed, Hub, HubLimits, Source, Viewer, message};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -232,6 +233,27 @@ async fn a_file_begun_before_is_joined_at_its_last_keyframe() {
     append(&path, &packet(40, 50));
     fed.packets([40]).await;
     fed.notice(&["take.isv: damaged", &format!("at byte {}", 48 + 38 * 74)]);
+}
+
+#[tokio::test]
+async fn an_mp4_file_that_grows_is_joined_at_its_last_keyframe() {
+    let mut sink = GeometrySink::new(Vec::new(), Vec::new()).unwrap();
+    sink.write_all(&stream(0..38)).unwrap();
+    let file = sink.finish().unwrap();
+    let read = Mp4File::open(io::Cursor::new(&file)).unwrap();
+    let last = read.tracks()[0].samples[29];
+    let begun = last.at as usize + last.bytes as usize + 20;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.mp4");
+    fs::write(&path, &file[..begun]).unwrap();
+    let mut fed = Fed::new(Source::open(&path).unwrap());
+    fed.header().await;
+    fed.packets(20..30).await;
+    for piece in file[begun..].chunks(77) {
+        append(&path, piece);
+    }
+    fed.packets(30..38).await;
+    fed.end().await;
 }
 
 #[tokio::test]

@@ -159,6 +159,11 @@ impl<R: Read> GeometryPipe<R> {
                     }
                 }
             }
+            // The last box of a fragmented file: nobody needs to wait for the end of the bytes.
+            b"mfra" => {
+                self.skip_to(self.box_end)?;
+                return self.end();
+            }
             _ => {}
         }
         Ok(())

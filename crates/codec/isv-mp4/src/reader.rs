@@ -149,6 +149,16 @@ impl<S: Read + Seek> Mp4File<S> {
         Ok(data)
     }
 
+    /// Where a viewer begins who wants no frame but the last that decoding can begin at: the end of the boxes before the fragments, and
+    /// the begin of the fragment of that frame; `None` if there is none.
+    #[must_use]
+    pub fn last_entry(&self) -> Option<(u64, u64)> {
+        let geometry = &self.tracks[self.track_of(TrackKind::Geometry).ok()?];
+        let last = geometry.samples.iter().rfind(|sample| sample.sync)?;
+        let fragment = self.fragments.iter().rfind(|fragment| fragment.bytes.contains(&last.at))?;
+        Some((self.fragments.first()?.bytes.start, fragment.bytes.start))
+    }
+
     /// The fragments, in the order of the file.
     pub(crate) fn fragments(&self) -> &[FragmentPlace] {
         &self.fragments

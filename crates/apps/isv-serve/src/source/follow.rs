@@ -2,6 +2,8 @@
 
 use super::{Opened, POLL};
 use isv_format::{MAGIC, PacketReader, StreamHeader, StreamIndex};
+use isv_mp4::{GeometryPipe, Mp4File, is_mp4};
+use std::ffi::OsStr;
 use std::fs::{self, File, Metadata};
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -103,29 +105,45 @@ impl Followed {
     /// can be found is read from its first byte.
     fn begin(&self, found: Candidate, stop: &Arc<AtomicBool>) -> io::Result<Opened> {
         let mut file = File::open(&found.path)?;
-        refuse_what_is_no_stream(&file)?;
-        let at = last_entry(&file).unwrap_or(0);
-        let mut header = Vec::new();
-        if at > 0 {
-            file.seek(SeekFrom::Start(0))?;
-            (&file).take(StreamHeader::BYTES as u64).read_to_end(&mut header)?;
+        let container = container(&file)?;
+        let (header_bytes, at) = match container {
+            Container::Isv => last_entry(&file).map(|at| (StreamHeader::BYTES as u64, at)),
+            Container::Mp4 => Mp4File::open(BufReader::new(&file)).ok().and_then(|mp4| mp4.last_entry()),
         }
+        .unwrap_or((0, 0));
+        let mut header = Vec::new();
+        file.seek(SeekFrom::Start(0))?;
+        (&file).take(header_bytes).read_to_end(&mut header)?;
         file.seek(SeekFrom::Start(at))?;
-        let skipped = at.saturating_sub(header.len() as u64);
         let (place, stop) = (self.place.clone(), Arc::clone(stop));
         let rest = Growing { file, at, opened: found, place, folder_read: Instant::now(), stop };
-        Ok(Opened { bytes: Box::new(Cursor::new(header).chain(rest)), skipped })
+        let bytes = Cursor::new(header).chain(rest);
+        Ok(match container {
+            Container::Isv => Opened { bytes: Box::new(bytes), skipped: at.saturating_sub(header_bytes) },
+            // Places in its stream are not those in the file.
+            Container::Mp4 => Opened { bytes: Box::new(GeometryPipe::new(bytes)), skipped: 0 },
+        })
     }
 }
 
-/// A file that has begun, and not as a stream does, would be searched for one for ever.
-fn refuse_what_is_no_stream(file: &File) -> io::Result<()> {
+/// The kind of file that holds a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Container {
+    Isv,
+    Mp4,
+}
+
+/// Tells the kind of a file. One that has begun, and not as a stream does, would be searched for one for ever.
+fn container(file: &File) -> io::Result<Container> {
     let (mut file, mut start) = (file, Vec::new());
     file.take(MAGIC.len() as u64).read_to_end(&mut start)?;
     file.seek(SeekFrom::Start(0))?;
+    if is_mp4(&start) {
+        return Ok(Container::Mp4);
+    }
     match MAGIC.starts_with(&start) {
-        true => Ok(()),
-        false => Err(io::Error::new(io::ErrorKind::InvalidData, "not an .isv stream")),
+        true => Ok(Container::Isv),
+        false => Err(io::Error::new(io::ErrorKind::InvalidData, "not an .isv stream and no MP4 file")),
     }
 }
 
@@ -174,7 +192,8 @@ impl Place {
 /// Whether a path has the ending of a stream. Hidden files are not yet what they will be.
 fn is_stream(path: &Path) -> bool {
     let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-    !is_hidden && path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("isv"))
+    let is_ours = |end: &OsStr| ["isv", "mp4"].iter().any(|ending| end.eq_ignore_ascii_case(ending));
+    !is_hidden && path.extension().is_some_and(is_ours)
 }
 
 impl Candidate {
@@ -255,12 +274,13 @@ mod tests {
         let verdict = |bytes: &[u8]| {
             fs::write(&path, bytes).unwrap();
             let mut file = File::open(&path).unwrap();
-            refuse_what_is_no_stream(&file).map(|()| file.stream_position().unwrap())
+            container(&file).map(|kind| (kind, file.stream_position().unwrap()))
         };
         // It may not have been written further yet.
         for begun in [&MAGIC[..0], &MAGIC[..3], &[&MAGIC[..], b"more"].concat()] {
-            assert_eq!(verdict(begun).unwrap(), 0);
+            assert_eq!(verdict(begun).unwrap(), (Container::Isv, 0));
         }
+        assert_eq!(verdict(b"\0\0\0\x18ftypiso6").unwrap(), (Container::Mp4, 0));
         for other in [&b"ply\nformat"[..], b"\x89PNG", b"i"] {
             assert!(verdict(other).unwrap_err().to_string().contains("not an .isv stream"));
         }
