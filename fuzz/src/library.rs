@@ -52,7 +52,7 @@ pub fn call_library(bytes: &[u8]) {
     checked.expect("a writer takes options that are right");
     let mut taken = 0;
     for _ in 0..MAX_FRAMES {
-        let pushed = match script.byte() % 7 {
+        let pushed = match script.byte() % 8 {
             0 => break,
             1 | 2 => writer.push_mesh(&mesh(&mut script)),
             3 => writer.push_points(&points(&mut script)),
@@ -65,9 +65,8 @@ pub fn call_library(bytes: &[u8]) {
                 writer.push_depth_and_colour(&[view], &colours)
             }
             5 => writer.push_volume(&volume(&mut script)),
-            _ => {
-                writer.push_mesh_at(&mesh(&mut script), Duration::from_nanos(u64::from(script.byte()) << 40))
-            }
+            6 => writer.push_mesh_at(&mesh(&mut script), time(&mut script)),
+            _ => writer.push_points_at(&points(&mut script), time(&mut script)),
         };
         taken += usize::from(pushed.is_ok());
     }
@@ -120,6 +119,10 @@ fn options(script: &mut Script) -> EncodeOptions {
         };
     }
     options
+}
+
+fn time(script: &mut Script) -> Duration {
+    Duration::from_nanos(u64::from(script.byte()) << 40)
 }
 
 fn mesh(script: &mut Script) -> Mesh {

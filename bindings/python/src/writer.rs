@@ -87,8 +87,8 @@ impl Writer {
         let colours = colours(colors.as_ref())?;
         let mesh = Mesh { positions, triangles, colours, normals: Vec::new() };
         self.with(py, |target| {
-            each_target!(target, writer => match time_ns {
-                Some(time_ns) => writer.push_mesh_at(&mesh, Duration::from_nanos(time_ns)),
+            each_target!(target, writer => match time(time_ns) {
+                Some(time) => writer.push_mesh_at(&mesh, time),
                 None => writer.push_mesh(&mesh),
             })
         })
@@ -101,6 +101,7 @@ impl Writer {
         normals: Option<PyReadonlyArray2<'_, f32>>,
         colors: Option<PyReadonlyArray2<'_, u8>>,
         viewpoint: Option<[f64; 3]>,
+        time_ns: Option<u64>,
     ) -> PyResult<()> {
         let positions = self.places("positions", &positions)?;
         let mut normals = normals.map_or(Ok(Vec::new()), |normals| arrays::to_rows("normals", &normals))?;
@@ -113,7 +114,12 @@ impl Writer {
         }
         let colours = colours(colors.as_ref())?;
         let points = Points { positions, normals, colours, viewpoint: viewpoint.map(place) };
-        self.with(py, |target| each_target!(target, writer => writer.push_points(&points)))
+        self.with(py, |target| {
+            each_target!(target, writer => match time(time_ns) {
+                Some(time) => writer.push_points_at(&points, time),
+                None => writer.push_points(&points),
+            })
+        })
     }
 
     fn push_depth(
@@ -121,14 +127,17 @@ impl Writer {
         py: Python<'_>,
         depths: Vec<PyDepth<'_>>,
         colors: Vec<PyColour<'_>>,
+        time_ns: Option<u64>,
     ) -> PyResult<()> {
         self.refuse_placement("depth images")?;
         let depths: Vec<_> = depths.iter().map(depth_view).collect::<PyResult<_>>()?;
         let colours: Vec<_> = colors.iter().map(colour_view).collect::<PyResult<_>>()?;
-        self.with(
-            py,
-            |target| each_target!(target, writer => writer.push_depth_and_colour(&depths, &colours)),
-        )
+        self.with(py, |target| {
+            each_target!(target, writer => match time(time_ns) {
+                Some(time) => writer.push_depth_and_colour_at(&depths, &colours, time),
+                None => writer.push_depth_and_colour(&depths, &colours),
+            })
+        })
     }
 
     fn push_volume(
@@ -138,13 +147,19 @@ impl Writer {
         truncation_voxels: u32,
         coords: PyReadonlyArray2<'_, i32>,
         distances: PyReadonlyArray4<'_, f32>,
+        time_ns: Option<u64>,
     ) -> PyResult<()> {
         self.refuse_placement("volumes")?;
         let edge = u32::try_from(distances.shape()[1]).unwrap_or(u32::MAX);
         let coords = arrays::to_rows("coords", &coords)?;
         let distances_m = distances.as_array().iter().copied().collect();
         let volume = VolumeArrays { voxel_m, edge, truncation_voxels, coords, distances_m };
-        self.with(py, |target| each_target!(target, writer => writer.push_volume_arrays(&volume)))
+        self.with(py, |target| {
+            each_target!(target, writer => match time(time_ns) {
+                Some(time) => writer.push_volume_arrays_at(&volume, time),
+                None => writer.push_volume_arrays(&volume),
+            })
+        })
     }
 
     /// Completes the stream.
@@ -212,6 +227,10 @@ impl Writer {
 
 fn closed() -> PyErr {
     PyValueError::new_err("the writer is closed")
+}
+
+fn time(time_ns: Option<u64>) -> Option<Duration> {
+    time_ns.map(Duration::from_nanos)
 }
 
 fn colours(array: Option<&PyReadonlyArray2<'_, u8>>) -> PyResult<Vec<[u8; 3]>> {

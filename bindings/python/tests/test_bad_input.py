@@ -315,11 +315,9 @@ def test_sources_and_outputs_of_other_types_are_refused(tmp_path: Path, stream: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_frames_of_other_kinds_than_the_first_are_refused() -> None:
+def test_negative_times_and_units_of_cameras_are_refused() -> None:
     with isv.Writer(io.BytesIO(), voxel=VOXEL) as writer:
         writer.push(box())
-        with pytest.raises(TypeError, match="times are for meshes alone"):
-            writer.push(isv.maps.from_dense(sphere_field(), VOXEL), time=1.0)
         with pytest.raises(ValueError, match="seconds from 0 on"):
             writer.push(box(), time=-1.0)
     with isv.Writer(io.BytesIO(), units="mm") as writer, pytest.raises(ValueError, match="for meshes and points"):

@@ -277,6 +277,22 @@ def test_times_are_kept(tmp_path: Path) -> None:
         assert [frame.timestamp_ns for frame in take] == [0, 50_000_000, 500_000_000]
 
 
+@pytest.mark.parametrize("kind", ["points", "depth", "volume"])
+def test_times_of_other_frames_are_kept(kind: str) -> None:
+    pose = np.eye(4)
+    frames: dict[str, Any] = {
+        "points": isv.Points(box().vertices),
+        "depth": isv.DepthImage(np.full((48, 64), 1.0, np.float32), isv.Camera((60, 60), (32, 24), pose)),
+        "volume": isv.maps.from_dense(sphere_field(), VOXEL),
+    }
+    file = io.BytesIO()
+    with isv.Writer(file, voxel=VOXEL) as writer:
+        for time in [10.0, 10.05, 10.5]:
+            writer.push(frames[kind], time=time)
+    with isv.open(file.getvalue()) as take:
+        assert [frame.timestamp_ns for frame in take] == [0, 50_000_000, 500_000_000]
+
+
 def test_reports_say_what_became_of_the_take(tmp_path: Path) -> None:
     path = tmp_path / "report.isv"
     steps: list[tuple[int, int | None]] = []

@@ -172,7 +172,7 @@ class Writer:
                 or ``trimesh.PointCloud``, an ``open3d`` mesh or point cloud of either API, :class:`Points`, an array
                 of positions (N, 3), :class:`DepthImage` or a list of these and of :class:`ColorImage`,
                 :class:`Volume`.
-            time: Time at which it was taken (s), from any start; meshes alone. Later frames have later times.
+            time: Time at which it was taken (s), from any start. Later frames have later times.
 
         Raises:
             TypeError: The frame is none of these, or an array has another dtype.
@@ -193,22 +193,21 @@ class Writer:
 
     def _push(self, frame: AnyFrame, time: float | None) -> None:
         native = self._native
-        if time is not None and not isinstance(frame, Mesh):
-            raise TypeError("times are for meshes alone")
+        time_ns = None if time is None else round(time * 1e9)
         match frame:
             case Mesh():
-                time_ns = None if time is None else round(time * 1e9)
                 native.push_mesh(frame.vertices, frame.faces, frame.colors, time_ns)
             case Points():
-                native.push_points(frame.positions, frame.normals, frame.colors, frame.viewpoint)
+                native.push_points(frame.positions, frame.normals, frame.colors, frame.viewpoint, time_ns)
             case Volume():
-                native.push_volume(frame.voxel, frame.truncation, frame.coords, frame.distances)
+                native.push_volume(frame.voxel, frame.truncation, frame.coords, frame.distances, time_ns)
             case list():
                 depths = [image for image in frame if isinstance(image, DepthImage)]
                 colors = [image for image in frame if isinstance(image, ColorImage)]
                 native.push_depth(
                     [(image.depth, _camera(image.camera)) for image in depths],
                     [(image.color, _camera(image.camera), image.depth_image) for image in colors],
+                    time_ns,
                 )
 
     def close(self) -> Report:

@@ -88,11 +88,13 @@ class Writer:
         normals: NDArray[np.float32] | None,
         colors: NDArray[np.uint8] | None,
         viewpoint: tuple[float, float, float] | None,
+        time_ns: int | None,
     ) -> None: ...
     def push_depth(
         self,
         depths: list[tuple[NDArray[np.float32], _Camera]],
         colors: list[tuple[NDArray[np.uint8], _Camera, int | None]],
+        time_ns: int | None,
     ) -> None: ...
     def push_volume(
         self,
@@ -100,6 +102,7 @@ class Writer:
         truncation_voxels: int,
         coords: NDArray[np.int32],
         distances: NDArray[np.float32],
+        time_ns: int | None,
     ) -> None: ...
     def finish(self) -> _Report: ...
     def abandon(self) -> None: ...

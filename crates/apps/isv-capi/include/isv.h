@@ -543,7 +543,7 @@ typedef struct isv_dense_volume {
 #define ISV_REFRESH_GRADUAL 1
 
 /**
- * Times of the capture, or of `isv_writer_push_mesh_at`. Without any, the frame rate. The default.
+ * Times of the capture, or of `isv_writer_push_mesh_at` and the like. Without any, the frame rate. The default.
  */
 #define ISV_TIMESTAMPS_SOURCE 0
 
@@ -1143,6 +1143,13 @@ isv_status isv_writer_push_points(struct isv_writer *writer,
                                   const struct isv_points *points);
 
 /**
+ * Encodes points that were taken at a time (ns), from any start. Later frames have later times.
+ */
+isv_status isv_writer_push_points_at(struct isv_writer *writer,
+                                     const struct isv_points *points,
+                                     uint64_t time_ns);
+
+/**
  * Encodes what depth cameras, and perhaps colour cameras, saw at one instant.
  *
  * `depth_images` has `depth_count` images, at least 1. `colour_images` has `colour_count` images, and is null for none. A stream has
@@ -1155,14 +1162,38 @@ isv_status isv_writer_push_depth(struct isv_writer *writer,
                                  size_t colour_count);
 
 /**
+ * Encodes what cameras saw at a time (ns), from any start. Later frames have later times. See `isv_writer_push_depth`.
+ */
+isv_status isv_writer_push_depth_at(struct isv_writer *writer,
+                                    const struct isv_depth_image *depth_images,
+                                    size_t depth_count,
+                                    const struct isv_colour_image *colour_images,
+                                    size_t colour_count,
+                                    uint64_t time_ns);
+
+/**
  * Encodes a sparse field of signed distances.
  */
 isv_status isv_writer_push_volume(struct isv_writer *writer, const struct isv_volume *volume);
 
 /**
+ * Encodes a sparse field of signed distances of a time (ns), from any start. Later frames have later times.
+ */
+isv_status isv_writer_push_volume_at(struct isv_writer *writer,
+                                     const struct isv_volume *volume,
+                                     uint64_t time_ns);
+
+/**
  * Encodes a dense field of signed distances. Parts of it that are not observed, or far outside, cost nothing.
  */
 isv_status isv_writer_push_dense_volume(struct isv_writer *writer, const struct isv_dense_volume *volume);
+
+/**
+ * Encodes a dense field of signed distances of a time (ns), from any start. Later frames have later times.
+ */
+isv_status isv_writer_push_dense_volume_at(struct isv_writer *writer,
+                                           const struct isv_dense_volume *volume,
+                                           uint64_t time_ns);
 
 /**
  * Completes the stream, and gives a file its name. `report` may be null. Afterwards only `isv_writer_free` may follow.

@@ -44,7 +44,7 @@ pub const ISV_REFRESH_GRADUAL: isv_refresh = 1;
 
 /// Source of the frames' times: one of the numbers `ISV_TIMESTAMPS_...`.
 pub type isv_timestamps = i32;
-/// Times of the capture, or of `isv_writer_push_mesh_at`. Without any, the frame rate. The default.
+/// Times of the capture, or of `isv_writer_push_mesh_at` and the like. Without any, the frame rate. The default.
 pub const ISV_TIMESTAMPS_SOURCE: isv_timestamps = 0;
 /// One frame after the other at the frame rate.
 pub const ISV_TIMESTAMPS_RATE: isv_timestamps = 1;

@@ -135,6 +135,22 @@ pub unsafe extern "C" fn isv_writer_push_mesh_at(
     })
 }
 
+/// Arrays of points of the caller's.
+///
+/// # Safety
+/// Pointers of the struct are null, misaligned, or good for as many numbers as isv.h says.
+unsafe fn points_from(points: &isv_points) -> Outcome<Points> {
+    // SAFETY: the caller vouches for it.
+    unsafe {
+        Ok(Points {
+            positions: slice("positions", points.positions.cast(), points.count)?.to_vec(),
+            normals: optional_slice("normals", points.normals.cast(), points.count)?.to_vec(),
+            colours: optional_slice("colours", points.colours.cast(), points.count)?.to_vec(),
+            viewpoint: optional_slice("viewpoint", points.viewpoint.cast(), 1)?.first().copied(),
+        })
+    }
+}
+
 /// Encodes points. None at all are a frame without a surface.
 ///
 /// Without normals a thin shell is made around them, unless `isv_encode_options_set_estimated_normals` asks for estimates.
@@ -146,17 +162,46 @@ pub unsafe extern "C" fn isv_writer_push_points(
     call_ok(|| {
         let state = handle::get(writer)?;
         // SAFETY: isv.h asks for a struct, and for arrays in it.
-        let points = unsafe {
-            let points = read(points)?;
-            Points {
-                positions: slice("positions", points.positions.cast(), points.count)?.to_vec(),
-                normals: optional_slice("normals", points.normals.cast(), points.count)?.to_vec(),
-                colours: optional_slice("colours", points.colours.cast(), points.count)?.to_vec(),
-                viewpoint: optional_slice("viewpoint", points.viewpoint.cast(), 1)?.first().copied(),
-            }
-        };
+        let points = unsafe { points_from(&read(points)?)? };
         on_writer!(&mut *lock(&state)?, writer => writer.push_points(&points))
     })
+}
+
+/// Encodes points that were taken at a time (ns), from any start. Later frames have later times.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_writer_push_points_at(
+    writer: *mut isv_writer,
+    points: *const isv_points,
+    time_ns: u64,
+) -> isv_status {
+    call_ok(|| {
+        let state = handle::get(writer)?;
+        // SAFETY: isv.h asks for a struct, and for arrays in it.
+        let points = unsafe { points_from(&read(points)?)? };
+        on_writer!(&mut *lock(&state)?, writer => writer.push_points_at(&points, Duration::from_nanos(time_ns)))
+    })
+}
+
+/// Images of cameras of the caller's.
+///
+/// # Safety
+/// Pointers are null, misaligned, or good for as many images, and those for as many pixels, as isv.h says.
+unsafe fn views_from(
+    depth_images: *const isv_depth_image,
+    depth_count: usize,
+    colour_images: *const isv_colour_image,
+    colour_count: usize,
+) -> Outcome<(Vec<DepthView>, Vec<ColourView>)> {
+    if depth_count == 0 {
+        return Err(Failure::argument("depth_count is 0: a frame has at least 1 depth image"));
+    }
+    // SAFETY: the caller vouches for it.
+    unsafe {
+        let depths = slice("depth_images", depth_images, depth_count)?.iter().map(|image| depth_from(image));
+        let colours = slice("colour_images", colour_images, colour_count)?;
+        let colours = colours.iter().map(|image| colour_from(image, depth_count));
+        Ok((depths.collect::<Outcome<_>>()?, colours.collect::<Outcome<_>>()?))
+    }
 }
 
 /// Encodes what depth cameras, and perhaps colour cameras, saw at one instant.
@@ -173,18 +218,30 @@ pub unsafe extern "C" fn isv_writer_push_depth(
 ) -> isv_status {
     call_ok(|| {
         let state = handle::get(writer)?;
-        if depth_count == 0 {
-            return Err(Failure::argument("depth_count is 0: a frame has at least 1 depth image"));
-        }
         // SAFETY: isv.h asks for arrays of images, and for arrays in them.
-        let (depths, colours) = unsafe {
-            let depths =
-                slice("depth_images", depth_images, depth_count)?.iter().map(|image| depth_from(image));
-            let colours = slice("colour_images", colour_images, colour_count)?;
-            let colours = colours.iter().map(|image| colour_from(image, depth_count));
-            (depths.collect::<Outcome<Vec<_>>>()?, colours.collect::<Outcome<Vec<_>>>()?)
-        };
+        let (depths, colours) =
+            unsafe { views_from(depth_images, depth_count, colour_images, colour_count)? };
         on_writer!(&mut *lock(&state)?, writer => writer.push_depth_and_colour(&depths, &colours))
+    })
+}
+
+/// Encodes what cameras saw at a time (ns), from any start. Later frames have later times. See `isv_writer_push_depth`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_writer_push_depth_at(
+    writer: *mut isv_writer,
+    depth_images: *const isv_depth_image,
+    depth_count: usize,
+    colour_images: *const isv_colour_image,
+    colour_count: usize,
+    time_ns: u64,
+) -> isv_status {
+    call_ok(|| {
+        let state = handle::get(writer)?;
+        // SAFETY: isv.h asks for arrays of images, and for arrays in them.
+        let (depths, colours) =
+            unsafe { views_from(depth_images, depth_count, colour_images, colour_count)? };
+        let time = Duration::from_nanos(time_ns);
+        on_writer!(&mut *lock(&state)?, writer => writer.push_depth_and_colour_at(&depths, &colours, time))
     })
 }
 
@@ -257,6 +314,22 @@ pub unsafe extern "C" fn isv_writer_push_volume(
     })
 }
 
+/// Encodes a sparse field of signed distances of a time (ns), from any start. Later frames have later times.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_writer_push_volume_at(
+    writer: *mut isv_writer,
+    volume: *const isv_volume,
+    time_ns: u64,
+) -> isv_status {
+    call_ok(|| {
+        let state = handle::get(writer)?;
+        // SAFETY: isv.h asks for a struct, and for arrays in it.
+        let volume = unsafe { volume_from(&read(volume)?)? };
+        let time = Duration::from_nanos(time_ns);
+        on_writer!(&mut *lock(&state)?, writer => writer.push_volume_arrays_at(&volume, time))
+    })
+}
+
 /// # Safety
 /// Pointers of the struct are null, misaligned, or good for as many numbers as isv.h says.
 unsafe fn volume_from(volume: &isv_volume) -> Outcome<VolumeArrays> {
@@ -288,6 +361,21 @@ pub unsafe extern "C" fn isv_writer_push_dense_volume(
         // SAFETY: isv.h asks for a struct, and for an array in it.
         let volume = unsafe { dense_from(&read(volume)?)? };
         on_writer!(&mut *lock(&state)?, writer => writer.push_volume(&volume))
+    })
+}
+
+/// Encodes a dense field of signed distances of a time (ns), from any start. Later frames have later times.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_writer_push_dense_volume_at(
+    writer: *mut isv_writer,
+    volume: *const isv_dense_volume,
+    time_ns: u64,
+) -> isv_status {
+    call_ok(|| {
+        let state = handle::get(writer)?;
+        // SAFETY: isv.h asks for a struct, and for an array in it.
+        let volume = unsafe { dense_from(&read(volume)?)? };
+        on_writer!(&mut *lock(&state)?, writer => writer.push_volume_at(&volume, Duration::from_nanos(time_ns)))
     })
 }
 

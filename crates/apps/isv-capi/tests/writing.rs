@@ -62,13 +62,13 @@ fn a_wrong_mesh_costs_itself_alone() {
     ok(isv_writer_free(writer));
 }
 
-#[test]
-fn times_are_kept() {
+/// Checks that a call that pushes a frame at a time keeps it.
+#[track_caller]
+fn keeps_times(push: impl Fn(*mut isv_writer, u64) -> isv_status) {
     let mut bytes = Vec::new();
     let writer = writer_to(&mut bytes, null());
     for time in [5_000_000_000, 5_100_000_000, 7_000_000_000] {
-        // SAFETY: the mesh is good.
-        ok(unsafe { isv_writer_push_mesh_at(writer, &Cuboid::new(0.0).mesh(), time) });
+        ok(push(writer, time));
     }
     // SAFETY: no report is wanted.
     ok(unsafe { isv_writer_finish(writer, null_mut()) });
@@ -83,6 +83,16 @@ fn times_are_kept() {
         ok(isv_frame_free(frame));
     }
     ok(isv_reader_free(reader));
+}
+
+#[test]
+fn times_are_kept() {
+    // SAFETY: the mesh is good.
+    keeps_times(|writer, time| unsafe { isv_writer_push_mesh_at(writer, &Cuboid::new(0.0).mesh(), time) });
+    let positions: Vec<f32> = (0..300).map(|i| (i % 100) as f32 * 0.005).collect();
+    let points = isv_points { count: 100, positions: positions.as_ptr(), ..sized!(isv_points) };
+    // SAFETY: the array is good.
+    keeps_times(|writer, time| unsafe { isv_writer_push_points_at(writer, &points, time) });
 }
 
 /// Lowest and highest x of the only frame of a stream.
@@ -212,6 +222,8 @@ fn depth_and_colour_images_become_streams() {
     }
     ok(isv_writer_free(writer));
     assert_near(extent(&bytes), [-0.53, 0.53], 0.06);
+    // SAFETY: arrays are good.
+    keeps_times(|writer, time| unsafe { isv_writer_push_depth_at(writer, &depth, 1, &colour, 1, time) });
 }
 
 #[test]
@@ -260,6 +272,8 @@ fn dense_and_sparse_volumes_become_streams() {
     }
     ok(isv_writer_free(writer));
     assert_near(extent(&bytes), [-0.2, 0.2], 0.005);
+    // SAFETY: the array is good.
+    keeps_times(|writer, time| unsafe { isv_writer_push_dense_volume_at(writer, &dense, time) });
 
     // What comes out sparse goes in again.
     let reader = open(&bytes);
@@ -293,6 +307,8 @@ fn dense_and_sparse_volumes_become_streams() {
         ok(isv_writer_finish(writer, null_mut()));
     }
     ok(isv_writer_free(writer));
+    // SAFETY: arrays are good.
+    keeps_times(|writer, time| unsafe { isv_writer_push_volume_at(writer, &sparse, time) });
     ok(isv_frame_free(frame));
     ok(isv_reader_free(reader));
     assert_near(extent(&again), [-0.2, 0.2], 0.01);

@@ -163,10 +163,7 @@ impl<W: Write> Writer<W> {
         views: &[DepthView],
         colours: &[ColourView],
     ) -> Result<(), Error> {
-        let images = views.iter().map(DepthView::to_raw).collect::<Result<_, _>>()?;
-        let colours = colours.iter().map(ColourView::to_raw).collect::<Result<_, _>>()?;
-        self.encoder.push_with_views(Content::Depth(images), colours, None)?;
-        Ok(())
+        self.push_views(views, colours, None)
     }
 
     /// Encodes a field.
@@ -190,9 +187,52 @@ impl<W: Write> Writer<W> {
     /// # Errors
     /// See [`Self::push_mesh`].
     pub fn push_mesh_at(&mut self, mesh: &Mesh, time: Duration) -> Result<(), Error> {
-        let nanoseconds = u64::try_from(time.as_nanos())
-            .map_err(|_| Error::new(ErrorKind::Frame, "a time is at most 584 years"))?;
-        self.push(Content::Geometry(Geometry::Mesh(mesh.to_raw())), Some(nanoseconds))
+        self.push(Content::Geometry(Geometry::Mesh(mesh.to_raw())), Some(nanoseconds(time)?))
+    }
+
+    /// Encodes points that were taken at a time, from any start. Later frames have later times.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_points_at(&mut self, points: &Points, time: Duration) -> Result<(), Error> {
+        self.push(Content::Geometry(Geometry::Points(points.to_raw())), Some(nanoseconds(time)?))
+    }
+
+    /// Encodes what depth cameras saw at a time, from any start. Later frames have later times.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_depth_at(&mut self, views: &[DepthView], time: Duration) -> Result<(), Error> {
+        self.push_depth_and_colour_at(views, &[], time)
+    }
+
+    /// Encodes what depth and colour cameras saw at a time, from any start. Later frames have later times.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_depth_and_colour_at(
+        &mut self,
+        views: &[DepthView],
+        colours: &[ColourView],
+        time: Duration,
+    ) -> Result<(), Error> {
+        self.push_views(views, colours, Some(nanoseconds(time)?))
+    }
+
+    /// Encodes a field of a time, from any start. Later frames have later times.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_volume_at(&mut self, volume: &Volume, time: Duration) -> Result<(), Error> {
+        self.push(Content::Volume(volume.to_raw()?), Some(nanoseconds(time)?))
+    }
+
+    /// Encodes a field in plain arrays, of a time, from any start. Later frames have later times.
+    ///
+    /// # Errors
+    /// See [`Self::push_mesh`].
+    pub fn push_volume_arrays_at(&mut self, volume: &VolumeArrays, time: Duration) -> Result<(), Error> {
+        self.push(Content::Volume(volume.to_raw()?), Some(nanoseconds(time)?))
     }
 
     /// Completes the stream and gives back the sink.
@@ -210,6 +250,22 @@ impl<W: Write> Writer<W> {
         self.encoder.push(content, timestamp_ns)?;
         Ok(())
     }
+
+    fn push_views(
+        &mut self,
+        views: &[DepthView],
+        colours: &[ColourView],
+        timestamp_ns: Option<u64>,
+    ) -> Result<(), Error> {
+        let images = views.iter().map(DepthView::to_raw).collect::<Result<_, _>>()?;
+        let colours = colours.iter().map(ColourView::to_raw).collect::<Result<_, _>>()?;
+        self.encoder.push_with_views(Content::Depth(images), colours, timestamp_ns)?;
+        Ok(())
+    }
+}
+
+fn nanoseconds(time: Duration) -> Result<u64, Error> {
+    u64::try_from(time.as_nanos()).map_err(|_| Error::new(ErrorKind::Frame, "a time is at most 584 years"))
 }
 
 impl<W: Write> std::fmt::Debug for Writer<W> {

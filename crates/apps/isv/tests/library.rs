@@ -605,6 +605,40 @@ fn times_are_kept() {
     assert_eq!(found, times.map(|time| time - times[0]));
 }
 
+#[test]
+fn times_of_all_kinds_of_frames_are_kept() {
+    let (start, step) = (Duration::from_secs(9), Duration::from_millis(70));
+    type Push<'a> = &'a dyn Fn(&mut Writer<Vec<u8>>, Duration) -> Result<(), isv::Error>;
+    let check = |name: &str, push: Push| {
+        let mut writer = Writer::new(Vec::new(), &EncodeOptions::new().voxel(20.mm())).unwrap();
+        for time in [start, start + step] {
+            push(&mut writer, time).unwrap();
+        }
+        assert_eq!(kind(push(&mut writer, Duration::MAX)), ErrorKind::Frame, "{name}");
+        let bytes = writer.into_inner().unwrap().0;
+        let found: Vec<_> = reader(&bytes).map(|frame| frame.unwrap().timestamp()).collect();
+        assert_eq!(found, [Duration::ZERO, step], "{name}");
+    };
+    let normals: Vec<_> = (0..500).map(|i| (i as f32 * 2.4).sin_cos()).map(|(x, z)| [x, 0.0, z]).collect();
+    let positions =
+        normals.iter().enumerate().map(|(i, [x, _, z])| [0.2 * x, 0.001 * i as f32, 0.2 * z]).collect();
+    let points = Points { positions, normals, ..Points::default() };
+    check("points", &|writer, time| writer.push_points_at(&points, time));
+    let camera_to_world = [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.], [0., 0., 0., 1.]];
+    let (width, height, focal, principal) = (64, 48, [60.0, 60.0], [31.5, 23.5]);
+    let views =
+        [DepthView { width, height, focal, principal, camera_to_world, depths_m: vec![1.0; 64 * 48] }];
+    check("depth", &|writer, time| writer.push_depth_at(&views, time));
+    let colours = vec![[200, 40, 40]; 64 * 48];
+    let colours =
+        [ColourView { width, height, focal, principal, camera_to_world, colours, depth_view: Some(0) }];
+    check("depth and colour", &|writer, time| writer.push_depth_and_colour_at(&views, &colours, time));
+    let frame = reader(&stream(&options(), 1)).next_frame().unwrap().unwrap();
+    let (volume, arrays) = (frame.volume().unwrap(), frame.volume_arrays().unwrap());
+    check("volume", &|writer, time| writer.push_volume_at(&volume, time));
+    check("arrays", &|writer, time| writer.push_volume_arrays_at(&arrays, time));
+}
+
 /// Files of a stream, one frame each, or one of all.
 #[test]
 fn streams_decode_to_files() {
