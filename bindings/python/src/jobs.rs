@@ -4,13 +4,14 @@ use crate::files::{PySink, Raised};
 use crate::options::Options;
 use crate::writer::TakeSink;
 use crate::{errors, threads};
-use isv::raw::format::MAGIC;
-use isv::raw::io::{AtomicFile, Output, check_not_input, check_overwriting, check_stream_name};
+use isv::raw::io::{Output, check_not_input};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::capture::{Capture, Hints};
 use isv::raw::take::encode::Settled;
-use isv::raw::take::stream::{self, DecodeSettings, JoinedTimes, StreamInfo};
-use isv::raw::take::{FrameRange, Input, MemoryLimit, OpenDevice};
+use isv::raw::take::stream::{
+    self, Container, DecodeSettings, JoinedTimes, StreamInfo, StreamOutput, Tracks,
+};
+use isv::raw::take::{FrameRange, Input, MemoryLimit, OpenDevice, StreamError};
 use isv::{Cancellation, Event, Report, SignMode, Unit, Up};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
@@ -112,12 +113,7 @@ fn run<T: Send>(
 
 /// Refuses an output that is read, or that is there and is no stream.
 pub(crate) fn check_output(py: Python<'_>, inputs: &[&Path], output: &Path) -> PyResult<()> {
-    let check = || {
-        check_not_input(inputs, output)?;
-        check_overwriting(output, "is no .isv stream", |start| start.starts_with(&MAGIC))?;
-        check_stream_name(output)
-    };
-    check().map_err(|error| errors::with_kind(py, "output", error))
+    stream::check_output(inputs, output).map_err(|error| errors::with_kind(py, "output", error))
 }
 
 /// Refuses an output that is read.
@@ -140,8 +136,8 @@ pub(crate) fn encode(
     let sink = match output.extract::<PathBuf>() {
         Ok(path) => {
             check_output(py, &[&input], &path)?;
-            let file = AtomicFile::create(&path);
-            TakeSink::File(file.map_err(|error| errors::with_kind(py, "output", error))?)
+            let file = isv::FileSink::create(&path);
+            TakeSink::File(file.map_err(|error| errors::of_library(py, error))?)
         }
         Err(_) => TakeSink::Python(PySink::new(output, &raised)?),
     };
@@ -153,7 +149,7 @@ pub(crate) fn encode(
     let encoded = raised.take().map_or(encoded, Err)?;
     let (sink, done) = encoded.map_err(|error| errors::of_library(py, error))?;
     if let TakeSink::File(file) = sink {
-        file.commit().map_err(|error| errors::with_kind(py, "output", error))?;
+        file.commit().map_err(|error| errors::of_library(py, error))?;
     }
     Ok(report(&done))
 }
@@ -323,9 +319,11 @@ pub(crate) fn repair(
     check_output(py, &inputs, &output)?;
     let other = header_from.map(Input::from);
     let repaired = py.detach(|| {
-        let create = || Ok(Output::create(&output)?);
+        let input = Input::from(&input);
+        let tracks = kept_tracks(&output, || stream::tracks_beside(&input, None))?;
+        let create = || StreamOutput::create(&output, tracks);
         // What can be decoded is found by decoding.
-        threads::run(|| stream::repair(&Input::from(&input), other.as_ref(), MemoryLimit::default(), create))
+        threads::run(|| stream::repair(&input, other.as_ref(), MemoryLimit::default(), create))
     });
     let (file, done) = repaired.map_err(|error| errors::of_edit(py, error))?;
     commit(file)?;
@@ -349,7 +347,9 @@ pub(crate) fn join(
     let events = Events::default();
     let joined = py.detach(|| {
         let observer = observer(&events);
-        stream::join(&inputs, times, MemoryLimit::default(), &observer, || Ok(Output::create(&output)?))
+        let tracks = kept_tracks(&output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+        let create = || StreamOutput::create(&output, tracks);
+        stream::join(&inputs, times, MemoryLimit::default(), &observer, create)
     });
     events.log(py)?;
     let (file, frames) = joined.map_err(|error| errors::of_edit(py, error))?;
@@ -369,7 +369,9 @@ pub(crate) fn cut(
     let events = Events::default();
     let copied = py.detach(|| {
         let (input, observer) = (Input::from(&input), observer(&events));
-        stream::cut(&input, range, MemoryLimit::default(), &observer, || Ok(Output::create(&output)?))
+        let tracks = kept_tracks(&output, || stream::tracks_beside(&input, Some(range)))?;
+        let create = || StreamOutput::create(&output, tracks);
+        stream::cut(&input, range, MemoryLimit::default(), &observer, create)
     });
     events.log(py)?;
     let (file, frames) = copied.map_err(|error| errors::of_edit(py, error))?;
@@ -381,6 +383,39 @@ fn observer(events: &Events) -> impl Fn(&isv::raw::take::Event) + Send + Sync + 
     move |event| handler(&Event::from(event))
 }
 
-fn commit(file: Output) -> PyResult<()> {
+/// The tracks beside a stream, where the output can have any: an MP4 file.
+fn kept_tracks(
+    output: &Path,
+    open: impl FnOnce() -> Result<Tracks, StreamError>,
+) -> Result<Tracks, StreamError> {
+    match Container::of(output) {
+        Container::Mp4 => open(),
+        _ => Ok(Tracks::new()),
+    }
+}
+
+fn commit(file: StreamOutput<Output>) -> PyResult<()> {
+    let file = file.finish().map_err(|error| PyOSError::new_err(error.to_string()))?;
     file.commit().map(drop).map_err(|error| PyOSError::new_err(error.to_string()))
+}
+
+/// Puts a stream into an MP4 file, with sound beside it. Returns the number of frames.
+#[pyfunction]
+pub(crate) fn mux(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    sound: Option<PathBuf>,
+) -> PyResult<usize> {
+    let inputs: Vec<&Path> = [Some(&input), sound.as_ref()].into_iter().flatten().map(|p| &**p).collect();
+    check_output(py, &inputs, &output)?;
+    let muxed = py.detach(|| isv::take::mux(&input, sound.as_deref(), &output));
+    muxed.map_err(|error| errors::of_library(py, error))
+}
+
+/// Takes the stream out of an MP4 file.
+#[pyfunction]
+pub(crate) fn demux(py: Python<'_>, input: PathBuf, output: PathBuf) -> PyResult<()> {
+    check_output(py, &[&input], &output)?;
+    py.detach(|| isv::take::demux(&input, &output)).map_err(|error| errors::of_library(py, error))
 }

@@ -29,6 +29,8 @@ fn _isv(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::info, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::repair, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::mux, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::demux, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::join, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::cut, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::frame_files, module)?)?;

@@ -1,7 +1,9 @@
 //! Options of encoding from Python's names.
 
 use isv::raw::take::FrameRange;
-use isv::{BitRate, EncodeOptions, Length, Preset, Refresh, SignMode, TimestampSource, Unit, Up};
+use isv::{
+    BitRate, EncodeOptions, Length, MetadataChoice, Preset, Refresh, SignMode, TimestampSource, Unit, Up,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -76,6 +78,17 @@ impl Options {
                     &[("main", encode.clone()), ("paper", encode.clone().as_in_paper())],
                 )?,
                 "checksums" => encode.checksums(value.extract()?),
+                "title" => encode.title(value.extract::<String>()?),
+                "capture_device" => encode.capture_device(value.extract::<String>()?),
+                "metadata" => encode.metadata(pick(
+                    &name,
+                    &choice()?,
+                    &[
+                        ("auto", MetadataChoice::Auto),
+                        ("always", MetadataChoice::Always),
+                        ("never", MetadataChoice::Never),
+                    ],
+                )?),
                 "timestamps" => encode.timestamps(pick(
                     &name,
                     &choice()?,

@@ -264,7 +264,7 @@ fn size(width: usize, height: usize) -> PyResult<[u32; 2]> {
 
 /// A sink that a whole take is encoded into.
 pub(crate) enum TakeSink {
-    File(isv::raw::io::AtomicFile),
+    File(isv::FileSink),
     Python(PySink),
 }
 

@@ -237,3 +237,27 @@ def test_frames_are_drawn_as_the_command_line_draws_them(command: Command, strea
         with pytest.raises(ValueError):
             isv.draw(stream, tmp_path / "wrong.png", frames, size=size)
     assert not (tmp_path / "wrong.png").exists()
+
+
+def test_mp4_files_hold_streams_and_say_what_they_are(command: Command, tmp_path: Path) -> None:
+    stream, muxed, direct = tmp_path / "take.isv", tmp_path / "take.mp4", tmp_path / "direct.mp4"
+    frames = boxes(4)
+    isv.encode(frames, stream, voxel=VOXEL, title="Boxes", capture_device="none")
+    isv.encode(frames, direct, voxel=VOXEL, title="Boxes", capture_device="none")
+    assert isv.mux(stream, muxed) == 4
+    assert muxed.read_bytes() == direct.read_bytes()
+    command("demux", muxed, "-o", tmp_path / "back.isv")
+    isv.demux(muxed, tmp_path / "own.isv")
+    assert stream.read_bytes() == (tmp_path / "back.isv").read_bytes() == (tmp_path / "own.isv").read_bytes()
+    facts = isv.info(muxed)
+    assert (facts["metadata"]["title"], facts["metadata"]["device"]) == ("Boxes", "none")
+    assert [track["codec"] for track in facts["tracks"]] == ["isv1"]
+    with isv.open(stream) as take, isv.open(muxed) as other:
+        assert take[3].mesh().vertices.tobytes() == other[3].mesh().vertices.tobytes()
+    with isv.open(muxed.read_bytes()) as take:
+        assert len(take) == 4
+    isv.cut(muxed, tmp_path / "part.mp4", slice(0, 2))
+    assert isv.info(tmp_path / "part.mp4")["frames"] == 2
+    with pytest.raises(isv.IsvError):
+        isv.mux(stream, tmp_path / "no.mp4", sound=stream)
+    assert not (tmp_path / "no.mp4").exists()

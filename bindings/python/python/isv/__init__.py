@@ -8,7 +8,7 @@ from . import maps
 from ._data import Camera, ColorImage, DepthImage, Mesh, Points, Volume
 from ._encode import EncodeOptions, Report, Writer, encode
 from ._isv import IsvError, __version__
-from ._jobs import Repaired, cut, draw, evaluate, info, join, repair, set_threads, settle, verify
+from ._jobs import Repaired, cut, demux, draw, evaluate, info, join, mux, repair, set_threads, settle, verify
 from ._take import Frame, Take, open
 
 __all__ = [
@@ -27,12 +27,14 @@ __all__ = [
     "Writer",
     "__version__",
     "cut",
+    "demux",
     "draw",
     "encode",
     "evaluate",
     "info",
     "join",
     "maps",
+    "mux",
     "open",
     "repair",
     "set_threads",

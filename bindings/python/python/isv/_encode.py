@@ -73,6 +73,12 @@ class EncodeOptions(TypedDict, total=False):
     """Keep the whole band of distances, by profile "paper"."""
     checksums: bool
     """Put a hash of each decoded frame into the stream."""
+    title: str
+    """Title of the take, for people; ``isv.info`` has it under "metadata"."""
+    capture_device: str
+    """What captured the take, for people."""
+    metadata: Literal["auto", "always", "never"]
+    """Whether the stream says what it is [default: "auto", where it has colour, a title or a capture device]."""
     timestamps: Literal["source", "rate", "clock"]
     """What packets are stamped with [default: "source"]."""
     sign: Literal["auto", "closed", "offset", "sheet"]

@@ -15,12 +15,14 @@ __all__ = [
     "Writer",
     "__version__",
     "cut",
+    "demux",
     "draw",
     "encode",
     "evaluate",
     "frame_files",
     "info",
     "join",
+    "mux",
     "repair",
     "set_threads",
     "settle_options",
@@ -123,6 +125,8 @@ def info(path: _Path) -> str: ...
 def repair(
     input: _Path, output: _Path, header_from: _Path | None
 ) -> tuple[int, int, int, list[tuple[int, int]], bool]: ...
+def mux(input: _Path, output: _Path, sound: _Path | None) -> int: ...
+def demux(input: _Path, output: _Path) -> None: ...
 def join(inputs: list[_Path], output: _Path, keep_times: bool) -> int: ...
 def frame_files(input: _Path) -> list[Path] | None: ...
 def settle_options(input: _Path, options: dict[str, Any], every: int) -> str: ...

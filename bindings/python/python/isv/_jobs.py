@@ -15,7 +15,20 @@ from ._encode import EncodeOptions
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-__all__ = ["Repaired", "cut", "draw", "evaluate", "info", "join", "repair", "set_threads", "settle", "verify"]
+__all__ = [
+    "Repaired",
+    "cut",
+    "demux",
+    "draw",
+    "evaluate",
+    "info",
+    "join",
+    "mux",
+    "repair",
+    "set_threads",
+    "settle",
+    "verify",
+]
 
 _Path: TypeAlias = str | os.PathLike[str]
 
@@ -124,6 +137,38 @@ def repair(path: _Path, output: _Path, *, header_from: _Path | None = None) -> R
     """
     other = None if header_from is None else _there(header_from)
     return Repaired(*_isv.repair(_there(path), os.fspath(output), other))
+
+
+def mux(path: _Path, output: _Path, *, sound: _Path | None = None) -> int:
+    """Put a stream into an MP4 file, with sound beside it. Nothing is coded anew but waveforms.
+
+    Args:
+        path: The stream, an ``.isv`` or MP4 file. Tracks beside its stream stay.
+        output: The MP4 file to write, which is another file.
+        sound: An MP4, MP3, Ogg (Opus), FLAC or WAV file. WAV is coded with Opus, at 128 kbps.
+
+    Returns:
+        The number of frames.
+
+    Raises:
+        OSError: A file is not there.
+        IsvError: A file cannot be read (kind "input" or "stream"), or the output cannot be written (kind "output").
+    """
+    return _isv.mux(_there(path), os.fspath(output), None if sound is None else _there(sound))
+
+
+def demux(path: _Path, output: _Path) -> None:
+    """Take the stream out of an MP4 file, byte for byte.
+
+    Args:
+        path: The MP4 file.
+        output: The stream to write, which is another file.
+
+    Raises:
+        OSError: The file is not there.
+        IsvError: It is no MP4 file with a stream (kind "stream"), or the output cannot be written (kind "output").
+    """
+    _isv.demux(_there(path), os.fspath(output))
 
 
 def join(paths: Sequence[_Path], output: _Path, *, keep_times: bool = False) -> int:

@@ -6,7 +6,6 @@ use anyhow::{Result, anyhow};
 use isv::raw::take::decode::DecodeTakeError;
 use isv::raw::take::stream::{self, Container, EditError, Tracks};
 use isv::raw::take::{Input, StreamError};
-use std::io;
 use std::path::Path;
 
 /// The name of an input in messages.
@@ -21,16 +20,6 @@ pub(crate) fn check(path: &Path) -> Result<(), StreamError> {
 
 /// A sink for a stream, in a file that has its name once it is whole.
 pub(crate) type StreamOutput = stream::StreamOutput<Output>;
-
-/// Opens the file that a stream is written to, with tracks beside the stream. Its name says whether it is an MP4 file.
-pub(crate) fn create(path: &Path, tracks: Tracks) -> io::Result<StreamOutput> {
-    create_in(path, Container::of(path), tracks)
-}
-
-/// Opens the file that a stream is written to, of a kind.
-pub(crate) fn create_in(path: &Path, container: Container, tracks: Tracks) -> io::Result<StreamOutput> {
-    StreamOutput::new(Output::create(path)?, container, tracks).map_err(io::Error::other)
-}
 
 /// The tracks to keep of a stream that is copied into a file: those beside it, unless the file can have none, which is said then.
 pub(crate) fn kept_tracks(tracks: Tracks, input: &str, output: &Path) -> Tracks {

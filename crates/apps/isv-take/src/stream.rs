@@ -27,7 +27,7 @@ pub use mux::sound;
 #[cfg(feature = "io")]
 pub use mux::{demux, mux, picture, sound_of, tracks_beside, tracks_beside_all, write_error};
 #[cfg(feature = "io")]
-pub use output::{Container, StreamOutput, Tracks};
+pub use output::{Container, StreamOutput, Tracks, check_output};
 pub use repair::{Repaired, repair};
 #[cfg(feature = "io")]
 pub use summary::TrackSummary;

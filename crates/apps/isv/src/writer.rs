@@ -21,14 +21,21 @@ pub struct Writer<W: Write = FileSink> {
 pub struct FileSink(StreamOutput<AtomicFile>);
 
 impl FileSink {
-    pub(crate) fn create(path: &Path) -> Result<Self, Error> {
+    /// Opens a file beside its final name.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Output`].
+    pub fn create(path: &Path) -> Result<Self, Error> {
         let file = AtomicFile::create(path)?;
         let output = StreamOutput::new(file, Container::of(path), Tracks::new());
         Ok(Self(output.map_err(|error| Error::new(ErrorKind::Output, error))?))
     }
 
     /// Completes the file and gives it its name.
-    pub(crate) fn commit(self) -> Result<(), Error> {
+    ///
+    /// # Errors
+    /// [`ErrorKind::Output`], and a stream that was not written to its end.
+    pub fn commit(self) -> Result<(), Error> {
         let file = self.0.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
         file.commit()?;
         Ok(())

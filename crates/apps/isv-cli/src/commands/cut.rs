@@ -1,7 +1,8 @@
 //! `isv cut`: some frames of a stream, as they are.
 
 use crate::output::check_stream_output;
-use crate::{memory, stream, words};
+use crate::stream::{self, StreamOutput};
+use crate::{memory, words};
 use anyhow::Result;
 use isv::raw::take::stream::{cut, tracks_beside};
 use isv::raw::take::{FrameRange, Input};
@@ -28,7 +29,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     check_stream_output(&[&args.input], &args.output)?;
     let input = Input::from_argument(&args.input);
     let tracks = stream::kept_tracks(tracks_beside(&input, Some(args.frames))?, &input.name(), &args.output);
-    let create = || stream::create(&args.output, tracks);
+    let create = || StreamOutput::create(&args.output, tracks);
     let copied = cut(&input, args.frames, memory::limit(), &*words::observer(), create);
     let (output, frames) = copied.map_err(stream::edit_error)?;
     stream::commit(output, &args.output, frames)

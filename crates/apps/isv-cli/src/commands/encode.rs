@@ -274,7 +274,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     let voxel_m = job.header().grid.voxel_size.metres();
     let tracks = flags.open_tracks(&input, job.header().frame_rate, &args.output)?;
-    let output = stream::create(&args.output, tracks)?;
+    let output = StreamOutput::create(&args.output, tracks)?;
     let mut stats = StatsFile::create(args.stats.as_deref(), [&flags.input, &args.output])?;
     if options.band == Some(Band::Full) {
         progress.note(match options.profile_choice() {

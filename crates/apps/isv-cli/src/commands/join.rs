@@ -1,7 +1,8 @@
 //! `isv join`: streams one after the other, as one.
 
 use crate::output::{check_stream_output, say};
-use crate::{memory, stream, words};
+use crate::stream::{self, StreamOutput};
+use crate::{memory, words};
 use anyhow::Result;
 use isv::raw::take::Input;
 use isv::raw::take::stream::{JoinedTimes, Tracks, join, tracks_beside_all};
@@ -36,7 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     });
     let tracks = stream::kept_tracks(tracks, &inputs[0].name(), &args.output);
     let times = if args.keep_times { JoinedTimes::Keep } else { JoinedTimes::Follow };
-    let create = || stream::create(&args.output, tracks);
+    let create = || StreamOutput::create(&args.output, tracks);
     let joined = join(&inputs, times, memory::limit(), &*words::observer(), create);
     let (output, frames) = joined.map_err(stream::edit_error)?;
     stream::commit(output, &args.output, frames)

@@ -1,13 +1,14 @@
 //! `isv mux`: a stream in an MP4 file, with sound and picture beside it.
 
-use crate::output::check_stream_output;
+use crate::output::{Output, check_stream_output};
+use crate::stream::{self, StreamOutput};
 use crate::tracks::TrackArgs;
-use crate::{memory, stream, words};
+use crate::{memory, words};
 use anyhow::Result;
 use isv::raw::take::Input;
 use isv::raw::take::stream::{Container, mux, tracks_beside};
-use std::iter;
 use std::path::PathBuf;
+use std::{io, iter};
 
 /// Put a stream into an MP4 file, with sound and picture beside it. Nothing is coded anew but WAV sound
 #[derive(Debug, clap::Args)]
@@ -28,14 +29,16 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let inputs: Vec<_> = iter::once(args.input.as_path()).chain(args.tracks.files()).collect();
     check_stream_output(&inputs, &args.output)?;
-    // Whatever its name: that is what the command is for.
-    let container = Container::Mp4;
     let input = Input::from_argument(&args.input);
     let mut tracks = tracks_beside(&input, None)?;
     tracks.extend(args.tracks.open(None)?);
     let observer = words::observer();
-    let muxed =
-        mux(&input, memory::limit(), &*observer, || stream::create_in(&args.output, container, tracks));
+    // An MP4 file, whatever its name: that is what the command is for.
+    let create = || {
+        let file = Output::create(&args.output)?;
+        StreamOutput::new(file, Container::Mp4, tracks).map_err(io::Error::other)
+    };
+    let muxed = mux(&input, memory::limit(), &*observer, create);
     let (output, frames) = muxed.map_err(stream::edit_error)?;
     stream::commit_file(output, &args.output, frames)
 }

@@ -1,7 +1,8 @@
 //! `isv repair`: what is sound of a damaged stream, as a stream.
 
+use crate::memory;
 use crate::output::{check_stream_output, frames_in_words, is_pipe, print, say};
-use crate::{memory, stream};
+use crate::stream::{self, StreamOutput};
 use anyhow::Result;
 use isv::raw::take::stream::{Repaired, damage_in_words, repair, tracks_beside};
 use isv::raw::take::{Input, left_out_in_words};
@@ -33,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let other = args.header_from.as_deref().map(Input::from_argument);
     // Of an MP4 file that is damaged in its tables nothing else can be had either.
     let tracks = stream::kept_tracks(tracks_beside(&input, None)?, &input.name(), &args.output);
-    let create = || stream::create(&args.output, tracks);
+    let create = || StreamOutput::create(&args.output, tracks);
     let (output, report) =
         repair(&input, other.as_ref(), memory::limit(), create).map_err(stream::edit_error)?;
     stream::finish(output)?.commit()?;

@@ -1,6 +1,8 @@
 //! Where a stream is written to: a file of its own, or an MP4 file with sound and picture beside it.
 
-use isv_mp4::{GeometrySink, Mp4Error, SampleSource};
+use isv_format::MAGIC;
+use isv_io::{Output, OutputError, check_not_input, check_overwriting, check_stream_name};
+use isv_mp4::{GeometrySink, Mp4Error, SampleSource, is_mp4};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -27,12 +29,35 @@ impl Container {
     }
 }
 
+/// Refuses an output that is one of the inputs, that is there and holds no stream, or whose name is that of another kind of file.
+///
+/// # Errors
+/// [`OutputError`]: a slip must not cost a capture.
+pub fn check_output(inputs: &[&Path], output: &Path) -> Result<(), OutputError> {
+    check_not_input(inputs, output)?;
+    check_overwriting(output, "is no .isv stream and no MP4 file", |start| match Container::of(output) {
+        Container::Isv => start.starts_with(&MAGIC),
+        Container::Mp4 => is_mp4(start),
+    })?;
+    check_stream_name(output)
+}
+
 /// A sink for the bytes of a stream.
 pub struct StreamOutput<W: Write>(Form<W>);
 
 enum Form<W: Write> {
     Isv(W),
     Mp4(Box<GeometrySink<W>>),
+}
+
+impl StreamOutput<Output> {
+    /// Opens a file that has its name once it is whole, or standard output. Its name says its kind.
+    ///
+    /// # Errors
+    /// Those of the file, and as of [`Self::new`].
+    pub fn create(path: &Path, tracks: Tracks) -> io::Result<Self> {
+        Self::new(Output::create(path)?, Container::of(path), tracks).map_err(io::Error::other)
+    }
 }
 
 impl<W: Write> StreamOutput<W> {
