@@ -1068,6 +1068,65 @@ isv_status isv_decode_take(const char *input,
                            struct isv_decode_report *report);
 
 /**
+ * Copies frames `first` to `end - 1` of a stream, from a keyframe on. Nothing is coded anew. `end` may be `UINT64_MAX` for all.
+ *
+ * `input` and `output` are paths in UTF-8. An output that is named `.mp4` is an MP4 file. `frames` gets the number of frames, and may be
+ * null. The output has its name once it is whole.
+ */
+isv_status isv_cut(const char *input,
+                   uint64_t first,
+                   uint64_t end,
+                   const char *output,
+                   uint64_t *frames);
+
+/**
+ * Puts streams one after the other. Nothing is coded anew. They have the same profile, grid, frame rate, layers of colour and version.
+ *
+ * `inputs` has `input_count` paths, at least one. See `isv_cut` on paths, `output` and `frames`.
+ */
+isv_status isv_join(const char *const *inputs,
+                    size_t input_count,
+                    const char *output,
+                    uint64_t *frames);
+
+/**
+ * Makes a stream of what is sound in a damaged, cut or unfinished one. Packets are kept byte for byte.
+ *
+ * `header_from` is a stream of the same take, whose header stands for a damaged one; it may be null. `frames` gets the number of frames
+ * that are kept. See `isv_cut` on paths, `output` and `frames`.
+ */
+isv_status isv_repair(const char *input,
+                      const char *header_from,
+                      const char *output,
+                      uint64_t *frames);
+
+/**
+ * Puts a stream into an MP4 file, with sound beside it. Nothing is coded anew but waveforms, which become Opus.
+ *
+ * `sound` is the path of an MP4, MP3, Ogg, FLAC or WAV file; it may be null. See `isv_cut` on paths, `output` and `frames`.
+ */
+isv_status isv_mux(const char *input,
+                   const char *sound,
+                   const char *output,
+                   uint64_t *frames);
+
+/**
+ * Takes the stream out of an MP4 file, byte for byte. See `isv_cut` on paths and `output`.
+ */
+isv_status isv_demux(const char *input, const char *output);
+
+/**
+ * Measures a capture or a stream against a reference, frame by frame, as JSON: what `isv eval --json` prints. Both are what
+ * `isv_encode_take` takes, in metres and Y up.
+ *
+ * Surfaces are sampled about every `spacing_m` (m). Free the text with `isv_text_free`.
+ */
+isv_status isv_evaluate_json(const char *reference,
+                             const char *test,
+                             double spacing_m,
+                             const char **json);
+
+/**
  * Describes a stream in a file, frame by frame, as JSON: what `isv info --json` prints. `path` is UTF-8.
  *
  * Free the text with `isv_text_free`.
@@ -1075,7 +1134,7 @@ isv_status isv_decode_take(const char *input,
 isv_status isv_info_json(const char *path, const char **json);
 
 /**
- * Frees a text of `isv_info_json`. Null is no error.
+ * Frees a text of `isv_info_json` or `isv_evaluate_json`. Null is no error.
  */
 isv_status isv_text_free(const char *text);
 

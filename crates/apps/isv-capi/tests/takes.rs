@@ -115,3 +115,77 @@ fn takes_are_encoded_and_decoded_and_can_be_stopped() {
     }
     ok(isv_encode_options_free(options));
 }
+
+#[test]
+fn streams_are_cut_joined_repaired_put_into_mp4_and_measured() {
+    let folder = folder_of_meshes(6);
+    let inside = |name: &str| folder.path().join(name);
+    let options = options();
+    let (input, stream) = (c_path(folder.path()), c_path(&inside("take.isv")));
+    let frames_of = |name: &str| {
+        let mut json = null();
+        // SAFETY: the text and the place are good.
+        unsafe { ok(isv_info_json(c_path(&inside(name)).as_ptr(), &mut json)) };
+        // SAFETY: the text was just given.
+        let text: serde_json::Value =
+            serde_json::from_str(unsafe { CStr::from_ptr(json) }.to_str().unwrap()).unwrap();
+        ok(isv_text_free(json));
+        text["frames"].as_u64().unwrap()
+    };
+    // SAFETY: texts and places are good, or null.
+    unsafe {
+        ok(isv_encode_options_set_keyframe_interval(options, 3));
+        ok(isv_encode_take(input.as_ptr(), stream.as_ptr(), options, null_mut()));
+        let (a, b, both) = (c_path(&inside("a.isv")), c_path(&inside("b.isv")), c_path(&inside("ab.isv")));
+        let mut count = 0;
+        ok(isv_cut(stream.as_ptr(), 0, 3, a.as_ptr(), &mut count));
+        ok(isv_cut(stream.as_ptr(), 3, u64::MAX, b.as_ptr(), null_mut()));
+        assert_eq!((count, frames_of("b.isv")), (3, 3));
+        fails(isv_cut(stream.as_ptr(), 1, 3, a.as_ptr(), null_mut()), ISV_ERROR_STREAM, "no keyframe");
+        fails(isv_cut(stream.as_ptr(), 3, 3, a.as_ptr(), null_mut()), ISV_ERROR_OPTIONS, "3..3");
+        fails(isv_cut(null(), 0, 3, a.as_ptr(), null_mut()), ISV_ERROR_ARGUMENT, "input is null");
+        let parts = [a.as_ptr(), b.as_ptr()];
+        ok(isv_join(parts.as_ptr(), 2, both.as_ptr(), &mut count));
+        assert_eq!(count, 6);
+        assert!(std::fs::read(inside("ab.isv")).unwrap() == std::fs::read(inside("take.isv")).unwrap());
+        fails(isv_join(parts.as_ptr(), 0, both.as_ptr(), null_mut()), ISV_ERROR_OPTIONS, "no stream to join");
+        fails(isv_join(null(), 2, both.as_ptr(), null_mut()), ISV_ERROR_ARGUMENT, "inputs is null");
+        fails(
+            isv_join([null()].as_ptr(), 1, both.as_ptr(), null_mut()),
+            ISV_ERROR_ARGUMENT,
+            "an input is null",
+        );
+
+        let mut bytes = std::fs::read(inside("take.isv")).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(inside("damaged.isv"), bytes).unwrap();
+        let (damaged, mended) = (c_path(&inside("damaged.isv")), c_path(&inside("mended.isv")));
+        ok(isv_repair(damaged.as_ptr(), null(), mended.as_ptr(), &mut count));
+        assert!((1..6).contains(&count) && frames_of("mended.isv") == count, "{count}");
+
+        let (mp4, back) = (c_path(&inside("take.mp4")), c_path(&inside("back.isv")));
+        ok(isv_mux(stream.as_ptr(), null(), mp4.as_ptr(), &mut count));
+        ok(isv_demux(mp4.as_ptr(), back.as_ptr()));
+        assert!(std::fs::read(inside("back.isv")).unwrap() == std::fs::read(inside("take.isv")).unwrap());
+        fails(isv_demux(stream.as_ptr(), back.as_ptr()), ISV_ERROR_STREAM, "not an MP4 file");
+        fails(
+            isv_mux(stream.as_ptr(), stream.as_ptr(), mp4.as_ptr(), null_mut()),
+            ISV_ERROR_INPUT,
+            "take.isv",
+        );
+
+        let mut json = null();
+        ok(isv_evaluate_json(stream.as_ptr(), mp4.as_ptr(), 0.01, &mut json));
+        let text: serde_json::Value = serde_json::from_str(CStr::from_ptr(json).to_str().unwrap()).unwrap();
+        assert_eq!((text["frames"].as_array().unwrap().len(), &text["p2s_mean_mm"]), (6, &0.0.into()));
+        ok(isv_text_free(json));
+        fails(
+            isv_evaluate_json(stream.as_ptr(), mp4.as_ptr(), 0.0, &mut json),
+            ISV_ERROR_OPTIONS,
+            "spacing 0",
+        );
+        assert!(json.is_null());
+    }
+    ok(isv_encode_options_free(options));
+}

@@ -2,17 +2,29 @@
 
 use crate::{DecodeOptions, Error, ErrorKind};
 use isv_io::AtomicFile;
-use isv_take::stream::{self, Container, StreamOutput};
-use isv_take::{Event, FrameRange, Input, MemoryLimit};
+use isv_take::stream::{self, Container, JoinedTimes, StreamOutput, Tracks};
+use isv_take::{Event, FrameRange, Input, MemoryLimit, StreamError};
 use std::io;
+use std::ops::Range;
 use std::path::Path;
+
+#[cfg(feature = "encode")]
+use isv_io::{Colours, Unit};
+#[cfg(feature = "encode")]
+use isv_metrics::CompareOptions;
+#[cfg(feature = "encode")]
+use std::sync::Arc;
+
+#[cfg(feature = "encode")]
+pub use isv_take::Evaluation;
+pub use isv_take::stream::Repaired;
 
 #[cfg(feature = "encode")]
 use crate::{EncodeOptions, FileSink, Report, writer::Counted};
 #[cfg(feature = "encode")]
 use isv_take::{
-    Cancellation,
-    capture::Capture,
+    Cancellation, Observer,
+    capture::{Capture, Hints},
     encode::{Job, Settled, Watch},
 };
 #[cfg(feature = "encode")]
@@ -86,6 +98,75 @@ pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Pat
     Ok(frames)
 }
 
+/// Copies frames of a stream, from a keyframe on, and returns their number. Nothing is coded anew.
+///
+/// An output that is named `.mp4` is an MP4 file, and keeps the sound of an input that is one. It has its name once it is whole.
+///
+/// # Errors
+/// As of [`mux`], and [`ErrorKind::Options`](crate::ErrorKind::Options) for frames that are not there.
+pub fn cut(input: impl AsRef<Path>, frames: Range<usize>, output: impl AsRef<Path>) -> Result<usize, Error> {
+    let range = FrameRange { start: frames.start, end: frames.end };
+    let (input, output) = (Input::from(input), output.as_ref());
+    let tracks = beside(output, || stream::tracks_beside(&input, Some(range)))?;
+    let create = || created(output, tracks);
+    let (file, count) = stream::cut(&input, range, MemoryLimit::default(), &|_: &Event| {}, create)?;
+    finished(file).map(|()| count)
+}
+
+/// Puts streams one after the other, and returns the number of frames. Nothing is coded anew.
+///
+/// They have the same profile, grid, frame rate, layers of colour and version. See [`cut`] on the output.
+///
+/// # Errors
+/// As of [`mux`], and [`ErrorKind::Options`](crate::ErrorKind::Options) without a stream.
+pub fn join(inputs: &[impl AsRef<Path>], output: impl AsRef<Path>) -> Result<usize, Error> {
+    if inputs.is_empty() {
+        return Err(Error::new(ErrorKind::Options, "there is no stream to join"));
+    }
+    let inputs: Vec<_> = inputs.iter().map(Input::from).collect();
+    let output = output.as_ref();
+    let tracks = beside(output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+    let create = || created(output, tracks);
+    let memory = MemoryLimit::default();
+    let (file, count) = stream::join(&inputs, JoinedTimes::Follow, memory, &|_: &Event| {}, create)?;
+    finished(file).map(|()| count)
+}
+
+/// Makes a stream of what is sound in a damaged, cut or unfinished one. Packets are kept byte for byte.
+///
+/// `header_from` is a stream of the same take, whose header stands for a damaged one. See [`cut`] on the output.
+///
+/// # Errors
+/// As of [`mux`]; a stream of which no frame can be decoded.
+pub fn repair(
+    input: impl AsRef<Path>,
+    header_from: Option<&Path>,
+    output: impl AsRef<Path>,
+) -> Result<Repaired, Error> {
+    let (input, output) = (Input::from(input), output.as_ref());
+    let tracks = beside(output, || stream::tracks_beside(&input, None))?;
+    let create = || created(output, tracks);
+    let other = header_from.map(Input::from);
+    let (file, repaired) = stream::repair(&input, other.as_ref(), MemoryLimit::default(), create)?;
+    finished(file).map(|()| repaired)
+}
+
+/// The tracks beside a stream, where the output can have any: an MP4 file.
+fn beside(output: &Path, open: impl FnOnce() -> Result<Tracks, StreamError>) -> Result<Tracks, Error> {
+    Ok(if Container::of(output) == Container::Mp4 { open()? } else { Tracks::new() })
+}
+
+fn created(output: &Path, tracks: Tracks) -> io::Result<StreamOutput<AtomicFile>> {
+    let file = AtomicFile::create(output).map_err(io::Error::other)?;
+    StreamOutput::new(file, Container::of(output), tracks).map_err(io::Error::other)
+}
+
+fn finished(output: StreamOutput<AtomicFile>) -> Result<(), Error> {
+    let file = output.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
+    file.commit()?;
+    Ok(())
+}
+
 /// Takes the stream out of an MP4 file, byte for byte. The output has its name once it is whole.
 ///
 /// # Errors
@@ -95,6 +176,36 @@ pub fn demux(input: impl AsRef<Path>, output: impl AsRef<Path>) -> Result<(), Er
     let file = stream::demux(&Input::from(input), create)?;
     file.commit()?;
     Ok(())
+}
+
+/// Measures a capture or a stream against a reference, frame by frame. Both are what [`encode`] takes, in metres and Y up.
+///
+/// Surfaces are sampled about every `spacing_m` (m); stored vertices are taken, too.
+///
+/// # Errors
+/// [`ErrorKind::Options`](crate::ErrorKind::Options) for a spacing that is none, [`ErrorKind::Input`](crate::ErrorKind::Input) for captures
+/// that cannot be read or compared.
+#[cfg(feature = "encode")]
+pub fn evaluate(
+    reference: impl AsRef<Path>,
+    test: impl AsRef<Path>,
+    spacing_m: f64,
+) -> Result<Evaluation, Error> {
+    if !(spacing_m > 0.0 && spacing_m.is_finite()) {
+        return Err(Error::new(ErrorKind::Options, format!("spacing {spacing_m}: a length is above 0 (m)")));
+    }
+    let memory = MemoryLimit::default();
+    let observer: Arc<dyn Observer> = Arc::new(|_: &Event| {});
+    let open = |path: &Path| {
+        let hints =
+            Hints { colours: Colours::Keep, ..Hints::in_unit(Unit::Metre, memory, Arc::clone(&observer)) };
+        Capture::open(&Input::from(path), &hints).map_err(|error| Error::new(ErrorKind::Input, error))
+    };
+    let (reference, test) = (open(reference.as_ref())?, open(test.as_ref())?);
+    let options = CompareOptions { spacing_m, ..CompareOptions::default() };
+    let cancellation = Cancellation::new();
+    isv_take::evaluate(reference, test, None, &options, memory, &cancellation, || {})
+        .map_err(|error| Error::new(ErrorKind::Input, error))
 }
 
 /// Encodes a capture into a stream.
