@@ -137,9 +137,11 @@ pub unsafe extern "C" fn isv_repair(
     call_ok(|| {
         // SAFETY: isv.h asks for text.
         let (input, output) = unsafe { (path("input", input)?, path("output", output)?) };
-        // SAFETY: isv.h asks for text, or null.
-        let other =
-            if header_from.is_null() { None } else { Some(unsafe { path("header_from", header_from)? }) };
+        let other = match header_from.is_null() {
+            true => None,
+            // SAFETY: isv.h asks for text.
+            false => Some(unsafe { path("header_from", header_from)? }),
+        };
         let repaired = take::repair(input, other.as_deref(), output)?;
         // SAFETY: isv.h asks for a place, or null.
         unsafe { write_count(frames, repaired.kept) };
@@ -160,8 +162,11 @@ pub unsafe extern "C" fn isv_mux(
     call_ok(|| {
         // SAFETY: isv.h asks for text.
         let (input, output) = unsafe { (path("input", input)?, path("output", output)?) };
-        // SAFETY: isv.h asks for text, or null.
-        let sound = if sound.is_null() { None } else { Some(unsafe { path("sound", sound)? }) };
+        let sound = match sound.is_null() {
+            true => None,
+            // SAFETY: isv.h asks for text.
+            false => Some(unsafe { path("sound", sound)? }),
+        };
         let count = take::mux(input, sound.as_deref(), output)?;
         // SAFETY: isv.h asks for a place, or null.
         unsafe { write_count(frames, count) };

@@ -178,7 +178,8 @@ fn streams_are_cut_joined_repaired_put_into_mp4_and_measured() {
         let mut json = null();
         ok(isv_evaluate_json(stream.as_ptr(), mp4.as_ptr(), 0.01, &mut json));
         let text: serde_json::Value = serde_json::from_str(CStr::from_ptr(json).to_str().unwrap()).unwrap();
-        assert_eq!((text["frames"].as_array().unwrap().len(), &text["p2s_mean_mm"]), (6, &0.0.into()));
+        assert_eq!(text["frames"].as_array().unwrap().len(), 6);
+        assert!(text["p2s_mean_mm"].as_f64().unwrap() < 1e-9, "one is the other: {text}");
         ok(isv_text_free(json));
         fails(
             isv_evaluate_json(stream.as_ptr(), mp4.as_ptr(), 0.0, &mut json),

@@ -55,8 +55,10 @@ fn a_slip_does_not_cost_a_capture() {
     let (work, _) = Workspace::with_stream(1);
     let frame = fs::read(work.path("frames/frame_0.ply")).unwrap();
     let stream = fs::read(work.path("take.isv")).unwrap();
-    work.isv(&["encode", "frames", "-o", "frames/frame_0.ply"])
-        .fails(2, &["frames/frame_0.ply: is there and is no .isv stream, so it is not overwritten"]);
+    work.isv(&["encode", "frames", "-o", "frames/frame_0.ply"]).fails(
+        2,
+        &["frames/frame_0.ply: is there and is no .isv stream and no MP4 file, so it is not overwritten"],
+    );
     work.isv(&["encode", "take.isv", "-o", "./take.isv"]).fails(2, &["./take.isv: is what is read"]);
     assert_eq!(fs::read(work.path("frames/frame_0.ply")).unwrap(), frame);
     assert_eq!(fs::read(work.path("take.isv")).unwrap(), stream);

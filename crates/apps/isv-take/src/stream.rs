@@ -43,7 +43,7 @@ use isv_decode::colour::ColourFrame;
 use isv_format::{MetadataText, PacketReader, StreamHeader, StreamIndex};
 use isv_surface::SurfaceOptions;
 use isv_volume::{BlockSet, TriangleMesh};
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ pub fn open_file(input: &Input) -> Result<StreamFile, StreamError> {
     let open = || {
         let file = File::open(input.path().ok_or(StreamFault::NoFile)?)?;
         let metadata = file.metadata();
-        if metadata.as_ref().is_ok_and(|found| found.is_dir()) {
+        if metadata.as_ref().is_ok_and(fs::Metadata::is_dir) {
             return Err(StreamFault::Folder);
         }
         let is_file = metadata.is_ok_and(|found| found.is_file());

@@ -189,9 +189,9 @@ impl<W: Write> GeometrySink<W> {
         data: Vec<u8>,
     ) -> Result<(), Mp4Error> {
         let geometry = &self.descriptions[0];
-        let frame = geometry.from_ns(stream.frame_rate.timestamp_ns(1)).clamp(1, u32::MAX.into()) as u32;
+        let frame = geometry.units_of_ns(stream.frame_rate.timestamp_ns(1)).clamp(1, u32::MAX.into()) as u32;
         let first_ns = *self.first_ns.get_or_insert(timestamp_ns);
-        let mut time = geometry.from_ns(timestamp_ns.saturating_sub(first_ns));
+        let mut time = geometry.units_of_ns(timestamp_ns.saturating_sub(first_ns));
         if let Some(mut last) = self.last.take() {
             // Times that do not ascend are of a writer without a clock: then frames come at the nominal rate.
             if timestamp_ns <= self.last_ns || time <= last.time {

@@ -8,6 +8,7 @@ use crate::{
 use mp4_atom::esds::{DecoderConfig, EsDescriptor, SLConfig};
 use mp4_atom::{Audio, Esds, Mp4a, Opus, PcmC};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use symphonia::core::audio::Channels;
 use symphonia::core::codecs::audio::AudioCodecParameters;
 use symphonia::core::codecs::audio::well_known::{
     CODEC_ID_FLAC, CODEC_ID_MP3, CODEC_ID_OPUS, CODEC_ID_PCM_F32LE, CODEC_ID_PCM_S16LE, CODEC_ID_PCM_S24LE,
@@ -119,7 +120,7 @@ impl Packets {
         let codec = track.codec_params.as_ref().and_then(|codec| codec.audio()).cloned();
         let codec = codec.ok_or(Mp4Error::NoTrack("sound"))?;
         let (Some(sample_rate @ 1..), Some(channels @ 1..=MOST_CHANNELS)) =
-            (codec.sample_rate, codec.channels.as_ref().map(|channels| channels.count()))
+            (codec.sample_rate, codec.channels.as_ref().map(Channels::count))
         else {
             return Err(Mp4Error::Unsupported(
                 "the sound does not state its sample rate and channels".to_owned(),
@@ -266,7 +267,7 @@ fn sample_entry(packets: &Packets) -> Result<Vec<u8>, Mp4Error> {
         }
         _ => match Waveform::of(codec) {
             Some(form @ (Waveform::S16 | Waveform::S24 | Waveform::S32)) => {
-                waveform_entry(&mut entry, b"ipcm", packets, form)
+                waveform_entry(&mut entry, b"ipcm", packets, form);
             }
             Some(Waveform::F32) => waveform_entry(&mut entry, b"fpcm", packets, Waveform::F32),
             _ => {

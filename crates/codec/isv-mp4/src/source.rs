@@ -102,7 +102,7 @@ impl SampleSource for Trimmed {
                 continue;
             }
             self.begun = true;
-            let time = sample.time.saturating_sub(description.from_ns(self.begin_ns));
+            let time = sample.time.saturating_sub(description.units_of_ns(self.begin_ns));
             return Ok(Some(SourceSample { time, ..sample }));
         }
         Ok(None)
@@ -134,14 +134,14 @@ impl Chained {
     fn next_of_parts(&mut self) -> Result<Option<SourceSample>, Mp4Error> {
         let description = self.description().clone();
         while let Some((begin_ns, part)) = self.parts.get_mut(self.current) {
-            let begin = description.from_ns(*begin_ns);
+            let begin = description.units_of_ns(*begin_ns);
             let sample = part
                 .next_sample()?
                 .map(|sample| SourceSample { time: sample.time.saturating_add(begin), ..sample });
             let end = self
                 .parts
                 .get(self.current + 1)
-                .map_or(u64::MAX, |(next_ns, _)| description.from_ns(*next_ns));
+                .map_or(u64::MAX, |(next_ns, _)| description.units_of_ns(*next_ns));
             match sample {
                 Some(sample) if sample.time < end => return Ok(Some(sample)),
                 _ => self.current += 1,

@@ -97,7 +97,7 @@ impl TrackDescription {
     }
 
     /// A time in nanoseconds, in the track's timescale, rounded to the nearest.
-    pub(crate) fn from_ns(&self, ns: u64) -> u64 {
+    pub(crate) fn units_of_ns(&self, ns: u64) -> u64 {
         ((u128::from(ns) * u128::from(self.timescale) + 500_000_000) / 1_000_000_000) as u64
     }
 

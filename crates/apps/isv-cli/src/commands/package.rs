@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use isv::raw::format::StreamHeader;
 use isv::raw::io::check_folder_name;
 use isv::raw::mp4::{
-    Mp4File, Rung, Segment, Segments, codec_string, master_playlist, media_playlist, segment_name,
-    write_tracks,
+    Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, master_playlist, media_playlist,
+    segment_name, write_tracks,
 };
 use isv::raw::take::capture::{Capture, ContentKind};
 use isv::raw::take::encode::{EncodeOptions, Job, VoxelChoice};
@@ -21,7 +21,7 @@ use isv::raw::take::stream::{Container, StreamOutput, StreamSummary, Tracks, mux
 use isv::raw::take::{BitRate, Input, MemorySize};
 use isv_serve::{ExportFolder, Page, PageOptions};
 use std::fs::File;
-use std::io::{BufReader, BufWriter};
+use std::io::{BufReader, BufWriter, IntoInnerError};
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -179,7 +179,7 @@ fn unnamed() -> Result<StreamOutput<BufWriter<File>>> {
 
 impl CodedRung {
     fn new(output: BufWriter<File>, header: StreamHeader, seconds: f64, gop: NonZero<u32>) -> Result<Self> {
-        let file = output.into_inner().map_err(|error| error.into_error())?;
+        let file = output.into_inner().map_err(IntoInnerError::into_error)?;
         let bytes = file.metadata()?.len();
         let length = NonZero::new(gop.get() as usize);
         let segments = Segments::new(Mp4File::open(BufReader::new(file))?, length)?;
@@ -198,10 +198,8 @@ fn check_aligned(rungs: &[CodedRung]) -> Result<()> {
 
 /// The first sound, in an MP4 file of its own, as long as geometry; `None` if there is none.
 fn sound(tracks: Tracks, seconds: f64) -> Result<Option<Segments<BufReader<File>>>> {
-    use isv::raw::mp4::{TrackKind, Trimmed};
-    let is_sound =
-        |track: &Box<dyn isv::raw::mp4::SampleSource>| track.description().kind == TrackKind::Sound;
-    let (mut sounds, others): (Tracks, Tracks) = tracks.into_iter().partition(is_sound);
+    let (mut sounds, others): (Tracks, Tracks) =
+        tracks.into_iter().partition(|track| track.description().kind == TrackKind::Sound);
     let left_out = others.len() + sounds.len().saturating_sub(1);
     if left_out > 0 {
         say(format_args!("{left_out} tracks of sound and picture are left out: a ladder has one of sound"));
@@ -213,7 +211,7 @@ fn sound(tracks: Tracks, seconds: f64) -> Result<Option<Segments<BufReader<File>
     let sound = Box::new(Trimmed::new(sounds.swap_remove(0), 0, end_ns));
     let file = tempfile::tempfile().context("the folder for temporary files")?;
     let output = write_tracks(BufWriter::new(file), vec![sound])?;
-    let file = output.into_inner().map_err(|error| error.into_error())?;
+    let file = output.into_inner().map_err(IntoInnerError::into_error)?;
     Ok(Some(Segments::new(Mp4File::open(BufReader::new(file))?, None)?))
 }
 

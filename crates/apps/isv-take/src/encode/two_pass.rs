@@ -1,10 +1,11 @@
 //! The steps that meet a rate, one for all frames, found by coding everything with others.
 
 use super::coding::Coding;
+use super::describe::MetadataDraft;
 use super::job::{StreamSink, pipeline};
 use super::{EncodeError, EncodeOptions};
 use crate::capture::Capture;
-use crate::{Cancellation, Input, OpenDevice};
+use crate::{Cancellation, Input, OpenDevice, Up};
 use isv_encode::{COARSEST_STEP, ColourShare, ColourSplit, EncoderSettings, FINEST_STEP, FrameQuality};
 use isv_format::StreamHeader;
 use std::io::{self, Write};
@@ -115,7 +116,9 @@ fn measure_rates(
     let options = &EncodeOptions { measures_change: false, ..options.clone() };
     let maker = options.volume_maker(header, OpenDevice::CPU, range.start, &silent);
     let coding = Coding::open(options, header, *steps, &OpenDevice::CPU, range.start, &silent)?;
-    let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options, None)?;
+    // Its bytes count. The axis takes a byte, whichever it is.
+    let draft = MetadataDraft::new(options, header, Some(Up::Y.name().to_owned()), &maker.surface);
+    let mut stream = StreamSink::new(ByteCount(0), header, steps.settings.main.target, options, draft)?;
     stream.first = range.start;
     let mut colour = 0;
     for frame in pipeline(capture.read(range)?, maker, coding, options.takes_turns, &cancellation) {

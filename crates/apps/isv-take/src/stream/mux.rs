@@ -95,7 +95,7 @@ pub fn tracks_beside(input: &Input, frames: Option<FrameRange>) -> Result<Tracks
 /// # Errors
 /// [`StreamError`], which names a file.
 pub fn tracks_beside_all(inputs: &[Input]) -> Result<Option<Tracks>, StreamError> {
-    let mut chains: Option<Vec<Vec<(u64, Box<dyn SampleSource>)>>> = None;
+    let mut chains: Option<Vec<Chain>> = None;
     let mut begin_ns = 0u64;
     for input in inputs {
         let tracks = tracks_beside(input, None)?;
@@ -113,6 +113,9 @@ pub fn tracks_beside_all(inputs: &[Input]) -> Result<Option<Tracks>, StreamError
     }
     Ok(Some(chains.unwrap_or_default().into_iter().map(|chain| Box::new(Chained::new(chain)) as _).collect()))
 }
+
+/// Tracks that follow each other, with the times (ns) at which they begin.
+type Chain = Vec<(u64, Box<dyn SampleSource>)>;
 
 /// Time (ns) that the geometry of an MP4 file takes to show; 0 for a stream in a file of its own.
 fn geometry_ns(input: &Input) -> Result<u64, StreamError> {
