@@ -56,7 +56,7 @@ fn streams_are_not_written_under_the_names_of_other_files() {
         &["repair", "take.isv"],
     ];
     for command in commands {
-        for name in ["take.ply", "take.mp4", "take.GLB", "take.npz", "take.isv.gz", "take.usdz"] {
+        for name in ["take.ply", "take.mov", "take.GLB", "take.npz", "take.isv.gz", "take.usdz"] {
             let run = work.isv(&[command, &["-o", name]].concat());
             run.fails(2, &[&format!("{name}: what is written is an .isv stream"), ".isv"]);
         }

@@ -79,8 +79,8 @@ pub fn decode(
 /// file; waveforms are coded with Opus. The output has its name once it is whole.
 ///
 /// # Errors
-/// [`ErrorKind::Input`](crate::ErrorKind::Input) or [`ErrorKind::Stream`](crate::ErrorKind::Stream) for what is read,
-/// [`ErrorKind::Output`](crate::ErrorKind::Output) for what is written.
+/// [`ErrorKind::Input`] or [`ErrorKind::Stream`] for what is read,
+/// [`ErrorKind::Output`] for what is written.
 pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Path>) -> Result<usize, Error> {
     let input = Input::from(input);
     let mut tracks = stream::tracks_beside(&input, None)?;
@@ -103,7 +103,7 @@ pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Pat
 /// An output that is named `.mp4` is an MP4 file, and keeps the sound of an input that is one. It has its name once it is whole.
 ///
 /// # Errors
-/// As of [`mux`], and [`ErrorKind::Options`](crate::ErrorKind::Options) for frames that are not there.
+/// As of [`mux`], and [`ErrorKind::Options`] for frames that are not there.
 pub fn cut(input: impl AsRef<Path>, frames: Range<usize>, output: impl AsRef<Path>) -> Result<usize, Error> {
     let range = FrameRange { start: frames.start, end: frames.end };
     let (input, output) = (Input::from(input), output.as_ref());
@@ -118,7 +118,7 @@ pub fn cut(input: impl AsRef<Path>, frames: Range<usize>, output: impl AsRef<Pat
 /// They have the same profile, grid, frame rate, layers of colour and version. See [`cut`] on the output.
 ///
 /// # Errors
-/// As of [`mux`], and [`ErrorKind::Options`](crate::ErrorKind::Options) without a stream.
+/// As of [`mux`], and [`ErrorKind::Options`] without a stream.
 pub fn join(inputs: &[impl AsRef<Path>], output: impl AsRef<Path>) -> Result<usize, Error> {
     if inputs.is_empty() {
         return Err(Error::new(ErrorKind::Options, "there is no stream to join"));
@@ -183,7 +183,7 @@ pub fn demux(input: impl AsRef<Path>, output: impl AsRef<Path>) -> Result<(), Er
 /// Surfaces are sampled about every `spacing_m` (m); stored vertices are taken, too.
 ///
 /// # Errors
-/// [`ErrorKind::Options`](crate::ErrorKind::Options) for a spacing that is none, [`ErrorKind::Input`](crate::ErrorKind::Input) for captures
+/// [`ErrorKind::Options`] for a spacing that is none, [`ErrorKind::Input`] for captures
 /// that cannot be read or compared.
 #[cfg(feature = "encode")]
 pub fn evaluate(

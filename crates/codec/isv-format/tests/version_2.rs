@@ -3,8 +3,9 @@
 
 use isv_format::{
     ColourLayers, FormatError, FormatVersion, FrameCoding, FrameHeader, FrameKind, FramePayload, FrameRate,
-    MainFrameHeader, Packet, PacketHeader, PacketKind, PacketReader, PacketWriter, Piece, Profile,
-    RefusalClass, Resynchroniser, SalvageReader, Salvaged, SlicePayload, StreamHeader, StreamIndex,
+    MOST_METADATA_BYTES, MainFrameHeader, MetadataText, Packet, PacketHeader, PacketKind, PacketReader,
+    PacketWriter, Piece, Profile, RefusalClass, Resynchroniser, SalvageReader, Salvaged, SlicePayload,
+    StreamHeader, StreamIndex,
 };
 use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use std::io::{Cursor, Read};
@@ -140,7 +141,7 @@ fn the_flag_of_colour_needs_layers() {
 fn packets_to_skip_change_nothing_in_any_way_of_reading() {
     let whole = stream(&header(), colour);
     let disguised = frames(&whole).remove(3).to_bytes();
-    let between = [unknown(SKIPPABLE, &disguised), unknown(0xff, &[]), unknown(0x80, &[5; 9000])].concat();
+    let between = [unknown(SKIPPABLE, &disguised), unknown(0xff, &[]), unknown(0x81, &[5; 9000])].concat();
     let bytes = with_packets(&whole, &between);
     let (expected, found) = (frames(&whole), frames(&bytes));
     assert_eq!(payloads(&found), payloads(&expected));
@@ -161,6 +162,56 @@ fn packets_to_skip_change_nothing_in_any_way_of_reading() {
     let salvaged: Vec<Salvaged> = std::iter::from_fn(|| salvage.next_frame().unwrap()).collect();
     assert!(salvaged.iter().zip(&found).all(|(a, b)| *a == Salvaged::Frame(b.clone())));
     assert!(salvaged.len() == FRAMES && salvage.complete() && salvage.skipped() == reader.skipped());
+}
+
+/// A packet of metadata.
+fn metadata(text: &[u8]) -> Vec<u8> {
+    [&PacketHeader::seal(PacketKind::Metadata, 0, 0, text)[..], text].concat()
+}
+
+#[test]
+fn the_first_metadata_before_the_first_frame_count() {
+    let whole = stream(&header(), colour);
+    let read = |bytes: &[u8]| {
+        let mut reader = PacketReader::new(bytes).unwrap();
+        let mut salvage = SalvageReader::new(bytes).unwrap();
+        let frames = std::iter::from_fn(|| reader.next_frame().unwrap()).count();
+        assert_eq!(std::iter::from_fn(|| salvage.next_frame().unwrap()).count(), frames);
+        assert!(frames == FRAMES && reader.complete() && reader.skipped() == 0);
+        assert_eq!(reader.metadata(), salvage.metadata());
+        reader.metadata().map(|text| text.as_str().to_owned())
+    };
+    let (first, second) = (metadata(b"{\"title\":\"a\"}"), metadata(b"{}"));
+    let long = metadata(&vec![b' '; MOST_METADATA_BYTES + 1]);
+    let begin = StreamHeader::BYTES;
+    let behind_header = |packets: &[u8]| {
+        let mut bytes = whole[..begin].to_vec();
+        bytes.extend(packets);
+        // Frames as they are: places in the index are others, and nobody asks for them here.
+        frames(&whole).iter().for_each(|packet| bytes.extend(packet.to_bytes()));
+        bytes
+    };
+    let read_cut = |packets: &[u8]| {
+        let bytes = behind_header(packets);
+        let mut reader = PacketReader::new(&bytes[..]).unwrap();
+        while reader.next_frame().unwrap().is_some() {}
+        reader.metadata().map(|text| text.as_str().to_owned())
+    };
+    assert_eq!(read(&whole), None);
+    assert_eq!(read_cut(&[&first[..], &second].concat()).as_deref(), Some("{\"title\":\"a\"}"));
+    assert_eq!(read_cut(&[&long[..], &second].concat()).as_deref(), Some("{}"), "a long one is passed over");
+    assert_eq!(read_cut(&[&metadata(b"\xff")[..], &second].concat()).as_deref(), Some("{}"), "no text");
+    let late = [&behind_header(&[])[..], &second].concat();
+    let mut reader = PacketReader::new(&late[..]).unwrap();
+    while reader.next_frame().unwrap().is_some() {}
+    assert_eq!(reader.metadata(), None, "behind the frames it is too late");
+    let mut writer = PacketWriter::new(Vec::new(), &header()).unwrap();
+    writer.write_metadata(&MetadataText::new("{}".to_owned()).unwrap()).unwrap();
+    frames(&whole)
+        .iter()
+        .for_each(|packet| _ = writer.copy_frame(packet, packet.header.timestamp_ns).unwrap());
+    assert_eq!(read(&writer.finish().unwrap()).as_deref(), Some("{}"));
+    assert_eq!(MetadataText::new(" ".repeat(MOST_METADATA_BYTES + 1)), None);
 }
 
 #[test]

@@ -180,9 +180,11 @@ fn unnamed() -> Result<StreamOutput<BufWriter<File>>> {
 impl CodedRung {
     fn new(output: BufWriter<File>, header: StreamHeader, seconds: f64, gop: NonZero<u32>) -> Result<Self> {
         let file = output.into_inner().map_err(IntoInnerError::into_error)?;
-        let bytes = file.metadata()?.len();
         let length = NonZero::new(gop.get() as usize);
         let segments = Segments::new(Mp4File::open(BufReader::new(file))?, length)?;
+        let track = &segments.file().tracks()[0];
+        // The stream's: boxes around it are the same in all rates.
+        let bytes = track.bytes() + track.description.sample_entry.len() as u64;
         Ok(Self { segments, header, bytes, seconds })
     }
 }
