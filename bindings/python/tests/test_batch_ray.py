@@ -116,10 +116,11 @@ def check_streams(takes: list[Path], out: Path, scratch: Path, **options: Any) -
 
 def test_shards_of_two_nodes_join_to_the_bytes_of_one_encoder(nodes: Nodes, tmp_path: Path) -> None:
     takes = [write_take(tmp_path / "boxes", 16), write_take(tmp_path / "painted", 8, colored=True)]
-    plan = planned(tmp_path, takes, shard_frames=2)
+    # Long enough that one node has not done all before the other has a worker.
+    plan = planned(tmp_path, takes, shard_frames=2, **SLOW)
     summary = on_ray(plan, tmp_path / "out", Choices(sample=2, pictures=1, picture_size=64))
     assert (summary.done, summary.encoded, summary.failed) == (2, 12, [])
-    check_streams(takes, tmp_path / "out", tmp_path)
+    check_streams(takes, tmp_path / "out", tmp_path, **SLOW)
     shards = [
         Store(str(tmp_path / "out")).read_json(f"takes/boxes/shards/{n:07}-{n + 2:07}.json") for n in range(0, 16, 2)
     ]
