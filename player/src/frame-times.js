@@ -1,5 +1,7 @@
 // When each frame of a take is shown.
 
+import { upTo } from './sorted.js';
+
 /** Seconds by which a time may be too early for its frame: browsers round the times of sound to microseconds. */
 const ROUNDING = 1e-5;
 /** Shortest and longest time between two frames that timestamps are believed in, in seconds: streams may be joined. */
@@ -39,14 +41,7 @@ export class FrameTimes {
 
   /** The frame that is shown at a time; the nearest before the first and after the last. @param {number} seconds */
   frameAt(seconds) {
-    let low = 0;
-    let high = this.frames;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.starts[middle] <= seconds + ROUNDING) low = middle + 1;
-      else high = middle;
-    }
-    return Math.max(0, low - 1);
+    return Math.min(this.frames - 1, Math.max(0, upTo(this.starts, seconds + ROUNDING)));
   }
 
   /** Takes the timestamp of a packet that has been read. @param {number} frame @param {number} timestampNs */

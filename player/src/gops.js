@@ -1,5 +1,7 @@
 /** Keyframes, and how frames are dealt to workers in runs of whole GOPs. */
 
+import { upTo } from './sorted.js';
+
 /** Fewest frames of a run: with very short GOPs, workers would otherwise be handed work frame by frame. */
 const SHORTEST_RUN = 8;
 
@@ -47,16 +49,4 @@ export class Gops {
   runEnd(frame) {
     return this.runs[upTo(this.runs, frame) + 1] ?? this.frames;
   }
-}
-
-/** Index of the last entry that is not above a value, -1 if all are. @param {Uint32Array} sorted @param {number} value */
-function upTo(sorted, value) {
-  let low = 0;
-  let high = sorted.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (sorted[middle] <= value) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
 }

@@ -8,10 +8,8 @@ use isv::raw::io::{Output, check_not_input};
 use isv::raw::metrics::CompareOptions;
 use isv::raw::take::capture::{Capture, Hints};
 use isv::raw::take::encode::Settled;
-use isv::raw::take::stream::{
-    self, Container, DecodeSettings, JoinedTimes, StreamInfo, StreamOutput, Tracks,
-};
-use isv::raw::take::{FrameRange, Input, MemoryLimit, OpenDevice, StreamError};
+use isv::raw::take::stream::{self, DecodeSettings, JoinedTimes, StreamInfo, StreamOutput};
+use isv::raw::take::{FrameRange, Input, MemoryLimit, OpenDevice};
 use isv::{Cancellation, Event, Report, SignMode, Unit, Up};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
@@ -320,7 +318,7 @@ pub(crate) fn repair(
     let other = header_from.map(Input::from);
     let repaired = py.detach(|| {
         let input = Input::from(&input);
-        let tracks = kept_tracks(&output, || stream::tracks_beside(&input, None))?;
+        let tracks = stream::tracks_kept_in(&output, || stream::tracks_beside(&input, None))?;
         let create = || StreamOutput::create(&output, tracks);
         // What can be decoded is found by decoding.
         threads::run(|| stream::repair(&input, other.as_ref(), MemoryLimit::default(), create))
@@ -347,7 +345,8 @@ pub(crate) fn join(
     let events = Events::default();
     let joined = py.detach(|| {
         let observer = observer(&events);
-        let tracks = kept_tracks(&output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+        let tracks =
+            stream::tracks_kept_in(&output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
         let create = || StreamOutput::create(&output, tracks);
         stream::join(&inputs, times, MemoryLimit::default(), &observer, create)
     });
@@ -369,7 +368,7 @@ pub(crate) fn cut(
     let events = Events::default();
     let copied = py.detach(|| {
         let (input, observer) = (Input::from(&input), observer(&events));
-        let tracks = kept_tracks(&output, || stream::tracks_beside(&input, Some(range)))?;
+        let tracks = stream::tracks_kept_in(&output, || stream::tracks_beside(&input, Some(range)))?;
         let create = || StreamOutput::create(&output, tracks);
         stream::cut(&input, range, MemoryLimit::default(), &observer, create)
     });
@@ -381,17 +380,6 @@ pub(crate) fn cut(
 fn observer(events: &Events) -> impl Fn(&isv::raw::take::Event) + Send + Sync + use<> {
     let handler = events.handler();
     move |event| handler(&Event::from(event))
-}
-
-/// The tracks beside a stream, where the output can have any: an MP4 file.
-fn kept_tracks(
-    output: &Path,
-    open: impl FnOnce() -> Result<Tracks, StreamError>,
-) -> Result<Tracks, StreamError> {
-    match Container::of(output) {
-        Container::Mp4 => open(),
-        _ => Ok(Tracks::new()),
-    }
 }
 
 fn commit(file: StreamOutput<Output>) -> PyResult<()> {

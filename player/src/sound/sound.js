@@ -5,6 +5,7 @@
 
 import { isAbort, words } from '../failure.js';
 import { payloadOf } from '../mp4/boxes.js';
+import { upTo } from '../sorted.js';
 import { MP3_TYPE, nameOfCodec, typesOf } from './tracks.js';
 
 /** Seconds of sound fetched ahead of the playhead, and kept behind it. */
@@ -377,14 +378,7 @@ export class Sound {
 
 /** The last entry that is not above a value; the first if all are. @param {Float64Array} sorted @param {number} value */
 function indexOf(sorted, value) {
-  let low = 0;
-  let high = sorted.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (sorted[middle] <= value) low = middle + 1;
-    else high = middle;
-  }
-  return Math.max(0, low - 1);
+  return Math.max(0, upTo(sorted, value));
 }
 
 /** @param {SourceBuffer} buffer @param {Uint8Array} bytes */

@@ -183,6 +183,45 @@ fn other_parsers_list_the_same_tracks_and_times() {
 }
 
 #[test]
+fn coded_sound_is_copied_as_it_is() {
+    let (work, _) = workspace();
+    for (file, coder, codec) in [
+        ("sound.ogg", "libopus", "Opus"),
+        ("sound.flac", "flac", "fLaC"),
+        ("sound.mp3", "libmp3lame", "mp4a"),
+        ("sound.m4a", "aac", "mp4a"),
+    ] {
+        let coded = Command::new("ffmpeg")
+            .args(["-v", "error", "-i"])
+            .arg(work.path("clicks.wav"))
+            .args(["-c:a", coder])
+            .arg(work.path(file))
+            .status();
+        if !coded.is_ok_and(|status| status.success()) {
+            return skip(Need::Media, "ffmpeg is not installed, or lacks a coder");
+        }
+        work.isv(&["mux", "take.isv", "--audio", file, "-o", "coded.mp4"]).done();
+        let mut muxed = open(&work, "coded.mp4");
+        let track = muxed.track_of(TrackKind::Sound).unwrap();
+        let (description, samples) =
+            (muxed.tracks()[track].description.clone(), muxed.tracks()[track].samples.clone());
+        assert_eq!(description.codec(), codec, "{file}");
+        let end_s = muxed.tracks()[track].end_s();
+        assert!((0.29..0.4).contains(&end_s), "{file}: {end_s}");
+        // The bytes of each packet stand in the file one after the other, or with pages of Ogg between some.
+        let original = work.read(file);
+        for sample in samples.iter().take(3) {
+            let packet = muxed.read(sample).unwrap();
+            let piece = &packet[..packet.len().min(200)];
+            assert!(
+                original.windows(piece.len()).any(|window| window == piece),
+                "{file}: a packet is another"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_file_that_is_cut_off_has_its_first_frames() {
     let (work, _) = workspace();
     let bytes = work.read("take.mp4");

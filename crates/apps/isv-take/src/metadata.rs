@@ -93,12 +93,12 @@ impl Metadata {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MetadataChoice {
-    /// Where the stream has version 2 anyway, as with colour, or a title or device was given.
+    /// Yes for a stream of version 2, as with colour, and for one with a title or a device.
     #[default]
     Auto,
-    /// In any stream.
+    /// Yes for any stream.
     Always,
-    /// In none.
+    /// No.
     Never,
 }
 

@@ -25,9 +25,9 @@ pub use join::{JoinedTimes, join};
 #[cfg(feature = "sound")]
 pub use mux::sound;
 #[cfg(feature = "io")]
-pub use mux::{demux, mux, picture, sound_of, tracks_beside, tracks_beside_all, write_error};
+pub use mux::{default_sound, demux, mux, picture, tracks_beside, tracks_beside_all, write_error};
 #[cfg(feature = "io")]
-pub use output::{Container, StreamOutput, Tracks, check_output};
+pub use output::{Container, StreamOutput, Tracks, check_output, tracks_kept_in};
 pub use repair::{Repaired, repair};
 #[cfg(feature = "io")]
 pub use summary::TrackSummary;
@@ -86,12 +86,6 @@ pub fn source(input: &Input) -> Result<ByteSource, StreamError> {
         Input::Path(path) if path.is_file() => Box::new(open_file(input)?),
         Input::Path(_) => piped(open_file(input)?),
     })
-}
-
-/// Bytes of the stream in a file, with what is behind it.
-fn length(input: &Input) -> Result<u64, StreamError> {
-    let length = open_file(input)?.length();
-    length.map_err(|error| StreamFault::from(error).in_stream(&input.name()))
 }
 
 /// Bytes of a stream that come once, as such or in an MP4 file. None is read before the first is asked for.
@@ -249,17 +243,13 @@ impl StreamFrames {
     /// # Errors
     /// [`StreamError`], which names it.
     pub fn open(input: &Input, settings: &DecodeSettings) -> Result<Self, StreamError> {
-        let (mut packets, header) = open(input, settings.memory)?;
-        let mut first = 0;
-        let path = input.path().filter(|path| path.is_file());
-        if let (Some(range), true) = (settings.frames, path.is_some()) {
-            (packets, first) = seek(&input.name(), open_file(input)?, &header, range, settings.memory)?;
+        let name = input.name();
+        if input.path().is_none_or(|path| !path.is_file()) {
+            return Self::from_source(&name, source(input)?, settings);
         }
-        let length = match path {
-            Some(_) => Some(length(input)?),
-            None => None,
-        };
-        Ok(Self { length, first, next: first, ..Self::new(input.name(), header, packets, settings)? })
+        let mut file = open_file(input)?;
+        let length = file.length().map_err(|error| StreamFault::from(error).in_stream(&name))?;
+        Ok(Self { length: Some(length), ..Self::from_stream_bytes(&name, file, settings)? })
     }
 
     /// Reads a stream from bytes as they come; `name` is theirs in messages.
@@ -284,7 +274,14 @@ impl StreamFrames {
         source: Box<dyn SeekableBytes>,
         settings: &DecodeSettings,
     ) -> Result<Self, StreamError> {
-        let mut source = seekable(name, source)?;
+        Self::from_stream_bytes(name, seekable(name, source)?, settings)
+    }
+
+    fn from_stream_bytes(
+        name: &str,
+        mut source: StreamBytes<impl Read + Seek + Send + 'static>,
+        settings: &DecodeSettings,
+    ) -> Result<Self, StreamError> {
         let Some(range) = settings.frames else { return Self::from_source(name, Box::new(source), settings) };
         let header = read_header(name, &mut source)?;
         let (packets, first) = seek(name, source, &header, range, settings.memory)?;

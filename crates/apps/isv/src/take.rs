@@ -1,9 +1,9 @@
 //! Whole takes: a capture in and a stream out, or a stream in and files out.
 
 use crate::{DecodeOptions, Error, ErrorKind};
-use isv_io::AtomicFile;
-use isv_take::stream::{self, Container, JoinedTimes, StreamOutput, Tracks};
-use isv_take::{Event, FrameRange, Input, MemoryLimit, StreamError};
+use isv_io::{AtomicFile, Output};
+use isv_take::stream::{self, Container, JoinedTimes, StreamOutput};
+use isv_take::{Event, FrameRange, Input, MemoryLimit};
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -86,7 +86,7 @@ pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Pat
     let mut tracks = stream::tracks_beside(&input, None)?;
     if let Some(path) = sound {
         let named = |error| Error::new(ErrorKind::Input, format!("{}: {error}", path.display()));
-        tracks.push(stream::sound_of(path).map_err(named)?);
+        tracks.push(stream::default_sound(path).map_err(named)?);
     }
     let output = output.as_ref();
     let create = || {
@@ -103,12 +103,12 @@ pub fn mux(input: impl AsRef<Path>, sound: Option<&Path>, output: impl AsRef<Pat
 /// An output that is named `.mp4` is an MP4 file, and keeps the sound of an input that is one. It has its name once it is whole.
 ///
 /// # Errors
-/// As of [`mux`], and [`ErrorKind::Options`] for frames that are not there.
+/// See [`mux`]; [`ErrorKind::Options`] for frames that are not there.
 pub fn cut(input: impl AsRef<Path>, frames: Range<usize>, output: impl AsRef<Path>) -> Result<usize, Error> {
     let range = FrameRange { start: frames.start, end: frames.end };
     let (input, output) = (Input::from(input), output.as_ref());
-    let tracks = beside(output, || stream::tracks_beside(&input, Some(range)))?;
-    let create = || created(output, tracks);
+    let tracks = stream::tracks_kept_in(output, || stream::tracks_beside(&input, Some(range)))?;
+    let create = || StreamOutput::create(output, tracks);
     let (file, count) = stream::cut(&input, range, MemoryLimit::default(), &|_: &Event| {}, create)?;
     finished(file).map(|()| count)
 }
@@ -118,15 +118,16 @@ pub fn cut(input: impl AsRef<Path>, frames: Range<usize>, output: impl AsRef<Pat
 /// They have the same profile, grid, frame rate, layers of colour and version. See [`cut`] on the output.
 ///
 /// # Errors
-/// As of [`mux`], and [`ErrorKind::Options`] without a stream.
+/// See [`mux`]; [`ErrorKind::Options`] without a stream.
 pub fn join(inputs: &[impl AsRef<Path>], output: impl AsRef<Path>) -> Result<usize, Error> {
     if inputs.is_empty() {
         return Err(Error::new(ErrorKind::Options, "there is no stream to join"));
     }
     let inputs: Vec<_> = inputs.iter().map(Input::from).collect();
     let output = output.as_ref();
-    let tracks = beside(output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
-    let create = || created(output, tracks);
+    let tracks =
+        stream::tracks_kept_in(output, || Ok(stream::tracks_beside_all(&inputs)?.unwrap_or_default()))?;
+    let create = || StreamOutput::create(output, tracks);
     let memory = MemoryLimit::default();
     let (file, count) = stream::join(&inputs, JoinedTimes::Follow, memory, &|_: &Event| {}, create)?;
     finished(file).map(|()| count)
@@ -137,40 +138,29 @@ pub fn join(inputs: &[impl AsRef<Path>], output: impl AsRef<Path>) -> Result<usi
 /// `header_from` is a stream of the same take, whose header stands for a damaged one. See [`cut`] on the output.
 ///
 /// # Errors
-/// As of [`mux`]; a stream of which no frame can be decoded.
+/// See [`mux`]; [`ErrorKind::Stream`] for a stream of which no frame can be decoded.
 pub fn repair(
     input: impl AsRef<Path>,
     header_from: Option<&Path>,
     output: impl AsRef<Path>,
 ) -> Result<Repaired, Error> {
     let (input, output) = (Input::from(input), output.as_ref());
-    let tracks = beside(output, || stream::tracks_beside(&input, None))?;
-    let create = || created(output, tracks);
+    let tracks = stream::tracks_kept_in(output, || stream::tracks_beside(&input, None))?;
+    let create = || StreamOutput::create(output, tracks);
     let other = header_from.map(Input::from);
     let (file, repaired) = stream::repair(&input, other.as_ref(), MemoryLimit::default(), create)?;
     finished(file).map(|()| repaired)
 }
 
-/// The tracks beside a stream, where the output can have any: an MP4 file.
-fn beside(output: &Path, open: impl FnOnce() -> Result<Tracks, StreamError>) -> Result<Tracks, Error> {
-    Ok(if Container::of(output) == Container::Mp4 { open()? } else { Tracks::new() })
-}
-
-fn created(output: &Path, tracks: Tracks) -> io::Result<StreamOutput<AtomicFile>> {
-    let file = AtomicFile::create(output).map_err(io::Error::other)?;
-    StreamOutput::new(file, Container::of(output), tracks).map_err(io::Error::other)
-}
-
-fn finished(output: StreamOutput<AtomicFile>) -> Result<(), Error> {
+fn finished(output: StreamOutput<Output>) -> Result<(), Error> {
     let file = output.finish().map_err(|error| Error::new(ErrorKind::Output, error))?;
-    file.commit()?;
-    Ok(())
+    file.commit().map(drop).map_err(|error| Error::new(ErrorKind::Output, error))
 }
 
 /// Takes the stream out of an MP4 file, byte for byte. The output has its name once it is whole.
 ///
 /// # Errors
-/// As of [`mux`].
+/// See [`mux`].
 pub fn demux(input: impl AsRef<Path>, output: impl AsRef<Path>) -> Result<(), Error> {
     let create = || AtomicFile::create(output.as_ref()).map_err(io::Error::other);
     let file = stream::demux(&Input::from(input), create)?;

@@ -50,7 +50,7 @@ impl<W: Write> PacketWriter<W> {
     /// I/O errors of the sink.
     ///
     /// # Panics
-    /// In a stream of version 1, and behind a frame.
+    /// Panics in a stream of version 1, and behind a frame.
     pub fn write_metadata(&mut self, text: &MetadataText) -> Result<(), FormatError> {
         assert!(self.version >= FormatVersion::V2, "metadata in a stream of version 1");
         assert!(self.index.frames.is_empty(), "metadata behind a frame");

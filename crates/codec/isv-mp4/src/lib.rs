@@ -33,7 +33,7 @@ pub use error::Mp4Error;
 pub use geometry::codec_string;
 pub use pipe::{GeometryPipe, Unwrapped};
 pub use playlist::{Rung, master_playlist, media_playlist, segment_name};
-pub use reader::{Mp4File, is_mp4};
+pub use reader::{Mp4File, is_mp4, is_stream_name};
 pub use segments::{Segment, Segments};
 pub use sink::GeometrySink;
 #[cfg(feature = "sound")]

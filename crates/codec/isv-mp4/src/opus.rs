@@ -11,8 +11,6 @@ use std::collections::VecDeque;
 
 /// Sound frames a second that Opus works with.
 const RATE: u32 = 48_000;
-/// The same in the field of a sample entry.
-pub(crate) const RATE_FIELD: u16 = 48_000;
 /// Sound frames of a packet: 20 ms.
 const FRAME: usize = 960;
 /// Sound frames that are resampled at a time.
@@ -22,6 +20,17 @@ const MOST_BYTES: usize = 4000;
 /// Rates that are accepted.
 const LEAST_BITS: u32 = 6_000;
 const MOST_BITS: u32 = 510_000;
+
+/// The sample entry of Opus, in which all sound has 48 kHz and 16 bits.
+pub(crate) fn sample_entry(dops: Dops) -> Opus {
+    let audio = Audio {
+        data_reference_index: 1,
+        channel_count: dops.output_channel_count.into(),
+        sample_size: 16,
+        sample_rate: (RATE as u16).into(),
+    };
+    Opus { audio, dops, btrt: None }
+}
 
 /// A waveform, coded as it is read.
 pub(crate) struct OpusSource {
@@ -76,25 +85,14 @@ impl OpusSource {
         let delay = encoder.lookahead();
         let channels = usize::from(packets.channels);
         let mut entry = Vec::new();
-        put(
-            &mut entry,
-            &Opus {
-                audio: Audio {
-                    data_reference_index: 1,
-                    channel_count: packets.channels,
-                    sample_size: 16,
-                    sample_rate: RATE_FIELD.into(),
-                },
-                dops: Dops {
-                    output_channel_count: channels as u8,
-                    pre_skip: delay as u16,
-                    input_sample_rate: packets.sample_rate,
-                    output_gain: 0,
-                    channel_mapping: None,
-                },
-                btrt: None,
-            },
-        );
+        let dops = Dops {
+            output_channel_count: channels as u8,
+            pre_skip: delay as u16,
+            input_sample_rate: packets.sample_rate,
+            output_gain: 0,
+            channel_mapping: None,
+        };
+        put(&mut entry, &sample_entry(dops));
         let mut description = TrackDescription::new(TrackKind::Sound, RATE, entry);
         description.edit.media_time = delay.into();
         let resampler = match packets.sample_rate {

@@ -6,8 +6,10 @@ use crate::geometry::SAMPLE_ENTRY;
 use crate::sample_table::samples;
 use crate::{Edit, Mp4Error, Sample, Track, TrackDescription, TrackKind};
 use mp4_atom::{Elst, Hdlr, Header, Mdhd, Mvhd, ReadFrom, Tfdt, Tfhd, Tkhd, Trex, Trun};
+use std::ffi::OsStr;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
+use std::path::Path;
 
 /// Most samples of a track: three days at 60 a second.
 pub(crate) const MOST_SAMPLES: usize = 1 << 24;
@@ -22,6 +24,13 @@ pub fn is_mp4(first_bytes: &[u8]) -> bool {
     first_bytes.get(4..8) == Some(b"ftyp")
 }
 
+/// Whether a path is named like the file of a stream: `.isv` or `.mp4`, in any case.
+#[must_use]
+pub fn is_stream_name(path: &Path) -> bool {
+    let is_ours = |end: &OsStr| ["isv", "mp4"].iter().any(|ending| end.eq_ignore_ascii_case(ending));
+    path.extension().is_some_and(is_ours)
+}
+
 /// An MP4 file and its tracks. Nothing but tables is held.
 pub struct Mp4File<S> {
     source: S,
@@ -30,7 +39,7 @@ pub struct Mp4File<S> {
     is_whole: bool,
 }
 
-/// Where a fragment is, and what it holds.
+/// Place of a fragment, and what it holds.
 #[derive(Clone, Debug)]
 pub(crate) struct FragmentPlace {
     /// Bytes of the file from the begin of its `moof` to the end of the `mdat` behind it.
@@ -138,7 +147,7 @@ impl<S: Read + Seek> Mp4File<S> {
     /// The bytes of a sample.
     ///
     /// # Errors
-    /// Those of the source, and a source that has become shorter.
+    /// Errors of the source, and a source that has become shorter.
     pub fn read(&mut self, sample: &Sample) -> Result<Vec<u8>, Mp4Error> {
         self.source.seek(SeekFrom::Start(sample.at))?;
         let mut data = Vec::new();
@@ -149,8 +158,8 @@ impl<S: Read + Seek> Mp4File<S> {
         Ok(data)
     }
 
-    /// Where a viewer begins who wants no frame but the last that decoding can begin at: the end of the boxes before the fragments, and
-    /// the begin of the fragment of that frame; `None` if there is none.
+    /// Places for a viewer who begins with the last sync sample: the end of the boxes before the fragments, and the begin of the
+    /// sample's fragment. `None` if there is no such sample.
     #[must_use]
     pub fn last_entry(&self) -> Option<(u64, u64)> {
         let geometry = &self.tracks[self.track_of(TrackKind::Geometry).ok()?];

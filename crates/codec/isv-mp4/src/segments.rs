@@ -84,7 +84,7 @@ impl<S: Read + Seek> Segments<S> {
     /// A segment, a whole file.
     ///
     /// # Errors
-    /// Those of the source.
+    /// Errors of the source.
     ///
     /// # Panics
     /// If there is no such segment.

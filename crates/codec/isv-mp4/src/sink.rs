@@ -85,7 +85,7 @@ impl<W: Write> GeometrySink<W> {
     /// Writes what is held, the rest of the other tracks and the end of the file, and gives the sink back.
     ///
     /// # Errors
-    /// A stream that ends inside a packet; those of the sink and of the tracks.
+    /// A stream that ends inside a packet; errors of the sink and of the tracks.
     ///
     /// # Panics
     /// After an error of a write.

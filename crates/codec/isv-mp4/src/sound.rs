@@ -327,11 +327,5 @@ pub(crate) fn opus_entry(head: &[u8]) -> Result<Opus, Mp4Error> {
         channel_mapping,
     };
     mp4_atom::Encode::encode(&dops, &mut Vec::new()).map_err(|_| wrong())?;
-    let audio = Audio {
-        data_reference_index: 1,
-        channel_count: (*channels).into(),
-        sample_size: 16,
-        sample_rate: crate::opus::RATE_FIELD.into(),
-    };
-    Ok(Opus { audio, dops, btrt: None })
+    Ok(crate::opus::sample_entry(dops))
 }

@@ -14,7 +14,7 @@ pub struct GeometryStream<S> {
     track: usize,
     /// Bytes before the first frame.
     begin: Vec<u8>,
-    /// Where each sample begins in the stream, and the last one ends.
+    /// Offset of each sample in the stream, and the end of the last one.
     offsets: Vec<u64>,
     /// Index and trailer.
     end: Vec<u8>,

@@ -21,7 +21,7 @@ pub enum TrackKind {
 }
 
 impl TrackKind {
-    /// Its name in messages: `geometry`, `sound`, `picture` or `other`.
+    /// Name in messages: `geometry`, `sound`, `picture` or `other`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -33,7 +33,7 @@ impl TrackKind {
     }
 }
 
-/// Where a track begins on the time line of the movie.
+/// Begin of a track on the time line of the movie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Edit {
     /// Time before the track begins (ms).
@@ -107,7 +107,7 @@ impl TrackDescription {
     }
 }
 
-/// Where a sample is, and when.
+/// Place and time of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
     /// Decode time in the track's timescale.
@@ -129,7 +129,7 @@ pub struct Sample {
 pub struct Track {
     /// What it states once.
     pub description: TrackDescription,
-    /// Its samples, in the order of decoding.
+    /// Samples, in the order of decoding.
     pub samples: Vec<Sample>,
 }
 

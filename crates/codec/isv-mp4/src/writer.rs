@@ -34,7 +34,7 @@ impl<W: Write> Mp4Writer<W> {
     /// Writes the boxes before the first fragment.
     ///
     /// # Errors
-    /// Those of the sink.
+    /// Errors of the sink.
     pub fn new(mut sink: W, tracks: &[TrackDescription]) -> Result<Self, Mp4Error> {
         let mut init = Vec::new();
         write_init(&mut init, tracks);
@@ -53,7 +53,7 @@ impl<W: Write> Mp4Writer<W> {
     /// Writes samples of a track that follow each other as a fragment.
     ///
     /// # Errors
-    /// Those of the sink.
+    /// Errors of the sink.
     ///
     /// # Panics
     /// Without samples, or if there is no such track.
@@ -88,7 +88,7 @@ impl<W: Write> Mp4Writer<W> {
     /// Writes where the fragments are, and gives the sink back.
     ///
     /// # Errors
-    /// Those of the sink.
+    /// Errors of the sink.
     pub fn finish(mut self) -> Result<W, Mp4Error> {
         let mut end = Vec::new();
         write_box(&mut end, b"mfra", |out| {
@@ -120,7 +120,7 @@ impl<W: Write> Mp4Writer<W> {
 /// Writes a file of tracks without geometry, and gives the sink back.
 ///
 /// # Errors
-/// Those of the tracks and of the sink.
+/// Errors of the tracks and of the sink.
 pub fn write_tracks<W: Write>(sink: W, tracks: Vec<Box<dyn SampleSource>>) -> Result<W, Mp4Error> {
     let descriptions: Vec<_> = tracks.iter().map(|track| track.description().clone()).collect();
     let mut writer = Mp4Writer::new(sink, &descriptions)?;

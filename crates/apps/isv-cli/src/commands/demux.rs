@@ -5,7 +5,7 @@ use crate::stream;
 use anyhow::{Context, Result, bail};
 use isv::raw::mp4::write_tracks;
 use isv::raw::take::Input;
-use isv::raw::take::stream::{StreamSummary, demux, tracks_beside};
+use isv::raw::take::stream::{demux, load_index, tracks_beside};
 use std::path::PathBuf;
 
 /// Take the stream out of an MP4 file, byte for byte
@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         write_tracks(output, tracks).with_context(|| path.display().to_string())?.commit()?;
     }
     if let Some(path) = &args.output {
-        let frames = StreamSummary::read(&input)?.packets.len();
+        let frames = load_index(&input)?.frames.len();
         let output = demux(&input, || Ok(Output::create(path)?)).map_err(stream::edit_error)?;
         stream::commit_file(output, path, frames)?;
     }

@@ -12,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use isv::raw::format::StreamHeader;
 use isv::raw::io::check_folder_name;
 use isv::raw::mp4::{
-    Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, master_playlist, media_playlist,
-    segment_name, write_tracks,
+    Mp4File, Rung, Segment, Segments, TrackKind, Trimmed, codec_string, is_stream_name, master_playlist,
+    media_playlist, segment_name, write_tracks,
 };
 use isv::raw::take::capture::{Capture, ContentKind};
 use isv::raw::take::encode::{EncodeOptions, Job, VoxelChoice};
@@ -113,11 +113,7 @@ fn is_asked_for(options: &EncodeOptions) -> bool {
 
 /// The distance from one keyframe of a stream to the next, if it is the same everywhere; `None` of what is no stream.
 fn regular_gop(input: &Input) -> Result<Option<NonZero<u32>>> {
-    let is_stream = input
-        .path()
-        .and_then(|path| path.extension())
-        .is_some_and(|end| end.eq_ignore_ascii_case("isv") || end.eq_ignore_ascii_case("mp4"));
-    if !is_stream {
+    if input.path().is_none_or(|path| !is_stream_name(path)) {
         return Ok(None);
     }
     let packets = StreamSummary::read(input)?.packets;

@@ -2,8 +2,7 @@
 
 use super::{Opened, POLL};
 use isv_format::{MAGIC, PacketReader, StreamHeader, StreamIndex};
-use isv_mp4::{GeometryPipe, Mp4File, is_mp4};
-use std::ffi::OsStr;
+use isv_mp4::{GeometryPipe, Mp4File, is_mp4, is_stream_name};
 use std::fs::{self, File, Metadata};
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -192,8 +191,7 @@ impl Place {
 /// Whether a path has the ending of a stream. Hidden files are not yet what they will be.
 fn is_stream(path: &Path) -> bool {
     let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-    let is_ours = |end: &OsStr| ["isv", "mp4"].iter().any(|ending| end.eq_ignore_ascii_case(ending));
-    !is_hidden && path.extension().is_some_and(is_ours)
+    !is_hidden && is_stream_name(path)
 }
 
 impl Candidate {

@@ -13,8 +13,8 @@ use isv_io::{
     Animation, DepthSequence, FrameSequence, FrameTimes, Saturation, SequenceError, VolumeError,
     VolumeSequence, is_depth_folder, passed_over,
 };
+use isv_mp4::is_stream_name;
 use isv_volume::Grid;
-use std::ffi::OsStr;
 use std::fmt;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -48,8 +48,7 @@ impl Kind {
     /// Finds out what an input is, and how many frames it has if that can be known.
     pub(super) fn open(input: &Input, hints: &Hints) -> Result<(Option<usize>, Self), CaptureError> {
         let Input::Path(path) = input else { return Ok((None, pipe::open(hints)?)) };
-        let is_stream = |end: &OsStr| ["isv", "mp4"].iter().any(|ending| end.eq_ignore_ascii_case(ending));
-        if path.extension().is_some_and(is_stream) {
+        if is_stream_name(path) {
             // It is opened more than once.
             if path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
                 return Err(CaptureError::NoRegularFile { name: input.name() });

@@ -22,7 +22,7 @@ pub struct MetadataOptions {
 }
 
 impl MetadataOptions {
-    /// These options, and what a stream that is coded anew says of itself where they say nothing.
+    /// Options, with what a stream that is coded anew says of itself in place of what is not given.
     pub(super) fn or(&self, source: Option<&Metadata>) -> Self {
         let said = |own: &Option<String>, theirs: fn(&Metadata) -> &Option<String>| {
             own.clone().or_else(|| source.and_then(|source| theirs(source).clone()))

@@ -141,7 +141,7 @@ pub fn sound(path: &Path, options: isv_mp4::SoundOptions) -> Result<Box<dyn Samp
 /// # Errors
 /// [`Mp4Error`]: no sound that can be taken.
 #[cfg(feature = "sound")]
-pub fn sound_of(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
+pub fn default_sound(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
     sound(path, isv_mp4::SoundOptions::default())
 }
 
@@ -150,7 +150,7 @@ pub fn sound_of(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
 /// # Errors
 /// [`Mp4Error`]: no MP4 file with sound.
 #[cfg(not(feature = "sound"))]
-pub fn sound_of(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
+pub fn default_sound(path: &Path) -> Result<Box<dyn SampleSource>, Mp4Error> {
     track_of(path, TrackKind::Sound)
 }
 

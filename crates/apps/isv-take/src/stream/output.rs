@@ -1,5 +1,6 @@
-//! Where a stream is written to: a file of its own, or an MP4 file with sound and picture beside it.
+//! Outputs of a stream: a file of its own, or an MP4 file with sound and picture beside it.
 
+use super::StreamError;
 use isv_format::MAGIC;
 use isv_io::{Output, OutputError, check_not_input, check_overwriting, check_stream_name};
 use isv_mp4::{GeometrySink, Mp4Error, SampleSource, is_mp4};
@@ -29,7 +30,21 @@ impl Container {
     }
 }
 
-/// Refuses an output that is one of the inputs, that is there and holds no stream, or whose name is that of another kind of file.
+/// Tracks to keep in an output: those that `open` gives for an MP4 file, and none for a stream in a file of its own.
+///
+/// # Errors
+/// Errors of `open`.
+pub fn tracks_kept_in(
+    output: &Path,
+    open: impl FnOnce() -> Result<Tracks, StreamError>,
+) -> Result<Tracks, StreamError> {
+    match Container::of(output) {
+        Container::Isv => Ok(Tracks::new()),
+        Container::Mp4 => open(),
+    }
+}
+
+/// Refuses an output that is read, that is there and holds no stream, or that is named like another kind of file.
 ///
 /// # Errors
 /// [`OutputError`]: a slip must not cost a capture.
@@ -54,7 +69,7 @@ impl StreamOutput<Output> {
     /// Opens a file that has its name once it is whole, or standard output. Its name says its kind.
     ///
     /// # Errors
-    /// Those of the file, and as of [`Self::new`].
+    /// Errors of the file, and what [`Self::new`] refuses.
     pub fn create(path: &Path, tracks: Tracks) -> io::Result<Self> {
         Self::new(Output::create(path)?, Container::of(path), tracks).map_err(io::Error::other)
     }
@@ -79,7 +94,7 @@ impl<W: Write> StreamOutput<W> {
     /// Completes the file, and gives the sink back. The stream was written to its end.
     ///
     /// # Errors
-    /// Those of the tracks and of the sink.
+    /// Errors of the tracks and of the sink.
     pub fn finish(self) -> Result<W, Mp4Error> {
         match self.0 {
             Form::Isv(sink) => Ok(sink),

@@ -21,7 +21,7 @@ pub(super) struct DescribeArgs {
 }
 
 impl DescribeArgs {
-    /// These choices.
+    /// Choices of the flags.
     pub(super) fn options(&self) -> MetadataOptions {
         MetadataOptions {
             choice: self.metadata.map(Into::into).unwrap_or_default(),
