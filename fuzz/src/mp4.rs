@@ -1,5 +1,6 @@
 //! MP4 files: tables as a file and as a pipe have them, and sound of any kind.
 
+use isv::raw::io::hush_foreign_panics;
 use isv::raw::mp4::{
     GeometryPipe, GeometryStream, Mp4File, SampleSource, SoundOptions, TrackSource, open_sound,
 };
@@ -34,6 +35,7 @@ pub fn read(bytes: &[u8]) {
 
 /// Reads the bytes as sound, coded where it is a waveform.
 pub fn hear(bytes: &[u8]) {
+    hush_foreign_panics();
     if let Ok(mut sound) = open_sound(Cursor::new(bytes.to_vec()), SoundOptions::default()) {
         drain(&mut *sound);
     }

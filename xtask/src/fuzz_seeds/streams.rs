@@ -22,9 +22,10 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
     streams.retain(|stream| stream.len() <= MOST_STREAM_BYTES);
     streams.sort();
     let paper = Profile::Paper(PaperParameters { coefficients: 20, dc_step: 819, ac_step: 2048 });
+    let coloured = coloured_stream(&volume(BlockEdge::E8)?)?;
     streams.push(stream(paper, &volume(BlockEdge::E4)?)?);
     streams.push(stream(Profile::Main, &volume(BlockEdge::E8)?)?);
-    streams.push(coloured_stream(&volume(BlockEdge::E8)?)?);
+    streams.push(coloured.clone());
     for stream in &streams {
         for target in ["container", "live", "loss", "stream"] {
             seeds.save(target, stream)?;
@@ -36,7 +37,7 @@ pub(super) fn save(seeds: &mut Seeds) -> Result<()> {
     let mut as_it_is = SoundOptions::default();
     as_it_is.opus_bits_per_second = None;
     for sound in [None, Some(SoundOptions::default()), Some(as_it_is)] {
-        let file = mp4_file(&streams[0], sound)?;
+        let file = mp4_file(&coloured, sound)?;
         seeds.save("mp4", &file)?;
         seeds.save("sound", &file)?;
     }

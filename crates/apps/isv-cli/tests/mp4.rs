@@ -131,6 +131,17 @@ fn what_cannot_be_is_said_in_a_sentence() {
         .fails(2, &["name the output x.mp4"]);
 }
 
+#[test]
+fn a_rate_that_no_sound_has_is_refused() {
+    let (work, _) = workspace();
+    let mut sound = waveform(0.1);
+    for rate in [0u32, 1_000, 500_000, u32::MAX] {
+        sound[24..28].copy_from_slice(&rate.to_le_bytes());
+        work.write("sound.wav", &sound);
+        work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).fails(1, &["sound.wav: "]);
+    }
+}
+
 /// What another program prints of a file.
 fn printed(program: &str, args: &[&str], file: &Path) -> Option<String> {
     let output = Command::new(program).args(args).arg(file).output().ok()?;

@@ -8,6 +8,7 @@ use ropus::{Application, Bitrate, Channels, Encoder};
 use rubato::audioadapter_buffers::direct::InterleavedSlice;
 use rubato::{Fft, FixedSync, Indexing, Resampler};
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 
 /// Sound frames a second that Opus works with.
 const RATE: u32 = 48_000;
@@ -20,6 +21,8 @@ const MOST_BYTES: usize = 4000;
 /// Rates that are accepted.
 const LEAST_BITS: u32 = 6_000;
 const MOST_BITS: u32 = 510_000;
+/// Sample rates that are resampled, in Hz: the filter takes memory by the rate.
+const SAMPLE_RATES: RangeInclusive<u32> = 4_000..=384_000;
 
 /// The sample entry of Opus, in which all sound has 48 kHz and 16 bits.
 pub(crate) fn sample_entry(dops: Dops) -> Opus {
@@ -76,6 +79,14 @@ impl OpusSource {
         };
         if !(LEAST_BITS..=MOST_BITS).contains(&bits_per_second) {
             let what = format!("Opus has {LEAST_BITS} to {MOST_BITS} bits a second, not {bits_per_second}");
+            return Err(Mp4Error::Unsupported(what));
+        }
+        if !SAMPLE_RATES.contains(&packets.sample_rate) {
+            let (least, most) = (SAMPLE_RATES.start(), SAMPLE_RATES.end());
+            let what = format!(
+                "waveforms of {least} to {most} Hz are coded, not of {} Hz: resample them first",
+                packets.sample_rate
+            );
             return Err(Mp4Error::Unsupported(what));
         }
         let encoder = Encoder::builder(RATE, channels, Application::Audio)

@@ -5,8 +5,10 @@ use crate::opus::OpusSource;
 use crate::{
     Mp4Error, Mp4File, SampleSource, SourceSample, TrackDescription, TrackKind, TrackSource, is_mp4,
 };
+use isv_foreign::catch_panic;
 use mp4_atom::esds::{DecoderConfig, EsDescriptor, SLConfig};
 use mp4_atom::{Audio, Esds, Mp4a, Opus, PcmC};
+use std::fmt::Display;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use symphonia::core::audio::Channels;
 use symphonia::core::codecs::audio::AudioCodecParameters;
@@ -108,14 +110,13 @@ pub(crate) struct Packets {
 impl Packets {
     fn open(source: impl MediaSource + 'static) -> Result<Self, Mp4Error> {
         let stream = MediaSourceStream::new(Box::new(source), Default::default());
-        let reader = symphonia::default::get_probe()
-            .probe(&Hint::new(), stream, FormatOptions::default(), MetadataOptions::default())
-            .map_err(|error| match error {
-                SymphoniaError::IoError(error) if error.kind() != io::ErrorKind::UnexpectedEof => {
-                    error.into()
-                }
-                _ => Mp4Error::Unsupported("this is no MP4, MP3, Ogg, FLAC or WAV file".to_owned()),
-            })?;
+        let unknown = || Mp4Error::Unsupported("this is no MP4, MP3, Ogg, FLAC or WAV file".to_owned());
+        let (format, metadata) = (FormatOptions::default(), MetadataOptions::default());
+        let probe = || symphonia::default::get_probe().probe(&Hint::new(), stream, format, metadata);
+        let reader = catch_panic(probe).ok_or_else(unknown)?.map_err(|error| match error {
+            SymphoniaError::IoError(error) if error.kind() != io::ErrorKind::UnexpectedEof => error.into(),
+            _ => unknown(),
+        })?;
         let track = reader.default_track(TrackType::Audio).ok_or(Mp4Error::NoTrack("sound"))?;
         let codec = track.codec_params.as_ref().and_then(|codec| codec.audio()).cloned();
         let codec = codec.ok_or(Mp4Error::NoTrack("sound"))?;
@@ -132,17 +133,17 @@ impl Packets {
 
     /// The next packet with its duration in sound frames; `None` at the end.
     pub(crate) fn next(&mut self) -> Result<Option<(Vec<u8>, u32)>, Mp4Error> {
+        let damaged = |what: &dyn Display| Mp4Error::Unsupported(format!("the sound cannot be read: {what}"));
         loop {
-            let packet = match self.reader.next_packet() {
+            let next = catch_panic(|| self.reader.next_packet());
+            let packet = match next.ok_or_else(|| damaged(&"it is damaged"))? {
                 Ok(Some(packet)) => packet,
                 Ok(None) => return Ok(None),
                 Err(SymphoniaError::IoError(error)) if error.kind() == io::ErrorKind::UnexpectedEof => {
                     return Ok(None);
                 }
                 Err(SymphoniaError::IoError(error)) => return Err(error.into()),
-                Err(error) => {
-                    return Err(Mp4Error::Unsupported(format!("the sound cannot be read: {error}")));
-                }
+                Err(error) => return Err(damaged(&error)),
             };
             if packet.track_id == self.track {
                 // A decoder gives what is to be cut off, too.

@@ -6,10 +6,10 @@
 
 use crate::cloud_builder::CloudBuilder;
 use crate::error::{Flaw, Malformation};
-use crate::foreign::catch_panic;
 use crate::raw_colours::Scale;
 use e57::{E57Reader, Record, RecordDataType, RecordName as Name, RecordValue};
 use glam::{DQuat, DVec3};
+use isv_foreign::catch_panic;
 use isv_volume::{PointCloud, ScanPlace};
 use std::fmt::Display;
 use std::io::Cursor;

@@ -25,7 +25,6 @@ mod cloud_builder;
 mod depth;
 mod e57;
 mod error;
-mod foreign;
 mod format;
 mod frame_stream;
 mod frame_times;
@@ -66,7 +65,6 @@ pub use depth::{
     TUM_TIME_LIMIT_S, is_depth_folder,
 };
 pub use error::{Malformation, Position, ReadError, WriteError};
-pub use foreign::hush_foreign_panics;
 pub use format::{Format, ParseFormatError};
 pub use frame_stream::{FrameStream, FrameStreamError, MAX_FRAME_BYTES};
 pub use frame_times::FrameTimes;
@@ -77,6 +75,7 @@ pub use geometry::{
 };
 pub use gltf::{Animation, GlbAnimationWriter, GlbEncoding, GltfFault, MAX_DURATION_S, write_glb_to};
 pub use image::{ImageError, ImageFault, MAX_IMAGE_PIXELS, MAX_IMAGE_SIDE, decode_image};
+pub use isv_foreign::hush_foreign_panics;
 pub use natural_order::{NameOrder, OrderedNames, natural_cmp};
 pub use obj::write_obj_files;
 pub use options::{Colours, ReadOptions};

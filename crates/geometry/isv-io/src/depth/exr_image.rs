@@ -2,7 +2,6 @@
 
 use super::error::DepthFileError;
 use super::image::ImageFile;
-use crate::foreign::catch_panic;
 use exr::block::chunk::{
     Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
 };
@@ -12,6 +11,7 @@ use exr::compression::Compression;
 use exr::meta::attribute::{ChannelList, SampleType};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData};
+use isv_foreign::catch_panic;
 use std::io::{Read, Seek};
 
 /// Most channels that an image may have: a block of it holds a few hundred rows of each.

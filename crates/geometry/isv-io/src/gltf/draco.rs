@@ -3,8 +3,8 @@
 use super::fault::GltfFault;
 use super::limit::Limit;
 use crate::error::quote;
-use crate::foreign::catch_panic;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
+use isv_foreign::catch_panic;
 
 /// Bytes of a vertex's position, or of a triangle.
 const ELEMENT_BYTES: usize = 12;

@@ -4,7 +4,7 @@ use super::fault::GltfFault;
 use super::limit::Limit;
 use super::schema::Meshopt;
 use crate::error::quote;
-use crate::foreign::catch_panic;
+use isv_foreign::catch_panic;
 use meshoptimizer_rs::codec::{
     decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat, decode_index_buffer,
     decode_index_sequence, decode_vertex_buffer,

@@ -2,7 +2,7 @@
 
 use super::ImageFault;
 use super::pixels::{check_size, image, rgb};
-use crate::foreign::catch_panic;
+use isv_foreign::catch_panic;
 use isv_volume::Image;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;

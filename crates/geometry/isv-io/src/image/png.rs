@@ -2,8 +2,8 @@
 
 use super::ImageFault;
 use super::pixels::{check_size, image, rgb};
-use crate::foreign::catch_panic;
 use crate::own::COMMENT;
+use isv_foreign::catch_panic;
 use isv_volume::{Image, Rgb};
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Limits, Transformations};
 use std::io::{self, Cursor, Write};

@@ -2,8 +2,8 @@
 
 use super::ImageFault;
 use super::pixels::{check_size, image, rgb};
-use crate::foreign::catch_panic;
 use image_webp::WebPDecoder;
+use isv_foreign::catch_panic;
 use isv_volume::Image;
 use std::io::Cursor;
 

@@ -8,7 +8,7 @@
 use super::gps_times::GpsTimes;
 use super::header::{Header, RECORD_BYTES, take, u16_at};
 use crate::error::Flaw;
-use crate::foreign::catch_panic;
+use isv_foreign::catch_panic;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LasZipError, LazItemRecordBuilder, LazItemType, LazVlr};

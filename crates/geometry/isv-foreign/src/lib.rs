@@ -26,7 +26,7 @@ pub fn hush_foreign_panics() {
 ///
 /// The last resort, after everything that can be checked before the call has been: libraries index their tables with
 /// what the file says, and one damaged file must not end a run over thousands. Nothing that the parser touched is used after a panic.
-pub(crate) fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
+pub fn catch_panic<T>(parse: impl FnOnce() -> T) -> Option<T> {
     let outer = INSIDE.replace(true);
     let result = panic::catch_unwind(AssertUnwindSafe(parse));
     INSIDE.set(outer);
