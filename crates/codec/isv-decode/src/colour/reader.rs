@@ -2,12 +2,14 @@
 
 use super::frame::{ColourFrame, Sample, mean};
 use super::morton::{interleave, position};
-use super::region::{MAX_REGION_DEPTH, Region, RegionCell};
+use super::region::{Region, RegionCell};
 use super::surfel::Surfel;
 use isv_volume::{BlockCoord, NeighbourFinder};
 
 /// Fractional bits of weights between samples along an axis.
 const WEIGHT_BITS: u32 = 5;
+/// Deepest samples of which all parts of a cell are read from a region together.
+const MAX_HELD_DEPTH: u8 = 1;
 
 /// Reader of the cells and samples around a point.
 #[derive(Clone, Debug)]
@@ -57,11 +59,11 @@ impl<'a> Reader<'a> {
         self.region.clear();
     }
 
-    /// Takes the cells of a box of voxels together, which makes the readings of many cells in it faster. They are the same without it.
+    /// Takes the cells of a box of voxels together, which makes the readings of many cells and points in it faster. They are the same without it.
     /// `lowest`: the first voxel, counted from the origin's; `end`: the one after the last; `depth`: of the samples that will be read.
     #[inline(always)]
     pub fn hold(&mut self, lowest: [i32; 3], end: [i32; 3], depth: u8) {
-        if depth > MAX_REGION_DEPTH || !self.region.begin(lowest, end, depth) {
+        if !self.region.begin(lowest, end, depth) {
             return;
         }
         let (first, last) = (shifted(lowest, 3), shifted(sum(end, [-1; 3]), 3));
@@ -171,7 +173,7 @@ impl<'a> Reader<'a> {
 
     /// The depth that is read where samples of a depth are wanted: that of the block at a position, if it is less.
     #[inline(always)]
-    fn depth_at(&mut self, position: [i32; 3], wanted: u8) -> u8 {
+    pub fn depth_at(&mut self, position: [i32; 3], wanted: u8) -> u8 {
         match self.block(shifted(position, 11)) {
             Some(block) => wanted.min(self.frame.shape.depths()[block as usize]),
             None => wanted,
@@ -191,14 +193,26 @@ impl<'a> Reader<'a> {
     /// The colour between the samples of one depth.
     #[inline(always)]
     fn read_at(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8) -> Option<Sample> {
-        let mut sums = [0i32; 4];
+        let lattice = Lattice::new(position, depth);
+        let held = self.region.find(lattice.voxel).filter(|_| self.region.depth() == depth);
         let layers = &self.frame.layers;
-        self.for_taps(position, normal, depth, |tap, weight| {
-            let sample = &layers[usize::from(tap.layer)][tap.at as usize];
-            for lane in 0..4 {
-                sums[lane] += weight * i32::from(sample[lane]);
+        let mut sums = [0i32; 4];
+        match held {
+            Some(at) => {
+                sums = lattice.held_sums(
+                    self.region.cells_around(at),
+                    &layers[usize::from(depth)],
+                    normal,
+                    depth,
+                );
             }
-        });
+            None => self.for_taps(&lattice, normal, depth, |tap, weight| {
+                let sample = &layers[usize::from(tap.layer)][tap.at as usize];
+                for lane in 0..4 {
+                    sums[lane] += weight * i32::from(sample[lane]);
+                }
+            }),
+        }
         Some(mean(sums)).filter(|sample| sample[3] != 0)
     }
 
@@ -207,44 +221,26 @@ impl<'a> Reader<'a> {
     pub fn taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
         let deep = self.depth_at(position, depth);
         let mut any = false;
-        self.for_taps(position, normal, deep, |tap, weight| {
+        self.for_taps(&Lattice::new(position, deep), normal, deep, |tap, weight| {
             any = true;
             visit(tap, weight);
         });
         if !any && deep > 0 {
-            self.for_taps(position, normal, 0, visit);
+            self.for_taps(&Lattice::new(position, 0), normal, 0, visit);
         }
     }
 
     /// Visits the samples around a position: eight, less those that are not there and those whose weight is 0.
     #[inline(always)]
-    fn for_taps(&mut self, position: [i32; 3], normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
-        let shift = 8 - u32::from(depth);
-        let from_first = sum(position, [-(128 >> depth); 3]);
-        let first = shifted(from_first, shift);
-        let mut along = [[0; 2]; 3];
-        for axis in 0..3 {
-            let upper = fraction(from_first[axis], shift);
-            along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
-        }
-        let voxel = shifted(first, u32::from(depth));
-        let mut spans = [0; 3];
-        for axis in 0..3 {
-            spans[axis] = if along[axis][1] == 0 { 0 } else { ((first[axis] + 1) >> depth) - voxel[axis] };
-        }
-        let around = self.facing_cells(voxel, spans, normal);
+    fn for_taps(&mut self, lattice: &Lattice, normal: [i8; 3], depth: u8, mut visit: impl FnMut(Tap, i32)) {
+        let around = self.facing_cells(lattice.voxel, lattice.spans, normal);
         for corner in 0..8 {
-            let steps = [corner & 1, corner >> 1 & 1, corner >> 2];
-            let weight = along[0][steps[0]] * along[1][steps[1]] * along[2][steps[2]];
+            let weight = lattice.weight(corner);
             if weight == 0 {
                 continue;
             }
-            let slot = steps[0] as i32 & spans[0]
-                | (steps[1] as i32 & spans[1]) << 1
-                | (steps[2] as i32 & spans[2]) << 2;
-            let Some(found) = around[slot as usize & 7] else { continue };
-            let place = sum(first, [steps[0] as i32, steps[1] as i32, steps[2] as i32]);
-            if let Some(tap) = self.sample(found, place, depth) {
+            let Some(found) = around[lattice.slot(corner)] else { continue };
+            if let Some(tap) = self.sample(found, lattice.place(corner), depth) {
                 visit(tap, weight);
             }
         }
@@ -276,7 +272,8 @@ impl<'a> Reader<'a> {
         wanted: u64,
         out: &mut [Sample; 64],
     ) {
-        let held = self.region.find(shifted(corner, 8)).filter(|_| self.region.depth() == depth);
+        let is_held = self.region.depth() == depth && depth <= MAX_HELD_DEPTH;
+        let held = self.region.find(shifted(corner, 8)).filter(|_| is_held);
         let deep = match held {
             Some(_) => depth,
             None => self.depth_at(sum(corner, [128; 3]), depth),
@@ -424,6 +421,93 @@ impl<'a> Reader<'a> {
         let start = shape.starts()[found.block][usize::from(deep)] as usize + (number << (3 * deep));
         let samples = &self.frame.layers[usize::from(deep)][start..][..1 << (3 * deep)];
         put_parts::<N, G, D>(samples, depth - deep, steps, grid);
+    }
+}
+
+/// The bits of a coordinate in a cell, each with room for those of two more axes.
+const SPREAD: [usize; 4] = [0, 1, 8, 9];
+
+/// The 2x2x2 places of samples of one depth around a position.
+struct Lattice {
+    /// The first place.
+    first: [i32; 3],
+    /// The voxel that it lies in.
+    voxel: [i32; 3],
+    /// 1 along axes along which the next places lie in the next voxel and count.
+    spans: [i32; 3],
+    /// Weights of the first and of the next places, by axis.
+    along: [[i32; 2]; 3],
+}
+
+impl Lattice {
+    #[inline(always)]
+    fn new(position: [i32; 3], depth: u8) -> Self {
+        let shift = 8 - u32::from(depth);
+        let from_first = sum(position, [-(128 >> depth); 3]);
+        let first = shifted(from_first, shift);
+        let voxel = shifted(first, u32::from(depth));
+        let (mut along, mut spans) = ([[0; 2]; 3], [0; 3]);
+        for axis in 0..3 {
+            let upper = fraction(from_first[axis], shift);
+            along[axis] = [(1 << WEIGHT_BITS) - upper, upper];
+            spans[axis] = if upper == 0 { 0 } else { ((first[axis] + 1) >> depth) - voxel[axis] };
+        }
+        Self { first, voxel, spans, along }
+    }
+
+    /// Steps from the first place to one of the eight, x fastest.
+    #[inline(always)]
+    fn steps(corner: usize) -> [usize; 3] {
+        [corner & 1, corner >> 1 & 1, corner >> 2]
+    }
+
+    /// The weight of a place.
+    #[inline(always)]
+    fn weight(&self, corner: usize) -> i32 {
+        let [x, y, z] = Self::steps(corner);
+        self.along[0][x] * self.along[1][y] * self.along[2][z]
+    }
+
+    /// The one of 2x2x2 voxels that a place lies in, x fastest.
+    #[inline(always)]
+    fn slot(&self, corner: usize) -> usize {
+        let [x, y, z] = Self::steps(corner).map(|step| step as i32);
+        (x & self.spans[0] | (y & self.spans[1]) << 1 | (z & self.spans[2]) << 2) as usize & 7
+    }
+
+    /// A place.
+    #[inline(always)]
+    fn place(&self, corner: usize) -> [i32; 3] {
+        let [x, y, z] = Self::steps(corner);
+        sum(self.first, [x as i32, y as i32, z as i32])
+    }
+
+    /// Weighted sums of the samples at the places, from cells of a region of this depth. `layer`: their samples, which are zeros where
+    /// there are none.
+    #[inline(always)]
+    fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
+        // By axis and step: the bits of a sample's number in its cell, those of its cell's slot, and its weight.
+        let (mut parts, mut slots) = ([[0; 2]; 3], [[0; 2]; 3]);
+        for axis in 0..3 {
+            for step in 0..2 {
+                let place = self.first[axis] + step;
+                parts[axis][step as usize] = SPREAD[(place & ((1 << depth) - 1)) as usize & 3] << axis;
+                slots[axis][step as usize] = ((step & self.spans[axis]) as usize & 1) << axis;
+            }
+        }
+        let faces = around.map(|cell| -i32::from(cell.faces(normal)));
+        let mut sums = [0; 4];
+        for corner in 0..8 {
+            let [x, y, z] = Self::steps(corner);
+            let slot = (slots[0][x] | slots[1][y] | slots[2][z]) & 7;
+            let part = parts[0][x] | parts[1][y] | parts[2][z];
+            let weight = self.weight(corner) & faces[slot];
+            let sample = &layer[around[slot].first as usize + part];
+            for lane in 0..4 {
+                sums[lane] += weight * i32::from(sample[lane]);
+            }
+        }
+        sums
     }
 }
 

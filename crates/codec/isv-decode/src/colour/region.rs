@@ -6,9 +6,6 @@ use super::surfel::Surfel;
 
 /// Longest edge of a region, in cells.
 const MAX_EDGE: i32 = 18;
-/// Deepest samples that a region takes.
-pub(super) const MAX_REGION_DEPTH: u8 = 1;
-
 /// The places in a block, in Morton order, whose coordinate along an axis is below a bound: a bit each.
 const BELOW: [[[u64; 8]; 9]; 3] = {
     let mut below = [[[0; 8]; 9]; 3];
@@ -221,8 +218,9 @@ mod tests {
     #[test]
     fn readings_are_those_without_a_region() {
         let mut random = Random::new(21);
-        for (depth, mixed) in [(0, false), (1, false), (1, true)] {
-            let frame = frame(&mut random, |block| if mixed { u8::from(block % 3 != 0) } else { depth });
+        for (depth, mixed) in [(0, false), (1, false), (1, true), (2, false), (2, true)] {
+            let frame =
+                frame(&mut random, |block| if mixed { depth * u8::from(block % 3 != 0) } else { depth });
             let (mut held, mut plain) = (Reader::new(&frame), Reader::new(&frame));
             let (mut coloured, mut planes) = (0, 0);
             for round in 0..4000 {
@@ -239,12 +237,13 @@ mod tests {
                 let corner = if round % 5 == 0 { corner.map(|c| c & !127) } else { corner };
                 let normal = [0; 3].map(|_| integer(127.0) as i8);
                 let [mut with, mut without] = [[[0; 4]; 64]; 2];
-                let wanted = (1 << (1 << (3 * depth))) - 1;
+                let wanted = u64::MAX >> (64 - (1 << (3 * depth)));
                 held.read_cell(corner, normal, depth, wanted, &mut with);
                 plain.read_cell(corner, normal, depth, wanted, &mut without);
                 let parts = 1usize << (3 * depth);
                 assert_eq!(with[..parts], without[..parts], "{depth} {mixed} {round}");
                 coloured += without[..parts].iter().filter(|sample: &&Sample| sample[3] != 0).count();
+                assert_eq!(held.read(corner, normal, depth), plain.read(corner, normal, depth), "{round}");
                 let voxel = corner.map(|c| c >> 8);
                 let plane = plain.plane(voxel);
                 assert_eq!(held.plane(voxel), plane);

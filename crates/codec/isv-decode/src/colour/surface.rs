@@ -2,14 +2,19 @@
 
 use super::frame::{ColourFrame, GREY, Sample};
 use super::morton::{position, wide_position};
-use super::reader::Reader;
+use super::reader::{Reader, sum};
 use super::tree::BlockTree;
 use super::ycbcr::to_rgb;
+use isv_kernels::simd::vectorized;
 use isv_volume::{BlockCoord, ColourSample, Grid, Rgb};
 use rayon::prelude::*;
 
 /// Points that a thread works on at a time.
 const CHUNK: usize = 1024;
+/// Points of a block from which on it pays to take its cells together.
+const SHARING: usize = 12;
+/// Edge of a block in 1/256 voxel.
+const BLOCK: f64 = 2048.0;
 /// Cells around a point that are looked in, nearest first.
 const AROUND: [[i32; 3]; 7] =
     [[0, 0, 0], [-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, -1, 0], [-1, 0, -1], [0, -1, -1]];
@@ -28,25 +33,50 @@ pub fn surface_colours<P: Copy + Into<[f64; 3]> + Sync>(
     let voxel_m = grid.voxel_size.metres();
     let of_chunk = |chunk: &[P]| {
         let mut reader = Reader::new(frame);
-        let colours: Vec<Rgb> =
-            chunk.iter().map(|point| to_rgb(colour(&mut reader, (*point).into(), voxel_m, depth))).collect();
+        // From the middle of the first voxel of all.
+        let at = |point: &P| -> [f64; 3] {
+            (*point).into().map(|metres: f64| ((metres / voxel_m - 0.5) * 256.0).round())
+        };
+        let positions: Vec<[f64; 3]> = chunk.iter().map(at).collect();
+        let mut colours = Vec::with_capacity(chunk.len());
+        let mut rest = &positions[..];
+        while let Some(first) = rest.first() {
+            let block = first.map(|p| (p / BLOCK).floor());
+            if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
+                colours.push(to_rgb(GREY));
+                rest = &rest[1..];
+                continue;
+            }
+            let from_block = |p: &[f64; 3]| [0, 1, 2].map(|axis| p[axis] - BLOCK * block[axis]);
+            let is_near = |p: &&[f64; 3]| from_block(p).iter().all(|p| (0.0..=BLOCK).contains(p));
+            let near;
+            (near, rest) = rest.split_at(rest.iter().take_while(is_near).count());
+            reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
+            if near.len() >= SHARING {
+                let depth = reader.depth_at([0; 3], depth);
+                reader.hold([-1; 3], [10; 3], depth);
+            }
+            vectorized(
+                #[inline(always)]
+                || {
+                    colours.extend(near.iter().map(
+                        #[inline(always)]
+                        |p| to_rgb(colour(&mut reader, from_block(p).map(|p| p as i32), depth)),
+                    ));
+                },
+            );
+        }
         colours
     };
     points.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
 }
 
-fn colour(reader: &mut Reader, point_m: [f64; 3], voxel_m: f64, depth: u8) -> Sample {
-    let at = point_m.map(|p| ((p / voxel_m - 0.5) * 256.0).round());
-    let block = at.map(|p| (p / 2048.0).floor());
-    if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
-        return GREY;
-    }
-    reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
-    let position: [i32; 3] = std::array::from_fn(|axis| (at[axis] - 2048.0 * block[axis]) as i32);
+/// The colour at a position, in 1/256 voxel from the middle of the first voxel of the reader's origin.
+#[inline(always)]
+fn colour(reader: &mut Reader, position: [i32; 3], depth: u8) -> Sample {
     let voxel = position.map(|p| p >> 8);
-    let found = AROUND.iter().find_map(|step| reader.cell([0, 1, 2].map(|axis| voxel[axis] + step[axis])));
-    let normal = found.map_or([0; 3], |found| reader.surfel(found).normal);
-    reader.read(position, normal, depth).unwrap_or(GREY)
+    let normal = AROUND.iter().find_map(|step| reader.plane(sum(voxel, *step))).map(|surfel| surfel.normal);
+    reader.read(position, normal.unwrap_or_default(), depth).unwrap_or(GREY)
 }
 
 impl ColourFrame {
