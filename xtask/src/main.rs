@@ -15,6 +15,7 @@ mod player;
 mod regression;
 mod sheet_pictures;
 mod takes;
+mod words;
 
 use anyhow::Result;
 use clap::Parser;
@@ -130,6 +131,18 @@ enum Command {
         #[arg(long)]
         from_source: bool,
     },
+    /// Count the places that break the rules of wording, and fail where there are more than before
+    Words {
+        /// The table
+        #[arg(long, default_value = "regression/words.csv")]
+        table: PathBuf,
+        /// Write the counts into the table
+        #[arg(long)]
+        update: bool,
+        /// Print the places whose file or text has this in it
+        #[arg(long, value_name = "PART")]
+        list: Option<String>,
+    },
 }
 
 fn main() -> Result<()> {
@@ -155,5 +168,6 @@ fn main() -> Result<()> {
         Command::Conformance { folder, colour } => conformance::run(&folder, colour),
         Command::FuzzSeeds { folder } => fuzz_seeds::run(&folder),
         Command::Player { check, from_source } => player::run(check, from_source),
+        Command::Words { table, update, list } => words::run(&table, update, list.as_deref()),
     }
 }

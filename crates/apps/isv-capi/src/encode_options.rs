@@ -5,7 +5,10 @@ use crate::callback::{User, event_handler, isv_event_fn, isv_progress_fn, progre
 use crate::handle::{self, Handle, lock};
 use crate::memory::{place, slice, text};
 use crate::status::{ISV_ERROR_OPTIONS, isv_status};
-use isv::{BitRate, Cancellation, Device, EncodeOptions, Length, Preset, Refresh, SignMode, TimestampSource};
+use isv::{
+    BitRate, Cancellation, Device, EncodeOptions, Length, MetadataChoice, Preset, Refresh, SignMode,
+    TimestampSource,
+};
 use std::collections::BTreeMap;
 use std::ffi::{c_char, c_void};
 use std::sync::{Arc, Mutex};
@@ -50,6 +53,15 @@ pub const ISV_TIMESTAMPS_SOURCE: isv_timestamps = 0;
 pub const ISV_TIMESTAMPS_RATE: isv_timestamps = 1;
 /// The time at which a frame is pushed, in nanoseconds since 1970, for live streams.
 pub const ISV_TIMESTAMPS_CLOCK: isv_timestamps = 2;
+
+/// Whether a stream says what it is: `ISV_METADATA_AUTO`, `ISV_METADATA_ALWAYS` or `ISV_METADATA_NEVER`.
+pub type isv_metadata = i32;
+/// Metadata where the stream has colour, a title or a capture device. The default.
+pub const ISV_METADATA_AUTO: isv_metadata = 0;
+/// Metadata in any stream. It then has version 2 of the format.
+pub const ISV_METADATA_ALWAYS: isv_metadata = 1;
+/// No metadata.
+pub const ISV_METADATA_NEVER: isv_metadata = 2;
 
 /// Device that does the arithmetic: `ISV_DEVICE_CPU`, `ISV_DEVICE_GPU` or `ISV_DEVICE_AUTO`.
 pub type isv_device = i32;
@@ -390,6 +402,49 @@ pub extern "C" fn isv_encode_options_set_two_passes(
         // Two passes need a bit rate, so they are checked beside any other target when the job begins.
         lock(&settings)?.edits.insert("passes", Box::new(edit));
         Ok(())
+    })
+}
+
+/// Sets the title of the take, for people. `isv_info_json` tells it under "metadata".
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_encode_options_set_title(
+    options: *mut isv_encode_options,
+    title: *const c_char,
+) -> isv_status {
+    call_ok(|| {
+        // SAFETY: isv.h asks for text.
+        let title = unsafe { text("title", title) }?.to_owned();
+        set(options, "title", move |options| options.title(title.clone()))
+    })
+}
+
+/// Sets the name of the device that captured the take, for people.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn isv_encode_options_set_capture_device(
+    options: *mut isv_encode_options,
+    device: *const c_char,
+) -> isv_status {
+    call_ok(|| {
+        // SAFETY: isv.h asks for text.
+        let device = unsafe { text("device", device) }?.to_owned();
+        set(options, "capture device", move |options| options.capture_device(device.clone()))
+    })
+}
+
+/// Sets whether the stream says what it is and how it was made [default: `ISV_METADATA_AUTO`].
+#[unsafe(no_mangle)]
+pub extern "C" fn isv_encode_options_set_metadata(
+    options: *mut isv_encode_options,
+    choice: isv_metadata,
+) -> isv_status {
+    call_ok(|| {
+        let choice = match choice {
+            ISV_METADATA_AUTO => MetadataChoice::Auto,
+            ISV_METADATA_ALWAYS => MetadataChoice::Always,
+            ISV_METADATA_NEVER => MetadataChoice::Never,
+            other => return Err(no_such("isv_metadata", other)),
+        };
+        set(options, "metadata", move |options| options.metadata(choice))
     })
 }
 

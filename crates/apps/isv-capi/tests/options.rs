@@ -29,6 +29,7 @@ fn wrong_options_are_refused_and_leave_what_was() {
         isv_encode_options_set_sign(o, 4),
         isv_encode_options_set_timestamps(o, 3),
         isv_encode_options_set_device(o, 3),
+        isv_encode_options_set_metadata(o, 3),
         isv_encode_options_set_frames(o, 5, 3),
     ];
     for (number, status) in wrong.into_iter().enumerate() {
@@ -39,6 +40,8 @@ fn wrong_options_are_refused_and_leave_what_was() {
     unsafe {
         fails(isv_encode_options_set_unit(o, c"yd".as_ptr()), ISV_ERROR_OPTIONS, "unit `yd`");
         fails(isv_encode_options_set_unit(o, null()), ISV_ERROR_ARGUMENT, "unit is null");
+        fails(isv_encode_options_set_title(o, null()), ISV_ERROR_ARGUMENT, "title is null");
+        fails(isv_encode_options_set_capture_device(o, null()), ISV_ERROR_ARGUMENT, "device is null");
         fails(isv_encode_options_set_up(o, c"w".as_ptr()), ISV_ERROR_OPTIONS, "axis `w`");
         fails(isv_encode_options_set_origin(o, [0.0, f64::NAN, 0.0].as_ptr()), ISV_ERROR_OPTIONS, "finite");
         fails(isv_encode_options_set_origin(o, null()), ISV_ERROR_ARGUMENT, "place_xyz is null");

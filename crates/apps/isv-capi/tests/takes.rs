@@ -39,6 +39,9 @@ fn takes_are_encoded_and_decoded_and_can_be_stopped() {
     let mut report = sized!(isv_report);
     // SAFETY: texts and structs are good, or null.
     unsafe {
+        ok(isv_encode_options_set_title(options, c"Two cuboids".as_ptr()));
+        ok(isv_encode_options_set_capture_device(options, c"none".as_ptr()));
+        ok(isv_encode_options_set_metadata(options, ISV_METADATA_ALWAYS));
         ok(isv_encode_take(input.as_ptr(), stream.as_ptr(), options, &mut report));
         assert_eq!((report.frames, report.is_cancelled), (20, 0));
         assert_eq!(report.bytes, output.metadata().unwrap().len());
@@ -47,6 +50,8 @@ fn takes_are_encoded_and_decoded_and_can_be_stopped() {
         ok(isv_info_json(stream.as_ptr(), &mut json));
         let text: serde_json::Value = serde_json::from_str(CStr::from_ptr(json).to_str().unwrap()).unwrap();
         assert_eq!((&text["frames"], &text["voxel_size_m"]), (&20.into(), &0.02.into()));
+        let metadata = &text["metadata"];
+        assert_eq!((&metadata["title"], &metadata["device"]), (&"Two cuboids".into(), &"none".into()));
         ok(isv_text_free(json));
         fails(isv_text_free(json), ISV_ERROR_HANDLE, "freed before");
         fails(isv_info_json(stream.as_ptr(), null_mut()), ISV_ERROR_ARGUMENT, "json is null");

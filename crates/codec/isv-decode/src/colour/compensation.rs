@@ -31,6 +31,8 @@ pub struct MotionField<'a> {
     around: &'a VectorsAround,
     /// The vector, if all that are there are the same.
     uniform: Option<Vector>,
+    /// Components of the vectors, and 1 where there is one; not set if all are the same.
+    vectors: [[i32; 4]; 27],
 }
 
 impl<'a> MotionField<'a> {
@@ -38,7 +40,15 @@ impl<'a> MotionField<'a> {
     #[must_use]
     pub fn new(around: &'a VectorsAround) -> Self {
         let uniform = around[13].filter(|own| around.iter().flatten().all(|v| v == own));
-        Self { around, uniform }
+        let mut vectors = [[0; 4]; 27];
+        if uniform.is_none() {
+            for (to, vector) in vectors.iter_mut().zip(around) {
+                if let Some(Vector([x, y, z])) = vector {
+                    *to = [i32::from(*x), i32::from(*y), i32::from(*z), 1];
+                }
+            }
+        }
+        Self { around, uniform, vectors }
     }
 
     /// The voxels that a block is read from: the first, and the one after the last, counted from the block's first. The normals of a
@@ -64,37 +74,31 @@ impl<'a> MotionField<'a> {
             let [x, y, z] = vector.0;
             return [i32::from(x) * VECTOR_SCALE, i32::from(y) * VECTOR_SCALE, i32::from(z) * VECTOR_SCALE];
         }
-        // Sixteenths of a block from the block's middle.
-        let mut from_middle = [0; 3];
-        for axis in 0..3 {
-            from_middle[axis] = 2 * voxel[axis] as i32 - 7;
-        }
-        let (mut sums, mut weights) = ([0; 3], 0);
+        // Sixteenths of a block from the block's middle, and the slots' step to the block on that side.
         const STRIDES: [i32; 3] = [1, 3, 9];
-        for corner in 0..8usize {
-            let (mut slot, mut weight) = (13, 1);
-            for axis in 0..3 {
-                let away = from_middle[axis].abs();
-                if corner >> axis & 1 != 0 {
-                    slot += STRIDES[axis] * from_middle[axis].signum();
-                    weight *= away;
-                } else {
-                    weight *= 16 - away;
-                }
-            }
-            if let Some(vector) = self.around[slot as usize] {
-                weights += weight;
-                for axis in 0..3 {
-                    sums[axis] += weight * i32::from(vector.0[axis]);
-                }
-            }
+        let (mut away, mut side) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            let from_middle = 2 * voxel[axis] as i32 - 7;
+            away[axis] = from_middle.abs();
+            side[axis] = STRIDES[axis] * from_middle.signum();
         }
+        let at = |slot: i32| &self.vectors[slot as usize];
+        let along_x = |slot: i32| mixed(at(slot), at(slot + side[0]), away[0]);
+        let along_y = |slot: i32| mixed(&along_x(slot), &along_x(slot + side[1]), away[1]);
+        let [x, y, z, weights] = mixed(&along_y(13), &along_y(13 + side[2]), away[2]);
         // The block's own vector is one of them.
-        for sum in &mut sums {
-            *sum *= VECTOR_SCALE;
-        }
-        divided(sums, weights)
+        divided([x * VECTOR_SCALE, y * VECTOR_SCALE, z * VECTOR_SCALE], weights)
     }
+}
+
+/// Two vectors by the share of the second one, in sixteenths.
+#[inline(always)]
+fn mixed(first: &[i32; 4], second: &[i32; 4], share: i32) -> [i32; 4] {
+    let mut sums = [0; 4];
+    for lane in 0..4 {
+        sums[lane] = first[lane] * (16 - share) + second[lane] * share;
+    }
+    sums
 }
 
 /// Voxels around those of a block that are read too.

@@ -341,7 +341,8 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        interpolate::<N, G, W, D>(&grid, corner, wanted, out);
+        let row = |z: usize, y: usize| grid[z][y];
+        interpolate::<N, G, W, D>(row, corner, wanted, out);
     }
 
     /// The crossed cells of 2x2x2 from a voxel on, x fastest. `spans`: 1 along axes along which the second ones count.
@@ -521,31 +522,31 @@ fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
     wanted: u64,
     out: &mut [Sample; 64],
 ) {
-    let mut grid = [[[0; D]; G]; G];
-    for (slot, cell) in around.into_iter().enumerate() {
-        let [x, y, z] = [slot & 1, slot >> 1 & 1, slot >> 2];
-        // All of a cell that faces the normal, or none.
-        let kept = -i16::from(cell.faces(normal));
-        let samples = &layer[cell.first as usize..][..N * N * N];
-        for row in 0..N * N {
-            let samples = samples[N * row..][..N].as_flattened();
-            let to = &mut grid[z * N + row / N][y * N + row % N][x * W..][..W];
+    // All of a cell that faces the normal, or none.
+    let kept = around.map(|cell| -i16::from(cell.faces(normal)));
+    let row = |z: usize, y: usize| {
+        let (pair, part) = (z / N << 2 | y / N << 1, N * (z % N * N + y % N));
+        let mut row = [0; D];
+        for x in 0..2 {
+            let (first, kept) = (around[pair | x].first as usize, kept[pair | x]);
+            let samples = layer[first + part..][..N].as_flattened();
             for lane in 0..W {
-                to[lane] = samples[lane] & kept;
+                row[x * W + lane] = samples[lane] & kept;
             }
         }
-    }
-    interpolate::<N, G, W, D>(&grid, corner, wanted, out);
+        row
+    };
+    interpolate::<N, G, W, D>(row, corner, wanted, out);
 }
 
-/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `grid`: the samples of 2x2x2 cells from the one
-/// that `corner` lies in, four lanes each.
+/// Reads the colours at the middles of the wanted of `N` parts of a cell along each axis. `row`: the samples of 2x2x2 cells from the one
+/// that `corner` lies in, by z and y, four lanes each.
 ///
 /// All parts have the same fractions along the axes, so that sums are shared: those along x first, then y, then z. `G` is twice `N`;
 /// `W` and `D` are four lanes of each.
 #[inline(always)]
 fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
-    grid: &[[[i16; D]; G]; G],
+    row: impl Fn(usize, usize) -> [i16; D],
     corner: [i32; 3],
     wanted: u64,
     out: &mut [Sample; 64],
@@ -560,14 +561,15 @@ fn interpolate<const N: usize, const G: usize, const W: usize, const D: usize>(
     if upper == [0; 3] && inner == [0; 3] {
         for (part, sample) in out[..N * N * N].iter_mut().enumerate() {
             let [x, y, z] = position(part);
-            sample.copy_from_slice(&grid[z][y][4 * x..][..4]);
+            sample.copy_from_slice(&row(z, y)[4 * x..][..4]);
         }
         return;
     }
     let mut along_x = [[[0; W]; G]; G];
     for z in 0..=N {
         for y in 0..=N {
-            let row = &grid[z + inner[2]][y + inner[1]][4 * inner[0]..][..W + 4];
+            let row = row(z + inner[2], y + inner[1]);
+            let row = &row[4 * inner[0]..][..W + 4];
             for lane in 0..W {
                 let [lower, upper_value] = [i32::from(row[lane]), i32::from(row[lane + 4])];
                 along_x[z][y][lane] = (lower << WEIGHT_BITS) + (upper_value - lower) * upper[0];
