@@ -203,7 +203,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="isv-batch",
         description="Encode many takes in shards, on one machine or on many.",
-        epilog="Exit status: 0 done, 1 a take failed, 2 the command line was wrong. Guide: docs/guide/cluster.md",
+        epilog="Exit status: 0 done, 1 a take failed, 2 the command line was wrong. Guide: docs/guide/src/archive.md",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
