@@ -10,7 +10,7 @@ const FOLDERS: [&str; 2] = ["src", "vendor"];
 const KINDS: [&str; 6] = ["html", "css", "js", "svg", "png", "ico"];
 
 fn main() -> io::Result<()> {
-    let root = Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("../../../player");
+    let root = player(Path::new(&env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")))?;
     let mut files = Vec::new();
     for path in entries(&root)? {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -30,6 +30,12 @@ fn main() -> io::Result<()> {
     }
     table.push_str("]\n");
     fs::write(Path::new(&env::var("OUT_DIR").expect("cargo sets it")).join("player_files.rs"), table)
+}
+
+/// The player's folder. A package has it inside, by a link that is a text file where Git makes no links.
+fn player(package: &Path) -> io::Result<PathBuf> {
+    let inside = package.join("player");
+    if inside.is_dir() { fs::canonicalize(inside) } else { Ok(package.join("../../../player")) }
 }
 
 /// All files under a folder.

@@ -147,7 +147,7 @@ impl From<isv_take::encode::EncodeError> for Error {
     }
 }
 
-#[cfg(feature = "encode")]
+#[cfg(feature = "io")]
 impl From<isv_io::WriteError> for Error {
     fn from(error: isv_io::WriteError) -> Self {
         Self::new(ErrorKind::Output, error)
