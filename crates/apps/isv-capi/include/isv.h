@@ -136,6 +136,11 @@ typedef int32_t isv_sign;
 typedef int32_t isv_timestamps;
 
 /**
+ * Whether a stream says what it is: `ISV_METADATA_AUTO`, `ISV_METADATA_ALWAYS` or `ISV_METADATA_NEVER`.
+ */
+typedef int32_t isv_metadata;
+
+/**
  * Facts of a decoded frame.
  */
 typedef struct isv_frame_info {
@@ -558,6 +563,21 @@ typedef struct isv_dense_volume {
 #define ISV_TIMESTAMPS_CLOCK 2
 
 /**
+ * Metadata where the stream has colour, a title or a capture device. The default.
+ */
+#define ISV_METADATA_AUTO 0
+
+/**
+ * Metadata in any stream. It then has version 2 of the format.
+ */
+#define ISV_METADATA_ALWAYS 1
+
+/**
+ * No metadata.
+ */
+#define ISV_METADATA_NEVER 2
+
+/**
  * The CPU. The default.
  */
 #define ISV_DEVICE_CPU 0
@@ -857,6 +877,21 @@ isv_status isv_encode_options_set_checksums(struct isv_encode_options *options, 
  */
 isv_status isv_encode_options_set_two_passes(struct isv_encode_options *options,
                                              int32_t are_wanted);
+
+/**
+ * Sets the title of the take, for people. `isv_info_json` tells it under "metadata".
+ */
+isv_status isv_encode_options_set_title(struct isv_encode_options *options, const char *title);
+
+/**
+ * Sets the name of the device that captured the take, for people.
+ */
+isv_status isv_encode_options_set_capture_device(struct isv_encode_options *options, const char *device);
+
+/**
+ * Sets whether the stream says what it is and how it was made [default: `ISV_METADATA_AUTO`].
+ */
+isv_status isv_encode_options_set_metadata(struct isv_encode_options *options, isv_metadata choice);
 
 /**
  * Sets the unit of coordinates in files: "m", "dm", "cm", "mm", "in", "ft" or "us-ft" [default: "m"]. For `isv_encode_take` alone.
