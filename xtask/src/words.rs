@@ -1,6 +1,7 @@
 //! Sentences that break the rules of wording (CONTRIBUTING.md), counted by folder and rule.
 //!
-//! A table holds the counts. They may fall and not rise, so that old sentences are mended as they are touched and no new ones come.
+//! A table holds the counts, which may not rise: old sentences are mended as they are touched, and no new ones come. Where
+//! they have fallen the table is to be written again, so that they stay there.
 
 mod sentences;
 
@@ -12,9 +13,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Folders and files with text, from the root of the repository.
-const SOURCES: [&str; 13] = [
+const SOURCES: [&str; 17] = [
     "ARCHITECTURE.md",
     "CHANGELOG.md",
+    "CODE_OF_CONDUCT.md",
     "CONTRIBUTING.md",
     "README.md",
     "SECURITY.md",
@@ -25,10 +27,13 @@ const SOURCES: [&str; 13] = [
     "crates/dev",
     "crates/geometry",
     "docs",
+    "fuzz",
+    "integrations",
+    "player",
     "xtask",
 ];
 /// Folders of what is built or installed.
-const NOT_OURS: [&str; 5] = ["target", "node_modules", "__pycache__", ".pytest_cache", "corpus"];
+const NOT_OURS: [&str; 5] = ["target", "node_modules", "__pycache__", "vendor", "corpus"];
 /// Beginnings of doc comments that need a neighbour to make sense.
 const BEGINNINGS: [&str; 8] = ["The same", "That", "Those", "Of", "As", "Where", "Its", "Who"];
 /// Most characters of a line in a document.
@@ -104,6 +109,7 @@ pub(crate) fn run(table: &Path, update: bool, list: Option<&str>) -> Result<()> 
             (*count > allowed).then(|| format!("{source}: {rule}: {count}, at most {allowed} allowed"))
         })
         .collect();
+    let has_fallen = before.iter().any(|(place, allowed)| counts.get(place).copied().unwrap_or(0) < *allowed);
     let total = |counts: &Counts| counts.values().sum::<usize>();
     println!("{} places break a rule of wording, {} allowed", total(&counts), total(&before));
     if !risen.is_empty() {
@@ -112,6 +118,7 @@ pub(crate) fn run(table: &Path, update: bool, list: Option<&str>) -> Result<()> 
             risen.join("\n")
         );
     }
+    ensure!(!has_fallen, "there are fewer places than the table allows: `cargo xtask words --update`");
     Ok(())
 }
 
@@ -126,7 +133,8 @@ fn texts(path: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if path.is_dir() && !NOT_OURS.contains(&name) && !path.is_symlink() {
+        let is_ours = !NOT_OURS.contains(&name) && !name.starts_with('.');
+        if path.is_dir() && is_ours && !path.is_symlink() {
             files.extend(texts(&path)?);
         } else if path.is_file() && (name.ends_with(".rs") || name.ends_with(".md")) {
             files.push(path);

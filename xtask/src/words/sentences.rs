@@ -23,6 +23,8 @@ pub(super) fn markdown(text: &str) -> Vec<Paragraph> {
 pub(super) fn rust(text: &str) -> Vec<Paragraph> {
     let mut found = Vec::new();
     let mut comment: Vec<(usize, &str)> = Vec::new();
+    // Whether the words of an error begin in the next line.
+    let mut opened = false;
     for (number, line) in text.lines().chain([""]).enumerate() {
         let line = line.trim_start();
         let words = line.strip_prefix("///").or_else(|| line.strip_prefix("//!"));
@@ -31,8 +33,12 @@ pub(super) fn rust(text: &str) -> Vec<Paragraph> {
             continue;
         }
         found.extend(paragraphs(comment.drain(..)));
-        if let Some(words) = line.strip_prefix("#[error(\"").and_then(|rest| rest.split('"').next()) {
-            found.push(Paragraph { line: number + 1, text: words.to_owned(), begins: false });
+        let quoted = line.strip_prefix("#[error(").or(opened.then_some(line)).map(str::trim_start);
+        opened = quoted == Some("");
+        if let Some(words) = quoted.and_then(|rest| rest.strip_prefix('"')) {
+            let words = words.replace("\\\"", "'");
+            let words = words.split('"').next().unwrap_or_default().to_owned();
+            found.push(Paragraph { line: number + 1, text: words, begins: false });
         }
     }
     found
@@ -47,10 +53,8 @@ fn paragraphs<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Vec<Paragrap
             (in_code, open) = (!in_code, false);
             continue;
         }
-        if in_code
-            || text.is_empty()
-            || text.starts_with(['#', '|', '!', '<', '[']) && !text.starts_with("[`")
-        {
+        let is_definition = text.starts_with('[') && text.contains("]: ");
+        if in_code || text.is_empty() || text.starts_with(['#', '|', '!', '<']) || is_definition {
             open = false;
             continue;
         }
@@ -85,9 +89,11 @@ pub(super) fn sentences(text: &str) -> impl Iterator<Item = &str> {
     let mut rest = Some(text);
     std::iter::from_fn(move || {
         let text = rest?;
-        let end = text.match_indices(['.', '?', '!']).map(|(at, _)| at + 1).find(|end| {
-            let behind = text[*end..].strip_prefix(')').unwrap_or(&text[*end..]);
-            let next = behind.strip_prefix(' ').map(str::trim_start).and_then(|next| next.chars().next());
+        let ends = text.match_indices(['.', '?', '!']).map(|(at, _)| at + 1);
+        let mut ends = ends.map(|end| end + usize::from(text[end..].starts_with(')')));
+        let end = ends.find(|end| {
+            let next =
+                text[*end..].strip_prefix(' ').map(str::trim_start).and_then(|next| next.chars().next());
             next.is_some_and(|next| next.is_uppercase() || "`[*\"".contains(next))
         });
         rest = end.map(|end| text[end..].trim_start());
@@ -122,10 +128,15 @@ mod tests {
 
     #[test]
     fn comments_have_paragraphs() {
-        let text = "//! A file.\n\n/// A thing.\n///\n/// More of it.\nstruct A;\n    #[error(\"no {0}\")]\n";
+        let text = "//! A file.\n\n/// A thing.\n///\n/// More of it.\nstruct A;\n    #[error(\"no {0}\")]\n#[error(\n    \"a \\\"b\\\" c\"\n)]\n";
         let found: Vec<_> = rust(text).into_iter().map(|p| (p.line, p.text, p.begins)).collect();
-        let expected =
-            [(1, "A file.", true), (3, "A thing.", true), (5, "More of it.", false), (7, "no {0}", false)];
+        let expected = [
+            (1, "A file.", true),
+            (3, "A thing.", true),
+            (5, "More of it.", false),
+            (7, "no {0}", false),
+            (9, "a 'b' c", false),
+        ];
         assert_eq!(found, expected.map(|(line, text, begins)| (line, text.to_owned(), begins)));
     }
 

@@ -17,6 +17,8 @@ Each command's `--help`. This page is generated: `ISV_WRITE_REFERENCE=1 cargo te
 fn help(work: &Workspace, command: &[&str]) -> String {
     let run = work.isv(&[command, &["--help"]].concat()).done();
     let text = String::from_utf8(run.stdout().to_vec()).unwrap();
+    // The name is that of the file.
+    let text = text.replace("isv.exe", "isv");
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
 

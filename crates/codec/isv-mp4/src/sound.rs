@@ -98,7 +98,8 @@ impl<S: Read + Seek + Send + Sync> MediaSource for Media<S> {
 
 /// Packets of sound out of a file.
 pub(crate) struct Packets {
-    reader: Box<dyn FormatReader>,
+    /// `None` after a panic.
+    reader: Option<Box<dyn FormatReader>>,
     track: u32,
     codec: AudioCodecParameters,
     pub(crate) sample_rate: u32,
@@ -128,15 +129,21 @@ impl Packets {
             ));
         };
         let (track, delay, channels) = (track.id, track.delay.unwrap_or(0), channels as u16);
-        Ok(Self { reader, track, codec, sample_rate, channels, delay })
+        Ok(Self { reader: Some(reader), track, codec, sample_rate, channels, delay })
     }
 
     /// The next packet with its duration in sound frames; `None` at the end.
     pub(crate) fn next(&mut self) -> Result<Option<(Vec<u8>, u32)>, Mp4Error> {
         let damaged = |what: &dyn Display| Mp4Error::Unsupported(format!("the sound cannot be read: {what}"));
         loop {
-            let next = catch_panic(|| self.reader.next_packet());
-            let packet = match next.ok_or_else(|| damaged(&"it is damaged"))? {
+            let Some(mut reader) = self.reader.take() else { return Ok(None) };
+            let next = catch_panic(|| {
+                let next = reader.next_packet();
+                (reader, next)
+            });
+            let (reader, next) = next.ok_or_else(|| damaged(&"it is damaged"))?;
+            self.reader = Some(reader);
+            let packet = match next {
                 Ok(Some(packet)) => packet,
                 Ok(None) => return Ok(None),
                 Err(SymphoniaError::IoError(error)) if error.kind() == io::ErrorKind::UnexpectedEof => {

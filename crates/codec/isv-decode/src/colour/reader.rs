@@ -525,7 +525,7 @@ fn read_held<const N: usize, const G: usize, const W: usize, const D: usize>(
     // All of a cell that faces the normal, or none.
     let kept = around.map(|cell| -i16::from(cell.faces(normal)));
     let row = |z: usize, y: usize| {
-        let (pair, part) = (z / N << 2 | y / N << 1, N * (z % N * N + y % N));
+        let (pair, part) = ((z / N) << 2 | (y / N) << 1, N * (z % N * N + y % N));
         let mut row = [0; D];
         for x in 0..2 {
             let (first, kept) = (around[pair | x].first as usize, kept[pair | x]);

@@ -169,7 +169,7 @@ impl Region {
 
 #[cfg(test)]
 mod tests {
-    use crate::colour::{ColourCells, ColourFrame, ColourShape, Reader, Sample};
+    use crate::colour::{ColourCells, ColourFrame, ColourShape, Reader, Sample, surface_colours};
     use isv_testkit::{Random, ball};
     use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
 
@@ -250,6 +250,40 @@ mod tests {
                 planes += usize::from(plane.is_some());
             }
             assert!(coloured > 300 && planes > 200, "{coloured} {planes}");
+        }
+    }
+
+    #[test]
+    fn points_have_the_same_colour_alone() {
+        let mut random = Random::new(22);
+        let grid = Grid {
+            voxel_size: VoxelSize::from_metres(0.005).unwrap(),
+            edge: BlockEdge::E8,
+            truncation: Truncation::from_voxels(4).unwrap(),
+        };
+        for (depth, mixed) in [(0, false), (1, false), (1, true), (2, true)] {
+            let frame =
+                frame(&mut random, |block| if mixed { depth * u8::from(block % 3 != 0) } else { depth });
+            let mut points: Vec<[f64; 3]> = Vec::new();
+            for (run, coord) in frame.shape.cells().coords().iter().enumerate() {
+                // Both sides of the number from which on points share their block's cells; on its borders now and then.
+                for _ in 0..10 + run % 5 {
+                    points.push(coord.to_array().map(|block| {
+                        let within = match (8.0 * (random.signed() + 1.0) / 2.0 * 4.0).round() {
+                            0.0 => 0.0,
+                            32.0 => 8.0,
+                            _ => 4.0 * (random.signed() + 1.0),
+                        };
+                        (8.0 * f64::from(block) + within + 0.5) * 0.005
+                    }));
+                }
+            }
+            let together = surface_colours(&frame, &grid, &points);
+            let alone: Vec<_> =
+                points.iter().map(|point| surface_colours(&frame, &grid, &[*point])[0]).collect();
+            assert_eq!(together, alone, "{depth} {mixed}");
+            let coloured = alone.iter().filter(|colour| **colour != [128; 3]).count();
+            assert!(coloured > 300, "{coloured} of {}", alone.len());
         }
     }
 }

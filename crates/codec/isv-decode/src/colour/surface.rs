@@ -48,13 +48,13 @@ pub fn surface_colours<P: Copy + Into<[f64; 3]> + Sync>(
                 continue;
             }
             let from_block = |p: &[f64; 3]| [0, 1, 2].map(|axis| p[axis] - BLOCK * block[axis]);
-            let is_near = |p: &&[f64; 3]| from_block(p).iter().all(|p| (0.0..=BLOCK).contains(p));
+            let is_near = |p: &&[f64; 3]| from_block(p).iter().all(|p| (0.0..BLOCK).contains(p));
             let near;
             (near, rest) = rest.split_at(rest.iter().take_while(is_near).count());
             reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
             if near.len() >= SHARING {
                 let depth = reader.depth_at([0; 3], depth);
-                reader.hold([-1; 3], [10; 3], depth);
+                reader.hold([-1; 3], [9; 3], depth);
             }
             vectorized(
                 #[inline(always)]
