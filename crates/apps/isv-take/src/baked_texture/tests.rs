@@ -31,6 +31,9 @@ fn painted(volume: &SparseVolume) -> ColourFrame {
             let places = cell_places(&shape, block);
             for (number, sample) in layers[usize::from(depth)][samples].iter_mut().enumerate() {
                 let (cell, inner) = (number >> (3 * depth), number & ((1 << (3 * depth)) - 1));
+                if shape.parts(block, cell, depth) >> inner & 1 == 0 {
+                    continue;
+                }
                 let half = [inner & 1, inner >> 1 & 1, inner >> 2].map(|h| f64::from(h as u32) * 0.5 + 0.25);
                 let half = if depth == 0 { [0.5; 3] } else { half };
                 let place = [0, 1, 2]
