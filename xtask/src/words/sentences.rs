@@ -6,9 +6,9 @@ const MOST_WORDS: usize = 25;
 /// A paragraph of prose.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Paragraph {
-    /// Its first line in the file, from 1.
+    /// Number of the first line in the file, from 1.
     pub(super) line: usize,
-    /// Its lines, joined by spaces.
+    /// Lines, joined by spaces.
     pub(super) text: String,
     /// Whether it is the first one of a comment or of a document.
     pub(super) begins: bool,
@@ -84,7 +84,7 @@ fn item_text(line: &str) -> Option<&str> {
     })
 }
 
-/// The sentences of a paragraph. A full stop within one, as in "Eq. 9", has no capital letter behind it.
+/// The sentences of a paragraph. A full stop within one, as in "Eq. 9", has no capital letter behind it, nor the name of the project.
 pub(super) fn sentences(text: &str) -> impl Iterator<Item = &str> {
     let mut rest = Some(text);
     std::iter::from_fn(move || {
@@ -92,9 +92,9 @@ pub(super) fn sentences(text: &str) -> impl Iterator<Item = &str> {
         let ends = text.match_indices(['.', '?', '!']).map(|(at, _)| at + 1);
         let mut ends = ends.map(|end| end + usize::from(text[end..].starts_with(')')));
         let end = ends.find(|end| {
-            let next =
-                text[*end..].strip_prefix(' ').map(str::trim_start).and_then(|next| next.chars().next());
-            next.is_some_and(|next| next.is_uppercase() || "`[*\"".contains(next))
+            let next = text[*end..].strip_prefix(' ').map(str::trim_start).unwrap_or_default();
+            next.starts_with(|first: char| first.is_uppercase() || "`[*\"".contains(first))
+                || next.starts_with("isv ")
         });
         rest = end.map(|end| text[end..].trim_start());
         Some(&text[..end.unwrap_or(text.len())])
@@ -144,7 +144,7 @@ mod tests {
     fn sentences_end_before_capital_letters() {
         let found: Vec<_> = sentences("As Eq. 9 says, 1.5 voxels. (So it is.) `Code` begins one.").collect();
         assert_eq!(found, ["As Eq. 9 says, 1.5 voxels. (So it is.)", "`Code` begins one."]);
-        assert_eq!(sentences("Is it? Yes! No").count(), 3);
+        assert_eq!(sentences("Is it? Yes! No. isv says so.").count(), 4);
     }
 
     #[test]

@@ -54,6 +54,14 @@ fn takes_are_encoded_and_decoded_and_can_be_stopped() {
         assert_eq!((&metadata["title"], &metadata["device"]), (&"Two cuboids".into(), &"none".into()));
         ok(isv_text_free(json));
         fails(isv_text_free(json), ISV_ERROR_HANDLE, "freed before");
+
+        let bare = c_path(&folder.path().join("bare.isv"));
+        ok(isv_encode_options_set_metadata(options, ISV_METADATA_NEVER));
+        ok(isv_encode_take(input.as_ptr(), bare.as_ptr(), options, &mut report));
+        ok(isv_info_json(bare.as_ptr(), &mut json));
+        let text: serde_json::Value = serde_json::from_str(CStr::from_ptr(json).to_str().unwrap()).unwrap();
+        assert!(text["metadata"].is_null(), "{text}");
+        ok(isv_text_free(json));
         fails(isv_info_json(stream.as_ptr(), null_mut()), ISV_ERROR_ARGUMENT, "json is null");
 
         let mut wanted = null_mut();

@@ -135,11 +135,19 @@ fn what_cannot_be_is_said_in_a_sentence() {
 fn a_rate_that_no_sound_has_is_refused() {
     let (work, _) = workspace();
     let mut sound = waveform(0.1);
-    for rate in [0u32, 1_000, 500_000, u32::MAX] {
+    for (rate, words) in [
+        (0u32, "sound.wav: "),
+        (3_999, "sound.wav: waveforms of 4000 to 384000 Hz are coded, not of 3999 Hz"),
+        (384_001, "not of 384001 Hz"),
+        (u32::MAX, "sound.wav: "),
+    ] {
         sound[24..28].copy_from_slice(&rate.to_le_bytes());
         work.write("sound.wav", &sound);
-        work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).fails(1, &["sound.wav: "]);
+        work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).fails(1, &[words]);
     }
+    sound[24..28].copy_from_slice(&384_000u32.to_le_bytes());
+    work.write("sound.wav", &sound);
+    work.isv(&["mux", "take.isv", "--audio", "sound.wav", "-o", "x.mp4"]).done();
 }
 
 /// What another program prints of a file.

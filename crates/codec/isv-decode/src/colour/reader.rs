@@ -425,9 +425,6 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The bits of a coordinate in a cell, each with room for those of two more axes.
-const SPREAD: [usize; 4] = [0, 1, 8, 9];
-
 /// The 2x2x2 places of samples of one depth around a position.
 struct Lattice {
     /// The first place.
@@ -487,12 +484,12 @@ impl Lattice {
     /// there are none.
     #[inline(always)]
     fn held_sums(&self, around: [&RegionCell; 8], layer: &[Sample], normal: [i8; 3], depth: u8) -> [i32; 4] {
-        // By axis and step: the bits of a sample's number in its cell, those of its cell's slot, and its weight.
+        // By axis and step: the bits of a sample's number in its cell, and of that cell's slot.
         let (mut parts, mut slots) = ([[0; 2]; 3], [[0; 2]; 3]);
         for axis in 0..3 {
             for step in 0..2 {
-                let place = self.first[axis] + step;
-                parts[axis][step as usize] = SPREAD[(place & ((1 << depth) - 1)) as usize & 3] << axis;
+                let inner = (self.first[axis] + step) & ((1 << depth) - 1);
+                parts[axis][step as usize] = interleave([inner as usize & 3, 0, 0]) << axis;
                 slots[axis][step as usize] = ((step & self.spans[axis]) as usize & 1) << axis;
             }
         }

@@ -31,44 +31,48 @@ pub fn surface_colours<P: Copy + Into<[f64; 3]> + Sync>(
 ) -> Vec<Rgb> {
     let depth = frame.shape.depths().iter().max().copied().unwrap_or(0);
     let voxel_m = grid.voxel_size.metres();
+    // From the middle of the first voxel of all.
+    let position = |point: &P| -> [f64; 3] {
+        (*point).into().map(|metres: f64| ((metres / voxel_m - 0.5) * 256.0).round())
+    };
     let of_chunk = |chunk: &[P]| {
-        let mut reader = Reader::new(frame);
-        // From the middle of the first voxel of all.
-        let at = |point: &P| -> [f64; 3] {
-            (*point).into().map(|metres: f64| ((metres / voxel_m - 0.5) * 256.0).round())
-        };
-        let positions: Vec<[f64; 3]> = chunk.iter().map(at).collect();
-        let mut colours = Vec::with_capacity(chunk.len());
-        let mut rest = &positions[..];
-        while let Some(first) = rest.first() {
-            let block = first.map(|p| (p / BLOCK).floor());
-            if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
-                colours.push(to_rgb(GREY));
-                rest = &rest[1..];
-                continue;
-            }
-            let from_block = |p: &[f64; 3]| [0, 1, 2].map(|axis| p[axis] - BLOCK * block[axis]);
-            let is_near = |p: &&[f64; 3]| from_block(p).iter().all(|p| (0.0..BLOCK).contains(p));
-            let near;
-            (near, rest) = rest.split_at(rest.iter().take_while(is_near).count());
-            reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
-            if near.len() >= SHARING {
-                let depth = reader.depth_at([0; 3], depth);
-                reader.hold([-1; 3], [9; 3], depth);
-            }
-            vectorized(
-                #[inline(always)]
-                || {
-                    colours.extend(near.iter().map(
-                        #[inline(always)]
-                        |p| to_rgb(colour(&mut reader, from_block(p).map(|p| p as i32), depth)),
-                    ));
-                },
-            );
-        }
-        colours
+        let positions: Vec<[f64; 3]> = chunk.iter().map(position).collect();
+        colours(&mut Reader::new(frame), &positions, depth)
     };
     points.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+}
+
+/// The colours at positions, in 1/256 voxel. Neighbours in the list that lie in one block share its cells. `depth`: of the deepest block.
+fn colours(reader: &mut Reader, positions: &[[f64; 3]], depth: u8) -> Vec<Rgb> {
+    let mut colours = Vec::with_capacity(positions.len());
+    let mut rest = positions;
+    while let Some(first) = rest.first() {
+        let block = first.map(|p| (p / BLOCK).floor());
+        if !block.iter().all(|b| b.abs() < f64::from(isv_volume::COORD_LIMIT)) {
+            colours.push(to_rgb(GREY));
+            rest = &rest[1..];
+            continue;
+        }
+        let from_block = |p: &[f64; 3]| [0, 1, 2].map(|axis| p[axis] - BLOCK * block[axis]);
+        let is_in_block = |p: &&[f64; 3]| from_block(p).iter().all(|p| (0.0..BLOCK).contains(p));
+        let run;
+        (run, rest) = rest.split_at(rest.iter().take_while(is_in_block).count());
+        reader.turn_to(BlockCoord::from(block.map(|b| b as i32)));
+        if run.len() >= SHARING {
+            let depth = reader.depth_at([0; 3], depth);
+            reader.hold([-1; 3], [9; 3], depth);
+        }
+        vectorized(
+            #[inline(always)]
+            || {
+                colours.extend(run.iter().map(
+                    #[inline(always)]
+                    |p| to_rgb(colour(reader, from_block(p).map(|p| p as i32), depth)),
+                ));
+            },
+        );
+    }
+    colours
 }
 
 /// The colour at a position, in 1/256 voxel from the middle of the first voxel of the reader's origin.
