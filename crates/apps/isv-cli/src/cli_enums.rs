@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use isv::raw::decode::Lod;
 use isv::raw::encode::{Band, MotionMode, Preset, Refresh};
-use isv::raw::format::Prediction;
+use isv::raw::format::{MaskCoding, Prediction};
 use isv::raw::ingest::SignMode;
 use isv::raw::io::{DenseAxes, GlbEncoding, SampleAt};
 use isv::raw::take::Up;
@@ -98,6 +98,16 @@ cli_enum! {
         SixDof => MotionMode::Fixed(Prediction::SixDof),
         /// Whichever takes the fewest bytes, frame by frame; takes as long as all of them
         Auto => MotionMode::Auto,
+    }
+}
+
+cli_enum! {
+    /// `--masks`
+    MasksName for MaskCoding {
+        /// As cells of the surface that are not drawn: the fewest bytes, in version 2 of the format
+        Cells => MaskCoding::Cells,
+        /// As voxels: for readers of version 1
+        Voxels => MaskCoding::Voxels,
     }
 }
 

@@ -93,7 +93,7 @@ impl Metadata {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MetadataChoice {
-    /// Yes for a stream of version 2, as with colour, and for one with a title or a device.
+    /// Yes for a stream with colour, with a title or with a device.
     #[default]
     Auto,
     /// Yes for any stream.

@@ -292,7 +292,7 @@ fn least_bytes(kernel: &str) -> Option<u64> {
         // Three layers on either side, read and written.
         "face_filter" => Some(2 * 2 * 6 * 64),
         "extrapolate" => Some(2 * block),
-        "crossed_corners" => Some(2 * 10 * 10 * 10 + 64),
+        "crossed_cells" => Some(2 * 9 * 9 * 9 + 64),
         "expected_activity" => Some(window + 4),
         "find_signs" => Some(block + 132),
         "wind" => Some(block),

@@ -82,6 +82,14 @@ pub trait Backend: fmt::Debug + Send {
     /// See [`BackendError`].
     fn crossed_corners(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError>;
 
+    /// The crossed cells of a frame that have a corner in an unsettled block: see
+    /// [`cells_at_unsettled`](main::crossed_cells::cells_at_unsettled). Asked as [`Self::crossed_corners`] is, of streams that code
+    /// masks by cell.
+    ///
+    /// # Errors
+    /// See [`BackendError`].
+    fn crossed_cells(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError>;
+
     /// Adds the unobserved voxels that a frame's bytes hold, by block; no empty masks. Called once for each frame, whether there
     /// are any or not: it is complete then.
     ///

@@ -88,7 +88,10 @@ impl<B: Backend> Decoder<B> {
                 let decoder = PaperDecoder::new(header.grid, paper, limits);
                 ProfileDecoder::Paper(Box::new(decoder))
             }
-            Profile::Main => ProfileDecoder::Main(Box::new(MainDecoder::new(header.grid, limits))),
+            Profile::Main => {
+                let decoder = MainDecoder::new(header.grid, header.mask_coding, limits);
+                ProfileDecoder::Main(Box::new(decoder))
+            }
         };
         let colour_layers = header.colour_layers.count();
         Self { backend, profile, details: Details::default(), colour_layers }

@@ -100,6 +100,10 @@ impl Backend for Failing {
         self.call()?.crossed_corners(&frame.frame)
     }
 
+    fn crossed_cells(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
+        self.call()?.crossed_cells(&frame.frame)
+    }
+
     fn add_masks(
         &mut self,
         frame: &mut Self::Main,

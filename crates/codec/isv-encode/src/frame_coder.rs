@@ -31,7 +31,10 @@ impl FrameCoder<Cpu, Cpu> {
             Profile::Paper(paper) => {
                 Self::Paper(Box::new(PaperCoder::new(header.grid, paper, settings, Cpu::default())))
             }
-            Profile::Main => Self::Main(Box::new(MainEncoder::new(header.grid, settings, Cpu::default()))),
+            Profile::Main => {
+                let encoder = MainEncoder::new(header.grid, header.mask_coding, settings, Cpu::default());
+                Self::Main(Box::new(encoder))
+            }
         }
     }
 

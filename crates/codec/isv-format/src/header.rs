@@ -2,7 +2,7 @@
 
 use crate::bytes::ByteReader;
 use crate::reader::read_up_to;
-use crate::{ColourLayers, FormatError, FormatVersion, FrameRate};
+use crate::{ColourLayers, FormatError, FormatVersion, FrameRate, MaskCoding};
 use isv_volume::{BlockEdge, Grid, Truncation, VoxelSize};
 use std::io::Read;
 
@@ -75,6 +75,8 @@ pub struct StreamHeader {
     pub frame_rate: FrameRate,
     /// Layers of colour that frames may have; none in version 1 and in profile `paper`.
     pub colour_layers: ColourLayers,
+    /// How unobserved voxels are coded; by voxels in version 1 and in profile `paper`.
+    pub mask_coding: MaskCoding,
 }
 
 impl StreamHeader {
@@ -84,8 +86,14 @@ impl StreamHeader {
     /// The header of a stream of geometry alone, in version 1.
     #[must_use]
     pub fn new(profile: Profile, grid: Grid, frame_rate: FrameRate) -> Self {
-        let (version, colour_layers) = (FormatVersion::V1, ColourLayers::None);
-        Self { version, profile, grid, frame_rate, colour_layers }
+        Self {
+            version: FormatVersion::V1,
+            profile,
+            grid,
+            frame_rate,
+            colour_layers: ColourLayers::None,
+            mask_coding: MaskCoding::Voxels,
+        }
     }
 
     /// Sets the layers of colour. A header with any has version 2.
@@ -93,6 +101,13 @@ impl StreamHeader {
     pub fn with_colour(self, colour_layers: ColourLayers) -> Self {
         let version = if colour_layers.is_some() { FormatVersion::V2 } else { self.version };
         Self { version, colour_layers, ..self }
+    }
+
+    /// Sets how unobserved voxels are coded. A header that says by cells has version 2.
+    #[must_use]
+    pub fn with_masks(self, mask_coding: MaskCoding) -> Self {
+        let version = if mask_coding == MaskCoding::Cells { FormatVersion::V2 } else { self.version };
+        Self { version, mask_coding, ..self }
     }
 
     /// The header as bytes.
@@ -108,7 +123,7 @@ impl StreamHeader {
         });
         out.push(self.grid.edge.log2() as u8);
         out.push(self.grid.truncation.voxels() as u8);
-        out.push(self.colour_layers.count());
+        out.push(self.colour_layers.count() | self.mask_coding.bits());
         out.extend(self.grid.voxel_size.nanometres().to_le_bytes());
         out.extend(self.frame_rate.numerator.to_le_bytes());
         out.extend(self.frame_rate.denominator.to_le_bytes());
@@ -167,7 +182,7 @@ impl StreamHeader {
         let edge_log2 = fields.u8()?;
         let edge = BlockEdge::from_voxels(1u32.checked_shl(u32::from(edge_log2)).unwrap_or(0));
         let truncation = Truncation::from_voxels(u32::from(fields.u8()?));
-        let colour_layers = parse_colour_layers(version, fields.u8()?)?;
+        let (colour_layers, mask_coding) = parse_tools(version, fields.u8()?)?;
         let voxel_size = VoxelSize::from_nanometres(fields.u64()?);
         let frame_rate = FrameRate { numerator: fields.u32()?, denominator: fields.u32()? };
         let profile = Self::parse_profile(profile, fields)?;
@@ -182,6 +197,7 @@ impl StreamHeader {
             },
             frame_rate,
             colour_layers,
+            mask_coding,
         })
     }
 
@@ -210,6 +226,9 @@ impl StreamHeader {
         match self.profile {
             Profile::Paper(paper) => {
                 require(!self.colour_layers.is_some(), 15, || "colour in profile paper".to_owned())?;
+                require(self.mask_coding == MaskCoding::Voxels, 15, || {
+                    "masks by cell in profile paper".to_owned()
+                })?;
                 paper.check(edge.block_voxels())
             }
             Profile::Main => require(edge == BlockEdge::E8, 13, || {
@@ -232,13 +251,15 @@ fn find_version(bytes: &[u8]) -> Result<FormatVersion, FormatError> {
     FormatVersion::from_number(found).ok_or(FormatError::Version { found, supported })
 }
 
-/// Byte 15: the layers of colour in version 2, reserved in version 1.
-fn parse_colour_layers(version: FormatVersion, byte: u8) -> Result<ColourLayers, FormatError> {
+/// Byte 15: the layers of colour and the coding of masks in version 2, reserved in version 1.
+fn parse_tools(version: FormatVersion, byte: u8) -> Result<(ColourLayers, MaskCoding), FormatError> {
     let layers = match version {
         FormatVersion::V1 => (byte == 0).then_some(ColourLayers::None),
-        FormatVersion::V2 => ColourLayers::from_count(byte),
+        FormatVersion::V2 => ColourLayers::from_count(byte & !MaskCoding::CELLS_BIT),
     };
-    layers.ok_or_else(|| FormatError::malformed(15, format!("reserved bits are set in {byte:#x}")))
+    let layers =
+        layers.ok_or_else(|| FormatError::malformed(15, format!("reserved bits are set in {byte:#x}")))?;
+    Ok((layers, MaskCoding::from_bits(byte)))
 }
 
 fn require(condition: bool, at: u64, what: impl FnOnce() -> String) -> Result<(), FormatError> {
@@ -341,7 +362,7 @@ pub(crate) mod tests {
             assert_eq!((bytes[8], bytes[15]), (2, layers.count()));
             assert_eq!(StreamHeader::parse(&bytes).unwrap().colour_layers, layers);
         }
-        for byte in 4..=u8::MAX {
+        for byte in 8..=u8::MAX {
             assert_malformed(&with_byte(&second(main_header()), 15, byte), 15);
         }
         assert_malformed(&header().with_colour(ColourLayers::Voxels).to_bytes(), 15);
@@ -350,8 +371,21 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_has_no_colour_stays_in_version_1() {
-        let header = main_header().with_colour(ColourLayers::None);
+    fn masks_are_by_cell_in_version_2_of_profile_main() {
+        for layers in ColourLayers::ALL {
+            let header = main_header().with_masks(MaskCoding::Cells).with_colour(layers);
+            let bytes = header.to_bytes();
+            assert_eq!((bytes[8], bytes[15]), (2, 4 | layers.count()));
+            assert_eq!(StreamHeader::parse(&bytes).unwrap(), header);
+        }
+        assert_malformed(&header().with_masks(MaskCoding::Cells).to_bytes(), 15);
+        let cells = main_header().with_masks(MaskCoding::Cells);
+        assert_malformed(&StreamHeader { version: FormatVersion::V1, ..cells }.to_bytes(), 15);
+    }
+
+    #[test]
+    fn what_needs_nothing_of_version_2_stays_in_version_1() {
+        let header = main_header().with_colour(ColourLayers::None).with_masks(MaskCoding::Voxels);
         assert_eq!((header, header.version), (main_header(), FormatVersion::V1));
     }
 

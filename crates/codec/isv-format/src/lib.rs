@@ -20,6 +20,7 @@ mod frame;
 mod frame_rate;
 mod header;
 mod index;
+mod mask_coding;
 mod metadata;
 mod packet;
 mod payload_parts;
@@ -40,6 +41,7 @@ pub use frame::{
 pub use frame_rate::{FrameRate, ParseFrameRateError};
 pub use header::{MAGIC, PaperParameters, Profile, StreamHeader};
 pub use index::{IndexEntry, StreamIndex};
+pub use mask_coding::MaskCoding;
 pub use metadata::{MOST_METADATA_BYTES, MetadataText};
 pub use packet::{MAX_PAYLOAD, Packet, PacketHeader, PacketKind};
 pub use payload_parts::PayloadParts;

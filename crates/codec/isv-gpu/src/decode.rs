@@ -6,7 +6,7 @@
 //! | `main_frame` | a frame of profile `main`, step by step |
 //! | `coded_blocks` | its coded blocks: prediction, residual, in-loop filter |
 //! | `extrapolated_blocks` | the blocks beside them: extrapolation, and faces between blocks of different signs |
-//! | `syntax_readback` | what entropy decoding needs of samples: expected activity, corners of crossed cells |
+//! | `syntax_readback` | what entropy decoding needs of samples: expected activity, crossed cells |
 
 pub(crate) mod coded_blocks;
 mod extrapolated_blocks;
@@ -24,6 +24,7 @@ use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::backend::{Backend, MainFrame};
 use isv_decode::main::MainBlocks;
 use isv_decode::main::activity::Activity;
+use isv_decode::main::cell_corners::CellCorners;
 use isv_decode::paper::{CodingParameters, FrameSymbols};
 use isv_decode::{BackendError, ReferenceBlocks, volume_hash};
 use isv_volume::{BlockEdge, BlockSet, SparseVolume, VoxelMask};
@@ -112,7 +113,12 @@ impl Backend for GpuBackend {
     }
 
     fn crossed_corners(&mut self, frame: &GpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
-        Ok(frame.readback.corners.clone())
+        let MainBlocks { blocks, sets, .. } = frame.blocks();
+        Ok(CellCorners::new(blocks, sets).of_cells(&frame.readback.cells))
+    }
+
+    fn crossed_cells(&mut self, frame: &GpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
+        Ok(frame.readback.cells.clone())
     }
 
     fn add_masks(

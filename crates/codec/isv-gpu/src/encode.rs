@@ -52,7 +52,7 @@ pub fn frame_coder(
         }
         Profile::Main => {
             let search = GpuMotionSearch::new(store)?;
-            FrameCoder::Main(Box::new(MainEncoder::new(header.grid, settings, search)))
+            FrameCoder::Main(Box::new(MainEncoder::new(header.grid, header.mask_coding, settings, search)))
         }
     })
 }

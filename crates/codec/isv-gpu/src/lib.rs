@@ -83,7 +83,7 @@ const SHADERS: &[(kernel::Shader, &[&str])] = &[
     (decode::shaders::FACE_FILTER, &["face_filter"]),
     (decode::shaders::EXTRAPOLATE, &["extrapolate"]),
     (decode::shaders::CONFLICTS, &["conflicts"]),
-    (decode::shaders::CORNERS, &["crossed_corners"]),
+    (decode::shaders::CROSSED_CELLS, &["crossed_cells"]),
     (decode::shaders::ACTIVITY, &["expected_activity"]),
     (decode::shaders::WARP, &["warp"]),
     (prefix_sums::SHADER, &["sum", "add"]),

@@ -33,12 +33,18 @@ impl MetadataOptions {
 
     /// Sets the version of the format in which metadata can be, if the stream is to have any.
     pub(super) fn versioned(&self, header: StreamHeader) -> StreamHeader {
-        let is_wanted = match self.choice {
-            MetadataChoice::Auto => self.title.is_some() || self.device.is_some(),
+        if self.is_wanted(&header) { StreamHeader { version: FormatVersion::V2, ..header } } else { header }
+    }
+
+    /// Whether a stream with this header gets metadata. Where nobody chose, colour and what was said of the take are reasons.
+    fn is_wanted(&self, header: &StreamHeader) -> bool {
+        match self.choice {
+            MetadataChoice::Auto => {
+                header.colour_layers.is_some() || self.title.is_some() || self.device.is_some()
+            }
             MetadataChoice::Always => true,
             MetadataChoice::Never => false,
-        };
-        if is_wanted { StreamHeader { version: FormatVersion::V2, ..header } } else { header }
+        }
     }
 }
 
@@ -56,8 +62,8 @@ impl MetadataDraft {
         up: Option<String>,
         surface: &Arc<OnceLock<SurfaceDecision>>,
     ) -> Option<Self> {
-        let MetadataOptions { choice, title, device } = &options.metadata;
-        if header.version == FormatVersion::V1 || *choice == MetadataChoice::Never {
+        let MetadataOptions { title, device, .. } = &options.metadata;
+        if !options.metadata.is_wanted(header) {
             return None;
         }
         let turn = options.up.to_y_up();

@@ -286,6 +286,8 @@ pub enum OptionName {
     Preset,
     /// Recovery from losses.
     Refresh,
+    /// Coding of unobserved voxels.
+    Masks,
     /// Tools of profile `main` to leave out.
     Without,
     /// Prediction in profile `paper`.
@@ -316,6 +318,7 @@ impl std::fmt::Display for OptionName {
             Self::Passes => "passes",
             Self::Preset => "preset",
             Self::Refresh => "refresh",
+            Self::Masks => "masks",
             Self::Without => "without",
             Self::Motion => "motion",
             Self::Coefficients => "coefficients",

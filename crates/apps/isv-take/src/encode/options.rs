@@ -14,7 +14,7 @@ use isv_encode::{
     Band, Bitrate, ColourShare, EncoderSettings, FrameQuality, MainSettings, MotionMode, Preset, RateTarget,
     Refresh, Tools,
 };
-use isv_format::{ColourLayers, FrameRate, PaperParameters, Prediction, Profile, StreamHeader};
+use isv_format::{ColourLayers, FrameRate, MaskCoding, PaperParameters, Prediction, Profile, StreamHeader};
 use isv_fusion::FusionSettings;
 use isv_ingest::{DEFAULT_BLOCK_LIMIT, FaceTurner, MeshIngest, PointIngest, Reach, SignMode};
 use isv_io::{Colours, DenseOptions, InvalidPoints, Unit};
@@ -107,6 +107,8 @@ pub struct MainOptions {
     pub preset: Option<Preset>,
     /// Recovery of decoders from losses; at keyframes.
     pub refresh: Option<Refresh>,
+    /// Coding of unobserved voxels; by cells.
+    pub masks: Option<MaskCoding>,
     /// Tools to use; all of the preset's.
     pub tools: Option<Tools>,
 }
@@ -335,11 +337,13 @@ impl EncodeOptions {
         if !(offset > 0.0 && offset <= f64::from(truncation)) {
             return Err(OptionsError::Offset { asked: offset, truncation });
         }
-        Ok(StreamHeader::new(
-            self.profile(&grid)?,
-            grid,
-            self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT),
-        ))
+        let profile = self.profile(&grid)?;
+        let frame_rate = self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT);
+        let header = StreamHeader::new(profile, grid, frame_rate);
+        Ok(match profile {
+            Profile::Main => header.with_masks(self.main.masks.unwrap_or(MaskCoding::Cells)),
+            Profile::Paper(_) => header,
+        })
     }
 
     /// Refuses groups that are coded by themselves where something is to go from one to the next.
@@ -588,6 +592,7 @@ impl MainOptions {
             (self.passes.is_some(), OptionName::Passes),
             (self.preset.is_some(), OptionName::Preset),
             (self.refresh.is_some(), OptionName::Refresh),
+            (self.masks.is_some(), OptionName::Masks),
             (self.tools.is_some(), OptionName::Without),
         ];
         self.targets().into_iter().chain(others).find_map(|(given, name)| given.then_some(name))

@@ -2,7 +2,7 @@
 
 use super::{Backend, MainFrame};
 use crate::main::activity::{Activity, expected_activity};
-use crate::main::crossed_cells::crossed_corners;
+use crate::main::crossed_cells::{cells_at_unsettled, crossed_corners};
 use crate::main::reconstruct::{filter_and_extend, reconstruct as reconstruct_blocks};
 use crate::main::{MainBlocks, MainReference};
 use crate::paper::reconstruct::{predict, reconstruct};
@@ -164,6 +164,10 @@ impl Backend for Cpu {
 
     fn crossed_corners(&mut self, frame: &CpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
         Ok(crossed_corners(frame.reference.decoded()))
+    }
+
+    fn crossed_cells(&mut self, frame: &CpuMainFrame) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
+        Ok(cells_at_unsettled(frame.reference.decoded()))
     }
 
     fn add_masks(

@@ -4,7 +4,8 @@
 //! Signs are bits: a row of voxels along x is a number, a block and one layer of voxels around it are ten rows of ten bits in each
 //! of ten layers.
 
-use crate::main::extension::{DecodedBlocks, FrameBlocks};
+use crate::main::cell_corners::{Bits, OCTET, reaching};
+use crate::main::extension::{DecodedBlocks, ExtensionPlan, FrameBlocks};
 use isv_kernels::signs::inside;
 use isv_kernels::simd::vectorized;
 use isv_volume::{BlockIndex, NeighbourFinder, Neighbourhood, SparseVolume, VoxelMask};
@@ -12,13 +13,13 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Voxels of a block and one layer around it, along an axis.
-const SIDE: usize = 10;
+pub(crate) const SIDE: usize = 10;
 /// The rows of one z by y, `x` from the lowest bit on; what is beyond the tenth is empty.
-type Layer = [u16; 24];
+pub(crate) type Layer = [u16; 24];
 /// Rows that are worked on at a time.
 const LANES: usize = 16;
 /// The rows of a block, `8 z + y`.
-type Rows = [u8; 64];
+pub(crate) type Rows = [u8; 64];
 
 /// The unsettled blocks of an extended volume, in order, that have corners of crossed cells, with those voxels: cells whose
 /// corners differ in sign and are all there and observed.
@@ -37,11 +38,52 @@ pub fn crossed_cells(
     in_unsettled_blocks(extended, unobserved, cell_words)
 }
 
+/// The crossed cells of which a frame says whether they are drawn: those with a corner in an unsettled block. By the block of their
+/// lowest corners, in order, with these voxels.
+#[must_use]
+pub fn cells_at_unsettled(extended: &DecodedBlocks) -> Vec<(u32, VoxelMask)> {
+    in_blocks(extended, &BTreeMap::new(), cell_words, |around, unsettled| {
+        let octet = OCTET.map(|slot| around[slot].is_some_and(|block| unsettled[block as usize]));
+        reaching(octet)
+    })
+}
+
+/// The blocks of a frame where cells may begin that have a corner in an unsettled block, in order, with the lowest corners of these.
+#[must_use]
+pub fn beginnings_at_unsettled(plan: &ExtensionPlan) -> Vec<(u32, Bits)> {
+    let FrameBlocks { all, unsettled, .. } = plan.blocks();
+    let near = unsettled.dilated().marks_in(all);
+    let unsettled = unsettled.marks_in(all);
+    let mut finder = NeighbourFinder::new(plan.index());
+    let blocks = (0..).zip(plan.coords()).zip(near).filter(|(_, near)| *near);
+    let beginnings = blocks.filter_map(|((block, coord), _)| {
+        finder.turn_to(*coord);
+        let octet = finder.octet().map(|block| block.is_some_and(|block| unsettled[block as usize]));
+        let cells = reaching(octet);
+        (cells != [0; 8]).then_some((block, cells))
+    });
+    beginnings.collect()
+}
+
 /// The unsettled blocks, in order, that have some of the wanted voxels, with these. `wanted`: those of a block by the crossed cells around it.
 fn in_unsettled_blocks(
     extended: &DecodedBlocks,
     unobserved: &BTreeMap<u32, VoxelMask>,
-    wanted: impl Fn(&CrossedCells) -> [u64; 8] + Copy + Send + Sync,
+    wanted: impl Fn(&CrossedCells) -> Bits + Copy + Send + Sync,
+) -> Vec<(u32, VoxelMask)> {
+    in_blocks(extended, unobserved, wanted, |around, unsettled| {
+        let own = around[OCTET[0]].expect("the block in the middle");
+        if unsettled[own as usize] { [!0; 8] } else { [0; 8] }
+    })
+}
+
+/// The blocks, in order, that have some of the wanted voxels, with these, of those that cells of unsettled blocks reach into.
+/// `within`: the voxels of a block that may be wanted, by the blocks around it and by which of all these are unsettled.
+fn in_blocks(
+    extended: &DecodedBlocks,
+    unobserved: &BTreeMap<u32, VoxelMask>,
+    wanted: impl Fn(&CrossedCells) -> Bits + Copy + Send + Sync,
+    within: impl Fn(&Neighbourhood, &[bool]) -> Bits + Send + Sync,
 ) -> Vec<(u32, VoxelMask)> {
     let FrameBlocks { all, coded, unsettled, .. } = extended.sets();
     // All that cells of these blocks reach into.
@@ -61,17 +103,17 @@ fn in_unsettled_blocks(
         }
     };
     let (signs, parts): (Vec<Signs>, Vec<Parts>) = blocks.map(signs_of).unzip();
-    let voxels = |finder: &mut NeighbourFinder, (block, unsettled): (&u32, bool)| {
-        if !unsettled {
-            return None;
-        }
+    let unsettled = unsettled.marks_in(near);
+    let voxels = |finder: &mut NeighbourFinder, block: &u32| {
         finder.turn_to(volume.coords()[*block as usize]);
         let around = finder.neighbourhood();
-        let voxels = if is_mixed(&around, &parts) { wanted_in(&around, &signs, wanted) } else { None };
-        voxels.map(|voxels| (*block, voxels))
+        let within = within(&around, &unsettled);
+        let is_wanted = within != [0; 8] && is_mixed(&around, &parts);
+        let words = if is_wanted { wanted_in(&around, &signs, wanted) } else { [0; 8] };
+        let words: Bits = std::array::from_fn(|z| words[z] & within[z]);
+        (words != [0; 8]).then(|| (*block, VoxelMask::from_words(&words)))
     };
-    let blocks = numbers.par_iter().zip(unsettled.marks_in(near));
-    let voxels = blocks.map_init(|| NeighbourFinder::new(index), voxels);
+    let voxels = numbers.par_iter().map_init(|| NeighbourFinder::new(index), voxels);
     voxels.flatten_iter().collect()
 }
 
@@ -119,7 +161,7 @@ impl Signs {
 }
 
 /// The rows of words of one z.
-fn rows(words: &[u64; 8]) -> Rows {
+pub(crate) fn rows(words: &Bits) -> Rows {
     let mut rows = [0; 64];
     rows.as_chunks_mut::<8>().0.iter_mut().zip(words).for_each(|(rows, word)| *rows = word.to_le_bytes());
     rows
@@ -162,12 +204,8 @@ fn is_mixed(around: &Neighbourhood, parts: &[Parts]) -> bool {
     inside & outside != 0
 }
 
-fn wanted_in(
-    around: &Neighbourhood,
-    signs: &[Signs],
-    wanted: impl Fn(&CrossedCells) -> [u64; 8],
-) -> Option<VoxelMask> {
-    let words = vectorized(
+fn wanted_in(around: &Neighbourhood, signs: &[Signs], wanted: impl Fn(&CrossedCells) -> Bits) -> Bits {
+    vectorized(
         #[inline(always)]
         || {
             let (mut inside, mut outside) = ([&[0; 64]; 27], [&[0; 64]; 27]);
@@ -179,8 +217,7 @@ fn wanted_in(
             }
             wanted(&crossed(&layers(&inside), &layers(&outside)))
         },
-    );
-    (words != [0; 8]).then(|| VoxelMask::from_words(&words))
+    )
 }
 
 /// The crossed cells of a block and one layer before it, by their lowest corner.
@@ -205,7 +242,7 @@ fn crossed(inside: &[Layer; SIDE], outside: &[Layer; SIDE]) -> CrossedCells {
 
 /// The corners of crossed cells among the voxels of the block in the middle: a word a z.
 #[inline(always)]
-fn corner_words(crossed: &CrossedCells) -> [u64; 8] {
+fn corner_words(crossed: &CrossedCells) -> Bits {
     std::array::from_fn(|z| {
         let row = |y: usize| {
             let cells = crossed[z][y] | crossed[z + 1][y] | crossed[z][y + 1] | crossed[z + 1][y + 1];
@@ -217,13 +254,13 @@ fn corner_words(crossed: &CrossedCells) -> [u64; 8] {
 
 /// The lowest corners of crossed cells among them.
 #[inline(always)]
-fn cell_words(crossed: &CrossedCells) -> [u64; 8] {
+fn cell_words(crossed: &CrossedCells) -> Bits {
     std::array::from_fn(|z| u64::from_le_bytes(std::array::from_fn(|y| (crossed[z + 1][y + 1] >> 1) as u8)))
 }
 
 /// The layers of a block and its surroundings from the rows of the blocks around it, those of one sign.
 #[inline(always)]
-fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
+pub(crate) fn layers(around: &[&Rows; 27]) -> [Layer; SIDE] {
     let mut layers = [[0; 24]; SIDE];
     for (z, layer) in layers.iter_mut().enumerate() {
         // Which block along z, and which of its layers.

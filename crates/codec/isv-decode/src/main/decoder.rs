@@ -16,8 +16,8 @@ use crate::shared::syntax::SyntaxError;
 use crate::shared::{BlockCoding, Details};
 use crate::{BackendError, DecodeError};
 use isv_format::{
-    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, Packet, PacketKind, Prediction, Profile,
-    SliceLayout,
+    FrameCoding, FrameHeader, FramePayload, MainFrameHeader, MaskCoding, Packet, PacketKind, Prediction,
+    Profile, SliceLayout,
 };
 use isv_kernels::block8::SAMPLES;
 use isv_volume::{BlockSet, Grid, VoxelMask};
@@ -49,8 +49,8 @@ struct Decoded<F> {
 
 impl<B: Backend> MainDecoder<B> {
     /// A decoder for the frames of a stream.
-    pub(crate) fn new(grid: Grid, limits: Limits) -> Self {
-        let parameters = MainParameters::new(grid);
+    pub(crate) fn new(grid: Grid, mask_coding: MaskCoding, limits: Limits) -> Self {
+        let parameters = MainParameters::new(grid, mask_coding);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
         let recovery = Recovery::default();
         Self { parameters, limits, entropy, reference: None, recovery, sequence, colour: None }
@@ -317,9 +317,18 @@ impl<B: Backend> MainDecoder<B> {
                 Ok(masks_kept(B::main_blocks(&frame), B::main_blocks(reference)))
             }
             _ => {
-                let (blocks, before) = (B::main_blocks(&frame).blocks, known.map(|known| known.blocks));
-                let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
-                self.entropy.masks.read(payload.masks, blocks, before, corners)
+                let MainBlocks { blocks, sets, .. } = B::main_blocks(&frame);
+                let before = known.map(|known| known.blocks);
+                match self.parameters.mask_coding {
+                    MaskCoding::Voxels => {
+                        let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
+                        self.entropy.masks.read(payload.masks, blocks, before, corners)
+                    }
+                    MaskCoding::Cells => {
+                        let cells = || backend.crossed_cells(&frame).map_err(Failure::from);
+                        self.entropy.cells.read(payload.masks, (blocks, sets), before, cells)
+                    }
+                }
             }
         })?;
         backend.add_masks(&mut frame, masks)?;

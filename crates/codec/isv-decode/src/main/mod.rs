@@ -13,6 +13,7 @@
 
 pub mod activity;
 mod blocks;
+pub mod cell_corners;
 mod concealment;
 pub mod crossed_cells;
 pub(crate) mod decoder;

@@ -5,12 +5,14 @@
 //! each with one or two of those things as its context.
 
 pub mod block_set;
+pub mod cells;
 pub mod coefficients;
 pub mod masks;
 pub mod modes;
 pub mod skip_cells;
 
 use block_set::BlockSetModels;
+use cells::CellModels;
 use coefficients::CoefficientModels;
 use masks::MaskModels;
 use modes::ModeModels;
@@ -22,6 +24,8 @@ pub struct EntropyState {
     pub block_set: BlockSetModels,
     /// Models of unobserved voxels.
     pub masks: MaskModels,
+    /// Models of the cells that are not drawn, of streams that code these.
+    pub cells: CellModels,
     slices: Vec<SliceModels>,
 }
 

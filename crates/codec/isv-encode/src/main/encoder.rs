@@ -3,7 +3,7 @@
 use super::change::skippable_blocks;
 use super::field_dct::FieldDct;
 use super::level_costs::LevelCosts;
-use super::masks::wanted_masks;
+use super::masks::{undrawn_cells, wanted_masks};
 use super::motion_query::{BlockShifts, MotionQuery};
 use super::motion_search::CubeSearch;
 use super::pursuit::Pursuit;
@@ -18,14 +18,16 @@ use crate::backend::SearchBackend;
 use crate::encoder::{EncodedFrame, EncoderSettings};
 use crate::shared::surface_distance::SourceSurface;
 use crate::shared::syntax::{SliceSegments, SymbolSegments};
-use isv_decode::main::crossed_cells::crossed_corners;
+use isv_decode::main::cell_corners::CellCorners;
+use isv_decode::main::crossed_cells::{cells_at_unsettled, crossed_corners};
 use isv_decode::main::extension::{DecodedBlocks, ExtensionPlan, FrameBlocks, Kept};
 use isv_decode::main::reconstruct::filter_and_extend;
+use isv_decode::main::syntax::cells::CellModels;
 use isv_decode::main::syntax::masks::MaskModels;
 use isv_decode::main::syntax::{EntropyState, SliceModels};
 use isv_decode::main::{BlockMode, CausalBlocks, ExactBlocks, FrameSymbols, MainParameters, MainReference};
 use isv_decode::{BackendError, volume_hash};
-use isv_format::{FrameCoding, FrameHeader, FrameKind, MainFrameHeader, SliceLayout};
+use isv_format::{FrameCoding, FrameHeader, FrameKind, MainFrameHeader, MaskCoding, SliceLayout};
 use isv_kernels::block8::SAMPLES;
 use isv_volume::{BlockCoord, BlockSet, Grid, SparseVolume, VoxelMask};
 use rayon::Scope;
@@ -131,15 +133,15 @@ const FINER_STEP_SHARE: f64 = 0.75;
 const FILTERS: [u8; 4] = [0, 8, 13, 18];
 
 impl<B: SearchBackend> MainEncoder<B> {
-    /// An encoder for the frames of a stream: the grid of its header.
+    /// An encoder for the frames of a stream: the grid and the coding of masks of its header.
     ///
     /// # Panics
     /// If `settings.gop` is 0.
     #[must_use]
-    pub fn new(grid: Grid, settings: EncoderSettings, backend: B) -> Self {
+    pub fn new(grid: Grid, mask_coding: MaskCoding, settings: EncoderSettings, backend: B) -> Self {
         let EncoderSettings { gop, slices, checksums, main: settings, .. } = settings;
         assert!(gop > 0, "a GOP has at least one frame");
-        let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
+        let (parameters, dct) = (MainParameters::new(grid, mask_coding), FieldDct::new());
         let rate = RateControl::new(settings.target, gop);
         let mut places = [None; 512];
         (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
@@ -344,7 +346,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         };
         let main = self.frame_header(quality, kind);
         let mut entropy = if resilient { EntropyState::default() } else { before.entropy.clone() };
-        let mut mask_models = take(&mut entropy.masks);
+        let mut mask_models = (take(&mut entropy.masks), take(&mut entropy.cells));
         let (block_set_models, slice_models) = entropy.block_set_and_slices(layout.ranges().len());
         let kept = known.map(|before| Kept { before: before.decoded().sets(), skipped });
         let kept = kept.filter(|_| !skipped.is_empty());
@@ -379,7 +381,7 @@ impl<B: SearchBackend> MainEncoder<B> {
                     .in_scope(|| self.write_masks(&mut mask_models, targets, &extended, known));
                 (symbols, segments, (costs, exact), (main, extended), masks)
             });
-        entropy.masks = mask_models;
+        (entropy.masks, entropy.cells) = mask_models;
         let spatial = symbols.modes.iter().filter(|mode| **mode == BlockMode::Spatial).count();
         let spatial_share = spatial as f64 / symbols.modes.len().max(1) as f64;
         let blocks = symbols.coords.len() as u32;
@@ -398,16 +400,31 @@ impl<B: SearchBackend> MainEncoder<B> {
     /// The masks of a decoded frame, and their bytes.
     fn write_masks(
         &self,
-        models: &mut MaskModels,
+        models: &mut (MaskModels, CellModels),
         targets: &Targets,
         extended: &DecodedBlocks,
         reference: Option<&MainReference>,
     ) -> (BTreeMap<u32, VoxelMask>, Vec<u8>) {
         let crossed = LazyCell::new(|| crossed_corners(extended));
-        let masks = wanted_masks(targets, extended, || &crossed);
+        let wanted = wanted_masks(targets, extended, || &crossed);
         let (frame, before) = (extended.blocks(), reference.map(|r| r.decoded().blocks()));
-        let bytes = syntax::masks::write(models, frame, before, &masks, || &crossed);
-        (masks, bytes)
+        let (voxel_models, cell_models) = models;
+        match self.parameters.mask_coding {
+            MaskCoding::Voxels => {
+                let bytes = syntax::masks::write(voxel_models, frame, before, &wanted, || &crossed);
+                (wanted, bytes)
+            }
+            MaskCoding::Cells => {
+                let cells = LazyCell::new(|| cells_at_unsettled(extended));
+                let undrawn = undrawn_cells(&wanted, extended, || &cells);
+                let bytes = syntax::cells::write(cell_models, frame, before, &undrawn, || &cells);
+                let masks = match undrawn.is_empty() {
+                    true => BTreeMap::new(),
+                    false => CellCorners::new(frame, extended.sets()).of_undrawn(&cells, &undrawn),
+                };
+                (masks, bytes)
+            }
+        }
     }
 
     /// Whether the in-loop filter is used. It would carry what is not exact over the faces of blocks that were refreshed.

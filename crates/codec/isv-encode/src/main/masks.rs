@@ -3,8 +3,9 @@
 use super::floaters::floaters;
 use super::settings::Band;
 use super::target::Targets;
+use isv_decode::main::cell_corners::{Bits, bits, cells_touching};
 use isv_decode::main::extension::{DecodedBlocks, FrameBlocks};
-use isv_volume::{BlockEdge, VoxelMask};
+use isv_volume::{BlockEdge, NeighbourFinder, VoxelMask};
 use std::collections::BTreeMap;
 
 /// The voxels in cells that the decoded surface crosses which the source has not observed, does not have, or has on the other side of the
@@ -61,6 +62,31 @@ pub(crate) fn wanted_masks<'a>(
         wanted.entry(block).or_insert_with(|| VoxelMask::empty(BlockEdge::E8)).insert_all(&floaters);
     }
     wanted
+}
+
+/// The crossed cells with a corner that is to be masked, by block: those that are not drawn. `cells`: those with a corner in an
+/// unsettled block; asked for only if there are masks.
+pub(crate) fn undrawn_cells<'a>(
+    wanted: &BTreeMap<u32, VoxelMask>,
+    extended: &DecodedBlocks,
+    cells: impl FnOnce() -> &'a [(u32, VoxelMask)],
+) -> BTreeMap<u32, Bits> {
+    if wanted.is_empty() {
+        return BTreeMap::new();
+    }
+    let mut finder = NeighbourFinder::new(extended.index());
+    let undrawn = cells().iter().filter_map(|(block, cells)| {
+        finder.turn_to(extended.volume().coords()[*block as usize]);
+        let masks = finder.octet().map(|block| wanted.get(&block?).map(bits));
+        if masks.iter().all(Option::is_none) {
+            return None;
+        }
+        let (touched, cells) =
+            (cells_touching(masks.each_ref().map(|mask| mask.as_ref().unwrap_or(&[0; 8]))), bits(cells));
+        let undrawn = std::array::from_fn(|z| cells[z] & touched[z]);
+        (undrawn != [0; 8]).then_some((*block, undrawn))
+    });
+    undrawn.collect()
 }
 
 /// The voxels of a block whose samples have different signs in two volumes.

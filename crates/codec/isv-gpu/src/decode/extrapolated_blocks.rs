@@ -11,7 +11,7 @@ use isv_volume::{BlockOrigin, Truncation};
 /// Bits of a kind, as `frame_blocks.wgsl` has them.
 const CODED: u32 = 1;
 const UNSETTLED: u32 = 2;
-/// Where the number of a block's mask begins in its kind, as `corners.wgsl` has it.
+/// Where the number of a block's mask begins in its kind, as `crossed_cells.wgsl` has it.
 const MASK_BITS: u32 = 8;
 
 /// Memory for what is known of all blocks of a frame.

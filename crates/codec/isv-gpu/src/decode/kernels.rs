@@ -12,7 +12,7 @@ pub(super) struct Kernels {
     pub(super) face_filter: Kernel,
     pub(super) extrapolate: Kernel,
     pub(super) conflicts: Kernel,
-    pub(super) corners: Kernel,
+    pub(super) crossed_cells: Kernel,
     pub(super) activity: Kernel,
     pub(super) warp: Kernel,
 }
@@ -30,7 +30,7 @@ impl Kernels {
             face_filter: compile(&shaders::FACE_FILTER, "face_filter")?,
             extrapolate: compile(&shaders::EXTRAPOLATE, "extrapolate")?,
             conflicts: compile(&shaders::CONFLICTS, "conflicts")?,
-            corners: compile(&shaders::CORNERS, "crossed_corners")?,
+            crossed_cells: compile(&shaders::CROSSED_CELLS, "crossed_cells")?,
             activity: compile(&shaders::ACTIVITY, "expected_activity")?,
             warp: compile(&shaders::WARP, "warp")?,
         })

@@ -10,6 +10,7 @@ use crate::{GpuError, GpuVolume, VolumeStore};
 use isv_decode::ReferenceBlocks;
 use isv_decode::backend::MainFrame;
 use isv_decode::main::activity::Activity;
+use isv_decode::main::crossed_cells::beginnings_at_unsettled;
 use isv_decode::main::extension::{ExtensionPlan, FrameBlocks, Side};
 use isv_decode::main::{CodedBlock, MainBlocks};
 use isv_volume::{BlockIndex, BlockOrigin, BlockSet};
@@ -77,10 +78,8 @@ impl DecodeResources {
         extrapolated.extrapolate(&mut work, parameters.grid.truncation)?;
 
         let how = CodedBlock::of_frame(plan.blocks(), &symbols);
-        let marks = plan.blocks().unsettled.marks_in(&plan.blocks().all);
-        let unsettled = (0..).zip(marks).filter_map(|(block, marked)| marked.then_some(block));
-        let unsettled: Vec<u32> = unsettled.collect();
-        let readback = read_back(work, &table, &extrapolated, &how, &unsettled, readback_buffers)?;
+        let beginnings = beginnings_at_unsettled(&plan);
+        let readback = read_back(work, &table, &extrapolated, &how, &beginnings, readback_buffers)?;
 
         let side = |block: u32| match (plan.coded()[block as usize], readback.insides[block as usize]) {
             (true, _) => Side::Coded,

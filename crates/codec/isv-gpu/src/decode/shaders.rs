@@ -63,10 +63,10 @@ pub(crate) const EXTRAPOLATE: Shader = Shader {
 /// Faces between extrapolated blocks of different signs.
 pub(crate) const CONFLICTS: Shader =
     Shader { name: "conflicts", parts: &[TABLE, FRAME, include_str!("../shaders/conflicts.wgsl"), FIND] };
-/// Corners of crossed cells.
-pub(crate) const CORNERS: Shader = Shader {
-    name: "corners",
-    parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/corners.wgsl"), FIND],
+/// Crossed cells.
+pub(crate) const CROSSED_CELLS: Shader = Shader {
+    name: "crossed cells",
+    parts: &[SAMPLES, TABLE, FRAME, include_str!("../shaders/crossed_cells.wgsl"), FIND],
 };
 /// Where surface is expected.
 pub(crate) const ACTIVITY: Shader = Shader {

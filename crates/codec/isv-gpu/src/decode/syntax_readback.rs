@@ -7,6 +7,7 @@ use crate::GpuError;
 use crate::blocks::BlockTable;
 use crate::storage::GrowingBuffer;
 use isv_decode::main::CodedBlock;
+use isv_decode::main::cell_corners::Bits;
 use isv_volume::VoxelMask;
 
 /// Memory for questions and readback.
@@ -14,11 +15,11 @@ use isv_volume::VoxelMask;
 pub(super) struct ReadbackBuffers {
     vectors: GrowingBuffer,
     activity: GrowingBuffer,
-    unsettled: GrowingBuffer,
-    corners: GrowingBuffer,
+    beginnings: GrowingBuffer,
+    cells: GrowingBuffer,
     insides_read: GrowingBuffer,
     activity_read: GrowingBuffer,
-    corners_read: Vec<GrowingBuffer>,
+    cells_read: Vec<GrowingBuffer>,
 }
 
 impl Default for ReadbackBuffers {
@@ -26,16 +27,16 @@ impl Default for ReadbackBuffers {
         Self {
             vectors: GrowingBuffer::new("vectors"),
             activity: GrowingBuffer::new("activity"),
-            unsettled: GrowingBuffer::new("list of unsettled blocks"),
-            corners: GrowingBuffer::new("corners of crossed cells"),
+            beginnings: GrowingBuffer::new("list of blocks where cells begin"),
+            cells: GrowingBuffer::new("crossed cells"),
             insides_read: GrowingBuffer::for_reading("sides of blocks to read"),
             activity_read: GrowingBuffer::for_reading("activity to read"),
-            corners_read: Vec::new(),
+            cells_read: Vec::new(),
         }
     }
 }
 
-/// Bytes of a block's corners, a bit a voxel.
+/// Bytes of a block's cells, a bit each.
 const MASK_BYTES: u64 = 64;
 
 /// The readback.
@@ -45,15 +46,15 @@ pub(super) struct SyntaxReadback {
     pub(super) insides: Vec<u32>,
     /// Of each block, edges that the surface is expected to cross, and from bit 16 on its distance where there are none.
     pub(super) activity: Vec<u32>,
-    /// The unsettled blocks that have corners of crossed cells, in order, with those.
-    pub(super) corners: Vec<(u32, VoxelMask)>,
+    /// The crossed cells with a corner in an unsettled block, by the block of their lowest corners, in order.
+    pub(super) cells: Vec<(u32, VoxelMask)>,
 }
 
 /// Asks of a frame whose samples are done, and reads the readback.
 ///
 /// - `table`: of all blocks.
 /// - `coded`: how each was coded.
-/// - `unsettled`: which of them are looked at for corners.
+/// - `beginnings`: which of them are looked at for cells, and the voxels where these begin.
 ///
 /// # Errors
 /// What went wrong on the GPU.
@@ -62,7 +63,7 @@ pub(super) fn read_back(
     table: &BlockTable,
     extrapolated: &ExtrapolatedBlocks,
     coded: &[Option<CodedBlock>],
-    unsettled: &[u32],
+    beginnings: &[(u32, Bits)],
     scratch: &mut ReadbackBuffers,
 ) -> Result<SyntaxReadback, GpuError> {
     let (gpu, count) = (frame.gpu, coded.len() as u32);
@@ -75,21 +76,22 @@ pub(super) fn read_back(
     frame.run(&frame.kernels.activity, &[count, 0, 0, 0], &buffers, count)?;
 
     let at_once = (gpu.binding_bytes() / MASK_BYTES) as usize;
-    let parts: Vec<&[u32]> = unsettled.chunks(at_once).collect();
-    while scratch.corners_read.len() < parts.len() {
-        scratch.corners_read.push(GrowingBuffer::for_reading("corners to read"));
+    let blocks: Vec<u32> = beginnings.iter().map(|(block, _)| *block).collect();
+    let parts: Vec<&[u32]> = blocks.chunks(at_once).collect();
+    while scratch.cells_read.len() < parts.len() {
+        scratch.cells_read.push(GrowingBuffer::for_reading("crossed cells to read"));
     }
-    let list = scratch.unsettled.holding(gpu, unsettled)?;
-    let corners = scratch.corners.of(gpu, MASK_BYTES * unsettled.len().min(at_once) as u64)?;
+    let list = scratch.beginnings.holding(gpu, &blocks)?;
+    let cells = scratch.cells.of(gpu, MASK_BYTES * blocks.len().min(at_once) as u64)?;
     let mut readings = Vec::new();
-    for ((part, corners_read), number) in parts.iter().zip(&mut scratch.corners_read).zip(0u32..) {
+    for ((part, cells_read), number) in parts.iter().zip(&mut scratch.cells_read).zip(0u32..) {
         let (first, blocks) = (number * at_once as u32, part.len() as u32);
         let ExtrapolatedBlocks { kinds, opposed, masks, .. } = *extrapolated;
-        let buffers = [&table.blocks, &table.table, kinds, opposed, masks, list, corners];
-        frame.run(&frame.kernels.corners, &[first, blocks, 0, 0], &buffers, blocks)?;
+        let buffers = [&table.blocks, &table.table, kinds, opposed, masks, list, cells];
+        frame.run(&frame.kernels.crossed_cells, &[first, blocks, 0, 0], &buffers, blocks)?;
         let bytes = MASK_BYTES * u64::from(blocks);
-        let reading = corners_read.of(gpu, bytes)?;
-        frame.commands.copy(corners, reading, bytes);
+        let reading = cells_read.of(gpu, bytes)?;
+        frame.commands.copy(cells, reading, bytes);
         readings.push((reading, bytes));
     }
     let insides_read = scratch.insides_read.of(gpu, word_bytes)?;
@@ -103,9 +105,10 @@ pub(super) fn read_back(
     let mut read = gpu.read(&readings)?;
     let activity = words(&read.pop().unwrap_or_default());
     let insides = words(&read.pop().unwrap_or_default());
-    let masks = read.iter().flat_map(|bytes| bytes.as_chunks::<{ MASK_BYTES as usize }>().0);
-    let corners = unsettled.iter().zip(masks).filter_map(|(block, bytes)| Some((*block, mask(bytes)?)));
-    Ok(SyntaxReadback { insides, activity, corners: corners.collect() })
+    let found = read.iter().flat_map(|bytes| bytes.as_chunks::<{ MASK_BYTES as usize }>().0);
+    let cells = beginnings.iter().zip(found);
+    let cells = cells.filter_map(|((block, within), bytes)| Some((*block, mask(bytes, within)?)));
+    Ok(SyntaxReadback { insides, activity, cells: cells.collect() })
 }
 
 /// Words of the GPU, which are little-endian.
@@ -113,9 +116,9 @@ fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
 }
 
-/// The voxels of a mask, if there are any.
-fn mask(bytes: &[u8; MASK_BYTES as usize]) -> Option<VoxelMask> {
-    let words: [u64; 8] =
-        std::array::from_fn(|z| u64::from_le_bytes(std::array::from_fn(|byte| bytes[8 * z + byte])));
+/// Those of some voxels that a mask has, if there are any.
+fn mask(bytes: &[u8; MASK_BYTES as usize], within: &Bits) -> Option<VoxelMask> {
+    let layer = |z: usize| u64::from_le_bytes(std::array::from_fn(|byte| bytes[8 * z + byte]));
+    let words: Bits = std::array::from_fn(|z| layer(z) & within[z]);
     (words != [0; 8]).then(|| VoxelMask::from_words(&words))
 }

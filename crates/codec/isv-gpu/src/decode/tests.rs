@@ -75,6 +75,8 @@ impl Backend for Both {
         compare(Cpu::main_volume(&cpu), GpuBackend::main_volume(&gpu));
         let corners = self.cpu.crossed_corners(&cpu)?;
         assert!(corners == self.gpu.crossed_corners(&gpu)?, "corners of crossed cells");
+        let cells = self.cpu.crossed_cells(&cpu)?;
+        assert!(cells == self.gpu.crossed_cells(&gpu)?, "crossed cells");
         Ok((cpu, gpu))
     }
 
@@ -92,6 +94,10 @@ impl Backend for Both {
 
     fn crossed_corners(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
         self.gpu.crossed_corners(&frame.1)
+    }
+
+    fn crossed_cells(&mut self, frame: &Self::Main) -> Result<Vec<(u32, VoxelMask)>, BackendError> {
+        self.gpu.crossed_cells(&frame.1)
     }
 
     fn add_masks(

@@ -9,7 +9,7 @@ use isv_decode::{BackendError, Decoder, Limits, volume_hash};
 use isv_encode::{
     BlockShifts, Encoder, EncoderSettings, MainEncoder, MotionQuery, Preset, SearchBackend, probe,
 };
-use isv_format::{FrameRate, PacketReader, Profile, StreamHeader};
+use isv_format::{FrameRate, MaskCoding, PacketReader, Profile, StreamHeader};
 use isv_testkit::{ball, still_and_moving_ball};
 use isv_volume::SparseVolume;
 
@@ -47,7 +47,7 @@ fn streams_decode_on_the_cpu_and_are_as_good() {
                 EncoderSettings { main: preset.settings(), checksums: true, ..EncoderSettings::default() };
             let search = GpuMotionSearch::new(&VolumeStore::new(&gpu).unwrap()).unwrap();
             let mut on_cpu = Encoder::new(&header, settings);
-            let mut on_gpu = MainEncoder::new(header.grid, settings, search);
+            let mut on_gpu = MainEncoder::new(header.grid, header.mask_coding, settings, search);
             let [mut expected, mut found] = [Stream::new(header), Stream::new(header)];
             let mut hashes = Vec::new();
             for volume in &volumes {
@@ -98,7 +98,7 @@ impl SearchBackend for Checked {
 
 fn checked_encoder(gpu: &crate::Gpu, settings: EncoderSettings) -> MainEncoder<Checked> {
     let search = GpuMotionSearch::new(&VolumeStore::new(gpu).unwrap()).unwrap();
-    MainEncoder::new(grid(), settings, Checked(search))
+    MainEncoder::new(grid(), MaskCoding::Cells, settings, Checked(search))
 }
 
 /// Some of each frame stays as it is, and is not copied again.

@@ -1,6 +1,6 @@
 //! The settings that only profile `main` has: how good, how small, how slow.
 
-use crate::cli_enums::{PresetName, RefreshName};
+use crate::cli_enums::{MasksName, PresetName, RefreshName};
 use isv::raw::encode::Tools;
 use isv::raw::take::encode::MainOptions;
 use isv::raw::take::{BitRate, Length};
@@ -35,6 +35,9 @@ pub(super) struct TargetArgs {
     /// How decoders recover from lost packets [default: keyframes]
     #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
     refresh: Option<RefreshName>,
+    /// How unobserved voxels are coded [default: cells]
+    #[arg(help_heading = "Quality and rate (profile main)", long, value_enum)]
+    masks: Option<MasksName>,
     /// For studies: tools to leave out, separated by commas
     #[arg(long, value_name = "TOOL,..", hide = true)]
     without: Option<Tools>,
@@ -49,6 +52,7 @@ impl TargetArgs {
             passes: self.passes,
             preset: self.preset.map(Into::into),
             refresh: self.refresh.map(Into::into),
+            masks: self.masks.map(Into::into),
             tools: self.without,
         }
     }

@@ -1,12 +1,12 @@
-// The corners of crossed cells in a block: cells whose corners differ in sign and are all there and observed (isv-decode:
-// crossed_cells).
+// The crossed cells of a block by their lowest corners: cells whose corners differ in sign and are all there and observed
+// (isv-decode: crossed_cells).
 
-struct CornerParameters {
+struct CellParameters {
     first: u32,
     count: u32,
 }
 
-@group(1) @binding(0) var<uniform> parameters: CornerParameters;
+@group(1) @binding(0) var<uniform> parameters: CellParameters;
 @group(1) @binding(1) var<storage, read> blocks: array<vec4<i32>>;
 @group(1) @binding(2) var<storage, read> table: array<u32>;
 /// Of each block, what it is, and from bit 8 on one more than the number of its mask, or 0.
@@ -14,21 +14,19 @@ struct CornerParameters {
 @group(1) @binding(4) var<storage, read> opposed: array<u32>;
 /// Masks of settled blocks, 16 words each.
 @group(1) @binding(5) var<storage, read> masks: array<u32>;
-/// Unsettled blocks.
+/// Blocks where cells begin that have a corner in an unsettled block.
 @group(1) @binding(6) var<storage, read> list: array<u32>;
-/// Of each of this dispatch, its corners as bits: 16 words, voxel 0 in the lowest bit of the first.
-@group(1) @binding(7) var<storage, read_write> corners: array<u32>;
+/// Of each of this dispatch, its cells as bits: 16 words, voxel 0 in the lowest bit of the first.
+@group(1) @binding(7) var<storage, read_write> cells: array<u32>;
 
-/// Voxels of a block and one layer around it along an axis.
-const SIDE = 10u;
+/// Voxels of a block and one layer after it along an axis.
+const SIDE = 9u;
 
-/// The blocks around, or NO_BLOCK.
-var<workgroup> around: array<u32, 27>;
-/// Rows of the block and one layer around it: observed voxels inside and outside, x from the lowest bit on.
-var<workgroup> inside: array<u32, 100>;
-var<workgroup> outside: array<u32, 100>;
-/// Crossed cells by their lowest corners.
-var<workgroup> crossed: array<u32, 100>;
+/// The block and those after it, x fastest, or NO_BLOCK.
+var<workgroup> octet: array<u32, 8>;
+/// Rows of the block and one layer after it: observed voxels inside and outside, x from the lowest bit on.
+var<workgroup> inside: array<u32, 81>;
+var<workgroup> outside: array<u32, 81>;
 
 /// The unobserved voxels of a row of a block.
 fn unobserved(block: u32, row: u32) -> u32 {
@@ -69,39 +67,26 @@ fn signs(block: u32, row: u32, x: u32, count: u32) -> u32 {
 }
 
 @compute @workgroup_size(64)
-fn crossed_corners(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+fn crossed_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let number = group.y * groups.x + group.x;
     if number >= parameters.count {
         return;
     }
     let block = list[parameters.first + number];
-    if thread < 27u {
-        around[thread] = find_block(blocks[block].xyz + slot_offset(thread));
+    if thread < 8u {
+        octet[thread] = find_block(blocks[block].xyz + vec3<i32>(vec3<u32>(thread & 1u, (thread >> 1u) & 1u, thread >> 2u)));
     }
     workgroupBarrier();
     for (var i = thread; i < SIDE * SIDE; i += 64u) {
-        let y = i % SIDE + 7u;
-        let z = i / SIDE + 7u;
-        let slots = 9u * (z >> 3u) + 3u * (y >> 3u);
+        let y = i % SIDE;
+        let z = i / SIDE;
+        let slot = 4u * (z >> 3u) + 2u * (y >> 3u);
         let row = (z & 7u) * 8u + (y & 7u);
-        let before = signs(around[slots], row, 7u, 1u);
-        let level = signs(around[slots + 1u], row, 0u, 8u);
-        let after = signs(around[slots + 2u], row, 0u, 1u);
-        let bits = before | (level << 1u) | (after << 9u);
+        let level = signs(octet[slot], row, 0u, 8u);
+        let after = signs(octet[slot + 1u], row, 0u, 1u);
+        let bits = level | (after << 8u);
         inside[i] = bits & 0xffffu;
         outside[i] = bits >> 16u;
-    }
-    workgroupBarrier();
-    for (var i = thread; i < SIDE * SIDE; i += 64u) {
-        crossed[i] = 0u;
-        if i % SIDE < SIDE - 1u && i / SIDE < SIDE - 1u {
-            let a = vec4<u32>(inside[i], inside[i + 1u], inside[i + SIDE], inside[i + SIDE + 1u]);
-            let b = vec4<u32>(outside[i], outside[i + 1u], outside[i + SIDE], outside[i + SIDE + 1u]);
-            let all_in = a.x & a.y & a.z & a.w;
-            let all_out = b.x & b.y & b.z & b.w;
-            let there = (a.x | b.x) & (a.y | b.y) & (a.z | b.z) & (a.w | b.w);
-            crossed[i] = (there & (there >> 1u)) & ~(all_in & (all_in >> 1u)) & ~(all_out & (all_out >> 1u));
-        }
     }
     workgroupBarrier();
     // A word of four rows a thread.
@@ -110,9 +95,14 @@ fn crossed_corners(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         for (var i = 0u; i < 4u; i++) {
             let row = 4u * thread + i;
             let at = (row >> 3u) * SIDE + (row & 7u);
-            let cells = crossed[at] | crossed[at + 1u] | crossed[at + SIDE] | crossed[at + SIDE + 1u];
-            word |= (((cells | (cells << 1u)) >> 1u) & 255u) << (8u * i);
+            let a = vec4<u32>(inside[at], inside[at + 1u], inside[at + SIDE], inside[at + SIDE + 1u]);
+            let b = vec4<u32>(outside[at], outside[at + 1u], outside[at + SIDE], outside[at + SIDE + 1u]);
+            let all_in = a.x & a.y & a.z & a.w;
+            let all_out = b.x & b.y & b.z & b.w;
+            let there = (a.x | b.x) & (a.y | b.y) & (a.z | b.z) & (a.w | b.w);
+            let crossed = (there & (there >> 1u)) & ~(all_in & (all_in >> 1u)) & ~(all_out & (all_out >> 1u));
+            word |= (crossed & 255u) << (8u * i);
         }
-        corners[16u * number + thread] = word;
+        cells[16u * number + thread] = word;
     }
 }
