@@ -1,6 +1,7 @@
 //! Makes the conformance streams: small, one feature after the other, each with the hashes of its decoded frames. A stream that is
 //! there is never made again: what an encoder chooses may change, and what others have tested with must not.
 
+mod cells;
 mod colour;
 mod extremes;
 mod main_profile;
@@ -111,6 +112,7 @@ fn write_volumes(folder: &Path) -> Result<()> {
         .chain(main_profile::streams()?)
         .chain(extremes::streams()?)
         .chain(version_2::streams()?)
+        .chain(cells::streams()?)
     {
         if write_new(&folder.join(format!("{name}.isv")), &stream)? {
             for (frame, hash) in hashes.iter().enumerate() {

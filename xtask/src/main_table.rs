@@ -22,7 +22,7 @@ pub(crate) fn run(folder: &str, frames: usize, voxel_mm: f64, settings: &[String
         edge: BlockEdge::E8,
         truncation: Truncation::DEFAULT,
     };
-    let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
+    let header = StreamHeader::newest(Profile::Main, grid, FrameRate::DEFAULT);
     let ingest = MeshIngest::new(grid);
     let (mut meshes, mut volumes, mut sign) = (Vec::new(), Vec::new(), None);
     for mesh in Sequence::open(Path::new(folder), frames)?.meshes().map_err(anyhow::Error::from_boxed)? {

@@ -48,7 +48,7 @@ fn code(mesh: &TriangleMesh) -> Result<TriangleMesh> {
     };
     let ingest = MeshIngest { reach: Reach::Surface, ..MeshIngest::new(grid) };
     let volume = ingest_mesh(mesh, &ingest, decide_sign(mesh, ingest.sign).0)?;
-    let header = StreamHeader::new(Profile::Main, grid, FrameRate::DEFAULT);
+    let header = StreamHeader::newest(Profile::Main, grid, FrameRate::DEFAULT);
     let mut encoder = Encoder::new(&header, EncoderSettings::default());
     encoder.encode(&volume);
     let decoded = encoder.reconstruction().context("a frame was coded")?;

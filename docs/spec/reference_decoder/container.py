@@ -46,6 +46,7 @@ class StreamHeader:
     version: int
     profile: int
     colour_layers: int
+    masks_by_cell: bool
     edge: int
     mu_codes: int
     coefficients: int                                 # K
@@ -64,13 +65,13 @@ def read_stream_header(reader):
     if len(data) < 48:
         raise Refused("cut", "stream header")
     check_crc(struct.unpack("<I", data[44:])[0], data[:44])
-    (length, profile, edge_log2, truncation, colour_layers, voxel_nm, numerator, denominator,
+    (length, profile, edge_log2, truncation, layers_and_masks, voxel_nm, numerator, denominator,
      coefficients, reserved, dc_step, ac_step) = struct.unpack("<HBBBBQIIHHII", data[10:44])
     malformed_if(length != 48, "length of the stream header")
     if profile not in (PAPER, MAIN):
         raise Refused("unsupported", f"profile {profile}")
     malformed_if(not 2 <= truncation <= 16, "truncation")
-    malformed_if(colour_layers > (3 if version == 2 and profile == MAIN else 0), "layers of colour")
+    malformed_if(layers_and_masks > (7 if version == 2 and profile == MAIN else 0), "layers of colour or coding of masks")
     malformed_if(reserved, "reserved fields of the stream header")
     malformed_if(not 10**3 <= voxel_nm <= 10**12, "voxel size")
     malformed_if(numerator == 0 or denominator == 0, "frame rate")
@@ -82,7 +83,9 @@ def read_stream_header(reader):
         malformed_if(edge_log2 != 3, "edge")
         malformed_if(coefficients or dc_step or ac_step, "reserved fields of the stream header")
         coefficients = 162
-    return StreamHeader(version, profile, colour_layers, 2**edge_log2, 256 * truncation, coefficients, dc_step, ac_step)
+    colour_layers, masks_by_cell = layers_and_masks & 3, layers_and_masks & 4 != 0
+    return StreamHeader(version, profile, colour_layers, masks_by_cell, 2**edge_log2, 256 * truncation, coefficients,
+                        dc_step, ac_step)
 
 
 @dataclass

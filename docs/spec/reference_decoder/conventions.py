@@ -46,6 +46,7 @@ def add(a, b):
 
 CUBE = [(dx, dy, dz) for dz in (-1, 0, 1) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
 NEIGHBOURS = [d for d in CUBE if d != (0, 0, 0)]
+CORNERS = [(i, j, k) for k in (0, 1) for j in (0, 1) for i in (0, 1)]
 BEHIND = [(-1, 0, 0), (0, -1, 0), (0, 0, -1)]
 AHEAD = [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
 

@@ -4,11 +4,12 @@ import numpy as np
 
 import loss
 from block_set import cell_of_block, read_block_set
-from conventions import CUBE, Volume, add, morton_code
+from conventions import CORNERS, CUBE, Volume, add, morton_code
 from coefficients import read_coefficients
 from container import block_limit
 from extension import check_limit, conflicts, extrapolate
 from loop_filter import filter_faces
+from mask_cells import corners_of_undrawn, read_cells
 from masks import read_mask
 from modes import Neighbours, read_modes
 from range_decoder import RangeDecoder
@@ -57,7 +58,7 @@ def decode_main(header, frame, models, reference):
     extend(volume, header.mu_codes)
     volume.inexact |= loss.inexact_extrapolated(volume, volume.inexact)
     if loss.is_exact(volume):
-        read_volume_masks(frame, models.bits, volume, known, set(blocks))
+        read_volume_masks(header, frame, models.bits, volume, known, set(blocks))
     else:
         keep_masks(volume, reference)
     return volume
@@ -79,7 +80,7 @@ def settled_blocks(volume, known, coded_now):
     return set(volume.samples) - near
 
 
-def read_volume_masks(frame, models, volume, known, coded_now):
+def read_volume_masks(header, frame, models, volume, known, coded_now):
     """7.10.9. `known`: the reference, or None; `coded_now`: the blocks that are coded in this frame."""
     settled = settled_blocks(volume, known, coded_now)
     of_settled = {b: known.masks[b] for b in settled if b in known.masks}
@@ -88,15 +89,35 @@ def read_volume_masks(frame, models, volume, known, coded_now):
     decoder = RangeDecoder(frame.masks)
     read = {}
     if decoder.decode_any(models["any"]) == 1:
-        for b in volume.samples:
-            if b in settled:
-                continue
-            corners = np.flatnonzero(corners_of_crossed_cells(volume.samples, unobserved, b)).tolist()
-            if corners:
-                mask = read_mask(decoder, models, b, corners, EDGE, volume.samples, read, known)
-                if mask is not None:
-                    read[b] = mask
+        by = masks_by_cell if header.masks_by_cell else masks_by_voxel
+        read = by(decoder, models, volume.samples, unobserved, settled, known)
     volume.masks = unions(read, conflicting) | of_settled
+
+
+def masks_by_voxel(decoder, models, samples, unobserved, settled, known):
+    read = {}
+    for b in samples:
+        if b in settled:
+            continue
+        corners = np.flatnonzero(corners_of_crossed_cells(samples, unobserved, b)).tolist()
+        if corners:
+            mask = read_mask(decoder, models, b, corners, EDGE, samples, read, known)
+            if mask is not None:
+                read[b] = mask
+    return read
+
+
+def masks_by_cell(decoder, models, samples, unobserved, settled, known):
+    cells = {}                                        # by block: the voxels where they begin
+    for b in samples:
+        begins = np.zeros((EDGE, EDGE, EDGE), bool)
+        for d in CORNERS:
+            if (n := add(b, d)) in samples and n not in settled:
+                begins[tuple(slice(7, 8) if c else slice(0, 8) for c in reversed(d))] = True
+        if begins.any() and (found := np.flatnonzero(crossed_cells(samples, unobserved, b)[1:, 1:, 1:] & begins)).size:
+            cells[b] = found.tolist()
+    undrawn = read_cells(decoder, models, cells, known)
+    return corners_of_undrawn(cells, undrawn, settled)
 
 
 def unions(some, others):
@@ -113,6 +134,12 @@ def keep_masks(volume, reference):
 
 def corners_of_crossed_cells(samples, unobserved, b):
     """Boolean array [z][y][x]: the voxels of b that are corners of a crossed cell."""
+    crossed = crossed_cells(samples, unobserved, b)
+    return np.logical_or.reduce([crossed[k : k + 8, j : j + 8, i : i + 8] for i, j, k in CORNERS])
+
+
+def crossed_cells(samples, unobserved, b):
+    """Boolean array [z][y][x]: which cells are crossed of those that begin at voxels of b from (-1, -1, -1) to (7, 7, 7)."""
     # The voxels from -1 to 8 along each axis, from the block itself and its neighbours.
     known, negative = np.zeros((2, EDGE + 2, EDGE + 2, EDGE + 2), bool)
     here = {-1: slice(0, 1), 0: slice(1, 9), 1: slice(9, 10)}
@@ -123,9 +150,8 @@ def corners_of_crossed_cells(samples, unobserved, b):
             to, part = (tuple(where[c] for c in reversed(d)) for where in (here, there))
             known[to] = ~unobserved[n][part] if n in unobserved else True
             negative[to] = samples[n][part] < 0
-    corner = [np.s_[k : k + 9, j : j + 9, i : i + 9] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
+    corner = [np.s_[k : k + 9, j : j + 9, i : i + 9] for i, j, k in CORNERS]
     all_known = np.logical_and.reduce([known[c] for c in corner])
     some = np.logical_or.reduce([negative[c] for c in corner])
     every = np.logical_and.reduce([negative[c] for c in corner])
-    crossed = all_known & some & ~every               # cells from (-1, -1, -1) to (7, 7, 7)
-    return np.logical_or.reduce([crossed[k : k + 8, j : j + 8, i : i + 8] for k in (0, 1) for j in (0, 1) for i in (0, 1)])
+    return all_known & some & ~every

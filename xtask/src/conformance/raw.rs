@@ -33,6 +33,19 @@ impl RawFrame {
     }
 }
 
+impl From<&FramePayload<'_>> for RawFrame {
+    fn from(payload: &FramePayload) -> Self {
+        let FramePayload { header, block_set, masks, slices } = payload;
+        let slices = slices.iter().map(|slice| [slice.modes.to_vec(), slice.coefficients.to_vec()]);
+        Self {
+            header: *header,
+            block_set: block_set.to_vec(),
+            masks: masks.to_vec(),
+            slices: slices.collect(),
+        }
+    }
+}
+
 /// A stream that grows by packets of any kind, their checksums right.
 #[derive(Clone)]
 pub(super) struct RawStream {

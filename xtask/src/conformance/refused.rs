@@ -1,5 +1,6 @@
 //! Streams that must be refused, and some that may be.
 
+use super::cells::by_cell;
 use super::extremes::{MAIN, frame_of_ones, keyframe, small_main, small_paper};
 use super::raw::{RawFrame, RawStream, crc32, judge, octree, segment};
 use anyhow::{Context, Result, bail, ensure};
@@ -528,6 +529,28 @@ fn symbol_cases() -> Result<Vec<Refused>> {
             1,
             Malformed,
             "empty",
+        ),
+        case(
+            "version_2_cells_all_drawn",
+            key_with(&by_cell(main), &|f| {
+                crossed(f);
+                f.masks = empty_mask.clone();
+            })?,
+            1,
+            Malformed,
+            "are drawn",
+        ),
+        case(
+            "version_2_cells_end",
+            ending("masks end", |bytes| {
+                key_with(&by_cell(main), &|f| {
+                    crossed(f);
+                    f.masks = bytes.to_vec();
+                })
+            })?,
+            1,
+            Malformed,
+            early,
         ),
         case(
             "masks_end",

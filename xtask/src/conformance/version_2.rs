@@ -83,9 +83,11 @@ fn headers() -> Result<Vec<Refused>> {
         case("version_3", version_3.clone(), 0, Unsupported, "version 3"),
         case("version_3_other_checksum", flipped(&version_3, 20), 0, Unsupported, "version 3"),
         case("version_3_short", version_3[..10].to_vec(), 0, Unsupported, "version 3"),
-        byte_15("version_2_byte_15_bit_2", &main, 1 << 2),
+        byte_15("version_2_byte_15_bit_3", &main, 1 << 3),
         byte_15("version_2_byte_15_bit_7", &main, 1 << 7 | 1),
         byte_15("version_2_colour_in_paper", &second(paper), 1),
+        byte_15("version_2_cells_in_paper", &second(paper), 1 << 2),
+        byte_15("version_1_cells", &small_main()?, 1 << 2),
     ])
 }
 

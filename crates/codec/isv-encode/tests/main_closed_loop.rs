@@ -3,7 +3,8 @@
 mod support;
 
 use isv_decode::volume_hash;
-use isv_encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings};
+use isv_encode::{Band, Encoder, EncoderSettings, FrameQuality, MainSettings, Refresh};
+use isv_format::MaskCoding::{Cells, Voxels};
 use isv_format::Prediction;
 use isv_surface::{SurfaceOptions, extract_surface};
 use isv_testkit::{still_and_moving_ball, volume_of};
@@ -34,12 +35,44 @@ fn variants() -> [MainSettings; 4] {
 fn decoder_agrees_with_the_encoders_reconstruction() {
     for (truncation, slices) in [(8, 1), (2, 3), (16, 7)] {
         let volumes = balls(truncation, 6);
-        for main in variants() {
-            let (bytes, hashes) = encode(&main_header(truncation), settings(main, slices), &volumes);
+        for (main, masks) in
+            variants().into_iter().zip([Voxels, Cells].into_iter().cycle().skip(slices.into()))
+        {
+            let header = main_header(truncation).with_masks(masks);
+            let (bytes, hashes) = encode(&header, settings(main, slices), &volumes);
             let (decoded, end) = decode(&bytes);
             end.unwrap();
             let found: Vec<u64> = decoded.iter().map(volume_hash).collect();
-            assert_eq!(found, hashes, "truncation {truncation}, {slices} slices, {main:?}");
+            assert_eq!(found, hashes, "truncation {truncation}, {slices} slices, {main:?}, {masks:?}");
+        }
+    }
+}
+
+/// A ball with a hole that stays beside one that moves, in both bands and with gradual refresh.
+#[test]
+fn masks_by_cell_draw_the_same_surface_with_fewer_bytes() {
+    let usual = MainSettings::default();
+    let whole = MainSettings { band: Band::Full, ..usual };
+    let gradual = MainSettings { refresh: Refresh::Gradual, ..usual };
+    for main in [usual, whole, gradual] {
+        let coded = |masks| {
+            let header = main_header(8).with_masks(masks);
+            let volumes = [0.0, 1.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
+            let (bytes, hashes) = encode(&header, EncoderSettings { gop: 5, ..settings(main, 2) }, &volumes);
+            let (decoded, end) = decode(&bytes);
+            end.unwrap();
+            assert_eq!(decoded.iter().map(volume_hash).collect::<Vec<_>>(), hashes, "{masks:?}, {main:?}");
+            (bytes.len(), decoded)
+        };
+        let [(voxel_bytes, by_voxel), (cell_bytes, by_cell)] = [Voxels, Cells].map(coded);
+        println!("{voxel_bytes} bytes by voxel, {cell_bytes} by cell");
+        assert!(cell_bytes < voxel_bytes);
+        for (by_voxel, by_cell) in by_voxel.iter().zip(&by_cell) {
+            let [voxels, cells] = [by_voxel, by_cell].map(masked);
+            assert!(0 < voxels && voxels <= cells, "{voxels} and {cells} voxels");
+            let meshes =
+                [by_voxel, by_cell].map(|volume| extract_surface(volume, &SurfaceOptions { normals: false }));
+            assert!(meshes[0] == meshes[1], "surfaces differ");
         }
     }
 }
@@ -47,8 +80,10 @@ fn decoder_agrees_with_the_encoders_reconstruction() {
 /// A ball that stays beside one that moves, stops and goes on: what stays costs nothing.
 #[test]
 fn what_stands_still_is_kept() {
-    for (truncation, band) in [(8, Band::Surface), (4, Band::Full)] {
-        let header = main_header(truncation);
+    for (truncation, band, masks) in
+        [(8, Band::Surface, Voxels), (8, Band::Surface, Cells), (4, Band::Full, Cells)]
+    {
+        let header = main_header(truncation).with_masks(masks);
         let volumes = [0.0, 1.0, 2.0, 2.0, 2.0, 4.0].map(|t| still_and_moving_ball(header.grid, t));
         let main = MainSettings { band, ..Default::default() };
         let settings = EncoderSettings { gop: 6, ..settings(main, 2) };

@@ -6,9 +6,10 @@ use isv_decode::{DecodeError, Decoder, Limits};
 use isv_encode::{Band, EncoderSettings, MainSettings};
 use isv_entropy::{BitModel, IntegerModel, RangeEncoder};
 use isv_format::{
-    FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, Packet, PacketKind, Profile,
-    SlicePayload, StreamHeader,
+    FrameCoding, FrameHeader, FrameKind, FramePayload, MainFrameHeader, MaskCoding, Packet, PacketKind,
+    Profile, SlicePayload, StreamHeader,
 };
+use isv_testkit::Random;
 use isv_volume::{SparseVolume, VolumeBuilder};
 use std::sync::OnceLock;
 use support::{ball, decode, encode, forged, main_header, packets};
@@ -68,6 +69,34 @@ fn every_prefix_of_a_stream_yields_whole_frames() {
             assert!(frames == whole[..fit], "{length} bytes");
         }
     }
+}
+
+/// Bytes that say at random which cells are drawn give a frame that differs in its masks alone, or are refused.
+#[test]
+fn random_cells_are_masks_or_refused() {
+    let header = main_header(4).with_masks(MaskCoding::Cells);
+    let volumes: Vec<_> = (0..2).map(|t| ball(header.grid, f64::from(t))).collect();
+    let packets = packets(&encode(&header, EncoderSettings::default(), &volumes).0);
+    let mut random = Random::new(5);
+    let (mut decoded, mut refused) = (0, 0);
+    for attempt in 0..400 {
+        let frame = attempt % 2;
+        let mut decoder = Decoder::new(&header, LIMITS);
+        packets[..frame].iter().for_each(|packet| drop(decoder.decode(packet).unwrap()));
+        let mut payload = FramePayload::parse(&packets[frame].payload, 0, false, &Profile::Main).unwrap();
+        let mut masks: Vec<u8> =
+            (0..4 << (attempt % 10)).map(|_| (random.signed() * 128.0) as i8 as u8).collect();
+        // A first bit that says that there are some.
+        masks[0] &= 0x3f;
+        payload.masks = &masks;
+        match decoder.decode(&forged(&packets[frame], payload.to_bytes())) {
+            Ok(_) => decoded += 1,
+            Err(DecodeError::Malformed { .. }) => refused += 1,
+            Err(other) => panic!("{other}"),
+        }
+    }
+    println!("{decoded} decoded, {refused} refused");
+    assert!(decoded > 20 && refused > 20);
 }
 
 #[test]

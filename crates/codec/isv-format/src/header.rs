@@ -96,6 +96,16 @@ impl StreamHeader {
         }
     }
 
+    /// The header of a stream of geometry alone with all tools that its profile has, in the version that they need.
+    #[must_use]
+    pub fn newest(profile: Profile, grid: Grid, frame_rate: FrameRate) -> Self {
+        let header = Self::new(profile, grid, frame_rate);
+        match profile {
+            Profile::Main => header.with_masks(MaskCoding::Cells),
+            Profile::Paper(_) => header,
+        }
+    }
+
     /// Sets the layers of colour. A header with any has version 2.
     #[must_use]
     pub fn with_colour(self, colour_layers: ColourLayers) -> Self {

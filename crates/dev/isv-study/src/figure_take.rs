@@ -265,7 +265,7 @@ impl FigureCoder {
         colour: Option<ColourSettings>,
     ) -> Result<Self, StudyError> {
         let layers = if colour.is_some() { COLOUR_LAYERS } else { ColourLayers::None };
-        let header = StreamHeader::new(profile, take.grid, FrameRate::DEFAULT).with_colour(layers);
+        let header = StreamHeader::newest(profile, take.grid, FrameRate::DEFAULT).with_colour(layers);
         let colour = colour.map(|settings| ColourSettings { layers: layers.count(), ..settings });
         Ok(Self {
             header,

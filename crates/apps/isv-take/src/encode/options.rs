@@ -339,10 +339,9 @@ impl EncodeOptions {
         }
         let profile = self.profile(&grid)?;
         let frame_rate = self.frame_rate.or(frame_rate).unwrap_or(FrameRate::DEFAULT);
-        let header = StreamHeader::new(profile, grid, frame_rate);
-        Ok(match profile {
-            Profile::Main => header.with_masks(self.main.masks.unwrap_or(MaskCoding::Cells)),
-            Profile::Paper(_) => header,
+        Ok(match self.main.masks {
+            Some(masks) => StreamHeader::new(profile, grid, frame_rate).with_masks(masks),
+            None => StreamHeader::newest(profile, grid, frame_rate),
         })
     }
 

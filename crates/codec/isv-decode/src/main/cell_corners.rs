@@ -153,3 +153,77 @@ fn bits_of(cells: &[(u32, VoxelMask)], block: u32) -> Bits {
 pub fn bits(mask: &VoxelMask) -> Bits {
     mask.words().try_into().expect("blocks of an edge of 8")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Some bits of a block, as `seed` has it.
+    fn some(seed: u64) -> Bits {
+        std::array::from_fn(|z| {
+            let noise = (seed + z as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            noise & noise.rotate_left(21) & noise.rotate_left(43)
+        })
+    }
+
+    fn contains(bits: &Bits, [x, y, z]: [usize; 3]) -> bool {
+        bits[z] >> (8 * y + x) & 1 != 0
+    }
+
+    /// The places of a block's cells' corners, counted from its first voxel.
+    fn corner(cell: [usize; 3], number: usize) -> [usize; 3] {
+        std::array::from_fn(|axis| cell[axis] + (number >> axis & 1))
+    }
+
+    /// The block of the octet that a place is in, and the voxel there.
+    fn split(place: [usize; 3]) -> (usize, [usize; 3]) {
+        ((0..3).map(|axis| (place[axis] >> 3) << axis).sum(), place.map(|c| c & 7))
+    }
+
+    fn places() -> impl Iterator<Item = [usize; 3]> {
+        (0..512).map(|voxel| [voxel & 7, voxel >> 3 & 7, voxel >> 6])
+    }
+
+    #[test]
+    fn corners_are_those_of_a_search_of_all() {
+        for seed in 0..20 {
+            let cells = some(seed);
+            let mut expected = [[0u64; 8]; 8];
+            for cell in places().filter(|cell| contains(&cells, *cell)) {
+                for number in 0..8 {
+                    let (slot, [x, y, z]) = split(corner(cell, number));
+                    expected[slot][z] |= 1 << (8 * y + x);
+                }
+            }
+            assert_eq!(corners(&cells), expected, "{seed}");
+        }
+    }
+
+    #[test]
+    fn cells_touch_the_voxels_that_are_their_corners() {
+        for seed in 0..20 {
+            let octet: [Bits; 8] = std::array::from_fn(|slot| some(seed * 8 + slot as u64));
+            let touching = cells_touching(octet.each_ref());
+            for cell in places() {
+                let touches = (0..8).any(|number| {
+                    let (slot, voxel) = split(corner(cell, number));
+                    contains(&octet[slot], voxel)
+                });
+                assert_eq!(contains(&touching, cell), touches, "{seed}: {cell:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_cells_at_the_far_faces_reach_into_other_blocks() {
+        assert_eq!(reaching([true; 8]), [!0; 8]);
+        assert_eq!(reaching([false; 8]), [0; 8]);
+        for slot in 1..8 {
+            let cells = reaching(std::array::from_fn(|other| other == slot));
+            for cell in places() {
+                let reaches = (0..3).all(|axis| slot >> axis & 1 == 0 || cell[axis] == 7);
+                assert_eq!(contains(&cells, cell), reaches, "{slot}: {cell:?}");
+            }
+        }
+    }
+}

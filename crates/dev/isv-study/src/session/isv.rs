@@ -80,7 +80,7 @@ impl IsvEncoding {
         frame_rate: FrameRate,
         settings: &StudySettings,
     ) -> Result<Self, StudyError> {
-        let header = StreamHeader::new(profile, settings.ingest.grid, frame_rate);
+        let header = StreamHeader::newest(profile, settings.ingest.grid, frame_rate);
         Ok(Self {
             header,
             volumes: match profile {
