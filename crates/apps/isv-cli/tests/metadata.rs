@@ -23,7 +23,7 @@ fn a_stream_says_what_it_is() {
     encode(&work, "plain.isv", &[]);
     encode(&work, "take.isv", &["--title", "A walk", "--capture-device", "12 cameras", "--up", "y"]);
     let (plain, take) = (info(&work, "plain.isv"), info(&work, "take.isv"));
-    assert_eq!((&plain["format_version"], &plain["metadata"]), (&json!(1), &Value::Null));
+    assert_eq!((&plain["format_version"], &plain["metadata"]), (&json!(2), &Value::Null));
     assert_eq!(take["format_version"], 2);
     let said = &take["metadata"];
     assert_eq!((&said["title"], &said["device"]), (&json!("A walk"), &json!("12 cameras")));

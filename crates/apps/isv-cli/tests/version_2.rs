@@ -10,7 +10,7 @@ use isv::raw::format::{
 };
 use isv::raw::volume::ColourSample;
 use serde_json::Value;
-use support::Workspace;
+use support::{ENCODE, Workspace};
 
 const FRAMES: usize = 9;
 /// Types that readers may skip and must know.
@@ -74,10 +74,11 @@ fn info(work: &Workspace, stream: &str) -> Value {
     work.isv(&["info", stream, "--json"]).json()
 }
 
-/// A workspace with `take.isv`, the same with colour as `colour.isv`, and with packets to skip as `skip.isv`.
+/// A workspace with `take.isv` of version 1, the same with colour as `colour.isv`, and with packets to skip as `skip.isv`.
 fn workspace() -> Workspace {
-    let (work, bytes) = Workspace::with_stream(FRAMES);
-    let bytes = coloured(&bytes);
+    let work = Workspace::with_figure(FRAMES);
+    work.isv(&[&ENCODE[..], &["--masks", "voxels"]].concat()).done();
+    let bytes = coloured(&work.read("take.isv"));
     work.write("skip.isv", with_unknown(&bytes, SKIPPABLE));
     work.write("needed.isv", with_unknown(&bytes, NEEDED));
     work.write("colour.isv", bytes);

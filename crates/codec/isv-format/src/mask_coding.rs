@@ -11,6 +11,15 @@ pub enum MaskCoding {
 }
 
 impl MaskCoding {
+    /// Its name: `voxels` or `cells`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Voxels => "voxels",
+            Self::Cells => "cells",
+        }
+    }
+
     /// The bit of the stream header that says so.
     pub(crate) const CELLS_BIT: u8 = 1 << 2;
 

@@ -5,6 +5,7 @@ use crate::output::{frames_in_words, print, say};
 use crate::stream;
 use anyhow::{Result, bail};
 use comfy_table::{Table, presets};
+use isv::raw::format::MaskCoding;
 use isv::raw::take::metadata::Metadata;
 use isv::raw::take::stream::{PacketInfo, PaperInfo, StreamInfo, TrackSummary};
 use isv::raw::take::{Input, Length};
@@ -87,7 +88,8 @@ fn table(info: &StreamInfo) -> String {
     let mut row = |name: &str, value: String| {
         table.add_row([name, &value]);
     };
-    row("format", format!("version {}, profile {}", info.format_version, info.profile));
+    let masks = if info.masks == MaskCoding::Cells.name() { ", masks by cell" } else { "" };
+    row("format", format!("version {}, profile {}{masks}", info.format_version, info.profile));
     row("frames", format!("{} at {} a second, {:.2} s", info.frames, info.fps, info.duration_s));
     row("bytes", format!("{}, {:.3} Mbps", info.bytes, info.bitrate_mbps));
     row(

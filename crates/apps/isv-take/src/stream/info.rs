@@ -16,6 +16,8 @@ pub struct StreamInfo {
     pub format_version: u16,
     /// Layers of colour samples that frames may have.
     pub colour_layers: u8,
+    /// Coding of unobserved voxels: `cells` or `voxels`.
+    pub masks: &'static str,
     /// Profile: `main` or `paper`.
     pub profile: &'static str,
     /// Number of frames.
@@ -106,6 +108,7 @@ impl StreamInfo {
         Self {
             format_version: header.version.number(),
             colour_layers: header.colour_layers.count(),
+            masks: header.mask_coding.name(),
             profile: header.profile.name(),
             frames: packets.len(),
             fps: header.frame_rate.per_second(),

@@ -108,6 +108,7 @@ fn difference(a: &StreamHeader, b: &StreamHeader) -> Option<&'static str> {
         (a.grid != b.grid, "grid"),
         (a.frame_rate != b.frame_rate, "frame rate"),
         (a.colour_layers != b.colour_layers, "number of colour layers"),
+        (a.mask_coding != b.mask_coding, "coding of masks"),
         (a.version != b.version, "format version"),
     ]
     .into_iter()

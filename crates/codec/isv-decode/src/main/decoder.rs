@@ -30,6 +30,7 @@ use tracing::debug_span;
 #[derive(Debug)]
 pub(crate) struct MainDecoder<B: Backend> {
     parameters: MainParameters,
+    mask_coding: MaskCoding,
     limits: Limits,
     entropy: EntropyState,
     reference: Option<B::Main>,
@@ -50,10 +51,10 @@ struct Decoded<F> {
 impl<B: Backend> MainDecoder<B> {
     /// A decoder for the frames of a stream.
     pub(crate) fn new(grid: Grid, mask_coding: MaskCoding, limits: Limits) -> Self {
-        let parameters = MainParameters::new(grid, mask_coding);
+        let parameters = MainParameters::new(grid);
         let (entropy, sequence) = (EntropyState::default(), Sequence::default());
         let recovery = Recovery::default();
-        Self { parameters, limits, entropy, reference: None, recovery, sequence, colour: None }
+        Self { parameters, mask_coding, limits, entropy, reference: None, recovery, sequence, colour: None }
     }
 
     /// See [`crate::Decoder::keep_colour`].
@@ -319,7 +320,7 @@ impl<B: Backend> MainDecoder<B> {
             _ => {
                 let MainBlocks { blocks, sets, .. } = B::main_blocks(&frame);
                 let before = known.map(|known| known.blocks);
-                match self.parameters.mask_coding {
+                match self.mask_coding {
                     MaskCoding::Voxels => {
                         let corners = || backend.crossed_corners(&frame).map_err(Failure::from);
                         self.entropy.masks.read(payload.masks, blocks, before, corners)

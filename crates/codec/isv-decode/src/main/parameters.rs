@@ -1,7 +1,7 @@
 //! What holds for every frame of a stream in profile `main`.
 
 use isv_entropy::MAGNITUDE_LIMIT;
-use isv_format::{MainFrameHeader, MaskCoding};
+use isv_format::MainFrameHeader;
 use isv_kernels::dct::BlockTransform;
 use isv_kernels::deblock::FaceFilter;
 use isv_kernels::quant::{Quantizer, StepSize};
@@ -21,8 +21,6 @@ pub const COEFFICIENTS: usize = 162;
 pub struct MainParameters {
     /// The grid of every frame; the block edge is 8.
     pub grid: Grid,
-    /// How unobserved voxels are coded.
-    pub mask_coding: MaskCoding,
     /// 3-D DCT.
     pub transform: BlockTransform,
     /// Position in the block of each coefficient, lowest frequency first; [`COEFFICIENTS`] of them.
@@ -32,12 +30,12 @@ pub struct MainParameters {
 }
 
 impl MainParameters {
-    /// Parameters of the grid and the coding of masks of a checked header.
+    /// Parameters of the grid of a checked header.
     ///
     /// # Panics
     /// If the block edge is not 8; [`isv_format::StreamHeader::parse`] lets no other through in this profile.
     #[must_use]
-    pub fn new(grid: Grid, mask_coding: MaskCoding) -> Self {
+    pub fn new(grid: Grid) -> Self {
         assert_eq!(grid.edge, BlockEdge::E8, "profile main has blocks of 8 voxels");
         let scan = scan_order(grid.edge, COEFFICIENTS);
         let place = |position: usize| scan.iter().position(|p| usize::from(*p) == position).map(|k| k as u8);
@@ -46,7 +44,7 @@ impl MainParameters {
             [1, 8, 64].map(|stride| if position / stride % 8 > 0 { place(position - stride) } else { None })
         });
         let lower = lower.collect();
-        Self { grid, mask_coding, transform: BlockTransform::new(grid.edge, grid.truncation), scan, lower }
+        Self { grid, transform: BlockTransform::new(grid.edge, grid.truncation), scan, lower }
     }
 
     /// The quantizer of a frame's step, in sixteenths of a code.

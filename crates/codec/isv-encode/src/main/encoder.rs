@@ -43,6 +43,7 @@ use tracing::debug_span;
 pub struct MainEncoder<B> {
     backend: B,
     parameters: MainParameters,
+    mask_coding: MaskCoding,
     settings: MainSettings,
     /// A keyframe at least every this many frames, or, with gradual refresh, all is refreshed in so many.
     gop: u32,
@@ -141,13 +142,14 @@ impl<B: SearchBackend> MainEncoder<B> {
     pub fn new(grid: Grid, mask_coding: MaskCoding, settings: EncoderSettings, backend: B) -> Self {
         let EncoderSettings { gop, slices, checksums, main: settings, .. } = settings;
         assert!(gop > 0, "a GOP has at least one frame");
-        let (parameters, dct) = (MainParameters::new(grid, mask_coding), FieldDct::new());
+        let (parameters, dct) = (MainParameters::new(grid), FieldDct::new());
         let rate = RateControl::new(settings.target, gop);
         let mut places = [None; 512];
         (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
         Self {
             backend,
             parameters,
+            mask_coding,
             settings,
             gop,
             slices: slices.unwrap_or(settings.slices).clamp(1, FrameHeader::MAX_SLICES),
@@ -409,7 +411,7 @@ impl<B: SearchBackend> MainEncoder<B> {
         let wanted = wanted_masks(targets, extended, || &crossed);
         let (frame, before) = (extended.blocks(), reference.map(|r| r.decoded().blocks()));
         let (voxel_models, cell_models) = models;
-        match self.parameters.mask_coding {
+        match self.mask_coding {
             MaskCoding::Voxels => {
                 let bytes = syntax::masks::write(voxel_models, frame, before, &wanted, || &crossed);
                 (wanted, bytes)

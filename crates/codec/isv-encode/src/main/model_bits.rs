@@ -70,7 +70,6 @@ mod tests {
     use super::*;
     use isv_decode::main::{BlockMode, CausalBlocks};
     use isv_entropy::RangeEncoder;
-    use isv_format::MaskCoding;
     use isv_volume::{BlockCoord, BlockEdge, Grid, Truncation, VoxelSize};
 
     /// Levels that an alternating walk over the places gives.
@@ -82,8 +81,7 @@ mod tests {
     fn bits_are_those_that_the_range_coder_writes() {
         let voxel_size = VoxelSize::from_metres(0.005).unwrap();
         let truncation = Truncation::DEFAULT;
-        let parameters =
-            MainParameters::new(Grid { voxel_size, edge: BlockEdge::E8, truncation }, MaskCoding::Voxels);
+        let parameters = MainParameters::new(Grid { voxel_size, edge: BlockEdge::E8, truncation });
         let coords = [BlockCoord::from([0, 0, 0])];
         let causal = CausalBlocks::new(&coords, std::iter::once(0..1));
         let context = CountContext::new(coords[0], 0, BlockMode::Spatial, &causal, |_| 0, None);

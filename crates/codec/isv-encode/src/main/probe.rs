@@ -17,7 +17,6 @@ use isv_decode::main::extension::DecodedBlocks;
 use isv_decode::main::{
     BlockLevels, BlockMode, COEFFICIENTS, FrameSymbols, MainParameters, MainReference, Vector,
 };
-use isv_format::MaskCoding;
 use isv_volume::{BlockSet, SparseVolume};
 use std::collections::BTreeMap;
 
@@ -32,7 +31,7 @@ pub type Runner<'a> = &'a mut dyn FnMut(&mut dyn FnMut());
 
 /// The levels of each block that the surface touches, by pursuit from the same block of the volume before.
 pub fn pursuit(before: &SparseVolume, volume: &SparseVolume, run: Runner) -> Vec<[i32; COEFFICIENTS]> {
-    let parameters = MainParameters::new(*volume.grid(), MaskCoding::Voxels);
+    let parameters = MainParameters::new(*volume.grid());
     let (dct, costs) = (FieldDct::new(), LevelCosts::new(&parameters.scan));
     let mut places = [None; 512];
     (0..).zip(&parameters.scan).for_each(|(k, position)| places[usize::from(*position)] = Some(k));
