@@ -1,12 +1,12 @@
 //! What the GPU takes for each frame: `cargo bench -p isv --features gpu --bench gpu`.
 //!
 //! The best GPU that there is, be it one in software, or the one whose name has `ISV_GPU` in it. The
-//! project's own figure is always measured. Captures are where they are there (`ISV_DATA`, else
+//! project's own figure is always measured. Captures are measured if they are there (`ISV_DATA`, else
 //! `../shared/data`): a person, the same person with nine times the faces, and a building. For each, meshes
 //! become volumes. Frames of profile `main` at preset `realtime`, and of profile `paper` with 3-DoF, are
-//! encoded and decoded on the CPU and on the GPU. Their surfaces are extracted there too; the first is not
-//! counted. Kernels are timed by the GPU's own clock in a run of their own. The least that they must read and
-//! write is set against the rate at which the GPU copies.
+//! encoded and decoded on the CPU and on the GPU. Their surfaces are extracted there too; the first frame is
+//! not counted. Kernels are timed by the GPU's own clock in a run of their own. The least that they must read
+//! and write is set against the rate at which the GPU copies.
 
 use anyhow::{Context, Result};
 use isv::raw::decode::{Decoder, Limits};
