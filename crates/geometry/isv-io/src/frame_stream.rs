@@ -74,7 +74,10 @@ pub enum FrameStreamError {
     #[error("pipe: empty")]
     Empty,
     /// An archive without a frame in it.
-    #[error("pipe: no frames in the archive; they must be files of {}", Format::names(Format::ALL, "."))]
+    #[error(
+        "pipe: no frames in the archive; they must be files of {}, not links (tar -h packs what they lead to)",
+        Format::names(Format::ALL, ".")
+    )]
     NoFrames,
     /// The archive ends inside a frame.
     #[error("{}: the pipe ends {missing} bytes before the end of this file", path.display())]
